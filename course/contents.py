@@ -52,9 +52,9 @@ def neighbours(number: int) -> str:
     Returns:
         Markdown with links to notebooks of the same folder; only to chapters that are there.
     """
-    there = [chapter for chapter in CHAPTERS if chapter.there]
-    before = [c for c in there if c.number < number][-1:]
-    behind = [c for c in there if c.number > number][:1]
+    other = [chapter for chapter in CHAPTERS if chapter.there]
+    before = [c for c in other if c.number < number][-1:]
+    behind = [c for c in other if c.number > number][:1]
     links = [
         *(f"[← {c.number} · {c.title}]({Path(c.notebook).name})" for c in before),
         "[Contents](index.ipynb)",

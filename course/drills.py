@@ -138,8 +138,8 @@ def rrt(
     nodes[0] = start
     parents = [-1]
     samples: list[Array] = []
-    found = np.array_equal(start, goal)
-    while not found and len(samples) < max_samples:
+    result = np.array_equal(start, goal)
+    while not result and len(samples) < max_samples:
         target = goal if rng.random() < GOAL_BIAS else rng.uniform(low, high)
         samples.append(target)
         offsets = nodes[: len(parents)] - target
@@ -149,12 +149,12 @@ def rrt(
             continue
         nodes[len(parents)] = new
         parents.append(near)
-        found = np.array_equal(new, goal)
-        if not found and np.hypot(*(goal - new)) <= step and edge_is_free(new, goal, discs):
+        result = np.array_equal(new, goal)
+        if not result and np.hypot(*(goal - new)) <= step and edge_is_free(new, goal, discs):
             nodes[len(parents)] = goal
             parents.append(len(parents) - 1)
-            found = True
-    path = trace(nodes, parents) if found else None
+            result = True
+    path = trace(nodes, parents) if result else None
     return path, nodes[: len(parents)].copy(), np.array(parents), np.reshape(samples, (-1, 2))
 
 
@@ -241,9 +241,9 @@ class PID:
 
         error = setpoint - measurement
         integral = self.integral + self.ki * error * self.dt
-        wanted = self.kp * error + integral - self.kd * self.rate
-        command = min(max(wanted, self.u_min), self.u_max)
-        deeper = (wanted > self.u_max and error > 0.0) or (wanted < self.u_min and error < 0.0)
+        desired = self.kp * error + integral - self.kd * self.rate
+        command = min(max(desired, self.u_min), self.u_max)
+        deeper = (desired > self.u_max and error > 0.0) or (desired < self.u_min and error < 0.0)
         if not deeper:
             self.integral = integral
         return float(command)
@@ -333,11 +333,11 @@ def closed_loop(
     Returns:
         Angles (n + 1,) from the start on [rad] and commands (n,) [N m].
     """
-    wanted = np.asarray(setpoints, dtype=float)
-    jam = np.broadcast_to(blocked, wanted.shape).tolist()
-    errors = np.broadcast_to(noise, wanted.shape).tolist()
+    desired = np.asarray(setpoints, dtype=float)
+    jam = np.broadcast_to(blocked, desired.shape).tolist()
+    errors = np.broadcast_to(noise, desired.shape).tolist()
     angles, commands = [joint.q], []
-    for setpoint, stuck, error in zip(wanted.tolist(), jam, errors, strict=True):
+    for setpoint, stuck, error in zip(desired.tolist(), jam, errors, strict=True):
         commands.append(controller.update(setpoint, angles[-1] + error))
         angles.append(joint.step(commands[-1], stuck))
     return np.array(angles), np.array(commands)

@@ -25,8 +25,8 @@ _NOT_FOUND = re.compile(r"(\S+\.so[.\d]*): cannot open shared object file")
 
 def missing_shared_library(error: BaseException) -> str:
     """Return the file name of the shared library whose absence caused an error, or ""."""
-    found = _NOT_FOUND.search(str(error))
-    return found[1] if found else ""
+    result = _NOT_FOUND.search(str(error))
+    return result[1] if result else ""
 
 
 def absent_packages() -> list[str]:

@@ -57,9 +57,9 @@ class Stage:
             return period
         if rule == "queue" and not self.jitter and self.execution >= period + early:
             return self.execution  # always busy
-        least, most = (math.ceil(x / period - 1e-9) for x in (longest - 2 * self.jitter, longest))
-        if rule == "skip" and least == most and not early:
-            return period * most
+        least, largest = (math.ceil(x / period - 1e-9) for x in (longest - 2 * self.jitter, longest))
+        if rule == "skip" and least == largest and not early:
+            return period * largest
         raise refused(
             f"execution of {self.name}",
             longest,
@@ -84,25 +84,25 @@ def _links(stages: Sequence[Stage]) -> list[tuple[float, float, float, float]]:
     result may wait [s], and what a full queue adds [s]."""
     if not stages or stages[0].period is None:
         raise refused("stages", [s.name for s in stages], "a chain whose first stage has a period")
-    found: list[tuple[float, float, float, float]] = []
-    T, kept, early = 0.0, 1.0, 0.0
+    result: list[tuple[float, float, float, float]] = []
+    T, retained, early = 0.0, 1.0, 0.0
     for stage in stages:
         before, clocked = T, stage.period is not None
         T = stage.interval(stage.period or before, 0.0 if clocked else early)
         waits = clocked or (stage.overload == "queue" and before < T)
-        if found:
+        if result:
             full = waits and before < T * (1.0 - 1e-9)
-            if kept < 1.0 and ((full and stage.depth > 1) or (before < T and not clocked)):
-                raise refused("lost", 1.0 - kept, f"0 before {stage.name}, which loses others")
-            found[-1] = (before, kept, before * waits, (stage.depth - 1) * before * full)
-        kept = (1.0 if clocked else kept) * (1.0 - stage.lost)
-        odd = bool(found) and waits and stage.depth > 1 and early > abs(T - before)
+            if retained < 1.0 and ((full and stage.depth > 1) or (before < T and not clocked)):
+                raise refused("lost", 1.0 - retained, f"0 before {stage.name}, which loses others")
+            result[-1] = (before, retained, before * waits, (stage.depth - 1) * before * full)
+        retained = (1.0 if clocked else retained) * (1.0 - stage.lost)
+        odd = bool(result) and waits and stage.depth > 1 and early > abs(T - before)
         early = (0.0 if waits else early) + 2.0 * stage.jitter
         if odd or early > T * (1.0 + 1e-9):
             allowed = "less: results overtake others, or a queue is full at times only"
             raise refused(f"jitter up to {stage.name}", sum(s.jitter for s in stages), allowed)
-        found.append((T, kept, T, 0.0))
-    return found
+        result.append((T, retained, T, 0.0))
+    return result
 
 
 def age(stages: Sequence[Stage]) -> Age:
@@ -145,11 +145,11 @@ def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
 
 def free(ticks: Array, durations: Array) -> NDArray[np.bool_]:
     """Which ticks find the stage free, if those that do not are lost; both shapes (M,) [s]."""
-    kept, until = np.zeros(ticks.size, np.bool_), -np.inf
+    retained, until = np.zeros(ticks.size, np.bool_), -np.inf
     for k in range(ticks.size):
         if ticks[k] >= until - 1e-12:
-            kept[k], until = True, ticks[k] + durations[k]
-    return kept
+            retained[k], until = True, ticks[k] + durations[k]
+    return retained
 
 
 def serve(times: Array, durations: Array, depth: int) -> tuple[NDArray[np.int64], Array]:
@@ -236,7 +236,7 @@ def spend(stages: Sequence[Stage]) -> list[Option]:
     """What each change of one stage would save, best per core first: twice the rate, a start on
     arrival (or once free), parallel workers where starts are lost, the newest value of a queue.
     What overloads a stage or breaks a hard deadline is left out."""
-    before, busy, found = age(stages).mean, load(stages), []
+    before, busy, result = age(stages).mean, load(stages), []
     for k, stage in enumerate(stages):
         T, rule = stage.period, stage.overload
         changes: dict[str, Any] = {
@@ -252,8 +252,8 @@ def spend(stages: Sequence[Stage]) -> list[Option]:
             except ValueError:
                 continue  # overloaded
             if chain != tuple(stages) and set(missed(chain)) <= set(missed(stages)):
-                found.append(Option(stage.name, change, saved, added, chain))
-    return sorted(found, key=lambda o: -o.gain / max(o.load, 1e-9))
+                result.append(Option(stage.name, change, saved, added, chain))
+    return sorted(result, key=lambda o: -o.gain / max(o.load, 1e-9))
 
 
 class Cost(NamedTuple):
@@ -339,11 +339,11 @@ def missed(stages: Sequence[Stage], edges: Sequence[Edge] = STACK) -> list[str]:
     chain = zip(stages, _links(stages), strict=True)
     return [
         e.flow
-        for s, (T, kept, *_) in chain
+        for s, (T, retained, *_) in chain
         for e in edges
         if e.source == s.name
         and e.deadline == "hard"
-        and (kept < 1.0 or max(T, s.execution + s.jitter) * e.rate > 1.0 + 1e-9)
+        and (retained < 1.0 or max(T, s.execution + s.jitter) * e.rate > 1.0 + 1e-9)
     ]
 
 
@@ -352,10 +352,10 @@ def check_stack(edges: Sequence[Edge]) -> None:
     for box in BOXES:
         if not all(around(box, edges)):
             raise refused("edges", f"nothing into or out of {box}", "both for each box")
-    left = [e for e in edges if not {e.source, e.target} & {"robot", "simulation"}]
-    while left:
-        rest = [e for e in left if e.source in {other.target for other in left}]
-        if len(rest) == len(left):
-            loop = "a loop among " + ", ".join(sorted({e.source for e in left}))
+    remaining = [e for e in edges if not {e.source, e.target} & {"robot", "simulation"}]
+    while remaining:
+        rest = [e for e in remaining if e.source in {other.target for other in remaining}]
+        if len(rest) == len(remaining):
+            loop = "a loop among " + ", ".join(sorted({e.source for e in remaining}))
             raise refused("edges", loop, "loops through the robot only")
-        left = rest
+        remaining = rest

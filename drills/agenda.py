@@ -45,7 +45,7 @@ class Standing:
 
 def standings(loaded: Loaded) -> list[Standing]:
     """Every chapter that has something to read or to solve, in order."""
-    found = []
+    result = []
     for chapter in CHAPTERS:
         cards = [card for card in catalogue.cards() if card.chapter == chapter.number]
         if not (chapter.there or cards):
@@ -54,8 +54,8 @@ def standings(loaded: Loaded) -> list[Standing]:
         parts = chapters.sections(chapters.notebook_of(chapter)) if chapter.there else []
         unread = [part for part in parts if part.number not in reading.read]
         unsolved = [card for card in cards if loaded.of(card.name).state != SOLVED]
-        found.append(Standing(chapter, parts, unread, cards, unsolved, reading.checkpoint))
-    return found
+        result.append(Standing(chapter, parts, unread, cards, unsolved, reading.checkpoint))
+    return result
 
 
 def to_read(loaded: Loaded, standing: list[Standing]) -> tuple[Chapter, Section] | None:
@@ -69,13 +69,13 @@ def to_read(loaded: Loaded, standing: list[Standing]) -> tuple[Chapter, Section]
 
 def to_solve(loaded: Loaded, cards: list[Card]) -> list[Card]:
     """The unsolved ones: what was tried last comes first, then in the order of the cards."""
-    left = [card for card in cards if loaded.of(card.name).state != SOLVED]
-    tried = [card for card in left if loaded.of(card.name).state == ATTEMPTED]
+    remaining = [card for card in cards if loaded.of(card.name).state != SOLVED]
+    tried = [card for card in remaining if loaded.of(card.name).state == ATTEMPTED]
     if tried:
         last = max(tried, key=lambda card: loaded.of(card.name).last)
-        left.remove(last)
-        left.insert(0, last)
-    return left
+        remaining.remove(last)
+        remaining.insert(0, last)
+    return remaining
 
 
 def duration(minutes: int) -> str:

@@ -104,17 +104,17 @@ class Learner:
     def _record(
         self, kind: str, name: str, handle: Handle | None, args: Any, kwargs: dict[str, Any]
     ) -> Any:
-        kept = _copied(args), _copied(kwargs)
-        self.last_args = kept[0]
-        self.asked = describe_call(name, *kept) if kind in ("call", "new", "method") else ""
+        retained = _copied(args), _copied(kwargs)
+        self.last_args = retained[0]
+        self.asked = describe_call(name, *retained) if kind in ("call", "new", "method") else ""
         try:
             result = request(self.child, kind, name, handle, args, kwargs)
         except Raised as raised:
-            self.steps.append(Step(kind, name, handle, *kept, Failure(raised.type)))
+            self.steps.append(Step(kind, name, handle, *retained, Failure(raised.type)))
             raise
         self.longest = max(self.longest, self.child.spent)
         self._spent.append(self.child.spent)
-        self.steps.append(Step(kind, name, handle, *kept, result))
+        self.steps.append(Step(kind, name, handle, *retained, result))
         if kind in ("call", "method", "new") and self.child.changed:
             self._attempt.inputs_changed(self.asked)
         return result
@@ -216,16 +216,16 @@ class Attempt:
         try:
             values = as_float64(got, truth.shape)
         except Mismatch as wrong:
-            said = wrong.sentence[0].upper() + wrong.sentence[1:]
-            self._add(Check(**base, reason=wrong.reason, sentence=said, got=describe(got, SHOWN)))
+            text = wrong.sentence[0].upper() + wrong.sentence[1:]
+            self._add(Check(**base, reason=wrong.reason, sentence=text, got=describe(got, SHOWN)))
             return False
         error, place = worst(values, truth)
         if not (error <= tolerance):
             at = f" at index {place}" if place else ""
-            off = f"{error:.3g}" if unit in ("", "1") else f"{error:.3g} {unit}"
+            deviation = f"{error:.3g}" if unit in ("", "1") else f"{error:.3g} {unit}"
             digits = 6 if f"{values[place]:.6g}" != f"{truth[place]:.6g}" else 16
             sentence = (
-                f"Off by {off}{at}: {values[place]:.{digits}g}, not {truth[place]:.{digits}g}."
+                f"Off by {deviation}{at}: {values[place]:.{digits}g}, not {truth[place]:.{digits}g}."
             )
             base |= {"reason": Reason.WRONG_VALUE, "sentence": sentence, "slip": slip}
             self._add(Check(**base, error=error, got=describe(values, SHOWN)))
@@ -282,11 +282,11 @@ class Attempt:
             if raised.type in errors or not set(errors).isdisjoint(raised.kinds):
                 self._add(Check(name, Reason.RIGHT, call=call, got=raised.type, expected=expected))
                 return True
-            got, said = raised.type, f"It raised {raised.type}, not {expected}. {sentence}"
+            got, message = raised.type, f"It raised {raised.type}, not {expected}. {sentence}"
             slip = ""  # it was refused after all
         else:
-            got, said = f"returned {describe(value)}", sentence
-        self._add(Check(name, Reason.MISSING_ERROR, said, call, got, expected, slip=slip))
+            got, message = f"returned {describe(value)}", sentence
+        self._add(Check(name, Reason.MISSING_ERROR, message, call, got, expected, slip=slip))
         return False
 
     def parts(self, got: Any, names: Sequence[str], *, call: str = "") -> tuple[Any, ...] | None:
@@ -298,15 +298,15 @@ class Attempt:
             got = [np.asarray(row) for row in got]
         if isinstance(got, list | tuple) and len(got) == len(names):
             return tuple(got)
-        wanted = f"{len(names)} values ({', '.join(names)})"
+        expected = f"{len(names)} values ({', '.join(names)})"
         if got is None:
             reason, sentence = Reason.NOTHING_RETURNED, SENTENCES[Reason.NOTHING_RETURNED]
         elif isinstance(got, list | tuple) or (isinstance(got, np.ndarray) and got.ndim > 0):
-            reason, sentence = Reason.WRONG_SHAPE, f"{len(got)} came back; {wanted} are asked for."
+            reason, sentence = Reason.WRONG_SHAPE, f"{len(got)} came back; {expected} are asked for."
         else:
             reason = Reason.WRONG_TYPE
-            sentence = f"One {type_name(got)} came back; {wanted} are asked for."
-        self._add(Check("the answer's parts", reason, sentence, call, describe(got), wanted))
+            sentence = f"One {type_name(got)} came back; {expected} are asked for."
+        self._add(Check("the answer's parts", reason, sentence, call, describe(got), expected))
         return None
 
     def numbers(
@@ -316,8 +316,8 @@ class Attempt:
         try:
             return as_float64(got, shape)
         except Mismatch as wrong:
-            said = wrong.sentence[0].upper() + wrong.sentence[1:]
-            self._add(Check(name, wrong.reason, said, call, describe(got)))
+            text = wrong.sentence[0].upper() + wrong.sentence[1:]
+            self._add(Check(name, wrong.reason, text, call, describe(got)))
             return None
 
     def cost(self, what: str, unit: str, *, yours: float, reference: float) -> None:
@@ -358,10 +358,10 @@ class Attempt:
         if single > SLOW:
             self.cost(what, "s", yours=single, reference=ours(1))
             return
-        there, here = interleaved(
+        other, here = interleaved(
             [lambda n: max(yours(n + 1) - single, 0.0), ours], repeats=3, patience=0.0, warm=True
         )
-        self.cost(what, "s", yours=there.median, reference=here.median)
+        self.cost(what, "s", yours=other.median, reference=here.median)
 
     def inputs_changed(self, call: str) -> None:
         """Record that a call changed one of its arguments."""

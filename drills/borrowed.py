@@ -81,9 +81,9 @@ def own_source(obj: Any) -> str:
 
 def _bare(obj: Any) -> Any:
     """Without the wrappers of a compiler, a cache, or another decorator that says what it wraps."""
-    seen: set[int] = set()
-    while id(obj) not in seen and not isinstance(obj, type):
-        seen.add(id(obj))
+    visited: set[int] = set()
+    while id(obj) not in visited and not isinstance(obj, type):
+        visited.add(id(obj))
         obj = getattr(obj, "py_func", getattr(obj, "__wrapped__", obj))
     return obj
 
@@ -350,14 +350,14 @@ def _codes(obj: Any) -> list[types.CodeType]:
     """The code of a function, or of the methods that a class defines itself."""
     if isinstance(obj, types.FunctionType):
         return [obj.__code__]
-    found = []
+    result = []
     for member in vars(obj).values():
         inner = getattr(member, "__func__", getattr(member, "fget", member))
         inner = getattr(inner, "__wrapped__", inner)
         if isinstance(inner, types.FunctionType):
-            found.append(inner.__code__)
+            result.append(inner.__code__)
     # What a decorator made (dataclass) has a made-up file name, which is looked at last.
-    return sorted(found, key=lambda code: code.co_filename.startswith("<"))
+    return sorted(result, key=lambda code: code.co_filename.startswith("<"))
 
 
 def _recent_cells() -> list[str]:
@@ -448,13 +448,13 @@ def _own_sentence(name: str, module: str, user: str) -> str:
 
 def _assignment(cell: _Cell, name: str) -> ast.stmt | None:
     """The last plain assignment of a name in a cell."""
-    found = None
+    result = None
     for node in cell.body:
         targets = node.targets if isinstance(node, ast.Assign) else []
         targets = [node.target] if isinstance(node, ast.AnnAssign) and node.value else targets
         if any(isinstance(target, ast.Name) and target.id == name for target in targets):
-            found = node
-    return found
+            result = node
+    return result
 
 
 def _literal(value: Any) -> str | None:
@@ -485,9 +485,9 @@ def _importable(value: Any) -> tuple[str, str] | None:
     if not isinstance(module, str) or not isinstance(name, str):
         return None
     for place in (module, module.partition(".")[0]):
-        found = sys.modules.get(place)
-        if found is not None and place != "__main__" and getattr(found, name, None) is value:
-            usable = _is_installed(found) or place.partition(".")[0] in _OWN
+        result = sys.modules.get(place)
+        if result is not None and place != "__main__" and getattr(result, name, None) is value:
+            usable = _is_installed(result) or place.partition(".")[0] in _OWN
             return (place, name) if usable else None
     return None
 

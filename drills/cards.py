@@ -26,8 +26,8 @@ class UnknownExercise(ValueError):
         near = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.5)
         whole = [one for one in known if all(word in name.lower() for word in one.split("_"))]
         self.nearest = list(dict.fromkeys(whole + near))[:3]
-        meant = f"; did you mean {' or '.join(self.nearest)}?" if self.nearest else ""
-        super().__init__(f"no exercise is called {name!r}{meant}")
+        intended = f"; did you mean {' or '.join(self.nearest)}?" if self.nearest else ""
+        super().__init__(f"no exercise is called {name!r}{intended}")
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,8 @@ def names() -> list[str]:
 @functools.cache
 def cards() -> tuple[Card, ...]:
     """The cards of all exercises: by chapter, as its notebook has them, then drills, easy first."""
-    found = map(_read_card, (path.parent for path in CATALOGUE.glob("*/card.toml")))
-    return tuple(sorted(found, key=lambda c: (c.chapter, c.drill, c.place, c.difficulty, c.name)))
+    result = map(_read_card, (path.parent for path in CATALOGUE.glob("*/card.toml")))
+    return tuple(sorted(result, key=lambda c: (c.chapter, c.drill, c.place, c.difficulty, c.name)))
 
 
 def card(name: str) -> Card:
@@ -177,23 +177,23 @@ def definitions(path: Path, wanted: list[str]) -> str:
     missing = [name for name in wanted if name not in known]
     if missing:
         raise ValueError(f"{path.name} does not define {', '.join(missing)}")
-    keep: set[ast.stmt] = set()
+    selected: set[ast.stmt] = set()
     queue = [known[name] for name in wanted]
     while queue:
         node = queue.pop()
-        if node in keep:
+        if node in selected:
             continue
-        keep.add(node)
+        selected.add(node)
         used = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
         queue += [known[name] for name in used if name in known]
     future = "from __future__ import annotations"
     head = [future] if future in text else []
-    imports = [n for n in tree.body if n in keep and isinstance(n, ast.Import | ast.ImportFrom)]
+    imports = [n for n in tree.body if n in selected and isinstance(n, ast.Import | ast.ImportFrom)]
     if imports:
         head.append("\n".join(_text(node, lines) for node in imports))
     parts = ["\n\n".join(head)] if head else []
     for node in tree.body:
-        if node in keep and not isinstance(node, ast.Import | ast.ImportFrom):
+        if node in selected and not isinstance(node, ast.Import | ast.ImportFrom):
             parts.append(_text(node, lines))
     return "\n\n\n".join(parts) + "\n"
 

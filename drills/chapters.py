@@ -96,11 +96,11 @@ def sections(path: Path) -> list[Section]:
         if cell["cell_type"] != "markdown":
             minutes[-1] += doing(text)
             continue
-        found = _SECTION.search(text)
-        if found:
+        result = _SECTION.search(text)
+        if result:
             if titles:
                 minutes.append(0.0)
-            titles.append((int(found[1]), found[2].strip()))
+            titles.append((int(result[1]), result[2].strip()))
         minutes[-1] += words(opened(text)) / WORDS_A_MINUTE
     pairs = zip(titles, minutes, strict=False)
     return [Section(number, title, spent) for (number, title), spent in pairs]
@@ -112,15 +112,15 @@ def of_number(number: int) -> Chapter:
     Raises:
         Misuse: there is none, or it is not written yet.
     """
-    there = [str(chapter.number) for chapter in CHAPTERS if chapter.there]
+    other = [str(chapter.number) for chapter in CHAPTERS if chapter.there]
     for chapter in CHAPTERS:
         if chapter.number == number:
             if chapter.there:
                 return chapter
             raise Misuse(
-                f"Chapter {number}, {chapter.title}, is still to come. Ready: {', '.join(there)}."
+                f"Chapter {number}, {chapter.title}, is still to come. Ready: {', '.join(other)}."
             )
-    raise Misuse(f"There is no chapter {number}. Ready: {', '.join(there)}.")
+    raise Misuse(f"There is no chapter {number}. Ready: {', '.join(other)}.")
 
 
 def notebook_of(chapter: Chapter) -> Path:
@@ -235,8 +235,8 @@ def _updated(
         return None, Copy(path, "open")
     if base is None:
         return new, Copy(path, "set aside")
-    merged, kept = merge(base, cells, _cells(new))
-    return {**new, "cells": merged}, Copy(path, "brought up to date", kept)
+    merged, retained = merge(base, cells, _cells(new))
+    return {**new, "cells": merged}, Copy(path, "brought up to date", retained)
 
 
 def merge(
@@ -287,9 +287,9 @@ def _followed(base: Sequence[Cell], new: Sequence[Cell]) -> tuple[dict[int, int]
     matcher = difflib.SequenceMatcher(None, before, now, autojunk=False)
     same: dict[int, int] = {}
     near: dict[int, int] = {}
-    for kind, start, stop, there, end in matcher.get_opcodes():
+    for kind, start, stop, present, end in matcher.get_opcodes():
         for index in range(start, stop):
-            near[index] = min(there + index - start, end - 1)
+            near[index] = min(present + index - start, end - 1)
             if kind == "equal":
                 same[index] = near[index]
     return same, near
@@ -298,14 +298,14 @@ def _followed(base: Sequence[Cell], new: Sequence[Cell]) -> tuple[dict[int, int]
 def _origins(base: Sequence[Cell], mine: Sequence[Cell]) -> list[int | None]:
     """For each cell of the copy the one of the base that it is or was; None for an added one."""
     by_id = {cell["id"]: index for index, cell in enumerate(base)}
-    found: list[int | None] = [by_id.pop(cell.get("id"), None) for cell in mine]
-    left: dict[tuple[str, str], list[int]] = {}
+    result: list[int | None] = [by_id.pop(cell.get("id"), None) for cell in mine]
+    remaining: dict[tuple[str, str], list[int]] = {}
     for index in sorted(by_id.values()):
-        left.setdefault(_key(base[index]), []).append(index)
+        remaining.setdefault(_key(base[index]), []).append(index)
     for place, cell in enumerate(mine):
-        if found[place] is None and (indices := left.get(_key(cell))):
-            found[place] = indices.pop(0)
-    return found
+        if result[place] is None and (indices := remaining.get(_key(cell))):
+            result[place] = indices.pop(0)
+    return result
 
 
 def _note(cell: Cell) -> Cell:
@@ -373,15 +373,15 @@ def _point_links(book: dict[str, Any], work: Path, source: Path) -> None:
     project = source.resolve().parent.parent
     up = os.path.relpath(project, work.resolve()).replace(os.sep, "/")
 
-    def named(found: re.Match[str]) -> str:
-        title = f"*{found[2]} (the picture is in the project's tree)*" if found[1] else found[2]
-        return found[0] if (project / found[3]).exists() else title
+    def named(result: re.Match[str]) -> str:
+        title = f"*{result[2]} (the picture is in the project's tree)*" if result[1] else result[2]
+        return result[0] if (project / result[3]).exists() else title
 
     for cell in book["cells"]:
         if cell["cell_type"] == "markdown" and up != "..":
             text = "".join(cell["source"])
             text = _TO_PROJECT.sub(named, text)
-            cell["source"] = _UPWARD.sub(lambda found: f"{found[1]}{up}/", text)
+            cell["source"] = _UPWARD.sub(lambda result: f"{result[1]}{up}/", text)
 
 
 # --- What is open, what is shown ------------------------------------------------------------------
@@ -397,7 +397,7 @@ def _at_work() -> list[Path]:
         from jupyter_core.paths import jupyter_runtime_dir
     except ModuleNotFoundError:  # no Jupyter here, so nothing is open in it
         return []
-    found: list[Path] = []
+    result: list[Path] = []
     for file in Path(jupyter_runtime_dir()).glob("jpserver-*.json"):
         # A server that is gone, or does not answer, has nothing open.
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
@@ -406,8 +406,8 @@ def _at_work() -> list[Path]:
             address = f"{server['url']}api/sessions?{query}"
             with urllib.request.urlopen(address, timeout=2.0) as answer:
                 sessions = json.load(answer)
-            found += [Path(server["root_dir"], session["path"]) for session in sessions]
-    return found
+            result += [Path(server["root_dir"], session["path"]) for session in sessions]
+    return result
 
 
 def show_in(path: Path, tag: str, data: dict[str, Any]) -> bool:

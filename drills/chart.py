@@ -93,7 +93,7 @@ def chart_of(
         converges: whether the error has an order in the setting.
     """
 
-    def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+    def chart(attempt: Attempt, answer: Place) -> WorkPrecision:
         from course.measure.work_precision import Method, Result, max_norm, measure
 
         plan = planned(attempt)
@@ -102,13 +102,13 @@ def chart_of(
             settings = plan.own_settings.get(name, plan.settings)
             return Method(name, lambda s: Result(*run(s)), settings, style, unit)
 
-        def asked(place: Place) -> Run:
+        def requested(place: Place) -> Run:
             return lambda setting: plan.ask(place, setting)
 
         return measure(
             [
-                method("yours", asked(attempt.learner.child), "yours"),
-                method("worked answer", asked(worked), "ours"),
+                method("yours", requested(attempt.learner.child), "yours"),
+                method("worked answer", requested(answer), "ours"),
                 *(method(name, run, "ours") for name, run in plan.ours.items()),
                 *(method(name, run, "oracle") for name, run in plan.libraries.items()),
             ],
@@ -155,18 +155,18 @@ def chart(name: str, source: str, filename: str = "submission.py", seed: int = 0
         Raised, Ended, SyntaxProblem, MissingName: when the submission can't be run
             (see `drills.sandbox`).
     """
-    asked, charted = card(name), exercises.of(name)
+    requested, charted = card(name), exercises.of(name)
     if charted.chart is None:
         raise NoChart(f"{name} has no chart")
-    solution = asked.solution_text()
+    solution = requested.solution_text()
     with (
-        start_child(asked, source, filename) as child,
-        start_child(asked, solution, "worked answer") as worked,
+        start_child(requested, source, filename) as child,
+        start_child(requested, solution, "worked answer") as answer,
     ):
         child.load()
-        worked.load()
-        attempt = Attempt(asked, child, Report(name, seed, filename, source), charted.given)
-        return charted.chart(attempt, worked)
+        answer.load()
+        attempt = Attempt(requested, child, Report(name, seed, filename, source), charted.given)
+        return charted.chart(attempt, answer)
 
 
 def picture(measured: Charted, path: str | Path) -> Path:

@@ -278,9 +278,9 @@ def read(
 
 def _start(session: Session, card: Card, force: bool, command: str) -> int:
     path = workspace.answer(session.work, card.name)
-    there = workspace.is_untouched(path, card)
+    other = workspace.is_untouched(path, card)
     backup = None
-    if not there:
+    if not other:
         try:
             backup = workspace.write_start(path, card, replace=force)
         except FileExistsError:
@@ -293,7 +293,7 @@ def _start(session: Session, card: Card, force: bool, command: str) -> int:
             backup = workspace.write_start(path, card, replace=True)
     if backup:
         session.wrap(f"Your answer is kept in {workspace.shown(backup)}.")
-    verb = "is the untouched starter already" if there else "is yours to edit"
+    verb = "is the untouched starter already" if other else "is yours to edit"
     session.wrap(f"{workspace.shown(path)} {verb}: {card.title}")
     session.say()
     session.say(f"  drills show {card.name}    the task")
@@ -302,7 +302,7 @@ def _start(session: Session, card: Card, force: bool, command: str) -> int:
     payload = {
         "drill": card.name,
         "file": str(path.absolute()),
-        "created": not there,
+        "created": not other,
         "backup": str(backup.absolute()) if backup else None,
     }
     return session.finish(RIGHT, payload)
@@ -379,27 +379,27 @@ def watch(session: Session, name: str, file: str | None, seed: int | None) -> in
 def hint(session: Session, name: str) -> int:
     """Give one more hint on NAME each time."""
     card = catalogue.card(name)
-    many = len(card.hints)
+    count = len(card.hints)
 
     def one_more(record: Record) -> None:
-        record.hints = min(record.hints + 1, many)
+        record.hints = min(record.hints + 1, count)
 
     before = session.records().of(card.name).hints
     record = session.record(card.name, one_more)
     if record is None or session.progress_file is None:  # it can't be counted: show the ladder
-        numbers = range(1, many + 1)
+        numbers = range(1, count + 1)
     else:
         numbers = range(record.hints, record.hints + 1)
     for number in numbers:
-        present.say_hint(number, many, card.hints[number - 1], session.terminal)
+        present.say_hint(number, count, card.hints[number - 1], session.terminal)
     session.say()
     last = numbers[-1]
-    if before >= many:
+    if before >= count:
         session.wrap(f"That is the last hint. drills solution {name} --give-up shows the answer.")
-    elif last < many:
+    elif last < count:
         session.wrap(f"drills hint {name} gives the next one.")
-    shown = [{"number": n, "of": many, **asdict(card.hints[n - 1])} for n in numbers]
-    return session.finish(RIGHT, {"drill": card.name, "hints": shown, "left": many - last})
+    shown = [{"number": n, "of": count, **asdict(card.hints[n - 1])} for n in numbers]
+    return session.finish(RIGHT, {"drill": card.name, "hints": shown, "left": count - last})
 
 
 @cli.command()
@@ -507,8 +507,8 @@ def status(session: Session) -> int:
     session.say(
         f"{total} of {len(cards)} solved; left: about {reading} to read, {solving} to solve"
     )
-    left = agenda.to_solve(loaded, list(cards))
-    following = left[0] if left else None
+    remaining = agenda.to_solve(loaded, list(cards))
+    following = remaining[0] if remaining else None
     if following:
         state = loaded.of(following.name).state
         command = "start" if state == NOT_ATTEMPTED else "check"
@@ -562,7 +562,7 @@ def verify(session: Session, names: tuple[str, ...], seeds: int) -> int:
 
     last = ""
 
-    def told(finding: Finding) -> None:
+    def report(finding: Finding) -> None:
         nonlocal last
         if finding.exercise != last:
             last = finding.exercise
@@ -571,7 +571,7 @@ def verify(session: Session, names: tuple[str, ...], seeds: int) -> int:
         detail = f" ({finding.detail})" if finding.detail else ""
         session.wrap(f"{finding.what}{detail}", "       ", f"  {word} ")
 
-    findings = prove([catalogue.card(n).name for n in names] or None, seeds=seeds, progress=told)
+    findings = prove([catalogue.card(n).name for n in names] or None, seeds=seeds, progress=report)
     failed = sum(not finding.passed for finding in findings)
     session.say()
     session.say(f"{len(findings)} findings, {failed} failed" if failed else "All of it holds.")
@@ -607,9 +607,9 @@ def doctor(session: Session) -> int:
     """Say which protections are active here, and what the course finds."""
     from drills import doctor as examination
 
-    found = examination.examine(session.work, session.progress_file)
+    result = examination.examine(session.work, session.progress_file)
     terminal = session.terminal
-    for title, rows in found.items():
+    for title, rows in result.items():
         session.say(terminal.paint(title.capitalize(), "head"))
         width = max((len(row["name"]) for row in rows), default=0)
         for row in rows:
@@ -618,8 +618,8 @@ def doctor(session: Session) -> int:
             lead = f"  {word} {row['name']:<{width}}  "
             session.wrap(row["detail"], " " * (width + 8), lead)
         session.say()
-    broken = [row for row in found["grader"] if not row["ok"]]
-    return session.finish(FAILED if broken else RIGHT, found)
+    broken = [row for row in result["grader"] if not row["ok"]]
+    return session.finish(FAILED if broken else RIGHT, result)
 
 
 def _card_data(card: Card, record: Record) -> dict[str, Any]:

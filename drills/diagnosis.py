@@ -70,15 +70,15 @@ def _share(right: NDArray[np.bool_], alike: Iterator[bool]) -> float:
         alike: whether an answer is that of the slip, one after the other.
     """
     spared = (1.0 - EXPLAINED) * np.sum(~right)
-    agreed = told = 0
+    agreed = report = 0
     for is_right, same in zip(right, alike, strict=True):
         # Where the submission is right and unlike the slip, the slip is wrong.
-        told += not (is_right and same)
+        report += not (is_right and same)
         agreed += same and not is_right
         spared -= not same and not is_right
         if spared < 0:
             return 0.0
-    return agreed / told
+    return agreed / report
 
 
 def _alike(text: str, graded: Exercise, steps: Sequence[Step]) -> Iterator[bool]:
@@ -91,15 +91,15 @@ def repeated(place: Place | InProcess, steps: Sequence[Step]) -> Iterator[tuple[
     """Make the recorded requests again somewhere else; handles become those of the new place."""
     handles: dict[int, Any] = {}
 
-    def there(value: Any) -> Any:
+    def present(value: Any) -> Any:
         return handles.get(id(value), value) if isinstance(value, Handle) else value
 
     for step in steps:
-        args = tuple(map(there, step.args))
-        kwargs = {key: there(value) for key, value in step.kwargs.items()}
+        args = tuple(map(present, step.args))
+        kwargs = {key: present(value) for key, value in step.kwargs.items()}
         result: Any
         try:
-            result = request(place, step.kind, step.target, there(step.handle), args, kwargs)
+            result = request(place, step.kind, step.target, present(step.handle), args, kwargs)
         except Raised as raised:
             result = Failure(raised.type)
         except Ended:

@@ -50,10 +50,10 @@ def _catalogue() -> Row:
     from drills import cards
 
     try:
-        many = len(cards.cards())
+        count = len(cards.cards())
     except (OSError, ValueError, TypeError, KeyError) as error:
         return _row("catalogue", False, f"an exercise can't be read: {error}")
-    return _row("catalogue", many > 0, f"{many} exercises")
+    return _row("catalogue", count > 0, f"{count} exercises")
 
 
 def _process() -> Row:
@@ -64,16 +64,16 @@ def _process() -> Row:
     try:
         with Child(text, filename="probe", entry="answer") as child:
             child.load()
-            said = child.call("answer")
+            message = child.call("answer")
     except (StartFailed, Ended, Raised, OSError) as error:
         return _row("a submission runs", False, str(error))
-    return _row("a submission runs", said == 42.0, "in a process of its own")
+    return _row("a submission runs", message == 42.0, "in a process of its own")
 
 
 def _protections() -> list[Row]:
     from drills.sandbox import protections
 
-    return [_row(found.name, found.active, found.detail) for found in protections()]
+    return [_row(result.name, result.active, result.detail) for result in protections()]
 
 
 def _work(work: Path) -> Row:
@@ -90,8 +90,8 @@ def _progress(file: Path | None) -> Row:
     if file is None:
         return _row("progress", False, f"not kept (DRILLS_PROGRESS={workspace.NO_PROGRESS})")
     loaded = progress.load(file)
-    many = len(loaded.records)
-    detail = f"{file.absolute()}, {many} exercise{'s' * (many != 1)}"
+    count = len(loaded.records)
+    detail = f"{file.absolute()}, {count} exercise{'s' * (count != 1)}"
     return _row("progress", not loaded.notices, " ".join((detail, *loaded.notices)))
 
 

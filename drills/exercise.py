@@ -84,13 +84,13 @@ def slips(**table: Sequence[str]) -> tuple[Slip, ...]:
         ValueError: for a row of fewer than two or of an even number of texts beyond that.
     """
     made = []
-    for name, (*texts, told) in table.items():
+    for name, (*texts, report) in table.items():
         if not texts or (len(texts) > 1 and len(texts) % 2):
             raise ValueError(f"slip {name}: texts must be pairs or one answer, got {len(texts)}")
         if len(texts) == 1:
-            made.append(Slip(name, told, source=texts[0]))
+            made.append(Slip(name, report, source=texts[0]))
         else:
-            made.append(Slip(name, told, tuple(zip(texts[::2], texts[1::2], strict=True))))
+            made.append(Slip(name, report, tuple(zip(texts[::2], texts[1::2], strict=True))))
     return tuple(made)
 
 
@@ -130,7 +130,7 @@ def value_slips(
         in_part: whether it returns several values, or an array of several.
         whole: whether one of its cases is of whole numbers.
     """
-    found = [
+    result = [
         _changed(
             "whole_numbers",
             entry,
@@ -155,7 +155,7 @@ def value_slips(
         ),
     ]
     if not in_part:
-        found.append(
+        result.append(
             _changed(
                 "constant_factor",
                 entry,
@@ -164,7 +164,7 @@ def value_slips(
                 "many.",
             )
         )
-    return tuple(itertools.compress(found, (whole, swapped, in_part, True)))
+    return tuple(itertools.compress(result, (whole, swapped, in_part, True)))
 
 
 def _changed(name: str, entry: str, parts: str, told: str) -> Slip:
@@ -216,6 +216,6 @@ class Exercise:
 def of(name: str) -> Exercise:
     """The exercise of that name; imports what its judge needs."""
     module = importlib.import_module(f"drills.catalogue.{card(name).name}.exercise")
-    found = module.EXERCISE
-    assert isinstance(found, Exercise)
-    return found
+    result = module.EXERCISE
+    assert isinstance(result, Exercise)
+    return result

@@ -27,11 +27,11 @@ _COLOURS = {"good": "32;1", "bad": "31;1", "dim": "2", "head": "1"}
 
 def clean(text: str) -> str:
     """Without control characters and directional marks; tabs become spaces, line ends stay."""
-    kept = []
+    retained = []
     for character in text.replace("\r\n", "\n").replace("\r", "\n").expandtabs(4):
         odd = unicodedata.category(character) in ("Cc", "Cf", "Cs", "Co", "Zl", "Zp")
-        kept.append(f"\\x{ord(character):02x}" if odd and character != "\n" else character)
-    return "".join(kept)
+        retained.append(f"\\x{ord(character):02x}" if odd and character != "\n" else character)
+    return "".join(retained)
 
 
 def text(
@@ -202,7 +202,7 @@ class _Page:
 
 def tally_text(report: Report) -> str:
     """What holds, level by level: "Cases: simple 2 of 2, core 9 of 9, edge 2 of 4"."""
-    parts = [f"{level} {hold} of {asked}" for level, hold, asked in report.tally()]
+    parts = [f"{level} {hold} of {requested}" for level, hold, requested in report.tally()]
     if report.unreached:
         parts.append(f"{report.unreached} not reached")
     if parts:
@@ -218,8 +218,8 @@ def grouped(checks: list[Check]) -> list[tuple[Check, int]]:
     """
     groups: dict[tuple[str, Reason], list[Check]] = {}
     for check in checks:
-        said = check.name if check.passed or not check.sentence else f"\0{check.sentence}"
-        key = (said, check.reason)
+        message = check.name if check.passed or not check.sentence else f"\0{check.sentence}"
+        key = (message, check.reason)
         if not check.passed and math.isfinite(check.error):
             key = (check.name, check.reason)  # its sentence tells its own error
         groups.setdefault(key, []).append(check)
@@ -316,7 +316,7 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
             for cost in report.costs
         ],
         "cases": [
-            {"level": level, "hold": hold, "asked": asked} for level, hold, asked in report.tally()
+            {"level": level, "hold": hold, "asked": requested} for level, hold, requested in report.tally()
         ],
         "not_reached": report.unreached,
         "notes": list(report.notes),

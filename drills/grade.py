@@ -88,15 +88,15 @@ def attempt(
     report = Report(card.name, seed, filename, source)
     graded = exercises.of(card.name)
     with place(card, source, filename) as child, place(card, source, filename) as twin:
-        found = Attempt(card, child, report, graded.given)
+        result = Attempt(card, child, report, graded.given)
         try:
             _check_signature(card, child.load())
-            found.learner.loading = child.spent
-            graded.judge(found)
-            if not found.failed:
-                _check_replay(found, twin, found.learner.steps[: graded.replayed])
+            result.learner.loading = child.spent
+            graded.judge(result)
+            if not result.failed:
+                _check_replay(result, twin, result.learner.steps[: graded.replayed])
         except (Ended, Raised, SyntaxProblem, MissingName, Mismatch, _WrongSignature) as stop:
-            _stopped(found, stop)
+            _stopped(result, stop)
         except Exception as stumble:
             # The judge stumbled over what came back, or it has a fault: the worked answer tells.
             if source == card.solution_text() or not _judges(card, seed):
@@ -104,12 +104,12 @@ def attempt(
             report.reason = Reason.WRONG_TYPE
             report.sentence = f"What came back could not be judged: {stumble}"
         report.output = child.output
-    _note_compiling(found)
-    _conclude(found, graded)
-    told = next((check.part for check in report.checks if not check.passed), -1)
-    report.output = printed(report.output, *found.heard.get(told, (0, math.inf)))
+    _note_compiling(result)
+    _conclude(result, graded)
+    message = next((check.part for check in report.checks if not check.passed), -1)
+    report.output = printed(report.output, *result.heard.get(message, (0, math.inf)))
     report.seconds = time.perf_counter() - start
-    return found
+    return result
 
 
 def _judges(card: Card, seed: int) -> bool:
@@ -155,7 +155,7 @@ class _WrongSignature(Exception):
 
 
 def _check_signature(card: Card, loaded: Loaded) -> None:
-    asked = card.signatures[0]
+    requested = card.signatures[0]
     kind = "class" if loaded.is_class else "function" if loaded.callable else "value"
     if kind != card.kind:
         raise _WrongSignature(f"{card.entry} must be a {card.kind}; yours is a {kind}.")
@@ -165,10 +165,10 @@ def _check_signature(card: Card, loaded: Loaded) -> None:
     star = any(p.kind == "var_positional" for p in loaded.parameters)
     required = sum(not p.has_default for p in places)
     keyword = [p.name for p in loaded.parameters if p.kind == "keyword_only" and not p.has_default]
-    least, most = asked.counts()
-    if keyword or required > least or (len(places) < most and not star):
+    least, largest = requested.counts()
+    if keyword or required > least or (len(places) < largest and not star):
         theirs = ", ".join(p.name for p in loaded.parameters)
-        raise _WrongSignature(f"The task asks for {asked.text}; yours is {card.entry}({theirs}).")
+        raise _WrongSignature(f"The task asks for {requested.text}; yours is {card.entry}({theirs}).")
 
 
 def _check_replay(attempt: Attempt, twin: Place, steps: Sequence[Step]) -> None:
@@ -227,10 +227,10 @@ def _conclude(attempt: Attempt, graded: Exercise) -> None:
 def printed(output: str, start: float, end: float) -> str:
     """What was printed; of warnings only those between two places, and no folders in them."""
 
-    def told(match: re.Match[str]) -> str:
+    def report(match: re.Match[str]) -> str:
         return match["said"] if start <= match.start() < end else ""
 
-    return WARNING.sub(told, output)
+    return WARNING.sub(report, output)
 
 
 def _is_simpler(failed: Check, report: Report) -> bool:

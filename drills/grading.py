@@ -87,11 +87,11 @@ def watch(session: Session, card: Card, file: str | None, seed: int | None) -> i
         raise Misuse("Standard input can't be watched. Give a file.")
     path = _answer_path(session, card, file)
     session.say(f"Watching {workspace.shown(Path(path))}; Ctrl-C ends it.")
-    seen: object = None
+    observed: object = None
     while True:
         now = _settled(Path(path))
-        if now != seen:
-            seen = now
+        if now != observed:
+            observed = now
             session.say()
             session.say(session.terminal.paint(f"--- {datetime.now():%H:%M:%S} ---", "dim"))
             if now is None:
@@ -136,8 +136,8 @@ def _found(session: Session, target: str | None, file: str | None) -> tuple[Card
             for card in catalogue.cards()
             if os.path.lexists(workspace.answer(session.work, card.name))
         ]
-        there = f" You have started {listed(started, 'and')}." if started else ""
-        raise Misuse(f"Say which: drills check NAME, a file, or --all.{there}")
+        other = f" You have started {listed(started, 'and')}." if started else ""
+        raise Misuse(f"Say which: drills check NAME, a file, or --all.{other}")
     names = catalogue.names()
     if target is None or (file is None and target not in names and _is_file_like(target)):
         path = file if target is None else target
@@ -173,8 +173,8 @@ def _must_be_there(path: str) -> None:
         return
     stem = Path(path).stem
     known = stem in catalogue.names()
-    meant = f" drills check {stem} grades the answer in your work folder." if known else ""
-    raise Misuse(f"There is no file {workspace.shown(Path(path))}.{meant}", [stem] * known)
+    intended = f" drills check {stem} grades the answer in your work folder." if known else ""
+    raise Misuse(f"There is no file {workspace.shown(Path(path))}.{intended}", [stem] * known)
 
 
 def _read(session: Session, path: str) -> tuple[str | None, str]:

@@ -54,10 +54,10 @@ class InProcess:
         known, run = self.memory, getattr(self._module, name)
         if known is None or not self._past or repeat > 1 or not _is_data((args, kwargs)):
             return self._run(run, args, kwargs, repeat)
-        asked = pickle.dumps((name, args, kwargs))
-        past = hashlib.sha256(self._past + asked).digest()
+        requested = pickle.dumps((name, args, kwargs))
+        past = hashlib.sha256(self._past + requested).digest()
         if past in known:
-            self._spared.append(asked)
+            self._spared.append(requested)
         elif _is_data(result := self._run(run, args, kwargs)):
             known[past] = copy.deepcopy(result), self.elapsed
         else:
@@ -153,9 +153,9 @@ class StandIn:
         target = self._named("submission", self._entry)
         parameters = None
         with contextlib.suppress(TypeError, ValueError):
-            found = inspect.signature(target).parameters.values()
+            result = inspect.signature(target).parameters.values()
             parameters = tuple(
-                Parameter(p.name, p.kind.name.lower(), p.default is not p.empty) for p in found
+                Parameter(p.name, p.kind.name.lower(), p.default is not p.empty) for p in result
             )
         return Loaded(parameters, callable(target), isinstance(target, type))
 
@@ -262,14 +262,14 @@ class StandIn:
     def _asking(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """A function of the grader: its arguments and its answer travel."""
 
-        def asked(*args: Any) -> Any:
+        def requested(*args: Any) -> Any:
             try:
                 value = function(*map(self._travelled, args))
             except Exception as error:
                 raise TypeError(f"{type(error).__name__}: {error}"[:500]) from None
             return wire.decode(self._sent(value), self._resolved)
 
-        return asked
+        return requested
 
     def _travelled(self, value: Any) -> Any:
         """A result as it comes back: plain data, or the name of what does not travel."""

@@ -155,10 +155,10 @@ def judge_of(
             parts, words = (got,), [case.label]
             expected = (attempt.expected(*case.args),)
         else:
-            found = attempt.parts(got, [value.name for value in returns], call=call)
-            if found is None:
+            result = attempt.parts(got, [value.name for value in returns], call=call)
+            if result is None:
                 return Answer(case, got, call, (), (), ())
-            parts = found
+            parts = result
             words = [f"{case.label}: {name}" for name in names or [v.name for v in returns]]
             expected = attempt.expected(*case.args)
         if first is not None:
@@ -168,8 +168,8 @@ def judge_of(
         stated = tolerance(case, tuple(truth)) if callable(tolerance) else tolerance
         allowed = np.broadcast_to(stated, len(truth)).tolist()
         right = tuple(
-            attempt.compare(word, part, true, tolerance=most, unit=v.unit, why=why, call=call)
-            for word, part, true, v, most in zip(words, parts, truth, returns, allowed, strict=True)
+            attempt.compare(word, part, true, tolerance=largest, unit=v.unit, why=why, call=call)
+            for word, part, true, v, largest in zip(words, parts, truth, returns, allowed, strict=True)
         )
         return Answer(case, got, call, parts, tuple(truth), right)
 
@@ -309,16 +309,16 @@ def one_part_right(attempt: Attempt, answers: Sequence[Answer], names: Sequence[
     if len(answers) < 3:
         return ""
     if len(answers[0].truth) > 1:
-        said = list(names) or [v.name for v in attempt.card.signatures[0].returns]
+        text = list(names) or [v.name for v in attempt.card.signatures[0].returns]
         table = np.array([a.right for a in answers])
     else:
-        found = _rows_right(answers)
-        if found is None:
+        result = _rows_right(answers)
+        if result is None:
             return ""
-        table, said = found
+        table, text = result
     good = [bool(column.all()) for column in table.T]
     bad = [bool(column.mean() < 0.7) for column in table.T]
-    right, wrong = (list(itertools.compress(said, mask)) for mask in (good, bad))
+    right, wrong = (list(itertools.compress(text, mask)) for mask in (good, bad))
     if not right or not wrong:
         return ""
     return (
@@ -344,20 +344,20 @@ def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
         moving = np.ptp(truths, axis=0).max(axis=others) > 0.0
         if (right.all(axis=0) & moving).any() and not right.all():
             word = "component" if len(shape) == 1 else ("row", "column")[axis]
-            kept = np.flatnonzero(moving)
-            return right[:, kept], [f"{word} {i}" for i in kept]
+            retained = np.flatnonzero(moving)
+            return right[:, retained], [f"{word} {i}" for i in retained]
     return None
 
 
 def coarse(answers: Sequence[Answer]) -> str:
     """The slip of answers of which every wrong value is right but for its digits, or ""."""
-    found = {
+    result = {
         _coarse(part, truth)
         for answer in answers
         for part, truth, right in zip(answer.parts, answer.truth, answer.right, strict=True)
         if not right
     } - {None}
-    return str(found.pop()) if len(found) == 1 else ""
+    return str(result.pop()) if len(result) == 1 else ""
 
 
 def _coarse(got: Any, expected: Array) -> str | None:

@@ -227,10 +227,10 @@ def answer(claim: str, text: str) -> Any:
     """
     from course import derivations
 
-    found = derivations.answer(claim, text)
+    result = derivations.answer(claim, text)
     if text.strip():
-        tried("derivation", claim, derivations.CLAIMS[claim].chapter, found.correct)
-    return found
+        tried("derivation", claim, derivations.CLAIMS[claim].chapter, result.correct)
+    return result
 
 
 def tried(kind: str, name: str, chapter: int, passed: bool = False) -> None:
@@ -289,9 +289,9 @@ def home() -> Shown:
             f"| {agenda.duration(row.exercise_minutes)} | {passed if row.sections else ''} |"
         )
     signs = ", ".join(f"{present.STATE_SIGNS[s]} {present.STATE_WORDS[s]}" for s in progress.STATES)
-    there = [row for row in standing if row.sections]
-    to_read = agenda.duration(sum(row.reading_minutes for row in there))
-    to_solve = agenda.duration(sum(row.exercise_minutes for row in there))
+    other = [row for row in standing if row.sections]
+    to_read = agenda.duration(sum(row.reading_minutes for row in other))
+    to_solve = agenda.duration(sum(row.exercise_minutes for row in other))
     foot = f"In the chapters that are there: about {to_read} to read and {to_solve} to solve."
     page = "\n\n".join([*lines, "\n".join(table), f"{foot} {signs}.", *loaded.notices])
     return Shown(re.sub(r"\]\([^)]*\)|[*`\[]", "", page), markdown=page)
@@ -336,8 +336,8 @@ class Ticks(Shown):
     def _tell(self, notices: Sequence[str]) -> None:
         unread = [part.minutes for part in self._parts if not self.boxes[part.number].value]
         time = agenda.duration(round(sum(unread)))
-        left = f"{len(unread)} of {len(self._parts)} sections left, about {time}."
-        self.left.value = " ".join([f"Chapter {self._chapter}: {left}", *notices])
+        remaining = f"{len(unread)} of {len(self._parts)} sections left, about {time}."
+        self.left.value = " ".join([f"Chapter {self._chapter}: {remaining}", *notices])
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
         return {**self._view._repr_mimebundle_(), **super()._repr_mimebundle_()}
@@ -390,8 +390,8 @@ def _card_for(obj: Any, name: str | None) -> Card:
         if one.entry == defined:
             return one
     near = difflib.get_close_matches(defined, [one.entry for one in cards], n=3, cutoff=0.7)
-    meant = f" Did you mean {listed(near)}?" if near else ""
-    raise Unusable(f"No exercise asks for {defined}.{meant}")
+    intended = f" Did you mean {listed(near)}?" if near else ""
+    raise Unusable(f"No exercise asks for {defined}.{intended}")
 
 
 def _untouched(card: Card, what: Any) -> Result | None:
@@ -468,8 +468,8 @@ def _run(arguments: list[str], text: str) -> dict[str, Any]:
     try:
         data = json.loads(lines[-1])
     except (IndexError, ValueError):
-        said = errors.decode("utf-8", "replace").strip().splitlines()
-        what = said[-1] if said else f"exit code {process.returncode}"
+        reported = errors.decode("utf-8", "replace").strip().splitlines()
+        what = reported[-1] if reported else f"exit code {process.returncode}"
         message = f"The grader itself could not run ({what}). drills doctor may say why."
         return {"error": {"kind": "grader", "message": message}}
     assert isinstance(data, dict)

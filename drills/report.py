@@ -125,9 +125,9 @@ class Report:
         failed = {check.part for check in self.checks if not check.passed}
         rows: list[tuple[str, int, int]] = []
         for level in LEVELS:
-            asked = {i for i in self.begun if self.parts[i].level == level}
-            if asked:
-                rows.append((level, len((asked & self.ended) - failed), len(asked)))
+            requested = {i for i in self.begun if self.parts[i].level == level}
+            if requested:
+                rows.append((level, len((requested & self.ended) - failed), len(requested)))
         return rows
 
     @property

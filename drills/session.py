@@ -163,8 +163,8 @@ class Commands(click.Group):
             import difflib
 
             near = difflib.get_close_matches(args[0], list(self.commands), n=3, cutoff=0.5)
-            meant = f" Did you mean {listed(near)}?" if near else ""
-            raise Misuse(f"There is no command {args[0]!r}.{meant} See drills --help.", near)
+            intended = f" Did you mean {listed(near)}?" if near else ""
+            raise Misuse(f"There is no command {args[0]!r}.{intended} See drills --help.", near)
         return super().resolve_command(ctx, args)
 
     def main(
@@ -250,8 +250,8 @@ class Commands(click.Group):
 
 def _failure(error: Exception, session: Session | None) -> str:
     """One sentence on a failure of ours, and how to report it."""
-    said = " ".join(str(error).split())[:200]
-    what = f"{type(error).__name__}: {said}" if said else type(error).__name__
+    message = " ".join(str(error).split())[:200]
+    what = f"{type(error).__name__}: {message}" if message else type(error).__name__
     if isinstance(error, ModuleNotFoundError):
         return (
             f"The package {error.name} is not installed, and this command needs it. "

@@ -144,8 +144,8 @@ def _speaks_unicode(stream: TextIO | None) -> bool:
     if not encoding.startswith("utf"):
         return False
     # Python writes UTF-8 under LC_ALL=C too; whoever reads it there was promised ASCII.
-    told = os.environ.get("PYTHONIOENCODING") or os.environ.get("PYTHONUTF8") == "1"
-    return bool(told) or os.environ.get("LC_ALL") not in ("C", "POSIX")
+    report = os.environ.get("PYTHONIOENCODING") or os.environ.get("PYTHONUTF8") == "1"
+    return bool(report) or os.environ.get("LC_ALL") not in ("C", "POSIX")
 
 
 def _wants_colour(stream: TextIO | None) -> bool:

@@ -119,15 +119,15 @@ def _a(name: str) -> str:
 
 
 def _shape_sentence(got: tuple[int, ...], wanted: tuple[int, ...], what: str) -> str:
-    said = f"{what} has shape {got}; {wanted} is asked for."
+    message = f"{what} has shape {got}; {wanted} is asked for."
     if got == wanted[::-1] and len(got) > 1:
-        return f"{said} It looks transposed."
+        return f"{message} It looks transposed."
     if len(got) == len(wanted) and len(got) > 0 and got[1:] == wanted[1:]:
         few = "few" if got[0] < wanted[0] else "many"
-        return f"{said} There are {abs(got[0] - wanted[0])} too {few} rows."
+        return f"{message} There are {abs(got[0] - wanted[0])} too {few} rows."
     if int(np.prod(got)) == int(np.prod(wanted)):
-        return f"{said} The number of values is right, their arrangement is not."
-    return said
+        return f"{message} The number of values is right, their arrangement is not."
+    return message
 
 
 @dataclass(frozen=True)

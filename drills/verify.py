@@ -64,7 +64,7 @@ def verify(
     if seeds < 1 or workers < 1:
         raise ValueError(f"seeds and workers must be at least 1, got {seeds} and {workers}")
     chosen = [catalogue.card(name).name for name in names or catalogue.names()]
-    found: list[Finding] = []
+    result: list[Finding] = []
     context = get_context("spawn")
     with ProcessPoolExecutor(
         workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)
@@ -73,14 +73,14 @@ def verify(
             for findings in pool.map(findings_of, chosen, itertools.repeat(Effort(seeds))):
                 for finding in findings:
                     progress(finding)
-                    found.append(finding)
+                    result.append(finding)
         except BaseException:
             # Stopped by Ctrl-C, say: what is still waiting is not begun, what runs is ended.
             pool.shutdown(wait=False, cancel_futures=True)
             for worker in active_children():
                 worker.terminate()
             raise
-    return found
+    return result
 
 
 def in_this_process(card: Card, source: str, filename: str) -> StandIn:
@@ -122,11 +122,11 @@ def _texts(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
     filled = all((card.title, card.teaches, card.insight, card.prompt().strip()))
     sane = 1 <= card.difficulty <= 5 and card.minutes > 0 and card.kind in ("function", "class")
     yield Finding(card.name, "the card is complete", filled and sane)
-    asked = card.signatures[0]
-    arguments = ast.parse(f"def {asked.text}: ...").body[0]
+    requested = card.signatures[0]
+    arguments = ast.parse(f"def {requested.text}: ...").body[0]
     assert isinstance(arguments, ast.FunctionDef)
     named = [argument.arg for argument in arguments.args.args]
-    stated = [quantity.name for quantity in asked.arguments]
+    stated = [quantity.name for quantity in requested.arguments]
     detail = "" if named == stated else f"signature has {named}, table has {stated}"
     yield Finding(card.name, "the prompt states every argument", named == stated, detail)
 
@@ -237,20 +237,20 @@ def shape_matches(quantity: Quantity, argument: Any, sizes: dict[str, int]) -> b
         return type(argument) in (int, float) or np.shape(argument) == ()
     if not quantity.shape.startswith("("):
         return True
-    wanted = [part.strip() for part in quantity.shape.strip("()").split(",") if part.strip()]
+    expected = [part.strip() for part in quantity.shape.strip("()").split(",") if part.strip()]
     shape = np.shape(argument)
-    if len(shape) != len(wanted):
+    if len(shape) != len(expected):
         return False
     return all(
         size == (int(part) if part.isdigit() else sizes.setdefault(part, size))
-        for part, size in zip(wanted, shape, strict=True)
+        for part, size in zip(expected, shape, strict=True)
     )
 
 
 def _slips(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
-    many = len(exercise.slips)
-    unique = len({slip.name for slip in exercise.slips}) == many
-    yield Finding(card.name, "at least four slips", many >= LEAST_SLIPS and unique, f"{many} slips")
+    count = len(exercise.slips)
+    unique = len({slip.name for slip in exercise.slips}) == count
+    yield Finding(card.name, "at least four slips", count >= LEAST_SLIPS and unique, f"{count} slips")
     solution = card.solution_text()
     for slip in exercise.slips:
         text = slip.text(solution)

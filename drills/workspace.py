@@ -55,10 +55,10 @@ def folder(chosen: str | None = None) -> Path:
 
 def progress_file(work: Path) -> Path | None:
     """The progress file: DRILLS_PROGRESS, else in the work folder; None to keep none."""
-    told = os.environ.get("DRILLS_PROGRESS")
-    if told == NO_PROGRESS:
+    report = os.environ.get("DRILLS_PROGRESS")
+    if report == NO_PROGRESS:
         return None
-    return _expanded(told) if told else work / "progress.json"
+    return _expanded(report) if report else work / "progress.json"
 
 
 def _expanded(place: str) -> Path:
@@ -172,13 +172,13 @@ def top_level_names(source: str) -> set[str]:
             body = ast.parse(source).body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return set(re.findall(r"^(?:def|class)\s+(\w+)", source, re.MULTILINE))
-    found: set[str] = set()
+    result: set[str] = set()
     for node in body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found.add(node.name)
+            result.add(node.name)
         elif isinstance(node, ast.Assign):
-            found |= {target.id for target in node.targets if isinstance(target, ast.Name)}
-    return found
+            result |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+    return result
 
 
 def _write_new(path: Path, text: str) -> None:

@@ -57,8 +57,8 @@ def test_the_error_says_name_value_and_what_is_allowed(kind, arguments, found, a
 
 def test_one_bound_is_that_of_all_and_none_is_handed_back() -> None:
     given = np.array([1.0, math.inf])
-    found = check.bounds("limit", given, 2)
-    assert found is not given and found.tolist() == [1.0, math.inf]
+    result = check.bounds("limit", given, 2)
+    assert result is not given and result.tolist() == [1.0, math.inf]
     assert check.bounds("limit", math.inf, 2).tolist() == [math.inf] * 2
 
 
@@ -90,16 +90,16 @@ APART = {"drills.py", "derivations", "simulations", "interview"}
 
 
 def test_no_other_wording_is_in_use() -> None:
-    found = []
+    result = []
     for path in sorted((ROOT / "course").rglob("*.py")):
         if path.relative_to(ROOT / "course").parts[0] not in APART:
             text = path.read_text(encoding="utf-8")
-            found += [str(path.relative_to(ROOT))] * text.count("raise ValueError")
-    assert found == []
+            result += [str(path.relative_to(ROOT))] * text.count("raise ValueError")
+    assert result == []
 
 
 def test_the_answers_of_the_drills_use_the_same_wording() -> None:
     text = (ROOT / "course" / "drills.py").read_text(encoding="utf-8")
-    said = re.findall(r"raise ValueError\((.+)\)", text)
-    assert len(said) == text.count("raise ValueError") > 10
-    assert [words for words in said if not re.search(r" is \{.*, allowed is ", words)] == []
+    message = re.findall(r"raise ValueError\((.+)\)", text)
+    assert len(message) == text.count("raise ValueError") > 10
+    assert [words for words in message if not re.search(r" is \{.*, allowed is ", words)] == []

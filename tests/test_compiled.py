@@ -78,8 +78,8 @@ def test_old_caches_are_removed(tmp_path) -> None:
         old.mkdir()
         os.utime(old, (number, number))
     assert run(package, cache) == [8.0, 1, 0]
-    left = {path.name for path in (cache / "compiled").iterdir()}
-    assert left == {mine.name, *(f"{number:016x}" for number in (3, 4, 5))}
+    remaining = {path.name for path in (cache / "compiled").iterdir()}
+    assert remaining == {mine.name, *(f"{number:016x}" for number in (3, 4, 5))}
 
 
 def test_without_compilation_the_function_itself_comes_back() -> None:
@@ -109,10 +109,10 @@ def test_a_compilation_announces_itself_unless_told_not_to(tmp_path) -> None:
         command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
     )
     assert loud.stderr.count("compiling outer (once") == 1
-    found = subprocess.run(  # loading is no compilation, however long it takes
+    result = subprocess.run(  # loading is no compilation, however long it takes
         command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
     )
-    assert found.stderr == ""
+    assert result.stderr == ""
     quiet = subprocess.run(
         command,
         env=environment | {"COURSE_QUIET": "1", "NUMBA_CACHE_DIR": str(tmp_path / "d")},

@@ -62,22 +62,22 @@ def reported(*words: str) -> dict[str, Any]:
 
 
 def test_a_nehalem_is_in_force_in_every_library() -> None:
-    found = reported("nehalem")
-    assert found["numpy"] == []
-    assert found["openblas"] == ["Nehalem"]
-    assert found["torch"] == "DEFAULT"
-    assert found["registers"] == []
+    result = reported("nehalem")
+    assert result["numpy"] == []
+    assert result["openblas"] == ["Nehalem"]
+    assert result["torch"] == "DEFAULT"
+    assert result["registers"] == []
 
 
 def test_a_haswell_is_in_force_in_every_library_even_within_a_nehalem() -> None:
     if "AVX2" not in cpus.features()[0]:
         pytest.skip("this CPU has no AVX2")
-    found = reported("nehalem", "--", sys.executable, "-m", "tools.cpus", "haswell")
-    assert not any("AVX512" in name or name == "X86_V4" for name in found["numpy"])
-    assert found["numpy"]
-    assert found["openblas"] == ["Haswell"]
-    assert found["torch"] == "AVX2"
-    assert "zmm" not in found["registers"]
+    result = reported("nehalem", "--", sys.executable, "-m", "tools.cpus", "haswell")
+    assert not any("AVX512" in name or name == "X86_V4" for name in result["numpy"])
+    assert result["numpy"]
+    assert result["openblas"] == ["Haswell"]
+    assert result["torch"] == "AVX2"
+    assert "zmm" not in result["registers"]
 
 
 def test_the_sines_of_the_c_library_differ_between_the_two() -> None:

@@ -174,13 +174,13 @@ def test_a_file_satisfies_its_schema(name: str) -> None:
 
 
 def test_every_file_of_these_folders_has_a_schema() -> None:
-    found = [
+    result = [
         path.relative_to(ROOT).as_posix()
         for folder in (".github", ".devcontainer")
         for path in (ROOT / folder).rglob("*")
         if path.is_file()
     ]
-    assert sorted(found) == sorted([TESTS, SITE, DEVCONTAINER])
+    assert sorted(result) == sorted([TESTS, SITE, DEVCONTAINER])
 
 
 @pytest.mark.parametrize(
@@ -282,8 +282,8 @@ def test_the_system_packages_are_those_of_the_readme() -> None:
 
 def supported() -> list[str]:
     """Return the Python versions of the classifiers, such as 3.11, in ascending order."""
-    found = re.findall(r"Programming Language :: Python :: (3\.\d+)$", "\n".join(CLASSIFIERS), re.M)
-    return sorted(found, key=lambda version: int(version.partition(".")[2]))
+    result = re.findall(r"Programming Language :: Python :: (3\.\d+)$", "\n".join(CLASSIFIERS), re.M)
+    return sorted(result, key=lambda version: int(version.partition(".")[2]))
 
 
 CLASSIFIERS = PROJECT["classifiers"]
@@ -335,9 +335,9 @@ def test_the_citation_describes_the_package() -> None:
 def test_the_address_is_the_same_everywhere() -> None:
     urls = PROJECT["urls"]
     base = urls["Repository"]
-    found = re.fullmatch(r"https://github\.com/([\w-]+)/([\w-]+)", base)
-    assert found
-    owner, repository = found.groups()
+    result = re.fullmatch(r"https://github\.com/([\w-]+)/([\w-]+)", base)
+    assert result
+    owner, repository = result.groups()
     site = f"https://{owner}.github.io/{repository}/"
     assert urls["Documentation"] == site
     assert urls["Issues"] == f"{base}/issues"
@@ -371,7 +371,7 @@ def test_the_container_sets_the_course_up_and_shows_jupyterlab() -> None:
 
 
 def test_codespell_finds_a_mistake_and_accepts_the_words_of_the_field(tmp_path: Path) -> None:
-    def found(text: str) -> str:
+    def result(text: str) -> str:
         path = tmp_path / "text.md"
         path.write_text(text, encoding="utf-8")
         command = [sys.executable, "-m", "codespell_lib", str(path)]
@@ -379,5 +379,5 @@ def test_codespell_finds_a_mistake_and_accepts_the_words_of_the_field(tmp_path: 
         assert done.returncode == (65 if done.stdout else 0), done.stderr
         return done.stdout
 
-    assert "recieve ==> receive" in found("The bodies recieve an impulse.")  # codespell:ignore
-    assert found("Statics and Shepperd's method: the top precesses, u = Ax + Bu.") == ""
+    assert "recieve ==> receive" in result("The bodies recieve an impulse.")  # codespell:ignore
+    assert result("Statics and Shepperd's method: the top precesses, u = Ax + Bu.") == ""

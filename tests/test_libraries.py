@@ -117,9 +117,9 @@ def test_what_the_loader_writes_is_understood():
     with pytest.raises(OSError) as caught:
         ctypes.CDLL("libsurely-not-here.so.7")
     assert libraries.missing_shared_library(caught.value) == "libsurely-not-here.so.7"
-    said = str(libraries.import_error("Lib", "pip install lib", caught.value))
-    assert "the system library libsurely-not-here.so.7 is missing" in said
-    assert "`apt-file search libsurely-not-here.so.7`" in said
+    message = str(libraries.import_error("Lib", "pip install lib", caught.value))
+    assert "the system library libsurely-not-here.so.7 is missing" in message
+    assert "`apt-file search libsurely-not-here.so.7`" in message
     assert libraries.missing_shared_library(ImportError("libgomp.so.1 is fine")) == ""
 
 
@@ -127,8 +127,8 @@ def test_one_line_installs_all_that_is_absent(monkeypatch):
     monkeypatch.undo()
     monkeypatch.setitem(libraries.SYSTEM_PACKAGES, "libsurely-not-here.so.7", "libnothing7")
     assert "libnothing7" in libraries.absent_packages()
-    said = str(libraries.import_error("Pinocchio", "pip install 'pin'", ImportError(GOMP)))
-    assert re.search(r"apt-get install --no-install-recommends .*\blibgomp1 .*\blibnothing7$", said)
+    message = str(libraries.import_error("Pinocchio", "pip install 'pin'", ImportError(GOMP)))
+    assert re.search(r"apt-get install --no-install-recommends .*\blibgomp1 .*\blibnothing7$", message)
 
 
 # --- python -m tools.libraries --------------------------------------------------------------------

@@ -105,11 +105,11 @@ COLLECTED = {"measure", "charts", "derivations"}
 
 def modules() -> dict[str, Path]:
     """Every module under course/, by its import path."""
-    found = {}
+    result = {}
     for path in sorted((ROOT / "course").rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
-        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
+        result[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return result
 
 
 def imports(tree: ast.AST, package: str, deferred: bool = False) -> Iterator[tuple[str, bool]]:
@@ -155,14 +155,14 @@ def faults(module: str, source: str, is_package: bool = False) -> list[str]:
         "charts",
         "derivations",
     }
-    found = []
+    result = []
     for name, deferred in imports(ast.parse(source), package):
         top = name.partition(".")[0]
-        there = room(name) if top == "course" else ""
-        ours = there if there in known else ""
+        other = room(name) if top == "course" else ""
+        ours = other if other in known else ""
 
         def refuse(reason: str, name: str = name) -> None:
-            found.append(f"{module} imports {name}: {reason}")
+            result.append(f"{module} imports {name}: {reason}")
 
         if top in {"tests", "drills", "solutions"}:
             refuse("the course stands on its own")
@@ -204,7 +204,7 @@ def faults(module: str, source: str, is_package: bool = False) -> list[str]:
         elif here in {"check", "compiled"}:
             if top == "course" or top not in NUMERIC | sys.stdlib_module_names:
                 refuse("it is under every chapter, so it needs NumPy and Numba only")
-    return found
+    return result
 
 
 @pytest.mark.slow
@@ -503,8 +503,8 @@ def test_the_readme_announces_what_the_set_up_announces() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     sizes = dict(re.findall(r"^(PACKAGES|DOWNLOAD|DISK) := (.*)$", makefile, re.M))
-    said = "about {PACKAGES} pinned packages: {DOWNLOAD} to download and {DISK} on disk"
-    assert said.format(**sizes) in readme
+    text = "about {PACKAGES} pinned packages: {DOWNLOAD} to download and {DISK} on disk"
+    assert text.format(**sizes) in readme
 
 
 def test_changed_pins_are_installed_and_a_failure_then_is_not_trusted(tree: Tree) -> None:
@@ -585,7 +585,7 @@ def targets() -> set[str]:
 def test_no_file_names_a_machine() -> None:
     paths = re.compile(r"(?<![\w.~/-])/(?:work|tmp|home|root|Users)/\w")
     hosts = re.compile("pypi" + r"\.org|pythonhosted" + r"\.org|download\.py" + "torch")
-    found = []
+    result = []
     for path in tracked():
         data = path.read_bytes()
         if b"\0" in data:
@@ -594,8 +594,8 @@ def test_no_file_names_a_machine() -> None:
             if '"image/' in line:  # a picture, in base 64
                 continue
             if paths.search(line) or hosts.search(line):
-                found.append(f"{path.relative_to(ROOT)}:{number}: {line[:100]}")
-    assert found == []
+                result.append(f"{path.relative_to(ROOT)}:{number}: {line[:100]}")
+    assert result == []
 
 
 def test_no_file_is_large() -> None:
@@ -616,13 +616,13 @@ def test_every_dependency_is_pinned() -> None:
         return re.sub(r"[-_.]+", "-", name).lower()
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"]]
+    expected = [*project["dependencies"]]
     for extra in project["optional-dependencies"].values():
-        wanted += extra
+        expected += extra
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     assert all(re.fullmatch(r"[\w.-]+==[\w.]+", line) for line in lines)
     pinned = {normal(line.partition("==")[0]) for line in lines}
-    assert {normal(re.split(r"[<>=!~ \[]", line)[0]) for line in wanted} <= pinned
+    assert {normal(re.split(r"[<>=!~ \[]", line)[0]) for line in expected} <= pinned
 
 
 @pytest.mark.parametrize(
@@ -700,6 +700,6 @@ def test_the_gallery_shows_every_chart_as_it_was_built() -> None:
 def test_the_code_on_the_first_page_runs_and_is_as_exact_as_the_chart() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     code = re.findall(r"```python\n(.*?)```", text, re.S)[0]
-    found: dict[str, float] = {}
-    exec(code, found)
-    assert found["error"] < 1e-9
+    result: dict[str, float] = {}
+    exec(code, result)
+    assert result["error"] < 1e-9

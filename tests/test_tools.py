@@ -17,9 +17,9 @@ PLAIN = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
 
 def test_every_module_that_compiles_is_warmed_in_reading_order() -> None:
     order = [chapter.topic for chapter in CHAPTERS]
-    found = warm.topics()
-    assert {"rigid_body", "vector_env"} <= set(found)
-    places = [order.index(t) if t in order else order.index("sim_to_real") - 0.5 for t in found]
+    result = warm.topics()
+    assert {"rigid_body", "vector_env"} <= set(result)
+    places = [order.index(t) if t in order else order.index("sim_to_real") - 0.5 for t in result]
     assert places == sorted(places)
     compiling = {
         path.relative_to(ROOT / "course").parts[0].removesuffix(".py")
@@ -27,9 +27,9 @@ def test_every_module_that_compiles_is_warmed_in_reading_order() -> None:
         if re.search(r"(?<!\w)(?:compiled|loop)\(", path.read_text(encoding="utf-8"))
     }
     compiling -= {"compiled", "charts", "derivations", "oracles", "simulations", "site"}
-    assert compiling <= set(found)
+    assert compiling <= set(result)
     # Chapter 3 compiles nothing of its own: it runs a later chapter's loops before they are read.
-    assert set(found) - compiling == {"platforms"}
+    assert set(result) - compiling == {"platforms"}
 
 
 @pytest.mark.slow

@@ -99,9 +99,9 @@ def environment(name: str) -> dict[str, str]:
     has, chosen_by = features()
     if name == "haswell" and "AVX2" not in has:
         raise ValueError("name 'haswell' needs a CPU with AVX2, which this one lacks; try nehalem")
-    kept = _HASWELL if name == "haswell" else set()
+    selected = _HASWELL if name == "haswell" else set()
     # NumPy warns about features that it does not know or the machine does not have.
-    disabled = " ".join(feature for feature in chosen_by if feature not in kept)
+    disabled = " ".join(feature for feature in chosen_by if feature not in selected)
     return {**_SETTINGS[name], _NUMPY: disabled}
 
 

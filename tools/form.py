@@ -35,11 +35,11 @@ def paragraphs(text: str) -> list[str]:
 
 def pauses(cell: NotebookNode) -> list[str]:
     """What interrupts the reading of a code cell: "question", "simulation", "picture"."""
-    found = ["question"] if _ASKED.search(cell.source) else []
+    result = ["question"] if _ASKED.search(cell.source) else []
     if _MOVED.search(cell.source):
-        found.append("simulation")
+        result.append("simulation")
     kinds = [kind for output in cell.get("outputs", []) for kind in output.get("data", {})]
-    return found + (["picture"] if any(kind.startswith("image/") for kind in kinds) else [])
+    return result + (["picture"] if any(kind.startswith("image/") for kind in kinds) else [])
 
 
 def stretches(cells: Sequence[NotebookNode]) -> Iterator[tuple[int, str]]:
@@ -53,8 +53,8 @@ def stretches(cells: Sequence[NotebookNode]) -> Iterator[tuple[int, str]]:
                 if place < len(pieces) - 1:
                     yield count, "picture"
                     count = 0
-        elif cell.cell_type == "code" and (found := pauses(cell)):
-            yield count, "+".join(found)
+        elif cell.cell_type == "code" and (result := pauses(cell)):
+            yield count, "+".join(result)
             count = 0
     yield count, "end"
 
@@ -91,22 +91,22 @@ def printed(cell: NotebookNode) -> Iterator[str]:
 
 def faults(cells: Sequence[NotebookNode]) -> list[str]:
     """Where the outputs and paragraphs of a notebook are too long, one sentence each."""
-    found = []
+    result = []
     for number, cell in enumerate(cells):
         if cell.cell_type == "markdown":
             for paragraph in paragraphs(cell.source):
                 if (count := words(paragraph)) > PARAGRAPH:
-                    found.append(f"cell {number}: {count} words in a paragraph: {paragraph[:60]!r}")
+                    result.append(f"cell {number}: {count} words in a paragraph: {paragraph[:60]!r}")
             continue
         for text in printed(cell) if cell.cell_type == "code" else ():
             lines = text.splitlines()
             wide = max(map(len, lines), default=0)
             if wide > COLUMNS:
-                found.append(f"cell {number}: prints {wide} columns")
+                result.append(f"cell {number}: prints {wide} columns")
             rows = sum(any(c.isdigit() for c in line) for line in lines)
             if rows > FIGURES:
-                found.append(f"cell {number}: prints {rows} lines of figures")
-    return found
+                result.append(f"cell {number}: prints {rows} lines of figures")
+    return result
 
 
 def undefined(texts: Sequence[str], vocabulary: Sequence[str]) -> list[str]:
@@ -118,16 +118,16 @@ def undefined(texts: Sequence[str], vocabulary: Sequence[str]) -> list[str]:
     """
     body = "\n\n".join(re.sub(r"^#+ .*$", "", text, flags=re.M) for text in texts)
     bold = [match.span() for match in re.finditer(r"\*\*[^*\n]+\*\*", body)]
-    found = []
+    result = []
     for term in vocabulary:
         pattern = r"(?<!\w)" + r"[\s-]+".join(map(re.escape, re.split(r"[\s-]+", term)))
         first = re.search(pattern + r"(?:s|es)?(?!\w)", body, re.I)
         if first is None:
-            found.append(f"{term} does not appear")
+            result.append(f"{term} does not appear")
         elif not any(start <= first.start() and first.end() <= end for start, end in bold):
             around = " ".join(body[max(first.start() - 40, 0) : first.end() + 20].split())
-            found.append(f"{term} is not defined where it first appears: ...{around}...")
-    return found
+            result.append(f"{term} is not defined where it first appears: ...{around}...")
+    return result
 
 
 def reading(cells: Sequence[NotebookNode]) -> dict[str, int]:

@@ -90,11 +90,11 @@ def main(arguments: list[str]) -> int:
     """Bring the copies up to date and serve them until the server is stopped."""
     work = ROOT / "work"
     try:
-        told = [sentence for copy in copies(work) if (sentence := copy.sentence())]
+        report = [sentence for copy in copies(work) if (sentence := copy.sentence())]
     except Misuse as problem:
         print(problem, file=sys.stderr)
         return 2
-    print("\n".join(told) or f"your copies of the notebooks in {shown(work)} are up to date")
+    print("\n".join(report) or f"your copies of the notebooks in {shown(work)} are up to date")
     options = server_options(LOG, arguments)
     print("opening JupyterLab; Ctrl-C twice ends it")
     if "--no-browser" in options:

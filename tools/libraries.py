@@ -64,8 +64,8 @@ def requirements() -> Iterator[str]:
 
 def installed() -> list[str]:
     """Return those of `requirements` that are installed here."""
-    found = {name.lower().replace("_", "-") for name in _distributions()}
-    return [name for name in dict.fromkeys(requirements()) if name in found]
+    result = {name.lower().replace("_", "-") for name in _distributions()}
+    return [name for name in dict.fromkeys(requirements()) if name in result]
 
 
 def _distributions() -> Iterator[str]:

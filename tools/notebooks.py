@@ -62,8 +62,8 @@ def filled(text: str) -> str:
     """
 
     def value(match: re.Match[str]) -> str:
-        found = operator.attrgetter(match[1])(course)
-        return str(found() if callable(found) else found).rstrip("\n")
+        result = operator.attrgetter(match[1])(course)
+        return str(result() if callable(result) else result).rstrip("\n")
 
     return _FILLED.sub(value, text)
 
@@ -125,14 +125,14 @@ def films(text: str) -> dict[str, dict[str, str]]:
     Raises:
         ValueError: the title is not that of the simulation.
     """
-    found = {}
+    result = {}
     for title, name in _FILM.findall(text):
         from course.simulations.painter import film
 
         model = importlib.import_module(f"course.simulations.{name}").MODEL
         one_of("title of a film", title, [model.title])
-        found[f"{name}.png"] = {"image/png": base64.b64encode(film(model)).decode("ascii")}
-    return found
+        result[f"{name}.png"] = {"image/png": base64.b64encode(film(model)).decode("ascii")}
+    return result
 
 
 def smaller(png: str) -> str:
@@ -242,17 +242,17 @@ def check(source: Path) -> list[str]:
     path = target(source)
     if not path.exists():
         return [f"{path.name} is missing: build it with `make notebooks`"]
-    wanted = read_source(source)
-    found = nbformat.read(path, as_version=4)
+    desired = read_source(source)
+    result = nbformat.read(path, as_version=4)
     faults = []
-    if found.metadata != wanted.metadata:
+    if result.metadata != desired.metadata:
         faults.append(f"{path.name}: its metadata are not those that the build writes")
-    if len(found.cells) != len(wanted.cells):
+    if len(result.cells) != len(desired.cells):
         faults.append(
-            f"{path.name} has {len(found.cells)} cells, its source has {len(wanted.cells)}"
+            f"{path.name} has {len(result.cells)} cells, its source has {len(desired.cells)}"
         )
     count = 0
-    for index, (cell, other) in enumerate(zip(found.cells, wanted.cells, strict=False)):
+    for index, (cell, other) in enumerate(zip(result.cells, desired.cells, strict=False)):
         place = f"{path.name}, cell {index}"
         for part in ("cell_type", "source", "metadata", "id"):
             if cell.get(part) != other.get(part):

@@ -23,15 +23,15 @@ def packed(path: Path) -> int:
 
 def measured() -> tuple[int, int, int]:
     """How many packages are installed here, and their bytes as loaded and as kept."""
-    loaded = kept = 0
+    loaded = retained = 0
     packages = {one.metadata["Name"]: one for one in importlib.metadata.distributions()}
     for package in packages.values():
         for entry in package.files or ():
             path = Path(str(package.locate_file(entry)))
             if path.is_file():
-                kept += path.stat().st_size
+                retained += path.stat().st_size
                 loaded += 0 if path.suffix == ".pyc" else packed(path)
-    return len(packages), loaded, kept
+    return len(packages), loaded, retained
 
 
 if __name__ == "__main__":

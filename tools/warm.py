@@ -32,12 +32,12 @@ READ_WITH = {"sim_to_real": ("vector_env",)}
 
 def topics() -> list[str]:
     """What there is to compile, in reading order."""
-    found = []
+    result = []
     for chapter in CHAPTERS:
-        found += [*READ_WITH.get(chapter.topic, ()), chapter.topic]
+        result += [*READ_WITH.get(chapter.topic, ()), chapter.topic]
     # The code of a chapter may be there before its notebook.
-    found = [topic for topic in found if importlib.util.find_spec(f"course.{topic}")]
-    return [topic for topic in found if hasattr(importlib.import_module(f"course.{topic}"), "warm")]
+    result = [topic for topic in result if importlib.util.find_spec(f"course.{topic}")]
+    return [topic for topic in result if hasattr(importlib.import_module(f"course.{topic}"), "warm")]
 
 
 class Warmed(NamedTuple):

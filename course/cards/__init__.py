@@ -183,13 +183,13 @@ def predict(name: str) -> Shown:
             known |= predictions(chapter.topic)
     if name not in known:
         raise refused("name", name, ", ".join(known))
-    asked = known[name]
+    requested = known[name]
     options = [
         (filled(o.label, figure), f"**{'Right.' if o.right else 'No.'}** {filled(o.why, figure)}")
-        for o in asked.options
+        for o in requested.options
     ]
     plain = "\n".join([f"Predict: {name}", *(f"  {label}" for label, _ in options)])
-    question = f"{filled(asked.ask, figure)} *Click your answer.*"
+    question = f"{filled(requested.ask, figure)} *Click your answer.*"
     return Shown(plain, choice("Predict.", question, options))
 
 
@@ -211,10 +211,10 @@ def figures(text: str, *rows: str, cut: str = "", summary: str = "All figures") 
     end = lines[0].index(cut) if cut else None
     chosen = []
     for row in rows:
-        found = [line[:end].rstrip() for line in lines if line.lstrip().startswith(row.lstrip())]
-        if not found:
+        result = [line[:end].rstrip() for line in lines if line.lstrip().startswith(row.lstrip())]
+        if not result:
             raise refused("rows", row, "the beginning of a line of the table")
-        chosen += [line for line in dict.fromkeys(found) if line not in chosen]
+        chosen += [line for line in dict.fromkeys(result) if line not in chosen]
     shown = "\n".join(_narrow(chosen))
     whole = folded(summary, f"```text\n{text}\n```")
     return Shown(shown or summary, f"```text\n{shown}\n```\n\n{whole}" if shown else whole)
@@ -224,8 +224,8 @@ def _narrow(lines: Sequence[str]) -> list[str]:
     """The lines of a table with at most two columns of blanks between its own."""
     wide = max(map(len, lines), default=0)
     blank = [all(line[k : k + 1] in ("", " ") for line in lines) for k in range(wide)]
-    kept = [k for k in range(wide) if k < 2 or not all(blank[k - 2 : k + 1])]
-    return ["".join(line[k : k + 1] for k in kept) for line in lines]
+    selected = [k for k in range(wide) if k < 2 or not all(blank[k - 2 : k + 1])]
+    return ["".join(line[k : k + 1] for k in selected) for line in lines]
 
 
 def interview(topic: str) -> Shown:
@@ -238,9 +238,9 @@ def interview(topic: str) -> Shown:
 
     parts, plain = [], []
     for level, name in LEVELS.items():
-        asked = questions(topic, level)
-        parts += [f"#### {name.capitalize()}", *(q.markdown(figure) for q in asked)]
-        plain += [f"{name}: {q.name}" for q in asked]
+        requested = questions(topic, level)
+        parts += [f"#### {name.capitalize()}", *(q.markdown(figure) for q in requested)]
+        plain += [f"{name}: {q.name}" for q in requested]
     return Shown("\n".join(plain), "\n\n".join(parts))
 
 
@@ -259,20 +259,20 @@ def checkpoint(topic: str, **answers: str) -> Gate:
     """
     from course.derivations import answer, formula
 
-    wanted = gate(topic)
+    desired = gate(topic)
     for name in answers:
-        if name not in wanted:
-            raise refused("answers", name, ", ".join(wanted))
+        if name not in desired:
+            raise refused("answers", name, ", ".join(desired))
     lines, plain, right = [], [], 0
-    for name in wanted:
+    for name in desired:
         text = answers.get(name, "").strip()
-        found = answer(name, text) if text else None
-        right += bool(found)
-        state = found._repr_markdown_() if found else "Open."
+        result = answer(name, text) if text else None
+        right += bool(result)
+        state = result._repr_markdown_() if result else "Open."
         lines.append(f"1. {tex(formula(name).asked())} (`{name}`)  \n   {state}")
-        plain.append(f"{name}: {found if found else 'open'}")
-    is_open = right == len(wanted)
-    verdict = f"{right} of {len(wanted)} right: gate {'cleared' if is_open else 'closed'}"
+        plain.append(f"{name}: {result if result else 'open'}")
+    is_open = right == len(desired)
+    verdict = f"{right} of {len(desired)} right: gate {'cleared' if is_open else 'closed'}"
     text = "\n".join([*plain, verdict])
     return Gate(text, "\n".join([*lines, "", f"**{verdict}**"]), is_open)
 

@@ -54,9 +54,9 @@ def make(name: str) -> str:
     if any(panel.drawn for panel in panels):
         _write_picture(name, panels)
         write(FOLDER / f"{name}.json", json_text(document(panels)))
-    found = text(panels)
-    write(FOLDER / f"{name}.txt", found + "\n")
-    return found
+    result = text(panels)
+    write(FOLDER / f"{name}.txt", result + "\n")
+    return result
 
 
 def stored(name: str) -> list[Panel]:

@@ -51,10 +51,10 @@ def age_precision(
         scale="log",
         lines=[("y", 1e-3, "0.3 mm at 0.3 m/s")],
     )
-    asked: list[Callable[[], object]] = [functools.partial(age, CHAIN)]
+    requested: list[Callable[[], object]] = [functools.partial(age, CHAIN)]
     draws = {n: [rng.random((n, 4)) for _ in range(repeats)] for n in runs}
-    asked += [functools.partial(sampled, draws[n][0]) for n in runs]
-    timed = interleaved([calls(f, clock=time.process_time) for f in asked], repeats=3)
+    requested += [functools.partial(sampled, draws[n][0]) for n in runs]
+    timed = interleaved([calls(f, clock=time.process_time) for f in requested], repeats=3)
     errors = np.array([[abs(sampled(d) - truth) for d in draws[n]] for n in runs])
     panel.series.append(
         Series(

@@ -104,8 +104,8 @@ def measure_rates(
             envs.reset(seed=0)
         samplers = [calls(envs.step, actions, clock=clock) for envs in running.values()]
         timed = interleaved(samplers, repeats=repeats, sample=sample)
-        for (name, envs), found in zip(running.items(), timed, strict=True):
-            rates[name][n] = found
+        for (name, envs), result in zip(running.items(), timed, strict=True):
+            rates[name][n] = result
             envs.close()
     return rates
 
@@ -190,8 +190,8 @@ def cost_of_processes(
         samplers = [calls(Busy(size).step, actions[0])]
         samplers += [calls(envs.step, actions) for envs in every]
         timed = interleaved(samplers, repeats=repeats, sample=5e-3)
-        for name, found in zip(names, timed, strict=True):
-            data[name].append(found.best)
+        for name, result in zip(names, timed, strict=True):
+            data[name].append(result.best)
         for envs in every:
             envs.close()
     return data
@@ -261,13 +261,13 @@ def vector_env(
         "environment steps per second",
         scale="log",
     )
-    disturbed = max(found.busy for row in rates.values() for found in row.values())
+    disturbed = max(result.busy for row in rates.values() for result in row.values())
     left.footer = machine(disturbed)
     left.notes.append(f"{'env steps/s at N =':<38}" + "".join(f"{n:>10}" for n in sizes))
     for name, contender in CONTENDERS.items():
         row = rates[name]
         speed, low, high = (
-            [n / value(found) for n, found in row.items()]
+            [n / value(result) for n, result in row.items()]
             for value in (lambda t: t.median, lambda t: t.high, lambda t: t.low)
         )
         left.series.append(
@@ -431,8 +431,8 @@ class Arm:
     def reached(self, act: Any, number: int) -> float:
         """Share of so many common targets that a policy reaches within an episode."""
         rng = np.random.default_rng(9)
-        way = roll(self, act, self.starts(number, rng), MAX_STEPS, rng).states[:, 1:, 6:]
-        return float((np.hypot(*np.moveaxis(way, 2, 0)) < RADIUS).any(axis=1).mean())
+        distance = roll(self, act, self.starts(number, rng), MAX_STEPS, rng).states[:, 1:, 6:]
+        return float((np.hypot(*np.moveaxis(distance, 2, 0)) < RADIUS).any(axis=1).mean())
 
 
 @chart(columns=2)
@@ -451,13 +451,13 @@ def arm_learned(
         seeds, judged: of training, and targets that judge; fit: steps of a training of the net.
         steps: of the arm, for PPO.
     """
-    arm, most = Arm(), number * (1 + rounds)
+    arm, largest = Arm(), number * (1 + rounds)
     learn = partial(clone, rate=2e-3)
     small: dict[str, Any] = {"width": 64, "steps": fit}
-    ways = {
+    methods = {
         "DAgger": [(number, rounds, small)],
-        "cloned": [(number, 0, small), (most, 0, small)],
-        "cloned, a better fit": [(most, 0, {"width": 128, "steps": 2 * fit})],
+        "cloned": [(number, 0, small), (largest, 0, small)],
+        "cloned, a better fit": [(largest, 0, {"width": 128, "steps": 2 * fit})],
     }
     by_hand = arm.reached(arm.expert, judged)
     panel = Panel(
@@ -467,26 +467,26 @@ def arm_learned(
         lines=[("y", by_hand, "the law itself")],
         ylim=(0.0, 1.0),
     )
-    for label, kinds in ways.items():
+    for label, kinds in methods.items():
         x, rows = [], []
         for first, more, how in kinds:
             each = []
             for seed in range(seeds):
                 taught, rng = partial(learn, seed=seed, **how), np.random.default_rng(seed)
-                told = dagger(
+                report = dagger(
                     arm, arm.expert, taught, arm.starts, MAX_STEPS, rng, number=first, rounds=more
                 )
-                each.append([arm.reached(one.policy, judged) for one in told])
+                each.append([arm.reached(one.policy, judged) for one in report])
             x += [first * (k + 1) for k in range(1 + more)]
             rows += list(zip(*each, strict=True))
-        found = np.array(rows)
-        said = ", ".join(
+        result = np.array(rows)
+        message = ", ".join(
             f"{k} runs {r.mean():.2f} ({r.min():.2f} to {r.max():.2f})"
-            for k, r in zip(x, found, strict=True)
+            for k, r in zip(x, result, strict=True)
         )
-        note = f"{label}: {said}; the law itself {by_hand:.2f}"
-        low, high = found.min(axis=1), found.max(axis=1)
-        panel.series.append(Series(label, x, found.mean(axis=1), low=low, high=high, note=note))
+        note = f"{label}: {message}; the law itself {by_hand:.2f}"
+        low, high = result.min(axis=1), result.max(axis=1)
+        panel.series.append(Series(label, x, result.mean(axis=1), low=low, high=high, note=note))
     yield panel
     rated, curves = ArmReachVector(200, autoreset_mode="SameStep"), []
     for seed in range(seeds):

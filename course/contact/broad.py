@@ -50,22 +50,22 @@ def aabb_overlap(boxes, i, j):
 
 
 @register_jitable
-def _note(pairs, found, i, j):
+def _note(pairs, result, i, j):
     """Write the pair down where there is room; how many there are."""
-    if found < pairs.shape[1]:
-        pairs[0, found] = min(i, j)
-        pairs[1, found] = max(i, j)
-    return found + 1
+    if result < pairs.shape[1]:
+        pairs[0, result] = min(i, j)
+        pairs[1, result] = max(i, j)
+    return result + 1
 
 
 def _all_pairs(boxes, pairs):
-    found = 0
+    result = 0
     n = boxes.shape[2]
     for i in range(n):
         for j in range(i + 1, n):
             if aabb_overlap(boxes, i, j):
-                found = _note(pairs, found, i, j)
-    return found, n * (n - 1) // 2
+                result = _note(pairs, result, i, j)
+    return result, n * (n - 1) // 2
 
 
 def _sort(keys, order):
@@ -85,7 +85,7 @@ def _sort(keys, order):
 
 def _sweep(boxes, axis, order, pairs):
     """Walk along the axis; a box is tested against those that begin before it ends."""
-    found, tests = 0, 0
+    result, tests = 0, 0
     for k in range(order.size):
         i = order[k]
         end = boxes[1, axis, i]
@@ -95,8 +95,8 @@ def _sweep(boxes, axis, order, pairs):
                 break
             tests += 1
             if aabb_overlap(boxes, i, j):
-                found = _note(pairs, found, i, j)
-    return found, tests
+                result = _note(pairs, result, i, j)
+    return result, tests
 
 
 def _cells(boxes, first, shape, cell, keys, members):
@@ -106,12 +106,12 @@ def _cells(boxes, first, shape, cell, keys, members):
     span = np.zeros(dim, np.int64)
     filled = 0
     for i in range(boxes.shape[2]):
-        many = 1
+        count = 1
         for axis in range(dim):
             low[axis] = int((boxes[0, axis, i] - first[axis]) / cell)
             span[axis] = int((boxes[1, axis, i] - first[axis]) / cell) - low[axis] + 1
-            many *= span[axis]
-        for k in range(many if filled + many <= keys.size else 0):
+            count *= span[axis]
+        for k in range(count if filled + count <= keys.size else 0):
             rest = k
             key = 0
             for axis in range(dim):
@@ -119,13 +119,13 @@ def _cells(boxes, first, shape, cell, keys, members):
                 rest //= span[axis]
             keys[filled + k] = key
             members[filled + k] = i
-        filled += many
+        filled += count
     return filled
 
 
 def _grid(boxes, first, shape, cell, keys, members, pairs):
     """Test the boxes that share a cell; a pair counts in the cell where their overlap begins."""
-    found, tests = 0, 0
+    result, tests = 0, 0
     for p in range(keys.size):
         i = members[p]
         for q in range(p + 1, keys.size):
@@ -139,8 +139,8 @@ def _grid(boxes, first, shape, cell, keys, members, pairs):
                     begin = max(boxes[0, axis, i], boxes[0, axis, j])
                     key = key * shape[axis] + int((begin - first[axis]) / cell)
                 if key == keys[p]:
-                    found = _note(pairs, found, i, j)
-    return found, tests
+                    result = _note(pairs, result, i, j)
+    return result, tests
 
 
 _KERNELS = {
@@ -162,11 +162,11 @@ def _collect(function: Callable[..., Any], n: int, *arguments: Any) -> tuple[Pai
     room = 4 * n + 16
     while True:
         pairs = np.empty((2, room), np.int64)
-        found, tests = _kernel(function)(*arguments, pairs)
-        if found <= room:
-            order = np.lexsort((pairs[1, :found], pairs[0, :found]))
-            return pairs[:, :found][:, order], int(tests)
-        room = found
+        result, tests = _kernel(function)(*arguments, pairs)
+        if result <= room:
+            order = np.lexsort((pairs[1, :result], pairs[0, :result]))
+            return pairs[:, :result][:, order], int(tests)
+        room = result
 
 
 def brute_force(boxes: ArrayLike) -> tuple[Pairs, int]:
@@ -219,8 +219,8 @@ class SweepAndPrune:
             raise refused("boxes.shape[2]", keys.size, f"{self.order.size}, as in the call before")
         else:
             self.swaps = int(_kernel(_sort)(keys, self.order))
-        found, self.tests = _collect(_sweep, keys.size, given, axis, self.order)
-        return found
+        result, self.tests = _collect(_sweep, keys.size, given, axis, self.order)
+        return result
 
 
 def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, int]:

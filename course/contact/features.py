@@ -132,36 +132,36 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
 @register_jitable
 def _clip(polygon, n, c, sign, limit, other):
     """The part of a polygon with sign * coordinate c up to a limit; how many corners it has."""
-    kept = 0
+    retained = 0
     near = 1e-10 * limit  # a corner on the line is cut once, and not a second time beside it
     for i in range(n):
         j = (i + 1) % n
-        here, there = sign * polygon[i, c] - limit, sign * polygon[j, c] - limit
-        inside, cut = here <= near, min(here, there) < -near and max(here, there) > near
+        here, far_end = sign * polygon[i, c] - limit, sign * polygon[j, c] - limit
+        inside, cut = here <= near, min(here, far_end) < -near and max(here, far_end) > near
         if inside:
             for k in range(3):
-                other[kept, k] = polygon[i, k]
-            kept += 1
+                other[retained, k] = polygon[i, k]
+            retained += 1
         if cut:
-            share = here / (here - there)
+            share = here / (here - far_end)
             for k in range(3):
-                other[kept, k] = polygon[i, k] + share * (polygon[j, k] - polygon[i, k])
-            kept += 1
-    for i in range(kept):
+                other[retained, k] = polygon[i, k] + share * (polygon[j, k] - polygon[i, k])
+            retained += 1
+    for i in range(retained):
         for k in range(3):
             polygon[i, k] = other[i, k]
-    return kept
+    return retained
 
 
 @register_jitable
 def _facing(axes, n):
     """The axis of a rotation matrix that n is most along, and its component."""
-    best, most = 0, 0.0
+    best, largest = 0, 0.0
     for k in range(3):
         along = axes[k] * n[0] + axes[3 + k] * n[1] + axes[6 + k] * n[2]
-        if abs(along) > abs(most):
-            best, most = k, along
-    return best, most
+        if abs(along) > abs(largest):
+            best, largest = k, along
+    return best, largest
 
 
 def _box_contacts(halves, near, qa, qb, numbers, out):
@@ -177,12 +177,12 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
     Returns:
         How many contacts there are.
     """
-    found = 0
+    result = 0
     polygon, other, axes = np.empty((12, 3)), np.empty((12, 3)), np.empty((2, 9))
     for i in range(near.shape[1]):
         if near[0, i] > numbers[2]:
             continue
-        first = found
+        first = result
         m = near[1, i], near[2, i], near[3, i]
         rotation((qa[3, i], qa[4, i], qa[5, i], qa[6, i]), axes[0], 0)
         rotation((qb[3, i], qb[4, i], qb[5, i], qb[6, i]), axes[1], 0)
@@ -225,21 +225,21 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
                     if (s if u == 2 else t) < 0.0:
                         continue
                     s, t = (0.0, t) if u == 2 else (s, 0.0)
-                out[0, found], out[7, found] = i, far
+                out[0, result], out[7, result] = i, far
                 for c in range(3):
                     # Midway between the two surfaces.
                     place = s * R[3 * c + u] + t * R[3 * c + v]
                     place += (top + numbers[r] + far / 2.0) * normal[c]
-                    out[1 + c, found] = place + (qb[c, i] if r == 1 else qa[c, i])
-                    out[4 + c, found] = side * normal[c]
-                found += 1
-        if found == first:
-            out[0, found], out[7, found] = i, near[0, i]
+                    out[1 + c, result] = place + (qb[c, i] if r == 1 else qa[c, i])
+                    out[4 + c, result] = side * normal[c]
+                result += 1
+        if result == first:
+            out[0, result], out[7, result] = i, near[0, i]
             for c in range(3):
-                out[1 + c, found] = (near[4 + c, i] + near[7 + c, i]) / 2.0
-                out[4 + c, found] = near[1 + c, i]
-            found += 1
-    return found
+                out[1 + c, result] = (near[4 + c, i] + near[7 + c, i]) / 2.0
+                out[4 + c, result] = near[1 + c, i]
+            result += 1
+    return result
 
 
 @functools.cache
@@ -339,10 +339,10 @@ def contacts(shapes: Sequence[Shape], pose: ArrayLike, margin: float = 0.0) -> C
             some = _pair_contacts(a, qa, b, qb, near)
             some = some[:, some[7] <= near]
             rows.append(np.vstack((these[some[0].astype(int)], some)))
-    found = np.hstack(rows)
-    found = found[:, np.argsort(found[0], kind="stable")]
-    pair = found[0].astype(int)
-    return Contacts(np.stack((i[pair], j[pair])), found[2 : 2 + dim], found[5 : 5 + dim], found[8])
+    result = np.hstack(rows)
+    result = result[:, np.argsort(result[0], kind="stable")]
+    pair = result[0].astype(int)
+    return Contacts(np.stack((i[pair], j[pair])), result[2 : 2 + dim], result[5 : 5 + dim], result[8])
 
 
 def warm() -> None:

@@ -362,8 +362,8 @@ def lcp(
     if m:
         # The slip of a contact raises all its edges; their shares are at most its normal impulse.
         raised = np.kron(np.eye(n), np.append(0.0, np.ones(m)))
-        left = np.kron(np.eye(n), np.append(1.0, -np.ones(m)))
-        M, q = np.block([[M, raised.T], [left, np.zeros((n, n))]]), np.append(q, np.zeros(n))
+        remaining = np.kron(np.eye(n), np.append(1.0, -np.ones(m)))
+        M, q = np.block([[M, raised.T], [remaining, np.zeros((n, n))]]), np.append(q, np.zeros(n))
     z, pivots, _ = lemke(M, q)
     worst = float(np.max(np.abs(np.minimum(z, M @ z + q))))
     return answer("lcp", problem, B @ z[:size] / stiff, pivots, worst, tolerance)
@@ -488,10 +488,10 @@ def convex(
             problem,
             start,
         )
-    found = _round_cone("convex", problem, rounds, tolerance, start)
-    gap, outside = duality_gap(problem, found.impulses)
-    small = max(abs(gap) / max(float(np.sum(found.impulses[:, 0])), 1e-12), outside) <= tolerance
-    return replace(found, converged=found.converged and small)
+    result = _round_cone("convex", problem, rounds, tolerance, start)
+    gap, outside = duality_gap(problem, result.impulses)
+    small = max(abs(gap) / max(float(np.sum(result.impulses[:, 0])), 1e-12), outside) <= tolerance
+    return replace(result, converged=result.converged and small)
 
 
 def coulomb(

@@ -194,8 +194,8 @@ def _nearest(s, n, share, thin):
             i, j, k = (face + 1) % 4, (face + 2) % 4, (face + 3) % 4
             m = _normal(s, i, j, k)
             here = dot(m, _row(s, i))
-            there = here - dot(m, _row(s, face))
-            if here * there > 0.0 and there * there > dot(m, m) * thin * thin:
+            other = here - dot(m, _row(s, face))
+            if here * other > 0.0 and other * other > dot(m, m) * thin * thin:
                 continue  # the origin is on the inner side of this face
             shares = _on_triangle(s, i, j, k)
             far = _square(s, i, j, k, shares)
@@ -205,14 +205,14 @@ def _nearest(s, n, share, thin):
                 share[i], share[j], share[k] = shares
         if best == math.inf:
             return 5
-    kept = 0
+    retained = 0
     for i in range(n):
         if share[i] > 0.0:
-            if kept < i:
-                share[kept] = share[i]
-                _copy(s, i, kept)
-            kept += 1
-    return kept
+            if retained < i:
+                share[retained] = share[i]
+                _copy(s, i, retained)
+            retained += 1
+    return retained
 
 
 @register_jitable
@@ -291,9 +291,9 @@ def _farther(va, vb, pair, s, k, d, rank):
     far = _off(s, k, rank, d)
     for sign in (1.0, -1.0):
         _support((sign * d[0], sign * d[1], sign * d[2]), va, vb, pair, s, k + 1)
-        off = _off(s, k + 1, rank, d)
-        if off > far:
-            far = off
+        deviation = _off(s, k + 1, rank, d)
+        if deviation > far:
+            far = deviation
             _copy(s, k + 1, k)
     return far
 
@@ -385,24 +385,24 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         # Faces that the new vertex sees go (-inf); each edge of the hole makes a face with it.
         key[f] = -math.inf
         stack[0] = f
-        seen, gone, edges = 1, 0, 0
-        while gone < seen:
-            old = stack[gone]
-            gone += 1
+        observed, missing, edges = 1, 0, 0
+        while missing < observed:
+            old = stack[missing]
+            missing += 1
             for e in range(3):
                 g = beyond[old, e]
                 if key[g] == -math.inf:
                     continue
                 if dot(_row(face, g), point) > face[g, 3] + rounding:
                     key[g] = -math.inf
-                    stack[seen] = g
-                    seen += 1
+                    stack[observed] = g
+                    observed += 1
                 else:
                     link[edges, 0], link[edges, 1] = corner[old, e], corner[old, (e + 1) % 3]
                     link[edges, 2] = g
                     edges += 1
         for n in range(edges):
-            made = stack[n] if n < seen else faces
+            made = stack[n] if n < observed else faces
             faces = max(faces, made + 1)
             p, q, g = link[n, 0], link[n, 1], link[n, 2]
             _face(made, p, q, new, s, corner, face, key)
@@ -415,7 +415,7 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         for n in range(edges):
             made = link[n, 5]
             beyond[made, 1], beyond[made, 2] = link[link[n, 1], 3], link[link[n, 0], 4]
-        for n in range(edges, seen):
+        for n in range(edges, observed):
             key[stack[n]] = math.inf
         new += 1
     # Several triangles may lie in the plane of the nearest face: the one that the origin is above.

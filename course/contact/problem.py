@@ -18,10 +18,10 @@ Array = NDArray[np.float64]
 def least_speed(gap, free, before, dt, restitution, recovery):
     """Speed apart that a contact must have after the step [m/s], from its gap and its normal
     velocities without contact and before: an open gap may just close, what closes bounces."""
-    wanted = -gap / dt if gap > 0.0 else -recovery * gap / dt
+    desired = -gap / dt if gap > 0.0 else -recovery * gap / dt
     if gap + dt * free <= 0.0 and restitution * before < 0.0:
-        wanted = max(wanted, -restitution * before)
-    return wanted
+        desired = max(desired, -restitution * before)
+    return desired
 
 
 @dataclass(frozen=True)
@@ -55,24 +55,24 @@ class Problem:
     recovery: float = 0.2
 
     def __post_init__(self) -> None:
-        keep = functools.partial(object.__setattr__, self)
-        keep("jacobian", vector("jacobian", self.jacobian, (None, None, None)))
+        selected = functools.partial(object.__setattr__, self)
+        selected("jacobian", vector("jacobian", self.jacobian, (None, None, None)))
         n, d, nv = self.jacobian.shape
         if not n or not d:
             raise refused("jacobian.shape", self.jacobian.shape, "one or more contacts with rows")
-        keep("mass", vector("mass", self.mass, (nv, nv)))
+        selected("mass", vector("mass", self.mass, (nv, nv)))
         try:
             np.linalg.cholesky(self.mass)
         except np.linalg.LinAlgError:
             raise refused("mass", self.mass, "a positive definite matrix") from None
         if np.max(np.abs(self.mass - self.mass.T)) > 1e-9 * np.max(np.abs(self.mass)):
             raise refused("mass", self.mass, "a symmetric matrix")
-        keep("friction", vector("friction", self.friction, (n, d - 1), low=0.0))
+        selected("friction", vector("friction", self.friction, (n, d - 1), low=0.0))
         positive("dt", self.dt, unit="s")
         finite("restitution", self.restitution, 0.0, 1.0)
         finite("recovery", self.recovery, 0.0, 1.0)
         for name, size in (("velocity", nv), ("free", nv), ("gap", n)):
-            keep(name, vector(name, getattr(self, name), (size,)))
+            selected(name, vector(name, getattr(self, name), (size,)))
 
     def moved(self, velocity: ArrayLike, free: ArrayLike, gap: ArrayLike) -> Problem:
         """The same bodies and contacts in another state; what depends on M and J alone is kept."""

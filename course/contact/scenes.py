@@ -95,10 +95,10 @@ def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
     count("steps", steps, 1)
     q, v = scene.q.copy(), scene.v.copy()
     path_q, path_v = [q], [v]
-    found: list[Solution] = []
+    result: list[Solution] = []
     for _ in range(steps):
-        found.append(solve(model, scene.problem(dt, q, v), **options))
-        v = found[-1].velocity
+        result.append(solve(model, scene.problem(dt, q, v), **options))
+        v = result[-1].velocity
         q = q + dt * v
         path_q.append(q)
         path_v.append(v)
@@ -106,10 +106,10 @@ def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
         np.arange(steps + 1, dtype=float) * dt,
         np.array(path_q).T,
         np.array(path_v).T,
-        np.stack([s.impulses for s in found], axis=-1),
-        sum(s.iterations for s in found),
-        sum(not s.converged for s in found),
-        max(s.residual for s in found),
+        np.stack([s.impulses for s in result], axis=-1),
+        sum(s.iterations for s in result),
+        sum(not s.converged for s in result),
+        max(s.residual for s in result),
     )
 
 

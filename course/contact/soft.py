@@ -73,11 +73,11 @@ class Softness:
     def stiffness(self, solref: ArrayLike, dt: float) -> tuple[float, float]:
         """(k [1/s^2], b [1/s]) of the reference acceleration."""
         first, second = np.asarray(solref, dtype=float).tolist()
-        most = float(np.clip(np.asarray(self.solimp, dtype=float)[1], _LEAST, _MOST))
+        largest = float(np.clip(np.asarray(self.solimp, dtype=float)[1], _LEAST, _MOST))
         if first <= 0.0:
-            return -first / most**2, -second / most
+            return -first / largest**2, -second / largest
         time = max(first, 2.0 * dt) if self.refsafe else first
-        return 1.0 / max(_TINY, (most * time * second) ** 2), 2.0 / max(_TINY, most * time)
+        return 1.0 / max(_TINY, (largest * time * second) ** 2), 2.0 / max(_TINY, largest * time)
 
 
 @dataclass(frozen=True)
@@ -188,14 +188,14 @@ def soft_forces(
     a = free
     g, f, H = slope(a)
     small = 1e-16 * (1.0 + float(np.max(np.abs(problem.free))))
-    best, left, taken, stalled = math.inf, math.inf, 0, 0
+    best, remaining, taken, stalled = math.inf, math.inf, 0, 0
     while taken < iterations:
         step = -np.linalg.solve(M + J.T @ H @ J, g)
-        left = float(np.max(np.abs(step))) * problem.dt
-        stalled = stalled + 1 if left >= 0.5 * best else 0
-        best = min(best, left)
+        remaining = float(np.max(np.abs(step))) * problem.dt
+        stalled = stalled + 1 if remaining >= 0.5 * best else 0
+        best = min(best, remaining)
         # Near the end only rounding keeps a step from shrinking; before, rows that come and go.
-        if left <= small or stalled > (2 if left < 1e5 * small else 15):
+        if remaining <= small or stalled > (2 if remaining < 1e5 * small else 15):
             break
         taken += 1
         low, high, share, start = 0.0, math.inf, 1.0, float(g @ step)
@@ -207,7 +207,7 @@ def soft_forces(
             low, high = (share, high) if along < 0.0 else (low, share)
             share = 0.5 * (low + high) if high < math.inf else 2.0 * share
         a, (g, f, H) = a + share * step, new
-    return f, (rows.back @ f).reshape(n, d), taken, left
+    return f, (rows.back @ f).reshape(n, d), taken, remaining
 
 
 def soft(problem: Problem, *, tolerance: float = 1e-9, **options: Any) -> Solution:
@@ -217,7 +217,7 @@ def soft(problem: Problem, *, tolerance: float = 1e-9, **options: Any) -> Soluti
         tolerance: of the residual, the last change of the velocity [m/s].
         **options: fields of `Softness`.
     """
-    _, force, taken, left = soft_forces(problem, Softness(**options))
+    _, force, taken, remaining = soft_forces(problem, Softness(**options))
     impulses = problem.dt * force
     velocity = problem.after(impulses)
-    return Solution("soft", impulses, velocity, taken, left, left <= tolerance)
+    return Solution("soft", impulses, velocity, taken, remaining, remaining <= tolerance)

@@ -157,16 +157,16 @@ def identify(
         raise refused("log", "one that cannot tell the four terms", "a motion with more variety")
     torque = positive("constant", constant) * windows.torque(delay)
     answer, *_ = np.linalg.lstsq(windows.columns / scale, torque, rcond=None)
-    left = torque - windows.columns @ (answer / scale)
+    remaining = torque - windows.columns @ (answer / scale)
     # Neighbours overlap by three quarters: about two in four tell something new.
     spread = np.linalg.inv((windows.columns / scale).T @ (windows.columns / scale))
-    variance = 2.0 * (left @ left) / max(1, windows.count - 8)
+    variance = 2.0 * (remaining @ remaining) / max(1, windows.count - 8)
     deviation = np.sqrt(variance * np.diag(spread)) / scale
-    found = dict(zip(LINEAR, (answer / scale).tolist(), strict=True))
-    found["damping"], found["coulomb"] = max(0.0, found["damping"]), max(0.0, found["coulomb"])
-    if found["inertia"] <= 0.0:
+    result = dict(zip(LINEAR, (answer / scale).tolist(), strict=True))
+    result["damping"], result["coulomb"] = max(0.0, result["damping"]), max(0.0, result["coulomb"])
+    if result["inertia"] <= 0.0:
         raise refused("log", "one with an inertia below 0", "a log of the joint's own commands")
-    return Identified(JointModel(**found, constant=constant, delay=delay), deviation)
+    return Identified(JointModel(**result, constant=constant, delay=delay), deviation)
 
 
 class Diagnosis(NamedTuple):
@@ -202,11 +202,11 @@ def diagnose(
     windows = _Windows(log, window, max(finite("longest", longest, 0.0, unit="s"), model.delay))
     first = windows.misfit(model)
     start = float(first @ first)
-    values, left = asdict(model), dict.fromkeys(CAUSES, start)
+    values, remaining = asdict(model), dict.fromkeys(CAUSES, start)
 
     def tried(name: str, value: float) -> float:
-        off = windows.misfit(replace(model, **{name: value}))
-        return float(off @ off)
+        deviation = windows.misfit(replace(model, **{name: value}))
+        return float(deviation @ deviation)
 
     torque = windows.torque(model.delay, model.limit)
     for name, column in [*zip(LINEAR, windows.columns.T, strict=True), ("constant", -torque)]:
@@ -215,21 +215,21 @@ def diagnose(
             least = -math.inf if name == "gravity" else 0.0
             if best > least or name in ("damping", "coulomb"):
                 values[name] = max(best, least)
-                left[name] = tried(name, values[name])
+                remaining[name] = tried(name, values[name])
     top = min(windows.highest, model.limit)
     searches = {"delay": (0.0, longest), "limit": (0.02 * top, top)}
     for name, (low, high) in searches.items():
         if high > low:
             best = _lowest(functools.partial(tried, name), low, high)
             if tried(name, best) < start:
-                values[name], left[name] = best, tried(name, best)
+                values[name], remaining[name] = best, tried(name, best)
     # One number more always fits a little better; by chance not by this much.
     chance = 1.0 + 40.0 / windows.count
-    lowest = min(left.values())
+    lowest = min(remaining.values())
     tiny = 1e-12 * float(torque @ torque)
-    near = sorted((left[c], c) for c in CAUSES if left[c] <= chance * lowest + tiny)
+    near = sorted((remaining[c], c) for c in CAUSES if remaining[c] <= chance * lowest + tiny)
     causes = () if start <= chance * lowest + tiny else tuple(c for _, c in near)
-    return Diagnosis(causes, values, {c: left[c] / start if start else 1.0 for c in CAUSES})
+    return Diagnosis(causes, values, {c: remaining[c] / start if start else 1.0 for c in CAUSES})
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float, parts: int = 40) -> float:

@@ -252,13 +252,13 @@ def _run(joint, drive, numbers, start, setpoint, extra, blocked, noise, out):
         out[0, k], out[1, k], out[2, k] = q, v, u
         if k == setpoint.size:
             break
-        seen = q + noise[k]
+        observed = q + noise[k]
         if line > 0.0:
-            seen = line * math.floor(seen / line + 0.5)
-        wanted = update(numbers, memory, setpoint[k], seen, v)
-        wanted = min(max(wanted, -limit), limit)
-        sent = min(max(wanted, sent - rate), sent + rate)
-        out[3, k], out[4, k] = sent, seen
+            observed = line * math.floor(observed / line + 0.5)
+        desired = update(numbers, memory, setpoint[k], observed, v)
+        desired = min(max(desired, -limit), limit)
+        sent = min(max(desired, sent - rate), sent + rate)
+        out[3, k], out[4, k] = sent, observed
         load = joint[2] + extra[k]
         for half in range(2):
             length = part if half == 0 else dt - part
@@ -327,7 +327,7 @@ def run_joint(
     rest = 1.0 / actuator.lag if actuator.lag > 0.0 else math.inf
     delay = split_delay(actuator.delay, dt)
     drive = np.array([actuator.limit, actuator.rate, rest, *delay, encoder.line], dtype=float)
-    wanted = np.full(n, 1.0) * vector("setpoint", setpoint, (), (n,), unit="rad")
+    desired = np.full(n, 1.0) * vector("setpoint", setpoint, (), (n,), unit="rad")
     kick = np.full(n, 1.0) * vector("extra", extra, (), (n,), unit="N m")
     jam = np.full(n, 1.0) * vector("blocked", blocked, (), (n,)) != 0.0
     noise = np.zeros(n)
@@ -335,9 +335,9 @@ def run_joint(
         noise = encoder.noise * np.random.default_rng(encoder.seed).standard_normal(n)
     x = vector("start", start, (3,))
     out = np.zeros((5, n + 1))
-    _run_loop(parts, drive, gains.numbers(dt), x, wanted, kick, jam, noise, out)
+    _run_loop(parts, drive, gains.numbers(dt), x, desired, kick, jam, noise, out)
     return Record(
-        np.linspace(0.0, n * dt, n + 1), out[0], out[1], out[2], out[3, :n], out[4, :n], wanted
+        np.linspace(0.0, n * dt, n + 1), out[0], out[1], out[2], out[3, :n], out[4, :n], desired
     )
 
 

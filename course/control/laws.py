@@ -375,8 +375,8 @@ def hybrid(
         worst = float((sizes[:, 0] / sizes[:, -1]).min())
         raise refused("q", q, f"one away from singularity (here mobilities are {worst:.1e} apart)")
     drift = _columns(np.asarray(jacobian_rate(chain, q, v))[list(rows)], v)
-    wanted = like("acceleration", acceleration, e) + gain("kp", kp, m) @ e
-    wanted = wanted + gain("kd", kd, m) @ (like("rate", rate, e) - speed)
+    desired = like("acceleration", acceleration, e) + gain("kp", kp, m) @ e
+    desired = desired + gain("kd", kd, m) @ (like("rate", rate, e) - speed)
     moving = R @ np.diag(~chosen) @ R.T
     push = like("force", force, e)
     push = push + finite("force_gain", force_gain, 0.0) * (push - like("measured", measured, e))
@@ -384,7 +384,7 @@ def hybrid(
     push = R @ (chosen.reshape((m,) + (1,) * (e.ndim - 1)) * push)
     free = like("null", null, q).reshape(n, -1).T[:, :, None]
     # What the null torques would do to the tip is taken off what the task asks of it.
-    task = (moving @ wanted - drift).reshape(m, -1).T[:, :, None] - spread.transpose(0, 2, 1) @ free
+    task = (moving @ desired - drift).reshape(m, -1).T[:, :, None] - spread.transpose(0, 2, 1) @ free
     effort = np.linalg.solve(mobility, task) + push.reshape(m, -1).T[:, :, None]
     tau = (jac.transpose(0, 2, 1) @ effort + free)[:, :, 0].T
     return tau.reshape(q.shape) + chain_bias(chain, q, v, gravity=gravity)

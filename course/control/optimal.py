@@ -343,12 +343,12 @@ def box_qp(
     H = vector("H", H, (n, n))
     if np.abs(H - H.T).max() > 1e-9 * np.abs(H).max():
         raise refused("H", H, "a symmetric matrix")
-    least, most = bounds("low", low, n), bounds("high", high, n)
-    if not ((least <= most) & (least < np.inf) & (most > -np.inf)).all():
+    least, largest = bounds("low", low, n), bounds("high", high, n)
+    if not ((least <= largest) & (least < np.inf) & (largest > -np.inf)).all():
         raise refused("(low, high)", (low, high), "bounds that do not cross")
     x = np.zeros(n) if start is None else np.array(vector("start", start, (n,)))
     free = np.empty(n, dtype=bool)
-    iterations = _box_loop(H := np.ascontiguousarray(H), g, least, most, x, free)
+    iterations = _box_loop(H := np.ascontiguousarray(H), g, least, largest, x, free)
     if iterations < 0 or (iterations == 0 and not _definite(H, -1e-15)):
         raise refused("H", H, "a positive definite matrix")
     return BoxQP(x, free, iterations)

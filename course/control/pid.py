@@ -122,12 +122,12 @@ def _update(numbers, state, setpoint, y, v):
     advance_rate(kind, tau, dt, state, y - rate_weight * setpoint, v)
     error = setpoint - y
     integral = state[0] + ki * error * dt
-    wanted = kp * (weight * setpoint - y) + integral - kd * state[1]
+    desired = kp * (weight * setpoint - y) + integral - kd * state[1]
     low, high = max(u_min, state[4] - slew * dt), min(u_max, state[4] + slew * dt)
-    command = min(max(wanted, low), high)
+    command = min(max(desired, low), high)
     if windup == 1.0:
-        state[0] = integral + dt / tracking * (command - wanted)
-    elif windup == 2.0 or not ((wanted > high and error > 0.0) or (wanted < low and error < 0.0)):
+        state[0] = integral + dt / tracking * (command - desired)
+    elif windup == 2.0 or not ((desired > high and error > 0.0) or (desired < low and error < 0.0)):
         state[0] = integral
     state[4] = command
     return command
@@ -200,8 +200,8 @@ def rates(y: ArrayLike, dt: float, rate: str = "filtered", tau: float = 0.0) -> 
     kind = float(RATES.index(one_of("rate", rate, RATES[:2])))
     positive("dt", dt, unit="s")
     finite("tau", tau, 0.0, unit="s")
-    state, found = np.zeros(5), np.empty(values.size)
+    state, result = np.zeros(5), np.empty(values.size)
     for i, x in enumerate(values.tolist()):
         advance_rate(kind, tau, dt, state, x, 0.0)
-        found[i] = state[1]
-    return found
+        result[i] = state[1]
+    return result

@@ -52,8 +52,8 @@ class Learned:
         self, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike
     ) -> Array:
         """Torques, shape of q [N m]."""
-        wanted = pd(q, v, q_ref, v_ref, self.kp, self.kd)
-        a = wanted + like("a_ref", a_ref, wanted)
+        desired = pd(q, v, q_ref, v_ref, self.kp, self.kd)
+        a = desired + like("a_ref", a_ref, desired)
         tau, more = needed(self.model, q, v, a), self.extra
         return tau if more is None else tau + more.weights @ more.waves(np.concatenate([q, v, a]))
 
@@ -98,10 +98,10 @@ def fit(
     if not (scale > 0.0).all():
         raise refused("x.std(axis=1)", scale, "inputs that all vary")
     W = positive("width", width) * rng.standard_normal((F, len(x)))
-    found = Features(W, rng.uniform(0.0, 2.0 * np.pi, F), scale, np.zeros((len(torque), F)))
-    Z = found.waves(x)
+    result = Features(W, rng.uniform(0.0, 2.0 * np.pi, F), scale, np.zeros((len(torque), F)))
+    Z = result.waves(x)
     normal = Z @ Z.T + positive("ridge", ridge) * x.shape[1] * np.eye(F)
-    return replace(found, weights=np.linalg.solve(normal, Z @ torque.T).T)
+    return replace(result, weights=np.linalg.solve(normal, Z @ torque.T).T)
 
 
 def learn(
@@ -116,9 +116,9 @@ def learn(
     A round runs the last law by `collect`, as with `track`, and fits to all runs so far; `rng` and
     `settings` are those of `fit`.
     """
-    laws, seen = [law], []
+    laws, observed = [law], []
     for _ in range(count("rounds", rounds, 1)):
-        seen.append(lacking(law.model, collect(laws[-1])))
-        x, torque = (np.concatenate(parts, axis=1) for parts in zip(*seen, strict=True))
+        observed.append(lacking(law.model, collect(laws[-1])))
+        x, torque = (np.concatenate(parts, axis=1) for parts in zip(*observed, strict=True))
         laws.append(replace(law, extra=fit(x, torque, rng, **settings)))
     return laws

@@ -191,22 +191,22 @@ def _pid(kp, ki, kd, dt, rate, tau):
     """The four of `Law`, with the rate's number in RATES."""
     # The state is (integral, rate, last or predicted place); rows that nothing reads are cut.
     A, B = np.zeros((3, 3)), np.zeros((3, 2))
-    rated, seen = np.zeros(3), np.zeros(2)  # the rate's estimate as rows of c and y
+    rated, observed = np.zeros(3), np.zeros(2)  # the rate's estimate as rows of c and y
     A[0, 0], B[0, 0] = 1.0, -ki * dt
     used = np.array([ki != 0.0, False, False])
     if rate == _FILTERED:
-        rated[1], rated[2], seen[0] = tau / (tau + dt), -1.0 / (tau + dt), 1.0 / (tau + dt)
-        A[1], B[1], B[2, 0] = rated, seen, 1.0
+        rated[1], rated[2], observed[0] = tau / (tau + dt), -1.0 / (tau + dt), 1.0 / (tau + dt)
+        A[1], B[1], B[2, 0] = rated, observed, 1.0
         used[1], used[2] = tau > 0.0 and kd != 0.0, kd != 0.0
     elif rate == _OBSERVER:
         alpha, beta = observer_gains(tau, dt)
-        rated[1], rated[2], seen[0] = 1.0 - beta, -beta / dt, beta / dt
-        A[1], B[1] = rated, seen
+        rated[1], rated[2], observed[0] = 1.0 - beta, -beta / dt, beta / dt
+        A[1], B[1] = rated, observed
         A[2, 1], A[2, 2], B[2, 0] = (1.0 - alpha) * dt, 1.0 - alpha, alpha
         used[1] = used[2] = kd != 0.0
     else:
-        seen[1] = 1.0
-    C, D = A[0] - kd * rated, B[0] - kd * seen
+        observed[1] = 1.0
+    C, D = A[0] - kd * rated, B[0] - kd * observed
     D[0] -= kp
     return A[used][:, used].copy(), B[used], C[used], D
 
@@ -313,10 +313,10 @@ def _response(transition, now, before, whole, A, B, C, D, turn):
 
 @register_jitable
 def _responses(transition, now, before, whole, A, B, C, D, turns):
-    found = np.empty(turns.size, np.complex128)
+    result = np.empty(turns.size, np.complex128)
     for k in range(turns.size):
-        found[k] = _response(transition, now, before, whole, A, B, C, D, turns[k])
-    return found
+        result[k] = _response(transition, now, before, whole, A, B, C, D, turns[k])
+    return result
 
 
 _PARTS = MATRIX, VECTOR, VECTOR, numba.int64, MATRIX, MATRIX, VECTOR, VECTOR
@@ -355,8 +355,8 @@ def _found(transition, now, before, whole, A, B, C, D):
     real, and what it is there: where that is negative the loop with -1 / value times the gains
     swings for ever."""
     values = _responses(transition, now, before, whole, A, B, C, D, _TURNS)
-    most = _TURNS.size
-    at, lags, flat, reals = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    largest = _TURNS.size
+    at, lags, flat, reals = np.empty(largest), np.empty(largest), np.empty(largest), np.empty(largest)
     flat[0] = math.pi  # half the sample rate: there it is always real
     reals[0] = _response(transition, now, before, whole, A, B, C, D, math.pi).real
     sizes, real = 0, 1
@@ -425,16 +425,16 @@ def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0)
 
     if not holds(0.0):
         return Margins(0.0, 0.0, 0.0, 0.0)
-    found = crossings(held(A, B, dt, delay), law)
-    if found.delay == math.inf:
-        return found
-    step = found.delay / 8.0
+    result = crossings(held(A, B, dt, delay), law)
+    if result.delay == math.inf:
+        return result
+    step = result.delay / 8.0
     last = next((k for k in range(1, 40) if not holds(k * step)), 40) * step
     low, high = last - step, last
     for _ in range(30):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
-    return replace(found, delay=low)
+    return replace(result, delay=low)
 
 
 def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> tuple[float, float]:

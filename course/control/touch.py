@@ -167,7 +167,7 @@ def _onwards(x, v, u, probe, t):
 
 def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
     """The loop; rows of `out` are x, v, force on the wall, command and the place wanted."""
-    stiffness, damping, wanted, gain = law[0], law[1], law[2], law[3]
+    stiffness, damping, desired, gain = law[0], law[1], law[2], law[3]
     mass, give, hold = law[4], law[5], law[6]
     body = probe.copy()
     x, v = start[0], start[1]
@@ -180,12 +180,12 @@ def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
         if k == target.size:
             break
         if mass > 0.0:
-            speed = (speed + dt / mass * (wanted - force - hold * moved)) / (1.0 + dt * give / mass)
+            speed = (speed + dt / mass * (desired - force - hold * moved)) / (1.0 + dt * give / mass)
             moved += dt * speed
         place = target[k] + moved
         command = stiffness * (place - x) + damping * (speed - v)
         if mass == 0.0:
-            command += wanted + gain * (wanted - force)
+            command += desired + gain * (desired - force)
         out[3, k], out[4, k] = command, place
         for half in range(2):
             length = part if half == 0 else dt - part
@@ -228,13 +228,13 @@ def run_touch(
     """
     n = round(positive("seconds", seconds, unit="s") / positive("dt", dt, unit="s"))
     count("seconds / dt", n, 1)
-    wanted = np.full(n, 1.0) * vector("target", target, (), (n,), unit="m")
+    desired = np.full(n, 1.0) * vector("target", target, (), (n,), unit="m")
     walls = np.full(n, 1.0) * vector(
         "surface", probe.surface if surface is None else surface, (), (n,), unit="m"
     )
     body, x = np.array(list(vars(probe).values()), dtype=float), vector("start", start, (2,))
     whole, part = split_delay(delay, dt)
     out = np.zeros((5, n + 1))
-    _touch_loop(body, law.numbers(), dt, whole, part, x, wanted, walls, out)
+    _touch_loop(body, law.numbers(), dt, whole, part, x, desired, walls, out)
     times = np.linspace(0.0, n * dt, n + 1)
-    return Record(times, out[0], out[1], out[2], out[3, :n], out[4, :n], wanted)
+    return Record(times, out[0], out[1], out[2], out[3, :n], out[4, :n], desired)

@@ -218,8 +218,8 @@ def track(
     T = count("round(seconds / dt)", round(positive("seconds", seconds, unit="s") / dt), 1)
     count("substeps", substeps, 1)
     n = 2 if isinstance(chain, TwoLink) else chain.n
-    most = bounds("limit", limit, n)
-    if not (most > 0.0).all():
+    largest = bounds("limit", limit, n)
+    if not (largest > 0.0).all():
         raise refused("limit", limit, "positive numbers [N m]")
     times, half = np.linspace(0.0, T * dt, T + 1), 0.5 * float(getattr(law, "preview", 0.0))
     if callable(reference):
@@ -227,22 +227,22 @@ def track(
         if abs(lasts - times[-1]) > 0.5 * dt:
             raise refused("reference.duration", lasts, f"the length of the run, {times[-1]:g} s")
         now = _motions(reference(times[:-1]), n, T)
-        wanted = _motions(reference(times[:-1] + half), n, T)
+        desired = _motions(reference(times[:-1] + half), n, T)
     else:
-        now = wanted = _motions(reference, n, T)
+        now = desired = _motions(reference, n, T)
     start = (now[0][:, 0], now[1][:, 0]) if state is None else state
     first = vector("state[0]", start[0], (n,), (n, None))
     single, size = first.ndim == 1, first.size // n
     q, v = np.full((2, T + 1, n, size), np.nan)
     tau = np.full((T, n, size), np.nan)
     q[0], v[0] = first.reshape(n, -1), like("state[1]", start[1], first).reshape(n, -1)
-    rows = np.concatenate(wanted).T[:, :, None]
+    rows = np.concatenate(desired).T[:, :, None]
     model = getattr(law, "model", None)
     if isinstance(chain, TwoLink) and isinstance(law, JointLaw) and isinstance(model, TwoLink):
         gains = np.concatenate([gain("kp", law.kp, 2), gain("kd", law.kd, 2)])
         arms = [np.repeat(arm.column(), size, axis=1) for arm in (model, chain)]
-        many, kind = np.repeat(rows, size, axis=2), KINDS.index(law.kind)
-        _track_loop(kind, *arms, gains, half, many, dt, substeps, most, q, v, tau)
+        number, kind = np.repeat(rows, size, axis=2), KINDS.index(law.kind)
+        _track_loop(kind, *arms, gains, half, number, dt, substeps, largest, q, v, tau)
     else:
         if isinstance(chain, TwoLink):
             body = np.repeat(chain.column(), size, axis=1)
@@ -254,7 +254,7 @@ def track(
             given = law(
                 q[k].reshape(shape), v[k].reshape(shape), *(x.reshape(shape) for x in motion)
             )
-            tau[k] = np.clip(np.reshape(given, (n, size)).T, -most, most).T
+            tau[k] = np.clip(np.reshape(given, (n, size)).T, -largest, largest).T
             if isinstance(chain, TwoLink):
                 _rollouts_loop(body, tau[k : k + 1], dt, substeps, q[k : k + 2], v[k : k + 2])
                 continue

@@ -203,22 +203,22 @@ class Claim:
         if unknown := sorted(set(self.needs) - set(NEEDS)):
             raise ValueError(f"needs must be among {', '.join(NEEDS)}, got {unknown[0]!r}")
 
-    def entry(self, found: Found) -> dict[str, Any]:
+    def entry(self, result: Found) -> dict[str, Any]:
         """What goes on record."""
         return {
-            "verdict": found.verdict.value,
+            "verdict": result.verdict.value,
             "heard": self.claim,
-            "condition": found.condition,
+            "condition": result.condition,
             "corrected": self.corrected,
             "formula": self.formula.expression if self.formula else "",
             "source": self.source,
             "figures": {
-                name: [value, found.tolerances[name]] for name, value in found.figures.items()
+                name: [value, result.tolerances[name]] for name, value in result.figures.items()
             },
         }
 
     def filled(
-        self, template: str, found: Found, figures: Mapping[str, float | str] | None = None
+        self, template: str, result: Found, figures: Mapping[str, float | str] | None = None
     ) -> str:
         """A text with what was found in place of its fields, or with these figures of it.
 
@@ -226,8 +226,8 @@ class Claim:
             KeyError: for a field that is neither a figure nor an input.
         """
         formula = {"formula": self.formula.expression} if self.formula else {}
-        shown = found.figures if figures is None else figures
-        return template.format(**found.inputs, **shown, **formula)
+        shown = result.figures if figures is None else figures
+        return template.format(**result.inputs, **shown, **formula)
 
 
 @dataclass(frozen=True)
@@ -292,7 +292,7 @@ def _one_line(text: str) -> str:
 
 
 def claim(
-    heard: str,
+    received: str,
     corrected: str,
     *,
     ask: Ask | tuple[str, str, Mapping[str, str]] | None = None,
@@ -325,8 +325,8 @@ def claim(
         if chapter < 0:
             raise ValueError(f"{id} stands in {file}, which is no chapter's")
         try:
-            asked = Ask(*ask) if isinstance(ask, tuple) else ask
-            formula = asked.formula(check.__globals__.get("SYMBOLS", {})) if asked else None
+            requested = Ask(*ask) if isinstance(ask, tuple) else ask
+            formula = requested.formula(check.__globals__.get("SYMBOLS", {})) if requested else None
         except ValueError as problem:
             raise ValueError(f"{id}: {problem}") from None
         if id in target:
@@ -335,7 +335,7 @@ def claim(
             id,
             file,
             chapter,
-            _one_line(heard),
+            _one_line(received),
             _one_line(corrected),
             _one_line(source),
             check,
@@ -385,28 +385,28 @@ def _get(id: str) -> Claim:
         _load()
     if id not in CLAIMS:
         near = difflib.get_close_matches(str(id), CLAIMS, 3)
-        meant = f"; did you mean {' or '.join(near)}?" if near else ""
+        intended = f"; did you mean {' or '.join(near)}?" if near else ""
         raise ValueError(
-            f"id is {id!r}{meant or '; there is no such claim'} "
+            f"id is {id!r}{intended or '; there is no such claim'} "
             "(`python -m course.derivations` lists the ids there are)"
         )
     return CLAIMS[id]
 
 
-def _faults(item: Claim, found: Found) -> list[str]:
+def _faults(item: Claim, result: Found) -> list[str]:
     """What is wrong with a claim, whatever is on record."""
-    wrong = [*honest.constants(item.check), *found.problems()]
-    for what, text in (("corrected statement", item.corrected), ("condition", found.condition)):
+    wrong = [*honest.constants(item.check), *result.problems()]
+    for what, text in (("corrected statement", item.corrected), ("condition", result.condition)):
         for number in honest.typed_numbers(text):
             wrong.append(f"{number!r} in the {what} is typed; fill it from a figure")
         try:
-            item.filled(text, found)
+            item.filled(text, result)
         except (LookupError, ValueError) as problem:
             wrong.append(f"the {what} cannot be filled: {problem!r}")
-    if (item.formula is None) != (found.formula is None):
+    if (item.formula is None) != (result.formula is None):
         wrong.append("the ask and the check must both have a formula, or neither")
-    elif item.formula is not None and not equivalent(item.formula, found.formula):
-        wrong.append(f"derived {found.formula}, asked for is {item.formula.expression}")
+    elif item.formula is not None and not equivalent(item.formula, result.formula):
+        wrong.append(f"derived {result.formula}, asked for is {item.formula.expression}")
     return wrong
 
 
@@ -424,13 +424,13 @@ def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
     Returns:
         The outcome, with one sentence for each thing that is wrong.
     """
-    found = Found(claim.id)
+    result = Found(claim.id)
     recorded = records.load(claim.file).get(claim.id) if record is None else record
-    claim.check(found)
-    entry = claim.entry(found)
+    claim.check(result)
+    entry = claim.entry(result)
     changes = records.differences(recorded, entry)
     shown = {name: value for name, (value, _) in records.merged(recorded, entry)["figures"].items()}
-    return Outcome(claim, found, tuple(_faults(claim, found)), tuple(changes), shown)
+    return Outcome(claim, result, tuple(_faults(claim, result)), tuple(changes), shown)
 
 
 @functools.cache
@@ -494,10 +494,10 @@ class Block:
         return [f"DISAGREES: {text}" for text in self.outcome.disagreements]
 
     def __repr__(self) -> str:
-        found = self.outcome.finding.verdict.value
+        result = self.outcome.finding.verdict.value
         lines = [
             f'Claim: "{self.outcome.claim.claim}" True, false, or only if?',
-            f"Verdict: {found} {self.outcome.condition}".rstrip(),
+            f"Verdict: {result} {self.outcome.condition}".rstrip(),
             *self._figures(),
             *self._disagreements(),
         ]
@@ -506,16 +506,16 @@ class Block:
     def _repr_markdown_(self) -> str:
         outcome = self.outcome
         verdict, corrected = cards.tex(self.verdict), cards.tex(outcome.corrected)
-        said = {Verdict.HOLDS: "No.", Verdict.CONDITIONAL: "No.", Verdict.FALSE: "No."}
-        said[outcome.finding.verdict] = "Right."
+        text = {Verdict.HOLDS: "No.", Verdict.CONDITIONAL: "No.", Verdict.FALSE: "No."}
+        text[outcome.finding.verdict] = "Right."
         if outcome.finding.verdict is Verdict.CONDITIONAL:  # so it is false without the condition
-            said[Verdict.FALSE] = "Right, as it stands."
+            text[Verdict.FALSE] = "Right, as it stands."
         labels = {
             "True": Verdict.HOLDS,
             "True only if ...": Verdict.CONDITIONAL,
             "False": Verdict.FALSE,
         }
-        options = [(k, f"**{said[found]} {verdict}** {corrected}") for k, found in labels.items()]
+        options = [(k, f"**{text[result]} {verdict}** {corrected}") for k, result in labels.items()]
         settled = [cards.tex(outcome.finding.statement), *(f"`{x}`" for x in self._figures())]
         if outcome.claim.source:
             settled.append(f"*{outcome.claim.source}*")
@@ -554,20 +554,20 @@ def show(id: str) -> Block:
 
 def _on_record(item: Claim, missing: str) -> Outcome:
     """What stands on record of a claim whose check cannot run here."""
-    found = Found(item.id)
+    result = Found(item.id)
     with contextlib.suppress(ImportError):
-        item.check(found)  # for what is given; it ends where the library is missing
-    return _from_record(item, found.inputs, f"From the record, not run here: {missing}.")
+        item.check(result)  # for what is given; it ends where the library is missing
+    return _from_record(item, result.inputs, f"From the record, not run here: {missing}.")
 
 
 def _from_record(item: Claim, inputs: dict[str, float | str], statement: str) -> Outcome:
-    found, entry = Found(item.id), records.load(item.file)[item.id]
-    found.inputs, found.statement = inputs, statement
-    found.figures = {name: value for name, (value, _) in entry["figures"].items()}
-    found.tolerances = {name: tolerance for name, (_, tolerance) in entry["figures"].items()}
-    found.holds = entry["verdict"] == Verdict.HOLDS.value
-    found.condition, found.inside = entry.get("condition", ""), [True]
-    return Outcome(item, found, (), ())
+    result, entry = Found(item.id), records.load(item.file)[item.id]
+    result.inputs, result.statement = inputs, statement
+    result.figures = {name: value for name, (value, _) in entry["figures"].items()}
+    result.tolerances = {name: tolerance for name, (_, tolerance) in entry["figures"].items()}
+    result.holds = entry["verdict"] == Verdict.HOLDS.value
+    result.condition, result.inside = entry.get("condition", ""), [True]
+    return Outcome(item, result, (), ())
 
 
 def recorded(id: str, file: str) -> Outcome:
@@ -627,8 +627,8 @@ def _given(check: Check) -> dict[str, float | str]:
         match node:
             case ast.Call(func=ast.Attribute(attr="given"), args=[ast.Constant(str(name)), value]):
                 with contextlib.suppress(NameError):  # it is computed there
-                    found = eval(ast.unparse(value), dict(check.__globals__))
-                    inputs[name] = found if isinstance(found, str) else float(found)
+                    result = eval(ast.unparse(value), dict(check.__globals__))
+                    inputs[name] = result if isinstance(result, str) else float(result)
     return inputs
 
 
@@ -669,8 +669,8 @@ def formula(id: str) -> Formula:
     Raises:
         ValueError: for an unknown id, or one without a formula.
     """
-    asked = _get(id).formula
-    if asked is None:
+    requested = _get(id).formula
+    if requested is None:
         answerable = ", ".join(item.id for item in claims() if item.formula)
         raise ValueError(f"id is {id!r}, which asks for no formula; these do: {answerable}")
-    return asked
+    return requested

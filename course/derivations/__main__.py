@@ -110,7 +110,7 @@ def _print_table(results: list[Result]) -> None:
 
 def _record(results: list[Result], whole: bool) -> int:
     """Write what came out of these claims, say what changes; how many could not be written."""
-    refused = 0
+    rejected = 0
     for file in sorted({claim.file for claim, _, _ in results}):
         entries = dict(records.load(file))
         new = dict(entries)
@@ -118,7 +118,7 @@ def _record(results: list[Result], whole: bool) -> int:
             if claim.file != file:
                 continue
             if outcome is None or outcome.faults:
-                refused += 1
+                rejected += 1
                 for text in [error] if outcome is None else outcome.faults:
                     click.echo(f"{claim.id}: NOT WRITTEN: {text}")
                 continue
@@ -132,7 +132,7 @@ def _record(results: list[Result], whole: bool) -> int:
                 del new[id]
         if new != entries:
             records.save(file, new)
-    return refused
+    return rejected
 
 
 def select(which: str | None, ids: tuple[str, ...]) -> list[Claim]:
@@ -184,11 +184,11 @@ def main(which: str | None, ids: tuple[str, ...], as_json: bool, record: bool) -
     else:
         _print_table(results)
         seconds = time.perf_counter() - start
-        found = [outcome.finding.verdict.value for _, outcome, _ in results if outcome]
-        verdicts = ", ".join(f"{found.count(v)} {v.removesuffix(' if')}" for v in _STYLE)
+        computed = [outcome.finding.verdict.value for _, outcome, _ in results if outcome]
+        verdicts = ", ".join(f"{computed.count(v)} {v.removesuffix(' if')}" for v in _STYLE)
         settled = f"{len(results) - skipped} claims ({verdicts}) settled in {seconds:.0f} s"
-        left = f"; {skipped} not run here" if skipped else ""
-        print(f"{settled}{left}; {wrong} disagree")
+        remaining = f"; {skipped} not run here" if skipped else ""
+        print(f"{settled}{remaining}; {wrong} disagree")
     sys.exit(1 if wrong else 0)
 
 

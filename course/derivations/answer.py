@@ -514,17 +514,17 @@ def _strip_relation(formula: Formula, text: str) -> str:
     return rest
 
 
-def _describe(found: dict[str, Any], reason: str) -> str:
-    at = ", ".join(f"{name} = {value:g}" for name, value in found["values"].items())
+def _describe(result: dict[str, Any], reason: str) -> str:
+    at = ", ".join(f"{name} = {value:g}" for name, value in result["values"].items())
     where = f"With {at}" if at else "As a number"
     if reason:
-        return f"{where}: yours {reason}, the right one gives {found['ours']:.6g}."
-    yours, ours = found["yours"], found["ours"]
+        return f"{where}: yours {reason}, the right one gives {result['ours']:.6g}."
+    yours, ours = result["yours"], result["ours"]
     digits = next((n for n in range(6, 17) if f"{yours:.{n}g}" != f"{ours:.{n}g}"), 17)
-    told = f"{where}: yours gives {yours:.{digits}g}, the right one gives {ours:.{digits}g}."
+    message = f"{where}: yours gives {yours:.{digits}g}, the right one gives {ours:.{digits}g}."
     if abs(yours - ours) < 1e-3 * abs(ours):
-        told += " If you rounded a number: write it exactly, such as sqrt(2) or 1/3."
-    return told
+        message += " If you rounded a number: write it exactly, such as sqrt(2) or 1/3."
+    return message
 
 
 def answer_formula(formula: Formula, text: str) -> Answer:
@@ -554,15 +554,15 @@ def answer_formula(formula: Formula, text: str) -> Answer:
         how = "SymPy proves the two equal" if _proved(formula, theirs) else "checked at 45 points"
         how = "within the rounding allowed" if formula.tolerance else how
         return Answer(True, f"Right ({how}).")
-    found, reason = difference
-    message = _describe(found, reason)
+    result, reason = difference
+    message = _describe(result, reason)
     for slip, explanation in formula.slips.items():
         if _same(formula, theirs, slip):
             message = f"{message} {explanation}"
             break
     else:
         message = f"{message} {formula.asked()}"
-    return Answer(False, message, found)
+    return Answer(False, message, result)
 
 
 def _same(formula: Formula, theirs: Node, slip: str) -> bool:

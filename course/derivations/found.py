@@ -152,8 +152,8 @@ class Found:
         """The verdict that follows from what was found."""
         if self.holds:
             return Verdict.HOLDS
-        kept = self.condition and self.inside and all(self.inside)
-        return Verdict.CONDITIONAL if kept else Verdict.FALSE
+        retained = self.condition and self.inside and all(self.inside)
+        return Verdict.CONDITIONAL if retained else Verdict.FALSE
 
     def problems(self) -> list[str]:
         """What is wrong with what was found, whatever is on record."""

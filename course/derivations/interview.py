@@ -47,30 +47,30 @@ SYMBOLS = {
     ),
     source="E. Wilson, Probable inference, the law of succession, 1927",
 )
-def hundred_trials(found):
+def hundred_trials(result):
     import sympy
     from scipy.stats import binom
 
     from course.measure.success import wilson
 
     p, d, n = sympy.symbols("p d n", positive=True)
-    found.formula = sympy.solve(sympy.Eq(d, 2 * sympy.sqrt(p * (1 - p) / n)), n)[0]
-    gate, worse = found.given("gate", 0.7), found.given("worse", 0.65)
-    tried = int(found.given("n", 100))
-    passed = found.figure("passed", round(gate * tried))
-    lucky = found.figure("lucky", binom.sf(passed - 1, tried, worse))
-    fair = found.figure("fair", binom.sf(passed - 1, tried, gate))
+    result.formula = sympy.solve(sympy.Eq(d, 2 * sympy.sqrt(p * (1 - p) / n)), n)[0]
+    gate, worse = result.given("gate", 0.7), result.given("worse", 0.65)
+    tried = int(result.given("n", 100))
+    passed = result.figure("passed", round(gate * tried))
+    lucky = result.figure("lucky", binom.sf(passed - 1, tried, worse))
+    fair = result.figure("fair", binom.sf(passed - 1, tried, gate))
     low, high = (float(x) for x in wilson(passed, tried))
-    found.figure("low", low)
-    found.figure("high", high)
-    seen = np.mean(found.rng.binomial(tried, worse, 40_000) >= passed)
-    needed = int(found.formula.subs({p: gate, d: 0.05}))
-    draws = found.rng.binomial(needed, gate, 40_000) / needed
+    result.figure("low", low)
+    result.figure("high", high)
+    observed = np.mean(result.rng.binomial(tried, worse, 40_000) >= passed)
+    needed = int(result.formula.subs({p: gate, d: 0.05}))
+    draws = result.rng.binomial(needed, gate, 40_000) / needed
     inside = np.mean(np.abs(draws - gate) < 0.05)
-    found.statement = "Binomial sums, and 40,000 draws of a hundred trials."
-    found.heard(lucky < 0.025)
-    found.corrected(
-        abs(seen - lucky) < 0.01, 0.5 < fair < 0.6, low < worse < high, 0.94 < inside < 0.97
+    result.statement = "Binomial sums, and 40,000 draws of a hundred trials."
+    result.heard(lucky < 0.025)
+    result.corrected(
+        abs(observed - lucky) < 0.01, 0.5 < fair < 0.6, low < worse < high, 0.94 < inside < 0.97
     )
 
 
@@ -92,12 +92,12 @@ def hundred_trials(found):
     ),
     source="D. Titterton and J. Weston, Strapdown Inertial Navigation Technology, 2004, ch. 2",
 )
-def imu_reads_acceleration(found):
+def imu_reads_acceleration(result):
     import mujoco
     import sympy
 
     b, t, w = sympy.symbols("b t w", positive=True)
-    found.formula = sympy.integrate(sympy.integrate(b, (w, 0, w)), (w, 0, t))
+    result.formula = sympy.integrate(sympy.integrate(b, (w, 0, w)), (w, 0, t))
     model = mujoco.MjModel.from_xml_string(
         "<mujoco><worldbody><geom type='plane' size='2 2 .1'/><body pos='0 0 .1'><freejoint/>"
         "<geom type='box' size='.1 .1 .1' mass='1'/><site name='s'/></body></worldbody>"
@@ -113,20 +113,20 @@ def imu_reads_acceleration(found):
         return data.sensordata.copy(), data.qacc[:3].copy(), data.xmat[1].reshape(3, 3)
 
     at_rest, still, _ = read(0.1, 1.0)
-    rest = found.figure("rest", at_rest[2], 1e-3)
+    rest = result.figure("rest", at_rest[2], 1e-3)
     fall = np.linalg.norm(read(5.0, 0.2)[0])
-    off = 0.0
-    for turn in found.rng.normal(size=(6, 4)):
+    deviation = 0.0
+    for turn in result.rng.normal(size=(6, 4)):
         felt, acceleration, axes = read(5.0, 0.0, turn / np.linalg.norm(turn))
-        off = max(off, np.abs(felt - axes.T @ (acceleration - model.opt.gravity)).max())
-    bias, seconds = found.given("bias", 0.05), found.given("seconds", 10)
+        deviation = max(deviation, np.abs(felt - axes.T @ (acceleration - model.opt.gravity)).max())
+    bias, seconds = result.given("bias", 0.05), result.given("seconds", 10)
     dt = 1e-3
     drift = np.cumsum(np.cumsum(np.full(round(seconds / dt), bias)) * dt)[-1] * dt
-    found.figure("drift", drift, 1e-3)
-    found.statement = "MuJoCo's sensor on a box at rest, falling, and turned at random."
-    found.heard(abs(rest - still[2]) < 0.1)
-    told = float(found.formula.subs({b: bias, t: seconds}))
-    found.corrected(abs(rest - 9.81) < 0.01, fall < 1e-9, off < 1e-9, abs(drift / told - 1) < 1e-3)
+    result.figure("drift", drift, 1e-3)
+    result.statement = "MuJoCo's sensor on a box at rest, falling, and turned at random."
+    result.heard(abs(rest - still[2]) < 0.1)
+    report = float(result.formula.subs({b: bias, t: seconds}))
+    result.corrected(abs(rest - 9.81) < 0.01, fall < 1e-9, deviation < 1e-9, abs(drift / report - 1) < 1e-3)
 
 
 @claim(
@@ -147,34 +147,34 @@ def imu_reads_acceleration(found):
     ),
     source="S. Haddadin and others, Robot collisions, IEEE Transactions on Robotics, 2017",
 )
-def stop_at_ten_newtons(found):
+def stop_at_ten_newtons(result):
     import sympy
 
     m, k, v, x = sympy.symbols("m k v x", positive=True)
-    found.formula = k * sympy.solve(sympy.Eq(k * x**2 / 2, m * v**2 / 2), x)[0]
-    mass, speed = found.given("mass", 4), found.given("speed", 0.25)
-    stiff, brake = found.given("stiff", 25_000), found.given("brake", 100)
-    late, limit = found.given("late_ms", 8) / 1000, found.given("felt", 10)
+    result.formula = k * sympy.solve(sympy.Eq(k * x**2 / 2, m * v**2 / 2), x)[0]
+    mass, speed = result.given("mass", 4), result.given("speed", 0.25)
+    stiff, brake = result.given("stiff", 25_000), result.given("brake", 100)
+    late, limit = result.given("late_ms", 8) / 1000, result.given("felt", 10)
 
     def peak(start, braking):
-        place, rate, felt, most, now, dt = 0.0, start, None, 0.0, 0.0, 1e-6
+        place, rate, felt, largest, now, dt = 0.0, start, None, 0.0, 0.0, 1e-6
         while rate > 0:
             force = stiff * place
             felt = now if felt is None and force >= limit else felt
             on = braking and felt is not None and now >= felt + late
             rate -= dt * (force + (brake if on else 0.0)) / mass
             place += dt * rate
-            most, now = max(most, force), now + dt
-        return most
+            largest, now = max(largest, force), now + dt
+        return largest
 
-    free = found.figure("free", peak(speed, False), 1e-4)
-    braked = found.figure("braked", peak(speed, True), 1e-4)
-    slow = found.figure("slow", limit / np.sqrt(stiff * mass))
-    told = float(found.formula.subs({m: mass, k: stiff, v: speed}))
-    found.statement = "A mass that runs into a spring, with and without a brake."
-    found.heard(braked < 1.5 * limit)
-    found.corrected(
-        abs(free / told - 1) < 1e-3, braked < free, abs(peak(slow, False) / limit - 1) < 1e-3
+    free = result.figure("free", peak(speed, False), 1e-4)
+    braked = result.figure("braked", peak(speed, True), 1e-4)
+    slow = result.figure("slow", limit / np.sqrt(stiff * mass))
+    report = float(result.formula.subs({m: mass, k: stiff, v: speed}))
+    result.statement = "A mass that runs into a spring, with and without a brake."
+    result.heard(braked < 1.5 * limit)
+    result.corrected(
+        abs(free / report - 1) < 1e-3, braked < free, abs(peak(slow, False) / limit - 1) < 1e-3
     )
 
 
@@ -193,15 +193,15 @@ def stop_at_ten_newtons(found):
     ),
     source="N. Hogan, Impedance control, 1985",
 )
-def stiff_is_position(found):
+def stiff_is_position(result):
     import sympy
 
     m, g, k, x = sympy.symbols("m g k x", positive=True)
-    found.formula = sympy.solve(sympy.Eq(k * x, m * g), x)[0]
-    stiff, mass = found.given("stiff", 2000), found.given("mass", 1)
-    seconds, hand, dt = found.given("seconds", 5), 3.0, 1e-4
+    result.formula = sympy.solve(sympy.Eq(k * x, m * g), x)[0]
+    stiff, mass = result.given("stiff", 2000), result.given("mass", 1)
+    seconds, hand, dt = result.given("seconds", 5), 3.0, 1e-4
 
-    def left(integral):
+    def remaining(integral):
         place, rate, total = 0.0, 0.0, 0.0
         for _ in range(round(seconds / dt)):
             total += integral * -place * dt
@@ -210,12 +210,12 @@ def stiff_is_position(found):
             place += dt * rate
         return 1000 * abs(place)
 
-    sag = found.figure("sag", left(0.0), 1e-3)
-    removed = found.figure("left", left(8000.0), 0.2)
-    found.statement = "A hand under a payload, with and without an integral."
-    found.heard(sag < 1)
-    found.corrected(
-        abs(sag / float(found.formula.subs({m: mass, g: 9.81, k: stiff})) / 1000 - 1) < 1e-3,
+    sag = result.figure("sag", remaining(0.0), 1e-3)
+    removed = result.figure("left", remaining(8000.0), 0.2)
+    result.statement = "A hand under a payload, with and without an integral."
+    result.heard(sag < 1)
+    result.corrected(
+        abs(sag / float(result.formula.subs({m: mass, g: 9.81, k: stiff})) / 1000 - 1) < 1e-3,
         removed < 1e-3 * sag,
     )
 
@@ -237,20 +237,20 @@ def stiff_is_position(found):
     ),
     source="K. Astrom and T. Hagglund, Advanced PID Control, 2006, sec. 3.3",
 )
-def derivative_is_filtered(found):
+def derivative_is_filtered(result):
     import sympy
 
     s, h = sympy.symbols("s h", positive=True)
-    found.formula = sympy.sqrt(s**2 + s**2) / h
-    dt, noise, alpha = 1e-3, 1e-4, found.given("alpha", 0.04)
-    samples = found.rng.normal(0, noise, 200_000)
+    result.formula = sympy.sqrt(s**2 + s**2) / h
+    dt, noise, alpha = 1e-3, 1e-4, result.given("alpha", 0.04)
+    samples = result.rng.normal(0, noise, 200_000)
     rates, state = np.diff(samples) / dt, 0.0
     smooth = np.empty_like(rates)
     for i, rate in enumerate(rates):
         state += alpha * (rate - state)
         smooth[i] = state
-    told = float(found.formula.subs({s: noise, h: dt}))
-    quiet = found.figure("quiet", smooth.std() / rates.std(), 0.03)
+    report = float(result.formula.subs({s: noise, h: dt}))
+    quiet = result.figure("quiet", smooth.std() / rates.std(), 0.03)
 
     def settled(share):
         """After which time a step stays within a thousandth of its goal [ms]."""
@@ -264,11 +264,11 @@ def derivative_is_filtered(found):
             away = i if abs(place - 1.0) > 1e-3 else away
         return 1000 * away * dt
 
-    sharp, soft = found.figure("sharp", settled(1.0)), found.figure("soft", settled(alpha))
-    found.statement = "200,000 noisy samples, and a step of a loop that has no noise."
-    found.heard(soft < sharp)
-    found.corrected(
-        abs(rates.std() / told - 1) < 0.01,
+    sharp, soft = result.figure("sharp", settled(1.0)), result.figure("soft", settled(alpha))
+    result.statement = "200,000 noisy samples, and a step of a loop that has no noise."
+    result.heard(soft < sharp)
+    result.corrected(
+        abs(rates.std() / report - 1) < 0.01,
         soft > 1.1 * sharp,
         abs(quiet / (alpha / np.sqrt(2 - alpha)) - 1) < 0.05,
     )
@@ -280,7 +280,7 @@ def derivative_is_filtered(found):
     "halved, {whole:.2f} to {half:.2f}, of what Heun's scheme adds more than that is gone; "
     "what a friction with the wrong sign adds stays, {fed:.2f} and {fed_half:.2f}.",
 )
-def growing_energy(found):
+def growing_energy(result):
     def growth(step, dt, damping):
         """Growth of ln E per second of an oscillator with 10 rad/s over 4 s."""
         state = np.array([1.0, 0.0])
@@ -306,26 +306,26 @@ def growing_energy(found):
 
     whole, half = (growth(explicit, dt, 0.0) for dt in (4e-3, 2e-3))
     fed, fed_half = (growth(verlet, dt, -0.4) for dt in (4e-3, 2e-3))
-    found.figure("whole", whole)
-    found.figure("half", half)
-    found.figure("fed", fed)
-    found.figure("fed_half", fed_half)
-    found.statement = "An oscillator at two steps: explicit Euler, and a damper that drives."
+    result.figure("whole", whole)
+    result.figure("half", half)
+    result.figure("fed", fed)
+    result.figure("fed_half", fed_half)
+    result.statement = "An oscillator at two steps: explicit Euler, and a damper that drives."
 
-    def told(step, damping, dt):
+    def report(step, damping, dt):
         """Whether the energy grows, and clearly less at half the step."""
         rate = growth(step, dt, damping)
         return rate > 0 and growth(step, dt / 2, damping) < 0.75 * rate
 
-    steps = found.rng.uniform(2e-3, 8e-3, 8)
-    found.heard(
+    steps = result.rng.uniform(2e-3, 8e-3, 8)
+    result.heard(
         fed < 0.1,
         only_if="no force feeds energy in",
-        inside=[told(explicit, 0.2 * 100 * h, h) for h in steps],
-        outside=[told(verlet, d, 4e-3) for d in found.rng.uniform(-1, -0.1, 8)],
+        inside=[report(explicit, 0.2 * 100 * h, h) for h in steps],
+        outside=[report(verlet, d, 4e-3) for d in result.rng.uniform(-1, -0.1, 8)],
         cases=True,
     )
-    found.corrected(
+    result.corrected(
         abs(whole / half - 2) < 0.05,
         abs(fed / fed_half - 1) < 0.05,
         abs(fed - 0.4) < 0.02,
@@ -342,44 +342,44 @@ def growing_energy(found):
     "joint is fast, not first: its error is delay times speed to {off:.0%}, and nothing at a start "
     "from rest.",
 )
-def error_by_its_shape(found):
+def error_by_its_shape(result):
     dt, n = 1e-3, 3000
     turn = 2 * np.pi * np.arange(n) * dt
-    torque, wanted = np.sin(turn) + 0.5 * np.sin(2.3 * turn), 1 - np.cos(turn)
+    torque, desired = np.sin(turn) + 0.5 * np.sin(2.3 * turn), 1 - np.cos(turn)
 
     def replay(law, inertia=0.1, friction=0.05, delay=0):
         """Places and rates of a joint under a law of sample, place and rate."""
         place = rate = 0.0
-        seen = np.empty((2, n))
+        observed = np.empty((2, n))
         for i in range(n):
             given = law(i - delay, place, rate) if i >= delay else 0.0
             rate += dt * (given - friction * rate) / inertia
             place += dt * rate
-            seen[:, i] = place, rate
-        return seen
+            observed[:, i] = place, rate
+        return observed
 
     def torques(i, place, rate):
         return torque[i]
 
     def positions(i, place, rate):
-        return 50.0 * (wanted[i] - place) - 3.0 * rate
+        return 50.0 * (desired[i] - place) - 3.0 * rate
 
     def grown(law, **wrong):
         """How many times larger the error's root mean square is in the last fifth."""
-        off = (replay(law, **wrong)[0] - replay(law)[0]) ** 2
-        return np.sqrt(off[-n // 5 :].mean() / off[: n // 5].mean())
+        deviation = (replay(law, **wrong)[0] - replay(law)[0]) ** 2
+        return np.sqrt(deviation[-n // 5 :].mean() / deviation[: n // 5].mean())
 
-    rough = found.figure("rough", grown(torques, friction=0.07))
-    heavy = found.figure("heavy", grown(torques, inertia=0.12))
-    held = found.figure("rough_held", grown(positions, friction=0.07))
+    rough = result.figure("rough", grown(torques, friction=0.07))
+    heavy = result.figure("heavy", grown(torques, inertia=0.12))
+    held = result.figure("rough_held", grown(positions, friction=0.07))
     places, rates = replay(torques)
     late = 10
     error = places - replay(torques, delay=late)[0]
-    told = late * dt * rates
-    off = found.figure("off", np.sqrt(((error - told) ** 2).mean() / (told**2).mean()), 0.05)
-    found.statement = "Torques and positions replayed on a joint with one parameter off at a time."
-    found.heard(rough > 2 and held > 2)
-    found.corrected(rough > 2, heavy > 2, held < 1.5, off < 0.1)
+    report = late * dt * rates
+    deviation = result.figure("off", np.sqrt(((error - report) ** 2).mean() / (report**2).mean()), 0.05)
+    result.statement = "Torques and positions replayed on a joint with one parameter off at a time."
+    result.heard(rough > 2 and held > 2)
+    result.corrected(rough > 2, heavy > 2, held < 1.5, deviation < 0.1)
 
 
 @claim(
@@ -400,17 +400,17 @@ def error_by_its_shape(found):
     ),
     source="S. LaValle, Planning Algorithms, 2006, sec. 5.1",
 )
-def complete_planners(found):
+def complete_planners(result):
     import sympy
     from scipy.ndimage import label
 
-    cell = found.given("cell", 0.1)
-    narrow, wide = found.given("narrow", 0.15), found.given("wide", 0.2)
+    cell = result.given("cell", 0.1)
+    narrow, wide = result.given("narrow", 0.15), result.given("wide", 0.2)
 
     def open_share(gap, places=200):
         """Share of places of the grid for which its free cells join the two halves."""
         found_open = 0
-        for shift in found.rng.uniform(0, cell, places):
+        for shift in result.rng.uniform(0, cell, places):
             edges = np.arange(-10, 11) * cell + shift
             rows = (edges[:-1] >= -1e-12) & (edges[1:] <= gap + 1e-12)  # wholly within the gap
             free = np.ones((20, 9), dtype=bool)
@@ -421,19 +421,19 @@ def complete_planners(found):
 
     # The first edge lies x < c above the lower side of the gap; a whole cell above it has to fit.
     c, x = sympy.symbols("c x", positive=True)
-    found.formula = sympy.limit(x + c, x, c, "-")
-    tight = found.figure("open_narrow", open_share(narrow), 0.3)
-    roomy = found.figure("open_wide", open_share(wide), 0.0)
+    result.formula = sympy.limit(x + c, x, c, "-")
+    tight = result.figure("open_narrow", open_share(narrow), 0.3)
+    roomy = result.figure("open_wide", open_share(wide), 0.0)
     shut = open_share(0.09)
-    wider, closer = found.rng.uniform(2 * cell, 4 * cell, 8), found.rng.uniform(0, 2 * cell, 8)
-    found.statement = "Free cells of a grid, joined, at drawn places of the grid over a gap."
-    found.heard(
+    wider, closer = result.rng.uniform(2 * cell, 4 * cell, 8), result.rng.uniform(0, 2 * cell, 8)
+    result.statement = "Free cells of a grid, joined, at drawn places of the grid over a gap."
+    result.heard(
         tight == 1,
         only_if="a grid's cells are at most half as wide as the gap, for A*",
         inside=[open_share(gap) == 1 for gap in wider],
         outside=[open_share(gap) == 1 for gap in closer],
     )
-    found.corrected(0.3 < tight < 0.7, roomy == 1, shut == 0)
+    result.corrected(0.3 < tight < 0.7, roomy == 1, shut == 0)
 
 
 @claim(
@@ -455,12 +455,12 @@ def complete_planners(found):
     ),
     source="Chapter 5 derives the trapezoid",
 )
-def computing_and_cycle(found):
+def computing_and_cycle(result):
     import sympy
 
     D, v, a, T = sympy.symbols("D v a T", positive=True)
-    found.formula = sympy.expand(sympy.solve(sympy.Eq(v * (T - v / a), D), T)[0])
-    far, fast, hard = 0.6, 1.0, found.given("acceleration", 2)
+    result.formula = sympy.expand(sympy.solve(sympy.Eq(v * (T - v / a), D), T)[0])
+    far, fast, hard = 0.6, 1.0, result.given("acceleration", 2)
 
     def taken(limit):
         """Time from rest to rest by small steps, as fast as it may and braking as late as it
@@ -472,17 +472,17 @@ def computing_and_cycle(found):
             place, now = place + rate * dt, now + dt
         return now
 
-    move = found.figure("move", taken(hard), 5e-3)
-    told = float(found.formula.subs({D: far, v: fast, a: hard}))
-    moves, grip = found.given("moves", 4), 0.6
-    computing = found.given("compute_ms", 170) / 1000
-    plan = found.given("plan_ms", 100) / 1000
+    move = result.figure("move", taken(hard), 5e-3)
+    report = float(result.formula.subs({D: far, v: fast, a: hard}))
+    moves, grip = result.given("moves", 4), 0.6
+    computing = result.given("compute_ms", 170) / 1000
+    plan = result.given("plan_ms", 100) / 1000
     cycle = moves * move + grip + computing
-    won = found.figure("won", plan / 2 / cycle, 0.01)
-    quick = found.figure("quick", moves * (move - taken(2 * hard)) / cycle, 0.01)
-    found.statement = "A move from rest to rest in small steps, and a cycle of four."
-    found.heard(won > 0.1)
-    found.corrected(abs(move / told - 1) < 0.01, won < 0.03, quick > 5 * won)
+    won = result.figure("won", plan / 2 / cycle, 0.01)
+    quick = result.figure("quick", moves * (move - taken(2 * hard)) / cycle, 0.01)
+    result.statement = "A move from rest to rest in small steps, and a cycle of four."
+    result.heard(won > 0.1)
+    result.corrected(abs(move / report - 1) < 0.01, won < 0.03, quick > 5 * won)
 
 
 @claim(
@@ -504,14 +504,14 @@ def computing_and_cycle(found):
     ),
     source="R. Williams, Simple statistical gradient-following algorithms, 1992",
 )
-def loss_of_a_policy(found):
+def loss_of_a_policy(result):
     import sympy
 
     r1, r2, z = sympy.symbols("r1 r2 z")
     p = sympy.symbols("p", positive=True)
     logistic = 1 / (1 + sympy.exp(-z))
     slope = sympy.diff(logistic * r1 + (1 - logistic) * r2, z)
-    found.formula = sympy.simplify(slope.subs(z, sympy.log(p / (1 - p))))
+    result.formula = sympy.simplify(slope.subs(z, sympy.log(p / (1 - p))))
 
     def share(scores):
         weights = np.exp(scores - scores.max())
@@ -525,12 +525,12 @@ def loss_of_a_policy(found):
             ]
         )
 
-    def off(away):
+    def deviation(away):
         """How far the two slopes are apart, as a share of the return's."""
-        rewards, scores = found.rng.normal(size=(2, 4))
+        rewards, scores = result.rng.normal(size=(2, 4))
         drawn = share(scores)
         gain = drawn * (rewards - drawn @ rewards)
-        at = scores + away * found.rng.normal(size=4)
+        at = scores + away * result.rng.normal(size=4)
         loss = gradient(lambda x: -gain @ np.log(share(x)), at)
         true = gradient(lambda x: share(x) @ rewards, at)
         return np.linalg.norm(loss + true) / np.linalg.norm(true)
@@ -543,10 +543,10 @@ def loss_of_a_policy(found):
         )
         return even - better
 
-    found.statement = "Gradients of policies over four actions, by differences."
-    found.heard(fell(0.0) > 0 and fell(1.0) > 0)
-    apart = found.figure("away", np.mean([off(0.5) for _ in range(40)]), 0.2)
-    found.corrected(max(off(0.0) for _ in range(8)) < 1e-6, apart > 0.05)
+    result.statement = "Gradients of policies over four actions, by differences."
+    result.heard(fell(0.0) > 0 and fell(1.0) > 0)
+    apart = result.figure("away", np.mean([deviation(0.5) for _ in range(40)]), 0.2)
+    result.corrected(max(deviation(0.0) for _ in range(8)) < 1e-6, apart > 0.05)
 
 
 @claim(
@@ -564,7 +564,7 @@ def loss_of_a_policy(found):
         },
     ),
 )
-def joints_by_sums(found):
+def joints_by_sums(result):
     import sympy
 
     lengths = sympy.symbols("L1 L2 L3", positive=True)
@@ -574,18 +574,18 @@ def joints_by_sums(found):
         c, s = sympy.cos(angle), sympy.sin(angle)
         whole = whole * sympy.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         whole = whole * sympy.Matrix([[1, 0, length], [0, 1, 0], [0, 0, 1]])
-    found.formula = sympy.simplify(whole[1, 2])
-    off = 0.0
+    result.formula = sympy.simplify(whole[1, 2])
+    deviation = 0.0
     for _ in range(20):
-        links, turns = found.rng.uniform(0.1, 1, 3), found.rng.uniform(-3, 3, 3)
+        links, turns = result.rng.uniform(0.1, 1, 3), result.rng.uniform(-3, 3, 3)
         sums = np.cumsum(turns)
         tip = np.cumsum(links * np.array([np.cos(sums), np.sin(sums)]), axis=1)[:, -1]
         frame = np.eye(3)
         for length, turn in zip(links, turns, strict=True):
             c, s = np.cos(turn), np.sin(turn)
             frame = frame @ [[c, -s, length * c], [s, c, length * s], [0, 0, 1]]
-        off = max(off, np.abs(tip - frame[:2, 2]).max())
-    found.figure("digits", np.floor(-np.log10(off + 1e-17)), 0.1)
-    found.statement = "Twenty drawn arms, against products of homogeneous transforms."
-    found.heard(off < 1e-14)
-    found.corrected(off < 1e-14)
+        deviation = max(deviation, np.abs(tip - frame[:2, 2]).max())
+    result.figure("digits", np.floor(-np.log10(deviation + 1e-17)), 0.1)
+    result.statement = "Twenty drawn arms, against products of homogeneous transforms."
+    result.heard(deviation < 1e-14)
+    result.corrected(deviation < 1e-14)

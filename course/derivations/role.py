@@ -73,36 +73,36 @@ def _even(expression, over, width):
     ),
     source="A. Davare and others, Period optimization for hard real-time systems, DAC 2007",
 )
-def chain_age(found):
+def chain_age(result):
     import sympy
 
     from course.role import Stage, age
 
     C1, C2, T1, T2, w = sympy.symbols("C1 C2 T1 T2 w", positive=True)
-    found.formula = C1 + C2 + _even(w, w, T1) + _even(w, w, T2)
+    result.formula = C1 + C2 + _even(w, w, T1) + _even(w, w, T2)
     chain = (
         Stage(
             "see",
-            found.given("see_ms", 45) / 1000,
-            1 / found.given("camera_hz", 30),
+            result.given("see_ms", 45) / 1000,
+            1 / result.given("camera_hz", 30),
             1,
             "pipelined",
         ),
-        Stage("plan", found.given("plan_ms", 60) / 1000, 1 / found.given("plan_hz", 10)),
-        Stage("act", 2e-4, 1 / found.given("loop_hz", 1000)),
+        Stage("plan", result.given("plan_ms", 60) / 1000, 1 / result.given("plan_hz", 10)),
+        Stage("act", 2e-4, 1 / result.given("loop_hz", 1000)),
     )
-    told, seen = age(chain), _ages(chain, found.rng)
-    found.figure("sum_ms", 1000 * told.least)
-    found.figure("mean_ms", 1000 * told.mean)
-    found.figure("bound_ms", 1000 * told.greatest)
-    found.figure("simulated_ms", 1000 * seen.mean(), 0.02)
-    found.statement = "The closed form, and event simulation at random phases and moments."
-    error = told.std / np.sqrt(len(seen))
-    found.heard(abs(seen.mean() - told.least) < 5 * error)
-    found.corrected(
-        abs(seen.mean() - told.mean) < 5 * error,
-        told.least <= seen.min(),
-        seen.max() <= told.greatest,
+    report, observed = age(chain), _ages(chain, result.rng)
+    result.figure("sum_ms", 1000 * report.least)
+    result.figure("mean_ms", 1000 * report.mean)
+    result.figure("bound_ms", 1000 * report.greatest)
+    result.figure("simulated_ms", 1000 * observed.mean(), 0.02)
+    result.statement = "The closed form, and event simulation at random phases and moments."
+    error = report.std / np.sqrt(len(observed))
+    result.heard(abs(observed.mean() - report.least) < 5 * error)
+    result.corrected(
+        abs(observed.mean() - report.mean) < 5 * error,
+        report.least <= observed.min(),
+        observed.max() <= report.greatest,
     )
 
 
@@ -123,23 +123,23 @@ def chain_age(found):
         },
     ),
 )
-def polling_makes_fresh(found):
+def polling_makes_fresh(result):
     import sympy
 
     C, T, w = sympy.symbols("C T w", positive=True)
-    found.formula = _even(C + w, w, T)
-    camera = 1 / found.given("camera_hz", 30)
+    result.formula = _even(C + w, w, T)
+    camera = 1 / result.given("camera_hz", 30)
 
     def read(rate):
-        return np.mean([_at_read(1 / rate, x, 5.0).mean() for x in found.rng.random(20)])
+        return np.mean([_at_read(1 / rate, x, 5.0).mean() for x in result.rng.random(20)])
 
-    slow, fast = read(found.given("slow_hz", 47)), read(found.given("fast_hz", 94))
-    found.figure("slow_ms", 1000 * slow, 0.05)
-    found.figure("fast_ms", 1000 * fast, 0.05)
-    found.statement = "Age at the moment of reading, of two readers of one camera."
-    found.heard(fast < 0.75 * slow)
-    told = found.formula.subs({C: 1e-6, T: camera})
-    found.corrected(abs(slow / told - 1) < 0.05, abs(fast / told - 1) < 0.05)
+    slow, fast = read(result.given("slow_hz", 47)), read(result.given("fast_hz", 94))
+    result.figure("slow_ms", 1000 * slow, 0.05)
+    result.figure("fast_ms", 1000 * fast, 0.05)
+    result.statement = "Age at the moment of reading, of two readers of one camera."
+    result.heard(fast < 0.75 * slow)
+    report = result.formula.subs({C: 1e-6, T: camera})
+    result.corrected(abs(slow / report - 1) < 0.05, abs(fast / report - 1) < 0.05)
 
 
 @claim(
@@ -151,24 +151,24 @@ def polling_makes_fresh(found):
     source="M. Guenzel and others, On the equivalence of maximum reaction time and maximum data "
     "age for cause-effect chains, ECRTS 2023",
 )
-def reaction_is_age(found):
+def reaction_is_age(result):
     from dataclasses import replace
 
     from course.role import CHAIN, simulate
 
     chain = [replace(s, jitter=0.3 * s.execution, lost=0.2) for s in CHAIN]
-    run = simulate(chain, found.rng.random(3), 1, 400.0)
-    events = found.rng.uniform(5, 390, found.given("events", 20_000))
-    x = found.rng.uniform(0, 0.6, events.size)
+    run = simulate(chain, result.rng.random(3), 1, 400.0)
+    events = result.rng.uniform(5, 390, result.given("events", 20_000))
+    x = result.rng.uniform(0, 0.6, events.size)
     failed = np.sum((run.reaction(events) > x) != (run.age(events + x) > x))
     old, late = run.age(events), run.reaction(events)
-    found.figure("age_ms", 1000 * old.mean(), 0.02)
-    found.figure("reaction_ms", 1000 * late.mean(), 0.02)
-    found.figure("failed", failed)
+    result.figure("age_ms", 1000 * old.mean(), 0.02)
+    result.figure("reaction_ms", 1000 * late.mean(), 0.02)
+    result.figure("failed", failed)
     apart = np.abs(np.quantile(old, (0.1, 0.5, 0.9)) / np.quantile(late, (0.1, 0.5, 0.9)) - 1)
-    found.statement = "Both times at drawn moments of one event simulation."
-    found.heard(apart.max() < 0.02)
-    found.corrected(failed < 1)
+    result.statement = "Both times at drawn moments of one event simulation."
+    result.heard(apart.max() < 0.02)
+    result.corrected(failed < 1)
 
 
 @claim(
@@ -177,29 +177,29 @@ def reaction_is_age(found):
     "{slow_hz:.0f} Hz from one clock the age at reading stayed at {low_ms:.1f} ms in one run and "
     "at {high_ms:.1f} in another, to {moved_ms:.0e} ms over a minute.",
 )
-def long_run_mean(found):
-    slow, camera = 1 / found.given("slow_hz", 10), 1 / found.given("fast_hz", 30)
+def long_run_mean(result):
+    slow, camera = 1 / result.given("slow_hz", 10), 1 / result.given("fast_hz", 30)
     low, high = (_at_read(slow, phase, camera=camera) for phase in (0.02, 0.3))
-    found.figure("low_ms", 1000 * low.mean(), 1e-3)
-    found.figure("high_ms", 1000 * high.mean(), 1e-3)
-    found.figure("moved_ms", 1000 * max(np.ptp(low), np.ptp(high)) + 1e-9, 0.5)
+    result.figure("low_ms", 1000 * low.mean(), 1e-3)
+    result.figure("high_ms", 1000 * high.mean(), 1e-3)
+    result.figure("moved_ms", 1000 * max(np.ptp(low), np.ptp(high)) + 1e-9, 0.5)
 
     def right(period, phase):
         return abs(_at_read(period, phase, 600.0).mean() / (camera / 2) - 1) < 0.1
 
-    draws, phases = found.rng.uniform(0.03, 0.1, 10), found.rng.uniform(0, 0.3, 10)
-    found.statement = "Age at reading for periods in and out of a whole ratio, ten minutes each."
+    draws, phases = result.rng.uniform(0.03, 0.1, 10), result.rng.uniform(0, 0.3, 10)
+    result.statement = "Age at reading for periods in and out of a whole ratio, ten minutes each."
     # If n periods of the reader are whole ones of the producer there are n ages at reading, evenly
     # spaced, and their mean is off by up to T / (2 n).
     apart = [right(*x) for x in zip(draws, phases, strict=True)] + [right(1.7 * camera, 0.3)]
     locked = [right(n * camera, x) for n in (1, 1.5, 2, 50) for x in phases]
-    found.heard(
+    result.heard(
         right(slow, 0.02),
         inside=apart,
         outside=locked,
         only_if="no small number of the reader's periods is a whole number of the producer's",
     )
-    found.corrected(np.ptp(low) < 1e-9, np.ptp(high) < 1e-9, abs(high.mean() - low.mean()) > 0.005)
+    result.corrected(np.ptp(low) < 1e-9, np.ptp(high) < 1e-9, abs(high.mean() - low.mean()) > 0.005)
 
 
 @claim(
@@ -218,20 +218,20 @@ def long_run_mean(found):
         },
     ),
 )
-def same_rate_in_step(found):
+def same_rate_in_step(result):
     import sympy
 
     T, r, n = sympy.symbols("T r n", positive=True)
-    found.formula = T * sympy.solve(sympy.Eq(n * T * r, T), n)[0]
-    period, drift = 1 / found.given("rate_hz", 30), 1e-6 * found.given("ppm", 100)
+    result.formula = T * sympy.solve(sympy.Eq(n * T * r, T), n)[0]
+    period, drift = 1 / result.given("rate_hz", 30), 1e-6 * result.given("ppm", 100)
     old = _at_read(period * (1 + drift), 0.3, 800.0)
     teeth = period * (1 + drift) * np.diff(np.flatnonzero(np.abs(np.diff(old)) > 0.5 * period))
-    found.figure("beat_s", teeth.mean(), 1e-3)
-    found.figure("high_ms", 1000 * np.ptp(old), 0.01)
-    found.statement = "800 s of two drifting clocks, event by event."
-    found.heard(np.ptp(old) < 0.1 * period)
-    found.corrected(
-        abs(teeth.mean() / float(found.formula.subs({T: period, r: drift})) - 1) < 1e-3,
+    result.figure("beat_s", teeth.mean(), 1e-3)
+    result.figure("high_ms", 1000 * np.ptp(old), 0.01)
+    result.statement = "800 s of two drifting clocks, event by event."
+    result.heard(np.ptp(old) < 0.1 * period)
+    result.corrected(
+        abs(teeth.mean() / float(result.formula.subs({T: period, r: drift})) - 1) < 1e-3,
         abs(np.ptp(old) / period - 1) < 0.01,
     )
 
@@ -252,24 +252,24 @@ def same_rate_in_step(found):
         },
     ),
 )
-def deep_queue(found):
+def deep_queue(result):
     import sympy
 
     from course.role import read
 
     d, T, k = sympy.symbols("d T k", positive=True)
-    found.formula = sympy.factor(sympy.summation(T, (k, 1, d - 1)))
-    camera, period = 1 / found.given("fast_hz", 30), 1.003 / found.given("slow_hz", 10)
-    deep = found.given("deep", 10)
+    result.formula = sympy.factor(sympy.summation(T, (k, 1, d - 1)))
+    camera, period = 1 / result.given("fast_hz", 30), 1.003 / result.given("slow_hz", 10)
+    deep = result.given("deep", 10)
     full, newest = (_at_read(period, 0.1, 60.0, n)[40:].mean() for n in (deep, 1))
     index = read(np.arange(3000) * camera, np.arange(900) * period, deep)
-    found.figure("deep_ms", 1000 * full, 0.02)
-    found.figure("newest_ms", 1000 * newest, 0.05)
-    found.figure("lost", 1 - np.unique(index).size / (index[-1] + 1), 0.02)
-    found.statement = "Age at reading with both depths, and how many samples are ever read."
-    found.heard(np.unique(index).size > index[-1])
-    told = found.formula.subs({d: deep, T: camera})
-    found.corrected(abs((full - newest) / told - 1) < 1e-3)
+    result.figure("deep_ms", 1000 * full, 0.02)
+    result.figure("newest_ms", 1000 * newest, 0.05)
+    result.figure("lost", 1 - np.unique(index).size / (index[-1] + 1), 0.02)
+    result.statement = "Age at reading with both depths, and how many samples are ever read."
+    result.heard(np.unique(index).size > index[-1])
+    report = result.formula.subs({d: deep, T: camera})
+    result.corrected(abs((full - newest) / report - 1) < 1e-3)
 
 
 @claim(
@@ -288,27 +288,27 @@ def deep_queue(found):
         },
     ),
 )
-def queue_carries_overload(found):
+def queue_carries_overload(result):
     import sympy
 
     from course.role import Stage, simulate
 
     C, T, k = sympy.symbols("C T k", positive=True)
-    found.formula = sympy.expand((C * (k + 1) - T * k - C) / (C * k))  # sample k ends at C (k + 1)
+    result.formula = sympy.expand((C * (k + 1) - T * k - C) / (C * k))  # sample k ends at C (k + 1)
 
     def slope(execution):
         stages = [Stage("s", 1e-6, 0.1), Stage("slow", execution, None, 10_000, "queue")]
         run = simulate(stages, [0.0, 0.0], 0, 100.0)
         return np.polyfit(run.published[9:], (run.published - run.captured)[9:], 1)[0]
 
-    busy = 0.1 * found.given("load", 1.25)
-    found.figure("slope", slope(busy), 1e-3)
-    found.statement = "Slope of the age of what is finished, a minute and more of overload."
-    found.heard(slope(0.101) < 1e-3)
-    found.corrected(
+    busy = 0.1 * result.given("load", 1.25)
+    result.figure("slope", slope(busy), 1e-3)
+    result.statement = "Slope of the age of what is finished, a minute and more of overload."
+    result.heard(slope(0.101) < 1e-3)
+    result.corrected(
         all(
-            abs(slope(c) / float(found.formula.subs({C: c, T: 0.1})) - 1) < 0.01
-            for c in found.rng.uniform(0.11, 0.4, 8)
+            abs(slope(c) / float(result.formula.subs({C: c, T: 0.1})) - 1) < 0.01
+            for c in result.rng.uniform(0.11, 0.4, 8)
         ),
         abs(slope(0.0999)) < 1e-6,
     )
@@ -330,7 +330,7 @@ def queue_carries_overload(found):
         },
     ),
 )
-def losses_add_up(found):
+def losses_add_up(result):
     import sympy
 
     from course.role import Stage
@@ -338,19 +338,19 @@ def losses_add_up(found):
     T, p, n = sympy.symbols("T p n", positive=True)
     G = (1 - p) * n / (1 - p * n)  # generating function of the gap, in periods
     first, second = (sympy.diff(G, n, k).subs(n, 1) for k in (1, 2))
-    found.formula = sympy.simplify(T * (second + first) / (2 * first))  # met by its length
-    share, half = found.given("share", 0.1), found.given("half", 0.5)
-    found.figure("times", float(found.formula.subs({T: 2, p: share})))
-    found.figure("many", float(found.formula.subs({T: 2, p: half})))
+    result.formula = sympy.simplify(T * (second + first) / (2 * first))  # met by its length
+    share, half = result.given("share", 0.1), result.given("half", 0.5)
+    result.figure("times", float(result.formula.subs({T: 2, p: share})))
+    result.figure("many", float(result.formula.subs({T: 2, p: half})))
 
     def wait(lost):
-        return _ages([Stage("camera", 1e-6, 0.1, lost=lost)], found.rng, 400, 20).mean()
+        return _ages([Stage("camera", 1e-6, 0.1, lost=lost)], result.rng, 400, 20).mean()
 
-    found.statement = "Moments of a geometric gap by algebra, and simulated losses."
-    found.heard(wait(share) / wait(0.0) < 1.15)
-    found.corrected(
+    result.statement = "Moments of a geometric gap by algebra, and simulated losses."
+    result.heard(wait(share) / wait(0.0) < 1.15)
+    result.corrected(
         all(
-            abs(wait(x) / float(found.formula.subs({T: 0.1, p: x})) - 1) < 0.06
+            abs(wait(x) / float(result.formula.subs({T: 0.1, p: x})) - 1) < 0.06
             for x in (share, 0.3, half)
         )
     )
@@ -363,24 +363,24 @@ def losses_add_up(found):
     "{wider_ms:.0f} ms on each side. Among parallel workers whose results overtake one another it "
     "falls, as the newest counts: by {fallen:.0%} with {wild:.0%}.",
 )
-def jitter_leaves_the_mean(found):
+def jitter_leaves_the_mean(result):
     from dataclasses import replace
 
     from course.role import CHAIN, Stage, age
 
-    share = found.given("jitter", 0.3)
+    share = result.given("jitter", 0.3)
     shaken = [replace(s, jitter=share * s.execution) for s in CHAIN]
-    seen, told = _ages(shaken, found.rng, 600, 2), age(CHAIN)
-    found.figure("moved", abs(seen.mean() / told.mean - 1) + 1e-3, 0.5)
-    found.figure("wider_ms", 1000 * (age(shaken).greatest - told.greatest))
+    observed, report = _ages(shaken, result.rng, 600, 2), age(CHAIN)
+    result.figure("moved", abs(observed.mean() / report.mean - 1) + 1e-3, 0.5)
+    result.figure("wider_ms", 1000 * (age(shaken).greatest - report.greatest))
     camera = Stage("camera", 0.3, 0.1, 1, "pipelined")
-    wild = replace(camera, jitter=found.given("wild", 0.9) * camera.execution)
-    fallen = 1 - _ages([wild], found.rng, 200).mean() / age([camera]).mean
-    found.figure("fallen", fallen, 0.1)
-    found.statement = "600 runs of the chapter's chain with jitter in all executions."
-    found.heard(abs(seen.mean() - told.mean) < 5 * told.std / np.sqrt(600))
-    found.corrected(
-        age(shaken).least <= seen.min(), seen.max() <= age(shaken).greatest, fallen > 0.1
+    wild = replace(camera, jitter=result.given("wild", 0.9) * camera.execution)
+    fallen = 1 - _ages([wild], result.rng, 200).mean() / age([camera]).mean
+    result.figure("fallen", fallen, 0.1)
+    result.statement = "600 runs of the chapter's chain with jitter in all executions."
+    result.heard(abs(observed.mean() - report.mean) < 5 * report.std / np.sqrt(600))
+    result.corrected(
+        age(shaken).least <= observed.min(), observed.max() <= age(shaken).greatest, fallen > 0.1
     )
 
 
@@ -399,16 +399,16 @@ def jitter_leaves_the_mean(found):
         },
     ),
 )
-def rate_is_bandwidth(found):
+def rate_is_bandwidth(result):
     import sympy
 
     from course.role import CHAIN, age, simulate
 
     A, w = sympy.symbols("A w", positive=True)
-    found.formula = sympy.solve(w * A - sympy.pi / 2, w)[0]  # j w = -k exp(-j w A)
-    step = 1 / found.given("rate_hz", 1000)
-    told = float(found.formula.subs(A, age(CHAIN).mean))
-    run = simulate(CHAIN, found.rng.random(3), 0, 12.0)
+    result.formula = sympy.solve(w * A - sympy.pi / 2, w)[0]  # j w = -k exp(-j w A)
+    step = 1 / result.given("rate_hz", 1000)
+    report = float(result.formula.subs(A, age(CHAIN).mean))
+    run = simulate(CHAIN, result.rng.random(3), 0, 12.0)
     behind = np.rint(run.age(np.arange(400, 11_000) * step) / step).astype(int)
 
     def grows(gain):
@@ -417,9 +417,9 @@ def rate_is_bandwidth(found):
             x[n + 1] = x[n] - gain * step * x[n - late]
         return np.abs(x[-2000:]).max() > np.abs(x[2000:4000]).max()
 
-    found.figure("age_ms", 1000 * age(CHAIN).mean)
-    found.figure("told", told)
-    found.figure("hz", told / (2 * np.pi))
-    found.statement = "The loop driven by the ages of an event simulation, on both sides of k."
-    found.heard(not grows(2 * np.pi * 50))
-    found.corrected(not grows(0.9 * told), grows(1.1 * told))
+    result.figure("age_ms", 1000 * age(CHAIN).mean)
+    result.figure("told", report)
+    result.figure("hz", report / (2 * np.pi))
+    result.statement = "The loop driven by the ages of an event simulation, on both sides of k."
+    result.heard(not grows(2 * np.pi * 50))
+    result.corrected(not grows(0.9 * report), grows(1.1 * report))

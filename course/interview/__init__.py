@@ -73,13 +73,13 @@ class Question:
         for name in ("probes", "follow_ups", "rubric", "minute", "full"):
             if not getattr(self, name):
                 refuse(name, "a text that is not empty")
-        for said, found in (
+        for text, result in (
             ("typed", typed_numbers(self._texts())),
             ("filled by nothing", unfilled(self._texts())),
         ):
-            if found:
+            if result:
                 raise ValueError(
-                    f"{self.name}: {', '.join(found)} is {said}, allowed is a field such as "
+                    f"{self.name}: {', '.join(result)} is {text}, allowed is a field such as "
                     "{claim.figure:.3g}"
                 )
 
@@ -140,21 +140,21 @@ def read(path: Path) -> Question:
     try:
         return _read(path, text)
     except ValueError as problem:
-        said = str(problem).removeprefix(f"{path.stem}: ")
-        raise ValueError(f"{path.name}, line {line_of(text, said)}: {said}") from None
+        message = str(problem).removeprefix(f"{path.stem}: ")
+        raise ValueError(f"{path.name}, line {line_of(text, message)}: {message}") from None
 
 
 def line_of(text: str, said: str) -> int:
     """The line of a file that a refusal is about, by the key or the words it begins with."""
-    if told := re.search(r"\(at line (\d+), column", said):  # of TOML, counted without the +++
-        return int(told[1]) + 1
+    if report := re.search(r"\(at line (\d+), column", said):  # of TOML, counted without the +++
+        return int(report[1]) + 1
     what = re.split(r", | is ", said)[0].removeprefix("part ")
     lines = [
         re.match(rf"{re.escape(what)}\s*=|## {re.escape(what)}$", row) for row in text.splitlines()
     ]
-    found = [i for i, hit in enumerate(lines, 1) if hit]
-    found += [i for i, row in enumerate(text.splitlines(), 1) if what in row]
-    return found[0] if found else 1
+    result = [i for i, hit in enumerate(lines, 1) if hit]
+    result += [i for i, row in enumerate(text.splitlines(), 1) if what in row]
+    return result[0] if result else 1
 
 
 def _asked(entry: str) -> str:
@@ -176,10 +176,10 @@ def _read(path: Path, text: str) -> Question:
     for part in (*(set(named) - set(PARTS)), *(set(PARTS) - set(named))):
         where = "wrong" if part in named else "missing"
         raise ValueError(f"part {part} is {where}, allowed is {', '.join(PARTS)}")
-    wanted = [f for f in Question.__dataclass_fields__ if f not in ("name", "minute", "full")]
-    for key in (*(head.keys() - set(wanted)), *(set(wanted) - head.keys())):
+    desired = [f for f in Question.__dataclass_fields__ if f not in ("name", "minute", "full")]
+    for key in (*(head.keys() - set(desired)), *(set(desired) - head.keys())):
         where = "unknown" if key in head else "missing"
-        raise ValueError(f"{key} is {where}, allowed is {', '.join(wanted)}")
+        raise ValueError(f"{key} is {where}, allowed is {', '.join(desired)}")
     head["rubric"] = tuple(head["rubric"])
     head["follow_ups"] = tuple(map(_asked, head["follow_ups"]))
     minute, full = (named[part].strip() for part in PARTS)
@@ -196,9 +196,9 @@ def questions(topic: str, level: int | None = None) -> list[Question]:
     Raises:
         ValueError: for a topic without questions.
     """
-    found = [read(path) for path in (FOLDER / topic).glob("*.md")]
-    if not found:
-        there = sorted(path.name for path in FOLDER.iterdir())
-        raise ValueError(f"topic is {topic!r}, allowed is {', '.join(there)}")
-    chosen = [q for q in found if level in (None, q.level)]
+    result = [read(path) for path in (FOLDER / topic).glob("*.md")]
+    if not result:
+        other = sorted(path.name for path in FOLDER.iterdir())
+        raise ValueError(f"topic is {topic!r}, allowed is {', '.join(other)}")
+    chosen = [q for q in result if level in (None, q.level)]
     return sorted(chosen, key=lambda q: (q.level, q.name))

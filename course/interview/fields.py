@@ -44,13 +44,13 @@ def filled(text: str, figure: Figure) -> str:
     return FIELD.sub(lambda m: _formatted(value(m[1], m[2], figure), m[3] or ""), text)
 
 
-def _formatted(found: float | str, how: str) -> str:
-    if how != "time" or isinstance(found, str):
-        return format(found, how)
+def _formatted(result: float | str, how: str) -> str:
+    if how != "time" or isinstance(result, str):
+        return format(result, how)
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
-        if found >= size or unit == "us":
+        if result >= size or unit == "us":
             break
-    return f"{float(f'{found / size:.2g}'):g} {unit}"
+    return f"{float(f'{result / size:.2g}'):g} {unit}"
 
 
 def value(source: str, name: str, figure: Figure) -> float | str:
@@ -78,14 +78,14 @@ def estimate(name: str) -> float | str:
 def chart(path: str) -> float | str:
     """A number or a word from the data of a chart, by the steps above."""
     name, *steps = path.split("/")
-    found = data = _data(name)
+    result = data = _data(name)
     for step in steps:
-        found = _step(found, step, data, path)
-    if isinstance(found, str):
-        return found
-    if isinstance(found, bool) or not isinstance(found, int | float):
-        raise refused("chart", path, f"steps to a number or a word, such as {_offered(found)}")
-    return float(found)
+        result = _step(result, step, data, path)
+    if isinstance(result, str):
+        return result
+    if isinstance(result, bool) or not isinstance(result, int | float):
+        raise refused("chart", path, f"steps to a number or a word, such as {_offered(result)}")
+    return float(result)
 
 
 @functools.cache
@@ -145,21 +145,21 @@ def _read_off(series: dict[str, Any], column: str, place: str, path: str) -> flo
     if column != "x" and place in x:  # names instead of numbers
         return float(series[column][x.index(place)])
     try:
-        wanted = float(place)
+        desired = float(place)
         if column != "x":
-            if min(x) <= wanted <= max(x) and (np.diff(x) > 0).all():
-                return float(np.interp(wanted, x, series[column]))
-            raise refused(path, wanted, f"an x from {min(x):g} to {max(x):g}, rising")
-        off = np.asarray(y, dtype=float) - wanted
+            if min(x) <= desired <= max(x) and (np.diff(x) > 0).all():
+                return float(np.interp(desired, x, series[column]))
+            raise refused(path, desired, f"an x from {min(x):g} to {max(x):g}, rising")
+        deviation = np.asarray(y, dtype=float) - desired
     except (TypeError, ValueError) as problem:
         raise refused(f"place of {path}", place, f"a number ({problem})") from None
-    if math.isfinite(off[0]) and off[0] == 0.0:
+    if math.isfinite(deviation[0]) and deviation[0] == 0.0:
         return float(x[0])
-    passed = np.flatnonzero((off[:-1] < 0.0) != (off[1:] < 0.0))
+    passed = np.flatnonzero((deviation[:-1] < 0.0) != (deviation[1:] < 0.0))
     if not passed.size:
-        raise refused(path, wanted, f"a y between {min(y):g} and {max(y):g}, which are passed")
+        raise refused(path, desired, f"a y between {min(y):g} and {max(y):g}, which are passed")
     i = int(passed[0])
-    return float(x[i] + (x[i + 1] - x[i]) * off[i] / (off[i] - off[i + 1]))
+    return float(x[i] + (x[i + 1] - x[i]) * deviation[i] / (deviation[i] - deviation[i + 1]))
 
 
 def _name(entry: dict[str, Any]) -> str:

@@ -57,8 +57,8 @@ def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: flo
     """
     check.positive("step", step)
     point = np.asarray(at, dtype=float)
-    ways = np.eye(point.size).reshape(point.size, *point.shape) * step
-    columns = [np.subtract(value(point + d), value(point - d)) / (2 * step) for d in ways]
+    directions = np.eye(point.size).reshape(point.size, *point.shape) * step
+    columns = [np.subtract(value(point + d), value(point - d)) / (2 * step) for d in directions]
     slope = np.stack(columns, axis=-1) if point.ndim else np.asarray(columns[0])
     return gap(derivative(point), slope) / max(1.0, float(np.abs(slope).max()))
 
@@ -154,9 +154,9 @@ def kept_error(series: ArrayLike) -> float:
     Args:
         series: shape (steps,) or (steps, components).
     """
-    kept = np.asarray(series, dtype=float)
-    first = float(np.abs(kept[0]).max())
-    return gap(kept, np.broadcast_to(kept[0], kept.shape)) / (first or 1.0)
+    retained = np.asarray(series, dtype=float)
+    first = float(np.abs(retained[0]).max())
+    return gap(retained, np.broadcast_to(retained[0], retained.shape)) / (first or 1.0)
 
 
 def refined_ratio(error: Callable[[float], float], step: float, parts: int = 4) -> float:
@@ -205,11 +205,11 @@ def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> f
     """
     places, lengths = np.asarray(points, dtype=float), np.zeros(len(parents))
     for node in range(len(parents)):
-        at, seen = node, 0
+        at, observed = node, 0
         while parents[at] >= 0:
             lengths[node] += np.linalg.norm(places[at] - places[parents[at]])
-            at, seen = parents[at], seen + 1
-            if seen > len(parents):
+            at, observed = parents[at], observed + 1
+            if observed > len(parents):
                 return np.inf
     return gap(costs, lengths)
 

@@ -238,8 +238,8 @@ def momentum_evidence(wrong: bool, seed: int) -> float:
 def quaternion_naive(wrong: bool, seed: int) -> float:
     """There and back: two maps that are wrong in the same way are inverses all the same."""
     q, rate = drawn(np.random.default_rng(seed))
-    there, back = (partial(f, q, wrong=wrong) for f in (quaternion_rate, angular_velocity))
-    return invariants.round_trip_error(there, back, rate)
+    forward, back = (partial(f, q, wrong=wrong) for f in (quaternion_rate, angular_velocity))
+    return invariants.round_trip_error(forward, back, rate)
 
 
 # --- 7: the acceleration of a point ---------------------------------------------------------------
@@ -300,8 +300,8 @@ def plan(rng: np.random.Generator, closed: bool, wrong: bool) -> Array | None:
     for n in range(400):
         sample = GOAL if n % 10 == 0 else rng.uniform(0.0, 1.0, 2)
         near = int(np.argmin([np.linalg.norm(sample - node) for node in nodes]))
-        way = sample - nodes[near]
-        new = nodes[near] + way * min(1.0, 0.1 / (np.linalg.norm(way) or 1.0))
+        route = sample - nodes[near]
+        new = nodes[near] + route * min(1.0, 0.1 / (np.linalg.norm(route) or 1.0))
         if abs(new[0] - 0.5) < 0.1 and (closed or new[1] < 0.7):
             continue
         nodes.append(new)
@@ -364,12 +364,12 @@ def advantages(rewards: Array, values: Array, ends: Array, last: float, wrong: b
     going = 1.0 - np.asarray(ends, dtype=float)
     if wrong:
         going = np.append(going[1:], going[-1])
-    found, after, ahead = np.zeros(len(rewards)), 0.0, last
+    result, after, ahead = np.zeros(len(rewards)), 0.0, last
     for t in reversed(range(len(rewards))):
         error = rewards[t] + 0.99 * ahead * going[t] - values[t]
-        found[t] = after = error + 0.99 * 0.95 * going[t] * after
+        result[t] = after = error + 0.99 * 0.95 * going[t] * after
         ahead = values[t]
-    return found
+    return result
 
 
 def advantages_evidence(wrong: bool, seed: int) -> float:

@@ -113,17 +113,17 @@ def spoken(topics: Sequence[str]) -> list[Item]:
 
     A concept part may also be an estimate or something for the whiteboard.
     """
-    found = []
+    result = []
     for topic in topics:
         for q in questions(topic) if (FOLDER / topic).is_dir() else ():
             part = q.kind if q.kind in ("debugging", "design") else "concept"
             key, answer = f"question/{topic}/{q.name}", f"{q.minute}\n\n{q.full}"
             rest = (q.minutes, q.title, q.rubric, q.follow_ups, answer)
-            found.append(Item(key, part, q.chapter, *rest))
+            result.append(Item(key, part, q.chapter, *rest))
     if "interview" in topics:
-        found += [_scenario(scenarios.scenario(name)) for name in scenarios.there()]
-        found += [_design(designs.read(name)) for name in designs.NAMES]
-    return found
+        result += [_scenario(scenarios.scenario(name)) for name in scenarios.there()]
+        result += [_design(designs.read(name)) for name in designs.NAMES]
+    return result
 
 
 def _scenario(one: scenarios.Scenario) -> Item:
@@ -131,19 +131,19 @@ def _scenario(one: scenarios.Scenario) -> Item:
     causes = tuple(cause.words for cause in one.causes)
     probes = "\n".join(f"* {probe.what} ({probe.minutes} minutes)" for probe in one.probes)
     answer = f"What can be tried:\n\n{probes}\n\n`drills debug {one.name}` runs it."
-    tell = tuple(f"What would you try to tell this from the others? {words}" for words in causes)
+    report = tuple(f"What would you try to tell this from the others? {words}" for words in causes)
     title = f"{one.title}.\n{one.prompt}"
-    return Item(f"scenario/{one.name}", "debugging", 12, 10, title, causes, tell, answer)
+    return Item(f"scenario/{one.name}", "debugging", 12, 10, title, causes, report, answer)
 
 
 def _design(one: designs.Design) -> Item:
     def aid(answer: str) -> list[str]:
         return list(designs.levels(one, answer).values())
 
-    asked, flags = (
+    requested, flags = (
         "\n".join(f"* {line}" for line in lines) for lines in (one.clarify, one.red_flags)
     )
-    answer = f"Ask first:\n\n{asked}\n\n```text\n{designs.plain(one)}\n```\n\n{one.answer}"
+    answer = f"Ask first:\n\n{requested}\n\n```text\n{designs.plain(one)}\n```\n\n{one.answer}"
     rest = (tuple(item.asks for item in one.rubric), tuple(one.follow_ups))
     answer += f"\n\nRed flags:\n\n{flags}"
     key = f"design/{one.name}"
@@ -176,8 +176,8 @@ def draw(
         ValueError: if nothing is left to ask.
     """
     rng = random.Random(seed)
-    there = {part: [i for i in pool if i.part == part and i.key not in last] for part in parts}
-    least = {part: min(i.minutes for i in items) for part, items in there.items() if items}
+    other = {part: [i for i in pool if i.part == part and i.key not in last] for part in parts}
+    least = {part: min(i.minutes for i in items) for part, items in other.items() if items}
     while len(least) > 1 and sum(least.values()) > minutes:
         del least[max(least, key=lambda part: least[part])]
     if not least:
@@ -186,7 +186,7 @@ def draw(
     for part in least:
         others = [least[p] for p in list(least)[len(chosen) + 1 :]]
         room = minutes - sum(others) - sum(item.minutes for item in chosen)
-        fit = [item for item in there[part] if item.minutes <= max(room, least[part])]
+        fit = [item for item in other[part] if item.minutes <= max(room, least[part])]
         weights = [WEIGHT if item.key in weak else 1 for item in fit]
         chosen += rng.choices(fit, weights)
     return chosen
@@ -221,9 +221,9 @@ def follow_up(item: Item, marks: Sequence[str]) -> tuple[str, str]:
         raise refused("marks", list(marks), f"{len(item.rubric)} of {', '.join(MARKS)}")
     levels = [MARKS.index(mark) for mark in marks]
     weakest = levels.index(min(levels))
-    found = nearest(item.rubric[weakest], item.follow_ups)
+    result = nearest(item.rubric[weakest], item.follow_ups)
     place = weakest * len(item.follow_ups) // len(item.rubric)
-    return item.rubric[weakest], item.follow_ups[place if found is None else found]
+    return item.rubric[weakest], item.follow_ups[place if result is None else result]
 
 
 def markdown(interview: Interview) -> str:

@@ -53,8 +53,8 @@ class Table:
         for first, *cells in self.rows:
             lines += ["", *textwrap.wrap(first, width, break_on_hyphens=False)]
             for head, cell in zip(self.head[1:], cells, strict=True):
-                found = textwrap.wrap(cell, width - blank, break_on_hyphens=False)
-                lines.append(f"  {head}".ljust(blank) + f"\n{' ' * blank}".join(found))
+                result = textwrap.wrap(cell, width - blank, break_on_hyphens=False)
+                lines.append(f"  {head}".ljust(blank) + f"\n{' ' * blank}".join(result))
         return "\n".join(lines)
 
     def markdown(self) -> str:
@@ -97,16 +97,16 @@ def work(name: str) -> dict[str, Any]:
 
 def short(name: str) -> str:
     """A work as it is named in a table: authors, year, venue."""
-    found = work(name)
-    first, *others = found["authors"].replace(" and others", ", others").split(", ")
-    who = f"{first} and others" if others else first
-    return f"{who}, {found['year']} ({found['venue']})"
+    result = work(name)
+    first, *others = result["authors"].replace(" and others", ", others").split(", ")
+    owner = f"{first} and others" if others else first
+    return f"{owner}, {result['year']} ({result['venue']})"
 
 
 def link(name: str) -> str:
     """Where a work is found: its DOI, or its number at arXiv."""
-    found = work(name)
-    return f"doi.org/{found['doi']}" if "doi" in found else f"arXiv:{found['arxiv']}"
+    result = work(name)
+    return f"doi.org/{result['doi']}" if "doi" in result else f"arXiv:{result['arxiv']}"
 
 
 def _said(text: str) -> str:
@@ -123,10 +123,10 @@ def cheat_sheet(plain: bool = False) -> Table:
     """
     rows = []
     for row in data("cheat_sheet")["row"]:
-        said = _said(f"{row['says']} {row['measured']}")
+        message = _said(f"{row['says']} {row['measured']}")
         equation = row["plain"] if plain else f"${row['equation']}$"
         papers = (short(row["classic"]), short(row["modern"]))
-        rows.append((row["concept"], said, equation, row["tool"], *papers))
+        rows.append((row["concept"], message, equation, row["tool"], *papers))
     head = ("Concept", "Thirty seconds", "Equation", "Tool", "Classic paper", "Modern paper")
     return Table("Cheat sheet", head, tuple(rows))
 
@@ -144,10 +144,10 @@ def reading() -> Table:
     rows = []
     for kind in ("book", "paper", "repository"):
         for entry in data("reading")[kind]:
-            found = work(entry["work"])
+            result = work(entry["work"])
             named = f"{entry['name']}: " if "name" in entry else ""
             cited = (
-                f"{named}{found['authors']}, {found['title']}, {found['venue']}, {found['year']}"
+                f"{named}{result['authors']}, {result['title']}, {result['venue']}, {result['year']}"
             )
             serves = "; ".join(entry["serves"])
             rows.append((cited, link(entry["work"]), entry["says"], serves))
@@ -183,17 +183,17 @@ def quoted() -> dict[str, float | str]:
         for e in data("cheat_sheet")[kind]
         for v in e.values()
     ]
-    found = {(m[1], m[2]) for text in texts for m in FIELD.finditer(text)}
+    result = {(m[1], m[2]) for text in texts for m in FIELD.finditer(text)}
     read = {"chart": chart, "estimate": estimate}
-    return {f"{a}.{b}": read[a](b) for a, b in sorted(found) if a in read}
+    return {f"{a}.{b}": read[a](b) for a, b in sorted(result) if a in read}
 
 
 def record() -> str:
     """The text of `quoted.toml`: a value that moves is seen in a diff, and in a test."""
     head = "# Written by `python -m course.interview.tables --record`; reviewed as a diff."
     rows = [
-        f'"{key}" = ' + (f'"{found}"' if isinstance(found, str) else f"{found:.6g}")
-        for key, found in quoted().items()
+        f'"{key}" = ' + (f'"{result}"' if isinstance(result, str) else f"{result:.6g}")
+        for key, result in quoted().items()
     ]
     return "\n".join([head, *rows]) + "\n"
 

@@ -118,7 +118,7 @@ class Chain:
         for i, before in enumerate(parent.tolist()):
             if not -1 <= before < i:
                 raise refused(f"parent[{i}]", before, f"-1 or a joint before {i}")
-        found: dict[str, Any] = {
+        result: dict[str, Any] = {
             "parent": parent.astype(np.int64),
             "placement": _poses("placement", self.placement, (7, n)),
             "mass": vector("mass", self.mass, (n,), low=POSITIVE, unit="kg"),
@@ -126,22 +126,22 @@ class Chain:
             "inertia": vector("inertia", self.inertia, (3, 3, n), unit="kg m^2"),
             "tool": _poses("tool", self.tool, (7,)),
         }
-        for name, most in (("slides", 1.0), ("armature", np.inf), ("damping", np.inf)):
-            value = vector(name, getattr(self, name), (), (n,), low=0.0, high=most)
-            found[name] = np.broadcast_to(value, (n,))
-        found["slides"] = found["slides"] > 0.0
+        for name, largest in (("slides", 1.0), ("armature", np.inf), ("damping", np.inf)):
+            value = vector(name, getattr(self, name), (), (n,), low=0.0, high=largest)
+            result[name] = np.broadcast_to(value, (n,))
+        result["slides"] = result["slides"] > 0.0
         for name, default in (("lower", -np.inf), ("upper", np.inf)):
             free = np.asarray(getattr(self, name)) == default
             value = np.where(free, np.array(0.0, dtype=object), getattr(self, name))
             value = vector(name, value, (), (n,), unit="rad or m")
-            found[name] = np.broadcast_to(np.where(free, default, value), (n,))
-        for i in np.flatnonzero(found["lower"] > found["upper"]).tolist():
-            low, high = float(found["lower"][i]), float(found["upper"][i])
+            result[name] = np.broadcast_to(np.where(free, default, value), (n,))
+        for i in np.flatnonzero(result["lower"] > result["upper"]).tolist():
+            low, high = float(result["lower"][i]), float(result["upper"][i])
             raise refused(f"(lower[{i}], upper[{i}])", (low, high), "limits that do not cross")
-        found["inertia"] = np.stack(
-            [inertia_tensor(found["inertia"][:, :, i]) for i in range(n)], axis=2
+        result["inertia"] = np.stack(
+            [inertia_tensor(result["inertia"][:, :, i]) for i in range(n)], axis=2
         )
-        for name, value in found.items():
+        for name, value in result.items():
             object.__setattr__(self, name, _frozen(value))
         object.__setattr__(self, "table", _frozen(_table(self)))
 
@@ -158,11 +158,11 @@ class Chain:
     def path(self, joint: int | None = None) -> list[int]:
         """The joints from the base to a joint, or to the tool: those that move it."""
         i = self.n - 1 if joint is None else count("joint", joint, 0, self.n - 1)
-        found = []
+        result = []
         while i >= 0:
-            found.append(i)
+            result.append(i)
             i = int(self.parent[i])
-        return found[::-1]
+        return result[::-1]
 
     @property
     def reach(self) -> tuple[float, float]:

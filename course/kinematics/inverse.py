@@ -149,10 +149,10 @@ def step(J, e, method, damping, A, U, dq):
         s = _length(A, i)
         if s <= _ZERO * largest:
             continue
-        wanted = 0.0
+        desired = 0.0
         for x in range(m):
-            wanted += U[x, i] * e[x]
-        share = gain(s, method, damping) * wanted / s
+            desired += U[x, i] * e[x]
+        share = gain(s, method, damping) * desired / s
         for c in range(n):
             dq[c] += share * A[i, c]
 
@@ -217,7 +217,7 @@ def _miss(table, q, target, k, pose, e):
 @register_jitable
 def _held(table, J, e, q, held):
     """Mark the joints at a limit that would go beyond, and take them out of J; how many."""
-    found = 0
+    result = 0
     for c in range(q.shape[0]):
         pull = 0.0
         for i in range(e.size):
@@ -225,10 +225,10 @@ def _held(table, J, e, q, held):
         low, high = table[c, LOWER], table[c, UPPER]
         held[c] = (q[c, 0] <= low and pull < 0.0) or (q[c, 0] >= high and pull > 0.0)
         if held[c]:
-            found += 1
+            result += 1
             for i in range(e.size):
                 J[i, c] = 0.0
-    return found
+    return result
 
 
 def _solve(table, target, starts, method, damping, near, turn, most, rank):
@@ -244,7 +244,7 @@ def _solve(table, target, starts, method, damping, near, turn, most, rank):
         Postures (n, N), and in six rows: reason, distance, angle, steps, starts, cost.
     """
     n, m = table.shape[0] - 1, 6 if target.shape[0] == 7 else 3
-    result, told = np.zeros((n, target.shape[1])), np.zeros((6, target.shape[1]))
+    result, report = np.zeros((n, target.shape[1])), np.zeros((6, target.shape[1]))
     pose, J3, J = np.empty((n + 1, 7)), np.zeros((6, n, 1)), np.empty((m, n))
     A, U, K = np.empty((m, n)), np.empty((m, m)), np.empty((m, m))
     e, y, dq, held = np.empty(m), np.empty(m), np.empty(n), np.empty(n, np.bool_)
@@ -281,8 +281,8 @@ def _solve(table, target, starts, method, damping, near, turn, most, rank):
                 if not moved > _STILL:  # nor where a step is NaN
                     reason = -1
                     break
-                gone, angled = _miss(table, trial, target, k, pose, e)
-                new = gone * gone + angled * angled
+                missing, angled = _miss(table, trial, target, k, pose, e)
+                new = missing * missing + angled * angled
                 if method == _MARQUARDT:
                     slow = 0 if new < 0.9 * cost else slow + 1
                     if not new < cost:
@@ -300,7 +300,7 @@ def _solve(table, target, starts, method, damping, near, turn, most, rank):
                 fresh = True
                 for c in range(n):
                     q[c, 0] = trial[c, 0]
-                distance, angle, cost = gone, angled, new
+                distance, angle, cost = missing, angled, new
                 if reason < 0:
                     break
             if distance <= near and angle <= turn:
@@ -311,22 +311,22 @@ def _solve(table, target, starts, method, damping, near, turn, most, rank):
                     reason = _LIMIT
                 else:
                     decompose(J, A, U)
-                    largest, kept = 0.0, 0
+                    largest, retained = 0.0, 0
                     for i in range(m):
                         largest = max(largest, _length(A, i))
                     for i in range(m):
-                        kept += 1 if _length(A, i) > _NEAR * largest else 0
-                    if kept < rank:
+                        retained += 1 if _length(A, i) > _NEAR * largest else 0
+                    if retained < rank:
                         reason = _SINGULAR
             if begun == 1 or cost < best or reason == _SOLVED:
                 best = cost
                 for c in range(n):
                     result[c, k] = q[c, 0]
-                told[0, k], told[1, k], told[2, k], told[5, k] = reason, distance, angle, cost
+                report[0, k], report[1, k], report[2, k], report[5, k] = reason, distance, angle, cost
             if reason == _SOLVED:
                 break
-        told[3, k], told[4, k] = steps, begun
-    return result, told
+        report[3, k], report[4, k] = steps, begun
+    return result, report
 
 
 @functools.cache
@@ -399,10 +399,10 @@ class Samples:
         """
         count("k", k, 1, self.q.shape[1])
         if len(target) == 3:
-            found = self._places.query(target.T, k)[1]
+            result = self._places.query(target.T, k)[1]
         else:
-            found = self._poses.query(self._points(target), k)[1] % self.q.shape[1]
-        return np.ascontiguousarray(self.q.T[np.reshape(found, (-1, k))])
+            result = self._poses.query(self._points(target), k)[1] % self.q.shape[1]
+        return np.ascontiguousarray(self.q.T[np.reshape(result, (-1, k))])
 
 
 def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
@@ -502,18 +502,18 @@ def ik(
         parts.append(
             kernel()(chain.table, part, starts, number, damping, near, turn, iterations, rank)
         )
-    q, told = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
-    reason = told[0].astype(np.int64)
+    q, report = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+    reason = report[0].astype(np.int64)
     low, far = chain.reach
     away = np.hypot.reduce(goal[:3] - chain.placement[:3, chain.path()[:1]], axis=0)
     outside = (away > far + near) | (away < low - near)
     reason[outside & (reason != _SOLVED)] = _UNREACHABLE
     names = np.array(REASONS)[reason]
-    found: list[Any] = [q, reason == _SOLVED, names, told[1], told[2]]
-    found += [told[3].astype(np.int64), told[4].astype(np.int64)]
+    result: list[Any] = [q, reason == _SOLVED, names, report[1], report[2]]
+    result += [report[3].astype(np.int64), report[4].astype(np.int64)]
     if single:
-        found = [q[:, 0], *(value[0].item() for value in found[1:])]
-    return IKResult(*found)
+        result = [q[:, 0], *(value[0].item() for value in result[1:])]
+    return IKResult(*result)
 
 
 # --- what is left to choose -----------------------------------------------------------------------

@@ -227,7 +227,7 @@ def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
 
     The states come by name, each of shape (n,) or (n, N), all of one shape.
     """
-    n, found, first = len(chain.table) - 1, [], None
+    n, result, first = len(chain.table) - 1, [], None
     for name, value in states.items():
         # Who asks few postures at a time pays for each check. A square that is finite is of finite
         # numbers, and quicker than to look at each.
@@ -237,8 +237,8 @@ def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
         if first is not None and value.shape != first:
             raise refused(f"{name}.shape", value.shape, f"that of {next(iter(states))}, {first}")
         first = value.shape
-        found.append(np.ascontiguousarray(value).reshape(n, -1))
-    return first is not None and len(first) == 1, found
+        result.append(np.ascontiguousarray(value).reshape(n, -1))
+    return first is not None and len(first) == 1, result
 
 
 def _spot(chain: Chain, point: ArrayLike | None, joint: int | None) -> tuple[int, Array]:
@@ -356,8 +356,8 @@ def null_space(J: ArrayLike) -> Array:
     single = J.ndim == 2
     stack = np.moveaxis(J.reshape(*J.shape[:2], -1), 2, 0)
     _, s, Vt = np.linalg.svd(stack, full_matrices=False)
-    kept = Vt * (s > 1e-10 * np.maximum(s[:, :1], 1e-300))[:, :, None]
-    result = np.eye(J.shape[1]) - kept.transpose(0, 2, 1) @ kept
+    selected = Vt * (s > 1e-10 * np.maximum(s[:, :1], 1e-300))[:, :, None]
+    result = np.eye(J.shape[1]) - selected.transpose(0, 2, 1) @ selected
     return result[0] if single else np.moveaxis(result, 0, 2)
 
 

@@ -74,15 +74,15 @@ def chunk_policy(
         (d + size, width, width, 2 * count("latent", latent, 1)), seed, activation="silu", last=0.1
     )
     decoder = network((d + latent, width, width, size), seed + 1, activation="silu")
-    inputs, wanted, randn = tensor(x), tensor(y), normals(seed)
+    inputs, desired, randn = tensor(x), tensor(y), normals(seed)
 
     def loss(pick: Any) -> Any:
-        rows, clean = inputs[pick], wanted[pick]
+        rows, clean = inputs[pick], desired[pick]
         mean, spread = encoder(torch.cat((rows, clean), 1)).split(latent, 1)  # log of the variance
         code = mean + (0.5 * spread).exp() * randn(mean.shape)
-        said = decoder(torch.cat((rows, code), 1))
+        text = decoder(torch.cat((rows, code), 1))
         divergence = 0.5 * (mean.square() + spread.exp() - spread - 1.0).sum(1).mean()
-        return (said - clean).square().mean() + beta * divergence
+        return (text - clean).square().mean() + beta * divergence
 
     def draw(rows: Array, code: Array) -> Array:
         return predict(decoder, np.concatenate((rows, code), axis=1))
@@ -165,8 +165,8 @@ class Ensemble(Executor):
             self.made.popleft()
         old = len(self.made)
         weights = np.exp(-self.decay * np.arange(old))
-        told = [chunk[:, old - 1 - i] for i, chunk in enumerate(self.made)]
-        return np.tensordot(weights / weights.sum(), np.array(told), axes=1)
+        report = [chunk[:, old - 1 - i] for i, chunk in enumerate(self.made)]
+        return np.tensordot(weights / weights.sum(), np.array(report), axes=1)
 
 
 @dataclass

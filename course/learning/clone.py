@@ -128,7 +128,7 @@ def clone(
     torch, size = pytorch(), y.shape[1]
     outputs = modes * (1 + 2 * size) if modes else size
     net = network((x.shape[1], width, width, outputs), seed, activation="silu")
-    inputs, wanted = tensor(x), tensor(y)
+    inputs, desired = tensor(x), tensor(y)
 
     def parts(out: Any) -> tuple[Any, Any, Any]:
         """Logarithms of weights (n, m), means and deviations (n, m, size)."""
@@ -139,10 +139,10 @@ def clone(
     def loss(pick: Any) -> Any:
         out = net(inputs[pick])
         if not modes:
-            return (out - wanted[pick]).square().mean()
+            return (out - desired[pick]).square().mean()
         weight, mean, deviation = parts(out)
-        off = (wanted[pick][:, None] - mean) / deviation
-        return -torch.logsumexp(weight - (0.5 * off**2 + deviation.log()).sum(2), 1).mean() / size
+        difference = (desired[pick][:, None] - mean) / deviation
+        return -torch.logsumexp(weight - (0.5 * difference**2 + deviation.log()).sum(2), 1).mean() / size
 
     def draw(rows: Array, rng: np.random.Generator) -> Array:
         out = predict(net, rows)
@@ -247,9 +247,9 @@ def dagger(
         noise = 0.0 if turn else injected
         ran = roll(task, driver, starts(number, rng), steps, rng, injected=noise)
         met = ran.states[:, :-1].reshape(number * steps, -1)
-        said = vector(f"label of round {turn}", expert(met, rng), (len(met), None))
-        told = said + label_noise * rng.standard_normal(said.shape)
+        message = vector(f"label of round {turn}", expert(met, rng), (len(met), None))
+        report = message + label_noise * rng.standard_normal(message.shape)
         states = np.concatenate((states, met)) if turn else met
-        labels = np.concatenate((labels, told)) if turn else told
+        labels = np.concatenate((labels, report)) if turn else report
         driver = learn(states, labels)
         yield Round(driver, states, labels)

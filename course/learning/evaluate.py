@@ -85,17 +85,17 @@ def _finished(policy: Any, envs: Any, starts: Any, discount: float) -> Any:
     gamma = finite("discount", discount, 0.0, 1.0)
     mode = envs.metadata["autoreset_mode"].value
     worth, length, over = np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros(n, dtype=bool)
-    seen, _ = envs.reset(seed=starts)
-    finite_rows("observation", seen, step)
+    observed, _ = envs.reset(seed=starts)
+    finite_rows("observation", observed, step)
     while True:
         if mode == "Disabled" and over.any():
-            seen, _ = envs.reset(options={"reset_mask": over})
-        actions = np.asarray(policy(seen))
+            observed, _ = envs.reset(options={"reset_mask": over})
+        actions = np.asarray(policy(observed))
         if actions.shape != envs.action_space.shape:
             raise refused("policy(observations).shape", actions.shape, envs.action_space.shape)
         finite_rows("action", actions, step)
-        seen, rewards, ended, late, _ = envs.step(actions)
-        finite_rows("observation", seen, step)
+        observed, rewards, ended, late, _ = envs.step(actions)
+        finite_rows("observation", observed, step)
         finite_rows("reward", rewards, step)
         # With "NextStep" the step after an end only resets.
         real = ~over if mode == "NextStep" else np.ones(n, dtype=bool)

@@ -82,9 +82,9 @@ def denoise(
     s[-1] = 0.0
     for k in range(steps):
         mean = clean(x, k / steps)
-        left = (x - a[k] * mean) / s[k]
+        remaining = (x - a[k] * mean) / s[k]
         drawn = share * s[k + 1] / s[k] * math.sqrt(1.0 - (a[k] / a[k + 1]) ** 2)
-        x = a[k + 1] * mean + math.sqrt(s[k + 1] ** 2 - drawn**2) * left
+        x = a[k + 1] * mean + math.sqrt(s[k + 1] ** 2 - drawn**2) * remaining
         if drawn:
             x = x + drawn * rng.standard_normal(x.shape)
     return x
@@ -119,15 +119,15 @@ class Mixture:
     def expect(self, x: Array, a: float, s: float) -> tuple[Array, Array]:
         """Means of clean and noise given x = a clean + s noise, both (n, d) as x; not a = s = 0."""
         width = (a * self.deviations) ** 2 + s**2  # variance of x in each part
-        off = x[:, None] - a * self.means
-        told = np.log(self.weights + 1e-300) - 0.5 * (
-            np.sum(off**2, axis=2) / width + self.means.shape[1] * np.log(width)
+        deviation = x[:, None] - a * self.means
+        report = np.log(self.weights + 1e-300) - 0.5 * (
+            np.sum(deviation**2, axis=2) / width + self.means.shape[1] * np.log(width)
         )
-        part = np.exp(told - told.max(axis=1, keepdims=True))
+        part = np.exp(report - report.max(axis=1, keepdims=True))
         part = (part / part.sum(axis=1, keepdims=True))[..., None]
         gain = (a * self.deviations**2 / width)[:, None]
-        clean = np.sum(part * (self.means + gain * off), axis=1)
-        return clean, np.sum(part * off * (s / width)[:, None], axis=1)
+        clean = np.sum(part * (self.means + gain * deviation), axis=1)
+        return clean, np.sum(part * deviation * (s / width)[:, None], axis=1)
 
     def velocity(self, x: Array, time: float) -> Array:
         """The exact field of flow matching on the straight way, a = t, s = 1 - t."""
@@ -180,7 +180,7 @@ def _generative(
     blank, x, y = prepared(states, actions)
     torch, size = pytorch(), y.shape[1]
     net = network((x.shape[1] + size + 5, width, width, size), seed, activation="silu", last=0.1)
-    inputs, wanted, randn = tensor(x), tensor(y), normals(seed)
+    inputs, desired, randn = tensor(x), tensor(y), normals(seed)
 
     def mean(sample: Any, time: Any, rows: Any) -> Any:
         """The answer for normal data, which is known, and what the network adds to it."""
@@ -190,7 +190,7 @@ def _generative(
         return skip * sample + net(torch.cat((sample, *clock, rows), 1))
 
     def loss(pick: Any) -> Any:
-        clean = wanted[pick]
+        clean = desired[pick]
         noise = randn(clean.shape)
         time = torch.special.ndtr(randn((len(clean), 1)))  # even in (0, 1)
         a, s = (time, 1.0 - time) if flow else ((w := 0.5 * math.pi * time).sin(), w.cos())

@@ -158,11 +158,11 @@ def load(net: Any, values: ArrayLike) -> Any:
     """The network with these weights, (n,) as `weights` gives them."""
     torch = pytorch()
     size = sum(p.numel() for p in net.parameters())
-    left = torch.from_numpy(vector("values", values, (size,)).astype(np.float32))
+    remaining = torch.from_numpy(vector("values", values, (size,)).astype(np.float32))
     with torch.no_grad():
         for p in net.parameters():
-            p.copy_(left[: p.numel()].view(p.shape))
-            left = left[p.numel() :]
+            p.copy_(remaining[: p.numel()].view(p.shape))
+            remaining = remaining[p.numel() :]
     return net
 
 
@@ -210,23 +210,23 @@ def fit(
     picks = rng.integers(count("rows", rows, 1), size=(count("steps", steps, 1), batch))
     flat = flatten(net)
     optimiser = torch.optim.Adam([flat], positive("rate", rate), fused=True)
-    told, good = np.empty(steps), flat.detach().clone()
+    report, good = np.empty(steps), flat.detach().clone()
     with one_thread():
         for k, pick in enumerate(torch.from_numpy(picks)):
             flat.grad.zero_()
             value = loss(pick)
-            told[k] = value.item()
-            if not math.isfinite(told[k]):
+            report[k] = value.item()
+            if not math.isfinite(report[k]):
                 with torch.no_grad():
                     flat.copy_(good)
-                raise Diverged(f"the loss is {told[k]} at step {k} of {steps}: lower the rate")
+                raise Diverged(f"the loss is {report[k]} at step {k} of {steps}: lower the rate")
             good.copy_(flat.detach())
             value.backward()
             if clip < math.inf:
                 flat.grad.mul_(min(1.0, clip / (length(flat.grad.numpy()) + 1e-12)))
             optimiser.param_groups[0]["lr"] = rate * (1.0 - k / steps)
             optimiser.step()
-    return told
+    return report
 
 
 @dataclass

@@ -142,11 +142,11 @@ def gae(
         if each.shape != r.shape:
             raise refused(f"{name}.shape", each.shape, f"{r.shape}, as of the rewards")
     errors = r + gamma * vector("following", np.where(over, 0.0, after)) - v
-    kept = gamma * decay * ~(over | late)
+    retained = gamma * decay * ~(over | late)
     advantages = np.zeros_like(errors)
     ahead = np.zeros(r.shape[1:])
     for t in range(len(r) - 1, -1, -1):
-        ahead = errors[t] + kept[t] * ahead
+        ahead = errors[t] + retained[t] * ahead
         advantages[t] = ahead
     return advantages
 
@@ -293,18 +293,18 @@ class Runner:
                 raise Diverged("the policy's actions are no finite numbers: lower the rate")
             # What the environment cannot do is cut here; what was drawn is what is learned from.
             sent = np.clip(actions, space.low, space.high).astype(np.float32)
-            seen, rewards, over, late, infos = self.envs.step(sent)
-            finite_rows("observation", seen, self.steps + t)
+            observed, rewards, over, late, infos = self.envs.step(sent)
+            finite_rows("observation", observed, self.steps + t)
             finite_rows("reward", rewards, self.steps + t)
             if not self.same_step:
                 batch.valid[t] = ~self.over
             elif late.any():
-                after = np.array(seen, dtype=float)
+                after = np.array(observed, dtype=float)
                 for i in np.flatnonzero(late):
                     after[i] = infos["final_obs"][i]
                 batch.cut.append((t, after))
             batch.rewards[t], batch.terminated[t], batch.truncated[t] = rewards, over, late
-            self.last, self.over = np.asarray(seen, dtype=float), over | late
+            self.last, self.over = np.asarray(observed, dtype=float), over | late
             self.total += rewards
             self.length += batch.valid[t]
             for i in np.flatnonzero(self.over):
@@ -350,8 +350,8 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
     """The rows of a batch with their advantages; the critic judges all of them at once."""
     T, n = rewards.shape
     with pytorch().inference_mode():
-        seen = policy.seen(batch.observations)
-        values = policy.critic(seen).numpy().astype(float).reshape(T + 1, n)
+        observed = policy.seen(batch.observations)
+        values = policy.critic(observed).numpy().astype(float).reshape(T + 1, n)
         if not np.isfinite(values).all():
             raise Diverged("the critic's values are not finite: lower the rate")
         following = values[1:].copy()
@@ -364,14 +364,14 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
     advantages = gae(rewards, values[:-1], following, over, late, settings.discount, settings.trace)
     log_std = policy.log_std.detach().numpy()
     columns = (
-        seen[: T * n].numpy(),
+        observed[: T * n].numpy(),
         batch.means + np.exp(log_std) * batch.noise,
         log_density(batch.noise, log_std),
         advantages,
         advantages + values[:-1],
     )
-    kept = (batch.valid | settings.crossing).reshape(-1)
-    return Table(*(c.reshape(T * n, -1)[kept].astype(np.float32) for c in columns))
+    retained = (batch.valid | settings.crossing).reshape(-1)
+    return Table(*(c.reshape(T * n, -1)[retained].astype(np.float32) for c in columns))
 
 
 def log_density(noise: Array, log_std: Array) -> Array:
@@ -387,20 +387,20 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
     """
     torch = pytorch()
     policy.flat.grad.zero_()
-    seen, count_of = torch.from_numpy(part.seen), len(part.seen)
-    mean, value = policy.actor(seen), policy.critic(seen)
+    observed, count_of = torch.from_numpy(part.seen), len(part.seen)
+    mean, value = policy.actor(observed), policy.critic(observed)
     log_std = policy.log_std.detach().numpy()
     std = np.exp(log_std)
-    off = (part.actions - mean.detach().numpy()) / std
-    ratio = np.exp(log_density(off, log_std) - part.log_prob)
+    deviation = (part.actions - mean.detach().numpy()) / std
+    ratio = np.exp(log_density(deviation, log_std) - part.log_prob)
     gain, slope = objective(ratio, part.advantages, settings.clip)
     error = value.detach().numpy() - part.targets
     push = -slope * ratio / count_of  # by the logarithm of the probability
     pull = (2.0 * settings.value_weight / count_of) * error
     torch.autograd.backward(
-        (mean, value), (torch.from_numpy(push * off / std), torch.from_numpy(pull))
+        (mean, value), (torch.from_numpy(push * deviation / std), torch.from_numpy(pull))
     )
-    policy.log_std.grad += torch.from_numpy((push * (off * off - 1.0)).sum(0) - settings.entropy)
+    policy.log_std.grad += torch.from_numpy((push * (deviation * deviation - 1.0)).sum(0) - settings.entropy)
     losses = settings.value_weight * (error * error).mean() - gain.mean()
     return float(losses - settings.entropy * log_std.sum())
 
@@ -439,8 +439,8 @@ def improve(
                 raise Diverged(f"an iteration moved the policy by a divergence of {kl:.3g}: {cure}")
             if kl > settings.most_kl:
                 break
-    off = (table.actions - after) * np.exp(-log_std)
-    ratio = np.exp(log_density(off, log_std) - table.log_prob)
+    deviation = (table.actions - after) * np.exp(-log_std)
+    ratio = np.exp(log_density(deviation, log_std) - table.log_prob)
     return kl, float(np.mean(np.abs(ratio - 1.0) > settings.clip))
 
 

@@ -158,31 +158,31 @@ class TwoWays:
         side = np.where(rng.random(number) < finite("left", left, 0.0, 1.0), 1.0, -1.0)
         width = side * (self.width + self.scatter * rng.standard_normal(number))
         part = np.linspace(0.0, 1.0, self.steps + 1)
-        way = start[:, None] * (1.0 - part)[:, None]
-        way[..., 0] += part
-        way[..., 1] += width[:, None] * np.sin(np.pi * part)
-        way[:, 1:] += self.jitter * rng.standard_normal(way[:, 1:].shape)
-        way = np.insert(way, [self.steps // 4] * count("pause", pause), 0.0, axis=1)
+        distance = start[:, None] * (1.0 - part)[:, None]
+        distance[..., 0] += part
+        distance[..., 1] += width[:, None] * np.sin(np.pi * part)
+        distance[:, 1:] += self.jitter * rng.standard_normal(distance[:, 1:].shape)
+        distance = np.insert(distance, [self.steps // 4] * count("pause", pause), 0.0, axis=1)
         if pause:
             first = self.steps // 4
-            way[:, first : first + pause] = way[:, [first + pause]]
-        pushed = way.copy()
-        pushed[:, 1:] += finite("injected", injected, 0.0) * rng.standard_normal(way[:, 1:].shape)
-        return Runs(pushed, way[:, 1:] - pushed[:, :-1])
+            distance[:, first : first + pause] = distance[:, [first + pause]]
+        pushed = distance.copy()
+        pushed[:, 1:] += finite("injected", injected, 0.0) * rng.standard_normal(distance[:, 1:].shape)
+        return Runs(pushed, distance[:, 1:] - pushed[:, :-1])
 
     def sides(self, states: ArrayLike) -> NDArray[np.int64]:
         """+1 for each run (N, T + 1, 2) that passed left, -1 right, 0 if it hit or did not arrive.
 
         A way is the line through its points.
         """
-        way = vector("states", states, (None, None, 2))
-        a, d = way[:, :-1] - [self.centre, 0.0], np.diff(way, axis=1)
+        path = vector("states", states, (None, None, 2))
+        a, d = path[:, :-1] - [self.centre, 0.0], np.diff(path, axis=1)
         along = -np.sum(a * d, axis=2) / np.maximum(np.sum(d * d, axis=2), 1e-12)
         near = a + np.clip(along, 0.0, 1.0)[..., None] * d
         clear = np.all(np.hypot(near[..., 0], near[..., 1]) >= self.radius, axis=1)
-        there = np.hypot(way[:, -1, 0] - 1.0, way[:, -1, 1]) <= self.reach
-        beside = way[np.arange(len(way)), np.argmin(np.abs(way[..., 0] - self.centre), axis=1), 1]
-        return np.where(clear & there, np.sign(beside), 0.0).astype(np.int64)
+        other = np.hypot(path[:, -1, 0] - 1.0, path[:, -1, 1]) <= self.reach
+        beside = path[np.arange(len(path)), np.argmin(np.abs(path[..., 0] - self.centre), axis=1), 1]
+        return np.where(clear & other, np.sign(beside), 0.0).astype(np.int64)
 
 
 # --- contexts: one right action a step ------------------------------------------------------------
@@ -220,9 +220,9 @@ def expected_cost(share: ArrayLike, steps: ArrayLike, *, recovers: bool) -> Arra
     eps, T = np.asarray(share, dtype=float), np.asarray(steps, dtype=float)
     if recovers:
         return eps * T
-    kept = 1.0 - eps
+    retained = 1.0 - eps
     with np.errstate(divide="ignore", invalid="ignore"):
-        summed = T - kept * (1.0 - kept**T) / eps
+        summed = T - retained * (1.0 - retained**T) / eps
     return np.where(eps == 0.0, 0.0, summed)
 
 
@@ -265,8 +265,8 @@ class Regulator:
         c, s = np.cosh(w * h), np.sinh(w * h)
         A, B = np.array([[c, s / w], [w * s, c]]), np.array([(c - 1.0) / w**2, s / w])
         poles = np.exp(-h * np.array([self.slow, self.fast]))
-        wanted = A @ A - poles.sum() * A + poles.prod() * np.eye(2)  # Ackermann's formula
-        K = np.linalg.solve(np.stack((B, A @ B)), np.array([0.0, 1.0])) @ wanted
+        desired = A @ A - poles.sum() * A + poles.prod() * np.eye(2)  # Ackermann's formula
+        K = np.linalg.solve(np.stack((B, A @ B)), np.array([0.0, 1.0])) @ desired
         for name, value in (("A", A), ("B", B), ("K", K)):
             object.__setattr__(self, name, value)
 

@@ -30,15 +30,15 @@ def document(panels: Sequence[Panel]) -> Any:
 
 
 def _panel_document(panel: Panel) -> dict[str, Any]:
-    found = _said(panel, "series", "grid", "notes", "data")
+    result = _said(panel, "series", "grid", "notes", "data")
     if panel.grid is not None:
         grid = panel.grid
         numbers = {"x": grid.x, "y": grid.y, "boundary": grid.boundary()}
-        found["grid"] = {"quantity": grid.quantity, "unit": grid.unit, "values": _packed(grid)}
-        found["grid"] |= {name: _six(values) for name, values in numbers.items()}
+        result["grid"] = {"quantity": grid.quantity, "unit": grid.unit, "values": _packed(grid)}
+        result["grid"] |= {name: _six(values) for name, values in numbers.items()}
     log_x = panel.scale in ("log", "log x")
-    found["series"] = [_series_document(series, log_x) for series in panel.series]
-    return found
+    result["series"] = [_series_document(series, log_x) for series in panel.series]
+    return result
 
 
 def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
@@ -49,13 +49,13 @@ def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
     few = np.unique(even.round().astype(int)).tolist() if thinned else range(size)
     columns = {"x": series.x, "y": series.y, "low": series.low, "high": series.high}
     columns["theory"] = series.expected if series.theory else None
-    found: dict[str, Any] = {"label": series.label, "key": series.key}
-    found |= _said(series, *columns, "note")
-    found |= {k: _six([v[i] for i in few]) for k, v in columns.items() if v is not None}
+    result: dict[str, Any] = {"label": series.label, "key": series.key}
+    result |= _said(series, *columns, "note")
+    result |= {k: _six([v[i] for i in few]) for k, v in columns.items() if v is not None}
     if series.theory is not None:
         x, y = theory_line(series, 60, log_x)
-        found["line"] = {"x": _six(x), "y": _six(y)}
-    return found
+        result["line"] = {"x": _six(x), "y": _six(y)}
+    return result
 
 
 def _said(record: Panel | Series, *but: str) -> dict[str, Any]:
@@ -70,22 +70,22 @@ def _said(record: Panel | Series, *but: str) -> dict[str, Any]:
 
 def panels_of(data: Any) -> list[Panel]:
     """The panels of a data file, as `document` wrote it and `from_json` read it."""
-    found = []
+    result = []
     for entry in data["panels"]:
-        said = {k: v for k, v in entry.items() if k not in ("series", "grid")}
-        said |= {k: tuple(said[k]) for k in ("xlim", "ylim") if k in said}
-        said |= {k: [tuple(row) for row in said[k]] for k in ("lines", "spans") if k in said}
+        text = {k: v for k, v in entry.items() if k not in ("series", "grid")}
+        text |= {k: tuple(text[k]) for k in ("xlim", "ylim") if k in text}
+        text |= {k: [tuple(row) for row in text[k]] for k in ("lines", "spans") if k in text}
         grid = _unpacked(entry["grid"]) if "grid" in entry else None
-        found.append(Panel(**said, grid=grid, series=[_series_of(s) for s in entry["series"]]))
-    return found
+        result.append(Panel(**text, grid=grid, series=[_series_of(s) for s in entry["series"]]))
+    return result
 
 
 def _series_of(entry: dict[str, Any]) -> Series:
-    said = {k: v for k, v in entry.items() if k not in ("theory", "line")}
+    text = {k: v for k, v in entry.items() if k not in ("theory", "line")}
     if "line" not in entry:
-        return Series(**said)
+        return Series(**text)
     x, y = entry["line"]["x"], entry["line"]["y"]
-    return Series(**said, theory=lambda value: float(np.interp(value, x, y)))
+    return Series(**text, theory=lambda value: float(np.interp(value, x, y)))
 
 
 # A map is drawn in 256 steps: below 128 it is within its bound.
@@ -108,9 +108,9 @@ def _six(values: Any) -> list[Any]:
 
 def json_text(data: Any) -> str:
     """Valid JSON, a list of numbers on one line; what is not finite becomes {"float": "inf"}."""
-    found = json.dumps(_plain(data), indent=1, allow_nan=False)
+    result = json.dumps(_plain(data), indent=1, allow_nan=False)
     lists = re.compile(r"\[[^\[\]{}\"]*\]")
-    return lists.sub(lambda match: " ".join(match[0].split()), found) + "\n"
+    return lists.sub(lambda match: " ".join(match[0].split()), result) + "\n"
 
 
 def _plain(value: Any) -> Any:
@@ -128,7 +128,7 @@ def _plain(value: Any) -> Any:
 def from_json(content: str) -> Any:
     """What `json_text` wrote."""
 
-    def number(found: dict[str, Any]) -> Any:
-        return float(found["float"]) if set(found) == {"float"} else found
+    def number(result: dict[str, Any]) -> Any:
+        return float(result["float"]) if set(result) == {"float"} else result
 
     return json.loads(content, object_hook=number)

@@ -314,14 +314,14 @@ class Panel:
         Raises:
             ValueError: if there is none, or more than one.
         """
-        found = [s for s in self.series if s.label == label] or [
+        result = [s for s in self.series if s.label == label] or [
             s for s in self.series if s.label.startswith(label)
         ]
-        if len(found) != 1:
+        if len(result) != 1:
             raise refused(
                 "label", label, f"the beginning of one of {[s.label for s in self.series]}"
             )
-        return found[0]
+        return result[0]
 
     @property
     def drawn(self) -> bool:
@@ -520,15 +520,15 @@ def _looks(panel: Panel) -> dict[int, tuple[str, str]]:
     """Colour and marker of every series, whether it is shown or not."""
     taken = {KEYS[series.key][0] for series in panel.series if series.key}
     free = [colour for colour in PALETTE if colour not in taken] or list(PALETTE)
-    found, unkeyed = {}, 0
+    result, unkeyed = {}, 0
     for series in panel.series:
         if series.key:
             colour, marker = KEYS[series.key]
         else:
             colour, marker = free[unkeyed % len(free)], MARKERS[unkeyed % len(MARKERS)]
             unkeyed += 1
-        found[id(series)] = colour, marker if series.marker is None else series.marker
-    return found
+        result[id(series)] = colour, marker if series.marker is None else series.marker
+    return result
 
 
 def _draw_marks(ax: Axes, panel: Panel, words: Words) -> None:
@@ -561,12 +561,12 @@ def _name_ends(
         if not series.label or not x.size:
             continue
         (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
-        seen = (x >= left) & (x <= right) & (y >= low) & (y <= high)
+        observed = (x >= left) & (x <= right) & (y >= low) & (y <= high)
         endless = np.flatnonzero(np.isposinf(y) & np.isfinite(x))
-        at = ax.transData.transform(np.column_stack((x, np.where(seen, y, low))))[:, 0]
+        at = ax.transData.transform(np.column_stack((x, np.where(observed, y, low))))[:, 0]
         of, end = ax.transData, np.array([x[0], y[0]])
-        if seen.any():
-            k = int(np.argmax(np.where(seen, at, -math.inf)))
+        if observed.any():
+            k = int(np.argmax(np.where(observed, at, -math.inf)))
             end = np.array([x[k], y[k]])
         elif endless.size:
             of, end = ax.get_xaxis_transform(), np.array([x[endless[-1]], 0.98])

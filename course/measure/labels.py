@@ -249,22 +249,22 @@ def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
     """
     from matplotlib.collections import LineCollection
 
-    found = [np.empty((0, 2))]
+    result = [np.empty((0, 2))]
     for line in ax.lines:
         points = line.get_transform().transform(line.get_xydata())
         points = points[np.all(np.isfinite(points), axis=1)]
         if line.get_linestyle() not in ("None", "none", "") and len(points) > 1:
             points = _dense(_steps(line, points), apart)
-        found.append(points)
+        result.append(points)
         if line.get_marker() not in ("None", "none", ""):
             radius = 0.5 * line.get_markersize() * ax.figure.dpi / 72.0
             marks = line.get_transform().transform(line.get_xydata())
-            found += [marks + radius * np.array([np.cos(turn), np.sin(turn)]) for turn in _TURNS]
+            result += [marks + radius * np.array([np.cos(turn), np.sin(turn)]) for turn in _TURNS]
     for bars in ax.collections:
         if isinstance(bars, LineCollection):
             for bar in map(bars.get_transform().transform, bars.get_segments()):
-                found += [_dense(bar, apart)] if np.all(np.isfinite(bar)) else []
-    points = np.concatenate(found)
+                result += [_dense(bar, apart)] if np.all(np.isfinite(bar)) else []
+    points = np.concatenate(result)
     points = points[np.all(np.isfinite(points), axis=1)]
     room = ax.get_window_extent().padded(0.5)
     return points[np.all((points >= room.min) & (points <= room.max), axis=1)]

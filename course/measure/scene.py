@@ -112,26 +112,26 @@ class Scene:
             what is left out already, the answer would still be within the tolerance.
         """
         value, unit = self.tolerance.value, self.tolerance.unit
-        found = []
+        result = []
         total = sum(item.measured() for item in self.left_out)
         for item in self.left_out:
             if item.measured() >= value:
-                found.append(
+                result.append(
                     f"models too little: leaving out {item.what} costs {item.measured():.3g} "
                     f"{unit}, the tolerance is {value:g} {unit}"
                 )
-        if not found and total >= value:
-            found.append(
+        if not result and total >= value:
+            result.append(
                 f"models too little: everything left out together may cost {total:.3g} {unit}, "
                 f"the tolerance is {value:g} {unit}"
             )
-        for kept in self.modelled:
-            if kept.measured() + total < value:
-                found.append(
-                    f"models too much: without {kept.what} the answer is off by "
-                    f"{kept.measured():.3g} {unit}, still within {value:g} {unit}"
+        for retained in self.modelled:
+            if retained.measured() + total < value:
+                result.append(
+                    f"models too much: without {retained.what} the answer is off by "
+                    f"{retained.measured():.3g} {unit}, still within {value:g} {unit}"
                 )
-        return found
+        return result
 
     def rows(self) -> list[tuple[str, str, float, float, str]]:
         """(effect, "modelled" or "left out", error, saves, against) for each effect."""

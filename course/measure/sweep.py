@@ -67,23 +67,23 @@ def sweep(
         raise refused(
             "jobs", f"two of {{{twice}}}", "jobs that differ, by a seed if by nothing else"
         )
-    whose = f"{function.__module__}.{function.__qualname__}"
-    done = _read(saved, whose) if saved else {}
-    left = [i for i, name in enumerate(names) if name not in done]
+    owner = f"{function.__module__}.{function.__qualname__}"
+    done = _read(saved, owner) if saved else {}
+    remaining = [i for i, name in enumerate(names) if name not in done]
     errors: dict[int, BaseException] = {}
-    for over, (i, result, error) in enumerate(_run(function, jobs, left, executor), 1):
+    for over, (i, result, error) in enumerate(_run(function, jobs, remaining, executor), 1):
         if error is None:
             done[names[i]] = result
             if saved:
-                _write(saved, whose, done)
+                _write(saved, owner, done)
         else:
             errors[i] = error
-        (progress or _tell)(len(names) - len(left) + over, len(names))
+        (progress or _tell)(len(names) - len(remaining) + over, len(names))
     results: list[Any] = [done.get(name) for name in names]
     if errors:
-        told = [f"({names[i]}): {type(e).__name__}: {e}" for i, e in sorted(errors.items())]
-        more = [f"and {len(told) - 5} more"] if len(told) > 5 else []
-        text = f"{len(errors)} of {len(names)} jobs failed: " + "; ".join(told[:5] + more)
+        message = [f"({names[i]}): {type(e).__name__}: {e}" for i, e in sorted(errors.items())]
+        more = [f"and {len(message) - 5} more"] if len(message) > 5 else []
+        text = f"{len(errors)} of {len(names)} jobs failed: " + "; ".join(message[:5] + more)
         if any(isinstance(e, BrokenExecutor) for e in errors.values()) and saved:
             text += f". The executor broke; what is done is in {saved}: sweep again with a new one"
         raise JobsFailed(text, results, errors) from next(iter(errors.values()))
@@ -116,20 +116,20 @@ def _text(job: Job) -> str:
     return ", ".join(f"{name}={job[name]!r}" for name in sorted(job))
 
 
-def _read(path: str | Path, whose: str) -> dict[str, Any]:
+def _read(path: str | Path, owner: str) -> dict[str, Any]:
     if not Path(path).exists():
         return {}
     with open(path, "rb") as file:
-        found, results = pickle.load(file)
-    if found != whose:
-        raise refused("saved", f"a file of {found}", f"one of {whose}, or a new one")
+        result, results = pickle.load(file)
+    if result != owner:
+        raise refused("saved", f"a file of {result}", f"one of {owner}, or a new one")
     return results
 
 
-def _write(path: str | Path, whose: str, done: Mapping[str, Any]) -> None:
+def _write(path: str | Path, owner: str, done: Mapping[str, Any]) -> None:
     """The whole file at once: whoever is interrupted here leaves the one that was there."""
     beside = Path(f"{path}.{os.getpid()}")
-    beside.write_bytes(pickle.dumps((whose, done)))
+    beside.write_bytes(pickle.dumps((owner, done)))
     os.replace(beside, path)
 
 

@@ -145,6 +145,6 @@ def _calls_in(sampler: Sampler, sample: float, most: int) -> int:
     """How many calls fill a sample, tried with more and more of them."""
     n = 1
     while (took := sampler(n)) < 0.5 * sample and n < most:
-        wanted = n * sample / max(took, 1e-9)
-        n = min(most, max(2 * n, math.ceil(min(wanted, 100.0 * n))))
+        desired = n * sample / max(took, 1e-9)
+        n = min(most, max(2 * n, math.ceil(min(desired, 100.0 * n))))
     return n

@@ -324,28 +324,28 @@ class WorkPrecision:
             by: "time" or "count".
         """
         pick = self.pick(positive("tolerance", tolerance), by)
-        wanted = f"{tolerance:.2g}{self._unit}"
+        desired = f"{tolerance:.2g}{self._unit}"
         if pick is None:
             errors = [(p.error, c.name, p) for c in self.curves for p in c.worked()]
             if not errors:
                 return "No run worked."
             error, name, point = min(errors, key=lambda entry: entry[0])
             return (
-                f"Nothing here comes within {wanted}: the smallest error is {error:.1e}"
+                f"Nothing here comes within {desired}: the smallest error is {error:.1e}"
                 f"{self._unit}, of {name} at {self._setting(point)}."
             )
         cost = pick.point.cost(by) / (self.duration or 1.0)
         spent = _seconds(cost) if by == "time" else f"{cost:.3g} {self._counted}"
-        said = f"{pick.name} at {self._setting(pick.point)}: {spent} per "
-        said += "run" if self.duration is None else "simulated s"
+        message = f"{pick.name} at {self._setting(pick.point)}: {spent} per "
+        message += "run" if self.duration is None else "simulated s"
         finer = self.pick(0.1 * tolerance, by)
         if finer is None:
-            return f"{said}; no run here has a tenth of that error."
+            return f"{message}; no run here has a tenth of that error."
         times = finer.point.cost(by) / pick.point.cost(by)
         if finer.point == pick.point:
-            return f"{said}; a tenth of the error costs no more."
+            return f"{message}; a tenth of the error costs no more."
         other = "" if finer.name == pick.name else f", with {finer.name}"
-        return f"{said}; a tenth of the error would cost {times:.2g} times as much{other}."
+        return f"{message}; a tenth of the error would cost {times:.2g} times as much{other}."
 
     def range(self) -> tuple[float, float]:
         """Tolerances worth asking for: decades that hold the errors of all runs, and one more."""
@@ -369,10 +369,10 @@ class WorkPrecision:
         Args:
             pick: whether tolerance and picks are drawn.
         """
-        left = self._panel("count", self._counted if self.curves else "count", pick)
-        left.title, left.legend, left.footer = self.question, False, self.machine
-        left.notes, left.data = [self.table()], self._document()
-        return [left, self._panel("time", "time of one run [s]", pick)]
+        remaining = self._panel("count", self._counted if self.curves else "count", pick)
+        remaining.title, remaining.legend, remaining.footer = self.question, False, self.machine
+        remaining.notes, remaining.data = [self.table()], self._document()
+        return [remaining, self._panel("time", "time of one run [s]", pick)]
 
     def _panel(self, by: str, cost: str, marked: bool) -> Panel:
         panel = Panel("", cost, f"error [{self.error_unit}]", scale="log")
@@ -540,21 +540,21 @@ def _measure_curves(
         times = interleaved(
             [samplers[i] for i in alive], repeats=repeats, sample=sample_time, warm=True
         )
-    for i, found in zip(alive, times, strict=True):
+    for i, result in zip(alive, times, strict=True):
         # An error of exactly zero has no place on a log axis; a rounding is what it means.
         exact = max(points[i].error, float(np.finfo(float).tiny))
         points[i] = replace(
             points[i],
             error=exact,
-            time=found.best if best else found.median,
-            low=found.best if best else found.low,
-            high=found.high,
+            time=result.best if best else result.median,
+            low=result.best if best else result.low,
+            high=result.high,
         )
     curves = []
     for method in methods:
         own = tuple(p for p, (owner, _) in zip(points, runs, strict=True) if owner is method)
         curves.append(Curve(method.name, method.style, method.unit, own, method.key, method.extra))
-    return tuple(curves), max((found.busy for found in times), default=0.0)
+    return tuple(curves), max((result.busy for result in times), default=0.0)
 
 
 def _first_run(
@@ -565,23 +565,23 @@ def _first_run(
     failed_above: float,
 ) -> Point:
     """The point without its times."""
-    never, off, failure = math.inf, math.nan, ""
+    never, deviation, failure = math.inf, math.nan, ""
     try:
         result = method.run(parameter)
         answer, spent = np.asarray(result.answer, dtype=float), float(result.count)
         if not np.all(np.isfinite(answer)):
             failure = "the answer is not finite"
-        elif not math.isfinite(off := float(error(answer, reference))):
+        elif not math.isfinite(deviation := float(error(answer, reference))):
             failure = "the error is not finite"
-        elif off > failed_above:
-            failure = f"error {off:.2e} above {failed_above:.2e}"
+        elif deviation > failed_above:
+            failure = f"error {deviation:.2e} above {failed_above:.2e}"
         elif not math.isfinite(spent):
             failure = "the count is not finite"
     except Exception as problem:  # any failure of a method is a result of the measurement
         failure = f"{type(problem).__name__}: {problem}"
     if failure:
         return Point(parameter, never, never, never, never, never, failure)
-    return Point(parameter, off, spent, never, never, never)
+    return Point(parameter, deviation, spent, never, never, never)
 
 
 def machine(busy: float = 0.0, *, libraries: Sequence[str] = ("mujoco",)) -> str:
@@ -606,8 +606,8 @@ def machine(busy: float = 0.0, *, libraries: Sequence[str] = ("mujoco",)) -> str
             versions.append(f"{package} {metadata.version(package)}")
         except metadata.PackageNotFoundError:
             versions.append(f"no {package}")
-    found = f"{name}, {os.cpu_count()} cores; " + ", ".join(versions)
-    return found + (f"; busy in {busy:.0%} of the rounds" if busy else "")
+    result = f"{name}, {os.cpu_count()} cores; " + ", ".join(versions)
+    return result + (f"; busy in {busy:.0%} of the rounds" if busy else "")
 
 
 def _seconds(value: float) -> str:

@@ -328,8 +328,8 @@ class Writer:
         self.node, self.topic, self.qos, self.on_event = node, topic, qos, on_event
         self.bus, self.number, self.dead = node.bus, 0, False
         self.matches: list[_Match] = []
-        kept = None if qos.history == "keep_all" else qos.depth
-        self.history: deque[Sample] = deque(maxlen=kept)
+        selected = None if qos.history == "keep_all" else qos.depth
+        self.history: deque[Sample] = deque(maxlen=selected)
         self._keeps, self._manual = qos.durability != "volatile", qos.liveliness != "automatic"
         self._lifespan = nanoseconds(qos.lifespan)
         self._deadline = _deadline(self)
@@ -447,9 +447,9 @@ class _Match:
             self.lease.touch()
         # A reader that does not acknowledge gets no history (so does Cyclone DDS, measured).
         if self.reliable and all(qos.durability != "volatile" for qos in ends):
-            kept = [sample for sample in writer.history if sample.expires > self.bus.ns]
-            self._next = kept[0].number if kept else self._next
-            for sample in kept:
+            selected = [sample for sample in writer.history if sample.expires > self.bus.ns]
+            self._next = selected[0].number if selected else self._next
+            for sample in selected:
                 self.send(sample)
 
     def send(self, sample: Sample, packets: int = 0) -> None:
@@ -471,8 +471,8 @@ class _Match:
             bus.push(arrival, ARRIVAL, self._arrived, sample.number, sample)
         elif self.reliable:
             self.reader.rounds += 1
-            asked = arrival + nanoseconds(link.nack + link.delay)
-            bus.push(asked, ARRIVAL, self._again, sample, lost)
+            requested = arrival + nanoseconds(link.nack + link.delay)
+            bus.push(requested, ARRIVAL, self._again, sample, lost)
         else:
             self.reader.accept(sample.number, None)
 
@@ -484,8 +484,8 @@ class _Match:
         if number > writer.number - writer.qos.kept and sample.expires > self.bus.ns:
             self.send(sample, packets)
         else:
-            gone = self.bus.ns + nanoseconds(self.link.delay)
-            self.bus.push(gone, ARRIVAL, self._arrived, number, None)
+            missing = self.bus.ns + nanoseconds(self.link.delay)
+            self.bus.push(missing, ARRIVAL, self._arrived, number, None)
 
     def _arrived(self, number: int, sample: Sample | None) -> None:
         """All of a sample is there, or it is known to be gone."""

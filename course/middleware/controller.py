@@ -45,8 +45,8 @@ def torques(
         for name, value in (("velocity", velocity), ("target", target),
                             ("stiffness", stiffness), ("damping", damping))
     )  # fmt: skip
-    most = vector("limit", limit, q.shape, low=0.0)
-    return np.clip(k * (goal - q) - d * v, -most, most)
+    largest = vector("limit", limit, q.shape, low=0.0)
+    return np.clip(k * (goal - q) - d * v, -largest, largest)
 
 
 NO_COMPILER = "this needs a C++ compiler: apt-get install g++"
@@ -55,7 +55,7 @@ NO_COMPILER = "this needs a C++ compiler: apt-get install g++"
 def compiler() -> str | None:
     """The C++ compiler of this machine (CXX, g++ or clang++), or None."""
     names = (os.environ.get("CXX", ""), "g++", "clang++")
-    return next((found for name in names if name and (found := shutil.which(name))), None)
+    return next((result for name in names if name and (result := shutil.which(name))), None)
 
 
 def build(folder: Path) -> Path:
@@ -118,12 +118,12 @@ def drive(
         text=True,
         timeout=60,
     )
-    found = [line.split() for line in done.stdout.splitlines()]
+    result = [line.split() for line in done.stdout.splitlines()]
     faults = [line for line in done.stderr.splitlines() if "ERROR: " in line or "error: " in line]
     return Driven(
         done.returncode,
-        [line[0] == "1" for line in found],
-        [int(line[1]) for line in found],
-        [[float(value) for value in line[2:]] for line in found],
+        [line[0] == "1" for line in result],
+        [int(line[1]) for line in result],
+        [[float(value) for value in line[2:]] for line in result],
         faults[0].split("ror: ")[-1].split("ERROR: ")[-1] if faults else "",
     )

@@ -276,20 +276,20 @@ def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) ->
     long = [w.name for w in works if not w.group and w.execution > w.period]
     if long:
         raise refused("reentrant callbacks", long, "executions up to the period")
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     if order == "fifo":
         for group in groups.values():
-            found |= _single(group, order)
-        return found
+            result |= _single(group, order)
+        return result
     for group in groups.values():
         S = sum(w.execution for w in group)
         busy = _least(S, 0.0, group, lambda w, x: math.ceil(x / w.period - 1e-9))
-        found |= {w.name: busy for w in group}
-    return found
+        result |= {w.name: busy for w in group}
+    return result
 
 
 def _single(works: Sequence[Work], order: str) -> dict[str, float]:
-    S, found = sum(w.execution for w in works), dict[str, float]()
+    S, result = sum(w.execution for w in works), dict[str, float]()
     if order == "fifo":
         R, before = S, 0.0
         while R > before:  # what comes again before it has ended may run and wait at once
@@ -299,18 +299,18 @@ def _single(works: Sequence[Work], order: str) -> dict[str, float]:
     timers = [w for w in works if w.kind == "timer" and order == "timers first"]
     for i, timer in enumerate(timers):
         begun = max(w.execution for w in works if w not in timers[:i])
-        found[timer.name] = _start(begun, 0.0, timers[:i]) + timer.execution
+        result[timer.name] = _start(begun, 0.0, timers[:i]) + timer.execution
     rest = [w for w in works if w not in timers]
     S = sum(w.execution for w in rest)
-    late = max(found.values(), default=0.0)
+    late = max(result.values(), default=0.0)
     for i, work in enumerate(rest):
         two = 2.0 * S - work.execution
         start = S - work.execution + sum(w.execution for w in rest[:i] if timers or w.period <= two)
         for base in (start, max(start, S)):  # the second: it runs itself when its event comes
-            found[work.name] = _start(base, late, timers) + work.execution
-            if found[work.name] <= work.period:
+            result[work.name] = _start(base, late, timers) + work.execution
+            if result[work.name] <= work.period:
                 break
-    return found
+    return result
 
 
 def _start(base: float, late: float, before: Sequence[Work]) -> float:

@@ -63,11 +63,11 @@ def measure(
     core = max(os.sched_getaffinity(0)) if core is None else core
     processes = elsewhere()
     shared = SharedMemory(create=True, size=256)
-    told: Any = processes.SimpleQueue()
+    report: Any = processes.SimpleQueue()
     gates = {name: processes.Semaphore(0) for name in PRIORITIES}
     children = [
         processes.Process(
-            target=_part, args=(name, shared.name, gates, told, core, work, inherit), daemon=True
+            target=_part, args=(name, shared.name, gates, report, core, work, inherit), daemon=True
         )
         for name, work in (("low", holds), ("middle", middle), ("high", 0.0))
     ]
@@ -75,12 +75,12 @@ def measure(
         _make_lock(shared, inherit)
         for child in children:
             child.start()
-        ready = [told.get() for _ in children]  # each says what it was refused
-        refused = next((text for text in ready if text), "")
-        if refused:
-            return Inversion(float("nan"), theory, (), refused)
+        ready = [report.get() for _ in children]  # each says what it was refused
+        rejected = next((text for text in ready if text), "")
+        if rejected:
+            return Inversion(float("nan"), theory, (), rejected)
         gates["low"].release()
-        done = sorted(told.get() for _ in children)
+        done = sorted(report.get() for _ in children)
         (wait,) = (waited for _, name, waited in done if name == "high")
         return Inversion(wait, theory, tuple(name for _, name, _ in done))
     finally:

@@ -132,7 +132,7 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
     Raises:
         ValueError: a name is none that ROS 2 knows, or a value is none of its policy.
     """
-    found: dict[tuple[str, str], QoS] = {}
+    result: dict[tuple[str, str], QoS] = {}
     for name, value in parameters.items():
         if not name.startswith("qos_overrides"):
             continue
@@ -145,8 +145,8 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 raise refused(name, value, "a whole number of nanoseconds from 1 on")
             value = 1e-9 * value
-        found[topic, end] = replace(found.get((topic, end), QoS()), **{policy: value})
-    return found
+        result[topic, end] = replace(result.get((topic, end), QoS()), **{policy: value})
+    return result
 
 
 def to_be_allowed(parameters: Mapping[str, Any]) -> set[str]:
@@ -160,13 +160,13 @@ def silent(listed: list[Node]) -> dict[str, tuple[str, ...]]:
     """The topics on which two nodes of a file do not hear each other, with the failing policies."""
     ends = [overrides(node.parameters) for node in listed]
     written = {t: qos for one in ends for (t, end), qos in one.items() if end == "publisher"}
-    found = {
+    result = {
         topic: compatible(written[topic], qos)
         for one in ends
         for (topic, end), qos in one.items()
         if end == "subscription" and topic in written
     }
-    return {topic: policies for topic, policies in found.items() if policies}
+    return {topic: policies for topic, policies in result.items() if policies}
 
 
 class Parameters:

@@ -148,7 +148,7 @@ def urgent(
     """
     one_of("scheduler", scheduler, ("fifo", "other"))
     count("priority", priority, 1, 99)
-    refused: dict[str, str] = {}
+    rejected: dict[str, str] = {}
     libc = ctypes.CDLL(None, use_errno=True)
 
     def only(*cores: int) -> None:
@@ -167,7 +167,7 @@ def urgent(
             try:
                 call()
             except (OSError, AttributeError, ValueError) as error:
-                refused[name] = str(error)
+                rejected[name] = str(error)
                 return False
             stack.callback(undo)
             return True
@@ -188,7 +188,7 @@ def urgent(
             ask("nice", lambda: polite(nice), lambda: polite(old))
         if scheduler == "fifo":
             ask("fifo", lambda: become(priority), become)
-        yield Granted(*given(), held, quiet, refused)
+        yield Granted(*given(), held, quiet, rejected)
 
 
 def become(priority: int = 0) -> None:
@@ -251,7 +251,7 @@ def among_busy(
         periods: of each run.
         work: processor time in each period [s].
     """
-    found = []
+    result = []
     for name in names:
         one_of("name", name, ASKED)
     with crowd(busy, 20.0 + 4.0 * len(names) * period * periods):
@@ -259,8 +259,8 @@ def among_busy(
             with urgent(**ASKED[name]) as granted:  # type: ignore[arg-type]
                 record = run(lambda k: compute(work), period, periods)
             late = tuple(np.quantile(record.lateness, (0.5, 0.99, 1.0)).tolist())
-            found.append(Tried(name, granted, record, late))
-    return found
+            result.append(Tried(name, granted, record, late))
+    return result
 
 
 def compute(seconds: float) -> None:

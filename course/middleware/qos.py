@@ -84,16 +84,16 @@ def compatible(offered: QoS, requested: QoS) -> tuple[str, ...]:
         pair is heard.
     """
     ends = offered, requested
-    found = set()
+    result = set()
     for name, order in ORDERS.items():
         offer, request = (order.index(getattr(end, name)) for end in ends)
         if offer < request:
-            found.add(name)
+            result.add(name)
     for name, policy in TIMES.items():
         if getattr(offered, name) > getattr(requested, name):
-            found.add(policy)
-    found |= {name for name in SAME if getattr(offered, name) != getattr(requested, name)}
-    return tuple(name for name in QoS.__dataclass_fields__ if name in found)
+            result.add(policy)
+    result |= {name for name in SAME if getattr(offered, name) != getattr(requested, name)}
+    return tuple(name for name in QoS.__dataclass_fields__ if name in result)
 
 
 def _period(name: str, value: Any) -> float:

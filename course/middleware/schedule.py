@@ -61,12 +61,12 @@ def response_times(
     C, T = _sets(execution, period)
     B, J = (_like(name, value, C) for name, value in (("blocking", blocking), ("jitter", jitter)))
     loop = compiled(_analyse, _TABLE(*[_TABLE] * 4))
-    found = loop(*(_whole(x) for x in (C, T, B, J))).reshape(C.shape)
-    return np.asarray(np.where(found == LATE, np.inf, 1e-9 * found))
+    result = loop(*(_whole(x) for x in (C, T, B, J))).reshape(C.shape)
+    return np.asarray(np.where(result == LATE, np.inf, 1e-9 * result))
 
 
 def _analyse(C, T, B, J):
-    found = np.empty_like(C)
+    result = np.empty_like(C)
     for s in range(C.shape[1]):
         for i in range(C.shape[0]):
             w, more = 0, C[i, s] + B[i, s]
@@ -74,8 +74,8 @@ def _analyse(C, T, B, J):
                 w, more = more, C[i, s] + B[i, s]
                 for j in range(i):
                     more += -((-w - J[j, s]) // T[j, s]) * C[j, s]
-            found[i, s] = more + J[i, s] if more <= T[i, s] - J[i, s] else LATE
-    return found
+            result[i, s] = more + J[i, s] if more <= T[i, s] - J[i, s] else LATE
+    return result
 
 
 def breakdown(execution: ArrayLike, period: ArrayLike) -> Array:
@@ -91,7 +91,7 @@ def breakdown(execution: ArrayLike, period: ArrayLike) -> Array:
 
 
 def _scale(C, T):
-    found = np.full(C.shape[1], np.inf)
+    result = np.full(C.shape[1], np.inf)
     for s in range(C.shape[1]):
         for i in range(C.shape[0]):
             best = 0.0
@@ -101,8 +101,8 @@ def _scale(C, T):
                     for m in range(i + 1):
                         load += -(-t // T[m, s]) * C[m, s]
                     best = max(best, t / load)
-            found[s] = min(found[s], best)
-    return found
+            result[s] = min(result[s], best)
+    return result
 
 
 def blocking(section: ArrayLike, lock: ArrayLike, protocol: str) -> Array:
@@ -117,17 +117,17 @@ def blocking(section: ArrayLike, lock: ArrayLike, protocol: str) -> Array:
     """
     one_of("protocol", protocol, PROTOCOLS)
     S, L = vector("section", section, (None,), low=0.0), np.asarray(lock)
-    found = np.zeros(S.size)
+    result = np.zeros(S.size)
     for i in range(S.size):
         below = [j for j in range(i + 1, S.size) if L[j] >= 0 and L[j] in L[: i + 1] and S[j] > 0.0]
         if protocol == "none" and below not in ([], [1]):
-            found[i] = np.inf
+            result[i] = np.inf
         elif protocol == "inheritance":
             locks = {int(L[j]) for j in below}
-            found[i] = sum(max(S[j] for j in below if L[j] == k) for k in locks)
+            result[i] = sum(max(S[j] for j in below if L[j] == k) for k in locks)
         else:
-            found[i] = max((S[j] for j in below), default=0.0)
-    return found
+            result[i] = max((S[j] for j in below), default=0.0)
+    return result
 
 
 class Outcome(NamedTuple):
@@ -174,8 +174,8 @@ def run(
     loop = compiled(_run, _RUN)
     end = round(1e9 * positive("seconds", seconds, unit="s"))
     kind = PROTOCOLS.index(one_of("protocol", protocol, PROTOCOLS))
-    found = loop(*given, np.array(L, np.int64), end, kind)
-    longest, jobs, late = (x.reshape(C.shape) for x in found)
+    result = loop(*given, np.array(L, np.int64), end, kind)
+    longest, jobs, late = (x.reshape(C.shape) for x in result)
     return Outcome(1e-9 * longest, jobs, late)
 
 
@@ -186,7 +186,7 @@ _RUN = types.Array(numba.int64, 3, "C")(
 
 def _run(C, T, phase, jitter, before, section, lock, end, protocol):
     n, sets = C.shape
-    found = np.zeros((3, n, sets), np.int64)
+    result = np.zeros((3, n, sets), np.int64)
     holds, done, job = np.empty(n, np.bool_), np.empty(n, np.int64), np.empty(n, np.int64)
     for s in range(sets):
         holds[:], done[:], job[:], t = False, 0, 0, 0
@@ -227,15 +227,15 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
                 holds[i] = False
             if done[i] == C[i, s]:
                 response = t - phase[i, s] - job[i] * T[i, s]
-                found[0, i, s] = max(found[0, i, s], response)
-                found[1, i, s] += 1
-                found[2, i, s] += response > T[i, s]
+                result[0, i, s] = max(result[0, i, s], response)
+                result[1, i, s] += 1
+                result[2, i, s] += response > T[i, s]
                 job[i] += 1
                 done[i] = 0
         for i in range(n):  # jobs whose period is over
             due = (end - phase[i, s]) // T[i, s]
-            found[2, i, s] += max(0, due - job[i])
-    return found
+            result[2, i, s] += max(0, due - job[i])
+    return result
 
 
 def random_sets(
@@ -247,12 +247,12 @@ def random_sets(
     schedulability tests, 2005); periods evenly in the logarithm from 10 ms to `ratio` times that,
     sorted.
     """
-    n, left = count("n", n, 1), np.full(count("sets", sets, 1), positive("load", load))
+    n, remaining = count("n", n, 1), np.full(count("sets", sets, 1), positive("load", load))
     share = np.empty((n, sets))
     for i in range(n - 1):
-        rest = left * rng.random(sets) ** (1.0 / (n - 1 - i))
-        share[i], left = left - rest, rest
-    share[-1] = left
+        rest = remaining * rng.random(sets) ** (1.0 / (n - 1 - i))
+        share[i], remaining = remaining - rest, rest
+    share[-1] = remaining
     T = np.sort(0.01 * positive("ratio", ratio) ** rng.random((n, sets)), axis=0)
     return np.maximum(share * T, 1e-9), T
 

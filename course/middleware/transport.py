@@ -89,8 +89,8 @@ def threads() -> Iterator[Trip]:
 @contextlib.contextmanager
 def unix_socket() -> Iterator[Trip]:
     """A stream socket of the Unix family to another process; four bytes of length go ahead."""
-    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
-    with here, there, partner(_answer_socket, there):
+    here, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    with here, other, partner(_answer_socket, other):
         here.settimeout(PATIENCE)
 
         def trip(payload: bytes | memoryview) -> bytearray:
@@ -172,9 +172,9 @@ class Ring:
             self.held = self.room[at + 4 : at + 4 + size]
         return self.held
 
-    def _advance(self, who: str) -> int:
-        at = self.turn[who] * (self.size + 4)
-        self.turn[who] = (self.turn[who] + 1) % self.slots
+    def _advance(self, name: str) -> int:
+        at = self.turn[name] * (self.size + 4)
+        self.turn[name] = (self.turn[name] + 1) % self.slots
         return at
 
     def close(self) -> None:
@@ -276,23 +276,23 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, most: int = 100
         sender.connect(receiver.getsockname())
         receiver.connect(sender.getsockname())
         for _ in range(messages):
-            wanted = list(range(fragments))
+            desired = list(range(fragments))
             for turn in itertools.count(1):
-                kept = rng.random(len(wanted)) >= loss
+                selected = rng.random(len(desired)) >= loss
                 have = set()
-                for number in itertools.compress(wanted, kept):
+                for number in itertools.compress(desired, selected):
                     sender.send(struct.pack("!I", number))
                     have.add(struct.unpack("!I", receiver.recv(4))[0])
-                sent += len(wanted)
-                missing = [number for number in wanted if number not in have]
+                sent += len(desired)
+                missing = [number for number in desired if number not in have]
                 # A request names up to 350 fragments, so that it fits in a datagram.
-                wanted = []
+                desired = []
                 for first in range(0, len(missing), 350):
                     part = missing[first : first + 350]
                     receiver.send(struct.pack(f"!{len(part)}I", *part))
-                    wanted += struct.unpack(f"!{len(part)}I", sender.recv(DATAGRAM))
-                lost += turn == 1 and bool(wanted)
-                if not wanted or turn == count("most", most, 1):
+                    desired += struct.unpack(f"!{len(part)}I", sender.recv(DATAGRAM))
+                lost += turn == 1 and bool(desired)
+                if not desired or turn == count("most", most, 1):
                     break
             rounds += turn
     return Loss(lost / messages, rounds / messages, sent)

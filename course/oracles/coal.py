@@ -106,11 +106,11 @@ class Pair:
         """Signed distances, one call of Coal a pair: the part to be timed."""
         distance, a, b = self._distance, self.a, self.b
         request, result = self.request, self.result
-        found = []
+        outcome = []
         for p, q in zip(at_a, at_b, strict=True):
             result.clear()
-            found.append(distance(a, p, b, q, request, result))
-        return found
+            outcome.append(distance(a, p, b, q, request, result))
+        return outcome
 
     def built_in_the_loop(self, a: list[tuple[Array, Array]], b: list[tuple[Array, Array]]) -> None:
         """As `loop`, where each pose is made on the way, of what `parts` gives."""

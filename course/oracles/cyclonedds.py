@@ -118,18 +118,18 @@ def read_back() -> dict[str, str]:
         )
         lines = trace.read_text().splitlines()
 
-    def said(word: str) -> str:
+    def text(word: str) -> str:
         return " ".join(line.split(word, 1)[1].strip() for line in lines if word in line)
 
     domain, groups = done.stdout.split()
     return {
         "domain": domain,
         "groups": groups,
-        "interfaces": said("selected interfaces:"),
-        "multicast": said("General/AllowMulticast/#text:").split()[0],
-        "peers": said("Peer[@Address]:").split()[0],
-        "address": said("ownip:"),
-        "tag": said("Discovery/Tag/#text:").split()[0],
+        "interfaces": text("selected interfaces:"),
+        "multicast": text("General/AllowMulticast/#text:").split()[0],
+        "peers": text("Peer[@Address]:").split()[0],
+        "address": text("ownip:"),
+        "tag": text("Discovery/Tag/#text:").split()[0],
     }
 
 
@@ -150,14 +150,14 @@ def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> A
     def time_of(seconds: float) -> int:
         return duration(infinite=True) if math.isinf(seconds) else round(1e9 * seconds)
 
-    def kept(depth: float) -> Any:
+    def selected(depth: float) -> Any:
         return Policy.History.KeepAll if math.isinf(depth) else Policy.History.KeepLast(int(depth))
 
     best = qos.reliability == "best_effort"
-    found = [
+    result = [
         Policy.Reliability.BestEffort if best else Policy.Reliability.Reliable(time_of(1.0)),
         getattr(Policy.Durability, KINDS[qos.durability]),
-        kept(qos.kept),
+        selected(qos.kept),
         Policy.Deadline(time_of(qos.deadline)),
         Policy.Lifespan(time_of(qos.lifespan)),
         getattr(Policy.Liveliness, KINDS[qos.liveliness])(time_of(qos.liveliness_lease_duration)),
@@ -165,10 +165,10 @@ def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> A
         getattr(Policy.DestinationOrder, KINDS[qos.destination_order]),
     ]
     if strength:
-        found.append(Policy.OwnershipStrength(strength))
+        result.append(Policy.OwnershipStrength(strength))
     if kept_for_late != 0:
-        found.append(Policy.DurabilityService(0, kept(kept_for_late or qos.kept), -1, -1, -1))
-    return Qos(*found)
+        result.append(Policy.DurabilityService(0, selected(kept_for_late or qos.kept), -1, -1, -1))
+    return Qos(*result)
 
 
 class Topic:
@@ -223,7 +223,7 @@ class Verdict:
 
 def verdicts(pairs: Sequence[tuple[QoS, QoS]]) -> list[Verdict]:
     """Each pair (offered, requested) on a topic of its own."""
-    found = []
+    result = []
     with participant() as member:
         for offered, requested in pairs:
             topic = Topic(member)
@@ -240,8 +240,8 @@ def verdicts(pairs: Sequence[tuple[QoS, QoS]]) -> list[Verdict]:
                 writer.get_publication_matched_status().current_count
                 + reader.get_subscription_matched_status().current_count
             )
-            found.append(Verdict(known == 2, writer_told, reader_told, len(take(reader))))
-    return found
+            result.append(Verdict(known == 2, writer_told, reader_told, len(take(reader))))
+    return result
 
 
 # --- Between two processes ------------------------------------------------------------------------
@@ -283,7 +283,7 @@ class Wire:
         from cyclonedds.topic import Topic
 
         self.kind = payload_type(size, kind)
-        out, back = (Topic(member, way, self.kind) for way in ways)
+        out, back = (Topic(member, method, self.kind) for method in ways)
         self.writer = DataWriter(member, out, policies(qos))
         self.reader = DataReader(member, back, policies(qos))
         self.set = WaitSet(member)
@@ -318,9 +318,9 @@ def buffered(least: int | None = None, most: int | None = None) -> Iterator[None
     library()
     before = os.environ["CYCLONEDDS_URI"]
     sizes = {"min": least, "max": most}
-    said = " ".join(f'{name}="{size}B"' for name, size in sizes.items() if size is not None)
-    wanted = f"<Internal><SocketReceiveBufferSize {said}/></Internal></Domain>"
-    os.environ["CYCLONEDDS_URI"] = before.replace("</Domain>", wanted)
+    message = " ".join(f'{name}="{size}B"' for name, size in sizes.items() if size is not None)
+    desired = f"<Internal><SocketReceiveBufferSize {message}/></Internal></Domain>"
+    os.environ["CYCLONEDDS_URI"] = before.replace("</Domain>", desired)
     try:
         yield
     finally:
@@ -329,14 +329,14 @@ def buffered(least: int | None = None, most: int | None = None) -> Iterator[None
 
 def answered(size: int, trips: int, reliability: str, patience: float = 0.5) -> int:
     """Of so many trips of one message, how many came back in time [s]; see `echo`."""
-    found = 0
+    result = 0
     with echo(size, reliability, patience=patience) as trip:
         payload = memoryview(bytes(size))
         for _ in range(count("trips", trips, 1)):
             with contextlib.suppress(TimeoutError):
                 trip(payload)
-                found += 1
-    return found
+                result += 1
+    return result
 
 
 def names() -> tuple[str, str]:
@@ -357,10 +357,10 @@ def echo(
         kind: see `payload_type`.
         patience: after which an answer is taken for lost [s].
     """
-    ways = names()
+    topics = names()
     qos = QoS(one_of("reliability", reliability, ("reliable", "best_effort")), depth=1)
-    with neighbour(_answer, size, qos, ways[::-1], kind), participant() as member:
-        wire = Wire(member, size, qos, ways, kind)
+    with neighbour(_answer, size, qos, topics[::-1], kind), participant() as member:
+        wire = Wire(member, size, qos, topics, kind)
         until(wire.ready)
 
         def trip(payload: Any) -> Any:

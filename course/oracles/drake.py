@@ -120,13 +120,13 @@ class DrakeRun(Run):
         self._at = np.array([joint.position_start() for joint in joints], dtype=int)
         simulator = drake.systems.analysis.Simulator(builder.Build())
         if not discrete:
-            wanted = drake.systems.analysis.SimulatorConfig(
+            desired = drake.systems.analysis.SimulatorConfig(
                 integration_scheme=scheme,
                 max_step_size=dt,
                 accuracy=options.get("accuracy", 1e-4),
                 use_error_control="accuracy" in options,
             )
-            drake.systems.analysis.ApplySimulatorConfig(wanted, simulator)
+            drake.systems.analysis.ApplySimulatorConfig(desired, simulator)
         self.simulator, self._steps = simulator, 0
         self.context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         self._push()
@@ -139,15 +139,15 @@ class DrakeRun(Run):
         """A box on a body; that of the ground, number -1, is rigid."""
         geometry, modulus = self._drake.geometry, self._settings.options.get("modulus", MODULUS)
         friction = self._drake.multibody.plant.CoulombFriction(*[self.scene.friction] * 2)
-        found = geometry.ProximityProperties()
-        geometry.AddContactMaterial(friction=friction, properties=found)
+        result = geometry.ProximityProperties()
+        geometry.AddContactMaterial(friction=friction, properties=result)
         if self._settings.applies("hydroelastic"):
             if number < 0:
-                geometry.AddRigidHydroelasticProperties(resolution_hint=_GROUND, properties=found)
+                geometry.AddRigidHydroelasticProperties(resolution_hint=_GROUND, properties=result)
             else:
-                geometry.AddCompliantHydroelasticProperties(1.0, modulus, found)
+                geometry.AddCompliantHydroelasticProperties(1.0, modulus, result)
         at, box = self._drake.math.RigidTransform(np.array(place)), geometry.Box(*size)
-        shape = self.plant.RegisterCollisionGeometry(body, at, box, f"box {number}", found)
+        shape = self.plant.RegisterCollisionGeometry(body, at, box, f"box {number}", result)
         self._numbers[shape] = number
 
     def _add_bodies(self) -> None:
@@ -218,11 +218,11 @@ class DrakeRun(Run):
 
     def energy(self) -> float:
         plant, context = self.plant, self.context
-        found = plant.CalcKineticEnergy(context) + plant.CalcPotentialEnergy(context)
+        result = plant.CalcKineticEnergy(context) + plant.CalcPotentialEnergy(context)
         for body, part in zip(self.scene.bodies, self._bodies, strict=True):
             place = plant.EvalBodyPoseInWorld(context, part).translation()
-            found -= float(np.dot(body.force, place))
-        return float(found)
+            result -= float(np.dot(body.force, place))
+        return float(result)
 
     def contacts(self) -> ContactReport:
         if not self._steps or not self._numbers:
@@ -269,9 +269,9 @@ class DrakeRun(Run):
                 plant.SetFreeBodySpatialVelocity(context, part, speed)
 
     def set_torque(self, torque: Array) -> None:
-        found = np.zeros(self.plant.num_velocities())
-        found[self._at] = torque
-        self.plant.get_applied_generalized_force_input_port().FixValue(self.context, found)
+        result = np.zeros(self.plant.num_velocities())
+        result[self._at] = torque
+        self.plant.get_applied_generalized_force_input_port().FixValue(self.context, result)
 
     def reset(self) -> None:
         self.restore((self._first, 0))

@@ -11,5 +11,5 @@ from course.platforms.own import Own
 
 def engines() -> dict[str, Engine]:
     """All engines, the course's own first; ask `available()` before building a scene with one."""
-    found: tuple[Engine, ...] = (Own(), MuJoCo(), Drake(), PyBullet())
-    return {engine.name: engine for engine in found}
+    result: tuple[Engine, ...] = (Own(), MuJoCo(), Drake(), PyBullet())
+    return {engine.name: engine for engine in result}

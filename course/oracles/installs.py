@@ -58,14 +58,14 @@ def size_of(engine: str) -> float:
     if engine not in PACKAGES:
         here = Path(__file__).resolve().parents[1]
         return sum(path.stat().st_size for path in here.rglob("*.py")) / MB
-    found = 0
+    result = 0
     for package in PACKAGES[engine]:
         try:
             files = importlib.metadata.files(package) or []
         except importlib.metadata.PackageNotFoundError:
             continue
-        found += sum(file.size or 0 for file in files)
-    return found / MB
+        result += sum(file.size or 0 for file in files)
+    return result / MB
 
 
 def _peak() -> float:

@@ -170,12 +170,12 @@ class _Run(Run):
 
     def _columns(self) -> list[tuple[slice, slice]]:
         """Places of each body's numbers in qpos and qvel."""
-        found, q, v = [], 0, 0
+        result, q, v = [], 0, 0
         for body in self.scene.bodies:
             nq, nv = (1, 1) if body.guide else (7, 6)
-            found.append((slice(q, q + nq), slice(v, v + nv)))
+            result.append((slice(q, q + nq), slice(v, v + nv)))
             q, v = q + nq, v + nv
-        return found
+        return result
 
     def state(self) -> State:
         data, scene = self.data, self.scene

@@ -124,8 +124,8 @@ def approximate(samples: int = 200, seed: int = 1) -> tuple[bool, bool, float]:
         q[0], q[1] = x, 0.5
     setup.setStartAndGoalStates(*ends)
     setup.setPlanner(geometric.RRT(information))
-    asked = itertools.count(1)
-    status = setup.solve(base.PlannerTerminationCondition(lambda: next(asked) > samples))
+    requested = itertools.count(1)
+    status = setup.solve(base.PlannerTerminationCondition(lambda: next(requested) > samples))
     problem = setup.getProblemDefinition()
     return bool(status), problem.hasExactSolution(), problem.getSolutionDifference()
 
@@ -315,9 +315,9 @@ def roadmap(
     planner.growRoadmapPtc(grown)
     graph = base.PlannerData(information)
     planner.getPlannerData(graph)
-    n, many = np.shape(bounds)[1], graph.numVertices()
-    states = [graph.getVertex(i).getState() for i in range(many)]
-    pairs = [(i, j) for i in range(many) for j in graph.getEdges(i) if i < j]
+    n, number = np.shape(bounds)[1], graph.numVertices()
+    states = [graph.getVertex(i).getState() for i in range(number)]
+    pairs = [(i, j) for i in range(number) for j in graph.getEdges(i) if i < j]
     return np.array([[q[k] for k in range(n)] for q in states]), np.array(pairs).reshape(-1, 2)
 
 
@@ -351,7 +351,7 @@ def points_along(bounds: ArrayLike, state: StateTest, resolution: float) -> Edge
 def tests(world: World) -> tuple[StateTest, EdgeTest]:
     """The compiled tests of a world, for states of OMPL."""
     n, (free, joined) = world.dim, world.kernels
-    here, there = np.empty(n), np.empty(n)
+    here, other = np.empty(n), np.empty(n)
     obstacles, body = world.obstacles, world.body
 
     def state(q: Any) -> bool:
@@ -361,8 +361,8 @@ def tests(world: World) -> tuple[StateTest, EdgeTest]:
 
     def edge(a: Any, b: Any) -> bool:
         for i in range(n):
-            here[i], there[i] = a[i], b[i]
-        return bool(joined(obstacles, body, here, there))
+            here[i], other[i] = a[i], b[i]
+        return bool(joined(obstacles, body, here, other))
 
     return state, edge
 
@@ -410,10 +410,10 @@ def plain(world: World) -> StateTest:
         return math.hypot(x - ax - t * dx, y - ay - t * dy)
 
     def meet(a: Any, b: Any, c: Any, d: Any) -> bool:
-        def left(p: Any, q: Any, r: Any) -> bool:
+        def remaining(p: Any, q: Any, r: Any) -> bool:
             return (q[0] - p[0]) * (r[1] - p[1]) > (q[1] - p[1]) * (r[0] - p[0])
 
-        return left(a, b, c) != left(a, b, d) and left(c, d, a) != left(c, d, b)
+        return remaining(a, b, c) != remaining(a, b, d) and remaining(c, d, a) != remaining(c, d, b)
 
     def arm(q: Any) -> bool:
         x = y = angle = 0.0

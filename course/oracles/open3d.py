@@ -85,8 +85,8 @@ class Rays:
 
     def picture(self) -> tuple[Array, Ids]:
         """Depth, 0 where nothing is, and the number of the shape, -1 where none is: (H, W)."""
-        found = self.cast()
-        depth, ids = found["t_hit"].numpy().astype(float), found["geometry_ids"].numpy()
+        result = self.cast()
+        depth, ids = result["t_hit"].numpy().astype(float), result["geometry_ids"].numpy()
         hit = np.isfinite(depth)
         return np.where(hit, depth, 0.0), np.where(hit, ids.astype(np.int64), -1)
 
@@ -161,8 +161,8 @@ class Cloud:
         Open3D fits the plane again to the points near the best one, and returns those of that one.
         """
         self._o3d.utility.random.seed(seed)
-        found, near = self.handle.segment_plane(tolerance, 3, draws, confidence)
-        plane = np.asarray(found, dtype=float)
+        result, near = self.handle.segment_plane(tolerance, 3, draws, confidence)
+        plane = np.asarray(result, dtype=float)
         mask = np.zeros(len(self.handle.points), bool)
         mask[near] = True
         return (-plane if plane[3] < 0.0 else plane), mask
@@ -203,5 +203,5 @@ class Cloud:
             else r.TransformationEstimationPointToPoint()
         )
         stop = r.ICPConvergenceCriteria(change, change, iterations)
-        found = r.registration_icp(self.handle, target.handle, gate, matrix(start), kind, stop)
-        return Registered(pose_of(found.transformation), found.fitness, found.inlier_rmse)
+        result = r.registration_icp(self.handle, target.handle, gate, matrix(start), kind, stop)
+        return Registered(pose_of(result.transformation), result.fitness, result.inlier_rmse)

@@ -74,13 +74,13 @@ class PlanarChain:
 
 
 def _depth_first(chain: Chain) -> list[int]:
-    found: list[int] = []
+    result: list[int] = []
     waiting = [-1]
     while waiting:
         joint = waiting.pop()
-        found += [joint] if joint >= 0 else []
+        result += [joint] if joint >= 0 else []
         waiting += np.flatnonzero(chain.parent == joint)[::-1].tolist()
-    return found
+    return result
 
 
 def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
@@ -165,8 +165,8 @@ class Arm:
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         """Accelerations, the damping of the joints taken off the torques, shape (n,)."""
-        order, left = self.order, tau - self._damping * v
-        a = self._library.aba(self.model, self.data, q[order], v[order], left[order])
+        order, remaining = self.order, tau - self._damping * v
+        a = self._library.aba(self.model, self.data, q[order], v[order], remaining[order])
         return np.asarray(a[self._back])
 
     def calls(self, what: str, q: Array, v: Array, x: Array) -> Callable[[], Array]:
@@ -191,8 +191,8 @@ class Arm:
         def dynamics() -> Array:
             ask = getattr(library, what)
             for here, rate, third in zip(*rows, strict=True):
-                found = ask(model, data, here, rate, third)
-            return np.array(found)
+                result = ask(model, data, here, rate, third)
+            return np.array(result)
 
         return jacobians if what == "jacobian" else dynamics
 
@@ -215,9 +215,9 @@ class Arm:
             places[0], v = start
             q = places[0]
             for k in range(motion.shape[2]):
-                wanted, rate, a = motion[:, :, k]
+                desired, rate, a = motion[:, :, k]
                 ahead, fast = q + half * v + 0.5 * half**2 * a, v + half * a
-                a = a + kp * (wanted - ahead) + kd * (rate - fast)
+                a = a + kp * (desired - ahead) + kd * (rate - fast)
                 tau = rnea(model, data, ahead, fast, a) + damping * fast
                 a1 = move(q, v, tau)
                 s2 = v + half * a1
@@ -265,12 +265,12 @@ class Arm:
             q = start[self.order].copy()
             for _ in range(most):
                 library.framesForwardKinematics(model, data, q)
-                left = data.oMf[self._tip].actInv(goal)
-                error = library.log6(left).vector
+                remaining = data.oMf[self._tip].actInv(goal)
+                error = library.log6(remaining).vector
                 if max(np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) < tolerance:
                     return q[self._back], True, steps
                 J = library.computeFrameJacobian(model, data, q, self._tip)
-                J = -library.Jlog6(left.inverse()) @ J
+                J = -library.Jlog6(remaining.inverse()) @ J
                 q = q - rate * J.T @ np.linalg.solve(J @ J.T + 1e-12 * np.eye(6), error)
                 if limits is not None:
                     q = np.clip(q, limits[0][self.order], limits[1][self.order])

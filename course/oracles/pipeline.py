@@ -82,7 +82,7 @@ def _search(
     world: World, start: Array, goal: Array, settings: Settings, rng: np.random.Generator
 ) -> tuple[Array | None, int, str]:
     state, edge = ompl.tests(world)
-    found = ompl.solve(
+    result = ompl.solve(
         world.bounds,
         start,
         goal,
@@ -93,8 +93,8 @@ def _search(
         state,
         edge,
     )
-    path = None if found.path is None else np.ascontiguousarray(found.path.T)
-    return path, found.checks + found.state_checks, "solved" if path is not None else "unsolved"
+    path = None if result.path is None else np.ascontiguousarray(result.path.T)
+    return path, result.checks + result.state_checks, "solved" if path is not None else "unsolved"
 
 
 def plan(

@@ -147,8 +147,8 @@ class PyBulletRun(Run):
             arm = self._ask("loadURDF", str(path), useFixedBase=True, flags=flags)
         self.bodies.append(arm)
         count = self._ask("getNumJoints", arm)
-        found = [self._ask("getJointInfo", arm, i) for i in range(count)]
-        names = {info[1].decode(): info[0] for info in found}
+        result = [self._ask("getJointInfo", arm, i) for i in range(count)]
+        names = {info[1].decode(): info[0] for info in result}
         self._links = [names[name] for name in self.scene.joints]
         self._free(arm, range(-1, count))
 
@@ -225,8 +225,8 @@ class PyBulletRun(Run):
     def state(self) -> State:
         time = self._steps * self.dt
         if self.scene.urdf:
-            found = self._ask("getJointStates", self.bodies[0], self._links)
-            return State(time, *(np.array([row[k] for row in found]) for k in (0, 1)))
+            result = self._ask("getJointStates", self.bodies[0], self._links)
+            return State(time, *(np.array([row[k] for row in result]) for k in (0, 1)))
         q, v = np.empty((7, len(self.bodies))), np.empty((6, len(self.bodies)))
         for i, (body, number) in enumerate(zip(self.scene.bodies, self.bodies, strict=True)):
             if body.guide:
@@ -248,8 +248,8 @@ class PyBulletRun(Run):
         point, gap = np.array([row[6] for row in rows]).T, np.array([row[8] for row in rows])
         # The normal points to the first body, and so do the forces, which act on it.
         normal, along, aside = (-np.array([row[k] for row in rows]).T for k in (7, 11, 13))
-        force = sum(np.array([row[k] for row in rows]) * way
-                    for k, way in ((9, normal), (10, along), (12, aside)))  # fmt: skip
+        force = sum(np.array([row[k] for row in rows]) * direction
+                    for k, direction in ((9, normal), (10, along), (12, aside)))  # fmt: skip
         return reported(self.state(), bodies, point, normal, gap, force)
 
     def set_velocity(self, v: Array) -> None:

@@ -55,16 +55,16 @@ def pairs() -> list[tuple[str, QoS, QoS]]:
         "deadline": _TIMES,
         "liveliness_lease_duration": _TIMES,
     }
-    found = [
+    result = [
         (name, replace(RELIABLE, **{name: a}), replace(RELIABLE, **{name: b}))
         for name, kinds in values.items()
         for a, b in product(kinds, repeat=2)
     ]
     sensor, command = QoS("best_effort", depth=5), replace(LATE, deadline=0.1)
-    found.append(("several", sensor, command))
-    found.append(("several", command, sensor))
-    found.append(("several", RELIABLE, replace(command, liveliness="manual_by_topic")))
-    return found
+    result.append(("several", sensor, command))
+    result.append(("several", command, sensor))
+    result.append(("several", RELIABLE, replace(command, liveliness="manual_by_topic")))
+    return result
 
 
 def pair_rows() -> list[Row]:
@@ -75,18 +75,18 @@ def pair_rows() -> list[Row]:
     """
     rows = []
     listed = pairs()
-    for (name, offered, requested), found in zip(
+    for (name, offered, requested), result in zip(
         listed, verdicts([pair[1:] for pair in listed]), strict=True
     ):
         failing = compatible(offered, requested)
-        one = found.writer == found.reader and found.matched == (found.delivered == 1)
-        told = found.writer if one else f"{found.writer} / {found.reader}"
-        cyclone = "heard" if found.matched and one and not told else f"silent: {told}"
+        one = result.writer == result.reader and result.matched == (result.delivered == 1)
+        message = result.writer if one else f"{result.writer} / {result.reader}"
+        cyclone = "heard" if result.matched and one and not message else f"silent: {message}"
         ours = "heard" if not failing else f"silent: {', '.join(failing)}"
-        if told in failing:
+        if message in failing:
             cyclone = ours
         shown = _said(name, offered), _said(name, requested)
-        rows.append(Row(name, *shown, cyclone, ours, told))
+        rows.append(Row(name, *shown, cyclone, ours, message))
     return rows
 
 
@@ -142,8 +142,8 @@ def expected(offered: QoS, requested: QoS, samples: int, late: bool, kept: float
         return []
     ends = (offered, requested)
     past = all(q.reliability == "reliable" and q.durability != "volatile" for q in ends)
-    most = requested.kept if not late else min(requested.kept, kept) if past else 0
-    return list(range(samples))[int(samples - min(samples, most)) :]
+    largest = requested.kept if not late else min(requested.kept, kept) if past else 0
+    return list(range(samples))[int(samples - min(samples, largest)) :]
 
 
 def kept_rows(samples: int = 8) -> list[Row]:
@@ -165,21 +165,21 @@ def kept_rows(samples: int = 8) -> list[Row]:
         (replace(LATE, reliability="best_effort"), replace(LATE, reliability="best_effort")),
     ):
         rows.append(_kept_row("late joiner", offered, requested, samples, late=True))
-    for offered, kept in ((replace(LATE, depth=3), 0), (whole, 0), (replace(LATE, depth=1), 5)):
-        rows.append(_kept_row("late joiner", offered, LATE, samples, late=True, kept=kept))
+    for offered, retained in ((replace(LATE, depth=3), 0), (whole, 0), (replace(LATE, depth=1), 5)):
+        rows.append(_kept_row("late joiner", offered, LATE, samples, late=True, kept=retained))
     return rows
 
 
 def _kept_row(
     policy: str, offered: QoS, requested: QoS, samples: int, late: bool, kept: int | None = None
 ) -> Row:
-    found = history(offered, requested, samples, late=late, kept_for_late=kept)
+    result = history(offered, requested, samples, late=late, kept_for_late=kept)
     # Cyclone's own default of the durability service is to keep the last one.
     depth = offered.kept if kept is None else kept or 1
     service = "" if kept is None else f", service {depth}" if kept else ", service as by default"
-    said = [_said("several", qos) for qos in (offered, requested)]
+    text = [_said("several", qos) for qos in (offered, requested)]
     ours = expected(offered, requested, samples, late, depth)
-    return Row(policy, said[0] + service, said[1], f"{found}", f"{ours}")
+    return Row(policy, text[0] + service, text[1], f"{result}", f"{ours}")
 
 
 # --- What time does -------------------------------------------------------------------------------
@@ -217,8 +217,8 @@ def missed(deadline: float = SHORT, gap: float = 0.12, gaps: int = 5) -> Missed:
             reader.get_requested_deadline_missed_status().total_count,
         )
     least = sum(math.floor((b[0] - a[1]) / deadline) for a, b in pairwise(times))
-    most = sum(math.floor((b[1] - a[0]) / deadline) for a, b in pairwise(times))
-    return Missed(*ends, least, most)
+    largest = sum(math.floor((b[1] - a[0]) / deadline) for a, b in pairwise(times))
+    return Missed(*ends, least, largest)
 
 
 def silence(qos: QoS, seconds: float = 4 * SHORT) -> tuple[int, int, int]:
@@ -256,28 +256,28 @@ def event_rows() -> list[Row]:
             reader = topic.reader(RELIABLE)
             topic.write(writer, 0, 1, 2)
             time.sleep(3 * SHORT)
-            found = len(take(reader))
-        looked = f"looked after {3 * SHORT:g} s"
-        rows.append(Row("lifespan", f"{lifespan:g} s", looked, f"{found} of 3", f"{left} of 3"))
+            result = len(take(reader))
+        observed = f"looked after {3 * SHORT:g} s"
+        rows.append(Row("lifespan", f"{lifespan:g} s", observed, f"{result} of 3", f"{left} of 3"))
     for deadline in (SHORT, LONG):
-        told = missed(deadline)
-        counts = (told.offered, told.requested)
+        report = missed(deadline)
+        counts = (report.offered, report.requested)
         cyclone = f"{counts[0]} events at the writer, {counts[1]} at the reader"
-        right = all(told.least <= n <= told.most for n in counts)
-        ours = cyclone if right else f"{told.least} to {told.most} at each"
+        right = all(report.least <= n <= report.most for n in counts)
+        ours = cyclone if right else f"{report.least} to {report.most} at each"
         rows.append(Row("deadline missed", f"{deadline:g} s", "five gaps of 0.12 s", cyclone, ours))
     for kind in ORDERS["liveliness"]:
         known = (0, 1, 1) if kind == "automatic" else (1, 0, 1)
         both = silence(QoS(liveliness=kind, liveliness_lease_duration=SHORT)), known
         cyclone, ours = (f"lost {a}, alive {b}, then {c}" for a, b, c in both)
         rows.append(Row("liveliness lost", kind, "silent, then a sample", cyclone, ours))
-    for kind, heard in (("shared", [1, 2, 3]), ("exclusive", [1, 2])):
+    for kind, received in (("shared", [1, 2, 3]), ("exclusive", [1, 2])):
         got = _two_writers(QoS(ownership=kind), (1, 2, 1), (0.0, 0.0, 0.0))
         shown = "1 weak, 2 strong, 3 weak"
-        rows.append(Row("ownership strength", kind, shown, f"{got}", f"{heard}"))
-    for kind, heard in zip(ORDERS["destination_order"], ([1, 2, 3], [1, 3]), strict=True):
+        rows.append(Row("ownership strength", kind, shown, f"{got}", f"{received}"))
+    for kind, received in zip(ORDERS["destination_order"], ([1, 2, 3], [1, 3]), strict=True):
         got = _two_writers(QoS(destination_order=kind), (1, 2, 1), (0.0, -1.0, 1.0))
-        rows.append(Row("order", kind, "stamps 0, -1, 1 s", f"{got}", f"{heard}"))
+        rows.append(Row("order", kind, "stamps 0, -1, 1 s", f"{got}", f"{received}"))
     return rows
 
 

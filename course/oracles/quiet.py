@@ -13,19 +13,19 @@ from collections.abc import Iterator
 @contextlib.contextmanager
 def quiet() -> Iterator[list[str]]:
     """Catch what C code prints; the list holds it once this is left."""
-    said: list[str] = []
+    text: list[str] = []
     flush = ctypes.CDLL(None).fflush
     sys.stdout.flush(), sys.stderr.flush()
     flush(None)
     with tempfile.TemporaryFile() as file:
-        kept = os.dup(1), os.dup(2)
+        retained = os.dup(1), os.dup(2)
         os.dup2(file.fileno(), 1), os.dup2(file.fileno(), 2)
         try:
-            yield said
+            yield text
         finally:
             flush(None)
-            for copy, number in zip(kept, (1, 2), strict=True):
+            for copy, number in zip(retained, (1, 2), strict=True):
                 os.dup2(copy, number)
                 os.close(copy)
             file.seek(0)
-            said.append(file.read().decode(errors="replace"))
+            text.append(file.read().decode(errors="replace"))

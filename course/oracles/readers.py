@@ -87,8 +87,8 @@ def _pinocchio(text: str) -> Facts:
 def _probe(pinocchio: Any, model: Any) -> list[float]:
     """1, or not a number if an axis cannot be normalised: then the accelerations are none."""
     q, still = pinocchio.neutral(model), np.zeros(model.nv)
-    found = pinocchio.aba(model, model.createData(), q, still, still)
-    return [1.0 + 0.0 * float(np.sum(found))]
+    result = pinocchio.aba(model, model.createData(), q, still, still)
+    return [1.0 + 0.0 * float(np.sum(result))]
 
 
 def _drake(text: str) -> Facts:
@@ -100,15 +100,15 @@ def _drake(text: str) -> Facts:
     context = plant.CreateDefaultContext()
     bodies = [plant.get_body(i) for i in plant.GetBodyIndices(arm)]
     bodies = [body for body in bodies if body.name() != "base"]
-    found = [body.CalcSpatialInertiaInBodyFrame(context) for body in bodies]
+    result = [body.CalcSpatialInertiaInBodyFrame(context) for body in bodies]
     joints = [plant.get_joint(i) for i in plant.GetJointIndices(arm)]
     moments = [
         i.Shift(i.get_com()).get_unit_inertia().CalcPrincipalMomentsOfInertia() * i.get_mass()
-        for i in found
+        for i in result
     ]
     low, high = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
     return {
-        "masses": [i.get_mass() for i in found],
+        "masses": [i.get_mass() for i in result],
         "moments": [m.tolist() for m in moments],
         "places": [
             j.frame_on_parent().GetFixedPoseInBodyFrame().translation().tolist() for j in joints
@@ -164,13 +164,13 @@ def _alone(read: Callable[[str], Facts], text: str) -> Reading:
         child = os.fork()
         if not child:
             try:
-                found: dict[str, Any] = {}
-                with quiet() as said:
+                result: dict[str, Any] = {}
+                with quiet() as message:
                     try:
-                        found["facts"] = read(text)
+                        result["facts"] = read(text)
                     except (Exception, SystemExit) as error:  # Drake ends the script for some
-                        found["refused"] = f"{type(error).__name__}: {error}"
-                json.dump({**found, "said": said[0].strip()}, answer)
+                        result["refused"] = f"{type(error).__name__}: {error}"
+                json.dump({**result, "said": message[0].strip()}, answer)
                 answer.flush()
             finally:
                 os._exit(0)
@@ -185,12 +185,12 @@ def _all(name: str) -> dict[str, Reading]:
     find()
     logging.basicConfig(format="%(message)s")
     usual = _alone(read, GOOD)
-    found = {"sound": usual}
+    result = {"sound": usual}
     for model in MODELS:
         reading = _alone(read, model.text)
         new = "" if reading.said == usual.said else reading.said
-        found[model.name] = Reading(reading.refused, reading.crashed, new, reading.facts)
-    return found
+        result[model.name] = Reading(reading.refused, reading.crashed, new, reading.facts)
+    return result
 
 
 def readings(reader: str) -> dict[str, Reading]:

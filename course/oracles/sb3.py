@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 def rows(infos: dict[str, Any], count: int) -> list[dict[str, Any]]:
     """The infos of a vector environment as one dict for each of its `count` environments."""
-    found: list[dict[str, Any]] = [{} for _ in range(count)]
+    result: list[dict[str, Any]] = [{} for _ in range(count)]
     for key, value in infos.items():
         if key.startswith("_") and key[1:] in infos:
             continue
         each: Any = rows(value, count) if isinstance(value, dict) else value
         for i in np.flatnonzero(infos[f"_{key}"]):
-            found[i][key] = each[i].item() if isinstance(each[i], np.generic) else each[i]
-    return found
+            result[i][key] = each[i].item() if isinstance(each[i], np.generic) else each[i]
+    return result
 
 
 def vec_env(envs: Any) -> VecEnv:
@@ -74,13 +74,13 @@ def vec_env(envs: Any) -> VecEnv:
 
         def step_wait(self) -> Any:
             observations, rewards, over, late, infos = envs.step(self.actions)
-            dones, found = over | late, rows(infos, self.num_envs)
-            for i, info in enumerate(found):
+            dones, result = over | late, rows(infos, self.num_envs)
+            for i, info in enumerate(result):
                 if dones[i]:
                     last = {**info.pop("final_info"), "terminal_observation": info.pop("final_obs")}
-                    self.reset_infos[i], found[i] = info, last
-                found[i]["TimeLimit.truncated"] = bool(late[i] and not over[i])
-            return observations, rewards.astype(np.float32), dones, found
+                    self.reset_infos[i], result[i] = info, last
+                result[i]["TimeLimit.truncated"] = bool(late[i] and not over[i])
+            return observations, rewards.astype(np.float32), dones, result
 
         def close(self) -> None:
             envs.close()
@@ -90,10 +90,10 @@ def vec_env(envs: Any) -> VecEnv:
 
         def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
             if hasattr(envs, "get_attr"):
-                found = envs.get_attr(attr_name)
+                result = envs.get_attr(attr_name)
             else:
-                found = [getattr(envs, attr_name)] * self.num_envs
-            return [found[i] for i in self._get_indices(indices)]
+                result = [getattr(envs, attr_name)] * self.num_envs
+            return [result[i] for i in self._get_indices(indices)]
 
         def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
             values = self.get_attr(attr_name)
@@ -198,7 +198,7 @@ def ppo(
             seed=seed,
             device="cpu",
             n_steps=settings.horizon,
-            learning_rate=(lambda left: rate * left) if settings.anneal else rate,
+            learning_rate=(lambda remaining: rate * remaining) if settings.anneal else rate,
             batch_size=batch // settings.minibatches,
             n_epochs=settings.epochs,
             gamma=settings.discount,

@@ -42,7 +42,7 @@ def queue_ages(
     for name, value in (("depth", depth), ("each", each), ("takes", takes)):
         count(name, value, 1)
     qos = QoS(one_of("reliability", reliability, ORDERS["reliability"]), depth=depth)
-    ages, seen = [], 0
+    ages, observed = [], 0
     with participant() as member:
         topic = Topic(member)
         writer, reader = topic.writer(qos), topic.reader(qos)
@@ -50,9 +50,9 @@ def queue_ages(
             topic.write(writer, *range(turn * each, (turn + 1) * each))
             got = take(reader) if newest else [s.number for s in reader.take(1)]
             ages.append((turn + 1) * each - 1 - got[-1])
-            seen += len(got)
+            observed += len(got)
         waiting = len(take(reader))
-    return Queue(ages, 1.0 - seen / (takes * each - waiting))
+    return Queue(ages, 1.0 - observed / (takes * each - waiting))
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,14 @@ def flood(
     count("messages", messages, 1)
     finite("pause", pause, 0.0, 1.0, unit="s")
     qos = QoS(one_of("reliability", reliability, ORDERS["reliability"]), depth=depth)
-    ways, tally_ways = names(), names()
+    topics, tally_ways = names(), names()
     with (
-        neighbour(_slow, size, qos, pause, ways[::-1], tally_ways[::-1]),
+        neighbour(_slow, size, qos, pause, topics[::-1], tally_ways[::-1]),
         participant() as member,
     ):
-        wire = Wire(member, size, qos, ways)
-        told = Wire(member, 16, QoS(), tally_ways)
-        if not until(lambda: wire.ready() and told.ready()):
+        wire = Wire(member, size, qos, topics)
+        report = Wire(member, 16, QoS(), tally_ways)
+        if not until(lambda: wire.ready() and report.ready()):
             raise gone("the slow reader")
         payload = memoryview(bytes(size))
         start = time.perf_counter()
@@ -103,8 +103,8 @@ def flood(
         wrote = time.perf_counter() - start
         if reliability == "reliable":  # what was lost on the way may still be sent again
             wire.writer.wait_for_acks(round(1e9 * PATIENCE))
-        told.send(memoryview(bytes(16)))
-        if (tally := told.receive(PATIENCE)) is None:
+        report.send(memoryview(bytes(16)))
+        if (tally := report.receive(PATIENCE)) is None:
             raise gone("the slow reader")
     received = int.from_bytes(tally[:8], "little")
     seconds = 1e-9 * int.from_bytes(tally[8:], "little")
@@ -118,7 +118,7 @@ def _slow(
     """Take until the end is told and nothing is left; then say how many came, in how long [ns]."""
     with participant() as member:
         wire = Wire(member, size, qos, ways)
-        told = Wire(member, 16, QoS(), tally_ways)
+        report = Wire(member, 16, QoS(), tally_ways)
         received, first, last, ended = 0, 0, 0, False
         limit = time.monotonic() + 3.0 * PATIENCE
         while time.monotonic() < limit:
@@ -130,6 +130,6 @@ def _slow(
             elif ended:
                 break
             else:
-                ended = told.receive(0.0) is not None
-        told.send(memoryview(received.to_bytes(8, "little") + (last - first).to_bytes(8, "little")))
+                ended = report.receive(0.0) is not None
+        report.send(memoryview(received.to_bytes(8, "little") + (last - first).to_bytes(8, "little")))
         time.sleep(PATIENCE)  # its partner ends it

@@ -91,7 +91,7 @@ class Cloud:
             kind: one of `KINDS`.
             step: shift [m] and turn [rad] below which it stops.
         """
-        found = self._library.align(
+        result = self._library.align(
             target.handle,
             self.handle,
             target.tree,
@@ -104,10 +104,10 @@ class Cloud:
             step,
         )
         return Aligned(
-            pose_of(found.T_target_source),
-            int(found.num_inliers),
-            float(found.error),
-            np.asarray(found.H),
-            int(found.iterations),
-            bool(found.converged),
+            pose_of(result.T_target_source),
+            int(result.num_inliers),
+            float(result.error),
+            np.asarray(result.H),
+            int(result.iterations),
+            bool(result.converged),
         )

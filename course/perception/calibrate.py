@@ -81,8 +81,8 @@ def camera_to_base(seen: ArrayLike, touched: ArrayLike) -> Calibration:
     """
     base = vector("touched", touched, (3, None), unit="m")
     R, p = rigid_fit(seen, base)
-    off = R @ np.asarray(seen, dtype=float) + p[:, None] - base
-    return Calibration(R, p, float(np.sqrt(np.sum(off**2) / (3 * base.shape[1] - 6))), base)
+    deviation = R @ np.asarray(seen, dtype=float) + p[:, None] - base
+    return Calibration(R, p, float(np.sqrt(np.sum(deviation**2) / (3 * base.shape[1] - 6))), base)
 
 
 @dataclass(frozen=True, eq=False)

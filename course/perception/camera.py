@@ -84,11 +84,11 @@ def shape(kind: str, *size: float, pose: ArrayLike = STILL) -> Shapes:
         size: half lengths of a box; radius and half length of a cylinder; radius of a sphere [m].
         pose: shape (7,).
     """
-    wanted = KINDS[one_of("kind", kind, KINDS)]
-    if len(size) != wanted:
-        raise refused("size", size, f"{wanted} numbers for a {kind}")
+    desired = KINDS[one_of("kind", kind, KINDS)]
+    if len(size) != desired:
+        raise refused("size", size, f"{desired} numbers for a {kind}")
     sizes = np.zeros((3, 1))
-    sizes[:wanted, 0] = size
+    sizes[:desired, 0] = size
     return Shapes((kind,), sizes, np.reshape(np.asarray(pose, dtype=float), (-1, 1)))
 
 
@@ -157,8 +157,8 @@ class Camera:
         """
         given = np.asarray(depth)
         if given.dtype.kind in "iub":
-            told = "metres as floats; whole numbers are millimetres: divide by 1000"
-            raise refused("depth.dtype", str(given.dtype), told)
+            report = "metres as floats; whole numbers are millimetres: divide by 1000"
+            raise refused("depth.dtype", str(given.dtype), report)
         shape = (self.height, self.width)
         z = np.ascontiguousarray(given, dtype=float)
         if z.shape != shape or not (z.min() >= 0.0 and z.max() < np.inf):
@@ -166,8 +166,8 @@ class Camera:
         if not z.any():
             raise refused("depth", "0 everywhere", "a picture with at least one measurement")
         if z.max() > _FARTHEST and 2 * np.sum(z > _FARTHEST) > np.count_nonzero(z):
-            told = f"up to {_FARTHEST:g} m; these look like millimetres: divide by 1000"
-            raise refused("depth", f"about {np.median(z[z > 0.0]):g}", told)
+            report = f"up to {_FARTHEST:g} m; these look like millimetres: divide by 1000"
+            raise refused("depth", f"about {np.median(z[z > 0.0]):g}", report)
         return z
 
 
@@ -206,8 +206,8 @@ def through_cylinder(size, o, d):
     a = d[0] * d[0] + d[1] * d[1]
     t = (o[0] * d[0] + o[1] * d[1]) / a if a > 0.0 else 0.0
     x, y = o[0] - t * d[0], o[1] - t * d[1]
-    left = size[0] * size[0] - x * x - y * y
-    half = math.sqrt(left / a if left >= 0.0 else math.nan)
+    remaining = size[0] * size[0] - x * x - y * y
+    half = math.sqrt(remaining / a if remaining >= 0.0 else math.nan)
     return _slab(o[2], d[2], size[1], -t - half, -t + half)
 
 
@@ -217,8 +217,8 @@ def through_sphere(size, o, d):
     a = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     t = (o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / a
     x, y, z = o[0] - t * d[0], o[1] - t * d[1], o[2] - t * d[2]
-    left = size[0] * size[0] - x * x - y * y - z * z
-    half = math.sqrt(left / a if left >= 0.0 else math.nan)
+    remaining = size[0] * size[0] - x * x - y * y - z * z
+    half = math.sqrt(remaining / a if remaining >= 0.0 else math.nan)
     return -t - half, -t + half
 
 
@@ -238,14 +238,14 @@ def _caster(interval):
         x = x[left:right]
         for v in range(top, bottom):
             row = (b[0] * y[v] + c[0], b[1] * y[v] + c[1], b[2] * y[v] + c[2])
-            nearest, whose = depth[v, left:right], ids[v, left:right]
+            nearest, owner = depth[v, left:right], ids[v, left:right]
             for u in range(x.size):
                 d = (a[0] * x[u] + row[0], a[1] * x[u] + row[1], a[2] * x[u] + row[2])
                 near, far = interval(size, o, d)
                 t = near if near > 0.0 else far  # from inside a shape its far side is seen
                 nearer = (near <= far) & (t > 0.0) & (t < nearest[u])
                 nearest[u] = t if nearer else nearest[u]
-                whose[u] = number if nearer else whose[u]
+                owner[u] = number if nearer else owner[u]
 
     return cast
 
@@ -404,9 +404,9 @@ def incidence(depth: Array, camera: Camera) -> Array:
         for axis, f in ((1, camera.fx), (0, camera.fy)):
             across = f * np.diff(inverse, axis=axis)
             across[~np.isfinite(across)] = np.inf
-            none = np.full_like(inverse.take([0], axis), np.inf)
-            before = np.concatenate((none, across), axis)
-            after = np.concatenate((across, none), axis)
+            empty = np.full_like(inverse.take([0], axis), np.inf)
+            before = np.concatenate((empty, across), axis)
+            after = np.concatenate((across, empty), axis)
             slopes.append(np.where(np.abs(before) < np.abs(after), before, after))
         a, b = slopes
         c = inverse - a * x - b * y[:, None]
@@ -435,22 +435,22 @@ def sense(depth: ArrayLike, camera: Camera, sensor: Sensor, rng: np.random.Gener
     """
     exact = camera.picture(depth)
     reach = camera.fx * sensor.baseline
-    seen = exact > 0.0
+    observed = exact > 0.0
     if sensor.grazing < 0.5 * math.pi:
-        seen &= incidence(exact, camera) <= sensor.grazing
-    disparity = reach / np.where(seen, exact, 1.0)
+        observed &= incidence(exact, camera) <= sensor.grazing
+    disparity = reach / np.where(observed, exact, 1.0)
     if sensor.noise:
         disparity += sensor.noise * _shared_noise(exact.shape, sensor.window, rng)
     if sensor.step:
         disparity = np.rint(disparity / sensor.step) * sensor.step
-    seen &= disparity > 0.0
-    measured = reach / np.where(seen, disparity, 1.0)
+    observed &= disparity > 0.0
+    measured = reach / np.where(observed, disparity, 1.0)
     if sensor.unit:
         measured = np.rint(measured / sensor.unit) * sensor.unit
-    seen &= (measured >= sensor.near) & (measured <= sensor.far)
+    observed &= (measured >= sensor.near) & (measured <= sensor.far)
     if sensor.dropout:
-        seen &= rng.random(exact.shape) >= sensor.dropout
-    return np.where(seen, measured, 0.0)
+        observed &= rng.random(exact.shape) >= sensor.dropout
+    return np.where(observed, measured, 0.0)
 
 
 def warm() -> None:

@@ -43,8 +43,8 @@ def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
 
 def _length(name: str, value: float, low: Array, high: Array) -> float:
     """A length that is positive and not below the rounding of coordinates from low to high."""
-    most = float(np.maximum(np.abs(low), np.abs(high)).max())
-    return finite(name, value, max(4.0 * np.finfo(float).eps * most, POSITIVE), unit="m")
+    largest = float(np.maximum(np.abs(low), np.abs(high)).max())
+    return finite(name, value, max(4.0 * np.finfo(float).eps * largest, POSITIVE), unit="m")
 
 
 def back_project(depth: ArrayLike, camera: Camera) -> tuple[Array, Ids]:
@@ -84,8 +84,8 @@ def _back_project(z, x, y, points, pixels):
 def _keys(name: str, points: Array, cell: float, origin: Array, high: Array) -> Ids:
     """The key of each point's cell; indices that it has no room for are refused."""
     if not ((high - origin) / cell).max() < 2**_BITS - 4:
-        told = f"a larger length: of this one the points span more than {2**_BITS - 8}"
-        raise refused(name, cell, told)
+        message = f"a larger length: of this one the points span more than {2**_BITS - 8}"
+        raise refused(name, cell, message)
     keys = np.empty(points.shape[1], np.int64)
     _kernel(_cells)(points, origin, cell, keys)
     return keys
@@ -189,35 +189,35 @@ def radius_search(points: ArrayLike, queries: ArrayLike, radius: float) -> tuple
     """
     given, low, high = _checked(points)
     reach = _length("radius", radius, low, high)
-    asked, _, _ = _checked(queries)
+    requested, _, _ = _checked(queries)
     inner, start, keys, order = _sorted("radius", given, reach, low, high)
     base, top = low - 2.0 * reach, high + 2.0 * reach
-    near = ((asked > base[:, None]) & (asked < top[:, None])).all(axis=0)
-    own = np.full(asked.shape[1], -1)
-    own[near] = _keys("radius", np.ascontiguousarray(asked[:, near]), reach, base, high)
+    near = ((requested > base[:, None]) & (requested < top[:, None])).all(axis=0)
+    own = np.full(requested.shape[1], -1)
+    own[near] = _keys("radius", np.ascontiguousarray(requested[:, near]), reach, base, high)
     rows = own[:, None] + _rows(1)
     begin = start[np.searchsorted(keys, rows - 1)]
     end = start[np.searchsorted(keys, rows + 1, side="right")]
     end[~near] = begin[~near]
-    first, found = np.zeros(own.size + 1, np.int64), np.empty(0, np.int64)
-    _kernel(_within)(inner, asked, reach * reach, begin, end, first, found)  # counts
+    first, result = np.zeros(own.size + 1, np.int64), np.empty(0, np.int64)
+    _kernel(_within)(inner, requested, reach * reach, begin, end, first, result)  # counts
     first = np.cumsum(first)
-    found = np.empty(first[-1], np.int64)
-    if found.size:
-        _kernel(_within)(inner, asked, reach * reach, begin, end, first, found)
-    return first, order[found]
+    result = np.empty(first[-1], np.int64)
+    if result.size:
+        _kernel(_within)(inner, requested, reach * reach, begin, end, first, result)
+    return first, order[result]
 
 
-def _within(points, queries, square, begin, end, first, found):
+def _within(points, queries, square, begin, end, first, result):
     for q in range(queries.shape[1]):
         n = 0
         for row in range(begin.shape[1]):
             for p in range(begin[q, row], end[q, row]):
                 if _square(points, p, queries[0, q], queries[1, q], queries[2, q]) <= square:
-                    if found.size:
-                        found[first[q] + n] = p
+                    if result.size:
+                        result[first[q] + n] = p
                     n += 1
-        if not found.size:
+        if not result.size:
             first[q + 1] = n
 
 
@@ -268,17 +268,17 @@ def _near(keys, rows, fingers, c, near):
 
     One finger a row of cells: the cells are asked in order, so that it only moves on.
     """
-    found = 0
+    result = 0
     for o in range(rows.size):
         f = fingers[o]
         while f < keys.size and keys[f] < keys[c] + rows[o] - 2:
             f += 1
         fingers[o] = f
         while f < keys.size and keys[f] <= keys[c] + rows[o] + 2:
-            near[found] = f
-            found += 1
+            near[result] = f
+            result += 1
             f += 1
-    return found
+    return result
 
 
 def _dbscan(points, start, keys, order, rows, square, least, labels, core):
@@ -293,11 +293,11 @@ def _dbscan(points, start, keys, order, rows, square, least, labels, core):
             continue
         m = _near(keys, rows, fingers, c, near)
         for p in range(start[c], start[c + 1]):
-            found = 0
+            result = 0
             for b in near[:m]:
                 for q in range(start[b], start[b + 1]):
-                    found += _square(points, q, points[0, p], points[1, p], points[2, p]) <= square
-                if found >= least:
+                    result += _square(points, q, points[0, p], points[1, p], points[2, p]) <= square
+                if result >= least:
                     dense[p] = True
                     break
     # Cells are joined with those before them, by the first pair of core points in reach.
@@ -519,12 +519,12 @@ def _ransac(points, tolerance, triples, missed, plane):
         if length > 1e-12 * size:
             x, y, z = x / length, y / length, z / length
             offset = -(x * p[0] + y * p[1] + z * p[2])
-            found = 0
+            result = 0
             for i in range(n):
                 height = x * points[0, i] + y * points[1, i] + z * points[2, i] + offset
-                found += abs(height) <= tolerance
-            if found > best:
-                best = found
+                result += abs(height) <= tolerance
+            if result > best:
+                best = result
                 plane[0], plane[1], plane[2], plane[3] = x, y, z, offset
         share = best / n
         if missed > -math.inf and (

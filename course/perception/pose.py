@@ -128,11 +128,11 @@ def verdict(
     exact, _ = render(shapes, camera)
     mask = exact > 0.0
     here = mask & (z > 0.0)
-    off = z[here] - exact[here]
+    deviation = z[here] - exact[here]
     allowed = _SIGMAS * sensor.sigma(exact[here], camera) + 1e-3
-    through, hidden = np.count_nonzero(off > allowed), np.count_nonzero(off < -allowed)
-    agree, both = off.size - through - hidden, np.count_nonzero(cluster & ~mask)
-    shown, visible = float(off.size or 1), float(off.size - hidden + both or 1)
+    through, hidden = np.count_nonzero(deviation > allowed), np.count_nonzero(deviation < -allowed)
+    agree, both = deviation.size - through - hidden, np.count_nonzero(cluster & ~mask)
+    shown, visible = float(deviation.size or 1), float(deviation.size - hidden + both or 1)
     return through / shown, agree / shown, agree / visible, mask
 
 
@@ -286,15 +286,15 @@ def locate(
     step = 0.01 + 6.0 * float(np.median(sigma))
     labels = components(above.reshape(z.shape), camera, step)
     on_table = some_of(points[:, on], sigma[on])
-    found = []
+    result = []
     for label in np.flatnonzero(np.bincount(labels[labels >= 0]) >= least):
         cluster = labels == label
         best = pose_of(
             z, camera, sensor, part, cluster, plane, on_table, standing=standing, starts=starts
         )
         if best is not None:
-            found.append(best)
-    return sorted(found, key=lambda one: (one.status == "refuted", -one.agrees))
+            result.append(best)
+    return sorted(result, key=lambda one: (one.status == "refuted", -one.agrees))
 
 
 def some_of(points: Array, sigma: Array, most: int = 2000) -> tuple[Array, Array]:
@@ -432,7 +432,7 @@ def stand_in(
         depth = float(np.median(exact[exact > 0.0]))
         steps = max(sensor.step * depth**2 / (camera.fx * sensor.baseline), sensor.unit)
         noise = sensor.noise * depth**2 / (camera.fx * sensor.baseline)
-        left = math.exp(-2.0 * (math.pi * noise / steps) ** 2) if steps else 0.0
+        remaining = math.exp(-2.0 * (math.pi * noise / steps) ** 2) if steps else 0.0
         for picture in (sense(exact, camera, coarse, np.random.default_rng(0)), exact):
             points, _ = back_project(picture, camera)
             sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
@@ -441,6 +441,6 @@ def stand_in(
             if picture is not exact:
                 back = conjugate(pose[3:])
                 turned = log(product(back, fit.pose[3:]))
-                bias[:, i] = left * np.append(rotate(back, fit.p - pose[:3]), turned)
+                bias[:, i] = remaining * np.append(rotate(back, fit.p - pose[:3]), turned)
         covariance[:, :, i], _ = known(fit.information / sensor.window**2, free)
     return bias, covariance

@@ -154,15 +154,15 @@ def known(
     Returns:
         Covariance (6, 6) and the names of the directions of infinite variance.
     """
-    kept = np.isin(DIRECTIONS, free)
-    H = vector("information", information, (6, 6)) * np.outer(kept, kept)
+    retained = np.isin(DIRECTIONS, free)
+    H = vector("information", information, (6, 6)) * np.outer(retained, retained)
     alone = np.diag(H)
     scale = np.sqrt(np.where(alone > _ROUNDING * alone.max(), alone, np.inf))
     values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
-    seen = values > _BLIND
-    blind = kept & (np.sum(vectors[:, ~seen] ** 2, axis=1) > _BLIND)
-    part = vectors[:, seen] / scale[:, None]
-    result = (part / values[seen]) @ part.T
+    observed = values > _BLIND
+    blind = retained & (np.sum(vectors[:, ~observed] ** 2, axis=1) > _BLIND)
+    part = vectors[:, observed] / scale[:, None]
+    result = (part / values[observed]) @ part.T
     result[blind] = 0.0
     result[:, blind] = 0.0
     result[blind, blind] = np.inf
@@ -272,17 +272,17 @@ def icp(
     where = (tree.points, tree.normals, tree.axes, tree.cuts, *parts)
     _kernels()[3](source, spread, *where, R, p, gates, limits, mobile, plane, *room, H, out)
     H += np.tril(H, -1).T
-    found, weighted, squares, made, converged = out[:5].tolist()
-    if found < 3 and made == 0:
-        raise refused("start", begin, f"a pose with 3 points within the gate (here {found:.0f})")
+    result, weighted, squares, made, converged = out[:5].tolist()
+    if result < 3 and made == 0:
+        raise refused("start", begin, f"a pose with 3 points within the gate (here {result:.0f})")
     if sigma is None:
-        H *= max(found - mobile.sum(), 1.0) / max(weighted, 1e-300)
-    lost = found < 3
+        H *= max(result - mobile.sum(), 1.0) / max(weighted, 1e-300)
+    lost = result < 3
     return Fit(
         R,
         p,
         matched=flags > 0,
-        residual=np.inf if lost else float(np.sqrt(squares / found)),
+        residual=np.inf if lost else float(np.sqrt(squares / result)),
         iterations=int(made),
         converged=bool(converged) and not lost,
         information=H,
@@ -363,10 +363,10 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
         o0, o1, o2 = offsets[top, 0], offsets[top, 1], offsets[top, 2]
         while node < inner:
             axis = axes[node]
-            off, middle = q[axis] - cuts[node], (low + high) // 2
+            deviation, middle = q[axis] - cuts[node], (low + high) // 2
             old = o0 if axis == 0 else (o1 if axis == 1 else o2)
-            far = s - old + off * off
-            if off < 0.0:
+            far = s - old + deviation * deviation
+            if deviation < 0.0:
                 other, other_low, other_high = 2 * node + 2, middle, high
                 node, high = 2 * node + 1, middle
             else:
@@ -375,7 +375,7 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
             if far < best:
                 nodes[top, 0], nodes[top, 1], nodes[top, 2] = other, other_low, other_high
                 offsets[top, 0], offsets[top, 1], offsets[top, 2] = o0, o1, o2
-                offsets[top, axis], offsets[top, 3] = off * off, far
+                offsets[top, axis], offsets[top, 3] = deviation * deviation, far
                 top += 1
         for i in range(low, high):
             x, y, z = points[i, 0] - q[0], points[i, 1] - q[1], points[i, 2] - q[2]
@@ -667,11 +667,11 @@ def _icp(
         if plane:
             _solve(H, g, mobile, length, step)
             # Some points at an edge may ask for a step far beyond where they are matched.
-            most = 1e-300
+            largest = 1e-300
             for x in range(6):
-                most = max(most, abs(step[x]) * (1.0 if x < 3 else length))
+                largest = max(largest, abs(step[x]) * (1.0 if x < 3 else length))
             for x in range(6):
-                step[x] *= min(1.0, min(gate, length) / most)
+                step[x] *= min(1.0, min(gate, length) / largest)
             turn = to_matrix(exp(step[3:]))
             for x in range(3):
                 for y in range(3):

@@ -36,8 +36,8 @@ def steady_gains(index: float) -> tuple[float, float]:
     # r is what is left of an innovation; 1 - r from the conjugate root, which does not cancel.
     root = math.sqrt(lam * lam + 8.0 * lam)
     r = 4.0 / (4.0 + lam + root)
-    gone = (lam + root) / (4.0 + lam + root)
-    return gone * (1.0 + r), 2.0 * gone * gone
+    missing = (lam + root) / (4.0 + lam + root)
+    return missing * (1.0 + r), 2.0 * missing * missing
 
 
 def averaged_error(k: ArrayLike, sigma: float, period: float, speed: float) -> Array:
@@ -166,21 +166,21 @@ class Tracker:
         R = np.asarray(covariance, dtype=float)
         if R.shape != (3, 3) or np.isnan(R).any() or not (np.diag(R) > 0.0).all():
             raise refused("covariance", R, "a (3, 3) matrix with positive variances")
-        told = np.isfinite(np.diag(R))
+        report = np.isfinite(np.diag(R))
         if self.stamp == -math.inf:
-            if not told.all():
+            if not report.all():
                 raise refused("covariance", R, "finite for the first measurement")
             self._start(seen_at, given, R)
             return True
         x, P = self._at(seen_at)
-        H, R = np.eye(6)[:3][told], R[np.ix_(told, told)]
+        H, R = np.eye(6)[:3][report], R[np.ix_(report, report)]
         r = given - x[:3]
         r[2] -= self.period * np.rint(r[2] / self.period)
         S = H @ P @ H.T + R
-        gate = self.gate if self.gate is not None else _GATES[max(0, told.sum() - 1)]
-        if told.any() and r[told] @ np.linalg.solve(S, r[told]) > gate:
+        gate = self.gate if self.gate is not None else _GATES[max(0, report.sum() - 1)]
+        if report.any() and r[report] @ np.linalg.solve(S, r[report]) > gate:
             self.refused += 1
-            if self.patience and self.refused >= self.patience and told.all():
+            if self.patience and self.refused >= self.patience and report.all():
                 self._start(seen_at, given, R)
                 return True
             return False
@@ -188,10 +188,10 @@ class Tracker:
             K = np.linalg.solve(S, H @ P).T
         else:
             dt = max(seen_at - self.stamp, 1e-12)
-            K = np.vstack((self.gains[0] * np.eye(3), self.gains[1] / dt * np.eye(3)))[:, told]
+            K = np.vstack((self.gains[0] * np.eye(3), self.gains[1] / dt * np.eye(3)))[:, report]
         # Joseph's form holds for any gain, and keeps the covariance positive.
-        left = np.eye(6) - K @ H
-        self.state, self.covariance = x + K @ r[told], left @ P @ left.T + K @ R @ K.T
+        remaining = np.eye(6) - K @ H
+        self.state, self.covariance = x + K @ r[report], remaining @ P @ remaining.T + K @ R @ K.T
         self.stamp, self.refused = seen_at, 0
         return True
 

@@ -43,58 +43,58 @@ def contracts(record: Record, agreed: Settings) -> list[Broken]:
         record: of the run; what it says of its settings is not looked at.
         agreed: what was promised.
     """
-    found, scenario = [], record.scenario
+    result, scenario = [], record.scenario
     log, pictures = record.log, record.pictures
     if record.reason.split(":")[0] in ("perceive", "plan", "control", "move"):
         stage, what = record.reason.split(": ")
-        found.append(Broken("age" if "stamp" in what else stage, what))
+        result.append(Broken("age" if "stamp" in what else stage, what))
     late, period = microseconds(agreed.latency), microseconds(agreed.frame)
     arrived = np.array([p.arrived for p in pictures] + [microseconds(scenario.seconds)])
     ages = np.array([p.arrived - p.captured for p in pictures])
     if ages.size and ages.max() > late + period // 2:
-        found.append(Broken("age", "pictures are older than was agreed"))
+        result.append(Broken("age", "pictures are older than was agreed"))
     if np.diff(arrived, prepend=late).max() > 3 * period:
-        found.append(Broken("age", "pictures do not arrive"))
+        result.append(Broken("age", "pictures do not arrive"))
     if len(pictures) > 1:
         true = np.array([scenario.at(1e-6 * p.captured) for p in pictures])
-        off = np.array([p.value for p in pictures]) - true - agreed.bias
+        deviation = np.array([p.value for p in pictures]) - true - agreed.bias
         each = np.sqrt([np.diag(np.asarray(p.covariance)) for p in pictures])
-        z = off / each
+        z = deviation / each
         if np.median(each) > 1.5 * max(agreed.noise, LEAST):
-            found.append(Broken("perceive", "it is less exact than was agreed"))
+            result.append(Broken("perceive", "it is less exact than was agreed"))
         if np.abs(z.mean(axis=0)).max() * np.sqrt(len(z)) > SURE:
-            found.append(Broken("perceive", "errors do not agree with the bias"))
+            result.append(Broken("perceive", "errors do not agree with the bias"))
         if np.abs(z).max() > SURE + 1.0:
-            found.append(Broken("perceive", "errors do not agree with the covariance"))
+            result.append(Broken("perceive", "errors do not agree with the covariance"))
     known = {one.captured: one.value for one in record.estimates}
-    for asked, crossing in zip(record.asked, record.plans, strict=False):
+    for requested, crossing in zip(record.asked, record.plans, strict=False):
         path = crossing.value
         if path.motion is None:
-            found.append(Broken("plan", f"no path: {path.status}"))
-        elif path.motion.duration > scenario.seconds - 1e-6 * asked:
-            found.append(Broken("plan", "its path takes longer than there is time"))
-        if crossing.arrived - asked > READY:
-            found.append(Broken("plan", "it is late"))
+            result.append(Broken("plan", f"no path: {path.status}"))
+        elif path.motion.duration > scenario.seconds - 1e-6 * requested:
+            result.append(Broken("plan", "its path takes longer than there is time"))
+        if crossing.arrived - requested > READY:
+            result.append(Broken("plan", "it is late"))
         if path.motion is not None:
             gaps = _gaps(scenario, path.waypoints)
             if gaps.min() < min(agreed.margin, 0.5 * min(gaps[0], gaps[-1])) - SLACK:
-                found.append(Broken("plan", "it keeps less from the discs than was agreed"))
+                result.append(Broken("plan", "it keeps less from the discs than was agreed"))
             end, goal = tip_of(scenario.arm, path.goal), known.get(crossing.captured)
             if goal is not None and two_link_ik(scenario.arm.lengths, goal).reached:
                 if np.hypot(*(end - goal)) > SLACK:
-                    found.append(Broken("plan", "its path does not end at the goal"))
+                    result.append(Broken("plan", "its path does not end at the goal"))
     rows = slice(0, -1, max(1, microseconds(agreed.control) // record.step))
     e, v, sent = (log[rows, some] for some in (slice(4, 6), slice(2, 4), slice(6, 8)))
-    most = np.minimum(scenario.arm.torques, agreed.actuator.limit)
-    right = np.clip(agreed.kp * (e - log[rows, Q:V]) - agreed.kd * v, -most, most)
+    largest = np.minimum(scenario.arm.torques, agreed.actuator.limit)
+    right = np.clip(agreed.kp * (e - log[rows, Q:V]) - agreed.kd * v, -largest, largest)
     asked_for = np.any(sent != 0.0, axis=1) & (agreed.law == "pd")
     if np.any(np.abs(sent - right)[asked_for] > 1e-6):
-        found.append(Broken("control", "the torque is not that of the law"))
+        result.append(Broken("control", "the torque is not that of the law"))
     if np.abs(log[:, V:REFERENCE]).max() > 3.0 * agreed.rate:
-        found.append(Broken("move", "the arm is faster than any path"))
+        result.append(Broken("move", "the arm is faster than any path"))
     if gained(record, agreed.kp, agreed.kd) > 0.003:
-        found.append(Broken("move", "energy rises unforced"))
-    return sorted(found, key=lambda one: STAGES.index(one.stage))
+        result.append(Broken("move", "energy rises unforced"))
+    return sorted(result, key=lambda one: STAGES.index(one.stage))
 
 
 def _gaps(scenario: Scenario, waypoints: np.ndarray) -> np.ndarray:
@@ -160,10 +160,10 @@ def last_error(record: Record) -> str:
     """Who would be blamed by the error of the last stages: the arm, if it is further from its
     reference than that is from the target, else perception."""
     scenario = record.scenario
-    wanted = tip_of(scenario.arm, record.log[-2, REFERENCE : REFERENCE + 2])
+    desired = tip_of(scenario.arm, record.log[-2, REFERENCE : REFERENCE + 2])
     here = tip_of(scenario.arm, record.log[-1, Q:V])
-    off = np.linalg.norm(wanted - scenario.at(scenario.seconds))
-    return "control" if np.linalg.norm(here - wanted) > off else "perceive"
+    error = np.linalg.norm(desired - scenario.at(scenario.seconds))
+    return "control" if np.linalg.norm(here - desired) > error else "perceive"
 
 
 def minimal(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Scenario:
@@ -238,8 +238,8 @@ def injected(
     scenario, settings = case
 
     def replay(*mended: str) -> Record:
-        told = repair(fault.settings(settings), *mended)
-        return run(scenario, told, seed=seed, disturb=lambda f: fault.disturb(f, seed))
+        report = repair(fault.settings(settings), *mended)
+        return run(scenario, report, seed=seed, disturb=lambda f: fault.disturb(f, seed))
 
     return replay
 
@@ -262,7 +262,7 @@ def confusion(
         (faults, len(STAGES) + 2); replays that each diagnosis took; and how often the last error
         names each stage, (faults, len(STAGES)).
     """
-    found, last = (np.zeros((len(faults), len(STAGES) + more), np.int64) for more in (2, 0))
+    result, last = (np.zeros((len(faults), len(STAGES) + more), np.int64) for more in (2, 0))
     runs: list[list[int]] = [[] for _ in faults]
     for i, fault in enumerate(faults):
         for seed in range(8 * wanted):
@@ -274,7 +274,7 @@ def confusion(
                 continue
             stages, _, taken = blame(record, case[1] if contracted else None, replay)
             pair = len(STAGES) if fault.stage in stages else len(STAGES) + 1
-            found[i, STAGES.index(stages[0]) if len(stages) == 1 else pair] += 1
+            result[i, STAGES.index(stages[0]) if len(stages) == 1 else pair] += 1
             last[i, STAGES.index(last_error(record))] += 1
             runs[i].append(taken)
-    return found, runs, last
+    return result, runs, last

@@ -42,26 +42,26 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
     one_of("overrun", settings.overrun, ("pipelined",))
     u, ideal, T = np.array(scenario.velocity), settings.ideal, settings.frame
     q = np.asarray(two_link_ik(scenario.arm.lengths, scenario.at(scenario.seconds)).q)
-    off = np.abs((q - np.array(scenario.start)[:, None] + math.pi) % (2.0 * math.pi) - math.pi)
-    q = q[:, int(np.argmin(np.hypot(*off)))]
+    error = np.abs((q - np.array(scenario.start)[:, None] + math.pi) % (2.0 * math.pi) - math.pi)
+    q = q[:, int(np.argmin(np.hypot(*error)))]
     late = 0.0 if "age" in ideal else settings.latency
     slow = (settings.kd + float(np.mean(scenario.arm.damping))) / settings.kp
-    keep = 0.0 if "control" in ideal else math.exp(-T / slow)
+    selected = 0.0 if "control" in ideal else math.exp(-T / slow)
     mean, variance, pictures = np.zeros(2), 0.0, 1 + int((scenario.seconds - late) / T)
     if "perceive" not in ideal:
         mean, pull, sigma = mean + settings.bias, 0.0, settings.noise
         if settings.filtered and sigma > 0.0:
             drift, speed = settings.drift
-            pull, gain = theory.settling(pictures, T, speed / sigma, drift / sigma, keep)
+            pull, gain = theory.settling(pictures, T, speed / sigma, drift / sigma, selected)
         else:
-            gain = theory.low_pass(T, slow) if keep else 1.0
+            gain = theory.low_pass(T, slow) if selected else 1.0
         mean, variance = mean + pull * u, gain * sigma**2
     if "age" not in ideal and not (settings.carried and settings.filtered):
         # An arm that is late takes the mean of what it was told; an ideal one has the last picture.
         camera = Stage("camera", late or 1e-9, T, overload="pipelined")
         # What arrives in the last step is too late for it.
         newest = scenario.seconds - T * int((scenario.seconds - settings.physics - late) / T)
-        mean = mean - u * (age([camera]).mean if keep else newest)
+        mean = mean - u * (age([camera]).mean if selected else newest)
     if "control" not in ideal:
         mean = mean + theory.lag(scenario.arm, q, settings.kp, settings.kd, u)
         mean = mean + (theory.sag(scenario.plant, q, settings.kp) if scenario.tilt else 0.0)
@@ -88,8 +88,8 @@ class Budget:
 
     def mean(self, mended: Subset) -> tuple[Array, Array]:
         """Mean error and its standard error, each (2,) [m]."""
-        found = self.errors[mended]
-        return found.mean(axis=1), found.std(axis=1, ddof=1) / math.sqrt(found.shape[1])
+        result = self.errors[mended]
+        return result.mean(axis=1), result.std(axis=1, ddof=1) / math.sqrt(result.shape[1])
 
     def rms(self, mended: Subset) -> tuple[float, float]:
         """Root of the mean squared error, measured and predicted [m]."""
@@ -102,12 +102,12 @@ class Budget:
         run by run; each (2,) [m]."""
         rest = (len(self.parts) - 1) * self.errors[self.only()]
         parts = sum((self.errors[self.only(part)] for part in self.parts), -rest)
-        off = parts - self.errors[frozenset()]
-        return off.mean(axis=1), off.std(axis=1, ddof=1) / math.sqrt(off.shape[1])
+        error = parts - self.errors[frozenset()]
+        return error.mean(axis=1), error.std(axis=1, ddof=1) / math.sqrt(error.shape[1])
 
     def squares(self, runs: NDArray[np.int64] | None = None) -> dict[Subset, float]:
         """Mean squared error with each subset mended, of all runs or of some [m^2]."""
-        each = {some: np.sum(found**2, axis=0) for some, found in self.errors.items()}
+        each = {some: np.sum(result**2, axis=0) for some, result in self.errors.items()}
         return {some: float(np.mean(x if runs is None else x[runs])) for some, x in each.items()}
 
     def shares(self, repeats: int = 200, seed: int = 0) -> dict[str, Band]:
@@ -120,11 +120,11 @@ class Budget:
         rng, n = np.random.default_rng(seed), self.errors[frozenset()].shape[1]
         owned = attribution(self.squares())
         drawn = [attribution(self.squares(some)) for some in rng.integers(0, n, (repeats, n))]
-        found = {}
+        result = {}
         for part in self.parts:
             low, high = np.quantile([-one[part][1] for one in drawn], [0.025, 0.975])
-            found[part] = (-owned[part][1], float(low), float(high))
-        return found
+            result[part] = (-owned[part][1], float(low), float(high))
+        return result
 
     def orders(self, slack: float = 0.01) -> list[tuple[str, ...]]:
         """Orders of repairs in which no step makes the mean squared error worse.
@@ -132,12 +132,12 @@ class Budget:
         Args:
             slack: share by which a step may raise it and still count as none.
         """
-        value, found = self.squares(), []
+        value, result = self.squares(), []
         for order in permutations(self.parts):
-            way = [value[frozenset(order[:k])] for k in range(len(order) + 1)]
-            if all(b <= (1.0 + slack) * a for a, b in pairwise(way)):
-                found.append(order)
-        return found
+            path = [value[frozenset(order[:k])] for k in range(len(order) + 1)]
+            if all(b <= (1.0 + slack) * a for a, b in pairwise(path)):
+                result.append(order)
+        return result
 
 
 def budget(
@@ -155,14 +155,14 @@ def budget(
         parts: that are mended; the others stay as they are.
         stages: whose functions do it.
     """
-    measured, told = {}, {}
+    measured, report = {}, {}
     for some in subsets(parts):
         mended = repair(settings, *sorted(some))
-        found = errors(many(scenario, mended, seeds, stages or Stages()))
-        if found.shape[1] < 2 or not np.isfinite(found).all():
-            raise refused("errors", found, "two or more runs that come to their end")
-        measured[some], told[some] = found, predicted(scenario, mended)
-    return Budget(tuple(parts), measured, told)
+        result = errors(many(scenario, mended, seeds, stages or Stages()))
+        if result.shape[1] < 2 or not np.isfinite(result).all():
+            raise refused("errors", result, "two or more runs that come to their end")
+        measured[some], report[some] = result, predicted(scenario, mended)
+    return Budget(tuple(parts), measured, report)
 
 
 NORMAL = 1.959963984540054  # quantile of a two-sided 95 %

@@ -170,23 +170,23 @@ step_loop = loop(step, numba.void(MATRIX, numba.int64, numba.float64, MATRIX))
 @register_jitable
 def advance(law, step, last, ints, changing, n, table, log, body, model, obstacles, links):
     """Control and physics up to step `last`; the state is in the log."""
-    wanted, q, h = np.zeros((3, 2)), np.zeros(2), round(n[STEP])
+    desired, q, h = np.zeros((3, 2)), np.zeros(2), round(n[STEP])
     period, delay = round(n[PERIOD]), math.ceil(n[DELAY] / n[STEP])
     for k in range(ints[NOW], last):
         t = k * h
         if t >= ints[COMMAND] and n[PERFECT] == 0.0:
             ints[COMMAND] += period
-            _reference_loop(t, ints, changing, n, table, links, wanted)
-            law(n, model, log, k, wanted)
+            _reference_loop(t, ints, changing, n, table, links, desired)
+            law(n, model, log, k, desired)
             for i in range(2):
-                u, most = log[k, SENT + i], n[LIMIT1 + i]
+                u, largest = log[k, SENT + i], n[LIMIT1 + i]
                 if not math.isfinite(u):
                     ints[WRONG] = 6
                     return
-                log[k, REFERENCE + i] = wanted[0, i]
+                log[k, REFERENCE + i] = desired[0, i]
                 before = log[k - 1, SENT + i] if k > 0 else 0.0
                 u = min(max(u, before - n[SLEW]), before + n[SLEW])
-                log[k, SENT + i] = min(max(u, -most), most)
+                log[k, SENT + i] = min(max(u, -largest), largest)
         for i in range(2):
             late = log[k - delay, SENT + i] if k >= delay else 0.0
             log[k, TORQUE + i] += n[LAG] * (late - log[k, TORQUE + i])
@@ -194,10 +194,10 @@ def advance(law, step, last, ints, changing, n, table, log, body, model, obstacl
         for i in range(GAP):
             log[k + 1, i] = log[k, i]
         if n[PERFECT] > 0.0:
-            _reference_loop(t + h, ints, changing, n, table, links, wanted)
+            _reference_loop(t + h, ints, changing, n, table, links, desired)
             for i in range(2):
-                log[k + 1, REFERENCE + i] = log[k + 1, Q + i] = wanted[0, i]
-                log[k + 1, V + i] = wanted[1, i]
+                log[k + 1, REFERENCE + i] = log[k + 1, Q + i] = desired[0, i]
+                log[k + 1, V + i] = desired[1, i]
         else:
             step(log, k + 1, 1e-6 * h, body)
         q[0], q[1] = log[k + 1, Q], log[k + 1, Q + 1]
@@ -246,10 +246,10 @@ def drive(
     links,
 ):
     """On to the end, to where a plan is wanted or ready, or to what went wrong."""
-    h, end, many = round(n[STEP]), round(n[END]), times.shape[0]
+    h, end, count = round(n[STEP]), round(n[END]), times.shape[0]
     while True:
-        taken = times[ints[TAKEN], 0] if ints[TAKEN] < many else FAR
-        arrives = times[order[ints[ARRIVED]], 1] if ints[ARRIVED] < many else FAR
+        taken = times[ints[TAKEN], 0] if ints[TAKEN] < count else FAR
+        arrives = times[order[ints[ARRIVED]], 1] if ints[ARRIVED] < count else FAR
         t = min(min(taken, arrives), min(ints[DUE], end))
         # The last step that begins before the event knows nothing of it.
         last = (t + h - 1) // h

@@ -30,15 +30,15 @@ def find(
     depth: Array, camera: Camera, sensor: Sensor, part: Shapes, table: Array
 ) -> tuple[Array, Array]:
     """Place of the part in the picture's plane (2,) and its covariance (2, 2), by `locate` [m]."""
-    found = [
+    result = [
         one
         for one in locate(depth, camera, sensor, part, table=table, starts=1)
         if one.status == "found"
     ]
-    if not found:
+    if not result:
         return np.zeros(2), NOTHING
-    R = found[0].R[:2, :2]
-    return found[0].p[:2], R @ found[0].covariance[:2, :2] @ R.T
+    R = result[0].R[:2, :2]
+    return result[0].p[:2], R @ result[0].covariance[:2, :2] @ R.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +81,12 @@ class Eye:
     def shapes(self, target: Array, q: Array, scenario: Scenario) -> Shapes:
         """What stands before the camera."""
         low, (l1, l2) = 0.06, scenario.arm.lengths  # height of the discs, over which the arm moves
-        there = [
+        other = [
             shape("plane", pose=self._pose(0.0, 0.0, 0.0, 0.0)),
             shape("sphere", self.radius, pose=self._pose(target[0], target[1], self.radius, 0.0)),
         ]
         if self.bodies:
-            there += [
+            other += [
                 shape("cylinder", r, 0.5 * low, pose=self._pose(x, y, 0.5 * low, 0.0))
                 for x, y, r in scenario.discs
             ]
@@ -95,9 +95,9 @@ class Eye:
                 angle += turn
                 u, v = 0.5 * length * math.cos(angle), 0.5 * length * math.sin(angle)
                 link = self._pose(x + u, y + v, at, angle)
-                there.append(shape("box", 0.5 * length, scenario.radius, THICK, pose=link))
+                other.append(shape("box", 0.5 * length, scenario.radius, THICK, pose=link))
                 x, y = x + 2.0 * u, y + 2.0 * v
-        return together(there)
+        return together(other)
 
     def __call__(
         self, sight: Sight, scenario: Scenario, settings: Settings

@@ -221,10 +221,10 @@ class Run:
         """The driver and what it calls: compiled, or of a learner's or library's functions."""
         drive, *ours = by.kernels()
         stages, scenario, settings = self.stages, self.scenario, self._told
-        seen, law, moved = (
+        observed, law, moved = (
             getattr(stages, name) is getattr(OURS, name) for name in ("perceive", "control", "move")
         )
-        if seen and law and moved:
+        if observed and law and moved:
             return drive, (ours[0], ours[1])
 
         def their_law(_n, _model, log, k, wanted):
@@ -239,7 +239,7 @@ class Run:
         if not (law and moved):
             pair = by.law_loop if law else their_law, by.step_loop if moved else their_step
             between = functools.partial(by.advance, *pair)
-        return by.drive, (compiled(by.look, by.LOOK) if seen else self._look, between)
+        return by.drive, (compiled(by.look, by.LOOK) if observed else self._look, between)
 
     def _look(self, k, n, times, noise, log, ints, seen) -> None:
         when, q = int(times[k, 0]), log[ints[by.NOW], Q:V].copy()
@@ -284,8 +284,8 @@ class Run:
         goal = self._changing[by.MADE : by.MADE + 2].copy()
         rng = np.random.default_rng([self.seed, 2, len(self.plans)])
         tries = 3 if "plan" in settings.ideal else 1  # by chance a way is three times as long
-        found = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
-        path = self._pending = min(found, key=lambda p: p.motion.duration if p.motion else math.inf)
+        result = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
+        path = self._pending = min(result, key=lambda p: p.motion.duration if p.motion else math.inf)
         if path.motion is not None:
             if not np.isfinite(path.motion.table).all():
                 self.wrong = "plan: a path that is not finite"
@@ -367,7 +367,7 @@ def _timetable(settings: Settings, seconds: float, seed: int, disturb: Disturb |
 def _numbers(scenario: Scenario, settings: Settings) -> Array:
     """Settings as the compiled loops read them, in the order of `drive`."""
     h, ideal, actuator = step_of(settings), settings.ideal, settings.actuator
-    limits = [min(most, actuator.limit) for most in scenario.arm.torques]
+    limits = [min(largest, actuator.limit) for largest in scenario.arm.torques]
     sharp = -math.expm1(-1e-6 * h / actuator.lag) if actuator.lag > 0.0 else 1.0
     return np.array(
         [

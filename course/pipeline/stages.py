@@ -122,21 +122,21 @@ def frames(settings: Settings, seconds: float, seed: int) -> Frames:
     period, late = microseconds(settings.frame), microseconds(settings.latency)
     taken = np.arange(microseconds(settings.phase), microseconds(seconds), period, dtype=np.int64)
     draws = np.random.default_rng([seed, 0]).standard_normal((taken.size, 2))
-    kept = np.ones(taken.size, dtype=np.bool_)
+    retained = np.ones(taken.size, dtype=np.bool_)
     if settings.lost > 0.0:
-        kept &= np.random.default_rng([seed, 1]).random(taken.size) >= settings.lost
+        retained &= np.random.default_rng([seed, 1]).random(taken.size) >= settings.lost
     arrived = taken + late
     if settings.overrun == "drop":
-        kept &= free(taken.astype(float), np.full(taken.size, float(late)))
+        retained &= free(taken.astype(float), np.full(taken.size, float(late)))
     elif settings.overrun == "block":
         taken = taken[0] + np.arange(taken.size) * max(period, late)
         arrived = taken + late
     elif settings.overrun == "queue":
         arrived = taken[0] + late + np.arange(taken.size) * max(period, late)
-    kept &= taken < microseconds(seconds)
+    retained &= taken < microseconds(seconds)
     zero = np.zeros((taken.size, 2))
     whole = Frames(taken, arrived, taken.copy(), zero, np.ones(taken.size), draws)
-    return whole if kept.all() else whole.where(kept)
+    return whole if retained.all() else whole.where(retained)
 
 
 # --- the stages -----------------------------------------------------------------------------------
@@ -168,8 +168,8 @@ def search(
     world: World, start: Array, goal: Array, settings: Settings, rng: np.random.Generator
 ) -> tuple[Array | None, int, str]:
     """Waypoints (2, k) by RRT-Connect or None, the checks that they took, and a status."""
-    found = plan(world, start, goal, budget=settings.samples, rng=rng, step=settings.step)
-    return found.path, found.state_checks + found.edge_checks, found.status
+    result = plan(world, start, goal, budget=settings.samples, rng=rng, step=settings.step)
+    return result.path, result.state_checks + result.edge_checks, result.status
 
 
 def plan_path(
@@ -193,15 +193,15 @@ def plan_path(
         search: who finds the waypoints; another one may be a library's.
     """
     world, status = scenario.world(), "goal in collision"
-    asked = [0]
+    requested = [0]
     postures = two_link_ik(scenario.arm.lengths, goal).q
     postures = (postures + math.pi) % (2.0 * math.pi) - math.pi
     here = clearance(world, start)
     for side in np.argsort(
         np.linalg.norm(postures - start[:, None], axis=0), kind="stable"
     ).tolist():
-        there = postures[:, side]
-        room = 0.5 * min(here, clearance(world, there))
+        other = postures[:, side]
+        room = 0.5 * min(here, clearance(world, other))
         if room <= 0.0:
             continue
         margin = min(settings.margin, room)
@@ -209,23 +209,23 @@ def plan_path(
         test = compiled(wide.edge_free, EDGE)
 
         def free(a: Array, b: Array, test: Any = test, wide: World = wide) -> bool:
-            asked[0] += 1
+            requested[0] += 1
             return bool(test(wide.obstacles, wide.body, a, b))
 
         paths: list[Array] = []
         for _ in range(TRIES):
-            waypoints, checks, status = search(wide, start, there, settings, rng)
-            asked[0] += checks
+            waypoints, checks, status = search(wide, start, other, settings, rng)
+            requested[0] += checks
             if waypoints is None:
                 break
             paths.append(shortcut(waypoints, free, rng, rounds=20))
-            if length(paths[-1]) < DETOUR * math.dist(start, there):
+            if length(paths[-1]) < DETOUR * math.dist(start, other):
                 break
         if paths:
             path = min(paths, key=length)
             motion = time_parameterise(path, (settings.rate, settings.acceleration))
-            return Path("solved", motion, there, side, asked[0], path, margin)
-    return Path(status, checks=asked[0])
+            return Path("solved", motion, other, side, requested[0], path, margin)
+    return Path(status, checks=requested[0])
 
 
 def control(q: Array, v: Array, wanted: Array, scenario: Scenario, settings: Settings) -> Array:

@@ -55,21 +55,21 @@ def chain(
             step, horizon (1 - gamma), which is dt for a short one.
     """
     n = count("seconds / dt", round(way.seconds / positive("dt", dt, unit="s")), 1)
-    kept = math.exp(-dt / way.horizon) if gamma is None else finite("gamma", gamma, 0.0, 1.0)
+    selected = math.exp(-dt / way.horizon) if gamma is None else finite("gamma", gamma, 0.0, 1.0)
     paid = way.horizon * -math.expm1(-dt / way.horizon) if per_step is None else per_step
     P, R = np.zeros((n + 2, 3, n + 2)), np.zeros((n + 2, 3, n + 2))
     falls = -math.expm1(-way.fall * dt)
     for s in range(n):
         for a, (steps, cost) in enumerate(((1, way.cost), (2, way.cost + way.effort))):
-            there = min(s + steps, n)
-            P[s, a, there] = 1.0 - a * falls
+            other = min(s + steps, n)
+            P[s, a, other] = 1.0 - a * falls
             P[s, a, n + 1] = a * falls
             R[s, a] = -cost * paid
             R[s, a, n] += way.goal
             R[s, a, n + 1] += way.hurt
         P[s, 2, n + 1], R[s, 2, n + 1] = 1.0, way.fee
     P[n, :, n] = P[n + 1, :, n + 1] = 1.0
-    return Process(P, R, kept, np.arange(n + 2) >= n)
+    return Process(P, R, selected, np.arange(n + 2) >= n)
 
 
 def repeated(process: Process, times: int) -> Process:

@@ -378,9 +378,9 @@ class Shelf:
             side /= np.linalg.norm(side)
             quat = from_matrix(np.column_stack((np.cross(side, forward), side, forward)))
             flange = spot - FINGERTIP * forward
-            found = ik(_arm(), np.append(flange, quat), rng=rng, restarts=10)
-            if found.success and state_free(self.world, found.q):
-                return found.q
+            result = ik(_arm(), np.append(flange, quat), rng=rng, restarts=10)
+            if result.success and state_free(self.world, result.q):
+                return result.q
         return None
 
     def query(self, rng: np.random.Generator) -> tuple[Array, Array]:

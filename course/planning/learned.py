@@ -60,11 +60,11 @@ def slits(rng: np.random.Generator, turned: bool = False) -> Scene:
 
 def answered(scene: Scene, seed: int, points: int) -> Array | None:
     """States in equal steps along a short path of a scene, shape (2, points); None without one."""
-    found = plan(scene.world, scene.start, scene.goal, rng=seed, step=scene.step)
-    if found.path is None:
+    result = plan(scene.world, scene.start, scene.goal, rng=seed, step=scene.step)
+    if result.path is None:
         return None
     rng = np.random.default_rng(seed)
-    path = shortcut(found.path, scene.world, rng, rounds=60)
+    path = shortcut(result.path, scene.world, rng, rounds=60)
     at = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path), axis=0))))
     return np.array([np.interp(np.linspace(0.0, at[-1], points), at, row) for row in path])
 
@@ -75,9 +75,9 @@ def picture(scene: Scene) -> Array:
     at = (np.arange(CELLS) + 0.5) / CELLS
     low, high = world.bounds
     q = low + (high - low) * np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1)
-    seen = [[free(world.obstacles, world.body, p) for p in row] for row in q]
+    observed = [[free(world.obstacles, world.body, p) for p in row] for row in q]
     near = [np.exp(-2.0 * np.sum((q - end) ** 2, axis=-1)) for end in (scene.start, scene.goal)]
-    return np.array([seen, *near], dtype=float)
+    return np.array([observed, *near], dtype=float)
 
 
 @contextlib.contextmanager
@@ -129,7 +129,7 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
 
     rng = np.random.default_rng((seed, 1))
     shown: list[Array] = []
-    wanted: list[Array] = []
+    desired: list[Array] = []
     while len(shown) < count("worlds", worlds, 1):
         scene = slits(rng)
         path = answered(scene, int(rng.integers(2**31)), 100)
@@ -138,9 +138,9 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
             where = np.zeros((CELLS, CELLS))
             np.add.at(where, (i, j), 0.01)
             shown.append(picture(scene))
-            wanted.append(where)
+            desired.append(where)
     x = torch.tensor(np.array(shown), dtype=torch.float32)
-    y = torch.tensor(np.array(wanted), dtype=torch.float32)
+    y = torch.tensor(np.array(desired), dtype=torch.float32)
     with _alone(seed):
         layers: list[nn.Module] = []
         for k, wide in enumerate((1, 2, 4, 8, 16, 1)):  # each cell sees the whole picture
@@ -217,11 +217,11 @@ def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: in
         path = answered(scene, int(rng.integers(2**31)), POINTS + 2)
         if path is not None:
             rows.append(path)
-    found = np.array(rows)
-    lines = _lines(found[:, :, 0], found[:, :, -1])
-    ends = np.concatenate((found[:, :, 0], found[:, :, -1]), axis=1) / SCALE - 1.0
-    x = torch.tensor(((found - lines)[:, :, 1:-1] / NOISE).reshape(len(rows), -1)).float()
-    told, kept = torch.tensor(ends).float(), torch.tensor(_kept()).float()
+    result = np.array(rows)
+    lines = _lines(result[:, :, 0], result[:, :, -1])
+    ends = np.concatenate((result[:, :, 0], result[:, :, -1]), axis=1) / SCALE - 1.0
+    x = torch.tensor(((result - lines)[:, :, 1:-1] / NOISE).reshape(len(rows), -1)).float()
+    report, retained = torch.tensor(ends).float(), torch.tensor(_kept()).float()
     with _alone(seed):
         sizes = (2 * POINTS + 5, 256, 256, 256)
         layers: list[nn.Module] = []
@@ -231,10 +231,10 @@ def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: in
 
         def loss() -> Any:
             pick, k = torch.randint(len(x), (256,)), torch.randint(STEPS, (256,))
-            clean, left = x[pick], kept[k][:, None]
-            noisy = left.sqrt() * clean + (1.0 - left).sqrt() * torch.randn_like(clean)
-            seen = net(torch.cat((noisy, told[pick], k[:, None] / STEPS), 1))
-            return ((seen - clean) ** 2).mean()
+            clean, remaining = x[pick], retained[k][:, None]
+            noisy = remaining.sqrt() * clean + (1.0 - remaining).sqrt() * torch.randn_like(clean)
+            observed = net(torch.cat((noisy, report[pick], k[:, None] / STEPS), 1))
+            return ((observed - clean) ** 2).mean()
 
         return _fitted(net, loss, steps, 2e-3)
 
@@ -253,21 +253,21 @@ def denoised(net: Any, scene: Scene, many: int, rng: np.random.Generator) -> Arr
     """
     import torch
 
-    kept = np.append(_kept(), 1.0)  # kept[-1] is before any noise
+    retained = np.append(_kept(), 1.0)  # kept[-1] is before any noise
     ends = np.concatenate((scene.start, scene.goal)) / SCALE - 1.0
-    told = torch.tensor(np.tile(ends, (many, 1))).float()
+    report = torch.tensor(np.tile(ends, (many, 1))).float()
     x = rng.standard_normal((many, 2 * POINTS))
     with _alone(0), torch.no_grad():
         for k in reversed(range(STEPS)):
-            asked = (torch.tensor(x).float(), told, torch.full((many, 1), k / STEPS))
-            seen = net(torch.cat(asked, 1)).numpy().astype(float)
-            before = kept[k - 1]
-            beta = 1.0 - kept[k] / before
-            x = (math.sqrt(before) * beta * seen + math.sqrt(1.0 - beta) * (1.0 - before) * x) / (
-                1.0 - kept[k]
+            requested = (torch.tensor(x).float(), report, torch.full((many, 1), k / STEPS))
+            observed = net(torch.cat(requested, 1)).numpy().astype(float)
+            before = retained[k - 1]
+            beta = 1.0 - retained[k] / before
+            x = (math.sqrt(before) * beta * observed + math.sqrt(1.0 - beta) * (1.0 - before) * x) / (
+                1.0 - retained[k]
             )
             if k:
-                spread = math.sqrt(beta * (1.0 - before) / (1.0 - kept[k]))
+                spread = math.sqrt(beta * (1.0 - before) / (1.0 - retained[k]))
                 x += spread * rng.standard_normal(x.shape)
     paths = _lines(np.tile(scene.start, (many, 1)), np.tile(scene.goal, (many, 1)))
     paths[:, :, 1:-1] += NOISE * x.reshape(many, 2, POINTS)

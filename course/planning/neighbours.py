@@ -98,16 +98,16 @@ def nearest(nodes, links, count, done, q, stack, gaps):
             if square < best or (square == best and at < near):
                 near, best = at, square
             across = q[links[at, AXIS]] - nodes[at, links[at, AXIS]]
-            here, there = (LEFT, RIGHT) if across < 0.0 else (RIGHT, LEFT)
-            if links[at, there] >= 0 and across * across <= best:
-                stack[top], gaps[top] = links[at, there], across * across
+            here, other = (LEFT, RIGHT) if across < 0.0 else (RIGHT, LEFT)
+            if links[at, other] >= 0 and across * across <= best:
+                stack[top], gaps[top] = links[at, other], across * across
                 top += 1
             at = links[at, here]
     return near
 
 
 @register_jitable
-def within(nodes, links, count, done, q, radius, stack, found):
+def within(nodes, links, count, done, q, radius, stack, result):
     """All nodes within a radius of q, in no particular order.
 
     Args:
@@ -121,7 +121,7 @@ def within(nodes, links, count, done, q, radius, stack, found):
     if done < count:
         for i in range(count):
             if to_node(nodes, i, q) <= limit:
-                found[hits] = i
+                result[hits] = i
                 hits += 1
         return hits
     stack[0], top = 0, 1
@@ -129,7 +129,7 @@ def within(nodes, links, count, done, q, radius, stack, found):
         top -= 1
         at = stack[top]
         if to_node(nodes, at, q) <= limit:
-            found[hits] = at
+            result[hits] = at
             hits += 1
         across = q[links[at, AXIS]] - nodes[at, links[at, AXIS]]
         for half in (LEFT, RIGHT):

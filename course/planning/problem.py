@@ -166,8 +166,8 @@ class Query:
             function.raised = None
             if not isinstance(error, Exception):
                 raise error
-            said = f"a function that answers; it raised {error!r} at {q.tolist()}"
-            raise refused("valid", function.valid, said) from error
+            message = f"a function that answers; it raised {error!r} at {q.tolist()}"
+            raise refused("valid", function.valid, message) from error
         if self.seconds - self._told > _TELL_AFTER:
             self._told = self.seconds
             text = f"{self.method}: {done} after {self._told:.0f} s"
@@ -176,15 +176,15 @@ class Query:
             elif os.environ.get("COURSE_QUIET") != "1":
                 print(text, file=sys.stderr)
 
-    def answer(self, status: str, path: Array | None = None, **found: Any) -> Plan:
+    def answer(self, status: str, path: Array | None = None, **result: Any) -> Plan:
         """The plan, from what was counted; `path` is of rows, shape (k, n)."""
         samples, states, edges = self.counts[: EDGE_CHECKS + 1].tolist()
         function = asked(self.world)
         if function is not None:
             states = function.calls - self.calls
         if path is not None:
-            found.setdefault("cost", length(path.T))
-            found["path"] = np.ascontiguousarray(path.T)
+            result.setdefault("cost", length(path.T))
+            result["path"] = np.ascontiguousarray(path.T)
         return Plan(
             status,
             self.method,
@@ -192,7 +192,7 @@ class Query:
             state_checks=states,
             edge_checks=edges,
             seconds=self.seconds,
-            **found,
+            **result,
         )
 
 

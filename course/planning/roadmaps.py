@@ -66,7 +66,7 @@ LIST = 10  # nodes of the roadmap that an end tries to be joined to by a straigh
 
 
 @register_jitable
-def _closest(nodes, many, q, wanted, found, gaps):
+def _closest(nodes, many, q, wanted, result, gaps):
     """The `wanted` nodes nearest to q of the first `many`, in order; how many there are."""
     hits = 0
     for i in range(many):
@@ -76,9 +76,9 @@ def _closest(nodes, many, q, wanted, found, gaps):
         at = hits if hits < wanted else hits - 1
         hits = min(hits + 1, wanted)
         while at > 0 and gaps[at - 1] > square:
-            gaps[at], found[at] = gaps[at - 1], found[at - 1]
+            gaps[at], result[at] = gaps[at - 1], result[at - 1]
             at -= 1
-        gaps[at], found[at] = square, i
+        gaps[at], result[at] = square, i
     return hits
 
 
@@ -111,7 +111,7 @@ def _grow(
     """Draw `samples` states and join those that are free to their neighbours. With numbers[STOP]
     it ends, and says so, as soon as nodes 0 and 1 are joined; lazily no edge is asked."""
     n = bounds.shape[1]
-    q, found, gaps = np.empty(n), np.empty(64, np.int64), np.empty(64)
+    q, result, gaps = np.empty(n), np.empty(64, np.int64), np.empty(64)
     for _ in range(samples):
         i = counts[NODES]
         counts[SAMPLES] += 1
@@ -124,11 +124,11 @@ def _grow(
             continue
         nodes[i], parts[i] = q, i
         counts[NODES] += 1
-        wanted = int(numbers[NEAREST])
-        if wanted == 0:
-            wanted = min(64, math.ceil(math.e * (1.0 + 1.0 / n) * math.log(i + 1.0)))
-        for k in range(_closest(nodes, i, q, wanted, found, gaps)):
-            j, e = found[k], counts[EDGES]
+        desired = int(numbers[NEAREST])
+        if desired == 0:
+            desired = min(64, math.ceil(math.e * (1.0 + 1.0 / n) * math.log(i + 1.0)))
+        for k in range(_closest(nodes, i, q, desired, result, gaps)):
+            j, e = result[k], counts[EDGES]
             pairs[e, 0], pairs[e, 1], status[e] = j, i, UNKNOWN
             counts[EDGES] += 1
             if numbers[LAZY] == 0.0:
@@ -178,13 +178,13 @@ def _search(
     Node i is reached from outside at cost begins[i], and left at cost ends[i], both infinite for
     most. `came` holds the edge by which each node was reached, -1 for one that begins.
     """
-    many = first.size - 1
-    cost, chosen = np.empty(many), np.empty(many, np.int64)
+    count = first.size - 1
+    cost, chosen = np.empty(count), np.empty(count, np.int64)
     while True:
         heap = [(0.0, 0)]
         heap.pop()
         last, best = -1, np.inf
-        for i in range(many):
+        for i in range(count):
             cost[i], came[i] = begins[i], -1
             if begins[i] < np.inf:
                 heapq.heappush(heap, (begins[i] + math.sqrt(squared(nodes[i], goal)), i))
@@ -253,9 +253,9 @@ def _attach(
     tries the nearest node of the roadmap and of the other tree. Returns 1 for a hook, 2 for a
     meeting of the last node with node hooks[side, 0, 1] of the other tree, 0 for neither.
     """
-    n, many, other = bounds.shape[1], nodes.shape[0], 1 - side
+    n, count, other = bounds.shape[1], nodes.shape[0], 1 - side
     target, new = np.empty(n), np.empty(n)
-    built = many if many > brute_below(n) else 0
+    built = count if count > brute_below(n) else 0
     for _ in range(samples):
         if counts[TREES + side] >= trees.shape[1]:
             return 0
@@ -283,9 +283,9 @@ def _attach(
         if edge_free(obstacles, body, new, trees[other, near]):
             hooks[side, 0, 1] = near
             return 2
-        if many == 0:
+        if count == 0:
             continue
-        near = nearest(nodes, links, many, built, new, stack, gaps)
+        near = nearest(nodes, links, count, built, new, stack, gaps)
         if counts[HOOKS + side] < hooks.shape[1] and _hook(
             edge_free, obstacles, body, nodes, trees, hooks, counts, side, i, near
         ):
@@ -295,10 +295,10 @@ def _attach(
 
 def _list(edge_free, obstacles, body, nodes, trees, hooks, counts, side, most):
     """Join an end to its nearest nodes of the roadmap, as many as are free of `LIST`."""
-    found, gaps = np.empty(LIST, np.int64), np.empty(LIST)
-    for k in range(_closest(nodes, nodes.shape[0], trees[side, 0], LIST, found, gaps)):
+    result, gaps = np.empty(LIST, np.int64), np.empty(LIST)
+    for k in range(_closest(nodes, nodes.shape[0], trees[side, 0], LIST, result, gaps)):
         if counts[HOOKS + side] < most:
-            _hook(edge_free, obstacles, body, nodes, trees, hooks, counts, side, 0, found[k])
+            _hook(edge_free, obstacles, body, nodes, trees, hooks, counts, side, 0, result[k])
     return counts[HOOKS + side]
 
 
@@ -363,8 +363,8 @@ def _roadmap(world: World, nodes: Array, pairs: Ints, status: Ints) -> Roadmap:
     first = np.concatenate(([0], np.cumsum(np.bincount(ends, minlength=len(nodes)))))
     links = np.zeros((len(nodes), WIDTH), dtype=np.int64)
     _kernel(_enter)(nodes, links)
-    ways = order % max(len(pairs), 1)
-    return Roadmap(world, nodes, pairs, status, world.obstacles[:0], first, ways, links)
+    paths = order % max(len(pairs), 1)
+    return Roadmap(world, nodes, pairs, status, world.obstacles[:0], first, paths, links)
 
 
 def build_roadmap(
@@ -464,8 +464,8 @@ class _Growing:
             new = np.zeros((rows * size, *old.shape[1:]), dtype=old.dtype)
             new[: len(old)] = old
             setattr(self, name, new)
-        many = self.query.counts[NODES]
-        self.parts[many:] = np.arange(many, size)
+        count = self.query.counts[NODES]
+        self.parts[count:] = np.arange(count, size)
 
     def more(self, numbers: Array, samples: int) -> bool:
         """Draw so many states; whether nodes 0 and 1 are joined where that ends it."""
@@ -539,10 +539,10 @@ def _way(query: Query, roadmap: Roadmap, begins: Array, ends: Array, goal: Array
         came,
         query.counts,
     )
-    way = [last] if last >= 0 else []
-    while way and came[way[-1]] >= 0:
-        way.append(int(roadmap.pairs[came[way[-1]]].sum()) - way[-1])
-    return way[::-1]
+    path = [last] if last >= 0 else []
+    while path and came[path[-1]] >= 0:
+        path.append(int(roadmap.pairs[came[path[-1]]].sum()) - path[-1])
+    return path[::-1]
 
 
 def prm(query: Query) -> Plan:
@@ -557,22 +557,22 @@ def prm(query: Query) -> Plan:
         return query.answer(GOAL_BLOCKED)
     growing, budget, chunk = _Growing(query, [query.start, root]), query.budget, 16
     growing.pairs[0], growing.status[0], query.counts[EDGES] = (0, 1), UNKNOWN, 1
-    way, spent = list[int](), False
-    while not (way or spent):
-        left = budget.samples - int(query.counts[SAMPLES])
-        joined = growing.more(numbers, min(chunk, left))
+    path, spent = list[int](), False
+    while not (path or spent):
+        remaining = budget.samples - int(query.counts[SAMPLES])
+        joined = growing.more(numbers, min(chunk, remaining))
         spent = query.counts[SAMPLES] >= budget.samples or query.seconds >= budget.seconds
         if joined or lazy or spent:
             roadmap = growing.roadmap()
             begins, ends = np.full((2, len(roadmap.nodes)), np.inf)
             begins[0] = ends[1] = 0.0
-            way = _way(query, roadmap, begins, ends, root)
+            path = _way(query, roadmap, begins, ends, root)
             growing.status[: len(roadmap.status)] = roadmap.status
         chunk = min(2 * chunk, 256)
         query.tell(f"{query.counts[SAMPLES]} of {budget.samples} samples")
     graph = {"nodes": roadmap.nodes.T, "edges": roadmap.pairs[roadmap.status == FREE].T}
-    if way:
-        return query.answer(SOLVED, roadmap.nodes[way], **graph)
+    if path:
+        return query.answer(SOLVED, roadmap.nodes[path], **graph)
     all_drawn = query.counts[SAMPLES] >= budget.samples
     return query.answer(NO_SAMPLES if all_drawn else NO_TIME, **graph)
 
@@ -611,13 +611,13 @@ def on_roadmap(query: Query) -> Plan:
         return query.answer(GOAL_BLOCKED)
     size, n, budget = min(query.budget.samples + 2, 20_000), world.dim, query.budget
     trees, parents = np.empty((2, size, n)), np.full((2, size), -1)
-    hooks, many = np.empty((2, 64, 2), dtype=np.int64), size + len(roadmap.nodes)
-    room, gaps = np.empty(many, dtype=np.int64), np.empty(many)
+    hooks, count = np.empty((2, 64, 2), dtype=np.int64), size + len(roadmap.nodes)
+    room, gaps = np.empty(count, dtype=np.int64), np.empty(count)
     trees[0, 0], trees[1, 0], counts[TREES : TREES + 2] = query.start, root, 1
     edge, tables = world.kernels[1], (world.obstacles, world.body)
     for side in range(2):
-        most = LIST if attach == "list" else 1
-        _kernel(_list)(edge, *tables, roadmap.nodes, trees, hooks, counts, side, most)
+        largest = LIST if attach == "list" else 1
+        _kernel(_list)(edge, *tables, roadmap.nodes, trees, hooks, counts, side, largest)
     code, side = 1, 0
     while True:
         if code == 1 and counts[HOOKS : HOOKS + 2].all():
@@ -625,10 +625,10 @@ def on_roadmap(query: Query) -> Plan:
                 _outside(roadmap, trees[k], parents[k], hooks[k, : counts[HOOKS + k]])
                 for k in (0, 1)
             ]
-            way = _way(query, roadmap, outer[0][0], outer[1][0], root)
-            if way:
-                chains = [_chain(parents[k], outer[k][1][way[-k]]) for k in (0, 1)]
-                path = (trees[0, chains[0][::-1]], roadmap.nodes[way], trees[1, chains[1]])
+            route = _way(query, roadmap, outer[0][0], outer[1][0], root)
+            if route:
+                chains = [_chain(parents[k], outer[k][1][route[-k]]) for k in (0, 1)]
+                path = (trees[0, chains[0][::-1]], roadmap.nodes[route], trees[1, chains[1]])
                 return query.answer(SOLVED, np.concatenate(path))
         if attach == "list":
             query.method, query.options = "rrt_connect", {"step": step}
@@ -636,10 +636,10 @@ def on_roadmap(query: Query) -> Plan:
             return METHODS["rrt_connect"](query)
         # The end without a hook, else the one with the smaller tree.
         side = int(np.lexsort((counts[TREES : TREES + 2], counts[HOOKS : HOOKS + 2] > 0))[0])
-        left = budget.samples - int(counts[SAMPLES])
+        remaining = budget.samples - int(counts[SAMPLES])
         full = counts[TREES : TREES + 2].max() >= size
-        if left <= 0 or full or query.seconds >= budget.seconds:
-            return query.answer(NO_TIME if left > 0 and not full else NO_SAMPLES)
+        if remaining <= 0 or full or query.seconds >= budget.seconds:
+            return query.answer(NO_TIME if remaining > 0 and not full else NO_SAMPLES)
         code = _kernel(_attach)(
             edge,
             *tables,
@@ -653,14 +653,14 @@ def on_roadmap(query: Query) -> Plan:
             counts,
             side,
             query.rng,
-            min(8, left),
+            min(8, remaining),
             room,
             gaps,
         )
         if code == 2:
             here = _chain(parents[side], int(counts[TREES + side]) - 1)
-            there = _chain(parents[1 - side], int(hooks[side, 0, 1]))
-            halves = [trees[side, here[::-1]], trees[1 - side, there]]
+            other = _chain(parents[1 - side], int(hooks[side, 0, 1]))
+            halves = [trees[side, here[::-1]], trees[1 - side, other]]
             met = np.concatenate(halves if side == 0 else [x[::-1] for x in halves[::-1]])
             return query.answer(SOLVED, met)
         query.tell(f"{counts[SAMPLES]} of {budget.samples} samples")

@@ -52,15 +52,15 @@ def _field(distance: Distance) -> Callable[[Array], Array]:
     if not isinstance(distance, World):
         return lambda X: np.asarray(distance(X.T))
     measure = function_argument(compiled(distance.clearance, CLEARANCE))
-    many, obstacles, body = _many(), distance.obstacles, distance.body
-    return lambda X: many(measure, obstacles, body, np.ascontiguousarray(X))
+    count, obstacles, body = _many(), distance.obstacles, distance.body
+    return lambda X: count(measure, obstacles, body, np.ascontiguousarray(X))
 
 
 def _clearances(measure, obstacles, body, states):
-    found = np.empty(states.shape[0])
+    result = np.empty(states.shape[0])
     for i in range(states.shape[0]):
-        found[i] = measure(obstacles, body, states[i])
-    return found
+        result[i] = measure(obstacles, body, states[i])
+    return result
 
 
 @functools.cache
@@ -326,13 +326,13 @@ def sequential_convex(
     def lack(d: Array) -> float:
         return float(np.maximum(margin - d, 0.0).sum())
 
-    d, costs, asked = ask(S @ X), [], len(S)
+    d, costs, requested = ask(S @ X), [], len(S)
     for _ in range(count("iterations", iterations, 1)):
         here = _smoothness(X) + mu * lack(d)
         # Only what is near: the rest is looked at again before a step is taken.
         active = np.flatnonzero(d < 3.0 * margin)
         G, J = _slope(ask, (S @ X)[active]), inner[active]
-        asked += 2 * G.size
+        requested += 2 * G.size
         while True:
             inverse, new = np.linalg.inv(A + np.eye(N) / near), X.copy()
             new[1:-1] = inverse @ (ends + X[1:-1] / near)
@@ -342,22 +342,22 @@ def sequential_convex(
                 L = np.linalg.cholesky(D + 1e-8 * (1e-3 + D.max()) * np.eye(len(D)))
                 force = lsq_linear(L.T, np.linalg.solve(L, short), (0.0, mu), method="bvls").x
                 new[1:-1] += inverse @ J.T @ (G * force[:, None])
-            there, asked = ask(S @ new), asked + len(S)
+            present, requested = ask(S @ new), requested + len(S)
             promised = lack(d[active] + np.sum(G * (J @ (new - X)[1:-1]), axis=1))
             gain = here - _smoothness(new) - mu * promised
-            got = here - _smoothness(new) - mu * lack(there)
+            got = here - _smoothness(new) - mu * lack(present)
             if got >= 0.25 * gain or near < 1e-6:
                 break
             near *= 0.25
         if got > 0.0:
-            X, d = new, there
+            X, d = new, present
         costs.append(_smoothness(X) + mu * lack(d))
         near = min(2.0 * near, 1e3)
         if gain <= 1e-6 * here:
             if lack(d) <= 1e-4 * margin or mu >= 1e6 * penalty:
                 break
             mu *= 10.0
-    return _optimised(X, costs, ask, asked)
+    return _optimised(X, costs, ask, requested)
 
 
 # --- timed ----------------------------------------------------------------------------------------
@@ -595,8 +595,8 @@ def time_parameterise(
     step = np.linalg.norm(np.diff(path, axis=0), axis=1)
     path = path[np.concatenate(([True], step > 0.0))]
     if len(path) < 2:
-        none = np.zeros((1, n))
-        return Trajectory(np.zeros(2), np.zeros(2), np.zeros(1), path, none, none, np.zeros(2))
+        empty = np.zeros((1, n))
+        return Trajectory(np.zeros(2), np.zeros(2), np.zeros(1), path, empty, empty, np.zeros(2))
     h, place, first, second, stops = _curve(
         path, blend, None if free is None else _test(free), count("grid", grid, 2)
     )
@@ -610,11 +610,11 @@ def time_parameterise(
     _kernel()(h, first, second, cap, a, x)
     curved = np.any(second, axis=1).tolist()
     rows = []  # arc length within the piece, squared speed there, the piece
-    for i, (here, there) in enumerate(itertools.pairwise(x)):
+    for i, (here, other) in enumerate(itertools.pairwise(x)):
         rows.append((0.0, here, i))
         if not curved[i]:
-            peak = min(top[i], 0.5 * (here + there) + strength[i] * h[i])
-            up, down = 0.5 * (peak - here) / strength[i], h[i] - 0.5 * (peak - there) / strength[i]
+            peak = min(top[i], 0.5 * (here + other) + strength[i] * h[i])
+            up, down = 0.5 * (peak - here) / strength[i], h[i] - 0.5 * (peak - other) / strength[i]
             for at in (up, down):
                 if rows[-1][0] + 1e-13 * h[i] < at < (1.0 - 1e-13) * h[i]:
                     rows.append((at, peak, i))

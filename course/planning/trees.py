@@ -78,9 +78,9 @@ def _add(nodes, parents, links, costs, counts, side, state, parent, cost):
 @register_jitable
 def _near(nodes, links, counts, side, q, stack, gaps):
     """The node of one tree nearest to q."""
-    many = counts[NODES + side]
-    counts[DONE + side] = entered(nodes[side], links[side], many, counts[DONE + side])
-    return nearest(nodes[side], links[side], many, counts[DONE + side], q, stack, gaps)
+    count = counts[NODES + side]
+    counts[DONE + side] = entered(nodes[side], links[side], count, counts[DONE + side])
+    return nearest(nodes[side], links[side], count, counts[DONE + side], q, stack, gaps)
 
 
 @register_jitable
@@ -193,7 +193,7 @@ def _grow(
     step, star = numbers[STEP], numbers[STAR] > 0.0
     target, new, joint = np.empty(n), np.empty(n), np.empty(n)
     tree, parent_of, link, cost = nodes[0], parents[0], links[0], costs[0]
-    stack, found, known, goals = room[0], room[1], room[2], room[3]
+    stack, result, known, goals = room[0], room[1], room[2], room[3]
     for _ in range(samples):
         if counts[NODES] + 2 > tree.shape[0]:
             return FULL
@@ -216,27 +216,27 @@ def _grow(
             continue
         hits = 0
         if star:  # the parent is the neighbour through which the way is shortest
-            many = counts[NODES] + 1
-            radius = min(step, numbers[STAR] * (math.log(many) / many) ** (1.0 / n))
-            hits = within(tree, link, counts[NODES], counts[DONE], new, radius, stack, found)
+            count = counts[NODES] + 1
+            radius = min(step, numbers[STAR] * (math.log(count) / count) ** (1.0 / n))
+            hits = within(tree, link, counts[NODES], counts[DONE], new, radius, stack, result)
             for k in range(hits):
-                gaps[k] = math.sqrt(squared(tree[found[k]], new))
-                known[k] = 1 if found[k] == near else 0
+                gaps[k] = math.sqrt(squared(tree[result[k]], new))
+                known[k] = 1 if result[k] == near else 0
             while True:
                 better, through = -1, cost[near] + length
                 for k in range(hits):
-                    if known[k] == 0 and cost[found[k]] + gaps[k] < through:
-                        better, through = k, cost[found[k]] + gaps[k]
+                    if known[k] == 0 and cost[result[k]] + gaps[k] < through:
+                        better, through = k, cost[result[k]] + gaps[k]
                 if better < 0:
                     break
                 counts[EDGE_CHECKS] += 1
                 known[better] = -1
-                if edge_free(obstacles, body, tree[found[better]], new):
+                if edge_free(obstacles, body, tree[result[better]], new):
                     known[better] = 1
-                    near, length = found[better], gaps[better]
+                    near, length = result[better], gaps[better]
         i = _add(nodes, parents, links, costs, counts, 0, new, near, cost[near] + length)
         for k in range(hits):  # neighbours to which the way through the new node is shorter
-            j = found[k]
+            j = result[k]
             if known[k] >= 0 and cost[i] + gaps[k] < cost[j]:
                 if known[k] == 0:
                     counts[EDGE_CHECKS] += 1
@@ -502,11 +502,11 @@ def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
             chunk *= 2
         query.tell(f"{done} of {samples} samples")
     nodes, parents, _, costs, room, _ = arrays
-    _, _, _, _, many, others, _, _, end, _, _, far, onward, *_ = counts.tolist()
-    tree = {"nodes": nodes[0, :many], "parents": parents[0, :many], "costs": costs[0, :many]}
+    _, _, _, _, count, others, _, _, end, _, _, far, onward, *_ = counts.tolist()
+    tree = {"nodes": nodes[0, :count], "parents": parents[0, :count], "costs": costs[0, :count]}
     if sides == 2:
         above = parents[1, :others]
-        rest = (nodes[1, :others], above + many * (above >= 0), costs[1, :others])
+        rest = (nodes[1, :others], above + count * (above >= 0), costs[1, :others])
         for name, more in zip(("nodes", "parents", "costs"), rest, strict=True):
             tree[name] = np.concatenate((tree[name], more))
     tree["nodes"] = tree["nodes"].T

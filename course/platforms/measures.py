@@ -69,10 +69,10 @@ def energy_drift(
         run.run(every)
         energies.append(run.energy())
     run.close()
-    times, found = np.arange(samples + 1) * every * dt, np.array(energies)
-    rate, start = np.polyfit(times, found, 1)
-    swing = np.max(np.abs(found - start - rate * times))
-    return Drift(float(rate), float(swing), float(found[-1] - found[0]))
+    times, result = np.arange(samples + 1) * every * dt, np.array(energies)
+    rate, start = np.polyfit(times, result, 1)
+    swing = np.max(np.abs(result - start - rate * times))
+    return Drift(float(rate), float(swing), float(result[-1] - result[0]))
 
 
 @dataclass(frozen=True)
@@ -333,9 +333,9 @@ def reach(
     run = prepared(engine, scene, positive("dt", dt, unit="s"), settings)
     now = run.state()
     for _ in range(round(duration / dt)):
-        wanted = PACE * (PACE * (goal - now.q) - 2.0 * now.v)
+        desired = PACE * (PACE * (goal - now.q) - 2.0 * now.v)
         run.set_torque(
-            kinematics.inverse_dynamics(chain, now.q, now.v, wanted, gravity=scene.gravity)
+            kinematics.inverse_dynamics(chain, now.q, now.v, desired, gravity=scene.gravity)
         )
         run.run(1)
         now = run.state()
@@ -343,7 +343,7 @@ def reach(
             run.close()
             return Reach(math.inf, math.inf, False)
     run.close()
-    there, aim = kinematics.tip(chain, now.q), kinematics.tip(chain, goal)
-    error = float(np.linalg.norm(there[:3] - aim[:3]))
+    other, aim = kinematics.tip(chain, now.q), kinematics.tip(chain, goal)
+    error = float(np.linalg.norm(other[:3] - aim[:3]))
     speed = float(np.linalg.norm(kinematics.jacobian(chain, now.q)[:3] @ now.v))
     return Reach(error, speed, error <= 5e-3 and speed <= 5e-2)

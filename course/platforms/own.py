@@ -139,9 +139,9 @@ class Touching(Run):
         if scene.ground:
             pose = np.column_stack((np.array([0.0, 0, 0, 1, 0, 0, 0]), self.q))
         travel = float(np.max(np.abs(free[:3]))) * dt
-        found = contact.contacts(self.shapes, pose, NEAR + 2.0 * travel)
-        bodies, nothing = found.bodies - int(scene.ground), np.zeros_like(found.point)
-        report = ContactReport(bodies, found.point, found.normal, found.distance, nothing, nothing)
+        result = contact.contacts(self.shapes, pose, NEAR + 2.0 * travel)
+        bodies, nothing = result.bodies - int(scene.ground), np.zeros_like(result.point)
+        report = ContactReport(bodies, result.point, result.normal, result.distance, nothing, nothing)
         v, force, memory = free.copy(), nothing.copy(), {}
         for i, body in enumerate(scene.bodies):
             if body.guide is not None:
@@ -157,7 +157,7 @@ class Touching(Run):
             memory[key], force[:, ours] = done.impulses, step.force(done.impulses)
             v[:, members] = step.spread(done.velocity)
         now = State(0.0, self.q, v)
-        self.last = reported(now, bodies, found.point, found.normal, found.distance, force)
+        self.last = reported(now, bodies, result.point, result.normal, result.distance, force)
         self.q, self.v, self.memory = retract(self.q, dt * v), v, memory
 
     def _groups(self, pairs: Any) -> list[list[int]]:

@@ -40,11 +40,11 @@ class Recorded:
 @cache
 def recorded() -> Recorded:
     """The record; `python -m course.charts.platforms.record` makes it anew."""
-    with np.load(Path(__file__).parent / "recorded.npz") as found:
+    with np.load(Path(__file__).parent / "recorded.npz") as result:
         texts: dict[str, Any] = {
-            name: tuple(found[name].tolist()) for name in ("engines", "versions")
+            name: tuple(result[name].tolist()) for name in ("engines", "versions")
         }
         arrays: dict[str, Any] = {
-            name: found[name].astype(float) for name in found.files if name not in texts
+            name: result[name].astype(float) for name in result.files if name not in texts
         }
     return Recorded(**arrays, **texts)

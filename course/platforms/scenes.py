@@ -133,10 +133,10 @@ class Scene:
         if self.judge == "turn":
             turn = quaternion.normalise(state.q[3:, 0])
             return float(quaternion.angle_between(turn, true[3:, 0]))
-        off = state.q - true
+        deviation = state.q - true
         if self.judge == "joints":
-            return float(np.max(np.abs(off)))
-        return float(np.max(np.linalg.norm(np.nan_to_num(off[:3]), axis=0)))
+            return float(np.max(np.abs(deviation)))
+        return float(np.max(np.linalg.norm(np.nan_to_num(deviation[:3]), axis=0)))
 
     def energy(self, state: State) -> float:
         """Kinetic plus potential energy of a state [J], 0 at rest in the world's origin."""
@@ -283,9 +283,9 @@ def _unmoved(bodies: Sequence[Body], shift: Callable[[float], ArrayLike] | None 
     places = np.array([body.pose for body in bodies], dtype=float).T
 
     def truth(time: float) -> Array:
-        there = places.copy()
-        there[:3] += np.zeros((3, 1)) if shift is None else np.reshape(shift(time), (3, 1))
-        return there
+        other = places.copy()
+        other[:3] += np.zeros((3, 1)) if shift is None else np.reshape(shift(time), (3, 1))
+        return other
 
     return truth
 
@@ -355,7 +355,7 @@ def brake(
     body = _block((*(speed * along), 0.0, 0.0, 0.0))
     stop = speed / (friction * GRAVITY)
 
-    def way(time: float) -> Array:
+    def path(time: float) -> Array:
         t = min(time, stop)
         return (speed * t - 0.5 * friction * GRAVITY * t * t) * along
 
@@ -364,7 +364,7 @@ def brake(
         1.5 * stop,
         tolerance,
         "place",
-        _unmoved([body], way),
+        _unmoved([body], path),
         bodies=(body,),
         ground=True,
         friction=friction,
@@ -416,9 +416,9 @@ def grasp(
     still = _unmoved(bodies)
 
     def truth(time: float) -> Array:
-        there = still(time)
-        there[2, 0] -= 0.5 * rate * time * time
-        return there
+        other = still(time)
+        other[2, 0] -= 0.5 * rate * time * time
+        return other
 
     return Scene("grasp", duration, tolerance, "place", truth, bodies=bodies, friction=friction)
 

@@ -83,8 +83,8 @@ def stop(
         near, far = full, full * 2.0 * large * small
         x = np.copysign(np.where(np.abs(c) >= np.abs(s), near, far), c)
         y = np.copysign(np.where(np.abs(c) >= np.abs(s), far, near), s)
-    off = np.arctan2(y, x) - angle
-    return np.hypot(x, y), np.asarray((off + math.pi) % (2.0 * math.pi) - math.pi)
+    deviation = np.arctan2(y, x) - angle
+    return np.hypot(x, y), np.asarray((deviation + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def grasp_threshold(mass: float = 0.2, friction: float = 0.5, gravity: float = GRAVITY) -> float:

@@ -59,7 +59,7 @@ def time_of_event(q, v, step, acceleration, dt, params, gap):
     gap_low = gap(q)
     end, _ = step(q, v, acceleration, dt, params)
     gap_high = gap(end)
-    kept = 0  # the side that the last trial kept: -1 low, 1 high
+    retained = 0  # the side that the last trial kept: -1 low, 1 high
     for trial in range(200):
         if high - low <= _WIDTH * dt:
             break
@@ -74,14 +74,14 @@ def time_of_event(q, v, step, acceleration, dt, params, gap):
         if value >= 0.0:
             low, gap_low = middle, value
             # The same side twice: the other end's value is halved, or it would stay for ever.
-            if kept == 1:
+            if retained == 1:
                 gap_high = 0.5 * gap_high
-            kept = 1
+            retained = 1
         else:
             high, gap_high = middle, value
-            if kept == -1:
+            if retained == -1:
                 gap_low = 0.5 * gap_low
-            kept = -1
+            retained = -1
     return low
 
 
@@ -108,20 +108,20 @@ def step_with_event(q, v, step, acceleration, dt, params, gap, reset):
     Raises:
         RuntimeError: after 64 events in one step.
     """
-    left = dt
+    remaining = dt
     hits = 0
     while True:
-        q1, v1 = step(q, v, acceleration, left, params)
+        q1, v1 = step(q, v, acceleration, remaining, params)
         # No event in what is left, or below the ground from the start: nothing to find.
         if not (gap(q1) < 0.0 and gap(q) >= 0.0):
             return q1, v1, hits
         if hits == EVENT_LIMIT:
             raise RuntimeError("64 events in one step: the reset does not turn the motion away")
-        part = time_of_event(q, v, step, acceleration, left, params, gap)
+        part = time_of_event(q, v, step, acceleration, remaining, params, gap)
         if part > 0.0:
             q, v = step(q, v, acceleration, part, params)
         q, v = reset(q, v)
-        left -= part
+        remaining -= part
         hits += 1
 
 

@@ -84,7 +84,7 @@ def _advance(
         The new state, the number of impacts, and 1 if the step was not resolved, else 0.
     """
     width, height, rest_speed = box[1], box[2], box[6]
-    left = dt
+    remaining = dt
     impacts = 0
     failed = 0
     bounced = False  # a corner has just bounced: it is to fly, however slowly
@@ -101,8 +101,8 @@ def _advance(
         # Below the ground only by rounding, or because it was put there: no impulse undoes that.
         if y + ry < -touch:
             y = -ry
-        fall = min(left * vy, 0.0) + min(coefficient * ay * left * left, 0.0)
-        swing = radius * left * (abs(omega) + coefficient * abs(alpha) * left)
+        fall = min(remaining * vy, 0.0) + min(coefficient * ay * remaining * remaining, 0.0)
+        swing = radius * remaining * (abs(omega) + coefficient * abs(alpha) * remaining)
         # Too high to come down in what is left of the step, however it turns.
         if y + ry + fall - swing > touch:
             break
@@ -123,8 +123,8 @@ def _advance(
             slow = SPEED_TOLERANCE if bounced else max(rest_speed, SPEED_TOLERANCE)
             first = vn <= slow
             second = flat and vn2 <= slow
-            if (first and vn + left * (ay + alpha * rx) < 0.0) or (
-                second and vn2 + left * (ay + alpha * rx2) < 0.0
+            if (first and vn + remaining * (ay + alpha * rx) < 0.0) or (
+                second and vn2 + remaining * (ay + alpha * rx2) < 0.0
             ):
                 x, y, angle, vx, vy, omega, used, outcome = sustain(
                     x,
@@ -138,7 +138,7 @@ def _advance(
                     alpha,
                     corners,
                     box,
-                    left,
+                    remaining,
                     coefficient,
                     flat,
                     first,
@@ -148,13 +148,13 @@ def _advance(
                 if outcome != 0:
                     bounced = False
                     failed |= outcome < 0
-                    left -= used
-                    if left <= 0.0:
+                    remaining -= used
+                    if remaining <= 0.0:
                         return x, y, angle, vx, vy, omega, impacts, failed
                     continue
         # Free until the next impact, and if there is none until the end of the step.
         tau, outcome = first_impact(
-            y, angle, vy, omega, ay, alpha, width, height, left, coefficient
+            y, angle, vy, omega, ay, alpha, width, height, remaining, coefficient
         )
         bounced = bounced and tau == 0.0
         if outcome != HIT and outcome != UNFINISHED:
@@ -162,12 +162,12 @@ def _advance(
         x, y, angle, vx, vy, omega = _fly(
             x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient
         )
-        left -= tau
-        if left <= 0.0:
+        remaining -= tau
+        if remaining <= 0.0:
             return x, y, angle, vx, vy, omega, impacts, failed
     # What is left of the step is flight; nobody has looked for the ground in it if impacts are not
     # resolved or were too many, so it is looked for at the end.
-    x, y, angle, vx, vy, omega = _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, left, coefficient)
+    x, y, angle, vx, vy, omega = _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, remaining, coefficient)
     if failed != 0 or not resolve:
         if failed != 0:  # too many impacts: the rest of the step does not bounce
             box = (box[0], box[1], box[2], box[3], 0.0, box[5], box[6])

@@ -262,11 +262,11 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
     touch = IMPACT_TOLERANCE * radius
     tau = 0.0
     for _ in range(SEARCH_LIMIT):
-        left = horizon - tau
+        remaining = horizon - tau
         centre = flight(y, vy, ay, tau, coefficient)
         rise = vy + 2.0 * coefficient * ay * tau
         turn = omega + 2.0 * coefficient * alpha * tau
-        fall = min(left * rise, 0.0) + min(coefficient * ay * left * left, 0.0)
+        fall = min(remaining * rise, 0.0) + min(coefficient * ay * remaining * remaining, 0.0)
         # Above the reach of every corner up to the horizon.
         if centre + fall > radius:
             return horizon, CLEAR
@@ -276,7 +276,7 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
         ws, wc = 0.5 * width * s, 0.5 * width * c
         hs, hc = 0.5 * height * s, 0.5 * height * c
         # Corners (+,+), (+,-) and their opposites: heights +-(ws +- hc), rates +-(wc -+ hs).
-        advance = left
+        advance = remaining
         for k in range(4):
             up = ws + hc if k < 2 else ws - hc
             across = wc - hs if k < 2 else wc + hs
@@ -288,8 +288,8 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
             if gap <= touch and rate < -SPEED_TOLERANCE:
                 return tau, HIT
             # From the ground itself no progress could be proved: start a rounding above it.
-            advance = min(advance, _safe_time(max(gap, 0.1 * touch), rate, bound, left))
-        if advance >= left:
+            advance = min(advance, _safe_time(max(gap, 0.1 * touch), rate, bound, remaining))
+        if advance >= remaining:
             return horizon, CLEAR
         tau += advance
     return tau, UNFINISHED

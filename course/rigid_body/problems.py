@@ -533,15 +533,15 @@ def frictionless_box(
     def corner_height(s: float, corner: int) -> float:
         return float(heights(np.array([s]))[0, corner])
 
-    left, struck = t, -1
+    remaining, struck = t, -1
     while True:
-        times = np.append(np.arange(0.0, left, 1e-4), left)
+        times = np.append(np.arange(0.0, remaining, 1e-4), remaining)
         sampled = heights(times)
         if struck >= 0:
             # The corner that has just been hit is at zero but for rounding, and rises.
             sampled[0, struck] = 0.0
         crossings = np.argwhere((sampled[:-1] >= 0.0) & (sampled[1:] < 0.0))
-        flight = left
+        flight = remaining
         if crossings.size:
             k, struck = (int(index) for index in crossings[0])
             if times[k] == 0.0 and sampled[0, struck] == 0.0:
@@ -549,7 +549,7 @@ def frictionless_box(
             flight = brentq(corner_height, times[k], times[k + 1], (struck,), 1e-15, 1e-15)
         x, y = x + vx * flight, y + vy * flight - 0.5 * gravity * flight**2
         angle, vy = angle + omega * flight, vy - gravity * flight
-        left -= flight
+        remaining -= flight
         if not crossings.size:
             return np.array([x, y, angle, vx, vy, omega])
         lever = arm * np.cos(angle + corners[struck])

@@ -53,13 +53,13 @@ class Log:
         positive("times[-1] - times[0]", t[-1] - t[0], unit="s")
         sent = t if self.sent is None else vector("sent", self.sent, (t.size - 1,), unit="s")
         apart, other = np.diff(t) - np.median(np.diff(t)), sent[: t.size - 1] - t[:-1]
-        for name, values, off in (("times", t[1:], apart), ("sent", sent, other)):
-            i = int(np.argmax(np.abs(off)))
-            if abs(off[i]) > 0.01 * self.dt:
+        for name, values, deviation in (("times", t[1:], apart), ("sent", sent, other)):
+            i = int(np.argmax(np.abs(deviation)))
+            if abs(deviation[i]) > 0.01 * self.dt:
                 raise refused(
                     f"{name}[{i + (values is not sent)}]",
                     values[i],
-                    f"{values[i] - off[i]:g} s: evenly spaced, one clock",
+                    f"{values[i] - deviation[i]:g} s: evenly spaced, one clock",
                 )
 
     @property
@@ -158,17 +158,17 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
         steps: most that are tried.
     """
     names, x, low, high, size, run = _prepared(simulate, log, start, free)
-    wanted, P = np.asarray(log.measured, dtype=float), len(names)
-    if wanted.size <= P:
-        raise refused("log", f"of {wanted.size} samples", f"one of more than {P}")
+    desired, P = np.asarray(log.measured, dtype=float), len(names)
+    if desired.size <= P:
+        raise refused("log", f"of {desired.size} samples", f"one of more than {P}")
 
     def tried(point: Array) -> tuple[Array, float, Array]:
         # Forward differences, away from a bound; their error, about 1e-8, moves no answer.
         h = np.where(point + 1e-7 * size > high, -1e-7, 1e-7) * size
-        found = run(point[:, None] + np.hstack([np.zeros((P, 1)), np.diag(h)]))
-        r = (wanted - found[..., 0]).ravel()
-        cost = float(r @ r) if np.isfinite(found).all() else math.inf
-        return r, cost, (found[..., 1:] - found[..., :1]).reshape(-1, P) * (size / h)
+        result = run(point[:, None] + np.hstack([np.zeros((P, 1)), np.diag(h)]))
+        r = (desired - result[..., 0]).ravel()
+        cost = float(r @ r) if np.isfinite(result).all() else math.inf
+        return r, cost, (result[..., 1:] - result[..., :1]).reshape(-1, P) * (size / h)
 
     r, cost, J = tried(x)
     if cost == math.inf:
@@ -189,31 +189,31 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
             x, (r, cost, J), damping = point, now, 0.1 * damping
         else:
             damping *= 10.0
-    noise, inside = math.sqrt(cost / (wanted.size - P)), (low < x) & (x < high)
-    slope, residual = _slope(run, x, low, high, size), r.reshape(wanted.shape)
+    noise, inside = math.sqrt(cost / (desired.size - P)), (low < x) & (x < high)
+    slope, residual = _slope(run, x, low, high, size), r.reshape(desired.shape)
     against += [f"{names[i]} is at its bound, {x[i]:g}" for i in np.flatnonzero(~inside)]
-    seen, white = _visible(names, slope, noise, size, inside), whiteness(residual)
-    if white < ALARM and noise > 1e-9 * np.abs(wanted).max():  # else it is rounding that is left
+    observed, white = _visible(names, slope, noise, size, inside), whiteness(residual)
+    if white < ALARM and noise > 1e-9 * np.abs(desired).max():  # else it is rounding that is left
         against.append("the residual is not white: the model, the clock or the start is wrong")
     taken = (taken + 1) * (P + 1) + 2 * P
     return Fit(
-        **vars(seen),
+        **vars(observed),
         value=x,
         residual=residual,
         noise=noise,
         white=white,
         slope=slope,
         rollouts=taken,
-        reason="; ".join([*against, *seen.null]),
+        reason="; ".join([*against, *observed.null]),
     )
 
 
 def arm(parameters: Mapping[str, Array], log: Log) -> Array:
     """A `Simulate`: angles of flat arms under the torques of a log, (2, T + 1, K) [rad]. Takes
     `BASE` and, where they are given, other `plants.ROWS` and q1, q2, v1, v2 at the start."""
-    given, none = {"torque": np.ones(len(parameters["a"])), **parameters}, 0.0 * parameters["a"]
+    given, empty = {"torque": np.ones(len(parameters["a"])), **parameters}, 0.0 * parameters["a"]
     rows, start = (
-        np.array([given.get(name, none) for name in names])
+        np.array([given.get(name, empty) for name in names])
         for names in (plants.ROWS, ("q1", "q2", "v1", "v2"))
     )
     return plants.driven(rows, log.command.T, start, log.dt).measured.swapaxes(1, 2)
@@ -226,7 +226,7 @@ def scan(
     parabola through the best value and its neighbours, and the fit at the best."""
     given = vector("values", values, (None,))
     tries = [fit(simulate, log, {**start, name: float(v)}, free) for v in given]
-    cost = np.array([found.noise**2 for found in tries])
+    cost = np.array([result.noise**2 for result in tries])
     best = int(np.argmin(cost))
     if not 0 < best < given.size - 1:
         raise refused("values", given, f"some on both sides of {given[best]:g}, which is the best")
@@ -235,12 +235,12 @@ def scan(
     return float(given[best] - 0.5 * slope / bend), tries[best]
 
 
-def validate(simulate: Simulate, log: Log, start: Parameters, found: Fit) -> tuple[float, float]:
+def validate(simulate: Simulate, log: Log, start: Parameters, result: Fit) -> tuple[float, float]:
     """Another log with the parameters of a fit: standard deviation of its residual over that of
     the fit, and how often a right model leaves one as coloured."""
-    values = dict(start) | dict(zip(found.names, found.value, strict=True))
+    values = dict(start) | dict(zip(result.names, result.value, strict=True))
     residual = log.measured - simulate({n: np.array([v]) for n, v in values.items()}, log)[..., 0]
-    return float(np.sqrt(np.mean(residual**2))) / found.noise, whiteness(residual)
+    return float(np.sqrt(np.mean(residual**2))) / result.noise, whiteness(residual)
 
 
 def excitation(
@@ -252,12 +252,12 @@ def excitation(
 ) -> dict[str, Visible]:
     """What each of several logs would tell, the best conditioned one first, before anything is
     measured: only their commands count, the parameters are those of `start`."""
-    told = {}
+    report = {}
     for name, log in logs.items():
         names, x, low, high, size, run = _prepared(simulate, log, start, free)
         slope = _slope(run, x, low, high, size)
-        told[name] = _visible(names, slope, positive("noise", noise), size, x == x)
-    return dict(sorted(told.items(), key=lambda item: item[1].condition))
+        report[name] = _visible(names, slope, positive("noise", noise), size, x == x)
+    return dict(sorted(report.items(), key=lambda item: item[1].condition))
 
 
 def _visible(
@@ -310,12 +310,12 @@ def whiteness(residual: Array) -> float:
     return float(gammaincc(0.5 * n * lags.size, 0.5 * Q))
 
 
-def late(found: Fit, log: Log) -> tuple[float, float]:
+def late(result: Fit, log: Log) -> tuple[float, float]:
     """By how much the measurements are late, and its standard deviation [s]: the residual against
     the rate of the simulated signals, what the parameters explain taken out."""
-    rate = -np.gradient(log.measured - found.residual, log.dt, axis=1).ravel()
-    others = found.slope.reshape(rate.size, -1)
+    rate = -np.gradient(log.measured - result.residual, log.dt, axis=1).ravel()
+    others = result.slope.reshape(rate.size, -1)
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
     rate -= others @ np.linalg.lstsq(others, rate, rcond=1e-8)[0]
     power = float(rate @ rate)
-    return float(rate @ found.residual.ravel()) / power, found.noise / math.sqrt(power)
+    return float(rate @ result.residual.ravel()) / power, result.noise / math.sqrt(power)

@@ -157,15 +157,15 @@ class Tasks:
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", vector("start", self.start, (2, None), unit="rad"))
         object.__setattr__(self, "goal", vector("goal", self.goal, self.start.shape, unit="m"))
-        found = two_link_ik(ARM.lengths, self.goal)
-        if not np.all(found.reached):
-            at = int(np.argmin(found.reached))
+        result = two_link_ik(ARM.lengths, self.goal)
+        if not np.all(result.reached):
+            at = int(np.argmin(result.reached))
             low, high = abs(np.subtract(*ARM.lengths)), sum(ARM.lengths)
             allowed = f"a point {low:.3g} to {high:.3g} m from the base"
             raise refused(f"goal[:, {at}]", self.goal[:, at], allowed)
         # The branch and the turn that are nearest to the start.
-        q1 = found.q[0] + 2.0 * np.pi * np.round((self.start[0] - found.q[0]) / (2.0 * np.pi))
-        branches = np.stack([q1, found.q[1]])
+        q1 = result.q[0] + 2.0 * np.pi * np.round((self.start[0] - result.q[0]) / (2.0 * np.pi))
+        branches = np.stack([q1, result.q[1]])
         far = np.abs(branches - self.start[:, None]).max(axis=0)
         reference = np.take_along_axis(branches, far.argmin(axis=0)[None, None], axis=1)[:, 0]
         object.__setattr__(self, "reference", reference)
@@ -316,14 +316,14 @@ def driven(
     wide = np.broadcast_to(given, (T + 1, 2, N if given.ndim else 1)).copy()
     sizes = np.array([T, positive("dt", dt), min(STEP, dt), RADIUS, T, FASTEST, *ARM.lengths])
     out, trace = np.empty((4, N)), np.full((10, N, T + 1), np.nan)
-    none = np.zeros((2, N))
-    episodes(arms, np.zeros((1, 2, 13)), first, none, none, wide, plan, sizes, out, trace)
-    return _record(trace, dt, none)
+    empty = np.zeros((2, N))
+    episodes(arms, np.zeros((1, 2, 13)), first, empty, empty, wide, plan, sizes, out, trace)
+    return _record(trace, dt, empty)
 
 
 def _record(trace: Array, dt: float, reference: Array) -> Record:
     T = trace.shape[2] - 1
     q, v, torque, measured, command = (trace[i : i + 2] for i in (0, 2, 4, 6, 8))
-    wanted = np.broadcast_to(reference[:, :, None], command[:, :, :T].shape)
+    desired = np.broadcast_to(reference[:, :, None], command[:, :, :T].shape)
     times = np.linspace(0.0, T * dt, T + 1)
-    return Record(times, q, v, torque, command[:, :, :T], measured, wanted)
+    return Record(times, q, v, torque, command[:, :, :T], measured, desired)

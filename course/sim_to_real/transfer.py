@@ -88,12 +88,12 @@ def hurting(value: Mapping[Subset, float]) -> list[tuple[Subset, str, float]]:
     Args:
         value: of every subset of the parts.
     """
-    found = [
+    result = [
         (some, part, value[some | {part}] - value[some])
         for some in value
         for part in sorted(max(value, key=len) - some)
     ]
-    return sorted((row for row in found if row[2] < 0.0), key=lambda row: row[2])
+    return sorted((row for row in result if row[2] < 0.0), key=lambda row: row[2])
 
 
 # --- how many trials ------------------------------------------------------------------------------

@@ -158,7 +158,7 @@ def improve(
         tried[1] += got.success.size
         return cost(got)
 
-    found = cem(
+    result = cem(
         costs,
         first[None],
         rng,
@@ -168,7 +168,7 @@ def improve(
         spread=positive("spread", spread),
         limit=FURTHEST,
     )
-    return Tuned(GUESS * np.exp(found.plan[0]), found.cost, tried[1])
+    return Tuned(GUESS * np.exp(result.plan[0]), result.cost, tried[1])
 
 
 def tune(sampler: Sampler, seed: int, *, episodes: int = 32, **search: Any) -> Tuned:
@@ -239,21 +239,21 @@ def automatic(
     positive("most", most)
     quarter = count("buffer", buffer, 4) // 4
     rng = np.random.default_rng((count("seed", seed), 5))
-    found = tune(only(nominal()), seed, rounds=6)
-    episodes, centre, farthest = found.episodes, around(nominal(), 0.0), around(nominal(), most)
+    result = tune(only(nominal()), seed, rounds=6)
+    episodes, centre, farthest = result.episodes, around(nominal(), 0.0), around(nominal(), most)
     bounds = {name: list(bound) for name, bound in centre.bounds.items()}
     buffers: dict[tuple[str, int], list[bool]] = {}
     history = []
     for turn in range(count("rounds", rounds, 1)):
         ranges = Ranges({name: (bound[0], bound[1]) for name, bound in bounds.items()})
-        found = tune(ranges, seed + turn, start=found.gains, rounds=1, spread=0.15)
-        episodes += found.episodes
+        result = tune(ranges, seed + turn, start=result.gains, rounds=1, spread=0.15)
+        episodes += result.episodes
         for name, side in ((name, side) for name in bounds for side in (0, 1)):
             start, end = centre.bounds[name][side], farthest.bounds[name][side]
             if start == end:  # nothing below no friction
                 continue
             arms = replace(ranges(quarter, rng), **{name: bounds[name][side]})
-            tried = rollouts(arms, found.gains, tasks(quarter, int(rng.integers(2**31))))
+            tried = rollouts(arms, result.gains, tasks(quarter, int(rng.integers(2**31))))
             episodes += quarter
             filled = buffers.setdefault((name, side), [])
             filled += tried.success.tolist()
@@ -266,7 +266,7 @@ def automatic(
                 moved = bounds[name][side] + move * (2 * side - 1) * step * WIDTH[name]
                 bounds[name][side] = float(np.clip(moved, min(start, end), max(start, end)))
                 history.append((turn, name, 2 * side - 1, mean, bounds[name][side]))
-    return Automatic(ranges, found.gains, history, episodes)
+    return Automatic(ranges, result.gains, history, episodes)
 
 
 # --- the gains on record --------------------------------------------------------------------------

@@ -142,10 +142,10 @@ def content(name: str) -> dict[str, Any]:
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
     """
-    told = declaration(name)
-    live = not told["recorded"]
+    report = declaration(name)
+    live = not report["recorded"]
     return {
-        "declaration": told,
+        "declaration": report,
         "wasm": base64.b64encode(module(name).read_bytes()).decode() if live else None,
         "pictures": None if live else _film(name),
     }

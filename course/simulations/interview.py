@@ -179,10 +179,10 @@ def rate(state, k, rating):
 
 def advance(state, controls, seconds):
     """Days pass; whoever reviews by himself does it at the end of a day."""
-    left = seconds * controls["speed"]
-    while left > 0.0:
-        step = min(left, 1.0 - state["time"] % 1.0)
-        left -= step
+    remaining = seconds * controls["speed"]
+    while remaining > 0.0:
+        step = min(remaining, 1.0 - state["time"] % 1.0)
+        remaining -= step
         state["time"] += step
         state["since"] += step
         if controls["reviewer"] == NOBODY or state["time"] % 1.0 > 1e-9:
@@ -253,10 +253,10 @@ def frame(pen, state, controls):
     if turned:
         draw.buttons(pen, _AT[0], _AT[1], _RATINGS, 4)
     known, since = state["stability"][k], state["since"][k]
-    seen = state["reviews"][k] > 0
+    observed = state["reviews"][k] > 0
     far = 1.25 * max(since, 2.0 * interval(known), 4.0)
     draw.chart(pen, _PLOT, (0.0, far, 0.0, 1.0), _DAYS, _CHANCE, _HEAD)
-    if seen:
+    if observed:
         days = np.linspace(0.0, far, 60)
         draw.curve(pen, days, recall(days, known), draw.BLUE, 2.2)
         draw.spot(pen, since, recall(since, known), 0.015 * far, draw.ORANGE, draw.INK)
@@ -271,7 +271,7 @@ def frame(pen, state, controls):
         ink = draw.BLUE if now >= WANTED else draw.ORANGE
         draw.box(pen, x, x + 0.7, 0.45, 0.45 + 0.7 * now, ink)
         draw.text(pen, x + 0.35, 0.25, _SHORT + one, draw.INK, 11.0, draw.CENTRE)
-    never = 0 if seen else _NEVER
+    never = 0 if observed else _NEVER
     draw.reading(pen, _NOW, recall(since, known), 2, 0, never)
     draw.reading(pen, _STABLE, known, 1, _UNIT, never)
     draw.reading(pen, _HARD, state["difficulty"][k], 1, 0, never)

@@ -133,17 +133,17 @@ def _travel(sent, packets, size, controls, topic, seed):
         return came
     p, last, again = 1e-3 * controls["loss"], 0.0, reliable(controls, topic)
     for k in range(sent.size):
-        left, now, bulk = packets, sent[k], size
-        while left > 0:
+        remaining, now, bulk = packets, sent[k], size
+        while remaining > 0:
             now += bulk / RATE + DELAY
-            dice = np.empty(left)
+            dice = np.empty(remaining)
             splitmix.uniform(seed, dice)
-            left = np.sum(dice < p)
-            if left > 0 and not again:
+            remaining = np.sum(dice < p)
+            if remaining > 0 and not again:
                 break
-            now += DELAY * (left > 0)  # the reader asks again
-            bulk = min(size, left * FRAGMENT)
-        if left == 0:
+            now += DELAY * (remaining > 0)  # the reader asks again
+            bulk = min(size, remaining * FRAGMENT)
+        if remaining == 0:
             came[k] = last = max(now, last)
     return came
 
@@ -225,9 +225,9 @@ def initial(controls, state):
             starts = locked(begun, begun + taking, due, controls["schedule"] == 3)
     _jobs(state, 0, begun, taking, born[taken])
     poses = _travel(begun + taking, 1, 1472, controls, 1, seed)
-    heard, posed = poses[poses >= 0.0], born[taken][poses >= 0.0]
+    received, posed = poses[poses >= 0.0], born[taken][poses >= 0.0]
     ticks = PLAN_PERIOD * (PLAN_PHASE + np.arange(int(SPAN / PLAN_PERIOD)))
-    which = read(heard, ticks, _kept(controls, 1))
+    which = read(received, ticks, _kept(controls, 1))
     ticks, which = ticks[which >= 0], which[which >= 0]
     _jobs(state, 1, ticks, PLAN, posed[which])
     plans = _travel(ticks + PLAN, 1, 1472, controls, 2, seed)
@@ -240,7 +240,7 @@ def initial(controls, state):
         state["stamp"][k] = aim[newest[k]] if newest[k] >= 0 else -1.0
     state["ticks"], state["asked"] = m, due.size
     state["late"] = np.max(starts[ran] - due[ran])
-    _told(controls, state, arrived, heard, known, taken)
+    _told(controls, state, arrived, received, known, taken)
 
 
 @register_jitable
@@ -252,18 +252,18 @@ def _jobs(state, stage, begun, taking, born):
 
 
 @register_jitable
-def _told(controls, state, arrived, heard, known, taken):
+def _told(controls, state, arrived, received, known, taken):
     """What the ends are told, and the mean age of commands."""
     topic, came = controls["topic"], arrived
     if topic > 0:
-        came = heard if topic == 1 else known
+        came = received if topic == 1 else known
     if topic == 0 and taken.size > 0:
         state["dropped"] = taken[-1] + 1 - taken.size
     if controls["requested"] == 3 and topic < 3 and not verdict(controls, topic):
         for k in range(came.size - 1):
             state["missed"] += int((came[k + 1] - came[k]) / DEADLINE)
-    kept = profile(controls, 3, False) == 2 and profile(controls, 3, True) == 2
-    state["zone"] = not verdict(controls, 3) and (controls["joins"] <= ZONE or kept)
+    selected = profile(controls, 3, False) == 2 and profile(controls, 3, True) == 2
+    state["zone"] = not verdict(controls, 3) and (controls["joins"] <= ZONE or selected)
     times = np.linspace(2.0, SPAN - 0.2, 2003)
     ages = times - stamps(state, times)
     state["mean"] = np.mean(ages) if np.min(stamps(state, times)) >= 0.0 else -1.0
@@ -490,11 +490,11 @@ def frame(pen, state, controls):
     _flows(pen, state, controls)
     _who_runs(pen, state, controls, now)
     _trace(pen, state, now)
-    born, most = stamps(state, np.array([now]))[0], bound(controls)
+    born, largest = stamps(state, np.array([now]))[0], bound(controls)
     draw.reading(pen, _AGE, 1e3 * (now - born), 1, _MS, _NO_PLAN if born < 0.0 else 0)
     draw.reading(pen, _MEAN, 1e3 * state["mean"], 1, _MS, _NO_PLAN if state["mean"] < 0.0 else 0)
     draw.reading(pen, _LATE, 1e3 * state["late"], 2, _MS)
-    draw.reading(pen, _BOUND, 1e3 * most, 2, _MS, _NO_BOUND if most < 0.0 else 0)
+    draw.reading(pen, _BOUND, 1e3 * largest, 2, _MS, _NO_BOUND if largest < 0.0 else 0)
     draw.reading(pen, _SKIPPED, 100.0 * (1.0 - state["ticks"] / state["asked"]), 1, _PER_CENT)
     lost = np.sum(state["came"][: state["images"]] < 0.0) / state["images"]
     draw.reading(pen, _LOST, 100.0 * lost, 1, _PER_CENT)

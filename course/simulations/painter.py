@@ -67,9 +67,9 @@ def draw(picture: Picture, axes: Any) -> None:
                 edges = Bbox.from_extents(left - slack, low - slack, right + slack, high + slack)
                 cut = TransformedBbox(edges, axes.transData)
         elif item.kind == pen.LINE:
-            ink, width, alpha, on, off = item.style
+            ink, width, alpha, on, deviation = item.style
             # matplotlib multiplies dashes by the width of the line.
-            style: Any = (0, (on / width, off / width)) if on else "-"
+            style: Any = (0, (on / width, deviation / width)) if on else "-"
             (artist,) = axes.plot(
                 *points,
                 color=colour(ink),
@@ -83,7 +83,7 @@ def draw(picture: Picture, axes: Any) -> None:
             artist.set_clip_box(cut)
         elif item.kind in (pen.POLYGON, pen.DISC):
             fill, edge, width, alpha = item.style[-4:]
-            look = {
+            view = {
                 "facecolor": colour(fill),
                 "edgecolor": colour(edge),
                 "linewidth": width * size,
@@ -91,17 +91,17 @@ def draw(picture: Picture, axes: Any) -> None:
                 "alpha": alpha,
             }
             if item.kind == pen.POLYGON:
-                shape(patches.Polygon(points.T, closed=True, **look))
+                shape(patches.Polygon(points.T, closed=True, **view))
             else:
                 for x, y in points.T:
-                    shape(patches.Circle((x, y), item.style[0], **look))
+                    shape(patches.Circle((x, y), item.style[0], **view))
         elif item.kind == pen.ARROW:
             ink, width, head, alpha = item.style
             tail, tip = points.T
-            way = float(np.hypot(*(tip - tail)))
-            if way > 0.0:
-                long = min(head * (xmax - xmin) / paper.width, way)
-                back = long * (tip - tail) / way
+            distance = float(np.hypot(*(tip - tail)))
+            if distance > 0.0:
+                long = min(head * (xmax - xmin) / paper.width, distance)
+                back = long * (tip - tail) / distance
                 side = 0.4 * np.array([-back[1], back[0]])
                 (artist,) = axes.plot(
                     *zip(tail, tip - back, strict=True),

@@ -200,8 +200,8 @@ class Panel(ipywidgets.VBox):
         with self._lock:
             if content.get("where") == "page":
                 self.pause()
-                told = {"type": "records", "preset": self._preset.value}
-                self.canvas.send(told, [self.controls.tobytes(), self.state.tobytes()])
+                message = {"type": "records", "preset": self._preset.value}
+                self.canvas.send(message, [self.controls.tobytes(), self.state.tobytes()])
             elif len(buffers) == 2:
                 # What a browser says is looked at before use; what is wrong changes nothing.
                 with contextlib.suppress(ValueError):

@@ -263,8 +263,8 @@ def points(pen, x, y):
     """Add points, arrays (N,), to the line, polygon or discs begun last."""
     count = 2 * len(x)
     at = _more(pen, count)
-    left, low = pen[_RECTANGLE], pen[_RECTANGLE + 2]
-    pen[at : at + count : 2] = left + (x - pen[_VALUES]) * pen[_SCALE_X]
+    remaining, low = pen[_RECTANGLE], pen[_RECTANGLE + 2]
+    pen[at : at + count : 2] = remaining + (x - pen[_VALUES]) * pen[_SCALE_X]
     pen[at + 1 : at + count : 2] = low + (y - pen[_VALUES + 2]) * pen[_SCALE_Y]
 
 
@@ -395,9 +395,9 @@ BUTTON, BUTTON_HIGH, _BUTTON_GAP = 1.1, 0.32, 0.08  # from one to the next; heig
 def buttons(pen, x, y, word, count):
     """A row of buttons with words that follow each other in the table; (x, y) is their corner."""
     for k in range(count):
-        left = x + BUTTON * k
-        box(pen, left, left + BUTTON - _BUTTON_GAP, y, y + BUTTON_HIGH, FAINT, GREY)
-        middle = left + 0.5 * (BUTTON - _BUTTON_GAP)
+        remaining = x + BUTTON * k
+        box(pen, remaining, remaining + BUTTON - _BUTTON_GAP, y, y + BUTTON_HIGH, FAINT, GREY)
+        middle = remaining + 0.5 * (BUTTON - _BUTTON_GAP)
         text(pen, middle, y + 0.5 * BUTTON_HIGH, word + k, INK, 13.0, CENTRE)
 
 

@@ -75,8 +75,8 @@ def scene(pieces, distance):
         parts.append(chapter.shape("cylinder", a, c) if can else chapter.shape("box", a, b, c))
         stands = np.array([x, y, c, *exp(np.array([0.0, 0.0, yaw]))])
         poses.append(compose(table[:, None], stands[:, None])[:, 0])
-    there = [part.moved(pose) for part, pose in zip(parts, poses, strict=True)]
-    return chapter.together([chapter.shape("plane").moved(table), *there]), parts, poses, table
+    other = [part.moved(pose) for part, pose in zip(parts, poses, strict=True)]
+    return chapter.together([chapter.shape("plane").moved(table), *other]), parts, poses, table
 
 
 def _plane(z, points, cells, tolerance, linear, rng):
@@ -122,9 +122,9 @@ def look(values, pieces):
     clock.append(time.perf_counter())
     back, on = to_matrix(table[3:]).T, np.abs(high) < tolerance
     counts = pixels.size, height.size, up.sum(), (kinds >= 0).sum(), max(labels.max() + 1, 0)
-    told = np.array([*counts, *(back @ plane[:3]), plane[:3] @ table[:3] + plane[3]])
+    report = np.array([*counts, *(back @ plane[:3]), plane[:3] @ table[:3] + plane[3]])
     on_table = some_of(points[:, on], np.maximum(sensor.sigma(points[2, on], CAMERA), 1e-7))
-    found = np.where(np.arange(9) == TRUST, 1.0 * LOST, np.zeros((PARTS, 9)))
+    result = np.where(np.arange(9) == TRUST, 1.0 * LOST, np.zeros((PARTS, 9)))
     for number, k in enumerate(np.flatnonzero(pieces[:, 0])):
         part, votes = parts[number], labels[(ids.ravel() == number + 1) & (labels >= 0)]
         cluster = (labels == np.bincount(votes, minlength=1).argmax()).reshape(z.shape)
@@ -133,7 +133,7 @@ def look(values, pieces):
             C, along = np.diag(best.covariance), back @ best.R[:, 0]
             spread = np.array([math.sqrt(C[:3].sum()), math.sqrt(C[5])])
             place, turn = (back @ (best.p - table[:3]))[:2], math.atan2(along[1], along[0])
-            found[k] = (
+            result[k] = (
                 *chapter.apart(part, poses[number], best.pose),
                 *np.where(spread < math.inf, spread, -1.0),
                 best.see_through,
@@ -143,7 +143,7 @@ def look(values, pieces):
             )
     spans = 1e3 * np.diff([*clock, time.perf_counter()])
     MILLISECONDS.update(zip(("grid", "plane", "clusters", "poses"), spans, strict=True))
-    return back @ (cells - table[:3, None]), kinds, told, found
+    return back @ (cells - table[:3, None]), kinds, report, result
 
 
 @register_jitable
@@ -166,9 +166,9 @@ def measure(controls, state):
         ]
     )
     with objmode(points="float64[:,:]", kinds="int64[:]", told="float64[:]", found="float64[:,:]"):
-        points, kinds, told, found = look(values, pieces)
+        points, kinds, report, result = look(values, pieces)
     state["points"][:, : kinds.size], state["kinds"][: kinds.size] = points, kinds
-    state["told"][:], state["found"][:] = told, found
+    state["told"][:], state["found"][:] = report, result
 
 
 def advance(state, controls, seconds):
@@ -217,9 +217,9 @@ def _outline(pen, p, x, y, yaw, ink, width, on):
 @register_jitable
 def _dots(pen, kinds, x, y, size):
     """Points by their kinds, as short lines: one item a colour, however many they are."""
-    many = len(_INKS) + BELOW
+    count = len(_INKS) + BELOW
     for k in range(len(_INKS)):
-        some = (kinds == k + BELOW) if k < -BELOW else ((kinds >= 0) & (kinds % many == k + BELOW))
+        some = (kinds == k + BELOW) if k < -BELOW else ((kinds >= 0) & (kinds % count == k + BELOW))
         left, right = np.stack((x[some] - size, y[some]), 1), np.stack((x[some] + size, y[some]), 1)
         draw.segments(pen, left, right, _INKS[k], 2.6)
 
@@ -233,8 +233,8 @@ def _knob(p):
 
 def frame(pen, state, controls):
     """Points from above and from the side, true and found outlines, keys and numbers."""
-    told, pieces, pick = state["told"], controls["pieces"], controls["pick"]
-    n, found = int(told[VOXELS]), state["found"][pick]
+    report, pieces, pick = state["told"], controls["pieces"], controls["pick"]
+    n, result = int(report[VOXELS]), state["found"][pick]
     x, y, z = state["points"][0, :n], state["points"][1, :n], state["points"][2, :n]
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)
@@ -255,7 +255,7 @@ def frame(pen, state, controls):
     draw.axes(pen, _Y, _HEIGHT, _SIDE, 4, 4)
     _dots(pen, state["kinds"][:n:2], y[::2], 1e3 * z[::2], 0.0023)  # half of them are enough
     for k in range(3):  # the plane, and what counts as on it
-        up, slope = (k - 1) * controls["tolerance"] - 1e3 * told[OFF], -1e3 * told[NORMAL + 1]
+        up, slope = (k - 1) * controls["tolerance"] - 1e3 * report[OFF], -1e3 * report[NORMAL + 1]
         draw.segment(
             pen,
             _VIEW[2],
@@ -274,14 +274,14 @@ def frame(pen, state, controls):
         x0, y0 = 6.2 + 1.5 * (k % 2), 1.3 - 0.35 * (k // 2)
         draw.key(pen, x0, y0, _KEYS + k, ink, width, 1.0, on, 4.0)
     for k in range(5):
-        draw.reading(pen, _COUNTS + k, told[k], 0)
-    draw.reading(pen, _PLANE_OFF, 1e3 * abs(told[OFF]), 1, _MM)
+        draw.reading(pen, _COUNTS + k, report[k], 0)
+    draw.reading(pen, _PLANE_OFF, 1e3 * abs(report[OFF]), 1, _MM)
     draw.words(pen, _AND)
-    draw.number(pen, math.degrees(math.acos(min(told[NORMAL + 2], 1.0))), 1, _DEGREES)
-    draw.reading(pen, _PICKED, 0.0, 0, 0, _TRUST + int(found[TRUST]))
+    draw.number(pen, math.degrees(math.acos(min(report[NORMAL + 2], 1.0))), 1, _DEGREES)
+    draw.reading(pen, _PICKED, 0.0, 0, 0, _TRUST + int(result[TRUST]))
     for k in (SHIFT, SHIFT_SIGMA, TURN, TURN_SIGMA, THROUGH):
-        instead = _NONE if found[TRUST] == LOST else (_BLIND if found[k] < 0.0 else 0)
-        draw.reading(pen, _OF_PART + k, _UNITS[k][0] * found[k], 2, _UNITS[k][1], instead)
+        instead = _NONE if result[TRUST] == LOST else (_BLIND if result[k] < 0.0 else 0)
+        draw.reading(pen, _OF_PART + k, _UNITS[k][0] * result[k], 2, _UNITS[k][1], instead)
 
 
 @register_jitable

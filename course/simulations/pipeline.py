@@ -135,34 +135,34 @@ def counted(values):
     """`told` of the run as the controls have it."""
     scenario, settings = asked(values)
     record = chapter.run(scenario, settings, seed=SEED)
-    told = np.zeros(PARTS + 2 * len(STAGES))
-    told[CHECKS], told[ASKED] = sum(p.value.checks for p in record.plans), len(record.plans)
-    dear = told[CHECKS] > DEAR
-    count = FEWER if told[CHECKS] > MANY else COUNTED
+    report = np.zeros(PARTS + 2 * len(STAGES))
+    report[CHECKS], report[ASKED] = sum(p.value.checks for p in record.plans), len(record.plans)
+    dear = report[CHECKS] > DEAR
+    count = FEWER if report[CHECKS] > MANY else COUNTED
     good = int(successes(chapter.many(scenario, settings, range(count))).sum())
-    told[SHARE], (told[LOW], told[HIGH]) = good / count, wilson(good, count)
-    told[AGE] = 1e-6 * np.mean([p.arrived - p.captured for p in record.pictures] or [0])
+    report[SHARE], (report[LOW], report[HIGH]) = good / count, wilson(good, count)
+    report[AGE] = 1e-6 * np.mean([p.arrived - p.captured for p in record.pictures] or [0])
     posture = record.plans[0].value.goal if record.plans else np.full(2, np.nan)
     posture = posture if np.isfinite(posture).all() else np.array(scenario.start)
-    told[LIMIT] = theory.step_limit(scenario.arm, posture, settings.kp, settings.kd)
-    told[GAINED] = blame.gained(record, settings.kp, settings.kd)
-    said = record.reason.split(":")[0]
+    report[LIMIT] = theory.step_limit(scenario.arm, posture, settings.kp, settings.kd)
+    report[GAINED] = blame.gained(record, settings.kp, settings.kd)
+    text = record.reason.split(":")[0]
     diverged = "diverged" in record.reason
     known = {"": 0, **{name: k for k, name in enumerate(REASONS)}}
-    told[ENDED] = 5 if diverged else known.get(said, 6)
+    report[ENDED] = 5 if diverged else known.get(text, 6)
     broken = blame.contracts(record, agreed(scenario, settings))
     if broken:
         what = broken[0].what.split(":")[0]
-        told[BROKEN] = CONTRACTS.index(what) if what in CONTRACTS else len(CONTRACTS) - 1
-    told[REPLAYED] = not dear
+        report[BROKEN] = CONTRACTS.index(what) if what in CONTRACTS else len(CONTRACTS) - 1
+    report[REPLAYED] = not dear
     for stage in () if dear else blame.REPLAYED:
         k = STAGES.index(stage)
         better = chapter.run(scenario, chapter.repair(settings, stage), seed=SEED)
-        if not record.success and better.success and told[CURED] == 0.0:
-            told[CURED] = k + 1.0
-        told[PARTS + 2 * k : PARTS + 2 * k + 2] = record.error - better.error
-    told[~np.isfinite(told)] = 0.0
-    return told
+        if not record.success and better.success and report[CURED] == 0.0:
+            report[CURED] = k + 1.0
+        report[PARTS + 2 * k : PARTS + 2 * k + 2] = record.error - better.error
+    report[~np.isfinite(report)] = 0.0
+    return report
 
 
 def shown(values, moves):
@@ -171,12 +171,12 @@ def shown(values, moves):
     tree = np.zeros((4, TREE))
 
     def grown(world, start, goal, settings, rng):
-        found = planner(world, start, goal, budget=settings.samples, rng=rng, step=settings.step)
-        inner = np.flatnonzero(found.parents >= 0)[:TREE]
+        result = planner(world, start, goal, budget=settings.samples, rng=rng, step=settings.step)
+        inner = np.flatnonzero(result.parents >= 0)[:TREE]
         tree[:, : inner.size] = np.concatenate(
-            [tip_of(scenario.arm, found.nodes[:, k]) for k in (found.parents[inner], inner)]
+            [tip_of(scenario.arm, result.nodes[:, k]) for k in (result.parents[inner], inner)]
         )
-        return found.path, found.state_checks + found.edge_checks, found.status
+        return result.path, result.state_checks + result.edge_checks, result.status
 
     def planned(start, goal, scenario, settings, rng) -> Path:
         return plan_path(start, goal, scenario, settings, rng, grown)
@@ -191,25 +191,25 @@ def shown(values, moves):
     process.to(SECONDS)
     record = process.record()
     rows = np.minimum((times / (1e-6 * record.step) + 1e-9).astype(int), len(record.log) - 1)
-    seen = np.zeros((8, FRAMES))
-    seen[0] = NEVER
+    observed = np.zeros((8, FRAMES))
+    observed[0] = NEVER
     pictures = [k for k in np.flatnonzero(record.seen[:, drive.USED] > 0.0)][:FRAMES]
     table, row = record.timetable, record.seen[pictures]
-    seen[0, : len(pictures)] = 1e-6 * table.arrived[pictures]
-    seen[1, : len(pictures)] = 1e-6 * table.captured[pictures]
+    observed[0, : len(pictures)] = 1e-6 * table.arrived[pictures]
+    observed[1, : len(pictures)] = 1e-6 * table.captured[pictures]
     columns = [drive.PLACE, drive.PLACE + 1, drive.GUESS, drive.GUESS + 1]
-    seen[2:6, : len(pictures)] = row[:, columns].T
-    seen[6:, : len(pictures)] = row[:, [drive.GUESS_SPREAD, drive.GUESS_SPREAD + 2]].T
+    observed[2:6, : len(pictures)] = row[:, columns].T
+    observed[6:, : len(pictures)] = row[:, [drive.GUESS_SPREAD, drive.GUESS_SPREAD + 2]].T
     paths, ready = np.zeros((2, PLANS, LINE)), np.full(PLANS, NEVER)
     for k, crossing in enumerate(record.plans[-PLANS:]):
         if crossing.value.motion is not None:
             ready[k] = 1e-6 * crossing.arrived
-            way = crossing.value.waypoints
-            along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(way), axis=0))))
+            path = crossing.value.waypoints
+            along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path), axis=0))))
             at = np.linspace(0.0, along[-1], LINE)
-            paths[:, k] = tip_of(scenario.arm, np.stack([np.interp(at, along, w) for w in way]))
-    q, wanted = (record.log[rows, k : k + 2].T.copy() for k in (drive.Q, drive.REFERENCE))
-    return q, wanted, target, seen, tree, paths, ready
+            paths[:, k] = tip_of(scenario.arm, np.stack([np.interp(at, along, w) for w in path]))
+    q, desired = (record.log[rows, k : k + 2].T.copy() for k in (drive.Q, drive.REFERENCE))
+    return q, desired, target, observed, tree, paths, ready
 
 
 @register_jitable
@@ -246,10 +246,10 @@ def _fill(state):
         paths="float64[:,:,:]",
         ready="float64[:]",
     ):
-        told, q, wanted, target, seen, tree, paths, ready = computed(values, moves)
-    state["told"][:], state["ready"][:] = told, ready
-    state["q"][:], state["reference"][:], state["target"][:] = q, wanted, target
-    state["seen"][:], state["tree"][:], state["paths"][:] = seen, tree, paths
+        report, q, desired, target, observed, tree, paths, ready = computed(values, moves)
+    state["told"][:], state["ready"][:] = report, ready
+    state["q"][:], state["reference"][:], state["target"][:] = q, desired, target
+    state["seen"][:], state["tree"][:], state["paths"][:] = observed, tree, paths
 
 
 @register_jitable
@@ -355,18 +355,18 @@ def _scene(pen, state, t, now):
                 draw.segment(
                     pen, tree[0, k], tree[1, k], tree[2, k], tree[3, k], draw.ORANGE, 0.8, 0.45
                 )
-        way = state["paths"][:, latest]
-        draw.curve(pen, way[0], way[1], draw.ORANGE, 2.0)
-    seen, last, first = state["seen"], -1, 0
+        path = state["paths"][:, latest]
+        draw.curve(pen, path[0], path[1], draw.ORANGE, 2.0)
+    observed, last, first = state["seen"], -1, 0
     for k in range(FRAMES):
-        if seen[0, k] <= t:
+        if observed[0, k] <= t:
             last = k
     first = max(0, last - 24)
     if last >= 0:
         draw.spots(
             pen,
-            seen[2, first : last + 1],
-            seen[3, first : last + 1],
+            observed[2, first : last + 1],
+            observed[3, first : last + 1],
             0.008,
             draw.BLUE,
             draw.NONE,
@@ -379,8 +379,8 @@ def _scene(pen, state, t, now):
         turn = np.linspace(0.0, 2.0 * math.pi, 33)
         draw.curve(
             pen,
-            seen[4, last] + 2.0 * math.sqrt(seen[6, last]) * np.cos(turn),
-            seen[5, last] + 2.0 * math.sqrt(seen[7, last]) * np.sin(turn),
+            observed[4, last] + 2.0 * math.sqrt(observed[6, last]) * np.cos(turn),
+            observed[5, last] + 2.0 * math.sqrt(observed[7, last]) * np.sin(turn),
             draw.BLUE,
             1.6,
         )
@@ -390,7 +390,7 @@ def _scene(pen, state, t, now):
 
 def frame(pen, state, controls):
     """The scene, the error over time, its signed parts, the step and its limit, the verdict."""
-    told = state["told"]
+    report = state["told"]
     t = min(state["time"], SECONDS)
     now = int(t / SECONDS * SHOWN + 1e-9)
     u, v = _scene(pen, state, t, now)
@@ -405,33 +405,33 @@ def frame(pen, state, controls):
     draw.curve(pen, times[: now + 1], 100.0 * np.hypot(off_x, off_y), draw.INK, 2.0)
     draw.chart(pen, _SIGNED, (-17.0, 17.0, -15.0, 15.0), _MM, 0, _PARTS_TITLE, 4, 4)
     for k in range(len(STAGES)):
-        x, y = 1e3 * told[PARTS + 2 * k], 1e3 * told[PARTS + 2 * k + 1]
+        x, y = 1e3 * report[PARTS + 2 * k], 1e3 * report[PARTS + 2 * k + 1]
         if math.hypot(x, y) > 0.3:
             draw.arrow(pen, 0.0, 0.0, x, y, _COLOUR[k], 2.5, 8.0)
-    draw.gauge(pen, _GAUGE, 20.0, controls["dt"], draw.GREY, _DT, 1e3 * told[LIMIT], _LIMIT)
+    draw.gauge(pen, _GAUGE, 20.0, controls["dt"], draw.GREY, _DT, 1e3 * report[LIMIT], _LIMIT)
     draw.window(pen)
     for k in range(len(STAGES)):
         draw.key(pen, 7.2, 2.25 - 0.2 * k, _STAGE + k, _COLOUR[k], 3.0)
-    if told[BROKEN] > 0.0:
+    if report[BROKEN] > 0.0:
         draw.text(pen, 0.2, 0.52, _FIX, draw.INK, 13.0)
-        draw.words(pen, _CONTRACT + int(told[BROKEN]))
+        draw.words(pen, _CONTRACT + int(report[BROKEN]))
     draw.key(pen, 0.15, 0.15, _SEEN, draw.BLUE, 3.0)
     draw.key(pen, 1.05, 0.15, _BELIEVED, draw.BLUE, 1.6)
     draw.key(pen, 2.35, 0.15, _PATH, draw.ORANGE, 2.0)
     draw.key(pen, 3.6, 0.15, _WANTED, draw.ORANGE, 4.0, 0.35)
     draw.reading(pen, _NOW, 1e3 * far, 1, _MILLI)
-    draw.reading(pen, _GOOD, 100.0 * told[SHARE], 0)
+    draw.reading(pen, _GOOD, 100.0 * report[SHARE], 0)
     draw.words(pen, _BAND)
-    draw.number(pen, 100.0 * told[LOW], 0, _UP_TO)
-    draw.number(pen, 100.0 * told[HIGH], 0, _CLOSE)
-    draw.reading(pen, _AGE, 1e3 * told[AGE], 0, _MS)
-    draw.reading(pen, _CHECKS, told[CHECKS], 0, _PLANS)
-    draw.number(pen, told[ASKED], 0)
-    draw.reading(pen, _STABLE, 1e3 * told[LIMIT], 2, _MS)
-    draw.reading(pen, _ROSE, 100.0 * told[GAINED], 1, _PERCENT)
-    draw.reading(pen, _END, 0.0, 0, 0, _REASON + int(told[ENDED]))
-    cured = int(told[CURED])
-    nobody = _NOTHING if told[ENDED] == 0.0 else _NOBODY if told[REPLAYED] > 0.0 else _DEAR
+    draw.number(pen, 100.0 * report[LOW], 0, _UP_TO)
+    draw.number(pen, 100.0 * report[HIGH], 0, _CLOSE)
+    draw.reading(pen, _AGE, 1e3 * report[AGE], 0, _MS)
+    draw.reading(pen, _CHECKS, report[CHECKS], 0, _PLANS)
+    draw.number(pen, report[ASKED], 0)
+    draw.reading(pen, _STABLE, 1e3 * report[LIMIT], 2, _MS)
+    draw.reading(pen, _ROSE, 100.0 * report[GAINED], 1, _PERCENT)
+    draw.reading(pen, _END, 0.0, 0, 0, _REASON + int(report[ENDED]))
+    cured = int(report[CURED])
+    nobody = _NOTHING if report[ENDED] == 0.0 else _NOBODY if report[REPLAYED] > 0.0 else _DEAR
     draw.reading(pen, _CURE, 0.0, 0, 0, _STAGE + cured - 1 if cured > 0 else nobody)
 
 

@@ -70,8 +70,8 @@ def policy(kind, gap, width, delay):
         known = chapter.real(GRID[at], KNOWN_DELAY)
         return record["known" if kind == IDENTIFIED else "both"][at, 0], known
     arm = transfer.mended(chapter.real(gap, delay), ("delay" if kind == DELAY else "load",))
-    found = chapter.tune(chapter.only(arm), 0, rounds=16, samples=32, elites=8, episodes=24)
-    return found.gains, arm
+    result = chapter.tune(chapter.only(arm), 0, rounds=16, samples=32, elites=8, episodes=24)
+    return result.gains, arm
 
 
 def stability(arm, gains):
@@ -91,18 +91,18 @@ def stability(arm, gains):
 def counted(kind, gap, width, delay):
     """All of `told` but how the shown episode ended, on the same tasks for both arms."""
     gains, believed = policy(kind, gap, width, delay)
-    told, arm = np.zeros(12), chapter.real(gap, delay)
+    report, arm = np.zeros(12), chapter.real(gap, delay)
     posed, fewer = chapter.tasks(COUNTED, SEED), chapter.tasks(SHARED, SEED)
     for k, one in enumerate((believed, arm)):
         good = int(chapter.rollouts(one, gains, posed).success.sum())
-        told[4 * k : 4 * k + 3] = good / COUNTED, *wilson(good, COUNTED)
-    told[[LIMIT, GAIN]] = stability(arm, gains)
+        report[4 * k : 4 * k + 3] = good / COUNTED, *wilson(good, COUNTED)
+    report[[LIMIT, GAIN]] = stability(arm, gains)
     home = chapter.rollouts(chapter.nominal(), gains, fewer).rate
     alone = [
         home - chapter.rollouts(transfer.mended(arm, (part,)), gains, fewer).rate for part in PARTS
     ]
-    told[[PART, COSTS]] = int(np.argmax(alone)), max(alone)
-    return told
+    report[[PART, COSTS]] = int(np.argmax(alone)), max(alone)
+    return report
 
 
 def measure(values):
@@ -111,11 +111,11 @@ def measure(values):
     setting = int(values[5]), round(gap, 9), round(width, 9), round(1e-3 * delay, 9)
     gains, believed = policy(*setting)
     posed = chapter.Tasks(np.reshape(START, (2, 1)), np.array([[x], [y]]), SEED)
-    told = counted(*setting).copy()
+    report = counted(*setting).copy()
     arms = believed, chapter.real(setting[1], setting[3])
     for k, arm in enumerate(arms):
-        told[4 * k + ENDED] = chapter.rollouts(arm, gains, posed).reason[0]
-    return np.stack([chapter.watch(arm, gains, posed).q[:, 0] for arm in arms]), told
+        report[4 * k + ENDED] = chapter.rollouts(arm, gains, posed).reason[0]
+    return np.stack([chapter.watch(arm, gains, posed).q[:, 0] for arm in arms]), report
 
 
 @register_jitable
@@ -134,8 +134,8 @@ def initial(controls, state):
     x, y = _target(controls)
     values = np.array([c["gap"], c["width"], c["delay"], x, y, 1.0 * c["policy"]])
     with objmode(q="float64[:,:,:]", told="float64[:]"):
-        q, told = measure(values)
-    state["q"][:], state["told"][:] = q, told
+        q, report = measure(values)
+    state["q"][:], state["told"][:] = q, report
 
 
 def advance(state, controls, seconds):
@@ -180,7 +180,7 @@ def _links(pen, q, ink, width, alpha):
 
 def frame(pen, state, controls):
     """Both arms, the simulated one as a ghost over the real; rates, distances, delay and limit."""
-    told = state["told"]
+    report = state["told"]
     x, y = _target(controls)
     now = int(min(state["time"] % (plants.SECONDS + PAUSE), plants.SECONDS) / plants.DT + 1e-9)
     t = np.linspace(0.0, plants.SECONDS, SAMPLES + 1)
@@ -194,7 +194,7 @@ def frame(pen, state, controls):
         _, _, u, v = _tips(state["q"][k, :, : now + 1])
         draw.curve(pen, u, v, _COLOUR[k], 1.4, 0.8)
         _links(pen, state["q"][k, :, now], _COLOUR[k], 5.0, 1.0)
-        share, low, high = 100.0 * told[4 * k], 100.0 * told[4 * k + 1], 100.0 * told[4 * k + 2]
+        share, low, high = 100.0 * report[4 * k], 100.0 * report[4 * k + 1], 100.0 * report[4 * k + 2]
         draw.chart(pen, _RATES[k], (0.0, 100.0, 0.0, 1.0), _RATE, 0, 0, 5, 0)
         draw.box(pen, 0.0, share, 0.0, 1.0, _COLOUR[k])
         draw.segment(pen, low, 0.5, high, 0.5, draw.INK, 3.0)
@@ -216,24 +216,24 @@ def frame(pen, state, controls):
     for k in range(2):
         _, _, u, v = _tips(state["q"][k, :, : now + 1])
         draw.curve(pen, t[: now + 1], 100.0 * np.hypot(u - x, v - y), _COLOUR[k], 2.0)
-    draw.gauge(pen, _GAUGE, 40.0, controls["delay"], draw.GREY, _LATE, 1e3 * told[LIMIT], _LIMIT)
+    draw.gauge(pen, _GAUGE, 40.0, controls["delay"], draw.GREY, _LATE, 1e3 * report[LIMIT], _LIMIT)
     draw.window(pen)
     for k in range(2):
         draw.key(pen, 6.75 + 1.15 * k, 1.62, _HEADING + k, _COLOUR[k], 4.0)
-        draw.reading(pen, _SUCCESS + k, 100.0 * told[4 * k], 0)
+        draw.reading(pen, _SUCCESS + k, 100.0 * report[4 * k], 0)
         draw.words(pen, _BAND)
-        draw.number(pen, 100.0 * told[4 * k + LOW], 0, _TO)
-        draw.number(pen, 100.0 * told[4 * k + HIGH], 0, _CLOSE)
+        draw.number(pen, 100.0 * report[4 * k + LOW], 0, _TO)
+        draw.number(pen, 100.0 * report[4 * k + HIGH], 0, _CLOSE)
     for k in range(2):
-        ended = _REASON + int(told[4 * k + ENDED])
+        ended = _REASON + int(report[4 * k + ENDED])
         draw.reading(pen, _SHOWN if k == SIMULATED else _REALLY, 0.0, 0, 0, ended)
-    draw.reading(pen, _STABLE, 1e3 * told[LIMIT], 1, _MS)
-    draw.reading(pen, _LEFT, 1e3 * told[LIMIT] - controls["delay"], draw.SIGNED + 1, _MS)
-    draw.reading(pen, _GAIN, told[GAIN], 2, 0, 0 if told[GAIN] > 0.0 else _NONE)
-    draw.reading(pen, _WORST, 0.0, 0, 0, _PART + int(told[PART]) if told[COSTS] > 0.0 else _NONE)
-    if told[COSTS] > 0.0:
+    draw.reading(pen, _STABLE, 1e3 * report[LIMIT], 1, _MS)
+    draw.reading(pen, _LEFT, 1e3 * report[LIMIT] - controls["delay"], draw.SIGNED + 1, _MS)
+    draw.reading(pen, _GAIN, report[GAIN], 2, 0, 0 if report[GAIN] > 0.0 else _NONE)
+    draw.reading(pen, _WORST, 0.0, 0, 0, _PART + int(report[PART]) if report[COSTS] > 0.0 else _NONE)
+    if report[COSTS] > 0.0:
         draw.words(pen, _COMMA)
-        draw.number(pen, 100.0 * told[COSTS], 0, _PERCENT)
+        draw.number(pen, 100.0 * report[COSTS], 0, _PERCENT)
 
 
 def drag(controls, state, x, y):

@@ -50,12 +50,12 @@ def _contents() -> str:
 
 def _shown(page: notebooks.Page) -> dict[str, str]:
     """The cards of claims on a page, by id."""
-    found = {}
+    result = {}
     for cell in page.notebook.cells:
         name, arguments = notebooks.called(cell.source) if cell.cell_type == "code" else ("", [])
         if name == "show":
-            found[arguments[0]] = cell.outputs[0].data["text/markdown"]
-    return found
+            result[arguments[0]] = cell.outputs[0].data["text/markdown"]
+    return result
 
 
 def pages(folder: Path) -> dict[str, notebooks.Page]:
@@ -151,14 +151,14 @@ def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) ->
     from sphinx.util.docutils import docutils_namespace, patch_docutils
 
     os.environ["SOURCE_DATE_EPOCH"] = "0"
-    told = io.StringIO()
+    report = io.StringIO()
     settings = {"html_static_path": [str(source / "_static")], "course_simulations": simulations}
     with patch_docutils(HERE), docutils_namespace():
         app = Sphinx(
-            source, HERE, out, out.with_name("doctrees"), "html", settings, None, told, True
+            source, HERE, out, out.with_name("doctrees"), "html", settings, None, report, True
         )
         app.build()
-    if faults := told.getvalue().replace(f"{source}{os.sep}", "").splitlines():
+    if faults := report.getvalue().replace(f"{source}{os.sep}", "").splitlines():
         raise Unbuildable(faults)
 
 
@@ -172,22 +172,22 @@ class _Read(html.parser.HTMLParser):
         self.loaded: list[str] = []
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        told = {name: value or "" for name, value in attributes}
-        self.anchors.add(told.get("id", ""))
-        address = told.get("src") or told.get("href") or ""
+        report = {name: value or "" for name, value in attributes}
+        self.anchors.add(report.get("id", ""))
+        address = report.get("src") or report.get("href") or ""
         if not address:
             return
         loads = tag in ("img", "script", "iframe", "source") or (
-            tag == "link" and told.get("rel") in ("stylesheet", "icon", "preload")
+            tag == "link" and report.get("rel") in ("stylesheet", "icon", "preload")
         )
         (self.loaded if loads else self.links).append(address)
 
 
 def read(page: Path) -> _Read:
     """What a page of HTML leads to and loads."""
-    found = _Read()
-    found.feed(page.read_text(encoding="utf-8"))
-    return found
+    result = _Read()
+    result.feed(page.read_text(encoding="utf-8"))
+    return result
 
 
 def broken(site: Path) -> list[str]:

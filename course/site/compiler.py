@@ -117,8 +117,8 @@ class _CallConv(callconv.CPUCallConv):
         words = self.context.insert_const_string(builder.module, text)
         null, size = callconv.GENERIC_POINTER(None), len(text.encode())
         info = [words, ir.IntType(32)(size), null, null, ir.IntType(32)(0)]
-        told = ir.Constant.literal_struct(info)
-        place = self.context.insert_unique_const(builder.module, f".error.{text}", told)
+        report = ir.Constant.literal_struct(info)
+        place = self.context.insert_unique_const(builder.module, f".error.{text}", report)
         builder.store(place, self._get_excinfo_argument(builder.function))
 
     def set_dynamic_user_exc(
@@ -233,15 +233,15 @@ def _caller(name: str, code: str) -> str:
         for other in others:
             callers.setdefault(other, []).append(own)
     queue = deque([name, f"llvm.{name}.f64"])
-    seen = set(queue)
+    observed = set(queue)
     while queue:
         callee = queue.popleft()
         for caller in callers.get(callee, ()):
             place = _Module.places.get((caller, callee), "")
             if place and not place.startswith("numba."):
                 return place
-            if caller not in seen:
-                seen.add(caller)
+            if caller not in observed:
+                observed.add(caller)
                 queue.append(caller)
     return ""
 
@@ -308,7 +308,7 @@ def _sections(module: bytes) -> Iterator[tuple[int, bytes]]:
 
 def imports(module: bytes) -> list[str]:
     """The functions that a module takes from its host."""
-    found: list[str] = []
+    result: list[str] = []
     for kind, data in _sections(module):
         if kind == 2:
             count, at = _number(data, 0)
@@ -316,8 +316,8 @@ def imports(module: bytes) -> list[str]:
                 _, at = _named(data, at)
                 name, at = _named(data, at)
                 _, at = _number(data, at + 1)
-                found.append(name)
-    return found
+                result.append(name)
+    return result
 
 
 def custom(module: bytes, name: str) -> bytes:

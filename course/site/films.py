@@ -26,24 +26,24 @@ def names() -> list[str]:
 def reached(name: str) -> list[Path]:
     """The files of the course that a simulation is made from: those that it imports, whatever these
     import, and the data beside them."""
-    found: set[Path] = set()
+    result: set[Path] = set()
     waiting = [f"course.simulations.{name}"]
     while waiting:
         parts = waiting.pop().split(".")[1:]
         place = COURSE.joinpath(*parts)
         path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-        if not parts or path in found or not path.is_file():
+        if not parts or path in result or not path.is_file():
             continue
-        found.add(path)
+        result.add(path)
         if place.is_dir():
-            found.update(each for each in place.iterdir() if each.suffix in (".npz", ".toml"))
+            result.update(each for each in place.iterdir() if each.suffix in (".npz", ".toml"))
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 waiting += [each.name for each in node.names if each.name.startswith("course.")]
             elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("course"):
                 waiting += [f"{node.module}.{each.name}" for each in node.names]
                 waiting.append(str(node.module))
-    return sorted(found)
+    return sorted(result)
 
 
 def fingerprint(name: str) -> str:
@@ -71,9 +71,9 @@ def main(chosen: Sequence[str]) -> None:
     """Record these simulations, or all that are stale, and write the recordings."""
     for name in chosen or filter(stale, names()):
         films = declaration.recorded(declaration.model(name))
-        told = json.dumps({"fingerprint": fingerprint(name), "films": films}, indent=0)
-        declaration.recording(name).write_text(f"{told}\n", encoding="utf-8")
-        print(f"{name}: {len(told):,} bytes", flush=True)
+        report = json.dumps({"fingerprint": fingerprint(name), "films": films}, indent=0)
+        declaration.recording(name).write_text(f"{report}\n", encoding="utf-8")
+        print(f"{name}: {len(report):,} bytes", flush=True)
 
 
 if __name__ == "__main__":

@@ -62,8 +62,8 @@ def mathml(tex: str, block: bool = False) -> str:
     # A frame is not part of what browsers draw of MathML; a border is.
     made = made.replace('<menclose notation="box">', '<mrow class="boxed">')
     made = made.replace("</menclose>", "</mrow>")
-    told = html.escape(" ".join(tex.split()))
-    return made.replace("<math ", f'<math alttext="{told}" ', 1)
+    message = html.escape(" ".join(tex.split()))
+    return made.replace("<math ", f'<math alttext="{message}" ', 1)
 
 
 def in_html(text: str) -> str:

@@ -158,8 +158,8 @@ def _outputs(page: Page, cell: NotebookNode, film: bytes | None, place: str) -> 
                 data["text/markdown"] = marked
         made.append(output)
     if name in _NEEDS and cell.outputs:
-        told = cell.outputs[-1].get("data", {}).get("text/plain", "").partition(":")[0]
-        made.append(_html(f'<p class="needs-python">{_NEEDS[name].format(name=told)}</p>'))
+        report = cell.outputs[-1].get("data", {}).get("text/plain", "").partition(":")[0]
+        made.append(_html(f'<p class="needs-python">{_NEEDS[name].format(name=report)}</p>'))
     return made
 
 
@@ -207,8 +207,8 @@ def _defined(page: Page, terms: Sequence[str]) -> None:
     for term in terms:
         pattern, anchor = term_pattern(term), f"term-{slug(term)}"
         for cell in cells:
-            if found := pattern.search(cell.source):
-                before, after = cell.source[: found.start()], cell.source[found.start() :]
+            if result := pattern.search(cell.source):
+                before, after = cell.source[: result.start()], cell.source[result.start() :]
                 cell.source = f'{before}<span id="{anchor}"></span>{after}'
                 page.anchors.add(anchor)
                 break

@@ -38,9 +38,9 @@ def _link(chapter: Chapter, anchor: str, anchors: Anchors, text: str) -> str:
 def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, str]:
     """The verdict on a claim and what is true, as Markdown: of its card, or from the record."""
     if claim.id in shown:
-        if not (told := _RIGHT.search(shown[claim.id])):
+        if not (report := _RIGHT.search(shown[claim.id])):
             raise refused(f"card of {claim.id}", shown[claim.id][:80], "one with a right answer")
-        return told[1], told[2]
+        return report[1], report[2]
     outcome = derivations.recorded(claim.id, claim.file)
     return cards.tex(derivations.Block(outcome).verdict), cards.tex(outcome.corrected)
 
@@ -136,10 +136,10 @@ def questions() -> str:
         "them with a clock, and a partner's rubric.",
     ]
     for chapter in CHAPTERS:
-        asked = str(cards.interview(chapter.topic)._repr_markdown_())
+        requested = str(cards.interview(chapter.topic)._repr_markdown_())
         parts += [
             f"## {_title(chapter)}",
-            asked.replace("\n#### ", "\n### ").replace("#### ", "### ", 1),
+            requested.replace("\n#### ", "\n### ").replace("#### ", "### ", 1),
         ]
     return "\n\n".join(parts) + "\n"
 

@@ -87,7 +87,7 @@ def fingerprint(model: Model) -> str:
     """A hash of all that the module of a model depends on: the text of its functions and of those
     of the course that they call, without words for readers, the values that they find outside
     themselves, the layout of the records, and the compiler."""
-    state, seen = hashlib.sha256(), set[int]()
+    state, observed = hashlib.sha256(), set[int]()
     here = SIMULATIONS.parent
     code = Path(compiler.__file__), here / "compiled.py", SIMULATIONS / "splitmix.py"
     for path in (*code, compiler.ARENA):
@@ -97,19 +97,19 @@ def fingerprint(model: Model) -> str:
     def visit(value: Any) -> None:
         value = getattr(value, "py_func", value)
         if isinstance(value, python.FunctionType):
-            if id(value) in seen or not value.__module__.startswith(("course.", "tests.")):
+            if id(value) in observed or not value.__module__.startswith(("course.", "tests.")):
                 return
-            seen.add(id(value))
+            observed.add(id(value))
             state.update(_text(value.__code__.co_filename, value.__code__).encode())
             inner = [value.__code__, *_inner(value.__code__)]
             used = sorted({name for code in inner for name in code.co_names})
             for name in used:
-                found = value.__globals__.get(name)
-                if not isinstance(found, python.ModuleType):
-                    note(name, found)
-                elif found.__name__.startswith("course."):
+                result = value.__globals__.get(name)
+                if not isinstance(result, python.ModuleType):
+                    note(name, result)
+                elif result.__name__.startswith("course."):
                     for part in used:
-                        note(part, getattr(found, part, None))
+                        note(part, getattr(result, part, None))
             for name, cell in zip(value.__code__.co_freevars, value.__closure__ or (), strict=True):
                 note(name, cell.cell_contents)
             note("", value.__defaults__)

@@ -50,18 +50,18 @@ def plan(ways: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[An
     Returns:
         Steps from 1 on, whole numbers (n,), and actions (n, 2) [m/s^2].
     """
-    way, speed = np.split(vector("ways", ways, (None, 4)), 2, axis=1)
-    steps, found = np.zeros(len(way), dtype=np.int64), np.zeros((len(way), 2))
-    left, k = np.arange(len(way)), 0
-    while left.size:
+    distance, speed = np.split(vector("ways", ways, (None, 4)), 2, axis=1)
+    steps, result = np.zeros(len(distance), dtype=np.int64), np.zeros((len(distance), 2))
+    remaining, k = np.arange(len(distance)), 0
+    while remaining.size:
         k += 1
         half = 0.5 * dt * dt * k * (k + 1)
-        wanted = way[left] - dt * k * speed[left]
-        aimed = np.clip(wanted, -half, half)
-        there = np.hypot(*(wanted - aimed).T) < radius
-        steps[left[there]], found[left[there]] = k, aimed[there] / half
-        left = left[~there]
-    return steps, found
+        desired = distance[remaining] - dt * k * speed[remaining]
+        aimed = np.clip(desired, -half, half)
+        other = np.hypot(*(desired - aimed).T) < radius
+        steps[remaining[other]], result[remaining[other]] = k, aimed[other] / half
+        remaining = remaining[~other]
+    return steps, result
 
 
 def optimum(
@@ -122,15 +122,15 @@ def _move_points(p, v, goal, steps, actions, numbers):
             p[j, i] += dt * v[j, i]
         distance = _look_at(p, v, goal, numbers, i, observations[i])
         steps[i] += 1
-        there = distance < radius
-        reward = prize if there else 0.0
+        other = distance < radius
+        reward = prize if other else 0.0
         if kind == 1.0:  # distance
             reward -= distance
         elif kind == 2.0:  # potential: minus the distance, and 0 where the episode has ended
-            reward += before - (0.0 if there else DISCOUNT * distance)
+            reward += before - (0.0 if other else DISCOUNT * distance)
         elif kind >= 3.0 and distance < NEAR:  # hover at every step, once at the first
             reward += bonus if kind == 3.0 or steps[i] == 1 else 0.0
-        rewards[i], terminated[i], truncated[i] = reward, there, steps[i] >= limit
+        rewards[i], terminated[i], truncated[i] = reward, other, steps[i] >= limit
     return observations, rewards, terminated, truncated
 
 
@@ -248,8 +248,8 @@ class PointReach(Env[Array, NDArray[np.float32]]):
         self.task = PointTask(1, reward, **task)
         # As far and as fast as pushing one way for a whole episode takes it.
         dt, limit, unit, offset = self.task.numbers[[0, 2, 6, 7]]
-        most = unit * np.array([2.0 + 0.5 * dt * dt * limit * (limit + 1.0), dt * limit])
-        bound = np.repeat(most, 2)
+        largest = unit * np.array([2.0 + 0.5 * dt * dt * limit * (limit + 1.0), dt * limit])
+        bound = np.repeat(largest, 2)
         self.observation_space = spaces.Box(offset - bound, offset + bound, dtype=np.float64)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         self._row = spaces.Box(-1.0, 1.0, (1, 2), np.float32)
@@ -263,9 +263,9 @@ class PointReach(Env[Array, NDArray[np.float32]]):
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Push for one step."""
-        seen, rewards, over, late = self.task.move(checked_batch(self._row, [action]))
+        observed, rewards, over, late = self.task.move(checked_batch(self._row, [action]))
         info = {"is_success": bool(over[0])} if over[0] or late[0] else {}
-        return seen[0], float(rewards[0]), bool(over[0]), bool(late[0]), info
+        return observed[0], float(rewards[0]), bool(over[0]), bool(late[0]), info
 
 
 class PointReachVector(ArrayVectorEnv):

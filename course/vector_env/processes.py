@@ -172,7 +172,7 @@ class _Worker:
 
     def answer(self, command: str, payload: Any) -> Any:
         """Carry out one command; `busy` says all along with which environment."""
-        found = []
+        result = []
         shared = self.shared
         if command == "step":
             actions = self.actions if payload is None else payload
@@ -185,16 +185,16 @@ class _Worker:
                 shared.rewards[i] = reward
                 shared.terminations[i], shared.truncations[i] = terminated, truncated
                 if info or final is not None:
-                    found.append((i, info, final))
-            return found, self._publish()
+                    result.append((i, info, final))
+            return result, self._publish()
         if command == "reset":
             ids, seeds, options = payload
             for i, lane in enumerate(self.lanes, self.first):
                 if i in ids:
                     shared.busy[self.number] = i
                     self.latest[i - self.first], info = lane.reset(seeds[i], options)
-                    found.append((i, info, None))
-            return found, self._publish()
+                    result.append((i, info, None))
+            return result, self._publish()
         for i, lane in enumerate(self.lanes, self.first):
             shared.busy[self.number] = i
             if command == "close":
@@ -204,8 +204,8 @@ class _Worker:
             else:
                 name, arguments, keywords = payload
                 item = lane.env.get_wrapper_attr(name)
-                found.append(item(*arguments, **keywords) if callable(item) else item)
-        return found
+                result.append(item(*arguments, **keywords) if callable(item) else item)
+        return result
 
     def _publish(self) -> Any:
         if self.observations is None:
@@ -415,8 +415,8 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
 
     def _infos(self, replies: list[Any]) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        for found, _ in replies:
-            for i, info, final in found:
+        for result, _ in replies:
+            for i, info, final in result:
                 if final is not None:
                     infos = self._add_info(
                         infos, {"final_obs": final[0], "final_info": final[1]}, i
@@ -431,7 +431,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of every environment, or read an attribute, through its wrappers."""
         replies = self._ask(pickle.dumps(("call", (name, args, kwargs))))
-        return tuple(item for found in replies for item in found)
+        return tuple(item for result in replies for item in result)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute of every environment."""
@@ -476,8 +476,8 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
             poller.register(descriptor, select.POLLIN)
         end = time.monotonic() + self.timeout
         while waiting:
-            left = end - time.monotonic()
-            events = poller.poll(max(0.0, 1e3 * min(left, _LOOK)))
+            remaining = end - time.monotonic()
+            events = poller.poll(max(0.0, 1e3 * min(remaining, _LOOK)))
             for descriptor, _ in events:
                 k = waiting.pop(descriptor)
                 poller.unregister(descriptor)
@@ -493,7 +493,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
                     # A process that it has left behind may hold its end of the pipe open.
                     if not self._processes[k].is_alive() and not self._links[k].poll():
                         raise self._death(k)
-                if left <= 0.0:
+                if remaining <= 0.0:
                     raise self._hanging(next(iter(waiting.values())))
         return replies
 

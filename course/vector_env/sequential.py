@@ -127,8 +127,8 @@ class VectorizedEnv(AutoresettingVectorEnv):
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of every environment, or read an attribute, through its wrappers."""
         self._assert_open()
-        found = [env.get_wrapper_attr(name) for env in self.envs]
-        return tuple(item(*args, **kwargs) if callable(item) else item for item in found)
+        result = [env.get_wrapper_attr(name) for env in self.envs]
+        return tuple(item(*args, **kwargs) if callable(item) else item for item in result)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute of every environment."""

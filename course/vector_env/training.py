@@ -43,8 +43,8 @@ def play(policies: Array, seed: int, targets: int) -> Array:
     observations, _ = envs.reset(seed=[seed + i for i in range(targets)] * p)
     total, reached, alive = np.zeros(p * targets), np.zeros(p * targets), np.ones(p * targets)
     for _ in range(MAX_STEPS):
-        seen = features(observations).reshape(p, targets, -1)
-        actions = np.clip(seen @ policies.swapaxes(1, 2), -1.0, 1.0).reshape(-1, 2)
+        observed = features(observations).reshape(p, targets, -1)
+        actions = np.clip(observed @ policies.swapaxes(1, 2), -1.0, 1.0).reshape(-1, 2)
         observations, rewards, over, late, _ = envs.step(actions)
         total += alive * rewards
         reached += alive * over

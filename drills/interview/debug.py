@@ -40,25 +40,25 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
     A line is: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
     """
     if name is None:
-        found = [scenarios.scenario(one) for one in scenarios.there()]
-        for one in found:
+        result = [scenarios.scenario(one) for one in scenarios.there()]
+        for one in result:
             session.say(f"  {one.name:<10}{one.title}")
         session.say()
         session.say("  drills debug NAME   begins")
-        listed = [{"scenario": one.name, "title": one.title} for one in found]
+        listed = [{"scenario": one.name, "title": one.title} for one in result]
         return session.finish(RIGHT, {"scenarios": listed})
     try:
         case = scenarios.diagnose(name, secrets.randbelow(1000) if seed is None else seed)
     except ValueError as error:
         raise click.BadParameter(f"{error}.") from None
-    refused: list[str] = []
-    verdict = _talk(session, case, refused)
+    rejected: list[str] = []
+    verdict = _talk(session, case, rejected)
     payload: dict[str, Any] = {
         "scenario": name,
         "seed": case.case.seed,
         "findings": [asdict(finding) for finding in case.findings],
         "minutes": case.minutes,
-        "refused": refused,
+        "refused": rejected,
         "verdict": verdict and _data(verdict),
     }
     if verdict is None:
@@ -133,7 +133,7 @@ def _tell(session: Session, verdict: scenarios.Verdict) -> None:
     ):
         session.say()
         session.say(session.terminal.paint(title, "head"))
-        told = [
+        report = [
             (
                 f"{row.probe} {row.figure:.3g} {row.unit}".rstrip(),
                 f"rules out {', '.join(row.ruled_out) or 'none'}; left: "
@@ -141,7 +141,7 @@ def _tell(session: Session, verdict: scenarios.Verdict) -> None:
             )
             for row in rows
         ]
-        _rows(session, told or [("no probe", "rules out none")])
+        _rows(session, report or [("no probe", "rules out none")])
 
 
 def _data(verdict: scenarios.Verdict) -> dict[str, Any]:

@@ -77,7 +77,7 @@ def deck(chapters: Collection[int] | None = None) -> list[Entry]:
 def _all() -> tuple[Entry, ...]:
     from course.interview import FOLDER, museum
 
-    found = [
+    result = [
         Entry(f"drill/{card.name}", "drill", card.chapter)
         for card in catalogue.cards()
         if card.drill
@@ -86,16 +86,16 @@ def _all() -> tuple[Entry, ...]:
     for file in files():
         number = numbers[file.partition(".")[0]]
         for id, entry in load(file).items():
-            found.append(Entry(f"claim/{id}", "claim", number, file))
+            result.append(Entry(f"claim/{id}", "claim", number, file))
             if entry.get("formula"):
-                found.append(Entry(f"formula/{id}", "formula", number, file))
+                result.append(Entry(f"formula/{id}", "formula", number, file))
     for topic, number in numbers.items():
         names = sorted(path.stem for path in (FOLDER / topic).glob("*.md"))
-        found += [Entry(f"question/{topic}/{name}", "question", number) for name in names]
+        result += [Entry(f"question/{topic}/{name}", "question", number) for name in names]
     last = CHAPTERS[-1].number
     names = [exhibit.name.replace(" ", "_") for exhibit in museum.EXHIBITS]
-    found += [Entry(f"exhibit/{name}", "exhibit", last) for name in names]
-    return tuple(sorted(found, key=lambda entry: (entry.chapter, KINDS.index(entry.kind))))
+    result += [Entry(f"exhibit/{name}", "exhibit", last) for name in names]
+    return tuple(sorted(result, key=lambda entry: (entry.chapter, KINDS.index(entry.kind))))
 
 
 def sides(entry: Entry, tex: Callable[[str], str] = str) -> Sides:
@@ -125,8 +125,8 @@ def judge(entry: Entry, said: str) -> tuple[bool | None, str]:
         _sourced(entry)
         from course.derivations import answer
 
-        found = answer(entry.name, said)
-        return found.correct, found.message
+        result = answer(entry.name, said)
+        return result.correct, result.message
     if entry.kind == "claim" and said[:1].lower() in VERDICTS:
         right = VERDICTS[said[0].lower()] == load(entry.file)[entry.name]["verdict"]
         return right, "Right." if right else "No."
@@ -165,19 +165,19 @@ def _formula(entry: Entry, tex: Callable[[str], str]) -> Sides:
     from course.derivations import formula
 
     _sourced(entry)
-    asked = formula(entry.name)
-    symbols = [f"* `{name}`: {symbol.meaning}" for name, symbol in asked.symbols.items()]
-    return Sides("\n".join([f"{tex(asked.question)}\n", *symbols]), f"`{asked.expression}`")
+    requested = formula(entry.name)
+    symbols = [f"* `{name}`: {symbol.meaning}" for name, symbol in requested.symbols.items()]
+    return Sides("\n".join([f"{tex(requested.question)}\n", *symbols]), f"`{requested.expression}`")
 
 
 def _question(entry: Entry) -> Sides:
     from course.derivations.records import figure
     from course.interview import FOLDER, filled, read
 
-    asked = read(FOLDER / f"{entry.name}.md")
-    listened = "\n".join(f"* {line}" for line in asked.rubric)
-    back = filled(f"{asked.minute}\n\nListened for:\n\n{listened}", figure)
-    return Sides(f"**{asked.title}** ({asked.minutes} minutes)", back)
+    requested = read(FOLDER / f"{entry.name}.md")
+    listened = "\n".join(f"* {line}" for line in requested.rubric)
+    back = filled(f"{requested.minute}\n\nListened for:\n\n{listened}", figure)
+    return Sides(f"**{requested.title}** ({requested.minutes} minutes)", back)
 
 
 def _exhibit(entry: Entry) -> Sides:

@@ -67,7 +67,7 @@ class Flashcards(ipywidgets.VBox):
     def __init__(self, cards: list[Entry], clock: Callable[[], datetime], seed: int) -> None:
         self._cards, self._clock, self._seed = cards, clock, seed
         self._path = store.beside(workspace.progress_file(workspace.folder()))
-        self._reviews, told = store.load(self._path)
+        self._reviews, report = store.load(self._path)
         self._passed: set[str] = set()
         self._lock = threading.RLock()  # a front end may call from another thread than the cells
         self.entry: Entry | None = None
@@ -80,7 +80,7 @@ class Flashcards(ipywidgets.VBox):
             number: ipywidgets.Button(description=f"{number} {text}", layout=_WIDE)
             for number, text in RATINGS.items()
         }
-        self.note = ipywidgets.Label(" ".join(told))
+        self.note = ipywidgets.Label(" ".join(report))
         self.strip = Keys()
         self.turn.on_click(lambda _: self.reveal())
         self.next.on_click(lambda _: self.skip())
@@ -101,8 +101,8 @@ class Flashcards(ipywidgets.VBox):
             if right is not None:
                 self.ratings[GOOD if right else AGAIN].button_style = "info"
             shown = sides(self.entry, tex)
-            said = f"**{html.escape(sentence)}**\n\n" if sentence else ""
-            self._face.value = rendered(f"{shown.front}\n\n---\n\n{said}{shown.back}")
+            message = f"**{html.escape(sentence)}**\n\n" if sentence else ""
+            self._face.value = rendered(f"{shown.front}\n\n---\n\n{message}{shown.back}")
             self._enable()
 
     def rate(self, rating: int) -> None:
@@ -111,13 +111,13 @@ class Flashcards(ipywidgets.VBox):
             if self.entry is None or not self.turned:
                 return
             try:
-                self._reviews, told = store.rate(
+                self._reviews, report = store.rate(
                     self._path, self.entry, rating, self._clock(), self._reviews
                 )
             except kept.Problem as problem:
-                told = (f"{problem} The card is as it was.",)
+                report = (f"{problem} The card is as it was.",)
                 self._passed.add(self.entry.key)
-            self.note.value = " ".join(told)
+            self.note.value = " ".join(report)
             self._deal()
 
     def skip(self) -> None:
@@ -175,12 +175,12 @@ def rendered(markdown: str) -> str:
 
     formulas: list[str] = []
 
-    def keep(match: re.Match[str]) -> str:
+    def selected(match: re.Match[str]) -> str:
         formulas.append(match[0])
         return f"\ue000{len(formulas) - 1}\ue001"
 
     page = (
-        MarkdownIt("commonmark", {"html": False}).enable("table").render(_MATH.sub(keep, markdown))
+        MarkdownIt("commonmark", {"html": False}).enable("table").render(_MATH.sub(selected, markdown))
     )
     return re.sub("\ue000(\\d+)\ue001", lambda m: html.escape(formulas[int(m[1])]), page)
 

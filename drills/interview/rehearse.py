@@ -157,8 +157,8 @@ class Talk:
 
     def ask(self, text: str) -> None:
         """Put a question, with the time that is left."""
-        left = self.interview.minutes - self.interview.seconds / 60
-        self.session.say(f"\n{left:.0f} min left" if left > 0 else "")
+        remaining = self.interview.minutes - self.interview.seconds / 60
+        self.session.say(f"\n{remaining:.0f} min left" if remaining > 0 else "")
         self.session.wrap(self.session.terminal.paint(text, "head"))
 
     def show(self, markdown: str) -> None:
@@ -170,15 +170,15 @@ class Talk:
     def take(self, entry: Entry, name: str) -> None:
         """Take an answer: lines up to a dot or a blank one, or what an editor leaves."""
         draft = self.folder / f"{re.sub('[^0-9]', '', self.interview.started)}.md"
-        said = getattr(entry, name)
-        self.show(said)  # before the terminal was killed
-        ways = " A blank line at once opens your editor." * self.editor
-        self.session.say(f"A blank line or a dot ends your answer.{ways}")
+        text = getattr(entry, name)
+        self.show(text)  # before the terminal was killed
+        paths = " A blank line at once opens your editor." * self.editor
+        self.session.say(f"A blank line or a dot ends your answer.{paths}")
         while (line := self.hear().rstrip()) not in ("", "."):
-            said += f"{line}\n"
-            setattr(entry, name, said)
+            text += f"{line}\n"
+            setattr(entry, name, text)
             self.keep(entry)
-        if self.editor and not said and not line:
+        if self.editor and not text and not line:
             draft.touch()  # what an editor that was killed has saved is there
             click.edit(filename=str(draft))
             setattr(entry, name, draft.read_text(encoding="utf-8", errors="replace"))
@@ -202,8 +202,8 @@ class Talk:
             entry.marks.append(MARKS[int(mark)])
             self.keep(entry)
         entry.score = rehearsal.share(entry.marks)
-        asked = rehearsal.follow_up(item, entry.marks)
-        entry.weakest, entry.asked = (item.fill(text, figure) for text in asked)
+        requested = rehearsal.follow_up(item, entry.marks)
+        entry.weakest, entry.asked = (item.fill(text, figure) for text in requested)
         self.ask(entry.asked)
         self.take(entry, "reply")
         self.show(f"---\n\n{item.fill(item.answer, figure)}")
@@ -253,8 +253,8 @@ class Talk:
                 self.keep(entry)
             self.interview.cards_due = [card.key for card in self.due()]
             path = self.folder / f"report-{re.sub('[^0-9]', '', self.interview.started)[:17]}.json"
-            found = {**asdict(self.interview), "seconds": self.interview.seconds}
-            workspace.write_over(path, json.dumps(found, indent=2, ensure_ascii=False) + "\n")
+            result = {**asdict(self.interview), "seconds": self.interview.seconds}
+            workspace.write_over(path, json.dumps(result, indent=2, ensure_ascii=False) + "\n")
             workspace.write_over(path.with_suffix(".md"), rehearsal.markdown(self.interview))
         except (KeyboardInterrupt, EOFError, OutputLost, click.ClickException):
             if self.file:
@@ -280,7 +280,7 @@ class Talk:
         if due := self.interview.cards_due:
             session.say(f"{len(due)} cards are due: drills review")
         session.wrap(f"The report: {workspace.shown(path.with_suffix('.md'))}, also as .json")
-        return session.finish(RIGHT, {"report": str(path.absolute()), **found})
+        return session.finish(RIGHT, {"report": str(path.absolute()), **result})
 
 
 def to_read(entry: Entry) -> str:
@@ -293,8 +293,8 @@ def to_read(entry: Entry) -> str:
     text = "\n".join("".join(cell["source"]) for cell in cells)
     parts = re.split(r"^## (?=\d+ · )", text, flags=re.M)[1:]
     parts = [part for part in parts if not re.match(r"\d+ · (Exercises|Interview)\b", part)]
-    found = rehearsal.nearest(entry.weakest, parts)
-    title = "" if found is None else parts[found].splitlines()[0].replace(" · ", ": ")
+    result = rehearsal.nearest(entry.weakest, parts)
+    title = "" if result is None else parts[result].splitlines()[0].replace(" · ", ": ")
     return f"chapter {entry.chapter}, {chapter.title}" + f", section {title}" * bool(title)
 
 

@@ -54,8 +54,8 @@ class Round:
 
         session, cards, passed = self.session, deck(chosen), set[str]()
         self.path = store.beside(session.progress_file)
-        self.reviews, told = store.load(self.path)
-        self._tell(told)
+        self.reviews, report = store.load(self.path)
+        self._tell(report)
         try:
             while len(self.rated) < limit:
                 line = store.queue(cards, self.reviews, self.clock(), seed)
@@ -96,29 +96,29 @@ class Round:
         self.rate(entry, right, None if right is None else known if right else AGAIN)
         return True
 
-    def rate(self, entry: Entry, right: bool | None, meant: int | None) -> None:
+    def rate(self, entry: Entry, right: bool | None, intended: int | None) -> None:
         """Take the rating of a card, and keep it."""
         words = ", ".join(f"{number} {word}" for number, word in RATINGS.items())
-        words += f"; a blank line is {RATINGS[meant]}" if meant else ""
+        words += f"; a blank line is {RATINGS[intended]}" if intended else ""
         self.session.say(f"How well did you know it? {words}.")
-        while (line := self._line()) not in map(str, RATINGS) and (line or not meant):
+        while (line := self._line()) not in map(str, RATINGS) and (line or not intended):
             self.session.say(f"{present.cut(line, 20)!r} is no rating: {words}.")
-        rating, now = int(line or meant or AGAIN), self.clock()
+        rating, now = int(line or intended or AGAIN), self.clock()
         try:
-            self.reviews, told = store.rate(self.path, entry, rating, now, self.reviews)
+            self.reviews, report = store.rate(self.path, entry, rating, now, self.reviews)
         except kept.Problem as problem:
-            told = (str(problem),)
+            report = (str(problem),)
             self.path = None  # said once; the round goes on
             self.reviews, _ = store.rate(None, entry, rating, now, self.reviews)
-        self._tell(told)
+        self._tell(report)
         due = self.reviews.cards[entry.key]["due"]
         self.session.say(f"Again in {span(datetime.fromisoformat(due) - now)}.")
         one = {"card": entry.key, "kind": entry.kind, "chapter": entry.chapter, "right": right}
         self.rated.append({**one, "rating": rating, "due": due})
 
     def _tell(self, notices: tuple[str, ...]) -> None:
-        told = self.session.notices
-        told += [one for one in notices if one not in told]
+        report = self.session.notices
+        report += [one for one in notices if one not in report]
 
     def _line(self) -> str:
         line = self.hear().strip()
@@ -149,9 +149,9 @@ class Round:
 
     def _finish(self, cards: list[Entry], seed: int) -> int:
         session, now = self.session, self.clock()
-        if gone := store.gone(deck(), self.reviews):
+        if missing := store.gone(deck(), self.reviews):
             session.notices.append(
-                f"The course no longer asks {len(gone)} that you rated; they are kept."
+                f"The course no longer asks {len(missing)} that you rated; they are kept."
             )
         waiting, new = store.due(cards, self.reviews, now), store.fresh(cards, self.reviews)
         counts = [sum(one["rating"] == number for one in self.rated) for number in RATINGS]
@@ -165,7 +165,7 @@ class Round:
             "rated": self.rated,
             "due": [entry.key for entry in waiting],
             "new": len(new),
-            "gone": gone,
+            "gone": missing,
             "reviews_file": str(self.path.absolute()) if self.path else None,
         }
         return session.finish(RIGHT, payload)

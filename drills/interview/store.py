@@ -96,8 +96,8 @@ def rate(
     if path is None:
         edit(reviews := reviews or Reviews())
         return reviews, tuple(notices)
-    after, told = kept.change(path, FORM, edit)
-    return after, (*told, *notices)
+    after, report = kept.change(path, FORM, edit)
+    return after, (*report, *notices)
 
 
 def due(deck: Sequence[Entry], reviews: Reviews, now: datetime) -> list[Entry]:
@@ -142,8 +142,8 @@ def queue(deck: Sequence[Entry], reviews: Reviews, now: datetime, seed: int) -> 
 
 def gone(deck: Sequence[Entry], reviews: Reviews) -> list[str]:
     """Keys of cards that were rated and whose source is no longer there; they are kept."""
-    there = {entry.key for entry in deck}
-    return [key for key in reviews.cards if key not in there]
+    other = {entry.key for entry in deck}
+    return [key for key in reviews.cards if key not in other]
 
 
 def _parsed(content: dict[str, Any]) -> Reviews:

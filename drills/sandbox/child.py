@@ -226,8 +226,8 @@ class Answers:
         if any(isinstance(part, OSError) and part.errno == errno.EFBIG for part in chain):
             return "disk"
         if any(isinstance(part, OSError) for part in chain):
-            ways = ("multiprocessing", "subprocess.py")
-            if self.attempts or any(way in file for file in files[1:] for way in ways):
+            paths = ("multiprocessing", "subprocess.py")
+            if self.attempts or any(method in file for file in files[1:] for method in paths):
                 return "processes"
         return ""
 

@@ -43,10 +43,10 @@ SYSTEM = (
 def search_path() -> list[str]:
     """The folders of installed packages, for the child's `sys.path`."""
     numpy_home = str(Path(sys.modules["numpy"].__file__ or "").resolve().parents[1])
-    found = [p for p in sys.path if os.path.basename(p) in ("site-packages", "dist-packages")]
-    if all(os.path.realpath(p) != numpy_home for p in found):
-        found.append(numpy_home)
-    return found
+    result = [p for p in sys.path if os.path.basename(p) in ("site-packages", "dist-packages")]
+    if all(os.path.realpath(p) != numpy_home for p in result):
+        result.append(numpy_home)
+    return result
 
 
 def _hidden(path: str) -> bool:

@@ -215,14 +215,14 @@ class Child:
             return
         # An interrupt may come at any point: what is done is noted, so that a second call goes on.
         process = self._process
-        left: list[int] = []
+        remaining: list[int] = []
         if process is not None:
             if process.returncode is None:  # else its number may be another's by now
                 self._tree.kill()
                 patience = time.monotonic() + 10
                 while self._status() is None and time.monotonic() < patience:
                     time.sleep(0.0005)
-                left = self._tree.kill()  # what that death has orphaned
+                remaining = self._tree.kill()  # what that death has orphaned
                 process.wait()
             tree.ROOTS.discard(process.pid)
             self._process = None
@@ -232,8 +232,8 @@ class Child:
         self._closed = True
         tree.adopt_orphans(False)
         _open.discard(self)
-        if left:
-            raise RuntimeError(f"processes {left} of a submission could not be ended")
+        if remaining:
+            raise RuntimeError(f"processes {remaining} of a submission could not be ended")
 
     # Questions
 
@@ -437,10 +437,10 @@ class Child:
                     raise MissingName(str(request.get("entry", request.get("name"))), names)
             raise self._garbled()
         if "syntax" in answer:
-            found = answer["syntax"]
-            if type(found) is list and [type(part) for part in found] == [int, int, str, str]:
-                line, column = (number if 0 <= number < LINES else 0 for number in found[:2])
-                raise SyntaxProblem(line, column, *(readable(part[:500]) for part in found[2:]))
+            result = answer["syntax"]
+            if type(result) is list and [type(part) for part in result] == [int, int, str, str]:
+                line, column = (number if 0 <= number < LINES else 0 for number in result[:2])
+                raise SyntaxProblem(line, column, *(readable(part[:500]) for part in result[2:]))
             raise self._garbled()
         if "ok" not in answer:
             raise self._garbled()
@@ -500,29 +500,29 @@ class Child:
         start, begun = time.monotonic(), self._tree.processor_time()
         total, patience = self._limits.total, self._limits.patience
         if self._ready:
-            most = min(seconds - self.spent, total - self.used)
+            largest = min(seconds - self.spent, total - self.used)
             longest = min(patience * seconds - self.elapsed, patience * total - self._waited)
         else:
-            most, longest = math.inf, START
+            largest, longest = math.inf, START
         deadline = start + longest
         try:
             self._send()
             while True:
                 now, spent = time.monotonic(), self._tree.processor_time() - begun
-                if now >= deadline or spent >= most:
-                    raise self._end(Reason.TIMED_OUT, self._late(seconds, spent >= most, where))
+                if now >= deadline or spent >= largest:
+                    raise self._end(Reason.TIMED_OUT, self._late(seconds, spent >= largest, where))
                 if now >= self._next_watch:
                     self._watch(where)
                     self._next_watch = time.monotonic() + WATCH
-                asked = time.monotonic()
-                pause = max(0.0, min(deadline, self._next_watch) - asked)
+                requested = time.monotonic()
+                pause = max(0.0, min(deadline, self._next_watch) - requested)
                 # Most answers are there at once; to sleep and be woken would take longer.
                 wait = 0 if now - start < SPIN else math.ceil(1e3 * pause)
-                heard = self._poll.poll(wait)
-                late = time.monotonic() - asked - pause
+                received = self._poll.poll(wait)
+                late = time.monotonic() - requested - pause
                 if late > PAUSED:  # this process was stopped (Ctrl-Z): not the learner's time
                     start, deadline = start + late, deadline + late
-                for file, _ in heard:
+                for file, _ in received:
                     if file == self._prints:
                         self._drain(where)
                     elif file == self._requests:
@@ -536,17 +536,17 @@ class Child:
             self.elapsed, self.spent = self.elapsed + elapsed, self.spent + spent
             self._waited, self.used = self._waited + elapsed, self.used + spent
 
-    def _late(self, seconds: float, worked: bool, where: str) -> str:
+    def _late(self, seconds: float, answer: bool, where: str) -> str:
         """What to say of a request that took too long."""
         if not self._ready:
             return f"Stopped after {START:g} s {where}."
         limits = self._limits
-        if worked:
+        if answer:
             whole = limits.total - self.used < seconds - self.spent
             clock, factor = "of processor time", 1.0
         else:
-            left = limits.patience * limits.total - self._waited
-            whole = left < limits.patience * seconds - self.elapsed
+            remaining = limits.patience * limits.total - self._waited
+            whole = remaining < limits.patience * seconds - self.elapsed
             clock, factor = "by the clock", limits.patience
         if whole:
             return f"Stopped after {factor * limits.total:g} s {clock} in all, {where}."
@@ -635,8 +635,8 @@ class Child:
         resident = self._tree.resident(others)
         self._peak = max(self._peak, resident)
         if resident > limits.memory:
-            used, most = size_text(resident), size_text(limits.memory)
-            text = f"{used} of memory were in use {where} (limit {most})."
+            used, largest = size_text(resident), size_text(limits.memory)
+            text = f"{used} of memory were in use {where} (limit {largest})."
             raise self._end(Reason.OUT_OF_MEMORY, text)
         problem = scratch.excess(self._folder, limits.disk)
         if problem:
@@ -655,12 +655,12 @@ class Child:
         if not hasattr(os, "waitid"):
             return self._process.poll()
         try:
-            found = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+            result = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         except ChildProcessError:
             return self._process.returncode or 0
-        if found is None:
+        if result is None:
             return None
-        return found.si_status if found.si_code == os.CLD_EXITED else -found.si_status
+        return result.si_status if result.si_code == os.CLD_EXITED else -result.si_status
 
     def _gone(self, where: str) -> Ended:
         """The verdict on a reply pipe that is at its end."""

@@ -51,7 +51,7 @@ def protections() -> list[Protection]:
     Returns:
         One entry for each protection; `detail` says what it is, or why it is off.
     """
-    found = [
+    result = [
         Protection("own process", True, "a fresh interpreter for each attempt, killed after it")
     ]
     try:
@@ -71,7 +71,7 @@ def protections() -> list[Protection]:
     for key, (name, meaning) in names.items():
         state = layers.get(key, "off")
         detail = meaning if state == "on" else f"{meaning}: {state}"
-        found.append(Protection(name, not state.startswith("off"), detail))
+        result.append(Protection(name, not state.startswith("off"), detail))
     questions = {
         "files": ("the course's files can't be read", "the answers on disk can be read"),
         "signals": ("no signals to the grader", "the grader's process can be signalled"),
@@ -79,8 +79,8 @@ def protections() -> list[Protection]:
         "processes": ("no other processes", "processes can be started; they are found and killed"),
     }
     for key, (good, bad) in questions.items():
-        refused = isinstance(tried, dict) and bool(tried.get(key))
-        found.append(Protection(f"tried: {key}", refused, good if refused else bad))
+        rejected = isinstance(tried, dict) and bool(tried.get(key))
+        result.append(Protection(f"tried: {key}", rejected, good if rejected else bad))
     how = "/proc, orphans adopted" if tree.LINUX else f"ps ({sys.platform})"
-    found.append(Protection("watched from outside", True, f"memory, processes, disk through {how}"))
-    return found
+    result.append(Protection("watched from outside", True, f"memory, processes, disk through {how}"))
+    return result

@@ -21,8 +21,8 @@ def excess(folder: str, limit: int) -> str:
         if level > LEVELS:
             return f"Folders were nested more than {LEVELS} deep"
         inner: list[str] = []
-        with os.scandir(place) as found:
-            for entry in found:
+        with os.scandir(place) as result:
+            for entry in result:
                 entries += 1
                 if entries > FILES:
                     return f"More than {FILES} files were made"
@@ -33,15 +33,15 @@ def excess(folder: str, limit: int) -> str:
                         total += entry.stat(follow_symlinks=False).st_blocks * 512
         for name in inner:
             with contextlib.suppress(OSError), _opened(name, place) as below:
-                said = problem(below, level + 1)
-                if said:
-                    return said
+                text = problem(below, level + 1)
+                if text:
+                    return text
         return ""
 
     with contextlib.suppress(OSError), _opened(folder) as top:
-        said = problem(top, 0)
-        if said:
-            return said
+        text = problem(top, 0)
+        if text:
+            return text
     if total > limit:
         return f"More than {limit / (1 << 20):.3g} MiB were written to disk"
     return ""

@@ -63,14 +63,14 @@ def _status(process: int) -> tuple[str, int, int, int] | None:
 
 
 def _children(process: int) -> list[int]:
-    found: list[int] = []
+    result: list[int] = []
     try:
         threads = os.listdir(f"/proc/{process}/task")
     except OSError:
-        return found
+        return result
     for thread in threads:
-        found += map(int, _read(f"/proc/{process}/task/{thread}/children").split())
-    return found
+        result += map(int, _read(f"/proc/{process}/task/{thread}/children").split())
+    return result
 
 
 def _another(process: int) -> int:
@@ -111,7 +111,7 @@ class Tree:
         """All processes below the root that are alive, the root not among them."""
         if not self.procfs:
             return self._descendants_by_psutil()
-        found: dict[int, int] = {}
+        result: dict[int, int] = {}
         pending = [self.root, *self._orphans(), *self.seen]
         visited = {os.getpid()}
         while pending:
@@ -126,9 +126,9 @@ class Tree:
                     continue
                 self.seen[process] = status[3]
                 if status[0] not in "ZX":
-                    found[process] = status[3]
+                    result[process] = status[3]
             pending += _children(process)
-        return list(found)
+        return list(result)
 
     def _orphans(self) -> Iterator[int]:
         for process in _children(os.getpid()):
@@ -231,17 +231,17 @@ class Tree:
         deadline = time.monotonic() + patience
         pause = 0.0005
         self._signal_group()
-        left = self.descendants()
-        while left and time.monotonic() < deadline:
-            for process in left:
+        remaining = self.descendants()
+        while remaining and time.monotonic() < deadline:
+            for process in remaining:
                 self._signal(process)
             self._signal_group()
             self._reap()
             time.sleep(pause)
             pause = min(2 * pause, 0.02)
-            left = self.descendants()
+            remaining = self.descendants()
         self._reap()
-        return left
+        return remaining
 
     def _signal_group(self) -> None:
         try:

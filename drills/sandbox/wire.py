@@ -85,11 +85,11 @@ def encode(value: Any, unknown: Callable[[Any, str], Any], text: int = TEXT) -> 
     Raises:
         TooLarge: beyond the bounds of one message.
     """
-    left = {"nodes": NODES, "text": text, "array": ARRAY}
+    remaining = {"nodes": NODES, "text": text, "array": ARRAY}
 
     def spend(what: str, amount: int) -> None:
-        left[what] -= amount
-        if left[what] < 0:
+        remaining[what] -= amount
+        if remaining[what] < 0:
             raise TooLarge(f"too large to hand over (more than the limit of {what})")
 
     def put(x: Any, depth: int) -> Any:

@@ -388,8 +388,8 @@ predict("braking_between_edges")
 shown = ("exact pyramid", "box", "true cone", "MuJoCo Newton, pyramidal")
 figures(
     read("contact_steering"),
-    *(f"stretched {who}" for who in shown),
-    *(f"turned    {who}" for who in shown if who != "true cone"),
+    *(f"stretched {name}" for name in shown),
+    *(f"turned    {name}" for name in shown if name != "true cone"),
     summary="All models: way over Coulomb's, degrees turned",
 )
 # %%
@@ -629,19 +629,19 @@ def my_model(problem):
     """Change me: normal and friction impulses of a single contact, shape (1, 3)."""
     u = problem.jacobian @ problem.free
     normal = max(0.0, -u[0, 0] / problem.delassus[0, 0])
-    most = problem.friction[0] * normal
-    return np.array([[normal, *np.clip(-u[0, 1:] / np.diag(problem.delassus)[1:], -most, most)]])
+    largest = problem.friction[0] * normal
+    return np.array([[normal, *np.clip(-u[0, 1:] / np.diag(problem.delassus)[1:], -largest, largest)]])
 
 
 def once(dt):
     """The braking block, stepped with it."""
-    asked, steps = charts.QUESTIONS["braking"], round(charts.DURATION / dt)
-    h, q, v = charts.DURATION / steps, asked.scene.q, asked.scene.v
+    requested, steps = charts.QUESTIONS["braking"], round(charts.DURATION / dt)
+    h, q, v = charts.DURATION / steps, requested.scene.q, requested.scene.v
     for _ in range(steps):
-        step = asked.scene.problem(h, q, v)
+        step = requested.scene.problem(h, q, v)
         v = step.after(my_model(step))
         q = q + h * v
-    return Result(asked.answer(q), steps)
+    return Result(requested.answer(q), steps)
 
 
 once(1e-3)  # what fails here would only be a failed run on the chart
@@ -917,8 +917,8 @@ def contact_step(position, velocity, slope, mu, dt, steps):
         v = v + dt * gravity
         # Impulses per kilogram: the normal one lets the block just touch at the end of the step.
         normal = max(0.0, -(v[1] + x[1] / dt))
-        most = mu * 9.81 * dt if normal > 0.0 else 0.0
-        friction = min(max(-v[0], -most), most)
+        largest = mu * 9.81 * dt if normal > 0.0 else 0.0
+        friction = min(max(-v[0], -largest), largest)
         v = v + np.array([friction, normal])
         x = x + dt * v
     return x, v

@@ -885,13 +885,13 @@ card("audit_model")
 # %%
 def audit_model(ids, masses, inertias, loaded_ids, loaded_masses, moments, turns, tolerance):
     """Which links of a file are not what the simulator has loaded."""
-    found = np.zeros(len(ids), dtype=int)
+    result = np.zeros(len(ids), dtype=int)
     for i in range(len(ids)):
         if abs(loaded_masses[i] - masses[i]) > tolerance:
-            found[i] += 1
+            result[i] += 1
         if np.abs(np.diag(moments[i]) - inertias[i]).max() > tolerance:
-            found[i] += 2
-    return found
+            result[i] += 2
+    return result
 
 
 check(audit_model)
@@ -1042,11 +1042,11 @@ def lost(damping, duration=3.0, dt=1e-3):
         now = run.state()
         if np.abs(now.v).max() > 100.0:
             return np.inf
-        wanted = measures.PACE * (measures.PACE * (goal - now.q) - 2.0 * now.v)
-        run.set_torque(kinematics.inverse_dynamics(model, now.q, now.v, wanted))
+        desired = measures.PACE * (measures.PACE * (goal - now.q) - 2.0 * now.v)
+        run.set_torque(kinematics.inverse_dynamics(model, now.q, now.v, desired))
         run.run(1)
-    there, aim = (kinematics.tip(model, q)[:3] for q in (run.state().q, goal))
-    return 1e3 * float(np.linalg.norm(there - aim))
+    other, aim = (kinematics.tip(model, q)[:3] for q in (run.state().q, goal))
+    return 1e3 * float(np.linalg.norm(other - aim))
 
 
 mass = kinematics.mass_matrix(scenes.arm().chain, np.array(measures.GOAL))

@@ -689,11 +689,11 @@ def steps_of(name):
     """A curve: what so many steps leave of the error, and cost."""
 
     def run(setting):
-        most = round(1.0 / setting)
+        largest = round(1.0 / setting)
         end = ik(
-            arm, goals, home, method=name, restarts=0, iterations=most, tolerance=(1e-14, 1e-14)
+            arm, goals, home, method=name, restarts=0, iterations=largest, tolerance=(1e-14, 1e-14)
         )
-        return Result(np.hypot(end.distance, end.angle), most)
+        return Result(np.hypot(end.distance, end.angle), largest)
 
     return Method(name, run, [1.0 / k for k in (1, 2, 3, 4, 6, 8, 12, 20, 40)], unit="steps")
 
@@ -701,7 +701,7 @@ def steps_of(name):
 result = measure(
     [steps_of(name) for name in kinematics.METHODS],
     np.zeros(40),
-    lambda left, zero: float(np.median(left)),
+    lambda remaining, zero: float(np.median(remaining)),
     reference_check=np.zeros(40),
     tolerance=1e-6,
     repeats=3,
@@ -1116,8 +1116,8 @@ def wrist_ik(q, target, damping, steps):
     q = np.array(q, dtype=float)
     for _ in range(steps):
         hand = product(about(2, q[0]), product(about(1, q[1]), about(0, q[2])))
-        left = product(target, hand * [1.0, -1.0, -1.0, -1.0])
-        error = 2.0 * left[1:]  # of a small turn, its vector
+        remaining = product(target, hand * [1.0, -1.0, -1.0, -1.0])
+        error = 2.0 * remaining[1:]  # of a small turn, its vector
         c, s = math.cos(q[0]), math.sin(q[0])
         J = np.array(
             [

@@ -538,9 +538,9 @@ figures(
 figures(
     read("plan_times"),
     *(
-        f"{place:<11} {who:<21}"
+        f"{place:<11} {name:<21}"
         for place in ("discs", "gap 2%", "4-link arm")
-        for who in ("ours", "OMPL, our edge check", "OMPL, Python states")
+        for name in ("ours", "OMPL, our edge check", "OMPL, Python states")
     ),
     summary="All scenes; a finer resolution; edge checks left out on both sides",
 )
@@ -564,7 +564,7 @@ figures(
 # %%
 figures(
     read("shelf_times"),
-    *(f"7-R arm     {who}" for who in ("ours", "OMPL, our", "OMPL, Python states")),
+    *(f"7-R arm     {name}" for name in ("ours", "OMPL, our", "OMPL, Python states")),
     summary="All of it",
 )
 

@@ -833,8 +833,8 @@ def hold_joint(q, target, pole, load, dt, steps):
     q, v, total = float(q), 0.0, 0.0
     for _ in range(steps):
         error = target - q
-        wanted = kp * error + ki * (total + error) - kd * v
-        torque = inertia * wanted + weight * math.cos(q)
+        desired = kp * error + ki * (total + error) - kd * v
+        torque = inertia * desired + weight * math.cos(q)
         total = total + dt * error
         v = v + dt * (torque + load - weight * math.cos(q)) / inertia
         q = q + dt * v

@@ -914,8 +914,8 @@ for play, lower in ((0.004, 1), (0.01, 1), (0.04, 1), (0.04, 10)):
         goal = start[:, 0] + 0.3 * play
 
         def law(k, seen, laws=laws, goal=goal):
-            wanted = zip(laws, goal, seen[:, 0], strict=True)
-            return np.array([[c.update(x, y)] for c, x, y in wanted])
+            desired = zip(laws, goal, seen[:, 0], strict=True)
+            return np.array([[c.update(x, y)] for c, x, y in desired])
 
         loose = replace(PLAIN, armature=0.03, backlash=play, encoder=side)
         q = Twin(loose, threads=1).run(law, start, 200)[0][1, 0]

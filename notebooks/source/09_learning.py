@@ -209,7 +209,7 @@ show("no_time_penalty")
 for kind in ("sparse", "distance", "potential", "hover", "once"):
     paid = PointReachVector(64, kind, autoreset_mode="SameStep")
     quick = evaluate(fastest, paid, 1000).returns.mean()
-    still = evaluate(lambda seen: 0.0 * seen[:, :2], paid, 1000).returns.mean()
+    still = evaluate(lambda observed: 0.0 * observed[:, :2], paid, 1000).returns.mean()
     print(f"{kind:<10} the fastest way is worth {quick:6.2f}, to stay away {still:6.2f}")
 
 # %% [markdown]
@@ -931,8 +931,8 @@ def lost(injected, executor, *how):
 
 def missed(executor, how):
     """Wrong steps of 40 in contexts, 5 of 1,000 miscopied: without a way back, and with one."""
-    seen = (np.arange(40) % how == 0) & (executor is Commit)
-    wrong = np.where(seen, 0.005, 0.5)  # what comes next is not seen before: one of two is a guess
+    observed = (np.arange(40) % how == 0) & (executor is Commit)
+    wrong = np.where(observed, 0.005, 0.5)  # what comes next is not seen before: one of two is a guess
     return np.sum(1.0 - np.cumprod(1.0 - wrong)), wrong.sum()
 
 

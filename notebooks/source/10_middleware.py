@@ -284,8 +284,8 @@ def kept(offered, requested, joins=0.0, reads=1.0, every=0.1):
         bus.run(joins)
     reader = bus.node("reader").reader("x", None, requested)
     bus.run(reads)
-    found = list(iter(reader.take, None))
-    return [one.value for one in found], [reads - one.stamp for one in found], reader.dropped
+    result = list(iter(reader.take, None))
+    return [one.value for one in result], [reads - one.stamp for one in result], reader.dropped
 
 
 for name, case in {
@@ -1196,15 +1196,15 @@ def follow_part(frames, saves, work, late, period, deadline, drift, ticks):
             published.append((free[group], free[group], rows[number, 2]))
     # The controller's node: a loop that carries the newest place on to its present.
     sent = []
-    asked = 0.0
+    requested = 0.0
     for lateness in np.asarray(late, dtype=float):
-        now = asked + lateness
+        now = requested + lateness
         here = [message for message in published if message[0] <= now]
         if here and now - here[-1][1] <= deadline:
             sent.append((now, here[-1][2] + drift * (now - here[-1][1])))
-        asked = now + period
+        requested = now + period
     # The drive: one command a tick.
-    depth, told, came = 10, 0.0, 0
+    depth, report, came = 10, 0.0, 0
     queue = []
     driven = np.zeros(len(np.asarray(ticks)))
     for i, tick in enumerate(np.asarray(ticks, dtype=float)):
@@ -1212,8 +1212,8 @@ def follow_part(frames, saves, work, late, period, deadline, drift, ticks):
             queue = [*queue, sent[came][1]][-depth:]
             came += 1
         if queue:
-            told = queue.pop(0)
-        driven[i] = told
+            report = queue.pop(0)
+        driven[i] = report
     return driven
 
 

@@ -144,12 +144,12 @@ law = Stage("law", 1e-6, settings.control)
 
 
 def row(name, stages):
-    told = age(stages)
+    report = age(stages)
     print(
-        f"{name:<24}{1e3 * told.least:7.1f}{1e3 * told.mean:7.1f}{1e3 * told.greatest:7.1f}"
-        f"{1e3 * told.std:8.2f}{told.mean * speed:8.2f}"
+        f"{name:<24}{1e3 * report.least:7.1f}{1e3 * report.mean:7.1f}{1e3 * report.greatest:7.1f}"
+        f"{1e3 * report.std:8.2f}{report.mean * speed:8.2f}"
     )
-    return told.mean
+    return report.mean
 
 
 print(f"{'age [ms]':<24}{'least':>7}{'mean':>7}{'most':>7}{'jitter':>8}{'[mm]':>8}")
@@ -329,11 +329,11 @@ for attempt in (
 def spoiled(place=1.0, frame="base", ahead=0):
     """Perception that is ours but for one thing."""
 
-    def seen(sight, scenario, settings):
+    def observed(sight, scenario, settings):
         where, spread, _, stamp = perceive(sight, scenario, settings)
         return place * where, spread, frame, stamp + ahead
 
-    return Stages(perceive=seen)
+    return Stages(perceive=observed)
 
 
 for stages in (spoiled(np.nan), spoiled(frame="camera"), spoiled(ahead=500_000)):
@@ -852,14 +852,14 @@ def reach_target(frames, noise, calibration, drift, start, ticks):
     """Where the tip is told to be at each tick, (m, 2) [m]; the task's table says what goes in."""
     rows, camera = np.asarray(frames, dtype=float), np.asarray(calibration, dtype=float)
     R, t, belt = camera[:, :2], camera[:, 2], np.asarray(drift, dtype=float)
-    seconds, told = 1.0, np.array(start, dtype=float)
-    origin = goal = told
+    seconds, report = 1.0, np.array(start, dtype=float)
+    origin = goal = report
     began, reference = -math.inf, np.zeros((len(np.asarray(ticks)), 2))
     for i, now in enumerate(np.asarray(ticks, dtype=float)):
-        seen = rows[rows[:, 1] <= now][-5:]
-        if len(seen):
-            ages = now - seen[:, 1:2]
-            target = np.mean(seen[:, 2:] @ R + t + ages * belt, axis=0)
+        observed = rows[rows[:, 1] <= now][-5:]
+        if len(observed):
+            ages = now - observed[:, 1:2]
+            target = np.mean(observed[:, 2:] @ R + t + ages * belt, axis=0)
             lost = math.inf
             if began > -math.inf:
                 lost = math.dist(target, goal + (now - began - seconds) * belt)
@@ -868,8 +868,8 @@ def reach_target(frames, noise, calibration, drift, start, ticks):
                 goal = target + (began + seconds - now) * belt
             share = min((now - began) / seconds, 1.0)
             beyond = max(now - began - seconds, 0.0)
-            told = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
-        reference[i] = told
+            report = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
+        reference[i] = report
     return reference
 
 
@@ -923,8 +923,8 @@ def severity(x):
         velocity = (-0.008 + 0.006 * d[4], 0.006 + 0.006 * d[5])
         case = replace(scene, tilt=0.01 * d[3], velocity=velocity)
         bias = (-0.003 + 0.004 * d[0], 0.002 + 0.004 * d[1])
-        told = replace(quiet, bias=bias, latency=0.1 * float(np.exp(0.4 * d[2])))
-        bad[i] = run(case, told).distance - scene.tolerance
+        report = replace(quiet, bias=bias, latency=0.1 * float(np.exp(0.4 * d[2])))
+        bad[i] = run(case, report).distance - scene.tolerance
     return bad
 
 
@@ -951,8 +951,8 @@ rng, seeds = np.random.default_rng(4), range(12)
 
 def square(changed, *mended, case=scenario, some=seeds):
     """Mean squared error of some settings [mm^2]; a run that did not end costs 100 mm."""
-    off = errors(many(case, repair(replace(settings, **changed), "plan", *mended), some))
-    return 1e6 * np.mean(np.nan_to_num(np.sum(off**2, axis=0), nan=0.01))
+    error = errors(many(case, repair(replace(settings, **changed), "plan", *mended), some))
+    return 1e6 * np.mean(np.nan_to_num(np.sum(error**2, axis=0), nan=0.01))
 
 
 drifts = 10.0 ** rng.uniform((-3.5, -3.0), (-1.0, -1.0), (12, 2))

@@ -413,8 +413,8 @@ card("stopping_distance")
 def stopping_distance(speeds, reaction, braking, slope, person, unsure, sight):
     """What a mobile robot needs to stop before a person who walks on towards it."""
     # The brake alone, before somebody who stands.
-    way = np.asarray(speeds) ** 2 / (2.0 * braking)
-    return way, way + unsure, np.sqrt(2.0 * braking * sight)
+    distance = np.asarray(speeds) ** 2 / (2.0 * braking)
+    return distance, distance + unsure, np.sqrt(2.0 * braking * sight)
 
 
 check(stopping_distance)

@@ -43,8 +43,8 @@ def test_formulas_are_found_and_units_left_alone(text, set_):
 
 def test_every_corrected_statement_can_be_set():
     for item in derivations.claims():
-        found = tex(item.corrected)
-        bare = re.sub(r"\\\$", "", found)
+        result = tex(item.corrected)
+        bare = re.sub(r"\\\$", "", result)
         assert bare.count("$") % 2 == 0, item.id
         for formula in re.findall(r"\$([^$]+)\$", bare):
             for left, right in ("()", "{}"):
@@ -64,13 +64,13 @@ def test_a_claim_is_asked_before_it_is_settled(id, right):
     block = derivations.show(id)
     outcome = block.outcome
     text = block._repr_markdown_()
-    seen = open_text(text)
-    assert "True, false, or only if?" in seen
+    observed = open_text(text)
+    assert "True, false, or only if?" in observed
     assert block.verdict not in text.split("<details>")[0]
     for hidden in (outcome.corrected[:20], outcome.finding.statement[:20], "Right."):
-        assert hidden in text and hidden not in seen
+        assert hidden in text and hidden not in observed
     options = re.findall(r"<summary>(.*?)</summary>\n\n\*\*(Right|No)[.,]", text)
-    assert [label for label, said in options if said == "Right"] == right
+    assert [label for label, text in options if text == "Right"] == right
     assert len(options) == 3
 
 
@@ -98,10 +98,10 @@ def test_the_file_of_a_chapter_is_whole(topic):
     labels = []
     for name in cards.predictions(topic):
         shown = cards.predict(name)
-        seen = open_text(shown.markdown)
-        assert "Right." in shown.markdown and "Right." not in seen and "{" not in seen
+        observed = open_text(shown.markdown)
+        assert "Right." in shown.markdown and "Right." not in observed and "{" not in observed
         for option in cards.predictions(topic)[name].options:
-            assert option.why[:15] not in seen
+            assert option.why[:15] not in observed
         rights = [o.right for o in cards.predictions(topic)[name].options]
         labels.append(rights.index(True))
     assert len(set(labels)) > 1, "the right answer always stands at the same place"
@@ -117,8 +117,8 @@ def test_no_card_shows_an_unfilled_field(topic):
 def test_fields_are_filled_wherever_a_question_has_them(monkeypatch):
     slope = "{beyond_the_clip.slope:.0f}"
     options = (cards.Option(f"by {slope}", True, f"{slope}"), cards.Option("not", False, "no"))
-    asked = {"one": cards.Prediction("one", f"Is it {slope}?", options)}
-    monkeypatch.setattr(cards, "predictions", lambda topic: asked)
+    requested = {"one": cards.Prediction("one", f"Is it {slope}?", options)}
+    monkeypatch.setattr(cards, "predictions", lambda topic: requested)
     shown = cards.predict("one")
     assert repr(shown) == "Predict: one\n  by -1\n  not"
     for text in ("Is it -1?", "<summary>by -1</summary>", "**Right.** -1"):

@@ -35,44 +35,44 @@ def test_the_faces_of_stacked_boxes_meet_in_their_common_polygon(sink, swap):
         (0.0, 0.0, math.pi / 4, 8, 2.0 * (math.sqrt(2.0) - 1.0)),
     ):
         poses = scene(at(z=0.5), at(x, y, 1.5 - sink, (0.0, 0.0, yaw)))
-        found = contact.contacts([CUBE, CUBE], poses[:, ::-1] if swap else poses, 0.02)
-        assert found.distance == pytest.approx(np.full(corners, -sink), abs=1e-14)
-        assert area(found.point) == pytest.approx(common, rel=1e-12)
-        assert np.abs(found.point[2] - (1.0 - sink / 2.0)).max() < 1e-14
-        assert np.abs(found.normal[2] - (-1.0 if swap else 1.0)).max() < 1e-14
-        assert (found.bodies == [[0], [1]]).all()
+        result = contact.contacts([CUBE, CUBE], poses[:, ::-1] if swap else poses, 0.02)
+        assert result.distance == pytest.approx(np.full(corners, -sink), abs=1e-14)
+        assert area(result.point) == pytest.approx(common, rel=1e-12)
+        assert np.abs(result.point[2] - (1.0 - sink / 2.0)).max() < 1e-14
+        assert np.abs(result.normal[2] - (-1.0 if swap else 1.0)).max() < 1e-14
+        assert (result.bodies == [[0], [1]]).all()
 
 
 def test_edges_that_cross_meet_in_one_point():
     high = 2.0 * math.sqrt(0.5) - 0.01
     poses = scene(at(turn=(math.pi / 4, 0, 0)), at(z=high, turn=(0, math.pi / 4, 0)))
-    found = contact.contacts([CUBE, CUBE], poses)
-    assert found.distance == pytest.approx([-0.01], abs=1e-14)
-    assert found.point[:, 0] == pytest.approx([0.0, 0.0, high / 2.0], abs=1e-14)
+    result = contact.contacts([CUBE, CUBE], poses)
+    assert result.distance == pytest.approx([-0.01], abs=1e-14)
+    assert result.point[:, 0] == pytest.approx([0.0, 0.0, high / 2.0], abs=1e-14)
 
 
 def test_a_shape_on_a_plane_has_a_contact_for_each_corner():
     rod, ball = contact.capsule(0.1, 0.4), contact.sphere(0.2)
     poses = scene(at(), at(z=0.49), at(3, 0, 0.099, (math.pi / 2, 0, 0)), at(6, 0, 0.15))
-    found = contact.contacts([contact.plane(), CUBE, rod, ball], poses)
-    assert np.bincount(found.bodies[1]).tolist() == [0, 4, 2, 1]
+    result = contact.contacts([contact.plane(), CUBE, rod, ball], poses)
+    assert np.bincount(result.bodies[1]).tolist() == [0, 4, 2, 1]
     depths = [0.01] * 4 + [0.001] * 2 + [0.05]
-    assert found.distance == pytest.approx(-np.array(depths), abs=1e-14)
-    assert found.point[2] == pytest.approx(found.distance / 2.0, abs=1e-14)
-    assert (found.normal == [[0.0], [0.0], [1.0]]).all()
+    assert result.distance == pytest.approx(-np.array(depths), abs=1e-14)
+    assert result.point[2] == pytest.approx(result.distance / 2.0, abs=1e-14)
+    assert (result.normal == [[0.0], [0.0], [1.0]]).all()
     back = contact.contacts([CUBE, contact.plane()], poses[:, [1, 0]])
     assert (back.normal == [[0.0], [0.0], [-1.0]]).all()
 
 
 def test_in_the_plane_two_faces_meet_in_two_points():
     square, floor = contact.box([0.5, 0.5]), contact.plane(dim=2)
-    found = contact.contacts(
+    result = contact.contacts(
         [floor, square, square], scene((0, 0, 0), (0, 0.49, 0), (0.3, 1.48, 0))
     )
-    assert found.bodies.tolist() == [[0, 0, 1, 1], [1, 1, 2, 2]]
-    assert np.sort(found.point[0, 2:]) == pytest.approx([-0.2, 0.5], abs=1e-14)
-    assert found.distance == pytest.approx(np.full(4, -0.01), abs=1e-14)
-    assert found.normal.T == pytest.approx(np.tile([0.0, 1.0], (4, 1)), abs=1e-14)
+    assert result.bodies.tolist() == [[0, 0, 1, 1], [1, 1, 2, 2]]
+    assert np.sort(result.point[0, 2:]) == pytest.approx([-0.2, 0.5], abs=1e-14)
+    assert result.distance == pytest.approx(np.full(4, -0.01), abs=1e-14)
+    assert result.normal.T == pytest.approx(np.tile([0.0, 1.0], (4, 1)), abs=1e-14)
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.05])
@@ -81,7 +81,7 @@ def test_a_scene_has_the_contacts_of_its_pairs(margin):
     kinds = [*SHAPES.values(), contact.plane()]
     shapes = [kinds[k] for k in rng.integers(0, len(kinds), 40)]
     poses = random_poses(rng, 40, 2.0)
-    found = contact.contacts(shapes, poses, margin)
+    result = contact.contacts(shapes, poses, margin)
     expected = []
     for i in range(40):
         for j in range(i + 1, 40):
@@ -89,13 +89,13 @@ def test_a_scene_has_the_contacts_of_its_pairs(margin):
                 apart = contact.distance(shapes[i], poses[:, i], shapes[j], poses[:, j])
                 if apart.distance <= margin:
                     expected.append((i, j, apart.distance))
-    pairs = sorted({(int(i), int(j)) for i, j in found.bodies.T})
+    pairs = sorted({(int(i), int(j)) for i, j in result.bodies.T})
     assert pairs == [(i, j) for i, j, _ in expected]
-    assert list(map(tuple, found.bodies.T.tolist())) == sorted(map(tuple, found.bodies.T.tolist()))
+    assert list(map(tuple, result.bodies.T.tolist())) == sorted(map(tuple, result.bodies.T.tolist()))
     for i, j, far in expected:
-        of = (found.bodies[0] == i) & (found.bodies[1] == j)
-        assert found.distance[of].min() == pytest.approx(far, abs=1e-12)
-        assert (found.distance[of] <= margin).all()
+        of = (result.bodies[0] == i) & (result.bodies[1] == j)
+        assert result.distance[of].min() == pytest.approx(far, abs=1e-12)
+        assert (result.distance[of] <= margin).all()
 
 
 def test_the_manifold_supports_what_mujoco_supports():
@@ -106,10 +106,10 @@ def test_the_manifold_supports_what_mujoco_supports():
     for _ in range(20):
         x, y, yaw = rng.uniform(-0.4, 0.4, 3)
         poses = scene(at(z=0.5), at(x, y, 1.49, (0.0, 0.0, yaw)))
-        found = contact.contacts([CUBE, CUBE], poses)
+        result = contact.contacts([CUBE, CUBE], poses)
         points, distances = oracle.box_contacts(CUBE.half, CUBE.half, poses)
         assert distances == pytest.approx(np.full(distances.size, -0.01), abs=1e-12)
-        assert area(found.point) == pytest.approx(area(points), rel=1e-9)
+        assert area(result.point) == pytest.approx(area(points), rel=1e-9)
 
 
 # --- time of impact -------------------------------------------------------------------------------
@@ -125,17 +125,17 @@ def test_balls_touch_when_the_closed_form_says():
     rng = np.random.default_rng(13)
     a, b = contact.sphere(0.3), contact.sphere(0.5)
     pose_a, v, pose_b, w = flight(rng, 2000)
-    found = contact.time_of_impact(a, pose_a, v, b, pose_b, w, 3.0, 1e-11)
+    result = contact.time_of_impact(a, pose_a, v, b, pose_b, w, 3.0, 1e-11)
     offset, rate = (pose_b - pose_a)[:3], (w - v)[:3]
     exact = contact.spheres_time_of_impact(offset, rate, 0.8)
     hit = exact <= 3.0
     assert hit.sum() > 100
     # Where they only graze, the tolerance makes a hit of a near miss.
     graze = np.abs(np.linalg.norm(offset + rate * np.where(hit, exact, 0.0), axis=0) - 0.8) < 1e-9
-    assert np.isfinite(found.time[hit]).all()
+    assert np.isfinite(result.time[hit]).all()
     assert graze[hit & (exact > 0)].all()
-    assert (np.abs(found.time - np.where(hit, exact, 0.0))[hit] < 1e-8).mean() > 0.99
-    assert found.converged.all()
+    assert (np.abs(result.time - np.where(hit, exact, 0.0))[hit] < 1e-8).mean() > 0.99
+    assert result.converged.all()
 
 
 @pytest.mark.parametrize(("first", "second"), [("box", "box"), ("capsule", "points")])
@@ -144,24 +144,24 @@ def test_nothing_touches_before_the_time_of_impact(first, second):
     a, b = SHAPES[first], SHAPES[second]
     pose_a, v, pose_b, w = flight(rng, 600)
     near = 1e-8
-    found = contact.time_of_impact(a, pose_a, v, b, pose_b, w, 1.0, near)
+    result = contact.time_of_impact(a, pose_a, v, b, pose_b, w, 1.0, near)
     start = contact.distance(a, pose_a, b, pose_b).distance
-    hit, free = np.isfinite(found.time), start > near
-    assert (found.time[~free] == 0.0).all()
+    hit, free = np.isfinite(result.time), start > near
+    assert (result.time[~free] == 0.0).all()
     assert 30 < (hit & free).sum() < free.sum()
-    assert found.converged.all()
+    assert result.converged.all()
 
     def apart(t):
         return contact.distance(a, moved(pose_a, v, t), b, moved(pose_b, w, t)).distance
 
-    until = np.where(hit, found.time, 1.0)
+    until = np.where(hit, result.time, 1.0)
     for share in np.linspace(0.0, 0.999, 60):
         assert (apart(share * until)[free] > 0.0).all()
     assert np.abs(apart(until)[hit & free] - near / 2.0).max() <= near / 2.0
 
 
 def test_a_turning_square_meets_the_floor_with_its_corner():
-    found = contact.time_of_impact(
+    result = contact.time_of_impact(
         contact.box([0.5, 0.5]),
         (0.0, 2.0, math.pi / 4),
         (0.0, -1.0, 0.0),
@@ -170,9 +170,9 @@ def test_a_turning_square_meets_the_floor_with_its_corner():
         (0.0, 0.0, 0.0),
         5.0,
     )
-    assert found.time == pytest.approx(2.0 - math.sqrt(0.5), abs=1e-8)
-    assert found.normal == pytest.approx([0.0, -1.0])
-    assert found.point == pytest.approx([0.0, 0.0], abs=1e-8)
+    assert result.time == pytest.approx(2.0 - math.sqrt(0.5), abs=1e-8)
+    assert result.normal == pytest.approx([0.0, -1.0])
+    assert result.point == pytest.approx([0.0, 0.0], abs=1e-8)
 
 
 @given(st.floats(1.0, 400.0), st.floats(0.0, 1.0))
@@ -181,11 +181,11 @@ def test_no_wall_is_thin_enough_and_no_step_long_enough(speed, phase):
     """A ball at a sheet of a tenth of a millimetre, which a test once a step would miss."""
     ball, sheet = contact.sphere(0.02), contact.box([0.00005, 1.0, 1.0])
     gap = 0.3 + phase
-    found = contact.time_of_impact(
+    result = contact.time_of_impact(
         ball, at(-gap), (speed, 0, 0, 0, 0, 0), sheet, at(), np.zeros(6), 2.0
     )
-    assert found.time == pytest.approx((gap - 0.02005) / speed, abs=2e-9 / speed)
-    assert found.advances <= 4
+    assert result.time == pytest.approx((gap - 0.02005) / speed, abs=2e-9 / speed)
+    assert result.advances <= 4
 
 
 def test_balls_in_any_dimension_and_hard_cases():
@@ -235,9 +235,9 @@ def test_turning_is_about_the_origin_of_the_shape():
     rod = contact.capsule(0.1, 1.0)
     ball = contact.sphere(0.1)
     # The rod's end comes round to the ball after a quarter turn, less what both radii span.
-    found = contact.time_of_impact(
+    result = contact.time_of_impact(
         rod, at(), (0, 0, 0, 0, 1.0, 0), ball, at(0.9), np.zeros(6), 3.0, 1e-10
     )
-    assert found.time == pytest.approx(math.pi / 2 - math.asin(0.2 / 0.9), abs=1e-8)
-    end = rotate(exp(np.array([0.0, found.time, 0.0])), np.array([0.0, 0.0, 0.9]))
+    assert result.time == pytest.approx(math.pi / 2 - math.asin(0.2 / 0.9), abs=1e-8)
+    end = rotate(exp(np.array([0.0, result.time, 0.0])), np.array([0.0, 0.0, 0.9]))
     assert end[0] < 0.9

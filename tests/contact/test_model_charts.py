@@ -93,9 +93,9 @@ def test_sweeps_have_their_slopes() -> None:
 def test_the_clamp_saves_what_theory_says() -> None:
     """MuJoCo without refsafe is at its limit; with it there is none above 1/sqrt(8)."""
     panel = models._clamped((0.1, 0.3, 0.37, 1.0))
-    off, on = panel["MuJoCo, refsafe off"], panel["MuJoCo, refsafe"]
-    assert off.y == pytest.approx(off.expected, rel=0.02)
-    assert list(on.x) == [0.1, 0.3] and on.y == pytest.approx(off.y[:2], rel=0.02)
+    deviation, on = panel["MuJoCo, refsafe off"], panel["MuJoCo, refsafe"]
+    assert deviation.y == pytest.approx(deviation.expected, rel=0.02)
+    assert list(on.x) == [0.1, 0.3] and on.y == pytest.approx(deviation.y[:2], rel=0.02)
     assert models.soft_limit(models.SAVED) == pytest.approx(0.5, rel=1e-12)
 
 
@@ -130,9 +130,9 @@ def test_gradients_before_touch_behind_it_and_of_the_wrong_sign() -> None:
 @pytest.mark.slow
 def test_work_precision_of_a_scene_picks_what_is_good() -> None:
     names = ("penalty", "exact pyramid (LCP)", "true cone (Newton)", "MuJoCo Newton, elliptic")
-    found = models.work_precision("braking", (1e-2, 5e-3, 2.5e-3), 1, names)
-    assert found.observed_order("true cone (Newton)") == pytest.approx(1.0, abs=0.05)
-    pick = found.pick(by="count")
+    result = models.work_precision("braking", (1e-2, 5e-3, 2.5e-3), 1, names)
+    assert result.observed_order("true cone (Newton)") == pytest.approx(1.0, abs=0.05)
+    pick = result.pick(by="count")
     assert pick is not None and pick.name != "exact pyramid (LCP)"
-    errors = [point.error for point in found.curve("exact pyramid (LCP)").points]
+    errors = [point.error for point in result.curve("exact pyramid (LCP)").points]
     assert min(errors) > 10 * 2e-3  # no step repairs a pyramid

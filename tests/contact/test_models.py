@@ -60,9 +60,9 @@ def drawn(seed: int, contacts: int, rows: int, bodies: int = 0) -> Problem:
 def test_newton_on_the_true_cone_obeys_coulomb(seed: int, contacts: int, rows: int) -> None:
     """The residuals are written from the physics and share nothing with the solver's own."""
     problem = drawn(seed, contacts, rows)
-    found = solve("coulomb", problem)
-    if found.converged:
-        owed = residuals(problem, found.impulses)
+    result = solve("coulomb", problem)
+    if result.converged:
+        owed = residuals(problem, result.impulses)
         assert max(owed.signorini, owed.cone, owed.dissipation) < 1e-8
     else:  # with strong coupling the law may have no solution; then nobody finds one
         assert not solve("pgs", problem, sweeps=500).converged
@@ -80,20 +80,20 @@ def test_the_convex_law_is_the_least_change_of_velocity(
 ) -> None:
     """Its optimality conditions: force and velocity in dual cones, and no power between them."""
     problem = drawn(seed, contacts, rows)
-    found = solve("convex", problem)
-    assert found.converged
-    u = problem.jacobian @ found.velocity
+    result = solve("convex", problem)
+    assert result.converged
+    u = problem.jacobian @ result.velocity
     w = u[:, 0] - problem.wanted - np.linalg.norm(problem.friction * u[:, 1:], axis=1)
-    gap, outside = duality_gap(problem, found.impulses)
+    gap, outside = duality_gap(problem, result.impulses)
     assert np.min(w) > -1e-8 and outside < 1e-8
-    assert abs(gap) < 1e-8 * max(1.0, np.sum(found.impulses[:, 0]))
-    assert residuals(problem, found.impulses).cone < 1e-9
+    assert abs(gap) < 1e-8 * max(1.0, np.sum(result.impulses[:, 0]))
+    assert residuals(problem, result.impulses).cone < 1e-9
     # No other velocity that keeps the cones is nearer to the free one, in the metric of the mass.
-    change = found.velocity - problem.free
+    change = result.velocity - problem.free
     cost = change @ problem.mass @ change
     rng = np.random.default_rng(seed)
     for _ in range(20):
-        near = found.velocity + 0.1 * rng.normal(size=change.size)
+        near = result.velocity + 0.1 * rng.normal(size=change.size)
         v = problem.jacobian @ near
         open_ = v[:, 0] - problem.wanted >= np.linalg.norm(problem.friction * v[:, 1:], axis=1)
         if np.all(open_):
@@ -149,9 +149,9 @@ def test_one_corner_is_the_impact_of_chapter_1(
     if (rows[0, 1] @ stronge) * vt < -1e-9:
         return
     for model in RIGID:
-        found = solve(model, problem, **({"sweeps": 100000} if model == "pgs" else {}))
-        if found.converged and defect(problem, [[pn, pt]]) < 1e-9:
-            same = np.allclose(found.velocity, stronge, atol=1e-7)
+        result = solve(model, problem, **({"sweeps": 100000} if model == "pgs" else {}))
+        if result.converged and defect(problem, [[pn, pt]]) < 1e-9:
+            same = np.allclose(result.velocity, stronge, atol=1e-7)
             # Painleve: where the coupling is strong the law has several solutions.
             a = problem.delassus
             assert same or mu * abs(a[0, 1]) >= a[0, 0]
@@ -189,8 +189,8 @@ def test_a_penalty_block_creeps_where_the_others_stick() -> None:
 def test_a_damper_that_may_pull_holds_back_what_leaves() -> None:
     problem = ball_drop(0.0).problem(1e-3, np.array([-1e-4]), np.array([1.0]))
     for pull, force in ((True, 1e4 * 1e-4 - 50.0), (False, 0.0)):
-        found = solve("penalty", problem, stiffness=1e4, damping=50.0, pull=pull)
-        assert found.impulses[0, 0] == pytest.approx(1e-3 * force)
+        result = solve("penalty", problem, stiffness=1e4, damping=50.0, pull=pull)
+        assert result.impulses[0, 0] == pytest.approx(1e-3 * force)
 
 
 def test_what_slides_on_the_convex_cone_separates() -> None:
@@ -202,8 +202,8 @@ def test_what_slides_on_the_convex_cone_separates() -> None:
 @pytest.mark.parametrize("model", RIGID)
 def test_only_torsion_stops_a_spinning_disc(model: str) -> None:
     torsion, spin, dt, steps = 0.01, 10.0, 1e-3, 200
-    left = run(spinning_disc(spin, 0.5, 0.0), model, dt, steps).v[3, -1]
-    assert left == pytest.approx(spin, abs=1e-12)
+    remaining = run(spinning_disc(spin, 0.5, 0.0), model, dt, steps).v[3, -1]
+    assert remaining == pytest.approx(spin, abs=1e-12)
     braked = run(spinning_disc(spin, 0.5, torsion), model, dt, steps)
     expected = spin - torsion * GRAVITY / 0.005 * dt * steps
     assert braked.v[3, -1] == pytest.approx(expected, rel=1e-9)
@@ -213,10 +213,10 @@ def test_only_torsion_stops_a_spinning_disc(model: str) -> None:
 @pytest.mark.parametrize("ratio", [1.0, 100.0, 10000.0])
 def test_a_tower_carries_its_weight_at_any_mass_ratio(model: str, ratio: float) -> None:
     options = {"sweeps": 300000} if model == "pgs" else {}
-    found = solve(model, tower([1.0, ratio]).problem(0.01), **options)
-    assert found.converged
+    result = solve(model, tower([1.0, ratio]).problem(0.01), **options)
+    assert result.converged
     weights = GRAVITY * np.array([1.0 + ratio, ratio])
-    assert found.impulses[:, 0] / 0.01 == pytest.approx(weights, rel=1e-6)
+    assert result.impulses[:, 0] / 0.01 == pytest.approx(weights, rel=1e-6)
 
 
 @pytest.mark.parametrize("model", SOLVED)
@@ -253,9 +253,9 @@ def test_painleves_rod_jams_in_any_step_however_short(model: str) -> None:
     least = [1.0 + 3.0 * math.cos(1.0) ** 2, 3.0 * math.sin(1.0) * math.cos(1.0)]
     critical = least[0] / least[1]
     jammed = [solve(model, rod(1.0, critical + 1.5).problem(dt)) for dt in (1e-3, 1e-5, 1e-7)]
-    for found in jammed:
-        assert found.converged and found.impulses[0, 0] > 0.3
-        end = rod(1.0, 3.0).jacobian[0] @ found.velocity
+    for result in jammed:
+        assert result.converged and result.impulses[0, 0] > 0.3
+        end = rod(1.0, 3.0).jacobian[0] @ result.velocity
         assert np.allclose(end, 0.0, atol=1e-9)
     mild = [solve(model, rod(1.0, critical - 0.3).problem(dt)) for dt in (1e-3, 1e-5)]
     assert mild[1].impulses[0, 0] == pytest.approx(0.01 * mild[0].impulses[0, 0], rel=1e-3)
@@ -277,17 +277,17 @@ def test_what_cannot_be_kept_is_not_claimed() -> None:
         np.eye(1), rows, np.zeros(1), np.zeros(1), np.array([-0.01, 0.0]), np.zeros((2, 0)), 0.01
     )
     for model in SOLVED:
-        found = solve(model, problem)
-        assert not found.converged and found.residual > 1e-3
-        assert "NOT solved" in str(found)
+        result = solve(model, problem)
+        assert not result.converged and result.residual > 1e-3
+        assert "NOT solved" in str(result)
 
 
 def test_too_few_sweeps_say_so() -> None:
     problem = tower([1.0, 1000.0]).problem(0.01)
-    found = solve("pgs", problem, sweeps=50)
-    assert not found.converged
-    assert found.residual == pytest.approx(defect(problem, found.impulses))
-    assert found.residual > 1e-6
+    result = solve("pgs", problem, sweeps=50)
+    assert not result.converged
+    assert result.residual == pytest.approx(defect(problem, result.impulses))
+    assert result.residual > 1e-6
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e9])

@@ -72,9 +72,9 @@ def ours(state: ContactState, options: Options) -> tuple[np.ndarray, np.ndarray,
 def test_forces_are_mujocos(scene: str, what: str, cone: str) -> None:
     options = Options(cone=cone, **OPTIONS[what])
     every = 5 if scene == "links and wall" else 40
-    worst, seen = compared(SCENES[scene](options), options, 320, every)
+    worst, observed = compared(SCENES[scene](options), options, 320, every)
     assert worst < 1e-9
-    assert seen >= (1 if scene == "links and wall" else 3)
+    assert observed >= (1 if scene == "links and wall" else 3)
 
 
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
@@ -97,7 +97,7 @@ def test_our_own_block_and_tower_move_as_mujocos_do() -> None:
     friction it takes a least coefficient; the pyramid's compliance is then 1e-10 of the usual."""
     for cone, mu in itertools.product(("elliptic", "pyramidal"), (0.5, 0.0)):
         options = Options(cone=cone, friction=(mu, 0.005, 0.0001))
-        off = 1e-11 if mu else 1e-7
+        deviation = 1e-11 if mu else 1e-7
         pairs = [
             (scenes.block(0.2, mu, (1.0, 0.5)), mujoco_contact.block(options, 0.2, (1.0, 0.5))),
             (
@@ -110,11 +110,11 @@ def test_our_own_block_and_tower_move_as_mujocos_do() -> None:
             pairs_of = [(i, i + 1) for i in range(scene.distance.size)]
             weight = np.array([weights[a] + weights[b] for a, b in pairs_of])
             steps = 300
-            found = scenes.run(scene, "soft", options.dt, steps, cone=cone, weight=weight)
+            result = scenes.run(scene, "soft", options.dt, steps, cone=cone, weight=weight)
             q, v = runner.run(steps)
-            assert found.unsolved == 0
-            assert np.allclose(found.q[:, -1], q, rtol=0.0, atol=off)
-            assert np.allclose(found.v[:, -1], v, rtol=0.0, atol=max(off, 1e-9))
+            assert result.unsolved == 0
+            assert np.allclose(result.q[:, -1], q, rtol=0.0, atol=deviation)
+            assert np.allclose(result.v[:, -1], v, rtol=0.0, atol=max(deviation, 1e-9))
 
 
 def own_links(options: Options, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -198,7 +198,7 @@ def test_softness_that_vanishes_is_the_convex_law() -> None:
     scene = scenes.block(0.0, 0.5, (1.0, 0.0))
     problem = scene.problem(0.002)
     stops = 1.0 / 0.002
-    found = solve(
+    result = solve(
         "soft",
         problem,
         cone="elliptic",
@@ -208,8 +208,8 @@ def test_softness_that_vanishes_is_the_convex_law() -> None:
         margin=1e-9,
     )
     convex = solve("convex", problem)
-    assert np.allclose(found.velocity, convex.velocity, atol=2e-3)
-    assert defect(problem, found.impulses, "convex") < 5e-3
+    assert np.allclose(result.velocity, convex.velocity, atol=2e-3)
+    assert defect(problem, result.impulses, "convex") < 5e-3
 
 
 @pytest.mark.parametrize(

@@ -21,14 +21,14 @@ PAIRS = list(itertools.combinations_with_replacement(SHAPES, 2))
 HALF = math.sqrt(0.5)
 
 
-def check_points(a, pose_a, b, pose_b, found):
+def check_points(a, pose_a, b, pose_b, result):
     """The points lie on the surfaces, and are as far apart as the distance says."""
     size = a.size + b.size
-    apart = found.point_b - found.point_a
-    assert np.abs(apart - found.distance * found.normal).max() < 1e-13 * size
-    assert np.abs(np.linalg.norm(found.normal, axis=0) - 1.0).max() < 1e-13
+    apart = result.point_b - result.point_a
+    assert np.abs(apart - result.distance * result.normal).max() < 1e-13 * size
+    assert np.abs(np.linalg.norm(result.normal, axis=0) - 1.0).max() < 1e-13
     point = contact.points(np.zeros((a.dim, 1)))
-    for shape, pose, place in ((a, pose_a, found.point_a), (b, pose_b, found.point_b)):
+    for shape, pose, place in ((a, pose_a, result.point_a), (b, pose_b, result.point_b)):
         still = at() if a.dim == 3 else np.zeros(3)
         q = np.tile(still[:, None], place.shape[1])
         q[: a.dim] = place
@@ -42,15 +42,15 @@ def test_agrees_with_coal(first, second, spread):
     rng = np.random.default_rng([ord(letter) for letter in first + second])
     pose_a, pose_b = random_poses(rng, 300, spread), random_poses(rng, 300, spread)
     a, b = SHAPES[first], SHAPES[second]
-    found = contact.distance(a, pose_a, b, pose_b)
+    result = contact.distance(a, pose_a, b, pose_b)
     other = coal.Pair(a, b).distances(pose_a, pose_b)
-    assert np.abs(found.distance - other).max() < 1e-9 * (a.size + b.size)
-    assert found.gap.max() < 1e-13
-    assert found.iterations.max() < 60
-    check_points(a, pose_a, b, pose_b, found)
+    assert np.abs(result.distance - other).max() < 1e-9 * (a.size + b.size)
+    assert result.gap.max() < 1e-13
+    assert result.iterations.max() < 60
+    check_points(a, pose_a, b, pose_b, result)
     # The other way round the same, with the normal turned.
     back = contact.distance(b, pose_b, a, pose_a)
-    assert np.abs(back.distance - found.distance).max() < 1e-13
+    assert np.abs(back.distance - result.distance).max() < 1e-13
 
 
 @pytest.mark.parametrize(
@@ -69,10 +69,10 @@ def test_agrees_with_every_feature(first, second, angle):
         with pytest.raises(ValueError, match="two edges that are not parallel"):
             contact.enumerated(a, pose_a, b, pose_a)
         return
-    found = contact.distance(a, pose_a, b, pose_b).distance
-    assert (found > 0.0).any()
-    assert (found < 0.0).any()
-    assert np.abs(found - contact.enumerated(a, pose_a, b, pose_b)).max() < 1e-12
+    result = contact.distance(a, pose_a, b, pose_b).distance
+    assert (result > 0.0).any()
+    assert (result < 0.0).any()
+    assert np.abs(result - contact.enumerated(a, pose_a, b, pose_b)).max() < 1e-12
 
 
 GAPS = [1e-3, 1e-6, 1e-9, 1e-12, 0.0, -1e-12, -1e-9, -1e-6, -1e-3]
@@ -82,16 +82,16 @@ GAPS = [1e-3, 1e-6, 1e-9, 1e-12, 0.0, -1e-12, -1e-9, -1e-6, -1e-3]
 def test_faces_that_are_all_but_touching(gap):
     exact = (1.0 + gap) - 1.0
     for place in (at(1.0 + gap), at(1.0 + gap, 0.1, 0.2), at(1.0 + gap, 0.99, -0.99)):
-        found = contact.distance(CUBE, at(), CUBE, place)
-        assert abs(found.distance - exact) < 1e-15
-        assert found.normal[0] > 0.999999
+        result = contact.distance(CUBE, at(), CUBE, place)
+        assert abs(result.distance - exact) < 1e-15
+        assert result.normal[0] > 0.999999
     plate = contact.box([5.0, 5.0, 5e-4])
-    found = contact.distance(plate, at(), plate, at(0.3, 0.2, 1e-3 + gap))
+    result = contact.distance(plate, at(), plate, at(0.3, 0.2, 1e-3 + gap))
     # Plates that are deep in each other leave sideways only if that were nearer.
-    assert abs(found.distance - (1e-3 + gap - 1e-3)) < 1e-15
+    assert abs(result.distance - (1e-3 + gap - 1e-3)) < 1e-15
     big, small = contact.box([500.0] * 3), contact.box([5e-4] * 3)
-    found = contact.distance(big, at(), small, at(500.0005 + gap, 1.0, 2.0))
-    assert abs(found.distance - (500.0005 + gap - 500.0 - 5e-4)) < 1e-12
+    result = contact.distance(big, at(), small, at(500.0005 + gap, 1.0, 2.0))
+    assert abs(result.distance - (500.0005 + gap - 500.0 - 5e-4)) < 1e-12
     edge = at(turn=(0.0, 0.0, math.pi / 4))
     across = at(2 * HALF + gap, turn=(0.0, math.pi / 4, 0.0))
     assert abs(contact.distance(CUBE, edge, CUBE, across).distance - gap) < 1e-15
@@ -132,10 +132,10 @@ BAR = contact.capsule(0.1, 0.5, dim=2)
     ],
 )
 def test_degenerate_shapes_and_places(a, b, pose_b, expected):
-    found = contact.distance(a, at(), b, pose_b)
-    assert found.distance == pytest.approx(expected, abs=1e-15 * max(1.0, a.size))
-    assert np.linalg.norm(found.normal) == pytest.approx(1.0, abs=1e-14)
-    assert found.iterations < 30
+    result = contact.distance(a, at(), b, pose_b)
+    assert result.distance == pytest.approx(expected, abs=1e-15 * max(1.0, a.size))
+    assert np.linalg.norm(result.normal) == pytest.approx(1.0, abs=1e-14)
+    assert result.iterations < 30
 
 
 @pytest.mark.parametrize(
@@ -157,24 +157,24 @@ def test_degenerate_shapes_and_places(a, b, pose_b, expected):
     ],
 )
 def test_the_plane_by_the_same_source(a, b, pose_b, expected):
-    found = contact.distance(a, (0.0, 0.0, 0.0), b, pose_b)
-    assert found.distance == pytest.approx(expected, abs=2e-15)
-    assert found.normal.shape == (2,)
-    assert np.linalg.norm(found.normal) == pytest.approx(1.0, abs=1e-14)
+    result = contact.distance(a, (0.0, 0.0, 0.0), b, pose_b)
+    assert result.distance == pytest.approx(expected, abs=2e-15)
+    assert result.normal.shape == (2,)
+    assert np.linalg.norm(result.normal) == pytest.approx(1.0, abs=1e-14)
 
 
 def test_boxes_of_the_plane_are_bars_of_space():
     rng = np.random.default_rng(8)
     pose_a, pose_b = rng.uniform(-1, 1, (3, 300)), rng.uniform(-1, 1, (3, 300))
     flat = contact.box([0.3, 0.5])
-    found = contact.distance(flat, pose_a, flat, pose_b)
-    check_points(flat, pose_a, flat, pose_b, found)
+    result = contact.distance(flat, pose_a, flat, pose_b)
+    check_points(flat, pose_a, flat, pose_b, result)
     long = contact.box([0.3, 0.5, 50.0])
     space = [
         np.vstack((p[:2], 0 * p[:1], exp(np.outer([0, 0, 1], p[2])))) for p in (pose_a, pose_b)
     ]
     expected = contact.enumerated(long, space[0], long, space[1])
-    assert np.abs(found.distance - expected).max() < 1e-12
+    assert np.abs(result.distance - expected).max() < 1e-12
 
 
 sizes = st.floats(-3.0, 3.0).map(lambda power: 10.0**power)
@@ -212,20 +212,20 @@ def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where
     pose_a = at(turn=turn_a)
     x, y, z = np.array(where) * max(a.size, b.size)
     pose_b = at(x, y, z, turn_b)
-    found = contact.distance(a, pose_a, b, pose_b)
+    result = contact.distance(a, pose_a, b, pose_b)
     size = a.size + b.size + np.linalg.norm(pose_b[:3])
-    assert np.linalg.norm(found.normal) == pytest.approx(1.0, abs=1e-12)
-    assert found.gap <= 1e-12 * size
+    assert np.linalg.norm(result.normal) == pytest.approx(1.0, abs=1e-12)
+    assert result.gap <= 1e-12 * size
     # Moved apart by the distance along the normal they touch: no direction is left to separate
     # them less, and along this one they meet in a plane.
     reach_a, reach_b = (
-        found.normal @ corners_in_space(s, q[:, None])[:, :, 0]
+        result.normal @ corners_in_space(s, q[:, None])[:, :, 0]
         for s, q in ((a, pose_a), (b, pose_b))
     )
     along = reach_b.min() - reach_a.max() - a.radius - b.radius
-    core = found.distance + a.radius + b.radius
+    core = result.distance + a.radius + b.radius
     turned = 1e-15 * size / core if core > 0.0 else 0.0
-    assert along == pytest.approx(found.distance, abs=(1e-12 + turned) * size)
+    assert along == pytest.approx(result.distance, abs=(1e-12 + turned) * size)
 
 
 def test_sizes_do_not_change_what_is_found():
@@ -240,8 +240,8 @@ def test_sizes_do_not_change_what_is_found():
         big_a, big_b = pose_a.copy(), pose_b.copy()
         big_a[:3] *= scale
         big_b[:3] *= scale
-        found = contact.distance(a, big_a, b, big_b).distance
-        assert np.abs(found / scale - expected).max() < 1e-13
+        result = contact.distance(a, big_a, b, big_b).distance
+        assert np.abs(result / scale - expected).max() < 1e-13
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
@@ -250,13 +250,13 @@ def test_a_plane_is_a_box_that_never_ends(name):
     shape, pose = SHAPES[name], random_poses(rng, 100, 1.0)
     slab = contact.box([1e3, 1e3, 1e3])
     ground, below = at(), at(z=-1e3)
-    found = contact.distance(contact.plane(), ground, shape, pose)
+    result = contact.distance(contact.plane(), ground, shape, pose)
     expected = contact.distance(slab, below, shape, pose)
-    assert np.abs(found.distance - expected.distance).max() < 1e-11
+    assert np.abs(result.distance - expected.distance).max() < 1e-11
     back = contact.distance(shape, pose, contact.plane(), ground)
-    assert np.array_equal(back.distance, found.distance)
-    assert np.array_equal(back.normal, -found.normal)
-    assert np.array_equal(back.point_a, found.point_b)
+    assert np.array_equal(back.distance, result.distance)
+    assert np.array_equal(back.normal, -result.normal)
+    assert np.array_equal(back.point_a, result.point_b)
 
 
 BAD = [

@@ -18,13 +18,13 @@ WEIGHT = GRAVITY * DT
 
 
 def test_coulombs_impulse_owes_nothing() -> None:
-    found = judged([WEIGHT, -0.5 * WEIGHT, 0.0])
-    assert found.penetration < 1e-12 and found.signorini < 1e-12
-    assert found.cone < 1e-12 and found.dissipation < 1e-12
+    result = judged([WEIGHT, -0.5 * WEIGHT, 0.0])
+    assert result.penetration < 1e-12 and result.signorini < 1e-12
+    assert result.cone < 1e-12 and result.dissipation < 1e-12
     # Friction takes out what the block loses: force times the mean of the speeds.
     slid = 1.0 - 0.5 * WEIGHT
     fallen = 0.5 * WEIGHT**2  # what gravity alone would have given it in the step
-    assert found.energy == pytest.approx(0.5 * (slid**2 - 1.0) - fallen, rel=1e-12)
+    assert result.energy == pytest.approx(0.5 * (slid**2 - 1.0) - fallen, rel=1e-12)
 
 
 def test_each_fault_is_seen_in_its_own_units() -> None:
@@ -67,9 +67,9 @@ def test_they_tell_the_models_apart() -> None:
 
 def test_the_energy_of_a_jam_is_lost() -> None:
     problem = rod(1.0, 3.0).problem(1e-4)
-    found = residuals(problem, solve("lcp", problem).impulses)
+    result = residuals(problem, solve("lcp", problem).impulses)
     end = problem.jacobian[0] @ problem.free  # the speed of the end, which is stopped
-    assert found.energy == pytest.approx(
+    assert result.energy == pytest.approx(
         -0.5 * end @ np.linalg.solve(problem.delassus, end), rel=1e-9
     )
 

@@ -39,11 +39,11 @@ def chosen(preset, **values):
 
 def forces(experiment, seconds, dt=0.005):
     """Forces after each few steps, (samples, models, (normal, along))."""
-    found = []
+    result = []
     for _ in range(round(seconds / dt)):
         experiment.advance(dt)
-        found.append(np.array(experiment.state["force"]))
-    return np.array(found)
+        result.append(np.array(experiment.state["force"]))
+    return np.array(result)
 
 
 def shape(half):
@@ -69,10 +69,10 @@ def test_the_gap_and_the_normal_are_those_of_the_chapter(fixed, moving):
     truth = contact.distance(
         shape(FIXED[fixed]), np.tile(still[:, None], 400), shape(MOVING[moving]), poses
     )
-    found = np.array([touch.touch(controls, x, y) for x, y in at.T])
-    assert np.ptp(np.sign(found[:, 0])) == 2.0  # some apart, some in each other
-    assert np.allclose(found[:, 0], truth.distance, rtol=0.0, atol=1e-12)
-    assert np.allclose(found[:, 1:].T, truth.normal, rtol=0.0, atol=1e-9)
+    result = np.array([touch.touch(controls, x, y) for x, y in at.T])
+    assert np.ptp(np.sign(result[:, 0])) == 2.0  # some apart, some in each other
+    assert np.allclose(result[:, 0], truth.distance, rtol=0.0, atol=1e-12)
+    assert np.allclose(result[:, 1:].T, truth.normal, rtol=0.0, atol=1e-9)
 
 
 def test_below_the_cone_the_constraint_stays_and_the_penalty_creeps():
@@ -89,8 +89,8 @@ def test_below_the_cone_the_constraint_stays_and_the_penalty_creeps():
     now.advance(0.5)
     end = now.state["bodies"]
     assert np.abs(end[CONSTRAINT] - start[CONSTRAINT]).max() < 1e-12
-    left = (hand - end[PENALTY, 0]) / (hand - start[PENALTY, 0])
-    assert left == pytest.approx(math.exp(-0.5 * rate), rel=0.02)
+    remaining = (hand - end[PENALTY, 0]) / (hand - start[PENALTY, 0])
+    assert remaining == pytest.approx(math.exp(-0.5 * rate), rel=0.02)
 
 
 def test_above_it_both_slide_on_the_edge_of_the_cone():
@@ -150,9 +150,9 @@ def test_no_contact_pulls_without_the_switch(x, y, speed, zeta, friction):
     now = Experiment(
         MODEL, start=(x, 0.5, speed, -abs(speed)), hand=(x, y), zeta=zeta, friction=friction
     )
-    found = forces(now, 0.5)
-    assert found[:, :, 0].min() >= 0.0
-    assert (np.abs(found[..., 1]) <= friction * found[..., 0] + 1e-9).all()
+    result = forces(now, 0.5)
+    assert result[:, :, 0].min() >= 0.0
+    assert (np.abs(result[..., 1]) <= friction * result[..., 0] + 1e-9).all()
 
 
 def test_the_penalty_passes_the_thin_wall():

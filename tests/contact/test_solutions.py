@@ -71,9 +71,9 @@ def test_no_shorter_move_along_an_axis_parts_the_boxes(seed, d):
     assert not overlap(a, b + push) and np.count_nonzero(push) == 1
     assert np.abs(push).max() == depth
     for axis in range(d):
-        for way in (-1.0, 1.0):
+        for direction in (-1.0, 1.0):
             for share in (0.2, 0.5, 0.9, 0.999):
-                assert overlap(a, b + way * share * depth * (np.arange(d) == axis))
+                assert overlap(a, b + direction * share * depth * (np.arange(d) == axis))
 
 
 # --- circles --------------------------------------------------------------------------------------
@@ -115,11 +115,11 @@ def test_impacts_are_those_of_the_chapter():
     for _ in range(200):
         place, velocity, other, aim = rng.normal(size=(4, 3))
         reach = rng.uniform(0.3, 2.0)
-        found = solutions.impact_time(place, velocity, other, aim, reach)
+        result = solutions.impact_time(place, velocity, other, aim, reach)
         exact = contact.spheres_time_of_impact(other - place, aim - velocity, reach)
         counts[bool(np.isfinite(exact))] += 1
-        assert found == (pytest.approx(float(exact), rel=1e-10) if np.isfinite(exact) else -1.0)
-        if 0.0 < found < 10.0:
+        assert result == (pytest.approx(float(exact), rel=1e-10) if np.isfinite(exact) else -1.0)
+        if 0.0 < result < 10.0:
             ball = contact.sphere(0.5 * reach)
             advanced = contact.time_of_impact(
                 ball,
@@ -132,7 +132,7 @@ def test_impacts_are_those_of_the_chapter():
                 tolerance=1e-11,
             )
             slowest = np.linalg.norm(aim - velocity)
-            assert abs(float(advanced.time) - found) < 1e-4 / slowest
+            assert abs(float(advanced.time) - result) < 1e-4 / slowest
     assert min(counts.values()) > 30
 
 
@@ -191,9 +191,9 @@ def test_a_block_goes_to_the_nearest_point_of_its_cone(seed, mu):
 def test_a_block_slides_with_g_times_sine_less_mu_cosine(mu, share, dt):
     slope = share * math.atan(mu)
     x, v = solutions.contact_step([0.0, 0.0], [0.0, 0.0], slope, mu, dt, 100)
-    wanted = max(0.0, 9.81 * (math.sin(slope) - mu * math.cos(slope)))
+    expected = max(0.0, 9.81 * (math.sin(slope) - mu * math.cos(slope)))
     if abs(share - 1.0) > 1e-6:
-        assert v == pytest.approx([wanted * 100 * dt, 0.0], abs=1e-11)
+        assert v == pytest.approx([expected * 100 * dt, 0.0], abs=1e-11)
     assert x[1] == pytest.approx(0.0, abs=1e-12)
 
 

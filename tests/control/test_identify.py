@@ -20,8 +20,8 @@ from course.control.identify import (
 from tests.budget import PROVE
 
 
-def error(found, truth):
-    return [abs(getattr(found, name) / getattr(truth, name) - 1.0) for name in LINEAR]
+def error(result, truth):
+    return [abs(getattr(result, name) / getattr(truth, name) - 1.0) for name in LINEAR]
 
 
 HEAVY = JointModel(0.3, 0.5, 0.3, 1.5, 1.1, 0.005)
@@ -36,15 +36,15 @@ def known():
 
 def test_inertia_friction_and_gravity_come_back():
     allowed = [1e-3, 1e-3, 2e-3, 2e-3, 5e-3, 5e-3]
-    for (truth, log), most in zip(known(), allowed, strict=True):
-        found = identify(log, delay=truth.delay, constant=truth.constant)
-        off = error(found.model, truth)
-        assert off[0] < 5e-4
-        assert max(off[1:]) < most
+    for (truth, log), largest in zip(known(), allowed, strict=True):
+        result = identify(log, delay=truth.delay, constant=truth.constant)
+        deviation = error(result.model, truth)
+        assert deviation[0] < 5e-4
+        assert max(deviation[1:]) < largest
         # The stated deviations are about as large as the errors, but for a floor of 2e-4.
         numbers = np.array([getattr(truth, name) for name in LINEAR])
-        assert (numbers * off < 5.0 * found.deviation + 2e-4 * numbers).all()
-        assert (found.deviation < 0.02 * numbers).all()
+        assert (numbers * deviation < 5.0 * result.deviation + 2e-4 * numbers).all()
+        assert (result.deviation < 0.02 * numbers).all()
 
 
 def test_the_exactly_solved_joint_with_an_encoder_comes_back():
@@ -55,15 +55,15 @@ def test_the_exactly_solved_joint_with_an_encoder_comes_back():
         joint, Actuator(delay=0.0023), Encoder(18), Gains(20.0, 0.0, 2.0), target, 1e-3, 8.0
     )
     log = Log(1e-3, run.measured, run.command[:-1])
-    found = identify(log, delay=0.0023).model
-    assert found.inertia == pytest.approx(0.2, rel=1e-3)
-    assert found.damping == pytest.approx(0.3, rel=5e-3)
-    assert found.coulomb == pytest.approx(0.15, rel=1e-2)
-    assert abs(found.gravity) < 2e-3
+    result = identify(log, delay=0.0023).model
+    assert result.inertia == pytest.approx(0.2, rel=1e-3)
+    assert result.damping == pytest.approx(0.3, rel=5e-3)
+    assert result.coulomb == pytest.approx(0.15, rel=1e-2)
+    assert abs(result.gravity) < 2e-3
     # A delay that nobody told of is the cause, and is found.
-    told = diagnose(log, JointModel(0.2, 0.3, 0.15))
-    assert told.causes == ("delay",)
-    assert told.values["delay"] == pytest.approx(0.0023, abs=1e-4)
+    report = diagnose(log, JointModel(0.2, 0.3, 0.15))
+    assert report.causes == ("delay",)
+    assert report.values["delay"] == pytest.approx(0.0023, abs=1e-4)
 
 
 def hidden():
@@ -91,13 +91,13 @@ def test_which_of_seven_causes_it_is_on_hidden_logs():
     logs = record([truth for _, truth, _ in cases], seconds=6.0, seed=5)
     wrong = []
     for (model, truth, name), log in zip(cases, logs, strict=True):
-        told = diagnose(log, model)
-        if told.causes != ((name,) if name else ()):
-            wrong.append((name, told.causes, told.misfit))
+        report = diagnose(log, model)
+        if report.causes != ((name,) if name else ()):
+            wrong.append((name, report.causes, report.misfit))
         elif name:
             near = 2e-4 if name == "delay" else 0.0
-            assert told.values[name] == pytest.approx(getattr(truth, name), rel=0.01, abs=near)
-            assert told.misfit[name] < 0.2
+            assert report.values[name] == pytest.approx(getattr(truth, name), rel=0.01, abs=near)
+            assert report.misfit[name] < 0.2
     assert not wrong
 
 
@@ -109,19 +109,19 @@ def test_a_horizontal_frictionless_log_cannot_tell_the_motor_from_the_inertia():
         for name, value in (("inertia", 0.12), ("constant", 1.0 / 1.2))
     ]
     logs = record([truth for _, truth in pairs], seconds=4.0)
-    told = [diagnose(log, model) for (model, _), log in zip(pairs, logs, strict=True)]
-    for answer in told[:2]:
+    report = [diagnose(log, model) for (model, _), log in zip(pairs, logs, strict=True)]
+    for answer in report[:2]:
         assert set(answer.causes) == {"inertia", "constant"}
         assert answer.values["inertia"] == pytest.approx(0.12, rel=1e-3)
         assert answer.values["constant"] == pytest.approx(1.0 / 1.2, rel=1e-3)
     # Gravity, or friction, tells them apart.
-    assert [answer.causes for answer in told[2:]] == [("inertia",), ("constant",)] * 2
+    assert [answer.causes for answer in report[2:]] == [("inertia",), ("constant",)] * 2
 
 
 def test_a_model_that_is_right_without_noise_has_no_cause():
-    told = diagnose(known()[0][1], NOMINAL)
-    assert told.causes == ()
-    assert set(told.values) == set(CAUSES) == set(asdict(NOMINAL))
+    report = diagnose(known()[0][1], NOMINAL)
+    assert report.causes == ()
+    assert set(report.values) == set(CAUSES) == set(asdict(NOMINAL))
 
 
 LOG = Log(2e-3, np.sin(np.arange(1001) * 2e-3), np.ones(1000))

@@ -246,13 +246,13 @@ def test_mujocos_friction_loss_agrees_where_it_slides():
 
 def test_a_rest_error_within_the_friction_stays_and_an_integral_hunts_above_coulomb():
     # P alone may rest anywhere within static / kp
-    off = 0.9 * 0.3 / 10.0
+    deviation = 0.9 * 0.3 / 10.0
     stays = run_joint(
-        Joint(0.1, 0.0, 0.0, 0.3), Actuator(), Encoder(), Gains(10.0), off, 0.001, 1.0
+        Joint(0.1, 0.0, 0.0, 0.3), Actuator(), Encoder(), Gains(10.0), deviation, 0.001, 1.0
     )
     assert np.all(stays.q == 0.0)
     leaves = run_joint(
-        Joint(0.1, 0.0, 0.0, 0.3), Actuator(), Encoder(), Gains(10.0), off / 0.8, 0.001, 1.0
+        Joint(0.1, 0.0, 0.0, 0.3), Actuator(), Encoder(), Gains(10.0), deviation / 0.8, 0.001, 1.0
     )
     assert leaves.q[-1] > 0.0
 
@@ -277,12 +277,12 @@ def test_the_overshoot_of_a_second_order_step_is_textbooks(zeta):
     run = run_joint(
         Joint(inertia), Actuator(), Encoder(), Gains(kp, 0.0, kd, rate="exact"), 1.0, 1e-4, 8.0
     )
-    found = step_metrics(run.times, run.q, 1.0)
-    assert found.overshoot == pytest.approx(
+    result = step_metrics(run.times, run.q, 1.0)
+    assert result.overshoot == pytest.approx(
         math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)), abs=2e-3
     )
-    assert abs(found.error) < 1e-3
-    t = run.times[run.times > found.settling]
+    assert abs(result.error) < 1e-3
+    t = run.times[run.times > result.settling]
     assert np.all(np.abs(run.q[-t.size :] - 1.0) <= 0.02)
 
 

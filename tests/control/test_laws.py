@@ -57,18 +57,18 @@ def test_laws_of_joints_are_pinocchios_torques(seed):
     judge, zero = pinocchio.Arm(chain), np.zeros(chain.n)
     e = kp * (q_ref - q) + kd * (v_ref - v)
     state = (chain, q, v, q_ref, v_ref)
-    found = laws.computed_torque(*state, a_ref, kp, kd)
-    assert relative(found, judge.inverse_dynamics(q, v, a_ref + e)) < 1e-11
-    found = laws.pd_gravity(*state, kp, kd)
-    assert relative(found, judge.inverse_dynamics(q, zero, zero) + e) < 1e-11
-    found = laws.feedforward(*state, a_ref, kp, kd)
-    assert relative(found, judge.inverse_dynamics(q_ref, v_ref, a_ref) + e) < 1e-11
+    result = laws.computed_torque(*state, a_ref, kp, kd)
+    assert relative(result, judge.inverse_dynamics(q, v, a_ref + e)) < 1e-11
+    result = laws.pd_gravity(*state, kp, kd)
+    assert relative(result, judge.inverse_dynamics(q, zero, zero) + e) < 1e-11
+    result = laws.feedforward(*state, a_ref, kp, kd)
+    assert relative(result, judge.inverse_dynamics(q_ref, v_ref, a_ref) + e) < 1e-11
     # Half a sample on, by the law's own rule.
     h = 0.005
-    found = laws.computed_torque(*state, a_ref, kp, kd, dt=2 * h)
+    result = laws.computed_torque(*state, a_ref, kp, kd, dt=2 * h)
     q2, v2 = q + h * v + h**2 / 2 * a_ref, v + h * a_ref
     e = kp * (q_ref - q2) + kd * (v_ref - v2)
-    assert relative(found, judge.inverse_dynamics(q2, v2, a_ref + e)) < 1e-11
+    assert relative(result, judge.inverse_dynamics(q2, v2, a_ref + e)) < 1e-11
 
 
 @examples(4)
@@ -121,9 +121,9 @@ def test_many_arms_are_each_its_own(seed):
 def test_two_links_are_their_chain():
     q, v, a = np.random.default_rng(0).normal(size=(3, 2, 5))
     down = (0.0, -9.81, 0.0)
-    found = laws.computed_torque(ARM, q, v, v, a, q, *GAINS, 0.01)
+    result = laws.computed_torque(ARM, q, v, v, a, q, *GAINS, 0.01)
     whole = laws.computed_torque(ARM.chain(), q, v, v, a, q, *GAINS, 0.01, gravity=down)
-    assert relative(found, whole) < 1e-13
+    assert relative(result, whole) < 1e-13
 
 
 @pytest.mark.slow
@@ -174,11 +174,11 @@ def test_perfect_tracking_costs_the_sample_time_and_with_preview_its_square():
 
 def test_friction_compensation_is_odd_and_has_its_limits():
     v = np.array([[-3.0, 0.0, 1e-6], [2.0, 1.0, -2.0]])
-    found = laws.friction_compensation(v, [0.4, 0.2], 0.1, 0.02)
-    np.testing.assert_allclose(found, -laws.friction_compensation(-v, [0.4, 0.2], 0.1, 0.02))
-    assert found[:, 0] == pytest.approx([-0.4 - 0.3, 0.2 + 0.2], abs=1e-12)
-    assert found[0, 1] == 0.0
-    assert found[0, 2] == pytest.approx(1e-6 * (0.4 / 0.02 + 0.1), rel=1e-6)
+    result = laws.friction_compensation(v, [0.4, 0.2], 0.1, 0.02)
+    np.testing.assert_allclose(result, -laws.friction_compensation(-v, [0.4, 0.2], 0.1, 0.02))
+    assert result[:, 0] == pytest.approx([-0.4 - 0.3, 0.2 + 0.2], abs=1e-12)
+    assert result[0, 1] == 0.0
+    assert result[0, 2] == pytest.approx(1e-6 * (0.4 / 0.02 + 0.1), rel=1e-6)
 
 
 # --- adaptive -------------------------------------------------------------------------------------
@@ -258,12 +258,12 @@ def test_the_tip_obeys_and_does_not_feel_the_null_space(name, seed):
     q, v = bent(chain, rng)
     goal, rate, acc = rng.normal(size=3), rng.normal(size=len(rows)), rng.normal(size=len(rows))
     J, drift = jacobian(chain, q)[rows], (jacobian_rate(chain, q, v) @ v)[rows]
-    wanted = acc + 9.0 * (goal - tip(chain, q)[:3])[rows] + 4.0 * (rate - J @ v)
+    expected = acc + 9.0 * (goal - tip(chain, q)[:3])[rows] + 4.0 * (rate - J @ v)
     moved = []
     for null in (np.zeros(chain.n), 10.0 * rng.normal(size=chain.n)):
         tau = laws.operational_space(chain, q, v, goal, rate, acc, 9.0, 4.0, null, rows=rows)
         a = forward_dynamics(chain, q, v, tau)
-        assert J @ a + drift == pytest.approx(wanted, abs=1e-8)
+        assert J @ a + drift == pytest.approx(expected, abs=1e-8)
         moved.append(a)
     assert np.abs(moved[1] - moved[0]).max() > 1e-3
     # The projector of velocities, I - J^+ J, keeps the tip still in statics only.
@@ -277,9 +277,9 @@ def test_a_whole_pose_is_a_task():
     goal = tip(chain, q + 0.1)
     tau = laws.operational_space(chain, q, v, goal, 0.0, 0.0, 9.0, 4.0, rows=range(6))
     a = forward_dynamics(chain, q, v, tau)
-    found = jacobian(chain, q) @ a + jacobian_rate(chain, q, v) @ v
-    wanted = 9.0 * laws.pose_error(goal, tip(chain, q)) - 4.0 * jacobian(chain, q) @ v
-    assert found == pytest.approx(wanted, abs=1e-9)
+    result = jacobian(chain, q) @ a + jacobian_rate(chain, q, v) @ v
+    expected = 9.0 * laws.pose_error(goal, tip(chain, q)) - 4.0 * jacobian(chain, q) @ v
+    assert result == pytest.approx(expected, abs=1e-9)
 
 
 @examples(25)
@@ -300,17 +300,17 @@ def test_hybrid_pushes_on_a_turned_surface_and_moves_along_it(seed, angle):
             chain, q, v, goal, 0.0, acc, 9.0, 4.0, [12.0, 0.0], 0.0, frame, forced, rows=rows
         )
         K = np.block([[M, -(n @ J)[:, None]], [(n @ J)[None], np.zeros((1, 1))]])
-        found = np.linalg.solve(K, np.append(tau - bias(chain, q, v), -(n @ drift)))
-        return found[-1], along @ (J @ found[:3] + drift)
+        result = np.linalg.solve(K, np.append(tau - bias(chain, q, v), -(n @ drift)))
+        return result[-1], along @ (J @ result[:3] + drift)
 
-    wanted = acc + 9.0 * (goal - tip(chain, q)[:3])[rows] - 4.0 * (J @ v)
+    expected = acc + 9.0 * (goal - tip(chain, q)[:3])[rows] - 4.0 * (J @ v)
     reaction, moved = pressed(frame, [True, False])
     assert reaction == pytest.approx(-12.0, abs=1e-8)
-    assert moved == pytest.approx(along @ wanted, abs=1e-8)
+    assert moved == pytest.approx(along @ expected, abs=1e-8)
     if abs(s) > 0.1:  # chosen among the world's axes it is neither
         reaction, moved = pressed(np.eye(2), [True, False])
         assert abs(reaction + 12.0) > 1e-4
-        assert abs(moved - along @ wanted) > 1e-4
+        assert abs(moved - along @ expected) > 1e-4
 
 
 def test_measured_force_and_speed_enter_along_forced_axes_only():
@@ -423,11 +423,11 @@ def test_many_arms_run_as_one_each():
     law = JointLaw("computed_torque", ARM, *GAINS)
     starts = np.random.default_rng(0).normal(0.0, 0.3, (2, 2, 3))
     for controller in (law, lambda *state: law(*state)):
-        many = track(HEAVY, controller, sweep, 1e-3, 0.05, 1, tuple(starts))
-        assert many.q.shape == (2, 3, 51)
+        count = track(HEAVY, controller, sweep, 1e-3, 0.05, 1, tuple(starts))
+        assert count.q.shape == (2, 3, 51)
         for k in range(3):
             one = track(HEAVY, law, sweep, 1e-3, 0.05, 1, tuple(starts[:, :, k]))
-            np.testing.assert_allclose(many.q[:, k], one.q, atol=1e-13)
+            np.testing.assert_allclose(count.q[:, k], one.q, atol=1e-13)
 
 
 def test_a_run_that_diverges_ends_in_nan():

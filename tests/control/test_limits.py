@@ -23,9 +23,9 @@ def test_the_triangles_are_the_closed_forms_and_the_servo_has_others():
     loops, servo = build("pd_triangles", points=9)
     for series in loops.series[:3]:
         known = np.isfinite(series.y)
-        found, theory = np.array(series.y)[known], series.expected[known]
-        np.testing.assert_allclose(found, theory, rtol=1e-4, atol=1e-6)
-        assert np.all(series.expected[~known] < 1e-6) and np.max(found) > 0.1
+        result, theory = np.array(series.y)[known], series.expected[known]
+        np.testing.assert_allclose(result, theory, rtol=1e-4, atol=1e-6)
+        assert np.all(series.expected[~known] < 1e-6) and np.max(result) > 0.1
     kv = np.array(servo["MuJoCo Euler"].x)
     np.testing.assert_allclose(servo["MuJoCo Euler"].y, 4 - 2 * kv, atol=1e-4)
     np.testing.assert_allclose(servo["MuJoCo implicitfast"].y, 4 + 2 * kv, atol=1e-4)
@@ -75,10 +75,10 @@ def test_the_rows_of_ziegler_and_nichols_and_what_to_do_instead():
     assert max(panel["PD, three equal poles"].y) < 0.01
     # three poles in one place, in the delay's own equation
     for delay in (0.1, 1.0):
-        found = limits.placed(delay)
+        result = limits.placed(delay)
         D = delay * (1.0 + 1.0 / limits.SAMPLES)
         s = np.roots([D, D + 4.0, 2.0 + 2.0 / D]).max()
-        value = s * s + s + (found.gains.kd * s + found.gains.kp) * math.exp(-s * D)
+        value = s * s + s + (result.gains.kd * s + result.gains.kp) * math.exp(-s * D)
         assert abs(value) < 1e-12
 
 

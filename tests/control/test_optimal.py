@@ -34,20 +34,20 @@ def residual(A, B, Q, R, P):
 @given(seeds)
 def test_the_regulator_is_scipys(seed):
     A, B, Q, R = drawn(seed)
-    found, truth = lqr(A, B, Q, R), solve_discrete_are(A, B, Q, R)
+    result, truth = lqr(A, B, Q, R), solve_discrete_are(A, B, Q, R)
     scale = np.abs(truth).max()
     known = residual(A, B, Q, R, truth)
-    assert residual(A, B, Q, R, found.P) < 3.0 * known + 1e-12
-    assert np.abs(found.P - truth).max() < 1e-7 * scale
-    assert found.radius < 1.0
-    assert 1 <= found.doublings <= 20
+    assert residual(A, B, Q, R, result.P) < 3.0 * known + 1e-12
+    assert np.abs(result.P - truth).max() < 1e-7 * scale
+    assert result.radius < 1.0
+    assert 1 <= result.doublings <= 20
     # x^T P x is the cost of a run under the law.
     x, cost = np.ones(len(A)), 0.0
-    for _ in range(int(40.0 / -math.log(found.radius + 1e-9)) + 10):
-        u = -found.K @ x
+    for _ in range(int(40.0 / -math.log(result.radius + 1e-9)) + 10):
+        u = -result.K @ x
         cost += x @ Q @ x + u @ R @ u
         x = A @ x + B @ u
-    assert cost == pytest.approx(found.P.sum(), rel=1e-8)
+    assert cost == pytest.approx(result.P.sum(), rel=1e-8)
 
 
 def test_a_mode_that_no_law_can_stop_or_that_costs_nothing_is_named():
@@ -70,24 +70,24 @@ def test_the_box_is_scipys_active_set(seed):
     low = -rng.uniform(0.0, 1.0, n)
     high = low + rng.uniform(0.05, 1.0, n)
     low[rng.random(n) < 0.2], high[rng.random(n) < 0.2] = -np.inf, np.inf
-    found = box_qp(M.T @ M, -M.T @ b, low, high)
+    result = box_qp(M.T @ M, -M.T @ b, low, high)
     truth = lsq_linear(M, b, (low, high), method="bvls", tol=1e-15).x
-    assert np.abs(found.x - truth).max() < 1e-10
+    assert np.abs(result.x - truth).max() < 1e-10
     # What is at a bound is there exactly, and pushes outwards; what is free has no slope.
-    slope = M.T @ (M @ found.x - b)
-    assert (found.free == ((found.x > low) & (found.x < high))).all()
-    assert np.abs(slope[found.free]).max(initial=0.0) < 1e-10
-    assert (slope[found.x == low] >= 0.0).all() and (slope[found.x == high] <= 0.0).all()
-    warm = box_qp(M.T @ M, -M.T @ b, low, high, found.x)
+    slope = M.T @ (M @ result.x - b)
+    assert (result.free == ((result.x > low) & (result.x < high))).all()
+    assert np.abs(slope[result.free]).max(initial=0.0) < 1e-10
+    assert (slope[result.x == low] >= 0.0).all() and (slope[result.x == high] <= 0.0).all()
+    warm = box_qp(M.T @ M, -M.T @ b, low, high, result.x)
     assert warm.iterations <= 1
-    assert np.abs(warm.x - found.x).max() < 1e-12
+    assert np.abs(warm.x - result.x).max() < 1e-12
 
 
 def test_bounds_that_meet_and_starts_anywhere():
     H, g = np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([-8.0, 1.0])
     for start in ([9.0, -9.0], [-9.0, 9.0], [0.5, 0.0]):
-        found = box_qp(H, g, [0.5, -5.0], [0.5, 5.0], start)
-        assert found.x == pytest.approx([0.5, -0.5], abs=1e-15)
+        result = box_qp(H, g, [0.5, -5.0], [0.5, 5.0], start)
+        assert result.x == pytest.approx([0.5, -0.5], abs=1e-15)
     assert box_qp(H, g, -np.inf, np.inf).x == pytest.approx(np.linalg.solve(H, -g), rel=1e-14)
 
 

@@ -33,8 +33,8 @@ def test_both_libraries_follow_as_the_compiled_loop_does() -> None:
 
 def test_where_the_limit_binds_on_one_side_a_plan_saves_nothing() -> None:
     saving, times = build("mpc_where", points=4, samples=(10, 20), repeats=1)
-    few, many = saving.series
-    assert few.y[0] == pytest.approx(1.0, abs=1e-9) and 1.2 < few.y[-1] < many.y[-1]
+    few, more = saving.series
+    assert few.y[0] == pytest.approx(1.0, abs=1e-9) and 1.2 < few.y[-1] < more.y[-1]
     assert len(times.series) == 2
 
 

@@ -31,10 +31,10 @@ def test_waves_fit_what_they_span_and_a_smooth_function_nearly():
     same = fit(x, truth @ drawn.waves(x), np.random.default_rng(1), features=40, ridge=1e-15)
     assert same.weights == pytest.approx(truth, rel=1e-6, abs=1e-6)
     smooth = np.array([np.sin(x[0]) * x[4], x[2] ** 2])
-    found = fit(x[:, :2000], smooth[:, :2000], rng, features=400, width=0.3, ridge=1e-9)
-    left = found.weights @ found.waves(x[:, 2000:]) - smooth[:, 2000:]
-    assert left.std() < 0.05 * smooth.std()
-    assert found.waves(x[:, 7]) == pytest.approx(found.waves(x)[:, 7], abs=1e-12)
+    result = fit(x[:, :2000], smooth[:, :2000], rng, features=400, width=0.3, ridge=1e-9)
+    remaining = result.weights @ result.waves(x[:, 2000:]) - smooth[:, 2000:]
+    assert remaining.std() < 0.05 * smooth.std()
+    assert result.waves(x[:, 7]) == pytest.approx(result.waves(x)[:, 7], abs=1e-12)
 
 
 @pytest.mark.slow

@@ -167,18 +167,18 @@ def test_the_growth_of_nothing_of_a_turn_and_of_what_comes_in_threes():
 def test_margins_are_where_the_matrix_stops_decaying():
     law = pid_law(6.4, 25.6, 0.7, dt=0.005, tau=0.01)
     system = joint_system(0.05, 0.1)
-    found = margins(*system, law, 0.005)
+    result = margins(*system, law, 0.005)
 
     def grown(factor=1.0, delay=0.0):
         scaled = pid_law(6.4 * factor, 25.6 * factor, 0.7 * factor, dt=0.005, tau=0.01)
         return growth(loop_matrix(held(*system, 0.005, delay), scaled))
 
     for limit, low, high in (("gain", 0.999, 1.001), ("lower", 1.001, 0.999)):
-        edge = getattr(found, limit)
+        edge = getattr(result, limit)
         assert grown(low * edge) < 1.0 < grown(high * edge)
-    assert grown(delay=0.999 * found.delay) < 1.0 < grown(delay=1.001 * found.delay)
+    assert grown(delay=0.999 * result.delay) < 1.0 < grown(delay=1.001 * result.delay)
     # a lag at the crossing is a delay, but for what the hold does to a part of a sample
-    assert 0.5 < found.phase < math.pi / 2
+    assert 0.5 < result.phase < math.pi / 2
 
 
 def test_phase_and_gain_margin_are_scipys_frequency_response():
@@ -190,12 +190,12 @@ def test_phase_and_gain_margin_are_scipys_frequency_response():
     (_, reach), (_, decay) = joint.transition
     near, fast = joint.drive
     above = [0.0, kp * near + kd * fast, kp * (reach * fast - near * decay) - kd * fast]
-    found = margins(*JOINT, law, dt)
+    result = margins(*JOINT, law, dt)
     w, value = freqz(above, [1.0, -1.0 - decay, decay], np.linspace(1e-5, math.pi, 100_001))
     at = np.argmin(np.abs(np.abs(value) - 1.0))
-    assert found.phase == pytest.approx(math.pi + np.angle(value[at]), abs=2e-2)
-    assert found.delay == pytest.approx(found.phase / (w[at] / dt), rel=0.01)
-    assert found.gain == pytest.approx(1.0 / abs(value[-1]), rel=1e-9)  # it goes at half the rate
+    assert result.phase == pytest.approx(math.pi + np.angle(value[at]), abs=2e-2)
+    assert result.delay == pytest.approx(result.phase / (w[at] / dt), rel=0.01)
+    assert result.gain == pytest.approx(1.0 / abs(value[-1]), rel=1e-9)  # it goes at half the rate
 
 
 def test_an_unstable_loop_has_no_margins_and_a_slack_one_any():

@@ -16,15 +16,15 @@ def test_mppi_is_the_mean_of_the_tilted_normal():
         return 1e6 + (0.5 * a * plans**2 + c * plans).sum(axis=(1, 2))
 
     plan = np.full((2, 2), u0)
-    found = mppi(rollout, plan, np.random.default_rng(0), samples=K, spread=s, temperature=t)
+    result = mppi(rollout, plan, np.random.default_rng(0), samples=K, spread=s, temperature=t)
     truth = (u0 - s**2 * c / t) / (1.0 + s**2 * a / t)
-    assert found.plan == pytest.approx(np.full((2, 2), truth), abs=6.0 * s / np.sqrt(found.voices))
+    assert result.plan == pytest.approx(np.full((2, 2), truth), abs=6.0 * s / np.sqrt(result.voices))
     # voices / K = E[w]^2 / E[w^2], for each of the four inputs by itself.
     u = np.linspace(u0 - 8 * s, u0 + 8 * s, 20001)
     density = np.exp(-0.5 * ((u - u0) / s) ** 2)
     w = np.exp(-(0.5 * a * u**2 + c * u) / t)
     share = (density @ w) ** 2 / ((density @ w**2) * density.sum())
-    assert found.voices / K == pytest.approx(share**4, rel=0.05)
+    assert result.voices / K == pytest.approx(share**4, rel=0.05)
 
 
 def test_the_best_try_wins_as_the_temperature_falls():
@@ -59,8 +59,8 @@ def test_a_rollout_that_fails_never_wins(method, failed):
         return cost
 
     plan = np.full((2, 1), 0.5)
-    found = method(rollout, plan, np.random.default_rng(1), samples=200)
-    assert found.plan[0, 0] > 0.0 and found.cost < np.inf and found.voices >= 1.0
+    result = method(rollout, plan, np.random.default_rng(1), samples=200)
+    assert result.plan[0, 0] > 0.0 and result.cost < np.inf and result.voices >= 1.0
     lost = method(lambda p: np.full(len(p), failed), plan, np.random.default_rng(1))
     np.testing.assert_array_equal(lost.plan, plan)
     assert lost.cost == np.inf and lost.voices == 0.0
@@ -74,24 +74,24 @@ def test_no_try_and_no_plan_leaves_the_limits(method):
         tried.append(plans)
         return -np.abs(plans).sum(axis=(1, 2))
 
-    found = method(
+    result = method(
         rollout, np.zeros((5, 2)), np.random.default_rng(2), spread=[3.0, 9.0], limit=[0.5, 2.0]
     )
-    for plans in (*tried, found.plan[None]):
+    for plans in (*tried, result.plan[None]):
         assert (np.abs(plans) <= [0.5, 2.0]).all()
     assert np.abs(tried[0][:, :, 1]).max() == 2.0
 
 
 def test_cem_takes_the_first_of_equal_tries():
     """Counts of successes tie often. An unstable sort picks other elites on another CPU."""
-    seen = []
+    observed = []
 
     def rollout(tries):
-        seen.append(tries.copy())
+        observed.append(tries.copy())
         return np.arange(len(tries)) % 4 / 4.0
 
-    found = cem(rollout, np.zeros((3, 2)), np.random.default_rng(1), samples=64, rounds=1, elites=8)
-    assert np.array_equal(found.plan, seen[0][:32:4].mean(axis=0))
+    result = cem(rollout, np.zeros((3, 2)), np.random.default_rng(1), samples=64, rounds=1, elites=8)
+    assert np.array_equal(result.plan, observed[0][:32:4].mean(axis=0))
 
 
 def test_cem_finds_the_lowest_point_and_predictive_never_gets_worse():
@@ -100,8 +100,8 @@ def test_cem_finds_the_lowest_point_and_predictive_never_gets_worse():
     def rollout(plans):
         return ((plans - goal) ** 2).sum(axis=(1, 2))
 
-    found = cem(rollout, np.zeros((3, 2)), np.random.default_rng(1), samples=300, rounds=12)
-    assert np.abs(found.plan - goal).max() < 1e-2
+    result = cem(rollout, np.zeros((3, 2)), np.random.default_rng(1), samples=300, rounds=12)
+    assert np.abs(result.plan - goal).max() < 1e-2
     plan, costs, rng = np.zeros((3, 2)), [], np.random.default_rng(1)
     for _ in range(60):
         plan, cost, _ = predictive(rollout, plan, rng, spread=0.3)
@@ -131,11 +131,11 @@ def test_a_weak_motor_swings_a_pendulum_up():
                     cost += 1.0 - np.cos(a) + 0.02 * b**2
                 return cost
 
-            found = mppi(
+            result = mppi(
                 rollout, plan, rng, samples=samples, spread=limit, temperature=0.5, limit=limit
             )
-            q, v = move(q, v, found.plan[0, 0])
-            plan = shifted(found.plan)
+            q, v = move(q, v, result.plan[0, 0])
+            plan = shifted(result.plan)
         return abs(np.sin(q)) < 0.3 and np.cos(q) > 0.0 and abs(v) < 1.0
 
     assert all(success(256, 20, seed) for seed in range(3))

@@ -54,9 +54,9 @@ def test_the_run_and_its_numbers_are_the_chapters(preset):
     )
     assert np.array_equal(state["run"][:, : n + 1], np.stack((run.q, run.torque)))
     first = math.ceil(joint.STEP / dt)
-    seen = control.step_metrics(run.times[first:], run.q[first:], c["target"])
-    assert state["told"][0] == seen.overshoot
-    assert state["told"][2] == pytest.approx(seen.error, rel=1e-9, abs=1e-12)
+    observed = control.step_metrics(run.times[first:], run.q[first:], c["target"])
+    assert state["told"][0] == observed.overshoot
+    assert state["told"][2] == pytest.approx(observed.error, rel=1e-9, abs=1e-12)
     A, B = control.joint_system(joint.INERTIA, joint.DAMPING)
     law = gains.law(dt)
     growth = control.growth(control.loop_matrix(control.held(A, B, dt, late), law))

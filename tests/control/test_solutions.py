@@ -77,18 +77,18 @@ def test_gain_and_period_are_those_of_the_open_loop(friction, late, power, heavy
     """The chapter's function looks at the frequency response, the answer at eigenvalues."""
     dt, inertia = 10.0**power, 10.0**heavy
     damping, delay = 10.0**friction * inertia / dt, late * dt
-    found = solutions.ultimate_gain(inertia, damping, dt, delay)
+    result = solutions.ultimate_gain(inertia, damping, dt, delay)
     A, B = control.joint_system(inertia, damping)
-    np.testing.assert_allclose(found, control.ultimate_gain(A, B, dt, delay), rtol=1e-9)
+    np.testing.assert_allclose(result, control.ultimate_gain(A, B, dt, delay), rtol=1e-9)
 
 
 def test_the_rule_of_half_a_sample_is_near_where_friction_is_small_and_not_elsewhere():
-    def off(friction, late):
-        found = solutions.ultimate_gain(1.0, friction / 0.01, 0.01, late * 0.01)
-        return np.abs(np.array(found) / delay_limit(1.0, friction / 0.01, (late + 0.5) * 0.01) - 1)
+    def deviation(friction, late):
+        result = solutions.ultimate_gain(1.0, friction / 0.01, 0.01, late * 0.01)
+        return np.abs(np.array(result) / delay_limit(1.0, friction / 0.01, (late + 0.5) * 0.01) - 1)
 
-    assert max(off(0.01, late).max() for late in (0.0, 1.0, 5.0)) < 2e-3
-    assert off(5.0, 0.0).max() > 0.1
+    assert max(deviation(0.01, late).max() for late in (0.0, 1.0, 5.0)) < 2e-3
+    assert deviation(5.0, 0.0).max() > 0.1
 
 
 @pytest.mark.parametrize("late", [0.0, 0.3, 1.0, 2.7])
@@ -127,15 +127,15 @@ def test_errors_obey_their_equation_in_pinocchio_and_in_mujoco(rng, gravity):
     q, v, reference = rng.uniform(-4, 4, 2), 3.0 * rng.normal(size=2), rng.normal(size=(3, 2))
     kp, kd = rng.uniform(10.0, 100.0, 2), rng.uniform(2.0, 20.0, 2)
     tau = solutions.computed_torque(lengths, masses, gravity, q, v, reference, kp, kd)
-    wanted = reference[2] + kd * (reference[1] - v) + kp * (reference[0] - q)
+    expected = reference[2] + kd * (reference[1] - v) + kp * (reference[0] - q)
     arm, down = kinematics.planar(lengths, masses), (0.0, -gravity, 0.0)
-    truth = Arm(arm, down).inverse_dynamics(q, v, wanted)
+    truth = Arm(arm, down).inverse_dynamics(q, v, expected)
     np.testing.assert_allclose(tau, truth, rtol=0, atol=1e-12 * (1.0 + np.abs(truth).max()))
     model = mujoco_chain.model(arm, down)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, v, tau
     mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(data.qacc, wanted, rtol=0, atol=1e-9 * (1 + np.abs(wanted).max()))
+    np.testing.assert_allclose(data.qacc, expected, rtol=0, atol=1e-9 * (1 + np.abs(expected).max()))
 
 
 # --- LQR ------------------------------------------------------------------------------------------
@@ -150,9 +150,9 @@ def weights(rng, n):
 @given(rngs(), st.integers(1, 6), st.integers(1, 3))
 def test_the_gain_is_scipys(rng, n, m):
     A, B, Q, R = rng.normal(size=(n, n)), rng.normal(size=(n, m)), weights(rng, n), weights(rng, m)
-    found, P = solutions.lqr(A, B, Q, R), solve_discrete_are(A, B, Q, R)
+    result, P = solutions.lqr(A, B, Q, R), solve_discrete_are(A, B, Q, R)
     truth = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-8 * np.abs(truth).max())
+    np.testing.assert_allclose(result, truth, rtol=0, atol=1e-8 * np.abs(truth).max())
 
 
 @examples(40)
@@ -161,17 +161,17 @@ def test_no_other_gain_costs_less(rng, n, m):
     """The cost of a gain is a Lyapunov equation: no Riccati equation in it."""
     turn, _ = np.linalg.qr(rng.normal(size=(n, n)))
     A, B, Q, R = 1.1 * turn, rng.normal(size=(n, m)), weights(rng, n), weights(rng, m)
-    found = solutions.lqr(A, B, Q, R)
+    result = solutions.lqr(A, B, Q, R)
 
     def cost(K):
         return np.trace(solve_discrete_lyapunov((A - B @ K).T, Q + K.T @ R @ K))
 
-    change = rng.normal(size=found.shape)
-    change *= 1e-4 * np.abs(found).max() / np.abs(change).max()
-    least, around = cost(found), (cost(found + change) + cost(found - change)) / 2.0
+    change = rng.normal(size=result.shape)
+    change *= 1e-4 * np.abs(result).max() / np.abs(change).max()
+    least, around = cost(result), (cost(result + change) + cost(result - change)) / 2.0
     assert around > least
     # Stationary: what is left of first order is beside the second.
-    assert abs(cost(found + change) - cost(found - change)) < 0.1 * (around - least)
+    assert abs(cost(result + change) - cost(result - change)) < 0.1 * (around - least)
 
 
 def test_closed_forms_of_the_gain_also_where_the_loop_is_slow():
@@ -181,8 +181,8 @@ def test_closed_forms_of_the_gain_also_where_the_loop_is_slow():
         half = 0.5 * (r * (1.0 - a * a) - q * b * b)
         root = math.sqrt(half * half + q * r * b * b)
         P = q * r / (half + root) if half > 0 else (root - half) / (b * b)
-        found = solutions.lqr(a * one, b * one, q * one, r * one)
-        assert found[0, 0] == pytest.approx(a * b * P / (r + b * b * P), rel=1e-9)
+        result = solutions.lqr(a * one, b * one, q * one, r * one)
+        assert result[0, 0] == pytest.approx(a * b * P / (r + b * b * P), rel=1e-9)
 
 
 # --- hybrid control -------------------------------------------------------------------------------
@@ -197,7 +197,7 @@ def surface(rng):
 @given(rngs(), st.integers(1, 8))
 def test_hybrid_torques_by_the_projector_on_the_normal(rng, n):
     """The same law in vectors of the world, without a frame: along n n' and across it."""
-    J, frame, (error, velocity, force, wanted) = (
+    J, frame, (error, velocity, force, expected) = (
         rng.normal(size=(3, n)),
         surface(rng),
         rng.normal(size=(4, 3)),
@@ -205,30 +205,30 @@ def test_hybrid_torques_by_the_projector_on_the_normal(rng, n):
     stiffness, damping, gain = rng.uniform(0.5, 3.0, 3)
     normal = frame[:, 1]
     along = np.outer(normal, normal)
-    press = normal * wanted[1]
+    press = normal * expected[1]
     tip = along @ (press + gain * (press - force)) + (np.eye(3) - along) @ (stiffness * error)
     tip = tip - damping * velocity
-    found = solutions.hybrid_torque(
-        J, frame, np.array([0, 1, 0]), error, velocity, force, wanted, [stiffness, damping, gain]
+    result = solutions.hybrid_torque(
+        J, frame, np.array([0, 1, 0]), error, velocity, force, expected, [stiffness, damping, gain]
     )
     rates = rng.normal(size=n)
-    assert found @ rates == pytest.approx(tip @ (J @ rates), abs=1e-11 * (1 + n))
-    np.testing.assert_allclose(found, J.T @ tip, rtol=0, atol=1e-12 * (1.0 + n))
+    assert result @ rates == pytest.approx(tip @ (J @ rates), abs=1e-11 * (1 + n))
+    np.testing.assert_allclose(result, J.T @ tip, rtol=0, atol=1e-12 * (1.0 + n))
 
 
 @examples(40)
 @given(rngs())
 def test_a_world_that_is_turned_leaves_the_torques_as_they_are(rng):
     J, frame, turn = rng.normal(size=(3, 6)), surface(rng), surface(rng)
-    error, velocity, force, wanted = rng.normal(size=(4, 3))
+    error, velocity, force, expected = rng.normal(size=(4, 3))
     forced, gains = rng.integers(0, 2, 3), rng.uniform(0.5, 3.0, 3)
-    here, there = (
+    here, other = (
         solutions.hybrid_torque(
-            R @ J, R @ frame, forced, R @ error, R @ velocity, R @ force, wanted, gains
+            R @ J, R @ frame, forced, R @ error, R @ velocity, R @ force, expected, gains
         )
         for R in (np.eye(3), turn)
     )
-    np.testing.assert_allclose(here, there, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(here, other, rtol=0, atol=1e-12)
 
 
 # --- identification -------------------------------------------------------------------------------
@@ -254,8 +254,8 @@ def test_the_inertia_comes_out_of_a_log_of_mujoco(rng, noise):
     for i in range(count):
         q[i], data.qfrc_applied[0] = data.qpos[0], tau[i]
         mujoco.mj_step(model, data, 10)
-    found = solutions.inertia_from_log(q + noise * rng.normal(size=count), tau, dt)
-    assert found == pytest.approx(truth, rel=2e-4)
+    result = solutions.inertia_from_log(q + noise * rng.normal(size=count), tau, dt)
+    assert result == pytest.approx(truth, rel=2e-4)
 
 
 # --- MPPI -----------------------------------------------------------------------------------------
@@ -266,16 +266,16 @@ def test_the_inertia_comes_out_of_a_log_of_mujoco(rng, noise):
 def test_weights_are_the_softmax_and_only_differences_of_costs_count(rng, k, base, temperature):
     plan, noise, costs = rng.normal(size=(5, 2)), rng.normal(size=(k, 5, 2)), rng.uniform(0, 9, k)
     limits = -rng.uniform(0.5, 2.0, 2), rng.uniform(0.5, 2.0, 2)
-    found, effective = solutions.mppi_step(plan, noise, costs, temperature, *limits)
+    result, effective = solutions.mppi_step(plan, noise, costs, temperature, *limits)
     share = softmax(-costs / temperature)
     truth = np.einsum("k,kij->ij", share, np.clip(plan + noise, *limits))
-    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(result, truth, rtol=0, atol=1e-12)
     assert effective == pytest.approx(1.0 / np.sum(share**2), rel=1e-10)
     assert 1.0 - 1e-12 <= effective <= k * (1.0 + 1e-12)
-    assert (found >= limits[0] - 1e-12).all() and (found <= limits[1] + 1e-12).all()
+    assert (result >= limits[0] - 1e-12).all() and (result <= limits[1] + 1e-12).all()
     # Costs that are shifted are rounded: by so much of a temperature the weights may differ.
     moved, _ = solutions.mppi_step(plan, noise, costs + base, temperature, *limits)
-    np.testing.assert_allclose(moved, found, rtol=0, atol=1e-14 * abs(base) / temperature + 1e-12)
+    np.testing.assert_allclose(moved, result, rtol=0, atol=1e-14 * abs(base) / temperature + 1e-12)
 
 
 @examples(30)
@@ -284,10 +284,10 @@ def test_rollouts_that_failed_might_as_well_not_be_there(rng, k, failure):
     plan, noise, costs = rng.normal(size=(4, 1)), rng.normal(size=(k + 3, 4, 1)), np.zeros(k + 3)
     costs[:k], costs[k:] = rng.normal(size=k), failure
     args = 0.7, np.array([-1.0]), np.array([1.0])
-    found = solutions.mppi_step(plan, noise, costs, *args)
+    result = solutions.mppi_step(plan, noise, costs, *args)
     alone = solutions.mppi_step(plan, noise[:k], costs[:k], *args)
-    np.testing.assert_allclose(found[0], alone[0], rtol=0, atol=1e-15)
-    assert found[1] == pytest.approx(alone[1], rel=1e-14)
+    np.testing.assert_allclose(result[0], alone[0], rtol=0, atol=1e-15)
+    assert result[1] == pytest.approx(alone[1], rel=1e-14)
     stays, nothing = solutions.mppi_step(plan, noise, np.full(k + 3, failure), *args)
     assert nothing == 0.0
     np.testing.assert_array_equal(stays, np.clip(plan, -1.0, 1.0))
@@ -310,12 +310,12 @@ def test_three_poles_come_out_as_the_step_goes_to_zero(pole):
         pushed = -3.0 / 0.5 * 0.5 * t * t * math.exp(-s)
         moved = 0.3 * math.exp(-s) * (1.0 + s - s * s)  # from e(0), e' = 0, e'' = -kp e(0)
         for load, far, truth in ((3.0, 0.0, pushed), (0.0, 0.3, moved)):
-            off = [
+            deviation = [
                 abs(response(solutions.hold_joint, pole, load, far, dt, t) - truth)
                 for dt in (2e-3 / pole, 1e-3 / pole)
             ]
-            assert off[1] < 2e-3 * (abs(far) + abs(load) / pole**2)
-            assert off[0] / off[1] == pytest.approx(2.0, rel=0.3) or off[1] < 1e-5
+            assert deviation[1] < 2e-3 * (abs(far) + abs(load) / pole**2)
+            assert deviation[0] / deviation[1] == pytest.approx(2.0, rel=0.3) or deviation[1] < 1e-5
 
 
 def test_the_starter_of_the_hunt_holds_every_load_with_other_poles():

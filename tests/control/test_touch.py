@@ -117,20 +117,20 @@ def test_the_scene_fits_its_question():
 
 @pytest.mark.parametrize("name", charts.REGIMES)
 def test_each_row_of_the_regimes_says_what_was_measured(name):
-    found, law, said = charts.row(name), charts.REGIMES[name], charts.sentence(name)
+    result, law, text = charts.row(name), charts.REGIMES[name], charts.sentence(name)
     for figure in (
-        f"{found['off_n']:+.1f} N",
-        f"{found['peak_n']:.0f} N",
-        f"x{found['margin']:.1f}",
-        f"{found['rate_hz']:.0f} Hz",
+        f"{result['off_n']:+.1f} N",
+        f"{result['peak_n']:.0f} N",
+        f"x{result['margin']:.1f}",
+        f"{result['rate_hz']:.0f} Hz",
     ):
-        assert figure in said
+        assert figure in text
     theory = charts.series_stiffness(law) if law.stiffness and not law.mass else 0.0
-    assert found["off_n"] == pytest.approx(theory, rel=0.02, abs=0.01)
-    assert found["margin"] > 2.0 and 1.0 < found["rate_hz"] < 500.0
+    assert result["off_n"] == pytest.approx(theory, rel=0.02, abs=0.01)
+    assert result["margin"] > 2.0 and 1.0 < result["rate_hz"] < 500.0
     if name not in charts.TANGENT:  # both sides of the least rate
         slow, fast = (
-            [charts.growth(law, charts.WALL, dt=1.0 / (f * found["rate_hz"])) for f in factors]
+            [charts.growth(law, charts.WALL, dt=1.0 / (f * result["rate_hz"])) for f in factors]
             for factors in ([0.97], np.geomspace(1.03, 10.0, 9))
         )
         assert max(fast) <= 1.0 < min(slow)

@@ -64,10 +64,10 @@ def test_small_changes_are_caught_with_true_numbers(item, change):
         assert result.correct  # a rounded number is admitted there
         return
     assert not result.correct
-    found = result.counterexample
+    outcome = result.counterexample
     # The numbers again, by SymPy and from scratch.
     ours = to_sympy(item.formula)
-    at = {symbol: found["values"][symbol.name] for symbol in ours.free_symbols}
+    at = {symbol: outcome["values"][symbol.name] for symbol in ours.free_symbols}
     expected = float(ours.evalf(30, subs=at))
     changed = {
         "1.001*({})": 1.001 * expected,
@@ -76,9 +76,9 @@ def test_small_changes_are_caught_with_true_numbers(item, change):
         "({})^2": expected**2,
         "1/({})": 1 / expected,
     }[change]
-    assert found["ours"] == pytest.approx(expected, rel=1e-12)
-    assert found["yours"] == pytest.approx(changed, rel=1e-12)
-    assert found["ours"] != found["yours"]
+    assert outcome["ours"] == pytest.approx(expected, rel=1e-12)
+    assert outcome["yours"] == pytest.approx(changed, rel=1e-12)
+    assert outcome["ours"] != outcome["yours"]
 
 
 @pytest.mark.parametrize(

@@ -86,9 +86,9 @@ def test_an_id_that_is_taken_is_refused():
 def test_figure_is_computed_once_per_process(monkeypatch):
     calls = []
 
-    def check(found):
+    def check(result):
         calls.append(1)
-        return determinant.check(found)
+        return determinant.check(result)
 
     determinant = derivations.CLAIMS["determinant_one_is_stable"]
     counted = replace(determinant, id="counted_once", check=check)
@@ -227,7 +227,7 @@ def test_command_exits_with_1_when_something_disagrees(changed):
 
 
 def test_a_check_that_breaks_is_reported_not_raised(changed):
-    changed(check=lambda found: 1 / 0)
+    changed(check=lambda result: 1 / 0)
     result = CliRunner().invoke(main, ["--id", QUICK])
     assert result.exit_code == 1 and "ZeroDivisionError" in result.output
 
@@ -249,8 +249,8 @@ def test_what_a_notebook_shows_is_a_claim_of_its_chapter_or_one_before():
     sources = Path(__file__).parents[2] / "notebooks" / "source"
     for path in sources.glob("[0-9][0-9]_*.py"):
         named = set(re.findall(r'\b(?:show|answer|figure)\(\s*"(\w+)"', path.read_text("utf-8")))
-        there = {item.id for item in ALL if item.chapter <= int(path.name[:2]) and shown(item)}
-        assert named <= there, path.name
+        other = {item.id for item in ALL if item.chapter <= int(path.name[:2]) and shown(item)}
+        assert named <= other, path.name
     assert shown(derivations.CLAIMS["semi_implicit_limit"])
     assert not shown(derivations.CLAIMS[QUICK])
 
@@ -309,8 +309,8 @@ def test_record_refuses_a_claim_that_fails_by_itself(copied, changed):
 def test_record_drops_a_claim_that_is_gone(copied):
     path, command = copied
     right = path.read_text(encoding="utf-8")
-    gone = right.replace(f"[{QUICK}]", "[gone]").replace(f"[{QUICK}.figures]", "[gone.figures]")
-    path.write_text(gone, encoding="utf-8")
+    missing = right.replace(f"[{QUICK}]", "[gone]").replace(f"[{QUICK}.figures]", "[gone.figures]")
+    path.write_text(missing, encoding="utf-8")
     records.load.cache_clear()
     result = command(FILE)
     assert f"{QUICK}: not on record" in result.output and "gone: leaves the record" in result.output

@@ -20,19 +20,19 @@ def total(terms):
     return sum(2 * i + 1 for i in range(terms))
 
 
-def only(check, heard=SAID[0], corrected=SAID[1], **options):
+def only(check, received=SAID[0], corrected=SAID[1], **options):
     """The claim of a check, in a registry of its own."""
     registry: dict[str, Claim] = {}
-    claim(heard, corrected, registry=registry, **options)(check)
+    claim(received, corrected, registry=registry, **options)(check)
     return registry[check.__name__]
 
 
-def odd_sum(found):
-    terms = found.given("terms", 3)
-    found.figure("of_three", total(terms))
-    found.statement = "Added."
-    found.heard(total(terms) == terms)
-    found.corrected(total(terms) == terms**2)
+def odd_sum(result):
+    terms = result.given("terms", 3)
+    result.figure("of_three", total(terms))
+    result.statement = "Added."
+    result.heard(total(terms) == terms)
+    result.corrected(total(terms) == terms**2)
 
 
 def _on_record(item):
@@ -120,8 +120,8 @@ def _yes(whatever):
     return True
 
 
-def _by_another(found):
-    found.corrected(True)
+def _by_another(result):
+    result.corrected(True)
 
 
 @pytest.fixture
@@ -189,7 +189,7 @@ def test_the_small_claim_is_sound_before_it_is_changed(written):
     assert written().faults == ()
 
 
-def computed_everywhere(found):
+def computed_everywhere(result):
     """Ways in which honest checks are written."""
     import math
 
@@ -210,10 +210,10 @@ def computed_everywhere(found):
     good = True
     good &= sums[-1] == 16
     first, *others = sums
-    found.figure("of_three", (largest := max(table.values())))
-    found.statement = "Added."
-    found.heard(any(s == n for n, s in enumerate(sums, 2)))
-    found.corrected(
+    result.figure("of_three", (largest := max(table.values())))
+    result.statement = "Added."
+    result.heard(any(s == n for n, s in enumerate(sums, 2)))
+    result.corrected(
         good,
         odd(3),
         first == 1,
@@ -293,8 +293,8 @@ def test_a_condition_needs_draws(written):
 # --- facts, asks, names -------------------------------------------------------------------------
 
 
-def empty(found):
-    assert found.figures == {}
+def empty(result):
+    assert result.figures == {}
 
 
 def test_a_correction_that_does_not_hold_is_found(written):
@@ -310,22 +310,22 @@ def test_a_check_that_finds_nothing_is_found():
 
 @pytest.mark.parametrize("fact", [1, 0.5, "yes", None, np.array([True, True]), [True]])
 def test_a_fact_is_a_bool(fact):
-    found = derivations.Found("odd_sum")
+    result = derivations.Found("odd_sum")
     with pytest.raises(ValueError, match="a fact is a bool"):
-        found.corrected(fact)
+        result.corrected(fact)
     with pytest.raises(ValueError, match="a fact is a bool"):
-        found.heard(fact)
+        result.heard(fact)
 
 
-def asks(found):
+def asks(result):
     import sympy
 
     n, i = sympy.symbols("n i", positive=True, integer=True)
-    found.formula = sympy.simplify(sympy.summation(2 * i - 1, (i, 1, n)))
-    found.figure("of_three", found.formula.subs(n, 3))
-    found.statement = "Summed."
-    found.heard(found.formula == n)
-    found.corrected(found.formula == n**2)
+    result.formula = sympy.simplify(sympy.summation(2 * i - 1, (i, 1, n)))
+    result.figure("of_three", result.formula.subs(n, 3))
+    result.statement = "Summed."
+    result.heard(result.formula == n)
+    result.corrected(result.formula == n**2)
 
 
 ASK = ("The sum?", "s = n^2", {"n": "That is their number.", "2*n": "No.", "n^3": "No."})
@@ -351,11 +351,11 @@ def test_an_ask_reads_its_left_side_and_its_symbols():
 
 @pytest.mark.parametrize("name", ["of three", "formula", "of_three", "terms"])
 def test_a_figure_has_a_name_of_its_own(name):
-    found = derivations.Found("odd_sum")
-    found.figure("of_three", 9)
-    found.given("terms", 3)
+    result = derivations.Found("odd_sum")
+    result.figure("of_three", 9)
+    result.given("terms", 3)
     with pytest.raises(ValueError, match=f"name is '{name}'"):
-        found.figure(name, 1)
+        result.figure(name, 1)
 
 
 @pytest.mark.parametrize("tolerance", [-1e-6, 0.6, float("nan")])
@@ -365,10 +365,10 @@ def test_a_tolerance_leaves_something_to_say(tolerance):
 
 
 def test_a_claim_has_one_verdict():
-    found = derivations.Found("odd_sum")
-    found.heard(total(3) == 9)
+    result = derivations.Found("odd_sum")
+    result.heard(total(3) == 9)
     with pytest.raises(ValueError, match="one verdict"):
-        found.heard(total(3) == 9)
+        result.heard(total(3) == 9)
 
 
 def test_draws_are_the_same_at_every_run():
@@ -421,9 +421,9 @@ def test_a_figure_that_agrees_is_shown_with_the_digits_on_record():
     assert near.changes and near.corrected == "They add up to n^2: 9.00."
     assert "of_three = 9\n" in f"{derivations.Block(near)!r}\n"
 
-    def wide(found):
-        odd_sum(found)
-        found.tolerances["of_three"] = 0.01
+    def wide(result):
+        odd_sum(result)
+        result.tolerances["of_three"] = 0.01
 
     item = only(wide, corrected="They add up to n^2: {of_three:.2f}.")
     record = item.entry(settle(item, {}).finding) | {"figures": {"of_three": [9.04, 0.01]}}

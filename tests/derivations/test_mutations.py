@@ -188,12 +188,12 @@ def test_a_condition_swapped_with_its_contrary_fails(item):
     """What came out inside is put outside, and the other way about."""
     if reason := unmet(item):
         optional.skip(f"the condition of {item.id} was NOT swapped: {reason}")
-    found, swapped = run(item.id).finding, Found(item.id)
+    result, swapped = run(item.id).finding, Found(item.id)
     swapped.heard(
-        found.holds,
-        only_if="not " + found.condition,
-        inside=found.outside,
-        outside=found.inside,
+        result.holds,
+        only_if="not " + result.condition,
+        inside=result.outside,
+        outside=result.inside,
         cases=True,
     )
     assert any("condition is not enough" in text for text in swapped.problems())
@@ -204,8 +204,8 @@ def test_no_entry_of_the_record_can_change(item):
     """Every text and every figure of every entry, one at a time."""
     # Where the check cannot run here, the record itself is what is changed and compared.
     outcome = derivations.show(item.id).outcome if unmet(item) else run(item.id)
-    found, record = outcome.finding, records.load(item.file)[item.id]
-    entry = item.entry(found)
+    result, record = outcome.finding, records.load(item.file)[item.id]
+    entry = item.entry(result)
     for name in ("verdict", "heard", "corrected", "condition", "formula", "source"):
         changed = record | {name: record.get(name, "") + " not"}
         assert list(records.differences(changed, entry)), name

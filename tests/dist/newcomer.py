@@ -47,13 +47,13 @@ def core() -> None:
     FOUND["places"] = [str(m.__path__[0]) for m in (course, command, solutions)]
     # Every module, and so every chapter, simulation, chart, claim and answer.
     names = [
-        found.name
+        result.name
         for room in (course, command, solutions)
-        for found in pkgutil.walk_packages(room.__path__, f"{room.__name__}.")
-        if not found.name.endswith((".__main__", ".sandbox.child"))  # are run, not imported
-        and not found.name.startswith("course.site")
+        for result in pkgutil.walk_packages(room.__path__, f"{room.__name__}.")
+        if not result.name.endswith((".__main__", ".sandbox.child"))  # are run, not imported
+        and not result.name.startswith("course.site")
     ]
-    FOUND["unimportable"] = {n: said for n in names if (said := refusal(lambda n=n: load(n)))}
+    FOUND["unimportable"] = {n: message for n in names if (message := refusal(lambda n=n: load(n)))}
     FOUND["imported"] = sorted(sys.modules)
 
     texts = {path.stem: charts.read(path.stem) for path in charts.FOLDER.glob("*.txt")}
@@ -77,8 +77,8 @@ def core() -> None:
     Path("work/verlet.py").write_text(cards.card("verlet").solution_text())
     FOUND["right"] = drills("check", "verlet")
     FOUND["review"] = drills("review", text="\n3\n")
-    asked = ("interview", "--kind", "debugging", "--chapters", "3", "--seed", "1")
-    FOUND["interview"] = drills(*asked, text="\n".join([".", *"1" * 9, ".", "1", "1", "1", ""]))
+    requested = ("interview", "--kind", "debugging", "--chapters", "3", "--seed", "1")
+    FOUND["interview"] = drills(*requested, text="\n".join([".", *"1" * 9, ".", "1", "1", "1", ""]))
     FOUND["chapter"] = {c.topic: drills("start", str(c.number)) for c in CHAPTERS}
 
     from course.oracles import (

@@ -65,21 +65,21 @@ def needed(requirements: list[str], extra: str = "") -> set[str]:
 
     What is not installed is left out: the set-up takes two of JupyterLab's away again.
     """
-    found: set[str] = set()
-    asked = [(Requirement(text), extra) for text in requirements]
-    while asked:
-        wanted, of = asked.pop()
-        if wanted.marker and not wanted.marker.evaluate({"extra": of}):
+    result: set[str] = set()
+    requested = [(Requirement(text), extra) for text in requirements]
+    while requested:
+        expected, of = requested.pop()
+        if expected.marker and not expected.marker.evaluate({"extra": of}):
             continue
-        for part in ["", *wanted.extras]:
-            if (key := f"{wanted.name}[{part}]") not in found:
+        for part in ["", *expected.extras]:
+            if (key := f"{expected.name}[{part}]") not in result:
                 try:
-                    there = importlib.metadata.requires(wanted.name) or ()
+                    other = importlib.metadata.requires(expected.name) or ()
                 except importlib.metadata.PackageNotFoundError:
                     continue
-                found.add(key)
-                asked += [(Requirement(text), part) for text in there]
-    return {key.partition("[")[0] for key in found}
+                result.add(key)
+                requested += [(Requirement(text), part) for text in other]
+    return {key.partition("[")[0] for key in result}
 
 
 def link(distribution: str, site: Path) -> None:
@@ -123,9 +123,9 @@ def newcomer(place: Path, what: str) -> dict[str, Any]:
         timeout=600,
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert isinstance(found, dict)
-    return found
+    result = json.loads(done.stdout.splitlines()[-1])
+    assert isinstance(result, dict)
+    return result
 
 
 @pytest.fixture(scope="module")
@@ -184,8 +184,8 @@ def test_a_claim_is_settled_and_a_formula_checked(found: dict[str, Any]) -> None
 
 
 def test_a_drill_is_started_failed_and_solved(found: dict[str, Any]) -> None:
-    code, listed, said = found["list"]
-    assert (code, said) == (0, "") and "verlet" in listed and "Exercises of chapter 12" in listed
+    code, listed, text = found["list"]
+    assert (code, text) == (0, "") and "verlet" in listed and "Exercises of chapter 12" in listed
     assert found["start"][0] == 0
     assert found["starter"][0] == 1 and "NOT ATTEMPTED" in found["starter"][1]
     assert found["wrong"][0] == 1 and found["hint"][0] == 0 and found["hint"][1]
@@ -193,18 +193,18 @@ def test_a_drill_is_started_failed_and_solved(found: dict[str, Any]) -> None:
 
 
 def test_an_interview_is_held(found: dict[str, Any]) -> None:
-    code, said, errors = found["interview"]
+    code, text, errors = found["interview"]
     assert code == 0, errors
-    assert "45 min left" in said and "The report: work/interview/report-" in said
+    assert "45 min left" in text and "The report: work/interview/report-" in text
 
 
 def test_the_notebooks_are_copied_without_the_pictures_that_are_not_there(
     place: Path, found: dict[str, Any]
 ) -> None:
     for chapter in CHAPTERS:
-        code, said, errors = found["chapter"][chapter.topic]
+        code, message, errors = found["chapter"][chapter.topic]
         name = Path(chapter.notebook).name
-        assert (code, errors) == (0, "") and f"jupyter lab work/{name}" in said
+        assert (code, errors) == (0, "") and f"jupyter lab work/{name}" in message
         text = (place / "work" / name).read_text(encoding="utf-8")
         assert "docs/charts" not in text
         pictures = (ROOT / chapter.notebook).read_text("utf-8").count("](../docs/charts/")
@@ -222,18 +222,18 @@ def test_the_notebooks_are_copied_without_the_pictures_that_are_not_there(
     ],
 )
 def test_one_sentence_says_what_an_extra_adds(found: dict[str, Any], name: str, extra: str) -> None:
-    said = found["refusals"][name]
-    assert said.startswith("this needs ") and "\n" not in said
-    asked = re.findall(r"'([^']+)'", said)
+    message = found["refusals"][name]
+    assert message.startswith("this needs ") and "\n" not in message
+    requested = re.findall(r"'([^']+)'", message)
     bounds = [text.partition(";")[0] for text in EXTRAS[extra]]
-    assert asked and {*asked} <= {*bounds}, said
+    assert requested and {*requested} <= {*bounds}, message
 
 
 def test_cards_need_an_extra_and_then_review(place: Path, found: dict[str, Any]) -> None:
-    code, said = found["review"][0], " ".join(found["review"][2].split())
+    code, message = found["review"][0], " ".join(found["review"][2].split())
     assert code == 3
-    assert said.startswith("The package fsrs is not installed, and this command needs it. ")
-    assert "pip install 'robotics-simulation-course[lab]'" in said
+    assert message.startswith("The package fsrs is not installed, and this command needs it. ")
+    assert "pip install 'robotics-simulation-course[lab]'" in message
     (site,) = place.glob("env/lib/python*/site-packages")
     for one in needed(EXTRAS["lab"]):
         link(one, site)

@@ -62,12 +62,12 @@ class Submission:
 
 def read(*kinds: str) -> list[Submission]:
     """The submissions of these kinds."""
-    found = []
+    result = []
     for path in (HERE / "hostile" / f"{kind}.txt" for kind in kinds):
         for part in path.read_text(encoding="utf-8").split("\n#: ")[1:]:
             head, _, text = part.partition("\n")
             name, reasons, marks = [*head.split("|"), ""][:3]
-            found.append(
+            result.append(
                 Submission(
                     f"{path.stem}-{name.strip()}",
                     frozenset(map(Reason, reasons.split())),
@@ -75,7 +75,7 @@ def read(*kinds: str) -> list[Submission]:
                     text,
                 )
             )
-    return found
+    return result
 
 
 @functools.cache
@@ -94,25 +94,25 @@ def runnable(*kinds: str) -> list[Submission]:
 
 def processes() -> set[int]:
     """Everything that descends from this process, zombies too."""
-    found: set[int] = set()
+    result: set[int] = set()
     pending = [os.getpid()]
     while pending:
         below = [p for p in tree._children(pending.pop()) if tree._status(p)]
-        found.update(below)
+        result.update(below)
         pending += below
-    return found
+    return result
 
 
 def state_of_files() -> dict[str, tuple[int, ...]]:
     """What foreign code could have touched: the repository's files, home, /tmp, shared memory."""
     places_of_files = [ROOT / name for name in ("course", "drills", "solutions", "tests")]
-    found: dict[str, tuple[int, ...]] = {}
+    result: dict[str, tuple[int, ...]] = {}
     for top in places_of_files:
         for folder, names, files in os.walk(top):
             names[:] = [n for n in names if not n.startswith((".", "__pycache__"))]
             for name in files:
                 status = os.lstat(os.path.join(folder, name))
-                found[os.path.join(folder, name)] = (
+                result[os.path.join(folder, name)] = (
                     status.st_mtime_ns,
                     status.st_size,
                     status.st_mode,
@@ -121,8 +121,8 @@ def state_of_files() -> dict[str, tuple[int, ...]]:
         if top.is_dir():
             for entry in os.scandir(top):
                 if not entry.name.startswith(("tmp", "pytest", "drills-", ".", "bash")):
-                    found[entry.path] = (entry.stat(follow_symlinks=False).st_mode,)
-    return found
+                    result[entry.path] = (entry.stat(follow_symlinks=False).st_mode,)
+    return result
 
 
 @pytest.fixture(scope="module", name="world")

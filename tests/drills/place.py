@@ -38,10 +38,10 @@ class Place:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.work = folder / "work"
-        kept = {k: v for k, v in os.environ.items() if not k.startswith(("DRILLS", "LC_", "LANG"))}
-        kept.pop("NO_COLOR", None)
-        kept.pop("COLUMNS", None)
-        self.environment = {**kept, "LC_ALL": "C.UTF-8", "TERM": "xterm"}
+        selected = {k: v for k, v in os.environ.items() if not k.startswith(("DRILLS", "LC_", "LANG"))}
+        selected.pop("NO_COLOR", None)
+        selected.pop("COLUMNS", None)
+        self.environment = {**selected, "LC_ALL": "C.UTF-8", "TERM": "xterm"}
         self.environment["COURSE_QUIET"] = "1"
         self.started: list[subprocess.Popen[bytes]] = []
         if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as it is in a shell's background
@@ -127,10 +127,10 @@ def descendants(pid: int) -> set[int]:
             except OSError:
                 continue
             parents[int(entry.name)] = int(status.rpartition(")")[2].split()[1])
-    found: set[int] = set()
-    while more := {child for child, parent in parents.items() if parent in {pid, *found}} - found:
-        found |= more
-    return found
+    result: set[int] = set()
+    while more := {child for child, parent in parents.items() if parent in {pid, *result}} - result:
+        result |= more
+    return result
 
 
 def in_terminal(

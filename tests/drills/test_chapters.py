@@ -234,16 +234,16 @@ def test_a_save_in_the_last_moment_counts(tmp_path: Path) -> None:
     source, work = notebook(tmp_path, "title", "answer"), tmp_path / "work"
     copied = bring(source, work, closed).path
     notebook(tmp_path, "new title", "answer")
-    asked: list[Path] = []
+    requested: list[Path] = []
 
     def saved_meanwhile(path: Path) -> bool:
-        if not asked:
+        if not requested:
             answer(path, 1, "just saved")
-        asked.append(path)
+        requested.append(path)
         return False
 
     assert bring(source, work, saved_meanwhile).state == "brought up to date"
-    assert sources(copied) == ["new title", "just saved"] and len(asked) == 2
+    assert sources(copied) == ["new title", "just saved"] and len(requested) == 2
 
 
 def test_a_full_disk_leaves_the_old_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,9 +270,9 @@ def test_links_lead_to_the_same_place_or_are_titles(tmp_path: Path) -> None:
     inside = bring(source, tmp_path / "project" / "work", closed).path
     assert sources(inside)[0] == text
     outside = bring(source, tmp_path / "mine" / "deep", closed).path
-    gone = "*A chart (the picture is in the project's tree)*"
-    there = text.replace("![A chart](../docs/a.png)", gone).replace("../docs", "../../project/docs")
-    assert sources(outside)[0] == there
+    missing = "*A chart (the picture is in the project's tree)*"
+    other = text.replace("![A chart](../docs/a.png)", missing).replace("../docs", "../../project/docs")
+    assert sources(outside)[0] == other
 
 
 def test_every_picture_of_the_course_is_found_from_a_copy(tmp_path: Path) -> None:
@@ -308,10 +308,10 @@ def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str
         runtime = tmp_path / "runtime"
         runtime.mkdir()
         monkeypatch.setenv("JUPYTER_RUNTIME_DIR", str(runtime))
-        said = {"url": f"http://127.0.0.1:{web.server_port}/base/", "token": "secret"}
-        said["root_dir"] = str(tmp_path)
-        (runtime / "jpserver-1.json").write_text(json.dumps(said))
-        (runtime / "jpserver-2.json").write_text(json.dumps({**said, "url": "http://[::1]:9/"}))
+        message = {"url": f"http://127.0.0.1:{web.server_port}/base/", "token": "secret"}
+        message["root_dir"] = str(tmp_path)
+        (runtime / "jpserver-1.json").write_text(json.dumps(message))
+        (runtime / "jpserver-2.json").write_text(json.dumps({**message, "url": "http://[::1]:9/"}))
         (runtime / "jpserver-3.json").write_text("half a fi")
         yield opened
         web.shutdown()
@@ -348,8 +348,8 @@ def test_the_sections_take_the_time_that_the_first_screen_says() -> None:
     for source in notebooks.sources():
         if parts := chapters.sections(notebooks.target(source)):
             whole = sum(part.minutes for part in parts)
-            said = form.reading(nbformat.read(notebooks.target(source), 4).cells)["open"]
-            assert whole <= said < whole + 1
+            text = form.reading(nbformat.read(notebooks.target(source), 4).cells)["open"]
+            assert whole <= text < whole + 1
 
 
 def test_what_is_next_follows_the_chapters_and_what_was_tried() -> None:
@@ -361,9 +361,9 @@ def test_what_is_next_follows_the_chapters_and_what_was_tried() -> None:
         later.name: Record("attempted", last="2026-01-01"),
         last.name: Record("attempted", last="2026-01-02"),
     }
-    left = agenda.to_solve(Loaded(records), every)
-    assert left[0] == last
-    assert left[1:] == [card for card in every[1:] if card != last]
+    remaining = agenda.to_solve(Loaded(records), every)
+    assert remaining[0] == last
+    assert remaining[1:] == [card for card in every[1:] if card != last]
 
 
 def test_what_is_left_is_the_sum_of_the_cards_and_of_the_unread() -> None:
@@ -443,8 +443,8 @@ def test_the_home_page_says_where_to_go_on_and_what_is_left(progress_file: Path)
     link = one.chapter.notebook.removeprefix("notebooks/")
     assert f"[chapter {number}, section {part.number}: {part.title}]({link})" in page
     assert f"`{cards.cards()[0].name}`" in page and "○" * len(one.cards) in page
-    there = sum(row.exercise_minutes for row in standing if row.sections)
-    assert f"{agenda.duration(there)} to solve" in page
+    other = sum(row.exercise_minutes for row in standing if row.sections)
+    assert f"{agenda.duration(other)} to solve" in page
     progress.change(progress_file, one.cards[0].name, lambda r: progress.note_attempt(r, True, {}))
     progress.change_chapter(progress_file, number, lambda r: progress.note_read(r, [part.number]))
     topic = one.chapter.topic

@@ -46,35 +46,35 @@ def test_yours_and_the_worked_answer_are_asked_the_same() -> None:
         own_settings={"exact": [4.0]},
     )
     solution = cards.card("fk3").solution_text()
-    found = charted("fk3", solution.replace("np.cumsum(thetas)", "0.0 * thetas"), plan=plan)
-    kinds = [(curve.name, curve.style, len(curve.points)) for curve in found.curves]
+    result = charted("fk3", solution.replace("np.cumsum(thetas)", "0.0 * thetas"), plan=plan)
+    kinds = [(curve.name, curve.style, len(curve.points)) for curve in result.curves]
     assert kinds == [
         ("yours", "yours", 2),
         ("worked answer", "ours", 2),
         ("far off", "ours", 2),
         ("exact", "oracle", 1),
     ]
-    assert max(point.error for point in found.curve("yours").points) < 1e-300
-    errors = [point.error for point in found.curve("worked answer").points]
+    assert max(point.error for point in result.curve("yours").points) < 1e-300
+    errors = [point.error for point in result.curve("worked answer").points]
     assert errors == pytest.approx([3.0 - 3.0 * np.cos(0.5), 3.0 - 3.0 * np.cos(0.25)])
-    assert [point.count for point in found.curve("worked answer").points] == [4.0, 8.0]
-    assert all(point.failure for point in found.curve("far off").points)
-    assert found.curve("exact").points[0].parameter == 4.0
+    assert [point.count for point in result.curve("worked answer").points] == [4.0, 8.0]
+    assert all(point.failure for point in result.curve("far off").points)
+    assert result.curve("exact").points[0].parameter == 4.0
 
 
 def check_chart(name: str) -> None:
     """The worked answer lies on its own curve, and something meets the tolerance."""
-    found = charted(name, cards.card(name).solution_text())
-    if isinstance(found, Drawing):
-        assert all("yours is within 0.0e+00" in panel.notes[0] for panel in found.panels())
+    result = charted(name, cards.card(name).solution_text())
+    if isinstance(result, Drawing):
+        assert all("yours is within 0.0e+00" in panel.notes[0] for panel in result.panels())
         return
-    yours, worked, *others = found.curves
-    assert (yours.name, yours.style, worked.style) == ("yours", "yours", "ours")
+    yours, answer, *others = result.curves
+    assert (yours.name, yours.style, answer.style) == ("yours", "yours", "ours")
     assert any(curve.style == "oracle" for curve in others)
-    assert [p.parameter for p in yours.points] == [p.parameter for p in worked.points]
-    assert [p.error for p in yours.points] == [p.error for p in worked.points]
-    assert found.tolerance is not None and found.reference_uncertainty < 0.1 * found.tolerance
-    assert found.pick() is not None
+    assert [p.parameter for p in yours.points] == [p.parameter for p in answer.points]
+    assert [p.error for p in yours.points] == [p.error for p in answer.points]
+    assert result.tolerance is not None and result.reference_uncertainty < 0.1 * result.tolerance
+    assert result.pick() is not None
 
 
 def test_the_chart_of_an_exercise() -> None:
@@ -90,8 +90,8 @@ def test_arms_are_drawn_where_speed_buys_no_accuracy() -> None:
     assert right.table().count("tip at (") == len(right.panels()) == 2
     wrong = charted("fk3", solution.replace("np.cumsum(thetas)", "thetas"))
     assert wrong.panels()[0]["worked"].x[-1] == right.panels()[0]["worked"].x[-1]
-    yours, worked = (wrong.panels()[0][name] for name in ("yours", "worked"))
-    assert np.hypot(yours.x[-1] - worked.x[-1], yours.y[-1] - worked.y[-1]) > 0.01
+    yours, answer = (wrong.panels()[0][name] for name in ("yours", "worked"))
+    assert np.hypot(yours.x[-1] - answer.x[-1], yours.y[-1] - answer.y[-1]) > 0.01
 
 
 def test_a_share_of_successes_has_no_order() -> None:

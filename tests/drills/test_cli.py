@@ -64,8 +64,8 @@ def test_a_newcomer_starts_fails_asks_and_solves(place: Place) -> None:
     assert wrong.code == 1 and "NOT RIGHT" in wrong.out and "--seed" in wrong.out
     assert place.record()["state"] == "attempted"
 
-    refused = place.run("solution", "verlet")
-    assert refused.code == 2 and "--give-up" in refused.err and refused.out == ""
+    rejected = place.run("solution", "verlet")
+    assert rejected.code == 2 and "--give-up" in rejected.err and rejected.out == ""
 
     hints = [place.run("hint", "verlet").out for _ in range(4)]
     assert [f"Hint {n} of 3" in text for n, text in zip((1, 2, 3, 3), hints, strict=True)]
@@ -93,10 +93,10 @@ def test_the_first_two_minutes_of_the_readme(place: Place) -> None:
     (listing,) = re.findall(r"```python\n(import numpy as np\n.*?)```", readme, re.S)
     place.run("start", "fk3")
     place.answer(listing, "fk3")
-    said = place.run("check", "fk3", "--seed", "1").out
-    feedback = said.partition("\nCases:")[0].strip()
+    output = place.run("check", "fk3", "--seed", "1").out
+    feedback = output.partition("\nCases:")[0].strip()
     assert "Likely cause" in feedback
-    assert feedback in readme, said
+    assert feedback in readme, output
     assert "Write `zip(lengths, np.cumsum(thetas))`" in readme
     better = listing.replace("zip(lengths, thetas)", "zip(lengths, np.cumsum(thetas))")
     place.answer(better, "fk3")
@@ -256,10 +256,10 @@ def test_verify_says_what_was_proved(
 
     def prove(names: list[str] | None, seeds: int, progress: Any) -> list[verify.Finding]:
         assert (names, seeds) == (["verlet"], 3)
-        found = [verify.Finding("verlet", "one thing", True), verify.Finding("verlet", "b", passed)]
-        for finding in found:
+        result = [verify.Finding("verlet", "one thing", True), verify.Finding("verlet", "b", passed)]
+        for finding in result:
             progress(finding)
-        return found
+        return result
 
     monkeypatch.setattr(verify, "verify", prove)
     command = ["verify", "verlet", "--seeds", "3"]
@@ -487,8 +487,8 @@ def test_the_work_folder_can_be_chosen(place: Place) -> None:
     place.run("start", "verlet", DRILLS_WORK=str(place.folder / "a"))
     place.run("start", "verlet", "--work", "b")
     place.run("--work", "c", "start", "verlet")
-    found = sorted(p.relative_to(place.folder).as_posix() for p in place.folder.rglob("*.py"))
-    assert found == ["a/verlet.py", "b/verlet.py", "c/verlet.py"]
+    result = sorted(p.relative_to(place.folder).as_posix() for p in place.folder.rglob("*.py"))
+    assert result == ["a/verlet.py", "b/verlet.py", "c/verlet.py"]
 
 
 def test_inside_the_project_the_answers_are_in_its_work_folder(

@@ -106,8 +106,8 @@ def test_numbers_that_no_picture_can_hold_are_no_fault(tmp_path: Path) -> None:
     assert report.shown is not None
     huge = (np.full((4, 2), 1e308) * [[1.0, -1.0]],)
     report.shown = Shown("huge", report.shown.args, huge, report.shown.expected)
-    found = picture.write(report, tmp_path / "a.png")
-    assert found is None or found.read_bytes().startswith(b"\x89PNG")
+    result = picture.write(report, tmp_path / "a.png")
+    assert result is None or result.read_bytes().startswith(b"\x89PNG")
     assert [path.name for path in tmp_path.iterdir()] in ([], ["a.png"])
 
 

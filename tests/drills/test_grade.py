@@ -167,13 +167,13 @@ def test_a_slip_is_named_from_all_answers_also_when_the_run_is_stopped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """`told` sees right and wrong answers; an exception between two does not hide the slip."""
-    seen: list[int] = []
+    observed: list[int] = []
 
-    def told(answers: Sequence[Answer]) -> str:
-        seen.append(len(answers))
+    def message(answers: Sequence[Answer]) -> str:
+        observed.append(len(answers))
         return "half" if any(not all(answer.right) for answer in answers) else ""
 
-    judge = judge_of(_cases, 1e-9, "rounding", told=told)
+    judge = judge_of(_cases, 1e-9, "rounding", told=message)
     source = RIGHT.replace("def fk3(", "def base(") + (
         "\n\ndef fk3(lengths, thetas):\n    fk3.n = getattr(fk3, 'n', 0) + 1\n"
         "    return base(lengths, thetas) / min(fk3.n, 2)\n"
@@ -184,7 +184,7 @@ def test_a_slip_is_named_from_all_answers_also_when_the_run_is_stopped(
     raising = source.replace("min(fk3.n, 2)", "(2 if fk3.n < 4 else [].pop())")
     stopped = _judged(monkeypatch, judge, raising, slips=slips)
     assert stopped.reason is Reason.RAISED and stopped.slip == "half"
-    assert seen[0] == 4 and seen[-1] == 3
+    assert observed[0] == 4 and observed[-1] == 3
 
 
 @pytest.mark.parametrize(

@@ -93,8 +93,8 @@ REQUESTS: dict[str, Callable[[Any], Any]] = {
 
 
 def _counted(place: Any) -> Any:
-    one, two, gone = (place.new("Counter", start=start) for start in (5, 7, 9))
-    del gone
+    one, two, missing = (place.new("Counter", start=start) for start in (5, 7, 9))
+    del missing
     return place.method(one, "add", 1), place.method(two, "add", n=3), place.method(one, "add", 1)
 
 
@@ -124,19 +124,19 @@ def test_a_stand_in_answers_as_a_child_does() -> None:
 def test_a_text_that_fails_at_the_top_or_lacks_the_name_is_told_so() -> None:
     for source, error in (("1 / 0", Raised), ("def other(): pass", MissingName)):
         places = [kind(source, filename="answer.py", entry="f") for kind in (Child, StandIn)]
-        told = []
+        report = []
         for place in places:
             with place, pytest.raises(error) as caught:
                 place.load()
-            told.append(str(caught.value))
-        assert told[0] == told[1]
+            report.append(str(caught.value))
+        assert report[0] == report[1]
 
 
 def test_what_is_remembered_is_what_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
     text = "seen = []\ndef f(x):\n    seen.append(x)\n    return sum(seen) if x else 1 / x\n"
     monkeypatch.setattr(InProcess, "memory", {})
-    for told in ([1, 2, 3], [1, 2, 3], [1, 3], [1, 2, 3, 4, 4]):
+    for report in ([1, 2, 3], [1, 2, 3], [1, 3], [1, 2, 3, 4, 4]):
         module = InProcess(text)
-        assert [module.call("f", x) for x in told] == list(np.cumsum(told))
+        assert [module.call("f", x) for x in report] == list(np.cumsum(report))
     monkeypatch.setattr(InProcess, "_run", None)
     assert [InProcess(text).call("f", 1) for _ in range(2)] == [1, 1]

@@ -29,11 +29,11 @@ JUDGES = sorted((ROOT / "drills" / "catalogue").glob("*/exercise.py"))
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_a_big_library_is_asked_through_its_oracle(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    found = [(name, late) for name, late in imports(tree, "drills") if name.split(".")[0] in BIG]
+    result = [(name, late) for name, late in imports(tree, "drills") if name.split(".")[0] in BIG]
     if path.parent.name == "randomize":  # this drill is about a MuJoCo model
         child = path.name in ("given.py", "starter.py")  # runs where the course isn't
-        found = [(name, late) for name, late in found if name != "mujoco" or not (late or child)]
-    assert found == []
+        result = [(name, late) for name, late in result if name != "mujoco" or not (late or child)]
+    assert result == []
 
 
 @pytest.mark.parametrize("path", JUDGES, ids=lambda path: path.parent.name)
@@ -111,15 +111,15 @@ def test_a_table_of_slips_says_pairs_or_a_whole_answer() -> None:
 
 def test_coarse_slips_give_the_worked_answer_with_fewer_digits() -> None:
     kinds: tuple[Any, Any] = np.float32, np.round
-    for single, many in (("0.123456789123", "0.123456789123, [2.0]"), ("1 / 3", "1 / 3, 0.5")):
+    for single, count in (("0.123456789123", "0.123456789123, [2.0]"), ("1 / 3", "1 / 3, 0.5")):
         for slip, value in zip(coarse_slips("f", "S."), kinds, strict=True):
-            for body in (single, many):
+            for body in (single, count):
                 names: dict[str, Any] = {}
                 exec(slip.text(f"def f(x):\n    return {body}\n"), names)
                 got = names["f"](0)
-                first = got[0] if body is many else got
+                first = got[0] if body is count else got
                 expected = np.round(eval(single), 6) if value is np.round else value(eval(single))
-                assert first == expected and isinstance(got, tuple) is (body is many)
+                assert first == expected and isinstance(got, tuple) is (body is count)
 
 
 @pytest.mark.parametrize("path", JUDGES, ids=lambda path: path.parent.name)

@@ -171,10 +171,10 @@ CANNOT = {
 
 @pytest.mark.parametrize("kind", CANNOT)
 def test_what_cannot_come_along_is_named(cells: Notebook, kind: str) -> None:
-    text, name, said = CANNOT[kind]
+    text, name, message = CANNOT[kind]
     cells.cell(text)
     cells.cell(f"def f():\n    return {name}")
-    with pytest.raises(Borrowed, match=f"f uses {name}.*{said}"):
+    with pytest.raises(Borrowed, match=f"f uses {name}.*{message}"):
         assemble(cells.names["f"])
 
 
@@ -268,9 +268,9 @@ class Kernel:
 
     def __init__(self, folder: Path) -> None:
         self.work = folder / "work"
-        kept = {k: v for k, v in os.environ.items() if not k.startswith("DRILLS")}
+        selected = {k: v for k, v in os.environ.items() if not k.startswith("DRILLS")}
         self.manager = KernelManager()
-        environment = {**kept, "DRILLS_WORK": str(self.work)}
+        environment = {**selected, "DRILLS_WORK": str(self.work)}
         self.manager.start_kernel(env=environment, cwd=str(folder))
         self.client = self.manager.client()
         self.client.start_channels()
@@ -279,22 +279,22 @@ class Kernel:
 
     def run(self, code: str, after_start: Callable[[], None] | None = None) -> dict[str, Any]:
         """The last output of a cell: its data, its text, or its error."""
-        found: dict[str, Any] = {}
+        result: dict[str, Any] = {}
 
         def hook(message: dict[str, Any]) -> None:
             kind, content = message["msg_type"], message["content"]
             if kind == "execute_input" and after_start is not None:
                 after_start()
             if kind in ("execute_result", "display_data"):
-                found.update(content["data"])
+                result.update(content["data"])
             elif kind == "stream":
-                found["stream"] = found.get("stream", "") + content["text"]
+                result["stream"] = result.get("stream", "") + content["text"]
             elif kind == "error":
-                found["error"] = content["ename"]
-                found["traceback"] = "\n".join(content["traceback"])
+                result["error"] = content["ename"]
+                result["traceback"] = "\n".join(content["traceback"])
 
         self.client.execute_interactive(code, output_hook=hook, timeout=300)
-        return found
+        return result
 
     def record(self, name: str = "verlet") -> dict[str, Any]:
         file = self.work / "progress.json"
@@ -404,10 +404,10 @@ def below(pid: int) -> set[int]:
             )
         except (ValueError, OSError):
             continue
-    found: set[int] = set()
-    while more := {child for child, parent in parents.items() if parent in {pid, *found}} - found:
-        found |= more
-    return found
+    result: set[int] = set()
+    while more := {child for child, parent in parents.items() if parent in {pid, *result}} - result:
+        result |= more
+    return result
 
 
 def test_an_interrupt_ends_the_grading_and_leaves_no_process(kernel: Kernel) -> None:
@@ -416,21 +416,21 @@ def test_an_interrupt_ends_the_grading_and_leaves_no_process(kernel: Kernel) -> 
     )
     pid = int(kernel.run("print(os.getpid())")["stream"])
     before = kernel.record()
-    seen: set[int] = set()
+    visited: set[int] = set()
 
     def interrupt() -> None:
         deadline = time.monotonic() + 120
         while len(below(pid)) < 2 and time.monotonic() < deadline:
             time.sleep(0.05)
         time.sleep(0.3)
-        seen.update(below(pid))
+        visited.update(below(pid))
         kernel.manager.interrupt_kernel()
 
     shown = kernel.run("check(verlet_step)", after_start=interrupt)
     assert shown["error"] == "KeyboardInterrupt"
-    assert len(seen) >= 2
+    assert len(visited) >= 2
     assert below(pid) == set()
-    assert not any(Path(f"/proc/{one}").exists() for one in seen)
+    assert not any(Path(f"/proc/{one}").exists() for one in visited)
     assert kernel.record() == before
     kernel.run(RIGHT)
     assert kernel.run("check(verlet_step)")["text/plain"].startswith("RIGHT")

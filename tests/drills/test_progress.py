@@ -274,16 +274,16 @@ def test_a_derivation_a_lab_and_a_design_have_their_badges(
 
     path = tmp_path / "progress.json"
     monkeypatch.setenv("DRILLS_PROGRESS", str(path))
-    asked = derivations.formula("deep_queue")
+    requested = derivations.formula("deep_queue")
     assert not notebook.answer("deep_queue", " ") and not path.exists()
-    assert not notebook.answer("deep_queue", next(iter(asked.slips)))
+    assert not notebook.answer("deep_queue", next(iter(requested.slips)))
     notebook.tried("lab", "late_messages", 0)
     notebook.tried("design", "nightly_fleet", 0, True)
-    said = repr(notebook.badges(0))
-    assert "◐ derivation/deep_queue: attempted" in said and "◐ lab/late_messages" in said
-    assert "● design/nightly_fleet: solved" in said
-    assert notebook.answer("deep_queue", asked.expression)
-    notebook.answer("deep_queue", next(iter(asked.slips)))  # run again: what is solved stays so
+    text = repr(notebook.badges(0))
+    assert "◐ derivation/deep_queue: attempted" in text and "◐ lab/late_messages" in text
+    assert "● design/nightly_fleet: solved" in text
+    assert notebook.answer("deep_queue", requested.expression)
+    notebook.answer("deep_queue", next(iter(requested.slips)))  # run again: what is solved stays so
     assert "● derivation/deep_queue: solved" in repr(notebook.badges(0))
     out = CliRunner().invoke(cli, ["status"]).output
     assert "● derivation/deep_queue" in out.replace("[x]", "●")

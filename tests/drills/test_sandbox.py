@@ -263,9 +263,9 @@ def test_nesting_has_a_bound() -> None:
 def test_signature_is_described() -> None:
     source = "def f(a, /, b, *c, d=1, **e): pass\nclass K:\n    def __init__(self, n=3): pass"
     with child(source) as running:
-        seen = running.load()
-    assert seen.callable and not seen.is_class and seen.parameters is not None
-    assert [(p.name, p.kind, p.has_default) for p in seen.parameters] == [
+        observed = running.load()
+    assert observed.callable and not observed.is_class and observed.parameters is not None
+    assert [(p.name, p.kind, p.has_default) for p in observed.parameters] == [
         ("a", "positional_only", False),
         ("b", "positional_or_keyword", False),
         ("c", "var_positional", False),
@@ -273,9 +273,9 @@ def test_signature_is_described() -> None:
         ("e", "var_keyword", False),
     ]
     with child(source, "K") as running:
-        seen = running.load()
-    assert seen.is_class and seen.parameters is not None
-    assert [p.name for p in seen.parameters] == ["n"]
+        observed = running.load()
+    assert observed.is_class and observed.parameters is not None
+    assert [p.name for p in observed.parameters] == ["n"]
     with child("f = 3") as running:
         assert running.load().parameters is None
 
@@ -350,10 +350,10 @@ def test_given_module_is_there_first_and_its_fault_is_the_graders() -> None:
     given_text = "def make(n): return list(range(n))\ndef total(x): return sum(x)"
     source = "import given\ndef f(x): x.append(10); return given.total(x)"
     with loaded(source, given=given_text) as running:
-        kept = running.given_new("make", 3)
-        assert running.call("f", kept) == 13
-        assert running.fetch(kept) == [0, 1, 2, 10]
-        assert running.given("total", kept) == 13
+        retained = running.given_new("make", 3)
+        assert running.call("f", retained) == 13
+        assert running.fetch(retained) == [0, 1, 2, 10]
+        assert running.given("total", retained) == 13
         with pytest.raises(MissingName):
             running.given("absent")
     with child("def f(): pass", given="1 / 0") as running:
@@ -387,9 +387,9 @@ def f():
     return sum(type(x) is K for x in gc.get_objects())
 """
     with loaded(source) as running:
-        kept = [running.new("K") for _ in range(5)]
+        retained = [running.new("K") for _ in range(5)]
         assert running.call("f") == 5
-        del kept[1:]
+        del retained[1:]
         gc.collect()
         assert running.call("f") == 1
 
@@ -497,16 +497,16 @@ def from_threads(function):
 
 @pytest.mark.slow
 def test_a_function_argument_is_answered_by_the_grader() -> None:
-    asked: list[Any] = []
+    requested: list[Any] = []
 
     def square(x: Any) -> Any:
-        asked.append(x)
+        requested.append(x)
         return np.asarray(x, dtype=float) ** 2
 
     with Child(ASKING, filename="a.py", entry="twice") as child:
         child.load()
         assert child.call("twice", square, np.array([1.0, 3.0])).tolist() == [5.0, 45.0]
-        assert len(asked) == 2 and not child.changed
+        assert len(requested) == 2 and not child.changed
         assert child.call("from_threads", square) == [float(i * i) for i in range(8)]
         with pytest.raises(Raised) as raised:
             child.call("twice", square, "text")

@@ -468,15 +468,15 @@ def f(): {STARTS[way]}
 
 def living(zombies: bool = True) -> set[int]:
     """Processes of this test: descendants of this process."""
-    found: set[int] = set()
+    result: set[int] = set()
     pending = [os.getpid()]
     while pending:
         for process in tree._children(pending.pop()):
             status = tree._status(process)
             if status is not None and (zombies or status[0] != "Z"):
-                found.add(process)
+                result.add(process)
                 pending.append(process)
-    return found
+    return result
 
 
 DAEMON = """
@@ -676,13 +676,13 @@ def test_import_is_light() -> None:
 
 
 def test_doctor_tries_each_protection() -> None:
-    found = {entry.name: entry for entry in protections()}
-    assert found["own process"].active
-    assert found["watched from outside"].active
+    result = {entry.name: entry for entry in protections()}
+    assert result["own process"].active
+    assert result["watched from outside"].active
     if LINUX and kernel_has("seccomp"):
         for name in ("processes", "network", "signals"):
-            assert found[f"tried: {name}"].active
-    assert all(entry.detail for entry in found.values())
+            assert result[f"tried: {name}"].active
+    assert all(entry.detail for entry in result.values())
 
 
 def test_signal_names_are_classified() -> None:

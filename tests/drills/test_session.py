@@ -175,8 +175,8 @@ def test_ctrl_c_ends_a_proof_at_once(place: Place) -> None:
     _out, err = process.communicate(timeout=120)
     assert process.returncode == 130
     assert b"Traceback" not in err
-    gone = time.monotonic() + 60
-    while any(Path(f"/proc/{pid}").exists() for pid in running) and time.monotonic() < gone:
+    elapsed = time.monotonic() + 60
+    while any(Path(f"/proc/{pid}").exists() for pid in running) and time.monotonic() < elapsed:
         time.sleep(0.05)
     assert not any(Path(f"/proc/{pid}").exists() for pid in running)
 
@@ -185,21 +185,21 @@ def test_watch_grades_at_every_save_until_it_is_stopped(place: Place) -> None:
     path = place.answer(WRONG)
     process = place.popen("watch", "verlet", "--json")
     assert process.stdout is not None
-    seen = [json.loads(next_line(process))]
+    observed = [json.loads(next_line(process))]
     path.write_text(RIGHT)  # in place
-    seen.append(json.loads(next_line(process)))
+    observed.append(json.loads(next_line(process)))
     new = place.work / "new.tmp"
     new.write_text(WRONG)
     os.replace(new, path)  # as many editors do
-    seen.append(json.loads(next_line(process)))
+    observed.append(json.loads(next_line(process)))
     process.send_signal(signal.SIGINT)
-    seen.append(json.loads(next_line(process)))
+    observed.append(json.loads(next_line(process)))
     process.communicate(timeout=120)
     assert process.returncode == 130
-    for data in seen:
+    for data in observed:
         VALIDATOR.validate(data)
-    assert [data.get("verdict") for data in seen] == ["fail", "pass", "fail", None]
-    assert seen[-1]["error"]["kind"] == "interrupted"
+    assert [data.get("verdict") for data in observed] == ["fail", "pass", "fail", None]
+    assert observed[-1]["error"]["kind"] == "interrupted"
 
 
 def test_watch_says_the_time_and_survives_a_missing_file(place: Place) -> None:
@@ -242,9 +242,9 @@ def test_a_failure_of_the_grader_is_exit_3_and_says_how_to_report_it(
     broken.append(RuntimeError("the flux\ncapacitor"))
     done = CliRunner().invoke(cli, ["check", "verlet", "--seed", "7"])
     assert done.exit_code == 3
-    said = " ".join(done.stderr.split())
-    assert "DRILLS_DEBUG=1 drills check verlet --seed 7" in said
-    assert "RuntimeError: the flux capacitor" in said and "Traceback" not in said
+    output = " ".join(done.stderr.split())
+    assert "DRILLS_DEBUG=1 drills check verlet --seed 7" in output
+    assert "RuntimeError: the flux capacitor" in output and "Traceback" not in output
     data = json.loads(CliRunner().invoke(cli, ["check", "verlet", "--json"]).stdout)
     VALIDATOR.validate(data)
     assert data["error"]["kind"] == "grader" and data["error"]["drill"] == "verlet"
@@ -263,16 +263,16 @@ def test_a_missing_library_says_what_to_install(broken: list[Exception]) -> None
 def test_a_missing_shared_library_is_named(broken: list[Exception], by_adapter: bool) -> None:
     error = ImportError("libgomp.so.1: cannot open shared object file: No such file or directory")
     if by_adapter:
-        said = import_error("Pinocchio", "pip install 'pin>=4.0'", error)
-        said.__cause__ = error
-        broken.append(said)
+        text = import_error("Pinocchio", "pip install 'pin>=4.0'", error)
+        text.__cause__ = error
+        broken.append(text)
     else:
         broken.append(error)
     done = CliRunner().invoke(cli, ["check", "verlet"])
-    told = " ".join(done.stderr.split())
-    assert done.exit_code == 3 and "the system library libgomp.so.1 is missing" in told
-    assert "apt-get install --no-install-recommends" in told and "libgomp1" in told
-    assert "our fault" not in told and ("Pinocchio" in told) == by_adapter
+    output = " ".join(done.stderr.split())
+    assert done.exit_code == 3 and "the system library libgomp.so.1 is missing" in output
+    assert "apt-get install --no-install-recommends" in output and "libgomp1" in output
+    assert "our fault" not in output and ("Pinocchio" in output) == by_adapter
 
 
 def test_with_debug_the_traceback_is_there(

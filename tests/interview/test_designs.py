@@ -43,8 +43,8 @@ def test_the_designs_of_the_folder_are_those_that_are_asked() -> None:
 @every
 def test_the_model_answer_scores_full_and_each_passage_earns_its_item(name: str) -> None:
     design = DESIGNS[name]
-    found = designs.levels(design, design.filled(design.answer, figure))
-    assert found == dict.fromkeys(found, "defended") and designs.score(design, found) == 1.0
+    result = designs.levels(design, design.filled(design.answer, figure))
+    assert result == dict.fromkeys(result, "defended") and designs.score(design, result) == 1.0
     for item, passage in designs.passages(design, figure).items():
         assert designs.levels(design, passage)[item] == "defended", item
         # Without its doubt it is quantified, without its digits named.
@@ -57,14 +57,14 @@ def test_weak_answers_score_what_a_reader_gave_them() -> None:
     assert len(WEAK) == 3 * len(DESIGNS)
     same, items = 0, 0
     for path in WEAK:
-        kept = tomllib.loads(path.read_text(encoding="utf-8"))
-        design = DESIGNS[kept["design"]]
-        found = designs.levels(design, kept["text"])
-        theirs = designs.score(design, kept["levels"])
+        retained = tomllib.loads(path.read_text(encoding="utf-8"))
+        design = DESIGNS[retained["design"]]
+        result = designs.levels(design, retained["text"])
+        theirs = designs.score(design, retained["levels"])
         assert theirs < 0.6
-        assert designs.score(design, found) == pytest.approx(theirs, abs=0.15), path.name
-        same += sum(found[item] == level for item, level in kept["levels"].items())
-        items += len(found)
+        assert designs.score(design, result) == pytest.approx(theirs, abs=0.15), path.name
+        same += sum(result[item] == level for item, level in retained["levels"].items())
+        items += len(result)
     assert same >= 0.9 * items
 
 
@@ -73,8 +73,8 @@ def test_words_alone_name_and_nothing_is_missing_from_nothing(name: str) -> None
     design = DESIGNS[name]
     assert set(designs.levels(design, "").values()) == {"missing"}
     # The rubric itself, read back: words, and neither figures nor doubts.
-    found = designs.levels(design, "\n\n".join(item.asks for item in design.rubric))
-    assert set(found.values()) <= {"missing", "named"} and designs.score(design, found) > 0.2
+    result = designs.levels(design, "\n\n".join(item.asks for item in design.rubric))
+    assert set(result.values()) <= {"missing", "named"} and designs.score(design, result) > 0.2
 
 
 @given(st.permutations(WEAK), st.integers(1, 4))
@@ -129,8 +129,8 @@ def test_nothing_in_a_drawing_covers_anything(name: str) -> None:
     areas = []
     for x, y, anchor, label in words:
         length = 6.5 * len(label)
-        left = int(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * length
-        areas.append((left, int(y) - 9, left + length, int(y) + 1))
+        remaining = int(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * length
+        areas.append((remaining, int(y) - 9, remaining + length, int(y) + 1))
     rims = [
         (int(x), int(y), int(x) + 120, int(y) + 40)
         for x, y in re.findall(r'<rect x="(\d+)" y="(\d+)"', text)

@@ -104,10 +104,10 @@ def test_from_the_camera_to_the_finger_through_a_real_projection() -> None:
     u = focal * 0.0 / reach + 0.5 * rng.standard_normal(n)
     angle = turn * rng.standard_normal(n)
     x = np.cos(angle) * reach * u / focal + np.sin(angle) * reach + arm * rng.standard_normal(n)
-    told = e.finger_error_mm(reach, 0.5, focal, 1e3 * turn, 1e3 * arm, 0.0, 100.0)
-    assert told == pytest.approx(2e3 * x.std(), rel=5e-3)
+    report = e.finger_error_mm(reach, 0.5, focal, 1e3 * turn, 1e3 * arm, 0.0, 100.0)
+    assert report == pytest.approx(2e3 * x.std(), rel=5e-3)
     late = e.finger_error_mm(reach, 0.5, focal, 1e3 * turn, 1e3 * arm, 0.02, 100.0)
-    assert late - told == pytest.approx(2.0)
+    assert late - report == pytest.approx(2.0)
 
 
 @examples(50)
@@ -134,10 +134,10 @@ def test_a_late_sine_is_as_wrong_as_its_samples(frequency, delay_ms) -> None:
 def test_who_stops_at_the_gap_stops_before_the_person(speed, reaction, brake, walk) -> None:
     t = np.linspace(0.0, reaction + speed / brake, 20_001)
     now = np.where(t < reaction, speed, speed - brake * (t - reaction))
-    way = np.trapezoid(now, t)
-    assert e.stopping_m(speed, reaction, brake) == pytest.approx(way, rel=1e-3)
+    distance = np.trapezoid(now, t)
+    assert e.stopping_m(speed, reaction, brake) == pytest.approx(distance, rel=1e-3)
     gap = e.separation_m(walk, speed, reaction, brake, 0.1)
-    assert gap - way - walk * t[-1] == pytest.approx(0.1, abs=1e-3 * (1 + way))
+    assert gap - distance - walk * t[-1] == pytest.approx(0.1, abs=1e-3 * (1 + distance))
 
 
 @examples(15)

@@ -58,11 +58,11 @@ def test_a_derivative_is_told_from_a_wrong_one(seed: int, wrong: float) -> None:
 def test_writing_and_going_round_change_nothing(seed: int, wrong: float) -> None:
     rng = np.random.default_rng(seed)
     turn, state = rotation(rng, 3), rng.normal(size=3)
-    there, back = (lambda x: turn @ x), (lambda x: turn.T @ x)
-    assert invariants.write_read_error(there, lambda s, shown: turn.T @ shown, state) < 1e-12
-    assert invariants.write_read_error(there, lambda s, shown: s + wrong, state) > 0.005
-    assert invariants.round_trip_error(there, back, state) < 1e-12
-    assert invariants.round_trip_error(there, lambda x: turn.T @ x + wrong, state) > 0.005
+    forward, back = (lambda x: turn @ x), (lambda x: turn.T @ x)
+    assert invariants.write_read_error(forward, lambda s, shown: turn.T @ shown, state) < 1e-12
+    assert invariants.write_read_error(forward, lambda s, shown: s + wrong, state) > 0.005
+    assert invariants.round_trip_error(forward, back, state) < 1e-12
+    assert invariants.round_trip_error(forward, lambda x: turn.T @ x + wrong, state) > 0.005
 
 
 @examples(30)
@@ -194,6 +194,6 @@ def test_for_ever_and_idle_parameters(discount: float, wrong: float) -> None:
     ],
 )
 def test_bad_input_is_named(call, message: str) -> None:
-    with pytest.raises(ValueError, match="allowed is") as refused:
+    with pytest.raises(ValueError, match="allowed is") as rejected:
         call()
-    assert message in str(refused.value)
+    assert message in str(rejected.value)

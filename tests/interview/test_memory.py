@@ -58,6 +58,6 @@ def test_waiting_makes_each_review_worth_more() -> None:
         run.choose(name)
         run.advance(12.0)
         ends[name] = (int(run.state["reviews"][0]), float(run.state["stability"][0]))
-    (few, spaced), (many, crammed), (all_days, lost) = ends.values()
-    assert many == all_days == 60 and few < 8 and spaced / few > 5.0 * crammed / many
+    (few, spaced), (more, crammed), (all_days, lost) = ends.values()
+    assert more == all_days == 60 and few < 8 and spaced / few > 5.0 * crammed / more
     assert lost < 1.0 and run.state["difficulty"][0] > 9.9

@@ -60,8 +60,8 @@ def test_a_draw_fits_and_repeats_nothing_that_was_just_asked(
 ) -> None:
     pool = [item(str(i), *one) for i, one in enumerate(made)]
     last = {str(i) for i in before}
-    there = [one for one in pool if one.key not in last]
-    if not there:
+    other = [one for one in pool if one.key not in last]
+    if not other:
         with pytest.raises(ValueError, match="just asked"):
             rehearsal.draw(pool, PARTS, minutes, (), last, seed)
         return
@@ -69,7 +69,7 @@ def test_a_draw_fits_and_repeats_nothing_that_was_just_asked(
     assert not {one.key for one in drawn} & last
     parts = [one.part for one in drawn]
     assert parts == sorted(set(parts), key=PARTS.index)
-    least = {p: min(one.minutes for one in there if one.part == p) for p in {o.part for o in there}}
+    least = {p: min(one.minutes for one in other if one.part == p) for p in {o.part for o in other}}
     total = sum(one.minutes for one in drawn)
     assert total <= minutes or (len(drawn) == 1 and total == least[parts[0]])
     assert len(drawn) == len(least) or sum(least.values()) > minutes
@@ -82,31 +82,31 @@ def test_a_draw_fits_and_repeats_nothing_that_was_just_asked(
 @given(st.permutations(range(4)))
 def test_the_follow_up_is_on_the_weakest_line(marks: list[int]) -> None:
     lines = ("Halves the step.", "Names friction.", "Logs energy at impacts.", "Ends with a test.")
-    asked = (
+    requested = (
         "Where is the impact's energy?",
         "And a test of that?",
         "Halving helps?",
         "Frictional?",
     )
-    one = item("x", rubric=lines, follow_ups=asked)
-    found = rehearsal.follow_up(one, [MARKS[mark] for mark in marks])
+    one = item("x", rubric=lines, follow_ups=requested)
+    result = rehearsal.follow_up(one, [MARKS[mark] for mark in marks])
     weakest = marks.index(0)
-    assert found == (lines[weakest], asked[(2, 3, 0, 1)[weakest]])
+    assert result == (lines[weakest], requested[(2, 3, 0, 1)[weakest]])
     with pytest.raises(ValueError, match="allowed is 4 of missing"):
         rehearsal.follow_up(one, ["named"])
 
 
 def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
     """On the cause that was forgotten one is asked, and a design's words suggest its marks."""
-    found = {one.key: one for one in rehearsal.spoken(["rigid_body", "interview"])}
-    assert {f"scenario/{name}" for name in scenarios.there()} <= set(found)
-    assert {one.part for one in found.values()} == set(PARTS) - {"coding"}
-    for one in (one for key, one in found.items() if key.startswith("scenario/")):
+    result = {one.key: one for one in rehearsal.spoken(["rigid_body", "interview"])}
+    assert {f"scenario/{name}" for name in scenarios.there()} <= set(result)
+    assert {one.part for one in result.values()} == set(PARTS) - {"coding"}
+    for one in (one for key, one in result.items() if key.startswith("scenario/")):
         for i, words in enumerate(one.rubric):
             marks = ["missing" if i == j else "named" for j in range(len(one.rubric))]
             assert rehearsal.follow_up(one, marks)[1].endswith(words)
     for name in designs.NAMES:
-        one = found[f"design/{name}"]
+        one = result[f"design/{name}"]
         suggested = [one.aid(text) for text in (designs.read(name).answer, "")]
         assert [len(marks) for marks in suggested] == [len(one.rubric)] * 2
         assert set(suggested[1]) == {"missing"} and "defended" in suggested[0]
@@ -115,11 +115,11 @@ def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
 
 def test_without_a_common_word_the_place_decides() -> None:
     one = item("x", rubric=("one", "two", "three", "four"), follow_ups=("A?", "B?"))
-    asked = [
+    requested = [
         rehearsal.follow_up(one, ["defended"] * i + ["missing"] + ["named"] * (3 - i))[1]
         for i in range(4)
     ]
-    assert asked == ["A?", "A?", "B?", "B?"]
+    assert requested == ["A?", "A?", "B?", "B?"]
 
 
 # --- A whole interview ----------------------------------------------------------------------------
@@ -133,14 +133,14 @@ def talk_of(place: Place, said: list[Any], minutes: int, parts: tuple[str, ...],
     """
     looks = iter(range(0, 10**6, 100))
 
-    def hear() -> str:
+    def listen() -> str:
         if not said:
             raise EOFError
         line = said.pop(0)
         return (line() and "") if callable(line) else line
 
     session = Session("interview", Terminal(), place.work)
-    talk = Talk(session, hear, lambda: BEGAN + timedelta(seconds=next(looks)))
+    talk = Talk(session, listen, lambda: BEGAN + timedelta(seconds=next(looks)))
     talk.draw(minutes, seed, CHOSEN, parts)
     return talk
 
@@ -170,16 +170,16 @@ def test_a_whole_interview(
         lambda: path.write_text("def fk3(lengths, thetas):\n    return thetas\n"),
         lambda: path.write_text(right),
     ]
-    said = [*lines(keys[0], "3"), *lines(keys[1], "0"), *code, *lines(keys[3], "2")]
-    left = [len(said) - len(lines(keys[0], "3")), len(lines(keys[3], "2")) + len(code), 0]
-    talk, shown = talk_of(place, said, MINUTES, PARTS, seed), []
-    monkeypatch.setattr(talk, "show", lambda text: shown.append((len(said), text)))
-    assert talk.run() == 0 and said == []
+    message = [*lines(keys[0], "3"), *lines(keys[1], "0"), *code, *lines(keys[3], "2")]
+    left = [len(message) - len(lines(keys[0], "3")), len(lines(keys[3], "2")) + len(code), 0]
+    talk, shown = talk_of(place, message, MINUTES, PARTS, seed), []
+    monkeypatch.setattr(talk, "show", lambda text: shown.append((len(message), text)))
+    assert talk.run() == 0 and message == []
     (report,) = place.work.glob("interview/report-*.json")
-    found, page = (report.with_suffix(end).read_text("utf-8") for end in (".json", ".md"))
-    found, out = json.loads(found), capsys.readouterr().out
+    result, page = (report.with_suffix(end).read_text("utf-8") for end in (".json", ".md"))
+    result, out = json.loads(result), capsys.readouterr().out
 
-    items = found["items"]
+    items = result["items"]
     assert [one["key"] for one in items] == keys and [one["part"] for one in items] == list(PARTS)
     assert [one["score"] for one in items] == pytest.approx([1, 0, 1 / 2, 2 / 3])
     for one in items:
@@ -197,8 +197,8 @@ def test_a_whole_interview(
     assert [one["verdict"] for one in items[2]["attempts"]] == ["fail", "pass"]
     assert place.record("fk3")["state"] == "solved" and place.record("fk3")["attempts"] == 2
     spent = np.cumsum([one["seconds"] for one in items])
-    assert spent[0] < MINUTES * 60 < spent[-1] == found["seconds"]
-    assert found["over"] == items[int(np.argmax(spent > MINUTES * 60))]["title"]
+    assert spent[0] < MINUTES * 60 < spent[-1] == result["seconds"]
+    assert result["over"] == items[int(np.argmax(spent > MINUTES * 60))]["title"]
     assert out.count("The time is over") == 1
 
     past = rehearse.kept.load(talk.file, rehearse.FORM)[0]
@@ -241,8 +241,8 @@ def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(place: Place)
     assert again.interview.items[0].key == talk.interview.items[0].key
     third = talk_of(place, [], 15, ("concept",), 1)
     assert third.interview.items[0].key != talk.interview.items[0].key
-    kept = rehearse.kept.load(talk.file, rehearse.FORM)[0].open.popitem()[1]
-    assert kept.seconds == 200  # one look for the line, one at the end
+    retained = rehearse.kept.load(talk.file, rehearse.FORM)[0].open.popitem()[1]
+    assert retained.seconds == 200  # one look for the line, one at the end
     assert "One is not over" in third.session.notices[0]
 
 
@@ -269,16 +269,16 @@ def test_what_was_said_is_kept_however_it_ends(place: Place, end: signal.Signals
     assert code == {signal.SIGKILL: -9, signal.SIGHUP: 129}.get(end or signal.SIGINT, 130)
     key = json.loads(file.read_text("utf-8"))["open"].popitem()[1]["items"][0]["key"]
     rest = "\n".join(["A third.", *lines(key, "2")[2:], ""])
-    found = place.json("interview", "--resume", text=rest)
-    assert found["items"][0]["answer"] == "One line.\nA second \ufffd one.\nA third.\n"
-    assert found["items"][0]["marks"] == ["quantified"] * (len(lines(key, "2")) - 6)
+    result = place.json("interview", "--resume", text=rest)
+    assert result["items"][0]["answer"] == "One line.\nA second \ufffd one.\nA third.\n"
+    assert result["items"][0]["marks"] == ["quantified"] * (len(lines(key, "2")) - 6)
     assert "No interview is waiting" in place.json("interview", "--resume")["error"]["message"]
 
 
 def test_a_pipe_of_80_columns_in_ascii(place: Place) -> None:
     arguments = ("interview", "--kind", "debugging", "--chapters", "3", "--seed", "1")
-    said = "\n".join([".", *"1111111111"[:6], ""])
-    done = place.run(*arguments, text=said, LC_ALL="C", NO_COLOR="1")
+    message = "\n".join([".", *"1111111111"[:6], ""])
+    done = place.run(*arguments, text=message, LC_ALL="C", NO_COLOR="1")
     assert done.code == 130 and "--resume goes on" in done.err
     done = place.run("interview", "--resume", text="1\n1\n1\n.\n", LC_ALL="C", NO_COLOR="1")
     assert done.code == 0, done
@@ -304,8 +304,8 @@ def test_a_damaged_file_is_put_aside(place: Place) -> None:
     place.work.mkdir()
     damaged = '{"schema": "drills-interviews/1", "open": {"x": {"items": [1]}}}'
     (place.work / "interviews.json").write_text(damaged)
-    found = place.json("interview", "--resume")
-    assert "damaged" in found["notices"][0] and "No interview" in found["error"]["message"]
+    result = place.json("interview", "--resume")
+    assert "damaged" in result["notices"][0] and "No interview" in result["error"]["message"]
     assert (place.work / "interviews.json.damaged-1").read_text() == damaged
 
 

@@ -31,11 +31,11 @@ ONE, TWO = Entry("claim/one", "claim", 1), Entry("claim/two", "claim", 1)
 
 
 def test_every_source_has_its_card_and_every_card_its_number() -> None:
-    found = deck()
-    keys = [entry.key for entry in found]
-    assert len({entry.number for entry in found}) == len(set(keys)) == len(keys)
-    assert max(entry.number for entry in found) < 2**53 and {e.kind for e in found} == set(KINDS)
-    drills = {entry.name for entry in found if entry.kind == "drill"}
+    result = deck()
+    keys = [entry.key for entry in result]
+    assert len({entry.number for entry in result}) == len(set(keys)) == len(keys)
+    assert max(entry.number for entry in result) < 2**53 and {e.kind for e in result} == set(KINDS)
+    drills = {entry.name for entry in result if entry.kind == "drill"}
     assert {"fk3", "rrt", "pid", "randomize"} <= drills
     for topic, number in (("contact", 2), ("role", 0)):
         of_gate = {f"formula/{id}" for id in pages.gate(topic)}
@@ -69,12 +69,12 @@ def test_a_claim_and_a_formula_are_judged_and_the_rest_is_not() -> None:
     for entry in [e for e in deck() if e.kind == "claim"][::25]:
         verdict = records.load(entry.file)[entry.name]["verdict"]
         right = {"holds": "t", "false": "F", "holds only if": "o"}[verdict]
-        said = {letter: judge(entry, letter)[0] for letter in "tFo"}
-        assert said == {letter: letter == right for letter in "tFo"}
+        text = {letter: judge(entry, letter)[0] for letter in "tFo"}
+        assert text == {letter: letter == right for letter in "tFo"}
     for entry in [e for e in deck() if e.kind == "formula"][::25]:
-        asked = formula(entry.name)
-        assert judge(entry, f"1*({asked.expression})")[0] is True
-        assert [judge(entry, slip)[0] for slip in asked.slips] == [False] * len(asked.slips)
+        requested = formula(entry.name)
+        assert judge(entry, f"1*({requested.expression})")[0] is True
+        assert [judge(entry, slip)[0] for slip in requested.slips] == [False] * len(requested.slips)
     assert judge(ONE, "") == judge(ONE, "perhaps") == (None, "")
 
 
@@ -87,11 +87,11 @@ def test_a_card_is_due_when_nine_in_ten_would_still_know_it(ratings: list[int]) 
     """The published forgetting curve, (1 + (0.9^(-1/w) - 1) t/S)^-w with w = 0.1542."""
     reviews, now = store.Reviews(), NOON
     for rating in ratings:
-        reviews, told = store.rate(None, ONE, rating, now, reviews)
+        reviews, report = store.rate(None, ONE, rating, now, reviews)
         state = reviews.cards[ONE.key]
         after = now
         now = datetime.fromisoformat(state["due"])
-        assert told == () and after < now and state["card_id"] == ONE.number
+        assert report == () and after < now and state["card_id"] == ONE.number
         days = (now - after).total_seconds() / 86400
         if state["state"] == 2 and days > 1:
             w = 0.1542
@@ -122,9 +122,9 @@ def test_a_clock_that_ran_backwards_holds_no_card_back() -> None:
     ahead, reviews = NOON + timedelta(days=4000), store.Reviews()
     store.rate(None, ONE, 4, ahead, reviews)
     assert store.due([ONE], reviews, NOON) == [ONE]
-    _, told = store.rate(None, ONE, 3, NOON, reviews)
+    _, report = store.rate(None, ONE, 3, NOON, reviews)
     state = reviews.cards[ONE.key]
-    assert "clock stood ahead" in told[0] and store.due([ONE], reviews, NOON) == []
+    assert "clock stood ahead" in report[0] and store.due([ONE], reviews, NOON) == []
     assert NOON < datetime.fromisoformat(state["due"]) < NOON + timedelta(days=100)
     assert [one["rating"] for one in reviews.log] == [4, 3]
 
@@ -149,8 +149,8 @@ def test_what_was_rated_is_read_again_and_a_lost_source_stays(tmp_path: Path) ->
     assert path == tmp_path / "reviews.json" and store.beside(None) is None
     store.rate(path, ONE, 3, NOON)
     after, _ = store.rate(path, TWO, 1, NOON)
-    read, told = store.load(path)
-    assert read == after and told == () and set(read.cards) == {ONE.key, TWO.key}
+    read, report = store.load(path)
+    assert read == after and report == () and set(read.cards) == {ONE.key, TWO.key}
     assert store.gone([ONE], read) == [TWO.key]
     assert set(store.rate(path, ONE, 4, NOON)[0].cards) == {ONE.key, TWO.key}
 
@@ -174,14 +174,14 @@ def test_a_damaged_file_is_put_aside(what: str, tmp_path: Path) -> None:
     part, place, name, value = BROKEN[what]
     content[part][place][name] = value
     path.write_text(broken := json.dumps(content))
-    reviews, told = store.load(path)
-    assert reviews == store.Reviews() and "damaged" in told[0]
+    reviews, report = store.load(path)
+    assert reviews == store.Reviews() and "damaged" in report[0]
     assert (tmp_path / "reviews.json.damaged-1").read_text() == broken
 
 
 def test_two_terminals_at_once_lose_nothing(tmp_path: Path) -> None:
     """Two processes, started together, that rate the same two cards."""
-    path, many = tmp_path / "reviews.json", 15
+    path, count = tmp_path / "reviews.json", 15
     program = f"""
 import sys
 from datetime import UTC, datetime
@@ -191,7 +191,7 @@ from drills.interview.deck import Entry
 import fsrs
 print("ready", flush=True)
 sys.stdin.readline()
-for turn in range({many}):
+for turn in range({count}):
     entry = Entry("claim/" + "one two".split()[turn % 2], "claim", 1)
     store.rate(Path({str(path)!r}), entry, int(sys.argv[1]), datetime.now(UTC))
 """
@@ -214,7 +214,7 @@ for turn in range({many}):
     for process in both:
         process.communicate()
     log = store.load(path)[0].log
-    assert sorted(one["rating"] for one in log) == [2] * many + [3] * many
+    assert sorted(one["rating"] for one in log) == [2] * count + [3] * count
 
 
 # --- The command ----------------------------------------------------------------------------------
@@ -235,13 +235,13 @@ def test_a_judged_card_is_rated_by_a_blank_line(
     entry = one_kind(kind, monkeypatch)
     if kind == "claim":
         verdict = records.load(entry.file)[entry.name]["verdict"]
-        said = next(k for k, v in VERDICTS.items() if (v == verdict) == right)
+        text = next(k for k, v in VERDICTS.items() if (v == verdict) == right)
     else:
-        said = formula(entry.name).expression if right else next(iter(formula(entry.name).slips))
-    found = place.json("review", "--limit", "1", text=f"{said}\n\n")
-    assert [(one["right"], one["rating"]) for one in found["rated"]] == [(right, rating)]
+        text = formula(entry.name).expression if right else next(iter(formula(entry.name).slips))
+    result = place.json("review", "--limit", "1", text=f"{text}\n\n")
+    assert [(one["right"], one["rating"]) for one in result["rated"]] == [(right, rating)]
     assert [one["rating"] for one in store.load(place.work / "reviews.json")[0].log] == [rating]
-    assert found["new"] == 0 and found["rated"][0]["card"] == entry.key
+    assert result["new"] == 0 and result["rated"][0]["card"] == entry.key
 
 
 @pytest.mark.slow
@@ -253,18 +253,18 @@ def test_the_grader_rates_a_drill(place: Place, monkeypatch: pytest.MonkeyPatch)
     assert [(one["right"], one["rating"]) for one in starter["rated"]] == [(None, 2)]
     path = place.answer("def fk3(lengths, thetas):\n    return 0.0\n", "fk3")
     (place.work / "reviews.json").unlink()
-    said = iter(["g", "", "", "g", "g", ""])
-    heard: list[str] = []
+    text = iter(["g", "", "", "g", "g", ""])
+    received: list[str] = []
 
-    def hear() -> str:
-        heard.append(line := next(said))
-        if len(heard) == 5:
+    def listen() -> str:
+        received.append(line := next(text))
+        if len(received) == 5:
             path.write_text(right, encoding="utf-8")
         return line
 
     for expected in ((False, 1), (True, 2)):
         session = Session("review", Terminal(True), place.work)
-        turn = review.Round(session, hear, lambda: NOON)
+        turn = review.Round(session, listen, lambda: NOON)
         assert turn.run(frozenset([4]), 1, 0) == 0
         assert (turn.rated[0]["right"], turn.rated[0]["rating"]) == expected
         assert turn.rated[0]["due"] < (NOON + timedelta(minutes=20)).isoformat()
@@ -274,8 +274,8 @@ def test_the_grader_rates_a_drill(place: Place, monkeypatch: pytest.MonkeyPatch)
 def test_the_end_of_input_keeps_what_was_said_and_a_wrong_rating_is_asked_again(
     place: Place,
 ) -> None:
-    said = "\nseven\n5\n2\nskip\n\n3\n\n"
-    done = place.run("review", "--seed", "5", "--chapters", "0,12", text=said)
+    text = "\nseven\n5\n2\nskip\n\n3\n\n"
+    done = place.run("review", "--seed", "5", "--chapters", "0,12", text=text)
     assert done.code == 0 and "'seven' is no rating" in done.out and "2 rated" in done.out, done
     log = store.load(place.work / "reviews.json")[0].log
     assert [one["rating"] for one in log] == [2, 3] and len({one["card"] for one in log}) == 2
@@ -287,9 +287,9 @@ def test_what_cannot_be_kept_is_said_once_and_the_round_goes_on(place: Place) ->
     place.work.mkdir()
     (place.work / "reviews.json").mkdir()
     some = ("review", "--chapters", "0", "--seed", "1")
-    found = place.json(*some, "--limit", "2", text="\n3\n\n3\n\n3\n")
-    assert len(found["rated"]) == 2 and found["reviews_file"] is None
-    (notice,) = found["notices"]
+    result = place.json(*some, "--limit", "2", text="\n3\n\n3\n\n3\n")
+    assert len(result["rated"]) == 2 and result["reviews_file"] is None
+    (notice,) = result["notices"]
     assert "reviews.json can't be read: is a directory" in notice
     kept_none = place.json(*some, "--limit", "1", text="\n3\n", DRILLS_PROGRESS="none")
     assert kept_none["reviews_file"] is None and len(kept_none["rated"]) == 1
@@ -298,8 +298,8 @@ def test_what_cannot_be_kept_is_said_once_and_the_round_goes_on(place: Place) ->
 def test_a_source_that_vanished_is_told_and_kept(place: Place) -> None:
     lost = Entry("claim/no_longer_there", "claim", 1)
     store.rate(place.work / "reviews.json", lost, 3, NOON)
-    found = place.json("review", "--chapters", "0", "--limit", "1", text="\n3\n\n3\n")
-    assert found["gone"] == [lost.key] and "no longer asks 1" in found["notices"][0]
+    result = place.json("review", "--chapters", "0", "--limit", "1", text="\n3\n\n3\n")
+    assert result["gone"] == [lost.key] and "no longer asks 1" in result["notices"][0]
     assert lost.key in store.load(place.work / "reviews.json")[0].cards
 
 

@@ -194,10 +194,10 @@ def test_the_cause_is_nowhere_by_accident(
         told_as = KeyboardInterrupt if kind is KeyboardInterrupt else RuntimeError
         with pytest.raises(told_as) as caught:
             session.probe(finding.probe)
-        told = traceback.TracebackException.from_exception(caught.value, capture_locals=True)
-        inside = [frame for frame in told.stack if frame.filename == scenarios.__file__]
-        assert told.__cause__ is None and told.__context__ is None
-        assert inside and cause not in str(told) + "".join(str(f.locals) for f in inside)
+        message = traceback.TracebackException.from_exception(caught.value, capture_locals=True)
+        inside = [frame for frame in message.stack if frame.filename == scenarios.__file__]
+        assert message.__cause__ is None and message.__context__ is None
+        assert inside and cause not in str(message) + "".join(str(f.locals) for f in inside)
 
 
 def test_bad_input_is_named() -> None:
@@ -261,11 +261,11 @@ def test_a_reading_that_is_shifted_is_behind_by_its_shift() -> None:
 def test_what_is_tried_first_helps_at_times() -> None:
     """Half the step only mends what the step's limit breaks; a softer loop only what is late a
     little. It is shown whether the symptom is gone, and the price is told."""
-    gone = {
+    missing = {
         name: {c.name for c in scenarios.scenario(name).causes if helped(name, c.name)}
         for name in ("explodes", "touch")
     }
-    assert gone == {"explodes": {"double_contact"}, "touch": {"uneven_ticks", "soft_sensor"}}
+    assert missing == {"explodes": {"double_contact"}, "touch": {"uneven_ticks", "soft_sensor"}}
 
 
 def helped(name: str, cause: str) -> bool:
@@ -286,9 +286,9 @@ def test_a_case_is_solved_in_a_pipe(place: Place) -> None:
         "debug", "touch", "--seed", str(seed), text="\n".join(lines), LC_ALL="C", NO_COLOR="1"
     )
     assert done.code == 0, done
-    said = done.out.replace(one.listing(), "")  # code is as wide as it is
-    assert max(map(len, said.splitlines())) <= 80 < len(said) and done.out.isascii()
-    assert len(done.out) - len(said) == len(one.listing())
+    output = done.out.replace(one.listing(), "")  # code is as wide as it is
+    assert max(map(len, output.splitlines())) <= 80 < len(output) and done.out.isascii()
+    assert len(done.out) - len(output) == len(one.listing())
     assert "\x1b" not in done.out and "3 of 3 points" in done.out
     data = place.json("debug", "touch", "--seed", str(seed), text="\n".join(lines))
     assert data["verdict"]["cause"] == "windup" and data["verdict"]["points"] == 3
@@ -296,9 +296,9 @@ def test_a_case_is_solved_in_a_pipe(place: Place) -> None:
 
 
 def test_a_case_is_left_open_or_failed(place: Place) -> None:
-    left = place.json("debug", "touch", "--seed", "5", text="probe integral_off\nquit\n")
-    assert left["verdict"] is None and left["exit"] == 0
-    text = json.dumps({**left, "findings": []})
+    remaining = place.json("debug", "touch", "--seed", "5", text="probe integral_off\nquit\n")
+    assert remaining["verdict"] is None and remaining["exit"] == 0
+    text = json.dumps({**remaining, "findings": []})
     assert not any(cause.name in text for cause in scenarios.scenario("touch").causes)
     wrong = next(
         c.name

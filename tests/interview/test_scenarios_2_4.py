@@ -41,8 +41,8 @@ def test_a_dry_arm_stops_and_a_damped_one_slows_as_they_should() -> None:
     v, still = np.linspace(0.5, 2.0, 8), np.zeros(8)
     dry = replace(policy.MODEL, drag=0.0, friction=0.5)
     log = program.move(dry, lambda *_: still, still - 9.0, v, 60)
-    way = dry.inertia * v**2 / (2.0 * dry.friction)
-    assert log.q[-1] + 9.0 == pytest.approx(way, abs=program.STEP * 2.0) and not log.v[-1].any()
+    distance = dry.inertia * v**2 / (2.0 * dry.friction)
+    assert log.q[-1] + 9.0 == pytest.approx(distance, abs=program.STEP * 2.0) and not log.v[-1].any()
     wet = replace(policy.MODEL, friction=0.0)
     log = program.move(wet, lambda *_: still, still - 9.0, v, 100)
     assert log.v[-1] == pytest.approx(v * np.exp(-wet.drag * 0.4 / wet.inertia), rel=5e-3)
@@ -111,11 +111,11 @@ def test_the_flood_passes_a_door_wider_than_the_carriage(
     width = 2.0 * (half + one.grown) + (spare if open_ else -spare)
     middle = gap.door_middle(seed)[1]
     one.boxes[4, 3], one.boxes[5, 1] = middle - width / 2.0, middle + width / 2.0
-    area, found = gap.cells(replace(one, start=np.array([1.9, 2.0])))
+    area, result = gap.cells(replace(one, start=np.array([1.9, 2.0])))
     margin = half + one.grown
     side = (3.95 - 2.0 * margin) * (4.0 - 2.0 * margin)
     door = (0.1 + 2.0 * margin) * spare
-    assert area[found].sum() == pytest.approx(2.0 * side + door if open_ else side, rel=1e-6)
+    assert area[result].sum() == pytest.approx(2.0 * side + door if open_ else side, rel=1e-6)
 
 
 @examples(20)

@@ -82,8 +82,8 @@ def test_the_way_is_that_of_small_steps(rng):
         return dt * v.sum(), dt * v.sum() + person * still + unsure
 
     speed = rng.uniform(0.0, 15.0)
-    way, gap, top = solutions.stopping_distance([speed], *args)
-    np.testing.assert_allclose((way[0], gap[0]), stops(speed), atol=1e-3)
+    distance, gap, top = solutions.stopping_distance([speed], *args)
+    np.testing.assert_allclose((distance[0], gap[0]), stops(speed), atol=1e-3)
     if top > 0.0:
         assert stops(top)[1] == pytest.approx(sight, abs=1e-3)
     else:
@@ -111,11 +111,11 @@ def test_the_budget_is_that_of_every_chain_written_out(rng, n):
     name = rng.permutation(n)
     place = np.argsort(name)
     order = rng.permutation(len(edges))
-    worst, left = solutions.latency_budget(
+    worst, remaining = solutions.latency_budget(
         name[np.array(edges)][order], runs[place], periods[place], name[0], name[goal], 2.0
     )
     assert worst == pytest.approx(max(lengths.values()))
-    np.testing.assert_allclose(left[name], 2.0 - np.array(through), atol=1e-12)
+    np.testing.assert_allclose(remaining[name], 2.0 - np.array(through), atol=1e-12)
 
 
 # --- episodes in a buffer -------------------------------------------------------------------------
@@ -140,8 +140,8 @@ def test_each_episode_has_the_advantages_that_it_has_alone(rng, episodes, begun)
         rows += list(zip(reward, value, first, [0] * (n - 1) + [int(over)], strict=True))
     columns = list(np.array(rows).T)
     args: Any = (*columns, finals, last, gamma, lam)
-    found, target = solutions.truncated_advantages(*args)
-    np.testing.assert_allclose(found, right, atol=1e-12)
+    result, target = solutions.truncated_advantages(*args)
+    np.testing.assert_allclose(result, right, atol=1e-12)
     np.testing.assert_allclose(target - columns[1], right, atol=1e-12)
 
 
@@ -150,10 +150,10 @@ def test_a_reward_of_one_for_ever_leaves_nothing_to_learn_whatever_the_time_limi
     gamma, n = 0.9, 12
     worth = 1.0 / (1.0 - gamma)
     starts = np.arange(n) % 4 == 0
-    found, target = solutions.truncated_advantages(
+    result, target = solutions.truncated_advantages(
         np.ones(n), np.full(n, worth), starts, np.zeros(n), [worth] * 2, worth, gamma, 0.95
     )
-    np.testing.assert_allclose(found, 0.0, atol=1e-12)
+    np.testing.assert_allclose(result, 0.0, atol=1e-12)
     np.testing.assert_allclose(target, worth, atol=1e-12)
 
 
@@ -195,8 +195,8 @@ def test_a_symmetric_top_is_right_and_what_is_done_to_it_is_found(rng):
         "another body": (R, w, moments[::-1], 3), "goes round faster": (*top(1.5), moments, 3),
     }  # fmt: skip
     args: Any = [np.array([one[i] for one in batch.values()], dtype=float) for i in range(3)]
-    found = solutions.catch_the_slip(*[*args, step])
-    assert dict(zip(batch, found, strict=True)) == {name: one[3] for name, one in batch.items()}
+    result = solutions.catch_the_slip(*[*args, step])
+    assert dict(zip(batch, result, strict=True)) == {name: one[3] for name, one in batch.items()}
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -205,14 +205,14 @@ def test_the_drawn_programs_are_what_they_are_drawn_for_and_what_the_task_says(s
     for verdict, family in enumerate((catch.RIGHT, catch.BENT, catch.LATE, catch.PUSHED)):
         drawn = [catch.program(kind, rng, 40) for kind in family]
         R, w, moments = (np.array(one) for one in zip(*drawn, strict=True))
-        found = solutions.catch_the_slip(R, w, moments, catch.STEP)
-        assert dict(zip(family, found, strict=True)) == dict.fromkeys(family, verdict)
+        result = solutions.catch_the_slip(R, w, moments, catch.STEP)
+        assert dict(zip(family, result, strict=True)) == dict.fromkeys(family, verdict)
         if verdict in (0, 3):
             assert np.linalg.norm(w, axis=2).max() * catch.STEP < 0.04
             assert np.linalg.norm(np.diff(w, axis=1), axis=2).max() < 0.3
             L = np.einsum("knij,kj,knlj,knl->kni", R, moments, R, w)
-            off = np.linalg.norm(L - L[:, :1], axis=2).max(axis=1) / np.linalg.norm(L[:, 0], axis=1)
-            assert np.all(off > 0.01 if verdict else off < 1e-6)
+            error = np.linalg.norm(L - L[:, :1], axis=2).max(axis=1) / np.linalg.norm(L[:, 0], axis=1)
+            assert np.all(error > 0.01 if verdict else error < 1e-6)
 
 
 # --- the hunt -------------------------------------------------------------------------------------

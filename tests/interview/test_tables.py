@@ -122,10 +122,10 @@ def test_a_field_that_nothing_fills_is_refused(monkeypatch, tmp_path, field, sai
 @given(st.lists(st.floats(-9, 9), min_size=2, max_size=6, unique=True), st.floats(0.01, 0.99))
 def test_what_is_read_off_lies_on_the_line(ys: list[float], part: float) -> None:
     series = {"x": [2.0 * i for i in range(len(ys))], "y": ys}
-    wanted = (1 - part) * ys[0] + part * ys[1]
-    x = fields._read_off(series, "x", repr(wanted), "made")
-    assert np.interp(x, series["x"], ys) == pytest.approx(wanted, abs=1e-9)
-    assert fields._read_off(series, "y", repr(x), "made") == pytest.approx(wanted, abs=1e-9)
+    expected = (1 - part) * ys[0] + part * ys[1]
+    x = fields._read_off(series, "x", repr(expected), "made")
+    assert np.interp(x, series["x"], ys) == pytest.approx(expected, abs=1e-9)
+    assert fields._read_off(series, "y", repr(x), "made") == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -150,10 +150,10 @@ def test_the_tables_have_their_rows_and_columns() -> None:
 
 @pytest.mark.parametrize("row", SHEET["row"], ids=lambda row: row["chapter"])
 def test_thirty_seconds_end_with_what_was_measured(row) -> None:
-    said = fields.filled(row["measured"], records.figure)
-    pick, limit = said.split(" Limit: ")
+    text = fields.filled(row["measured"], records.figure)
+    pick, limit = text.split(" Limit: ")
     # Three words a second, and what is measured has figures: an error or share, costs, the limit.
-    assert len(f"{row['says']} {said}".split()) <= 95
+    assert len(f"{row['says']} {text}".split()) <= 95
     assert len(re.findall(r"\d", pick)) >= 3 and re.search(r"\d", limit)
     assert len(re.findall(r"[\d.]+ (?:s|ms|us)\b", pick)) >= 2, "ours and the library's cost"
     assert typed_numbers(f"{row['says']} {row['measured']}") == []
@@ -208,8 +208,8 @@ def test_a_terminal_shows_80_columns_and_a_page_all_cells() -> None:
         words = {word for row in table.rows for cell in row for word in cell.split()}
         assert words <= set(text.split())
         assert table.markdown().count("\n") == len(table.rows) + 1
-    found = {html.unescape(cell) for cell in re.findall("<td>(.*?)</td>", tables.page())}
-    assert {cell for row in tables.cheat_sheet(plain=True).rows for cell in row} == found
+    result = {html.unescape(cell) for cell in re.findall("<td>(.*?)</td>", tables.page())}
+    assert {cell for row in tables.cheat_sheet(plain=True).rows for cell in row} == result
 
 
 def test_a_row_that_lacks_a_cell_is_refused() -> None:

@@ -21,7 +21,7 @@ def named() -> dict[str, Chain]:
     return {"planar": planar([1.0, 0.5, 0.3], [2.0, 1.0, 0.4], 0.1), "panda": panda()}
 
 
-def relative(found, truth) -> float:
+def relative(result, truth) -> float:
     """The largest difference over the largest entry."""
-    found, truth = np.asarray(found), np.asarray(truth)
-    return float(np.abs(found - truth).max() / max(float(np.abs(truth).max()), 1e-300))
+    result, truth = np.asarray(result), np.asarray(truth)
+    return float(np.abs(result - truth).max() / max(float(np.abs(truth).max()), 1e-300))

@@ -59,10 +59,10 @@ EXACT = {"frames": 1e-12, "tip": 1e-12, "jacobian": 1e-12, "rate": 1e-12}
 ROUNDED = 1e-10
 
 
-def too_far(found: dict[str, float], scale: float) -> dict[str, float]:
+def too_far(result: dict[str, float], scale: float) -> dict[str, float]:
     """What exceeds its tolerance."""
     return {
         name: value
-        for name, value in found.items()
+        for name, value in result.items()
         if not value <= (EXACT[name] * scale if name in EXACT else ROUNDED)
     }

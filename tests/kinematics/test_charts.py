@@ -60,12 +60,12 @@ def test_damping_keeps_the_joints_within_their_speed_where_theory_says() -> None
 
 def test_the_four_steps_end_as_theory_says() -> None:
     usual, edge = charts.build("ik_residual", budgets=(1, 2, 3, 5, 8, 12, 20), targets=12)
-    left = {series.label: np.asarray(series.y) for series in usual.series}
+    remaining = {series.label: np.asarray(series.y) for series in usual.series}
     # Newton's steps double the digits; damping leaves a share of every one.
-    assert left["pseudo_inverse"][3] < 1e-9 and left["levenberg_marquardt"][4] < 1e-9
-    ratios = left["damped"][3:6] / left["damped"][2:5]
-    assert np.all(ratios < 0.5) and left["damped"][3] > 1e3 * left["pseudo_inverse"][3]
-    assert left["transpose"][-1] > 1e-5
+    assert remaining["pseudo_inverse"][3] < 1e-9 and remaining["levenberg_marquardt"][4] < 1e-9
+    ratios = remaining["damped"][3:6] / remaining["damped"][2:5]
+    assert np.all(ratios < 0.5) and remaining["damped"][3] > 1e3 * remaining["pseudo_inverse"][3]
+    assert remaining["transpose"][-1] > 1e-5
     # At the edge the Jacobian loses rank: the error is quartered a step, not squared.
     newton = np.asarray(edge["pseudo_inverse"].y)
     assert newton[5] / newton[4] == pytest.approx(0.25**4, rel=0.5)
@@ -86,9 +86,9 @@ def test_the_curve_of_answers_is_complete_and_right() -> None:
     lengths, target = (1.0, 0.8, 0.5), np.array([1.1, 0.4, 0.0])
     curve = inverse.solution_curve(lengths, target)
     assert np.abs(tip(planar(lengths), curve)[:3] - target[:, None]).max() < 1e-12
-    found = ik(planar(lengths), np.repeat(target[:, None], 40, axis=1), restarts=1, rng=3)
-    assert found.success.sum() > 30
-    on = np.array([inverse.covered(q[:, None], curve, 0.02) for q in found.q.T[found.success]])
+    result = ik(planar(lengths), np.repeat(target[:, None], 40, axis=1), restarts=1, rng=3)
+    assert result.success.sum() > 30
+    on = np.array([inverse.covered(q[:, None], curve, 0.02) for q in result.q.T[result.success]])
     assert np.all(on == 1)
     assert inverse.covered(curve, curve[:, :1]) < 0.2 < 1 == inverse.covered(curve, curve)
 

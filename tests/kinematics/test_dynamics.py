@@ -39,14 +39,14 @@ def test_the_mass_matrix_is_symmetric_positive_and_the_kinetic_energy(seed) -> N
     np.testing.assert_array_equal(M, M.T)
     assert np.linalg.eigvalsh(M).min() > 0.0
     # The energy of each body by itself: velocity of its centre, spin in its own frame.
-    found = 0.5 * chain.armature @ v**2
+    result = 0.5 * chain.armature @ v**2
     for i in range(chain.n):
         twist = kinematics.jacobian(chain, q, chain.centre[:, i], joint=i) @ v
         pose = kinematics.frames(chain, q)[:, i]
         spin = kinematics.chain.rotate(kinematics.chain.conjugate(pose[3:]), twist[3:])
-        found += 0.5 * chain.mass[i] * twist[:3] @ twist[:3]
-        found += 0.5 * spin @ chain.inertia[:, :, i] @ spin
-    assert kinematics.energy(chain, q, v)[0] == pytest.approx(found, rel=1e-12)
+        result += 0.5 * chain.mass[i] * twist[:3] @ twist[:3]
+        result += 0.5 * spin @ chain.inertia[:, :, i] @ spin
+    assert kinematics.energy(chain, q, v)[0] == pytest.approx(result, rel=1e-12)
 
 
 @examples(30)
@@ -55,9 +55,9 @@ def test_gravity_is_the_slope_of_the_potential_and_power_is_the_rate_of_energy(s
     chain, rng = drawn(seed), np.random.default_rng(seed)
     q, v, a = states(chain, rng)
     h, still = 1e-5, np.zeros(chain.n)
-    there, back = (q[:, None] + t * np.eye(chain.n) for t in (h, -h))
-    at_rest = np.zeros_like(there)
-    rise = kinematics.energy(chain, there, at_rest)[1] - kinematics.energy(chain, back, at_rest)[1]
+    forward, back = (q[:, None] + t * np.eye(chain.n) for t in (h, -h))
+    at_rest = np.zeros_like(forward)
+    rise = kinematics.energy(chain, forward, at_rest)[1] - kinematics.energy(chain, back, at_rest)[1]
     slope, weight = rise / (2 * h), bias(chain, q, still)
     assert np.abs(slope - weight).max() < 1e-6 * (1.0 + np.abs(weight).max())
     tau = inverse_dynamics(chain, q, v, a)
@@ -140,11 +140,11 @@ def test_both_ways_to_accelerations_lose_what_the_conditioning_takes(mass) -> No
         chain, (q, v, tau) = planar(lengths, masses), rng.normal(size=(3, 3))
         M, h = mass_matrix(chain, q), bias(chain, q, v, gravity=down)
         exact = exact_accelerations(lengths, masses, q, v, tau, 9.81)
-        for found in (
+        for result in (
             forward_dynamics(chain, q, v, tau, gravity=down),
             np.linalg.solve(M, tau - h),
         ):
-            worst = max(worst, relative(found, exact) / (np.linalg.cond(M) * 2.2e-16))
+            worst = max(worst, relative(result, exact) / (np.linalg.cond(M) * 2.2e-16))
     assert worst < 10.0
 
 
@@ -172,8 +172,8 @@ def test_two_links_are_the_chain(arm, seed) -> None:
     assert relative(arm.bias(q, v), bias(chain, q, v, gravity=down)) < 1e-11
     column = arm.column()
     column[TORQUES, 0] = tau
-    found = two_link_acceleration(q[:, None], v[:, None], column)[:, 0]
-    assert np.abs(found - a).max() < 1e-9 * (1.0 + np.abs(a).max())
+    result = two_link_acceleration(q[:, None], v[:, None], column)[:, 0]
+    assert np.abs(result - a).max() < 1e-9 * (1.0 + np.abs(a).max())
 
 
 @examples(60)

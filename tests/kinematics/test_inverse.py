@@ -29,11 +29,11 @@ def off(chain, target, q):
     return np.linalg.norm(error[:3], axis=0), np.linalg.norm(error[3:], axis=0)
 
 
-def contradicted(chain, target, found) -> int:
+def contradicted(chain, target, result) -> int:
     """How many claims of success forward kinematics or the limits contradict."""
-    distance, angle = off(chain, target, found.q)
-    there = (distance <= 1e-6) & (angle <= 1e-6) & within(chain, found.q)
-    return int(np.sum(np.asarray(found.success) & ~there))
+    distance, angle = off(chain, target, result.q)
+    other = (distance <= 1e-6) & (angle <= 1e-6) & within(chain, result.q)
+    return int(np.sum(np.asarray(result.success) & ~other))
 
 
 # --- what is solved -------------------------------------------------------------------------------
@@ -44,12 +44,12 @@ def test_reachable_poses_of_the_seven_joint_arm_are_solved_within_its_limits(tab
     chain, rng = panda(), np.random.default_rng(7)
     target = tip(chain, kinematics.uniform_starts(chain, 1000, rng).T)
     start = kinematics.Samples(chain, 10_000, 1) if table else None
-    found = ik(chain, target, start, rng=2)
-    assert found.success.mean() >= 0.995 and contradicted(chain, target, found) == 0
-    assert np.all(within(chain, found.q))
+    result = ik(chain, target, start, rng=2)
+    assert result.success.mean() >= 0.995 and contradicted(chain, target, result) == 0
+    assert np.all(within(chain, result.q))
     # A table saves at least half of the steps.
-    assert found.iterations.mean() < (25.0 if table else 60.0)
-    assert set(found.reason[found.success]) == {"solved"}
+    assert result.iterations.mean() < (25.0 if table else 60.0)
+    assert set(result.reason[result.success]) == {"solved"}
 
 
 @pytest.mark.slow
@@ -62,12 +62,12 @@ def test_no_step_claims_what_forward_kinematics_contradicts(method) -> None:
         q[:, :20] *= 1e-3  # some arms nearly at zero: the panda is singular there
         target = tip(chain, q)
         target[:3, 40:] *= 3.0
-        found = ik(chain, target, method=method, restarts=5, iterations=60, rng=1)
-        assert contradicted(chain, target, found) == 0
-        assert np.all(within(chain, found.q))
-        distance, angle = off(chain, target, found.q)
-        np.testing.assert_allclose(found.distance, distance, atol=1e-12)
-        np.testing.assert_allclose(found.angle, angle, atol=1e-8)
+        result = ik(chain, target, method=method, restarts=5, iterations=60, rng=1)
+        assert contradicted(chain, target, result) == 0
+        assert np.all(within(chain, result.q))
+        distance, angle = off(chain, target, result.q)
+        np.testing.assert_allclose(result.distance, distance, atol=1e-12)
+        np.testing.assert_allclose(result.angle, angle, atol=1e-8)
 
 
 def test_the_same_seed_gives_the_same_answer_alone_or_in_a_batch() -> None:
@@ -85,18 +85,18 @@ def test_the_same_seed_gives_the_same_answer_alone_or_in_a_batch() -> None:
 def test_positions_alone_of_random_arms(seed) -> None:
     chain, rng = drawn(2 * (seed // 2)), np.random.default_rng(seed)
     target = tip(chain, kinematics.uniform_starts(chain, 1, rng)[0])[:3]
-    found = ik(chain, target, restarts=30, rng=seed)
-    assert contradicted(chain, target, found) == 0
-    assert found.success or chain.n < 4
+    result = ik(chain, target, restarts=30, rng=seed)
+    assert contradicted(chain, target, result) == 0
+    assert result.success or chain.n < 4
 
 
 def test_a_half_turn_goes_the_short_way() -> None:
     """Just before and just beyond half a turn the error points to opposite sides, never longer."""
     here = np.array([0.0, 0, 0, 1, 0, 0, 0])
-    for angle, left in ((3.0, 3.0), (np.pi - 1e-6, np.pi - 1e-6), (np.pi + 1e-6, 1e-6 - np.pi)):
+    for angle, remaining in ((3.0, 3.0), (np.pi - 1e-6, np.pi - 1e-6), (np.pi + 1e-6, 1e-6 - np.pi)):
         goal = np.concatenate([np.zeros(3), exp(np.array([0.0, 0.0, angle]))])
-        np.testing.assert_allclose(kinematics.pose_error(goal, here)[3:], [0, 0, left], atol=1e-9)
-        np.testing.assert_allclose(kinematics.pose_error(-goal, here)[3:], [0, 0, left], atol=1e-9)
+        np.testing.assert_allclose(kinematics.pose_error(goal, here)[3:], [0, 0, remaining], atol=1e-9)
+        np.testing.assert_allclose(kinematics.pose_error(-goal, here)[3:], [0, 0, remaining], atol=1e-9)
 
 
 @examples(60)
@@ -110,9 +110,9 @@ def test_the_loop_sees_the_error_that_the_door_does(seed) -> None:
     here, e = tip(chain, q), np.empty(6)
     target = np.concatenate([rng.normal(size=3), product(exp(turn), here[3:])])
     for goal in (target, np.concatenate([target[:3], -target[3:]])):
-        found = _miss(chain.table, q[:, None], goal[:, None], 0, np.empty((8, 7)), e)
+        result = _miss(chain.table, q[:, None], goal[:, None], 0, np.empty((8, 7)), e)
         np.testing.assert_allclose(e, kinematics.pose_error(goal, here), atol=1e-12)
-        assert found[1] == pytest.approx(np.linalg.norm(e[3:]), abs=1e-12)
+        assert result[1] == pytest.approx(np.linalg.norm(e[3:]), abs=1e-12)
 
 
 # --- what is told of the rest ---------------------------------------------------------------------
@@ -149,10 +149,10 @@ def test_limits_that_cut_the_solution_set_leave_the_branch_that_is_inside(seed) 
     for sign in (1.0, -1.0):
         low, high = sorted((0.0, sign * 3.1))
         held = replace(arm, lower=[-np.pi, low], upper=[np.pi, high])
-        found, branch = ik(held, target, rng=1), 0 if sign > 0 else 1
-        assert found.success and within(held, found.q)
+        result, branch = ik(held, target, rng=1), 0 if sign > 0 else 1
+        assert result.success and within(held, result.q)
         exact = two_link_ik(LENGTHS, target[:2]).q[:, branch]
-        turn = (found.q - exact + np.pi) % (2 * np.pi) - np.pi
+        turn = (result.q - exact + np.pi) % (2 * np.pi) - np.pi
         # The angles come with the tip's tolerance, enlarged near the stretched arm.
         assert np.abs(turn).max() < 1e-6 / np.sin(min(q[1], np.pi - q[1])) * 10.0
 
@@ -165,15 +165,15 @@ def test_unreachable_and_near_singular_sets_of_the_seven_joint_arm() -> None:
     far, base = tip(chain, q), chain.placement[:3, :1]
     out = far[:3] - base
     far[:3] = base + 1.02 * chain.reach[1] * out / np.linalg.norm(out, axis=0)
-    found = ik(chain, far, restarts=3, rng=0)
-    assert not found.success.any()
-    assert set(found.reason) == {"unreachable"}
+    result = ik(chain, far, restarts=3, rng=0)
+    assert not result.success.any()
+    assert set(result.reason) == {"unreachable"}
     near = q.copy()
     near[5] = rng.uniform(-0.017, 0.05, 200)  # the last axis but one folds the wrist
     near[3] = rng.uniform(-0.12, -0.07, 200)  # the elbow nearly stretched
     target = tip(chain, near)
-    found = ik(chain, target, rng=0)
-    assert found.success.mean() >= 0.95 and contradicted(chain, target, found) == 0
+    result = ik(chain, target, rng=0)
+    assert result.success.mean() >= 0.95 and contradicted(chain, target, result) == 0
 
 
 # --- where the steps fail -------------------------------------------------------------------------
@@ -207,9 +207,9 @@ def test_gains_stay_under_their_bounds_and_reach_them(damping) -> None:
     s = np.append(np.geomspace(1e-9, 1e3, 241), damping)
     bounds = {"damped": 0.5 / damping, "adaptive": 1.0 / damping}
     for name, bound in bounds.items():
-        found = np.array([gain(x, METHODS.index(name), damping) for x in s])
-        assert found.max() <= bound * (1.0 + 1e-15)
-        assert found[-1] == pytest.approx(bound, rel=1e-12)  # at s = lambda
+        result = np.array([gain(x, METHODS.index(name), damping) for x in s])
+        assert result.max() <= bound * (1.0 + 1e-15)
+        assert result[-1] == pytest.approx(bound, rel=1e-12)  # at s = lambda
     assert gain(1e-9, METHODS.index("pseudo_inverse"), damping) == pytest.approx(1e9)
 
 
@@ -230,15 +230,15 @@ def test_a_null_space_step_moves_the_tip_by_c_h_squared_and_one_step_takes_it_ba
     goal, rows = tip(chain, q), []
     _, slope = kinematics.elbow_height(chain, q)
     for h in (0.2, 0.1, 0.05, 0.025):
-        there = kinematics.null_space_step(chain, q, slope, h)
-        assert np.linalg.norm(there - q) == pytest.approx(h)
-        back = ik(chain, goal, there, method="pseudo_inverse", restarts=0, iterations=1)
-        rows.append((off(chain, goal, there)[0], off(chain, goal, back.q)[0]))
+        other = kinematics.null_space_step(chain, q, slope, h)
+        assert np.linalg.norm(other - q) == pytest.approx(h)
+        back = ik(chain, goal, other, method="pseudo_inverse", restarts=0, iterations=1)
+        rows.append((off(chain, goal, other)[0], off(chain, goal, back.q)[0]))
         assert kinematics.elbow_height(chain, back.q)[0] > kinematics.elbow_height(chain, q)[0]
-    moved, left = np.array(rows).T
+    moved, remaining = np.array(rows).T
     np.testing.assert_allclose(np.log2(moved[:-1] / moved[1:]), 2.0, atol=0.15)
     # The rest is of fourth order: the square of what there was.
-    assert np.all(left < 2.0 * moved**2) and np.log2(left[1] / left[2]) > 3.0
+    assert np.all(remaining < 2.0 * moved**2) and np.log2(remaining[1] / remaining[2]) > 3.0
 
 
 @examples(40)
@@ -247,14 +247,14 @@ def test_objectives_have_the_gradients_they_say(seed) -> None:
     rng, h = np.random.default_rng(seed), 1e-6
     arm, chain = planar([0.5, 0.4, 0.3]), panda()
     centre = rng.uniform(-1.5, 1.5, 2)
-    for who, objective in (
+    for name, objective in (
         (chain, lambda q: kinematics.elbow_height(chain, q)),
         (chain, lambda q: kinematics.mid_range(chain, q)),
         (arm, lambda q: kinematics.disc_distance(arm, q, centre, 0.1)),
     ):
-        q = rng.uniform(-1.0, 1.0, who.n)
+        q = rng.uniform(-1.0, 1.0, name.n)
         value, slope = objective(q)
-        moved = [objective(q + h * e)[0] - objective(q - h * e)[0] for e in np.eye(who.n)]
+        moved = [objective(q + h * e)[0] - objective(q - h * e)[0] for e in np.eye(name.n)]
         if abs(value + 0.1) > 1e-3:  # on a line the distance has a kink
             np.testing.assert_allclose(slope, np.array(moved) / (2 * h), atol=1e-4)
     pinned = dataclasses.replace(chain, lower=chain.upper)  # no joint has a range left
@@ -271,13 +271,13 @@ def test_both_branches_reach_every_point_of_the_annulus(l1, l2, share, heading) 
     near, far = abs(l1 - l2), l1 + l2
     r = near + share * (far - near)
     target = r * np.array([np.cos(heading), np.sin(heading)])
-    found = two_link_ik([l1, l2], target)
-    assert found.distance <= 1e-15 * far * 4
+    result = two_link_ik([l1, l2], target)
+    assert result.distance <= 1e-15 * far * 4
     arm = planar([l1, l2])
     for branch in (0, 1):
-        q = found.q[:, branch]
+        q = result.q[:, branch]
         assert np.abs(tip(arm, q)[:2] - target).max() < 1e-14 * far
-    assert found.q[1, 0] >= 0.0 >= found.q[1, 1]
+    assert result.q[1, 0] >= 0.0 >= result.q[1, 1]
 
 
 @examples(60)
@@ -285,11 +285,11 @@ def test_both_branches_reach_every_point_of_the_annulus(l1, l2, share, heading) 
 def test_outside_the_annulus_both_point_at_the_target(l1, l2, gap, heading) -> None:
     near, far, line = abs(l1 - l2), l1 + l2, np.array([np.cos(heading), np.sin(heading)])
     for r in [far + gap] + ([near - gap] if near > 1.001 * gap else []):
-        found = two_link_ik([l1, l2], r * line)
-        assert not found.reached
-        assert found.distance == pytest.approx(gap, abs=1e-14 * (far + 1.0))
+        result = two_link_ik([l1, l2], r * line)
+        assert not result.reached
+        assert result.distance == pytest.approx(gap, abs=1e-14 * (far + 1.0))
         for branch in (0, 1):
-            at = tip(planar([l1, l2]), found.q[:, branch])[:2]
+            at = tip(planar([l1, l2]), result.q[:, branch])[:2]
             assert np.linalg.norm(at - r * line) == pytest.approx(gap, rel=1e-6, abs=1e-13)
 
 
@@ -297,10 +297,10 @@ def test_near_the_edge_the_angle_keeps_its_digits() -> None:
     """1e-12 inside the outer edge the bend is the square root of it; half the digits of an
     arccosine would be gone."""
     for gap in (1e-12, 1e-10, 1e-8):
-        found = two_link_ik([1.0, 1.0], [2.0 * (1.0 - gap), 0.0])
+        result = two_link_ik([1.0, 1.0], [2.0 * (1.0 - gap), 0.0])
         x = 2.0 * (1.0 - gap)
         exact = 2.0 * np.arctan2(np.sqrt((2.0 - x) * (2.0 + x)), x)
-        assert found.q[1, 0] == pytest.approx(exact, rel=1e-12)
+        assert result.q[1, 0] == pytest.approx(exact, rel=1e-12)
     centre = two_link_ik([1.0, 1.0], [[0.0, 1.0], [0.0, 1.0]])
     assert centre.reached.all() and np.isfinite(centre.q).all()
     assert np.abs(tip(planar([1.0, 1.0]), centre.q[:, 0])[:2, 0]).max() < 1e-15

@@ -15,8 +15,8 @@ from tests.kinematics.compare import beside_mujoco, beside_pinocchio, poses_apar
 @pytest.mark.parametrize("which", [*named(), *range(40)])
 def test_chains_and_trees_agree_with_the_library(which, library) -> None:
     chain = named()[which] if isinstance(which, str) else drawn(which)
-    found = library(chain, np.random.default_rng(5))
-    assert not too_far(found, max(1.0, chain.reach[1]))
+    result = library(chain, np.random.default_rng(5))
+    assert not too_far(result, max(1.0, chain.reach[1]))
 
 
 @pytest.mark.parametrize("which", [*named(), 2, 3, 5])
@@ -30,8 +30,8 @@ def test_a_chain_goes_to_mujoco_and_comes_back(which) -> None:
     order = [i for i in order if i != chain.n - 1] + [chain.n - 1]
     assert sorted(names) == sorted(f"joint {i}" for i in range(chain.n))
     q, v, a = states(chain, np.random.default_rng(1))
-    there = kinematics.frames(back, q[order])
-    assert poses_apart(there, kinematics.frames(chain, q)[:, order]) < 1e-13
+    other = kinematics.frames(back, q[order])
+    assert poses_apart(other, kinematics.frames(chain, q)[:, order]) < 1e-13
     np.testing.assert_allclose(kinematics.tip(back, q[order]), kinematics.tip(chain, q), atol=1e-12)
     np.testing.assert_allclose(
         kinematics.inverse_dynamics(back, q[order], v[order], a[order]),

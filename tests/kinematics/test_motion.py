@@ -32,8 +32,8 @@ def test_the_jacobian_of_any_point_is_its_twist(seed) -> None:
     chain, rng = drawn(seed), np.random.default_rng(seed)
     q, v = states(chain, rng, 2)
     point, joint = rng.normal(size=3), int(rng.integers(chain.n))
-    found = jacobian(chain, q, point, joint=joint) @ v
-    np.testing.assert_allclose(found, twist(chain, q, v, point, joint), atol=1e-7 * 30)
+    result = jacobian(chain, q, point, joint=joint) @ v
+    np.testing.assert_allclose(result, twist(chain, q, v, point, joint), atol=1e-7 * 30)
 
 
 @examples(40)
@@ -152,10 +152,10 @@ def test_euler_rates_lock_where_the_arm_does_not() -> None:
     for lean, least in ((1e-2, 50.0), (1e-4, 5e3)):
         goal[:3], half = (0.4, 0.1, 0.5), 0.5 * (0.5 * np.pi - lean)
         goal[3:] = np.cos(half), 0.0, np.sin(half), 0.0
-        there = kinematics.ik(chain, goal)
-        assert there.success
-        locked = condition_number(kinematics.analytic_jacobian(chain, there.q), 1.0)
-        assert locked > least and condition_number(jacobian(chain, there.q), 1.0) < 200.0
+        other = kinematics.ik(chain, goal)
+        assert other.success
+        locked = condition_number(kinematics.analytic_jacobian(chain, other.q), 1.0)
+        assert locked > least and condition_number(jacobian(chain, other.q), 1.0) < 200.0
 
 
 def test_the_reach_bounds_every_posture() -> None:

@@ -43,8 +43,8 @@ def polar(r, angle):
 
 def glow(experiment):
     """The radius of the red around the tip, in units of the window."""
-    found = [item.style for item in decode(experiment.picture()) if item.kind == DISC]
-    return max(style[0] for style in found if style[1] == RED and style[4] < 1.0)
+    result = [item.style for item in decode(experiment.picture()) if item.kind == DISC]
+    return max(style[0] for style in result if style[1] == RED and style[4] < 1.0)
 
 
 def test_a_simulation_is_had_by_its_name():
@@ -65,8 +65,8 @@ def test_every_step_ends_at_one_of_the_two_exact_answers(method):
     for target in ((0.5, 1.1), (-0.9, 0.4), (0.2, -1.0)):
         now = after(arm.MODEL, 60.0, method=method, target=target)
         exact = kinematics.two_link_ik((arm.L1, arm.L2), target).q
-        off = np.abs(np.exp(1j * now.state["q"])[:, None] - np.exp(1j * exact)).max(axis=0)
-        assert off.min() < 1e-6 < off.max()
+        error = np.abs(np.exp(1j * now.state["q"])[:, None] - np.exp(1j * exact)).max(axis=0)
+        assert error.min() < 1e-6 < error.max()
         assert number(now, "error") == 0.0
 
 
@@ -94,14 +94,14 @@ def test_the_numbers_are_those_of_the_chapter():
         )
         assert number(now, "smallest value") == pytest.approx(s[1], abs=6e-5)
         length = {0: None, 1: 1.0, 2: 1e-3}[rows]
-        wanted = (
+        expected = (
             s[0] / s[1]
             if length is None
             else kinematics.condition_number(
                 np.vstack((whole[:2], np.zeros((3, 2)), whole[5:])), length
             )
         )
-        assert number(now, "condition number") == pytest.approx(wanted, abs=0.06)
+        assert number(now, "condition number") == pytest.approx(expected, abs=0.06)
 
 
 def test_stretched_with_a_target_inward_no_step_moves_and_a_nudge_frees_it():
@@ -138,8 +138,8 @@ def test_the_pseudo_inverse_jumps_and_damping_keeps_its_bound():
 
 
 def test_more_damping_is_slower():
-    left = [after(arm.MODEL, 6.0, damping=damping).state["past"][1] for damping in (0.05, 0.3, 1.0)]
-    reached = [np.argmax(errors[errors > 0] < 1e-3) or 10**6 for errors in left]
+    remaining = [after(arm.MODEL, 6.0, damping=damping).state["past"][1] for damping in (0.05, 0.3, 1.0)]
+    reached = [np.argmax(errors[errors > 0] < 1e-3) or 10**6 for errors in remaining]
     assert reached == sorted(reached) and len(set(reached)) == 3
 
 
@@ -212,9 +212,9 @@ def test_a_step_leaves_the_tip_still_to_first_order_and_no_further():
 
 @pytest.mark.slow
 def test_it_swings_to_and_fro():
-    now, ways = Experiment(elbow.MODEL, correct=True), []
+    now, paths = Experiment(elbow.MODEL, correct=True), []
     for _ in range(50):
         now.advance(0.2)
-        ways.append(float(now.state["way"]))
-    assert max(ways) > 0.5 and min(ways) < -0.2 and max(np.abs(ways)) <= elbow._SWING + 1e-9
-    assert (np.diff(np.sign(np.diff(ways))) != 0).sum() >= 2
+        paths.append(float(now.state["way"]))
+    assert max(paths) > 0.5 and min(paths) < -0.2 and max(np.abs(paths)) <= elbow._SWING + 1e-9
+    assert (np.diff(np.sign(np.diff(paths))) != 0).sum() >= 2

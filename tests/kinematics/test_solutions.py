@@ -92,8 +92,8 @@ def test_both_arms_reach_the_target_by_forward_kinematics(lengths, share, angle)
     assert 0.0 <= rows[0, 1] <= math.pi and rows[1, 1] == -rows[0, 1]
     course = kinematics.two_link_ik(lengths, target)
     if course.reached:
-        off = np.exp(1j * rows.T) - np.exp(1j * course.q)
-        assert np.abs(off).max() < 1e-7
+        deviation = np.exp(1j * rows.T) - np.exp(1j * course.q)
+        assert np.abs(deviation).max() < 1e-7
 
 
 @given(arrays(float, 2, elements=numbers(0.05, 3.0)), numbers(-3.0, 3.0))
@@ -126,9 +126,9 @@ def test_the_jacobian_is_pinocchios_and_the_chapters(rng, n):
         kinematics.random_chain(n, rng), slides=False, tool=[*rng.normal(size=3), 1, 0, 0, 0]
     )
     q = rng.uniform(-9.0, 9.0, n)
-    found = solutions.geometric_jacobian(rows_of(arm), q, arm.tool[:3])
+    result = solutions.geometric_jacobian(rows_of(arm), q, arm.tool[:3])
     for truth in (Arm(arm).jacobians(q, 0 * q)[0], kinematics.jacobian(arm, q)):
-        np.testing.assert_allclose(found, truth, rtol=0, atol=1e-12 * (1.0 + n))
+        np.testing.assert_allclose(result, truth, rtol=0, atol=1e-12 * (1.0 + n))
 
 
 # --- damped and redundant steps -------------------------------------------------------------------
@@ -182,7 +182,7 @@ def test_a_null_space_step_solves_the_task_and_is_the_nearest_that_does(rng, m, 
 def test_torques_are_those_of_pinocchio_and_mujoco(rng, n, gravity):
     lengths, masses = rng.uniform(0.1, 1.0, n), rng.uniform(0.2, 3.0, n)
     q, v, a = rng.uniform(-4, 4, n), 3.0 * rng.normal(size=n), 5.0 * rng.normal(size=n)
-    found = solutions.rnea_planar(lengths, masses, q, v, a, gravity)
+    result = solutions.rnea_planar(lengths, masses, q, v, a, gravity)
     arm, down = kinematics.planar(lengths, masses), (0.0, -gravity, 0.0)
     model = mujoco_chain.model(arm, down)
     data = mujoco.MjData(model)
@@ -193,7 +193,7 @@ def test_torques_are_those_of_pinocchio_and_mujoco(rng, n, gravity):
         (data.qfrc_inverse, 1e-10),
         (kinematics.inverse_dynamics(arm, q, v, a, gravity=down), 1e-12),
     ):
-        np.testing.assert_allclose(found, truth, rtol=0, atol=digits * (1.0 + np.abs(truth).max()))
+        np.testing.assert_allclose(result, truth, rtol=0, atol=digits * (1.0 + np.abs(truth).max()))
 
 
 # --- the wrist ------------------------------------------------------------------------------------
@@ -206,8 +206,8 @@ def test_the_wrist_goes_the_short_way_to_the_nearest_answer(rng, sign, turns):
     goal = np.array([rng.uniform(-1.5, 1.5) + 2.0 * math.pi * turns, *rng.uniform(-0.7, 0.7, 2)])
     start = goal + rng.uniform(-0.9, 0.9, 3)
     target = sign * from_euler_zyx(*goal)
-    found = solutions.wrist_ik(start, target, 0.05, 60)
-    np.testing.assert_allclose(found, goal, rtol=0, atol=1e-8)
+    result = solutions.wrist_ik(start, target, 0.05, 60)
+    np.testing.assert_allclose(result, goal, rtol=0, atol=1e-8)
 
 
 def test_the_starter_of_the_hunt_arrives_and_has_gone_round():
@@ -217,6 +217,6 @@ def test_the_starter_of_the_hunt_arrives_and_has_gone_round():
     start, goal = np.array([0.2, 0.3, -0.2]), np.array([0.7, -0.3, 0.4])
     for sign in (1.0, -1.0):
         target = sign * from_euler_zyx(*goal)
-        found = names["wrist_ik"](start, target, 0.05, 60)
-        assert angle_between(from_euler_zyx(*found), target) < 1e-6
-        assert (np.abs(found - goal).max() < 1e-6) == (sign > 0)
+        result = names["wrist_ik"](start, target, 0.05, 60)
+        assert angle_between(from_euler_zyx(*result), target) < 1e-6
+        assert (np.abs(result - goal).max() < 1e-6) == (sign > 0)

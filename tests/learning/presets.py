@@ -39,7 +39,7 @@ def outcome(preset: str, seed: int) -> dict[str, float]:
         float(c["rate"]), c["epochs"], seed, c["reward"], c["left_out"], int(c["first"])
     )[0].T
     read = rows[point.READ] if c["first"] else rows[point.SUCCESS]
-    found = {
+    result = {
         "success": rows[point.SUCCESS, -1],
         "early": rows[point.SUCCESS, EARLY],
         "share": rows[point.SHARE, -1],
@@ -48,15 +48,15 @@ def outcome(preset: str, seed: int) -> dict[str, float]:
         "moved": rows[point.MOVED].mean(),
         "excess": np.max(read - rows[point.SUCCESS]),
     }
-    return {name: round(float(value), 4) for name, value in found.items()}
+    return {name: round(float(value), 4) for name, value in result.items()}
 
 
 def recorded() -> dict[str, dict[str, NDArray[np.float64]]]:
     """Return the outcomes on record: preset -> name of an outcome -> one number for each seed."""
     stored = json.loads(RECORD.read_text(encoding="utf-8"))
     return {
-        preset: {name: np.array(values) for name, values in found.items()}
-        for preset, found in stored.items()
+        preset: {name: np.array(values) for name, values in result.items()}
+        for preset, result in stored.items()
     }
 
 

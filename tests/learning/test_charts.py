@@ -13,14 +13,14 @@ from tests.learning import needs_stable_baselines3
 
 
 def test_many_ways_ranks_them_upside_down_and_keeps_the_shares() -> None:
-    error, priced, left = charts.build("many_ways", n=300, held=200, repeats=1)
+    error, priced, remaining = charts.build("many_ways", n=300, held=200, repeats=1)
     mean, mixture, nearest = (error[name] for name in ("mean", "mixture", "nearest"))
     assert mean.x[0] < mixture.x[0] and mean.x[0] < nearest.x[0]
     assert mean.y[0] < 0.05 and mixture.y[0] > 0.8 and nearest.y[0] == 1.0
     for name in ("flow", "diffusion"):
         assert np.all(np.diff(error[name].x) > 0.0) and np.all(np.diff(error[name].y) > 0.0)
         assert priced[name].y == error[name].y
-    assert left.series[0].y[0] == "shown" and left.spans[0][1] < 0.48 < left.spans[0][2]
+    assert remaining.series[0].y[0] == "shown" and remaining.spans[0][1] < 0.48 < remaining.spans[0][2]
 
 
 @pytest.mark.slow
@@ -69,13 +69,13 @@ def test_learners_are_judged_by_the_optimum() -> None:
     for task in tasks:
 
         def perfect(seen: np.ndarray, task: dict = task) -> np.ndarray:
-            ways_ = (seen - task.get("offset", 0.0)) / task.get("unit", 1.0)
-            return plan(ways_, radius=task.get("radius", 0.05))[1]
+            paths = (seen - task.get("offset", 0.0)) / task.get("unit", 1.0)
+            return plan(paths, radius=task.get("radius", 0.05))[1]
 
         assert reinforced.test(perfect, **task) == pytest.approx(1.0, abs=1e-6)
-    found = reinforced.searched(0, 2)
+    result = reinforced.searched(0, 2)
     again = reinforced.searched(0, 1)
-    assert found.scores[0] == again.scores[0] and found.steps[0] == again.steps[0]
+    assert result.scores[0] == again.scores[0] and result.steps[0] == again.steps[0]
 
 
 @pytest.mark.optional
@@ -91,12 +91,12 @@ def test_a_first_policy_meets_the_disc_as_often_as_predicted() -> None:
     rng = np.random.default_rng(5)
     for radius in (0.05, 0.2):
         envs = PointReachVector(2000, "sparse", autoreset_mode="SameStep", radius=radius)
-        ran = evaluate(lambda seen: rng.standard_normal((len(seen), 2)), envs, 3)
+        ran = evaluate(lambda observed: rng.standard_normal((len(observed), 2)), envs, 3)
         assert ran.success.mean() == pytest.approx(reinforced.stumbles(radius), rel=0.5)
 
 
 def test_the_stored_learners_show_what_each_detail_and_reward_does() -> None:
-    usual, there = (
+    usual, other = (
         dict(zip(p.series[0].y, p.series[0].x, strict=True))
         for p in charts.stored("details_that_matter")
     )
@@ -106,9 +106,9 @@ def test_the_stored_learners_show_what_each_detail_and_reward_does() -> None:
     assert all(usual[name] < 0.85 * whole for name in broken) and 0.75 < unscaled / whole < 0.9
     first = charts.stored("details_that_matter")[0].series[0]
     assert 0.45 < dict(zip(first.y, first.low, strict=True))["observations too"] / whole < 0.6
-    rows = list(there)
+    rows = list(other)
     for whole, less in zip(rows[::2], rows[1::2], strict=True):
-        assert there[less] < 0.85 * there[whole]
+        assert other[less] < 0.85 * other[whole]
     curves, chance = charts.stored("rewards")
     assert curves["potential"].low[-1] > max(s.high[-1] for s in curves.series[1:])
     met = chance["stumbles"]

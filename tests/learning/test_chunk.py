@@ -72,11 +72,11 @@ def test_each_executor_takes_the_actions_it_says(executed, delay, decay):
 def test_executors_without_a_delay_or_a_chunk_are_the_policy_itself():
     states, chunks = windows(SHOWN, 8)
     policy, starts = nearest(states, chunks), SHOWN.states[:50, 0]
-    ways = [
+    paths = [
         roll(WAYS, act, starts, 16, np.random.default_rng(0)).states
         for act in (lambda s, rng: policy(s, rng)[:, 0], Commit(policy, 1), Delayed(policy, 0))
     ]
-    assert np.array_equal(ways[0], ways[1]) and np.array_equal(ways[0], ways[2])
+    assert np.array_equal(paths[0], paths[1]) and np.array_equal(paths[0], paths[2])
     again = [roll(WAYS, Commit(policy, 5), starts, 16, np.random.default_rng(0)) for _ in "12"]
     assert np.array_equal(again[0].states, again[1].states)
     act = Commit(policy, 5)  # `roll` resets it
@@ -86,12 +86,12 @@ def test_executors_without_a_delay_or_a_chunk_are_the_policy_itself():
 
 def test_bad_chunks_are_refused_by_shape():
     rng = np.random.default_rng(0)
-    for act, wanted in (
+    for act, expected in (
         (Commit(told, 7), r"chunk.shape is \(3, 6, 2\), allowed is \(3, 7 or more, a\)"),
         (Delayed(told, 6), r"\(3, 7 or more, a\)"),
         (Commit(lambda s, rng: s, 1), r"chunk.shape is \(3, 1\)"),
     ):
-        with pytest.raises(ValueError, match=wanted):
+        with pytest.raises(ValueError, match=expected):
             act(np.zeros((3, 1)), rng)
     for begun in (Commit(told, 3), Ensemble(told), Delayed(told, 2)):
         begun(np.zeros((3, 1)), rng)
@@ -140,15 +140,15 @@ def test_the_code_says_which_way():
     def sides(acting):
         chunks = acting(start, rng)
         zeros = np.zeros((500, 1, 2))
-        way = start[:, None] + np.concatenate((zeros, np.cumsum(chunks, axis=1)), axis=1)
-        return WAYS.sides(way), way[:, 8, 1]
+        path = start[:, None] + np.concatenate((zeros, np.cumsum(chunks, axis=1)), axis=1)
+        return WAYS.sides(path), path[:, 8, 1]
 
     (side, middle), (fixed, still) = sides(policy), sides(replace(policy, zero=True))
     assert np.mean(side != 0) > 0.55 and 0.3 < np.mean(side[side != 0] > 0) < 0.7
     assert np.mean(fixed != 0) < np.mean(side != 0) and still.std() < 0.7 * middle.std()
     codes = np.linspace(-2.0, 2.0, 9)[:, None]
-    way = policy.done.undo(policy.draw(np.zeros((9, 2)), codes)).reshape(9, 16, 2)
-    ends = way[:, :8, 1].sum(axis=1)
+    path = policy.done.undo(policy.draw(np.zeros((9, 2)), codes)).reshape(9, 16, 2)
+    ends = path[:, :8, 1].sum(axis=1)
     assert abs(np.corrcoef(codes[:, 0], ends)[0, 1]) > 0.8  # from one way to the other
     assert np.ptp(ends) > 0.5
     mute = learn(beta=100.0, steps=300)
@@ -156,9 +156,9 @@ def test_the_code_says_which_way():
 
 
 def test_policies_on_record_do_what_they_are_shown_for_and_can_be_made_again():
-    found = {name: success(Commit(recorded(name), 4)) for name in HEADS}
-    assert found["mean"] < 0.15
-    assert min(found[name] for name in ("mixture", "flow", "diffusion")) > 0.8
+    result = {name: success(Commit(recorded(name), 4)) for name in HEADS}
+    assert result["mean"] < 0.15
+    assert min(result[name] for name in ("mixture", "flow", "diffusion")) > 0.8
     states, rng = windows(SHOWN, 8)[0], np.random.default_rng(0)
     old, new = (make("mean")(states, rng) for make in (recorded, remake))
     # The same to rounding on one machine; on another CPU training ends at other weights, whose

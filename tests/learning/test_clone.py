@@ -27,8 +27,8 @@ REGULATOR = Regulator()
 
 def rounds_of(seed, task=REGULATOR, steps=40, **how):
     rng = np.random.default_rng(seed)
-    said = {"number": 10, "rounds": 1} | how
-    return list(dagger(task, task.expert, linear, task.starts, steps, rng, **said))
+    text = {"number": 10, "rounds": 1} | how
+    return list(dagger(task, task.expert, linear, task.starts, steps, rng, **text))
 
 
 def radius(result):
@@ -44,9 +44,9 @@ def test_the_linear_law_is_the_shortest_of_the_best(rank, size, rows, seed):
     rng = np.random.default_rng(seed)
     x = rng.standard_normal((rows, rank)) @ rng.standard_normal((rank, size))
     y = rng.standard_normal((rows, 2))
-    law, (best, _, told, _) = linear(x, y), np.linalg.lstsq(x, y, rcond=1e-10)
+    law, (best, _, report, _) = linear(x, y), np.linalg.lstsq(x, y, rcond=1e-10)
     assert np.allclose(law.gain, -best.T, atol=1e-7 * max(1.0, np.abs(best).max()))
-    assert law.rank == told
+    assert law.rank == report
 
 
 @examples(25)
@@ -76,12 +76,12 @@ def test_a_round_of_dagger_mends_it_as_soon_as_labels_are_not_perfect():
     """However small the noise: it sets the learner off its line, and is then in the labels too."""
     best = REGULATOR.radius(REGULATOR.K)
     for size in (1e-6, 1e-3, 1e-1):
-        told = np.array([[radius(r) for r in rounds_of(s, label_noise=size)] for s in range(60)])
-        assert np.all(told[:, 0] > 1.1)
-        assert np.mean(np.abs(told[:, 1] - best) < 0.005) > 0.85
+        report = np.array([[radius(r) for r in rounds_of(s, label_noise=size)] for s in range(60)])
+        assert np.all(report[:, 0] > 1.1)
+        assert np.mean(np.abs(report[:, 1] - best) < 0.005) > 0.85
     halved = [radius(rounds_of(4, label_noise=size)[1]) for size in (1e-5, 1e-6)]
     assert halved[0] == pytest.approx(halved[1], abs=1e-5)  # the size cancels
-    for steps, least, most in ((40, 0.85, 1.0), (2, 0.0, 0.8)):  # the time to grow does not
+    for steps, least, largest in ((40, 0.85, 1.0), (2, 0.0, 0.8)):  # the time to grow does not
         good = 0
         for seed in range(60):
             rng, task = np.random.default_rng(seed), REGULATOR
@@ -97,7 +97,7 @@ def test_a_round_of_dagger_mends_it_as_soon_as_labels_are_not_perfect():
                 number=400 // steps,
             )
             good += abs(radius(last) - best) < 0.005
-        assert least <= good / 60 <= most
+        assert least <= good / 60 <= largest
 
 
 def test_dagger_asks_the_expert_where_the_learner_went():
@@ -109,8 +109,8 @@ def test_dagger_asks_the_expert_where_the_learner_went():
         new = after.states[-400:].reshape(10, 40, 2)
         loop = REGULATOR.closed(before.policy.gain[0])
         assert np.allclose(new[:, 1:], new[:, :-1] @ loop.T, atol=1e-9 * np.abs(new).max())
-    off = third.labels - REGULATOR.expert(third.states, np.random.default_rng(0))
-    assert np.std(off) == pytest.approx(1e-3, rel=0.1)
+    deviation = third.labels - REGULATOR.expert(third.states, np.random.default_rng(0))
+    assert np.std(deviation) == pytest.approx(1e-3, rel=0.1)
     quiet = rounds_of(1, injected=0.3)[0]
     assert np.allclose(
         quiet.labels, REGULATOR.expert(quiet.states, np.random.default_rng(0)), atol=1e-12
@@ -164,9 +164,9 @@ def test_a_policy_answers_in_the_shape_of_its_data_and_is_its_seed():
 def test_the_nearest_demonstration_is_that():
     rng = np.random.default_rng(3)
     x, y = rng.standard_normal((50, 2)) * [1.0, 100.0], rng.standard_normal((50, 3))
-    asked = rng.standard_normal((200, 2)) * [1.0, 100.0]
-    scaled = (asked[:, None] - x) / x.std(axis=0)
-    assert np.allclose(nearest(x, y)(asked, rng), y[np.argmin((scaled**2).sum(2), axis=1)])
+    requested = rng.standard_normal((200, 2)) * [1.0, 100.0]
+    scaled = (requested[:, None] - x) / x.std(axis=0)
+    assert np.allclose(nearest(x, y)(requested, rng), y[np.argmin((scaled**2).sum(2), axis=1)])
 
 
 # --- bad input ------------------------------------------------------------------------------------
@@ -177,13 +177,13 @@ def test_a_loss_without_end_stops_and_keeps_the_last_good_weights():
     x, y = rng.standard_normal((100, 2)), rng.standard_normal((100, 1))
     with pytest.raises(Diverged, match=r"the loss is (inf|nan) at step \d+ of 300: lower") as stop:
         clone(x, y, 0, steps=300, rate=1e25)
-    kept = stop.value.kept(x, rng)
-    assert kept.shape == (100, 1) and np.isfinite(kept).all()
+    retained = stop.value.kept(x, rng)
+    assert retained.shape == (100, 1) and np.isfinite(retained).all()
 
 
 def test_bad_data_are_refused_by_name():
     x, y = np.random.default_rng(0).standard_normal((2, 20, 2))
-    for states, actions, told in (
+    for states, actions, report in (
         (x[:0], y[:0], "demonstrated steps is 0"),
         (x[:1], y[:1], "demonstrated steps is 1"),
         (x, y[:-1], r"actions.shape is \(19, 2\)"),
@@ -192,21 +192,21 @@ def test_bad_data_are_refused_by_name():
         (x, 0.0 * y, r"variance of actions\[:, 0\]"),
     ):
         for make in (partial(clone, seed=0), nearest):
-            with pytest.raises(ValueError, match=told):
+            with pytest.raises(ValueError, match=report):
                 make(states, actions)
     with pytest.raises(ValueError, match="head is 'median'"):
         clone(x, y, 0, head="median")
 
-    asked = iter(range(100))
+    requested = iter(range(100))
 
     def broken(states, rng):  # drives 40 steps, labels once, and breaks when it is asked again
-        return states[:, :1] * (np.nan if next(asked) > 40 else -5.0)
+        return states[:, :1] * (np.nan if next(requested) > 40 else -5.0)
 
-    seen, rng = [], np.random.default_rng(0)
+    observed, rng = [], np.random.default_rng(0)
     with pytest.raises(ValueError, match=r"label of round 1\[0, 0\] is nan"):
-        seen += list(dagger(REGULATOR, broken, linear, REGULATOR.starts, 40, rng))
-    asked, laps = iter(range(100)), dagger(REGULATOR, broken, linear, REGULATOR.starts, 40, rng)
-    kept = next(laps).policy
+        observed += list(dagger(REGULATOR, broken, linear, REGULATOR.starts, 40, rng))
+    requested, laps = iter(range(100)), dagger(REGULATOR, broken, linear, REGULATOR.starts, 40, rng)
+    retained = next(laps).policy
     with pytest.raises(ValueError, match="label of round 1"):
         next(laps)
-    assert isinstance(kept, Linear) and np.isfinite(kept.gain).all()
+    assert isinstance(retained, Linear) and np.isfinite(retained.gain).all()

@@ -28,7 +28,7 @@ def test_the_best_policy_gets_the_optimum_in_every_mode(mode):
     loop = VectorizedEnv(PointReach, 60, autoreset_mode=mode)
     np.testing.assert_array_equal(evaluate(best, loop, 7).returns, got.returns)
     np.testing.assert_array_equal(evaluate(best, envs, [7 + i for i in range(60)]).steps, got.steps)
-    still = evaluate(lambda seen: np.zeros((60, 2), np.float32), envs, 7, discount=1.0)
+    still = evaluate(lambda observed: np.zeros((60, 2), np.float32), envs, 7, discount=1.0)
     assert not still.success.any() and np.all(still.steps == 100) and not still.returns.any()
 
 
@@ -41,15 +41,15 @@ def test_the_first_to_finish_are_the_quick_ones(mode):
 
     n = 200
     true = evaluate(half, PointReachVector(n, autoreset_mode=mode), 0)
-    told = first_finished(half, PointReachVector(n, autoreset_mode=mode), n, 0)
-    assert len(told.returns) == n
+    report = first_finished(half, PointReachVector(n, autoreset_mode=mode), n, 0)
+    assert len(report.returns) == n
     share = true.success.mean()
     assert 0.4 < share < 0.85
     # In the time in which the slow ones are still going, places of quick ones are taken anew.
-    assert told.success.mean() > share + 0.1
+    assert report.success.mean() > share + 0.1
     # Every episode has its own steps only, not the one that resets.
     envs = PointReachVector(8, max_steps=10, autoreset_mode=mode)
-    still = first_finished(lambda seen: np.zeros((8, 2), np.float32), envs, 40, 0)
+    still = first_finished(lambda observed: np.zeros((8, 2), np.float32), envs, 40, 0)
     assert np.all(still.steps == 10)
 
 

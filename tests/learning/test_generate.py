@@ -46,11 +46,11 @@ def test_the_field_is_the_mean_given_the_sample(parts, time, seed):
     x = time * clean + (1.0 - time) * noise
     means = made.expect(x, time, 1.0 - time)
     assert np.allclose(time * means[0] + (1.0 - time) * means[1], x, atol=1e-9)
-    seen = np.column_stack((np.ones(len(x)), x, means[0]))
+    observed = np.column_stack((np.ones(len(x)), x, means[0]))
     for mean, truth in zip(means, (clean, noise), strict=True):
-        left = truth - mean  # uncorrelated with whatever is a function of x
-        law = linear(seen, left)
-        gain = 1.0 - np.sum((left - law(seen, rng)) ** 2) / np.sum(left**2)
+        remaining = truth - mean  # uncorrelated with whatever is a function of x
+        law = linear(observed, remaining)
+        gain = 1.0 - np.sum((remaining - law(observed, rng)) ** 2) / np.sum(remaining**2)
         assert gain < 40.0 / len(x)
     a, s = mix(time)
     assert a**2 + s**2 == pytest.approx(1.0) and np.allclose(
@@ -78,10 +78,10 @@ def test_solvers_have_their_order_on_the_exact_map():
 
     exact = np.array([optimize.brentq(below, -9, 9, (stats.norm.cdf(z),), 1e-13) for z in noise])
     steps = np.array([20, 40, 80, 160])
-    for solver, wanted in (("euler", 1.0), ("heun", 2.0), ("rk4", 4.0)):
+    for solver, expected in (("euler", 1.0), ("heun", 2.0), ("rk4", 4.0)):
         ends = [integrate(made.velocity, noise[:, None], n, solver)[:, 0] for n in steps]
         errors = [np.sqrt(np.mean((end - exact) ** 2)) for end in ends]
-        assert order(errors, steps) == pytest.approx(wanted, abs=0.15), solver
+        assert order(errors, steps) == pytest.approx(expected, abs=0.15), solver
     rng = np.random.default_rng(0)
     ends = [denoise(made.clean, noise[:, None], n, rng)[:, 0] for n in steps]
     errors = [np.sqrt(np.mean((end - exact) ** 2)) for end in ends]
@@ -115,8 +115,8 @@ def driven(policy, seed=5, number=500):
     rng = np.random.default_rng(seed)
     start = WAYS.starts(number, rng)
     chunks = policy(start, rng)
-    way = start[:, None] + np.concatenate((np.zeros((number, 1, 2)), np.cumsum(chunks, 1)), 1)
-    return WAYS.sides(way), chunks
+    path = start[:, None] + np.concatenate((np.zeros((number, 1, 2)), np.cumsum(chunks, 1)), 1)
+    return WAYS.sides(path), chunks
 
 
 @pytest.fixture(scope="module")
@@ -131,11 +131,11 @@ def diffusion():
 
 @pytest.mark.slow
 def test_trained_policies_pass_on_both_sides_as_the_data_do(flow, diffusion):
-    left = np.sum(WAYS.sides(SHOWN.states) > 0)
+    remaining = np.sum(WAYS.sides(SHOWN.states) > 0)
     for policy in (replace(flow, solver="heun"), diffusion, replace(diffusion, solver="ddpm")):
         side, chunks = driven(policy)
         assert chunks.shape == (500, 16, 2) and np.mean(side != 0) > 0.85
-        table = [[np.sum(side > 0), np.sum(side < 0)], [left, 100 - left]]
+        table = [[np.sum(side > 0), np.sum(side < 0)], [remaining, 100 - remaining]]
         assert stats.fisher_exact(table).pvalue > 1e-3
 
 
@@ -144,8 +144,8 @@ def test_with_one_step_they_are_the_mean_and_hit_the_obstacle(flow, diffusion):
     for policy in (flow, diffusion, replace(diffusion, solver="ddpm")):
         side, chunks = driven(replace(policy, steps=1))
         assert np.mean(side != 0) < 0.15
-        off = np.sqrt(np.mean((chunks - CHUNKS.mean(axis=0)) ** 2))
-        assert off < 0.45 * np.sqrt(np.mean((CHUNKS - CHUNKS.mean(axis=0)) ** 2))
+        deviation = np.sqrt(np.mean((chunks - CHUNKS.mean(axis=0)) ** 2))
+        assert deviation < 0.45 * np.sqrt(np.mean((CHUNKS - CHUNKS.mean(axis=0)) ** 2))
         again = driven(replace(policy, steps=10))[1]
         assert again.std() > 1.2 * chunks.std()
 
@@ -166,7 +166,7 @@ def test_what_is_drawn_depends_on_the_state(make):
 
 def test_bad_input_is_refused_by_name():
     noise, rng = np.zeros((3, 1)), np.random.default_rng(0)
-    for call, told in (
+    for call, report in (
         (partial(integrate, TWO.velocity, noise, 0), "steps is 0"),
         (partial(integrate, TWO.velocity, noise, 5, "ddim"), "solver is 'ddim'"),
         (partial(denoise, TWO.clean, noise, 5, rng, 2.0), "eta is 2.0"),
@@ -176,5 +176,5 @@ def test_bad_input_is_refused_by_name():
         (partial(flow_policy, STATES, CHUNKS, 0, solver="ddim", steps=1), "solver is 'ddim'"),
         (partial(diffusion_policy, STATES, CHUNKS, 0, sampled=0, steps=1), "sampled is 0"),
     ):
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(ValueError, match=report):
             call()

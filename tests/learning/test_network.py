@@ -44,10 +44,10 @@ def test_a_network_is_what_its_weights_say(activation):
         "relu": lambda x: np.maximum(x, 0),
         "silu": lambda x: x / (1 + np.exp(-x)),
     }
-    x, left = rows, weights(net).astype(float)
+    x, remaining = rows, weights(net).astype(float)
     for a, b in ((3, 5), (5, 4), (4, 2)):
-        W, left = left[: a * b].reshape(b, a), left[a * b :]
-        x, left = x @ W.T + left[:b], left[b:]
+        W, remaining = remaining[: a * b].reshape(b, a), remaining[a * b :]
+        x, remaining = x @ W.T + remaining[:b], remaining[b:]
         # Orthogonal: rows or columns of one length, at right angles.
         small = W @ W.T if b <= a else W.T @ W
         np.testing.assert_allclose(small, small[0, 0] * np.eye(len(small)), atol=1e-5)
@@ -83,9 +83,9 @@ def test_a_line_is_found_and_a_loss_that_explodes_keeps_the_last_good_weights():
     x = rng.normal(size=(200, 2))
     y = tensor(x @ [[2.0], [-1.0]] + 0.5)
     inputs, net = tensor(x), network([2, 1], 0)
-    told = fit(net, lambda i: ((net(inputs[i]) - y[i]) ** 2).mean(), 200, seed=0, rate=0.05)
+    report = fit(net, lambda i: ((net(inputs[i]) - y[i]) ** 2).mean(), 200, seed=0, rate=0.05)
     np.testing.assert_allclose(weights(net), [2.0, -1.0, 0.5], atol=1e-3)
-    assert told[-1] < 1e-5 * told[0]
+    assert report[-1] < 1e-5 * report[0]
     calls = []
 
     def bad(i):

@@ -17,17 +17,17 @@ SEEDS = st.integers(0, 10**6)
 
 def episodes(envs, law, seed):
     """Steps until the disc of each environment, 0 where it was not reached; and all transitions."""
-    seen, _ = envs.reset(seed=seed)
-    steps, alive, kept = np.zeros(envs.num_envs, int), np.ones(envs.num_envs, bool), []
+    observed, _ = envs.reset(seed=seed)
+    steps, alive, retained = np.zeros(envs.num_envs, int), np.ones(envs.num_envs, bool), []
     for k in range(1, 101):
         if not alive.any():
             break
-        following, rewards, over, late, _ = envs.step(law(seen).astype(np.float32))
-        kept.append((seen, rewards, over, alive.copy()))
+        following, rewards, over, late, _ = envs.step(law(observed).astype(np.float32))
+        retained.append((observed, rewards, over, alive.copy()))
         steps[alive & over] = k
         alive &= ~(over | late)
-        seen = following
-    return steps, kept
+        observed = following
+    return steps, retained
 
 
 @pytest.mark.slow
@@ -39,7 +39,7 @@ def test_the_plan_takes_the_steps_that_it_promises(seed, case):
     starts, _ = envs.reset(seed=seed)
     least, _ = plan(starts, radius=radius, dt=dt)
     # Float32 actions: a disc that is only just met may be missed by 1e-7 m.
-    steps, _ = episodes(envs, lambda seen: plan(seen, radius=radius, dt=dt)[1], seed)
+    steps, _ = episodes(envs, lambda observed: plan(observed, radius=radius, dt=dt)[1], seed)
     reached = least <= 100
     assert np.all((steps - least)[reached] >= 0) and np.all((steps - least)[reached] <= 1)
     assert np.mean((steps == least)[reached]) > 0.9
@@ -71,7 +71,7 @@ def test_no_policy_beats_the_optimum(seed, stray):
     envs = PointReachVector(40)
     rng = np.random.default_rng(seed)
     least, _ = plan(envs.reset(seed=seed)[0])
-    steps, _ = episodes(envs, lambda seen: plan(seen)[1] + stray * rng.normal(size=(40, 2)), seed)
+    steps, _ = episodes(envs, lambda observed: plan(observed)[1] + stray * rng.normal(size=(40, 2)), seed)
     assert np.all((steps >= least) | (steps == 0))
 
 
@@ -96,10 +96,10 @@ def test_a_batch_is_its_environments_and_each_passes_the_checker(reward):
 def test_the_potential_is_that_of_chapter_8(seed):
     """Each episode as a chain of states, shaped as there."""
     n = 6
-    for law in (lambda seen: plan(seen)[1], lambda seen: np.ones((n, 2))):
-        steps, kept = episodes(PointReachVector(n, "potential"), law, seed)
+    for law in (lambda observed: plan(observed)[1], lambda observed: np.ones((n, 2))):
+        steps, retained = episodes(PointReachVector(n, "potential"), law, seed)
         for i in range(n):
-            rows = [row for row in kept if row[3][i]]
+            rows = [row for row in retained if row[3][i]]
             T = len(rows)
             chain, phi = np.zeros((T + 1, 1, T + 1)), np.zeros(T + 1)
             chain[np.arange(T), 0, np.arange(1, T + 1)] = chain[T, 0, T] = 1.0
@@ -107,26 +107,26 @@ def test_the_potential_is_that_of_chapter_8(seed):
             pay = np.zeros_like(chain)
             pay[T - 1, 0, T] = steps[i] > 0
             process = Process(chain, pay, DISCOUNT, np.arange(T + 1) == T)
-            wanted = shaped(process, phi).reward[np.arange(T), 0, np.arange(1, T + 1)]
+            expected = shaped(process, phi).reward[np.arange(T), 0, np.arange(1, T + 1)]
             got = np.array([row[1][i] for row in rows])
             # An episode that the clock cuts has not ended: its last potential is still there.
             last = T if steps[i] else T - 1
-            np.testing.assert_allclose(got[:last], wanted[:last], atol=1e-12)
+            np.testing.assert_allclose(got[:last], expected[:last], atol=1e-12)
 
 
 def test_the_other_rewards_and_units():
     for reward in ("sparse", "distance", "hover", "once"):
-        steps, kept = episodes(PointReachVector(30, reward, prize=3.0), lambda s: plan(s)[1], 1)
-        for k, (_seen, rewards, over, alive) in enumerate(kept[:-1]):
-            distance = np.hypot(*kept[k + 1][0][:, :2].T)
-            wanted = {
+        steps, retained = episodes(PointReachVector(30, reward, prize=3.0), lambda s: plan(s)[1], 1)
+        for k, (_observed, rewards, over, alive) in enumerate(retained[:-1]):
+            distance = np.hypot(*retained[k + 1][0][:, :2].T)
+            expected = {
                 "sparse": 0.0,
                 "distance": -distance,
                 "hover": BONUS * (distance < NEAR),
                 "once": BONUS * (k == 0) * (distance < NEAR),
             }[reward]
             going = alive & ~over
-            np.testing.assert_allclose(rewards[going], (wanted + np.zeros(30))[going], atol=1e-12)
+            np.testing.assert_allclose(rewards[going], (expected + np.zeros(30))[going], atol=1e-12)
             assert np.all(rewards[alive & over] >= 3.0 - RADIUS)
         assert steps.min() > 0
     plain, scaled = PointReachVector(5), PointReachVector(5, unit=1000.0, offset=7.0)
@@ -143,11 +143,11 @@ def test_a_prize_put_off_pays_from_a_bonus_of_one_per_cent_on(reward, bonus):
     least, first = plan(starts)
     collected = np.zeros((101, 8))
     for wait in range(0, 101 - least.max()):
-        steps, kept = episodes(
-            envs, lambda seen, w=wait: first * (envs.task.steps[:, None] >= w), 3
+        steps, retained = episodes(
+            envs, lambda observed, w=wait: first * (envs.task.steps[:, None] >= w), 3
         )
         assert np.all(np.isin(steps - least - wait, (0, 1)))
-        for k, (_seen, rewards, _over, alive) in enumerate(kept):
+        for k, (_observed, rewards, _over, alive) in enumerate(retained):
             collected[wait] += alive * DISCOUNT**k * rewards
     best = optimum(starts, reward, bonus=bonus)
     assert np.all(collected <= best + 1e-9)

@@ -88,13 +88,13 @@ def test_the_gradient_of_a_minibatch_is_that_of_autograd():
     part = Table(*(rng.normal(size=(64, d)).astype(np.float32) for d in (4, 2, 1, 1, 1)))
     loss = slopes(policy, part, settings)
     by_hand = policy.flat.grad.numpy().copy()
-    seen, actions, drawn, advantages, targets = map(torch.from_numpy, part)
-    normal = torch.distributions.Normal(policy.actor(seen), policy.log_std.exp())
+    observed, actions, drawn, advantages, targets = map(torch.from_numpy, part)
+    normal = torch.distributions.Normal(policy.actor(observed), policy.log_std.exp())
     constant = 0.5 * math.log(2.0 * math.pi)
     log_prob = (normal.log_prob(actions) + constant).sum(1, keepdim=True)
     ratio = (log_prob - drawn).exp()
     clipped = torch.minimum(ratio * advantages, ratio.clamp(0.8, 1.2) * advantages)
-    total = 0.7 * (policy.critic(seen) - targets).square().mean() - clipped.mean()
+    total = 0.7 * (policy.critic(observed) - targets).square().mean() - clipped.mean()
     total = total - 0.03 * policy.log_std.sum()
     policy.flat.grad.zero_()
     total.backward()
@@ -107,8 +107,8 @@ class Clock(PointReachVector):
     """The reward of a step is its number in the episode; ends by the clock after 5 of them."""
 
     def _move(self, actions):
-        seen, _, over, late = super()._move(actions)
-        return seen, self.task.steps.astype(float), over & False, late
+        observed, _, over, late = super()._move(actions)
+        return observed, self.task.steps.astype(float), over & False, late
 
 
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
@@ -174,10 +174,10 @@ def test_each_iteration_is_told_and_a_seed_is_a_run():
     for a, b in zip(one, same, strict=True):
         assert a.kl == b.kl and np.array_equal(a.returns, b.returns)
     assert one[-1].kl != other[-1].kl
-    kept = one[0].policy.copy()
-    before = kept(np.ones((2, 4)))
+    retained = one[0].policy.copy()
+    before = retained(np.ones((2, 4)))
     next(ppo(points(), SMALL, steps=256, seed=1))
-    np.testing.assert_array_equal(kept(np.ones((2, 4))), before)
+    np.testing.assert_array_equal(retained(np.ones((2, 4))), before)
     # A divergence that may not be passed stops the epochs, and large steps diverge more.
     bold = run(1, rate=0.03)[0].kl
     assert run(1, rate=0.03, most_kl=1e-3)[0].kl < bold and bold > one[0].kl
@@ -205,8 +205,8 @@ def test_every_detail_can_be_turned_off():
     ]
     assert all(divergence(256, **change) != plain[0] for change in changes)
     for name in ("anneal", "normalise_observations", "shared"):  # from the second iteration on
-        off: dict[str, Any] = {name: False}
-        assert divergence(512, **off) != plain[1]
+        deviation: dict[str, Any] = {name: False}
+        assert divergence(512, **deviation) != plain[1]
     one_each = next(ppo(points(), replace(SMALL, shared=False), steps=256)).policy
     assert one_each.normaliser.mean.shape == (64,)
 
@@ -217,14 +217,14 @@ class Broken(PointReachVector):
     what = "observation"
 
     def _move(self, actions):
-        seen, rewards, over, late = super()._move(actions)
+        observed, rewards, over, late = super()._move(actions)
         if self.what == "still":
-            seen[:, 3] = 0.0
+            observed[:, 3] = 0.0
         elif self.what == "fortune":
             rewards[1] = 1e30 * (self.task.steps[0] == 30)
         elif self.task.steps[0] == 3:
-            (seen if self.what == "observation" else rewards)[1] = np.nan
-        return seen, rewards, over, late
+            (observed if self.what == "observation" else rewards)[1] = np.nan
+        return observed, rewards, over, late
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_what_is_no_number_is_named(what, told):
     with pytest.raises(ValueError, match=told):
         next(ppo(envs, SMALL, steps=256))
     with pytest.raises(ValueError, match=told):
-        evaluate(lambda seen: 0.0 * seen[:, :2], envs)
+        evaluate(lambda observed: 0.0 * observed[:, :2], envs)
 
 
 def test_an_observation_that_never_changes_is_refused():

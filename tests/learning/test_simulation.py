@@ -32,9 +32,9 @@ def middle(preset, name="success"):
 
 
 def test_the_potential_brings_most_to_the_disc_and_the_other_rewards_do_not():
-    found = STORY["Potential"]["success"]
-    assert middle("Potential") > 0.9 and found.min() < 0.8  # some seeds need longer
-    assert np.mean(found > 0.75) >= 0.6
+    result = STORY["Potential"]["success"]
+    assert middle("Potential") > 0.9 and result.min() < 0.8  # some seeds need longer
+    assert np.mean(result > 0.75) >= 0.6
     assert STORY["The disc alone"]["success"].max() < 1.0 / 3.0
     assert 0.03 < middle("Minus the distance") < 0.2
     assert np.all(STORY["Minus the distance"]["ended"] < -15.0)  # against a prize of 1
@@ -55,10 +55,10 @@ def test_each_detail_left_out_costs_what_its_preset_says():
 
 
 def test_hovering_is_paid_and_does_not_arrive():
-    found, lasting = STORY["Hovering"], 0.02 * (1.0 - DISCOUNT**100) / (1.0 - DISCOUNT)
-    assert np.all(found["ended"] > found["began"] + 0.05)
-    assert np.median(found["ended"]) == pytest.approx(lasting, rel=0.05)
-    assert found["success"].max() < 0.4
+    result, lasting = STORY["Hovering"], 0.02 * (1.0 - DISCOUNT**100) / (1.0 - DISCOUNT)
+    assert np.all(result["ended"] > result["began"] + 0.05)
+    assert np.median(result["ended"]) == pytest.approx(lasting, rel=0.05)
+    assert result["success"].max() < 0.4
 
 
 def test_the_first_to_finish_read_more_than_is_true():
@@ -97,14 +97,14 @@ def test_the_potential_is_learned_by_the_seeds_that_learned_it():
 
 
 def test_no_return_is_above_the_optimum():
-    now, told = run("Potential")
-    assert np.all(told[point.RETURN] < now.state["best"]) and np.all(told[point.SHARE] < 1.0)
-    assert told[point.SUCCESS, 0] < 0.2
+    now, output = run("Potential")
+    assert np.all(output[point.RETURN] < now.state["best"]) and np.all(output[point.SHARE] < 1.0)
+    assert output[point.SUCCESS, 0] < 0.2
     assert "optimum: not known" in run("Minus the distance")[0].picture().text
 
 
 def test_what_is_judged_is_one_episode_of_each_common_start():
-    now, told = run("One epoch")
+    now, output = run("One epoch")
     settings = Settings(horizon=point.HORIZON, minibatches=4, hidden=(16, 16), rate=5e-3, epochs=1)
     envs = PointReachVector(point.POINTS, "potential", autoreset_mode="SameStep")
     test = PointReachVector(point.STARTS, "potential", autoreset_mode="Disabled")
@@ -112,11 +112,11 @@ def test_what_is_judged_is_one_episode_of_each_common_start():
     with one_thread():
         *_, last = ppo(envs, settings, steps=steps)
         played = evaluate(last.policy, test, point.FIRST)
-    assert told[point.SUCCESS, -1] == played.success.mean()
-    assert told[point.RETURN, -1] == pytest.approx(played.returns.mean())
-    ways, ends = now.state["paths"][-1], now.state["steps"][-1]
+    assert output[point.SUCCESS, -1] == played.success.mean()
+    assert output[point.RETURN, -1] == pytest.approx(played.returns.mean())
+    paths, ends = now.state["paths"][-1], now.state["steps"][-1]
     assert np.array_equal(ends, played.steps[: point.SHOWN])
-    inside = np.hypot(*ways.transpose(1, 0, 2)) < RADIUS
+    inside = np.hypot(*paths.transpose(1, 0, 2)) < RADIUS
     for i, end in enumerate(ends):
         assert inside[i, end] == now.state["there"][-1, i] and not inside[i, :end].any()
 
@@ -124,17 +124,17 @@ def test_what_is_judged_is_one_episode_of_each_common_start():
 def test_the_ways_of_the_best_policy_take_the_least_steps():
     envs = PointReachVector(point.STARTS)
     starts, _ = envs.reset(seed=point.FIRST)
-    played, ways = point.judged(lambda seen: plan(seen)[1].astype(np.float32), envs)
+    played, paths = point.judged(lambda observed: plan(observed)[1].astype(np.float32), envs)
     assert np.array_equal(played.steps, plan(starts)[0])
-    np.testing.assert_allclose(ways[:, :, 0], -starts[:, :2].T, atol=1e-15)
-    assert np.all(np.hypot(*ways[:, :, -1]) < RADIUS)  # it stays where its episode ended
+    np.testing.assert_allclose(paths[:, :, 0], -starts[:, :2].T, atol=1e-15)
+    assert np.all(np.hypot(*paths[:, :, -1]) < RADIUS)  # it stays where its episode ended
     assert played.returns == pytest.approx(optimum(starts))
 
 
 def test_hovering_stays_within_the_circle():
     now, _ = run("Hovering")
-    ways = np.hypot(*now.state["paths"][-1].transpose(1, 0, 2))
-    assert np.mean(ways[:, -1] < 0.5) > 0.8
+    paths = np.hypot(*now.state["paths"][-1].transpose(1, 0, 2))
+    assert np.mean(paths[:, -1] < 0.5) > 0.8
 
 
 def test_a_run_that_diverges_keeps_its_last_picture(monkeypatch):
@@ -145,8 +145,8 @@ def test_a_run_that_diverges_keeps_its_last_picture(monkeypatch):
         raise Diverged("too far")
 
     monkeypatch.setattr(point, "ppo", stopped)
-    told, _, paths, *_ = point.learned.__wrapped__(5.0, 1, 3, point.POTENTIAL, 0, 0)
-    assert np.array_equal(told[-1], told[1]) and not np.array_equal(told[1], told[0])
+    report, _, paths, *_ = point.learned.__wrapped__(5.0, 1, 3, point.POTENTIAL, 0, 0)
+    assert np.array_equal(report[-1], report[1]) and not np.array_equal(report[1], report[0])
     assert np.array_equal(paths[-1], paths[1])
 
 
@@ -178,11 +178,11 @@ def test_a_hundred_runs_pass_the_disc_as_their_preset_says(preset, values, least
     now = Experiment(two_ways.MODEL)
     now.choose(preset)
     now.set(**values)
-    side, ways = now.state["side"], now.state["ways"]
+    side, paths = now.state["side"], now.state["ways"]
     assert least <= np.sum(side != 0) <= most
     if least > 50:  # both ways, nearly as often as they were shown
         assert abs(int(np.sum(side))) < 25
     # Whoever passed has no point within the disc and ends where the demonstrations do.
-    good = ways[side != 0]
+    good = paths[side != 0]
     assert np.all(np.hypot(good[..., 0] - 0.5, good[..., 1]) >= 0.2)
     assert np.all(np.hypot(good[:, -1, 0] - 1.0, good[:, -1, 1]) <= 0.15)

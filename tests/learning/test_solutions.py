@@ -40,9 +40,9 @@ def test_gradients_by_hand_are_those_of_torch(rng, m, n):
     x, target, W1, b1, W2, b2 = (torch.tensor(a, requires_grad=True) for a in args)
     output = W2 @ torch.tanh(W1 @ x + b1[:, None]) + b2[:, None]
     (0.5 * (output - target).square().sum(dim=0).mean()).backward()
-    for found, right in zip(solutions.backprop(*args), (W1, b1, W2, b2), strict=True):
+    for result, right in zip(solutions.backprop(*args), (W1, b1, W2, b2), strict=True):
         assert right.grad is not None
-        np.testing.assert_allclose(found, right.grad, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(result, right.grad, rtol=0, atol=1e-12)
 
 
 @examples(30)
@@ -50,12 +50,12 @@ def test_gradients_by_hand_are_those_of_torch(rng, m, n):
 def test_the_objective_is_its_six_cases_and_its_gradient_that_of_differences(rng, n):
     new, old = rng.normal(size=(2, n)) * 0.3
     A, eps, ratio = rng.normal(size=n), 0.2, np.exp(new - old)
-    found, gradient = solutions.ppo_objective(new, old, A, eps)
+    result, gradient = solutions.ppo_objective(new, old, A, eps)
     terms = [
         a * {(True, 1): 1 + eps, (False, -1): 1 - eps}.get((a > 0, side), r)
         for a, r, side in zip(A, ratio, (ratio > 1 + eps) * 1 - (ratio < 1 - eps), strict=True)
     ]
-    assert found == pytest.approx(np.mean(terms), abs=1e-14)
+    assert result == pytest.approx(np.mean(terms), abs=1e-14)
     near = np.minimum(abs(ratio - 1 - eps), abs(ratio - 1 + eps)) < 1e-4
     h = 1e-6 * np.eye(n)
     up, down = ([solutions.ppo_objective(new + s * d, old, A, eps)[0] for d in h] for s in (1, -1))
@@ -72,15 +72,15 @@ def test_advantages_are_the_double_sum_within_each_episode(rng, T):
     reward, value, following = rng.normal(size=(3, T, 2))
     kind = rng.integers(0, 6, (T, 2))
     ended, cut, gamma, lam = kind == 0, kind == 1, 0.9, 0.7
-    found, target = solutions.gae(reward, value, following, ended, cut, gamma, lam)
+    result, target = solutions.gae(reward, value, following, ended, cut, gamma, lam)
     for e in range(2):
         delta = reward[:, e] + gamma * ~ended[:, e] * following[:, e] - value[:, e]
         for t in range(T):
             stops = np.flatnonzero((ended | cut)[t:, e])
             last = t + stops[0] if stops.size else T - 1
             right = sum((gamma * lam) ** (s - t) * delta[s] for s in range(t, last + 1))
-            assert found[t, e] == pytest.approx(right, abs=1e-12)
-    np.testing.assert_allclose(target - value, found, atol=1e-14)
+            assert result[t, e] == pytest.approx(right, abs=1e-12)
+    np.testing.assert_allclose(target - value, result, atol=1e-14)
     # With lambda 1 an episode's target is its discounted rewards, and what is behind its last row.
     going = np.vstack((value[1:], following[-1:]))
     whole = solutions.gae(reward, value, going, 0 * ended, 0 * cut, gamma, 1.0)[1]
@@ -96,8 +96,8 @@ def test_all_that_a_run_gets_telescopes(rng, k):
     away = np.linalg.norm(path.T - goal, axis=1)
     inside = [t for t in range(1, k) if away[t] <= 0.5]
     assert steps == (inside[0] if inside else k - 1) and not reward[steps:].any()
-    left = 0.9 ** (steps - 1) if inside else -(0.9**steps) * away[-1]
-    assert 0.9 ** np.arange(k - 1) @ reward == pytest.approx(away[0] + left, abs=1e-12)
+    remaining = 0.9 ** (steps - 1) if inside else -(0.9**steps) * away[-1]
+    assert 0.9 ** np.arange(k - 1) @ reward == pytest.approx(away[0] + remaining, abs=1e-12)
 
 
 # --- imitation ------------------------------------------------------------------------------------
@@ -109,15 +109,15 @@ def test_a_round_of_dagger_is_the_learners_own_way_and_the_experts_labels(rng, s
     A, B, start = rng.normal(size=(2, 2)), rng.normal(size=(2, 1)), rng.normal(size=2)
     states = rng.normal(size=(2, 5))
     labels = np.tanh(states[:1])
-    seen, told, K = solutions.dagger_round(
+    observed, report, K = solutions.dagger_round(
         A, B, lambda x: np.tanh(x[:1]), states, labels, start, steps
     )
     loop = A + B @ (labels @ np.linalg.pinv(states))
-    way = [np.linalg.matrix_power(loop, t) @ start for t in range(steps)]
-    right = np.column_stack([states, *way])
-    np.testing.assert_allclose(seen, right, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(told, np.tanh(right[:1]), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose((told - K @ seen) @ seen.T, 0.0, atol=1e-7 * np.sum(seen**2))
+    distance = [np.linalg.matrix_power(loop, t) @ start for t in range(steps)]
+    right = np.column_stack([states, *distance])
+    np.testing.assert_allclose(observed, right, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(report, np.tanh(right[:1]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose((report - K @ observed) @ observed.T, 0.0, atol=1e-7 * np.sum(observed**2))
 
 
 # --- flows and chunks -----------------------------------------------------------------------------
@@ -137,9 +137,9 @@ def test_samples_converge_to_the_closed_form_by_second_order():
 
 def test_samples_of_two_modes_have_their_shares():
     noise = np.random.default_rng(2).normal(size=(1, 4000))
-    found = solutions.flow_sample(mixture([[-1.5, 1.5]], 0.2), noise, 100)[0]
-    assert abs(np.mean(found > 0) - 0.5) < 0.03
-    assert np.std(found[found > 0]) == pytest.approx(0.2, rel=0.06)
+    result = solutions.flow_sample(mixture([[-1.5, 1.5]], 0.2), noise, 100)[0]
+    assert abs(np.mean(result > 0) - 0.5) < 0.03
+    assert np.std(result[result > 0]) == pytest.approx(0.2, rel=0.06)
 
 
 @examples(20)
@@ -171,14 +171,14 @@ def carriages(rng):
 @given(rngs())
 def test_a_round_of_training_is_reinforce_by_torch_and_one_episode_a_start(rng):
     law, known, starts, noise, tested = carriages(rng)
-    found, statistics, share = solutions.training_round(law, known, starts, noise, tested)
+    result, statistics, share = solutions.training_round(law, known, starts, noise, tested)
     w, x, places, rewards, chances = torch.tensor(law, requires_grad=True), starts, [], [], []
     for drawn in noise:
         places.append(x)
-        seen = np.concatenate(places)
-        mean = (40.0 * 0.2 + seen.sum()) / (40 + seen.size)
-        squares = 36.0 + 40 * (mean - 0.2) ** 2 + np.sum((seen - mean) ** 2)
-        z = (x - mean) / np.sqrt(squares / (40 + seen.size))
+        observed = np.concatenate(places)
+        mean = (40.0 * 0.2 + observed.sum()) / (40 + observed.size)
+        squares = 36.0 + 40 * (mean - 0.2) ** 2 + np.sum((observed - mean) ** 2)
+        z = (x - mean) / np.sqrt(squares / (40 + observed.size))
         law_now = torch.distributions.Normal(w[0] * torch.tensor(z) + w[1], 0.5)
         action = law_now.mean.detach() + 0.5 * torch.tensor(drawn)
         chances.append(law_now.log_prob(action))
@@ -188,12 +188,12 @@ def test_a_round_of_training_is_reinforce_by_torch_and_one_episode_a_start(rng):
     better = torch.tensor(ahead - ahead.mean(axis=1, keepdims=True))
     (torch.stack(chances) * better).mean().backward()
     assert w.grad is not None
-    np.testing.assert_allclose(found, law + 0.1 * w.grad.numpy(), rtol=1e-12)
+    np.testing.assert_allclose(result, law + 0.1 * w.grad.numpy(), rtol=1e-12)
     np.testing.assert_allclose(statistics, (88, mean, squares), atol=1e-11)
     reached = 0
     for x in tested:
         for _ in range(20):
-            x += 0.1 * np.clip(found[0] * (x - mean) / np.sqrt(squares / 88) + found[1], -1, 1)
+            x += 0.1 * np.clip(result[0] * (x - mean) / np.sqrt(squares / 88) + result[1], -1, 1)
             if abs(x) < 0.1:
                 reached += 1
                 break

@@ -36,10 +36,10 @@ def test_a_window_is_what_follows_a_step():
     assert states.shape == (80, 2) and chunks.shape == (80, 6, 2)
     for run in range(5):
         for k in range(16):
-            row, left = 16 * run + k, 16 - k
+            row, remaining = 16 * run + k, 16 - k
             assert np.array_equal(states[row], shown.states[run, k])
-            assert np.array_equal(chunks[row, :left], shown.actions[run, k : k + 6])
-            assert not chunks[row, left:].any()
+            assert np.array_equal(chunks[row, :remaining], shown.actions[run, k : k + 6])
+            assert not chunks[row, remaining:].any()
 
 
 def test_demonstrations_obey_the_task():
@@ -67,7 +67,7 @@ def test_noise_injected_moves_the_task_and_is_not_recorded():
 def test_bad_demonstrations_are_refused_by_name():
     shown = WAYS.demonstrate(3, 0)
     states, actions = list(shown.states), list(shown.actions)
-    for bad_states, bad_actions, told in (
+    for bad_states, bad_actions, report in (
         ([], [], "two runs or more"),
         (states[:1], actions[:1], "two runs or more"),
         (states, actions[:2], "as many of both"),
@@ -76,26 +76,26 @@ def test_bad_demonstrations_are_refused_by_name():
         ([s[:-1] for s in states], actions, "one less than states"),
         (states, [actions[0], actions[1] * np.nan, actions[2]], r"actions\[1\]\[0, 0\] is nan"),
     ):
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(ValueError, match=report):
             runs(bad_states, bad_actions)
     with pytest.raises(ValueError, match="length is 17, allowed is a whole number from 1 to 16"):
         windows(shown, 17)
     with pytest.raises(ValueError, match="demonstrations is 1"):
         windows(Runs(shown.states[:1], shown.actions[:1]), 4)
     with pytest.raises(ValueError, match=r"action at step 2\[0, 0\] is nan"):
-        said = iter([0.0, 0.0, np.nan])
+        text = iter([0.0, 0.0, np.nan])
         rng = np.random.default_rng(0)
-        roll(WAYS, lambda states, rng: np.full((1, 2), next(said)), np.zeros((1, 2)), 5, rng)
+        roll(WAYS, lambda states, rng: np.full((1, 2), next(text)), np.zeros((1, 2)), 5, rng)
 
 
 # --- two ways -------------------------------------------------------------------------------------
 
 
 def test_every_demonstration_passes_and_the_sides_are_drawn():
-    for left, seed in ((0.5, 0), (0.8, 1), (1.0, 2)):
-        side = WAYS.sides(WAYS.demonstrate(2000, seed, left=left).states)
+    for remaining, seed in ((0.5, 0), (0.8, 1), (1.0, 2)):
+        side = WAYS.sides(WAYS.demonstrate(2000, seed, left=remaining).states)
         assert np.all(side != 0)
-        assert stats.binomtest(int(np.sum(side > 0)), 2000, left).pvalue > 1e-3
+        assert stats.binomtest(int(np.sum(side > 0)), 2000, remaining).pvalue > 1e-3
     assert np.all(WAYS.sides(WAYS.demonstrate(100, 4, pause=7).states) != 0)
     first, again, other = (WAYS.demonstrate(9, seed).states for seed in (7, 7, 8))
     assert np.array_equal(first, again) and not np.allclose(first, other)
@@ -106,15 +106,15 @@ def test_every_demonstration_passes_and_the_sides_are_drawn():
 def test_a_side_is_that_of_the_way_between_its_points(seed, spread):
     """Against points along the ways, a thousand to a step, and the mirror image."""
     rng = np.random.default_rng(seed)
-    way = np.linspace([0.0, 0.0], [1.0, 0.0], 6) + spread * rng.standard_normal((30, 6, 2))
-    told = WAYS.sides(way)
+    direction = np.linspace([0.0, 0.0], [1.0, 0.0], 6) + spread * rng.standard_normal((30, 6, 2))
+    report = WAYS.sides(direction)
     part = np.linspace(0.0, 1.0, 1001)[:, None]
-    along = way[:, :-1, None] * (1.0 - part) + way[:, 1:, None] * part
+    along = direction[:, :-1, None] * (1.0 - part) + direction[:, 1:, None] * part
     nearest = np.hypot(along[..., 0] - 0.5, along[..., 1]).min(axis=(1, 2))
-    there = np.hypot(way[:, -1, 0] - 1.0, way[:, -1, 1]) <= 0.15
+    other = np.hypot(direction[:, -1, 0] - 1.0, direction[:, -1, 1]) <= 0.15
     sure = np.abs(nearest - 0.2) > 1e-3
-    assert np.array_equal((told != 0)[sure], ((nearest > 0.2) & there)[sure])
-    assert np.array_equal(WAYS.sides(way * [1.0, -1.0]), -told)
+    assert np.array_equal((report != 0)[sure], ((nearest > 0.2) & other)[sure])
+    assert np.array_equal(WAYS.sides(direction * [1.0, -1.0]), -report)
 
 
 # --- contexts -------------------------------------------------------------------------------------
@@ -136,10 +136,10 @@ def test_the_cost_of_a_copied_table_is_the_formula(wrong, steps, recovers, seed)
 def test_errors_grow_with_the_square_only_while_they_are_rare():
     steps = np.array([5, 10, 20, 40, 80])
     rng, table = np.random.default_rng(0), np.arange(1000) < 1
-    for recovers, least, most in ((False, 1.9, 1.95), (True, 0.999, 1.001)):
+    for recovers, least, largest in ((False, 1.9, 1.95), (True, 0.999, 1.001)):
         exact = exponent(steps, expected_cost(0.001, steps, recovers=recovers))
         costs = [context_costs(table, T, 40_000, rng, recovers=recovers).mean() for T in steps]
-        assert least < exact < most and exponent(steps, costs) == pytest.approx(exact, abs=0.06)
+        assert least < exact < largest and exponent(steps, costs) == pytest.approx(exact, abs=0.06)
     assert exponent(steps, expected_cost(0.3, steps, recovers=False)) < 1.25  # nearly all is lost
     for eps in (1e-4, 0.01, 0.3):  # the law eps T^2 / 2 bounds it, and holds to eps T / 3
         law = eps * steps * (steps + 1) / 2
@@ -201,8 +201,8 @@ def test_the_cart_drives_arcs_and_its_expert_comes_to_the_circle():
     place = np.arctan2(small[:, 1], small[:, 0])
     small[:, 2:] = np.stack((-np.sin(place), np.cos(place)), 1)
     fast = Circle(0.001)
-    told = fast.cost(roll(fast, fast.expert, small, 2000, rng).states)[:, ::100]
+    report = fast.cost(roll(fast, fast.expert, small, 2000, rng).states)[:, ::100]
     t = 0.1 * np.arange(21)
-    for run in told[:3]:
+    for run in report[:3]:
         fit, _ = optimize.curve_fit(envelope, t, run / run[0])
         assert fit == pytest.approx([1.0, 2.0], abs=0.02)

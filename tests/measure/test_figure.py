@@ -30,8 +30,8 @@ def _names(ax):
 
 
 def _line(ax, label):
-    (found,) = [line for line in ax.lines if line.get_label() == label]
-    return found
+    (result,) = [line for line in ax.lines if line.get_label() == label]
+    return result
 
 
 # --- colours --------------------------------------------------------------------------------------
@@ -159,9 +159,9 @@ def test_a_map_shows_its_boundary_with_theory_over_it():
     assert len(axes) == 3 + 1  # one colour bar for all
     assert axes[2].get_window_extent().width > 1.8 * axes[0].get_window_extent().width
     assert [t.get_text() for t in axes[0].get_legend().get_texts()] == ["measured", "theory"]
-    (found,) = document(panels[:1])["panels"]
-    edge = [1.0 / y for y in found["grid"]["y"]]
-    assert found["grid"]["boundary"] == pytest.approx(edge, abs=0.1)
+    (result,) = document(panels[:1])["panels"]
+    edge = [1.0 / y for y in result["grid"]["y"]]
+    assert result["grid"]["boundary"] == pytest.approx(edge, abs=0.1)
 
 
 # --- what is said and written ---------------------------------------------------------------------
@@ -199,15 +199,15 @@ def test_the_data_are_plain_json_and_come_back():
 
     json.loads(content, parse_constant=refuse)
     (panel,) = from_json(content)["panels"]
-    (found,) = panel["series"]
-    assert found["y"] == [math.inf, 0.333333] and found["theory"] == [1.0, 2.0]
-    assert math.isnan(found["high"][0]) and found["failed"] == 1 and found["key"] == "rk4"
+    (result,) = panel["series"]
+    assert result["y"] == [math.inf, 0.333333] and result["theory"] == [1.0, 2.0]
+    assert math.isnan(result["high"][0]) and result["failed"] == 1 and result["key"] == "rk4"
     assert '"x": [ 1.0, 2.0 ]' in content
     assert document([Panel("t", data={"own": 1})]) == {"own": 1}
     long = Series("s", np.arange(500.0), np.arange(500.0) ** 2)
-    (found,) = document([Panel("t", series=[long])])["panels"][0]["series"]
-    assert len(found["x"]) == 200 and found["x"][-1] == 499 and found["y"][-1] == 499**2
-    assert max(np.diff(found["x"])) == 3
+    (result,) = document([Panel("t", series=[long])])["panels"][0]["series"]
+    assert len(result["x"]) == 200 and result["x"][-1] == 499 and result["y"][-1] == 499**2
+    assert max(np.diff(result["x"])) == 3
     (dots,) = document([Panel("t", series=[replace(long, style="")])])["panels"][0]["series"]
     assert dots["x"] == long.x.tolist()
 
@@ -248,11 +248,11 @@ def test_what_is_drawn_again_looks_the_same():
     assert again[1].series[0].theory is not None and again[1].series[0].theory(
         3.0
     ) == pytest.approx(9.0, rel=2e-3)
-    for panel, found in zip(panels, again, strict=True):
-        panel.grid = found.grid = None
-        for series in [*panel.series, *found.series]:
+    for panel, result in zip(panels, again, strict=True):
+        panel.grid = result.grid = None
+        for series in [*panel.series, *result.series]:
             series.theory = None
-        assert found == panel
+        assert result == panel
 
 
 def test_committed_data_are_plain_json():
@@ -300,10 +300,10 @@ def test_six_curves_are_shown_and_the_others_are_named():
     x = [1.0, 2.0]
     panel = Panel("", series=[Series(f"m{k}", x, x, extra=k == 1) for k in range(9)])
     panel.series.append(Series("theory", x, x, "theory"))
-    wanted = ["m0", "m2", "m3", "m4", "m5", "m6", "theory"]
-    assert [series.label for series in panel.shown()] == wanted
+    expected = ["m0", "m2", "m3", "m4", "m5", "m6", "theory"]
+    assert [series.label for series in panel.shown()] == expected
     assert panel.others == ["m1", "m7", "m8"]
-    assert [s.label for s in panel.shown(["m1"])] == ["m0", "m1", *wanted[1:]]
+    assert [s.label for s in panel.shown(["m1"])] == ["m0", "m1", *expected[1:]]
     assert text([panel]) == "measured, not drawn: m1; m7; m8"
     (few,) = _axes(panel)
     assert len(few.lines) == 7 and few.figure.get_supxlabel() == text([panel])

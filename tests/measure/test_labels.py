@@ -55,25 +55,25 @@ def _words(figure):
 
 def covered(figure, words):
     """Texts that lie on a point of a curve, as (text, how many points)."""
-    found = []
+    result = []
     for ax in figure.axes:
         points = drawn_points(ax)
         for text, box, _ in words:
             inside = np.all((points > box.min) & (points < box.max), axis=1)
-            found += [(text.get_text(), int(inside.sum()))] if inside.any() else []
-    return found
+            result += [(text.get_text(), int(inside.sum()))] if inside.any() else []
+    return result
 
 
 def meeting(words):
     """Pairs of words that lie on each other."""
-    found = []
+    result = []
     placed = [(text.get_text(), box) for text, box, tick in words if not tick]
     for k, (name, box) in enumerate(placed):
         for other, place in placed[:k]:
             width = min(box.x1, place.x1) - max(box.x0, place.x0)
             height = min(box.y1, place.y1) - max(box.y0, place.y0)
-            found += [(name, other)] if width > 1.0 and height > 1.0 else []
-    return found
+            result += [(name, other)] if width > 1.0 and height > 1.0 else []
+    return result
 
 
 def readable(figure) -> bool:
@@ -88,16 +88,16 @@ def readable(figure) -> bool:
 @examples(60)
 @given(st.lists(st.tuples(st.floats(-20, 120), st.integers(1, 12)), min_size=1, max_size=8))
 def test_names_move_apart_as_little_as_they_can(boxes) -> None:
-    wanted, sizes = np.array(boxes).T
-    found = spread(wanted, sizes, 0.0, 100.0)
-    order = np.lexsort((np.arange(wanted.size), wanted))
-    low, high = (found + side * 0.5 * sizes for side in (-1, 1))
+    expected, sizes = np.array(boxes).T
+    result = spread(expected, sizes, 0.0, 100.0)
+    order = np.lexsort((np.arange(expected.size), expected))
+    low, high = (result + side * 0.5 * sizes for side in (-1, 1))
     assert np.all(low[order][1:] >= high[order][:-1] - 1e-9)
     assert low.min() >= -1e-9 and high.max() <= 100.0 + 1e-9
     # Optimal: of names that touch none would rather part from those above it, or below it, and all
     # together would rather be elsewhere only beyond the end that stops them.
     for block in np.split(order, np.flatnonzero(low[order][1:] - high[order][:-1] > 1e-9) + 1):
-        moves = found[block] - wanted[block]
+        moves = result[block] - expected[block]
         if low[block[0]] > 1e-9:
             assert np.cumsum(moves).max() <= 1e-6
         if high[block[-1]] < 100.0 - 1e-9:

@@ -39,10 +39,10 @@ def test_amplification_is_the_matrix_of_a_linear_step():
 @pytest.mark.parametrize("friction", [0.05, 0.3, 0.7, 1.0, 1.6])
 def test_matrix_and_iteration_see_the_same_limit(friction):
     theory = _shear_limit(friction)
-    found = stability.limit(
+    result = stability.limit(
         lambda x: stability.is_stable_by_matrix(_shear(x, friction), 2), 0.01, 10.0
     )
-    assert found == pytest.approx(theory, rel=1e-4)
+    assert result == pytest.approx(theory, rel=1e-4)
     assert stability.is_stable_by_iteration(_shear(0.995 * theory, friction), 2, steps=1000)
     assert not stability.is_stable_by_iteration(_shear(1.005 * theory, friction), 2, steps=1000)
 

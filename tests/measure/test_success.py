@@ -20,8 +20,8 @@ def test_wilson_ends_are_where_the_share_is_z_deviations_off(tried, share, z):
     """Both ends p solve (share - p)^2 = z^2 p (1 - p) / n: there the interval comes from."""
     for end, side in zip(wilson(share * tried, tried, z), (1.0, -1.0), strict=True):
         assert 0.0 <= end <= 1.0 and side * (share - end) >= 0.0
-        off = (share - end) ** 2 - z**2 * end * (1.0 - end) / tried
-        assert abs(off) <= 1e-9
+        deviation = (share - end) ** 2 - z**2 * end * (1.0 - end) / tried
+        assert abs(deviation) <= 1e-9
 
 
 @examples(15)
@@ -45,26 +45,26 @@ COST = [[1.0, 2.0, 3.0, math.inf], [2.0, 2.0, 8.0, 9.0], [1.0, math.inf, math.in
 
 
 def test_shares_count_a_failure_at_every_budget():
-    found = Success("mine", np.array(COST), "steps")
+    result = Success("mine", np.array(COST), "steps")
     budgets = [0.5, 1.0, 2.0, 8.0, 1e9]
-    assert found.shares(budgets).tolist() == [
+    assert result.shares(budgets).tolist() == [
         [0.0, 0.25, 0.5, 0.75, 0.75],
         [0.0, 0.0, 0.5, 0.75, 1.0],
         [0.0, 0.25, 0.25, 0.25, 0.25],
     ]
-    assert found.share(budgets).tolist() == [0.0, 0.25, 0.5, 0.75, 0.75]
-    assert found.ever == 0.75
-    low, high = found.band(budgets)
-    assert ((low <= found.share(budgets)) & (found.share(budgets) <= high)).all()
+    assert result.share(budgets).tolist() == [0.0, 0.25, 0.5, 0.75, 0.75]
+    assert result.ever == 0.75
+    low, high = result.band(budgets)
+    assert ((low <= result.share(budgets)) & (result.share(budgets) <= high)).all()
     expected = wilson([2.0], 4)
     assert (low[2], high[2]) == (expected[0][0], expected[1][0])
 
 
 def test_the_budget_of_a_share_is_infinite_where_so_much_is_never_solved():
-    found = Success("mine", np.array(COST), "steps")
-    assert found.budget(0.25) == (1.0, 1.0, 2.0)
-    assert found.budget() == (2.0, 2.0, math.inf)
-    assert found.budget(1.0) == (math.inf, 9.0, math.inf)
+    result = Success("mine", np.array(COST), "steps")
+    assert result.budget(0.25) == (1.0, 1.0, 2.0)
+    assert result.budget() == (2.0, 2.0, math.inf)
+    assert result.budget(1.0) == (math.inf, 9.0, math.inf)
     pair = Success("two", np.array([[2.0], [4.0]]), "steps")
     assert pair.budget(1.0) == (3.0, 2.0, 4.0)
     assert Success("two", np.array([[2.0], [math.inf]]), "steps").budget(1.0)[0] == math.inf
@@ -72,15 +72,15 @@ def test_the_budget_of_a_share_is_infinite_where_so_much_is_never_solved():
 
 @given(st.lists(st.floats(0.0, 10.0) | st.just(math.inf), min_size=1, max_size=30))
 def test_within_the_budget_of_a_share_that_share_is_solved_and_below_it_is_not(cost):
-    found = Success("mine", np.array([cost]), "steps")
+    result = Success("mine", np.array([cost]), "steps")
     for k in range(1, len(cost) + 1):
-        needed, *_ = found.budget(k / len(cost))
+        needed, *_ = result.budget(k / len(cost))
         if math.isinf(needed):
-            assert found.ever < k / len(cost)
+            assert result.ever < k / len(cost)
         else:
-            assert found.share([needed])[0] >= k / len(cost) - 1e-12
+            assert result.share([needed])[0] >= k / len(cost) - 1e-12
             if needed > 1e-300:
-                assert found.share([np.nextafter(needed, 0.0)])[0] < k / len(cost)
+                assert result.share([np.nextafter(needed, 0.0)])[0] < k / len(cost)
 
 
 def test_collecting_gives_counts_and_times_and_a_stream_a_problem():
@@ -122,10 +122,10 @@ def test_costs_that_are_none_are_refused(cost, words):
 
 
 def test_bad_questions_are_refused():
-    found = Success("mine", np.array(COST), "steps")
+    result = Success("mine", np.array(COST), "steps")
     for call, words in (
-        (lambda: found.budget(0.0), "share"),
-        (lambda: found.share([math.nan]), "budgets"),
+        (lambda: result.budget(0.0), "share"),
+        (lambda: result.share([math.nan]), "budgets"),
         (lambda: wilson([3.0], 2), "solved"),
         (lambda: wilson([0.0], 0), "tried"),
         (lambda: collect("mine", lambda p, rng: 1.0, [], [1], "steps"), "problems and seeds"),

@@ -63,18 +63,18 @@ def test_a_failure_names_its_arguments_and_loses_no_other(tmp_path_factory, bad,
     folder = tmp_path_factory.mktemp("sweep")
     log, saved = folder / "log", folder / "saved"
     jobs = [{"seed": s, "log": str(log), "bad": tuple(sorted(bad))} for s in range(8)]
-    told: list[tuple[int, int]] = []
+    report: list[tuple[int, int]] = []
     with ThreadPoolExecutor(3) as pool:
         executor = pool if threads else None
         if bad:
             with pytest.raises(JobsFailed, match=f"{len(bad)} of 8 jobs failed") as raised:
-                sweep(logged, jobs, executor, saved=saved, progress=lambda *p: told.append(p))
+                sweep(logged, jobs, executor, saved=saved, progress=lambda *p: report.append(p))
             assert f"seed={min(bad)}" in str(raised.value) and "is unlucky" in str(raised.value)
             assert set(raised.value.errors) == bad
             assert raised.value.results == [None if s in bad else s**2 for s in range(8)]
         else:
-            sweep(logged, jobs, executor, saved=saved, progress=lambda *p: told.append(p))
-    assert told == [(k, 8) for k in range(1, 9)]
+            sweep(logged, jobs, executor, saved=saved, progress=lambda *p: report.append(p))
+    assert report == [(k, 8) for k in range(1, 9)]
     assert ran(log) == list(range(8))
     # Asked again, only what failed runs again.
     log.write_text("")

@@ -39,36 +39,36 @@ def test_rounds_are_interleaved_after_a_warm_up(quiet):
 
 def test_median_quartiles_and_best_are_of_the_rounds_alone(quiet):
     # The warm-up and the sizing take 9 s and 8 s, and are not counted.
-    (found,) = timing.interleaved([_costs([9.0, 8.0, 1.0, 2.0, 3.0, 4.0, 5.0])], repeats=5)
-    assert (found.low, found.median, found.high, found.best) == (2.0, 3.0, 4.0, 1.0)
-    assert (found.calls, found.busy) == (1, 0.0)
+    (result,) = timing.interleaved([_costs([9.0, 8.0, 1.0, 2.0, 3.0, 4.0, 5.0])], repeats=5)
+    assert (result.low, result.median, result.high, result.best) == (2.0, 3.0, 4.0, 1.0)
+    assert (result.calls, result.busy) == (1, 0.0)
 
 
 def test_short_calls_fill_a_sample_and_no_more_than_most(quiet):
     log: list[tuple[str, int]] = []
-    (found,) = timing.interleaved([_costs([1e-6], log)], sample=1e-3, repeats=2)
-    assert 500 <= found.calls <= 2000 and log[-1][1] == found.calls
-    assert found.median == pytest.approx(1e-6)
-    (found,) = timing.interleaved([_costs([1e-6])], sample=1e-3, most=7)
-    assert found.calls == 7
+    (result,) = timing.interleaved([_costs([1e-6], log)], sample=1e-3, repeats=2)
+    assert 500 <= result.calls <= 2000 and log[-1][1] == result.calls
+    assert result.median == pytest.approx(1e-6)
+    (result,) = timing.interleaved([_costs([1e-6])], sample=1e-3, most=7)
+    assert result.calls == 7
     # Below the clock's resolution a call seems to take no time at all.
-    (found,) = timing.interleaved([lambda n: 0.0 if n < 1000 else 1.0], sample=1e-3)
-    assert found.calls >= 1000
+    (result,) = timing.interleaved([lambda n: 0.0 if n < 1000 else 1.0], sample=1e-3)
+    assert result.calls >= 1000
 
 
 def test_a_disturbed_round_is_taken_again(monkeypatch):
     # Shares before the first round and after each: rounds 2 and 3 have a busy one at an end.
     shares = iter([1.0, 1.0, 0.5, 1.0, 0.95, 0.9, 0.2])
     monkeypatch.setattr(timing, "core_share", lambda: next(shares))
-    (found,) = timing.interleaved([_costs([9.0, 9.0, 1.0, 50.0, 50.0, 2.0, 3.0])], repeats=3)
-    assert (found.best, found.median, found.high, found.busy) == (1.0, 2.0, 2.5, 0.0)
+    (result,) = timing.interleaved([_costs([9.0, 9.0, 1.0, 50.0, 50.0, 2.0, 3.0])], repeats=3)
+    assert (result.best, result.median, result.high, result.busy) == (1.0, 2.0, 2.5, 0.0)
 
 
 def test_a_busy_machine_is_reported_and_waited_for_no_longer_than_patience(monkeypatch):
     log: list[tuple[str, int]] = []
     monkeypatch.setattr(timing, "core_share", lambda: 0.4)
-    (found,) = timing.interleaved([_costs([1.0], log)], repeats=4, patience=0.5)
-    assert found.busy == 1.0 and len(log) == 2 + 4 + 2
+    (result,) = timing.interleaved([_costs([1.0], log)], repeats=4, patience=0.5)
+    assert result.busy == 1.0 and len(log) == 2 + 4 + 2
     log.clear()
     timing.interleaved([_costs([1.0], log)], repeats=4, patience=0.0)
     assert len(log) == 2 + 4

@@ -193,12 +193,12 @@ def test_time_is_the_time():
 
 
 def test_the_least_time_is_drawn_where_it_is_asked_for(monkeypatch):
-    found = timing.Timing(3.0, 2.0, 4.0, 1.0)
-    monkeypatch.setattr(work_precision, "interleaved", lambda runs, **_: [found for _ in runs])
-    for best, wanted in ((False, (3.0, 2.0, 4.0)), (True, (1.0, 1.0, 4.0))):
+    result = timing.Timing(3.0, 2.0, 4.0, 1.0)
+    monkeypatch.setattr(work_precision, "interleaved", lambda runs, **_: [result for _ in runs])
+    for best, expected in ((False, (3.0, 2.0, 4.0)), (True, (1.0, 1.0, 4.0))):
         chart = _measured([_decay(4)], best=best)
         point = chart.curves[0].points[0]
-        assert (point.time, point.low, point.high) == wanted
+        assert (point.time, point.low, point.high) == expected
         assert chart.machine.endswith("; least of 2 rounds") == best
 
 

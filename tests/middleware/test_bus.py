@@ -66,16 +66,16 @@ def test_rounds_until_every_fragment_has_come_and_the_time_they_take(n, p):
 
 
 def test_a_wire_carries_one_message_after_the_other():
-    link, seen = Link(delay=0.002, rate=1e6), list[tuple[str, float]]()
+    link, observed = Link(delay=0.002, rate=1e6), list[tuple[str, float]]()
     bus: Bus
-    bus, writer, _ = ends(link=link, function=lambda s: seen.append((s.value, bus.now)))
+    bus, writer, _ = ends(link=link, function=lambda s: observed.append((s.value, bus.now)))
     other = bus.node("c").writer("torque", KEEP)
-    bus.node("d").reader("torque", lambda s: seen.append((s.value, bus.now)), KEEP, link)
+    bus.node("d").reader("torque", lambda s: observed.append((s.value, bus.now)), KEEP, link)
     writer.publish("image", 500_000)
     other.publish("torque", 100)
     bus.run(1.0)
-    assert [name for name, _ in seen] == ["image", "torque"]
-    assert [t for _, t in seen] == pytest.approx([0.502, 0.5021])
+    assert [name for name, _ in observed] == ["image", "torque"]
+    assert [t for _, t in observed] == pytest.approx([0.502, 0.5021])
 
 
 LINKS = st.builds(
@@ -101,24 +101,24 @@ def test_no_message_comes_twice_or_out_of_order_or_vanishes(link, seed, reliable
     kind = "reliable" if reliable else "best_effort"
 
     def once(history):
-        qos, seen = QoS(kind, history, depth), list[Any]()
-        bus, writer, reader = ends(qos, QoS(kind, "keep_all"), link, seed, seen.append)
+        qos, observed = QoS(kind, history, depth), list[Any]()
+        bus, writer, reader = ends(qos, QoS(kind, "keep_all"), link, seed, observed.append)
         at = 0
         for k, wait in enumerate(waits):
             at += wait * 10**6
             bus.push(at, 1, writer.publish, k, 300)
         bus.run(1e4)
-        return seen, reader, bus.events
+        return observed, reader, bus.events
 
     for history in ("keep_last", "keep_all"):
-        seen, reader, events = once(history)
+        observed, reader, events = once(history)
         again = once(history)
-        assert (seen, events) == (again[0], again[2])  # by its seed alone
-        assert all(a.number < b.number for a, b in pairwise(seen))
-        assert len(seen) == reader.received
+        assert (observed, events) == (again[0], again[2])  # by its seed alone
+        assert all(a.number < b.number for a, b in pairwise(observed))
+        assert len(observed) == reader.received
         assert reader.received + reader.lost == len(waits)
         lost = {e.detail for e in events if e.kind == "lost"}
-        assert lost.isdisjoint(s.number for s in seen)
+        assert lost.isdisjoint(s.number for s in observed)
         if history == "keep_all" and reliable:
             assert not lost
     if link.loss and len(waits) > 30 and link.loss * len(waits) > 20 and not reliable:
@@ -149,13 +149,13 @@ def test_keep_last_drops_the_oldest(depth, script):
 
 
 def test_reliable_and_keep_last_still_loses_what_was_overwritten_before_it_got_through():
-    seen: list[Any] = []
-    bus, writer, reader = ends(QoS(depth=1), link=Link(0.01, loss=0.5), function=seen.append)
+    observed: list[Any] = []
+    bus, writer, reader = ends(QoS(depth=1), link=Link(0.01, loss=0.5), function=observed.append)
     for k in range(200):
         bus.push(k * 10**7, 1, writer.publish, k)
     bus.run(100.0)
     assert reader.lost > 50
-    assert seen[-1].value == 199  # the last one stays until it is through
+    assert observed[-1].value == 199  # the last one stays until it is through
 
 
 def test_a_sample_lives_from_its_stamp_on_not_from_its_arrival():
@@ -199,14 +199,14 @@ def test_what_a_late_reader_gets(offered, requested, gets):
 
 
 def test_a_pair_that_does_not_fit_is_silent_and_both_ends_are_told():
-    told: list[Any] = []
+    report: list[Any] = []
     bus = Bus()
-    writer = bus.node("a").writer("x", QoS("best_effort", deadline=1.0), told.append)
-    reader = bus.node("b").reader("x", None, QoS(deadline=0.5), on_event=told.append)
+    writer = bus.node("a").writer("x", QoS("best_effort", deadline=1.0), report.append)
+    reader = bus.node("b").reader("x", None, QoS(deadline=0.5), on_event=report.append)
     writer.publish(1)
     bus.run(0.4)
     assert reader.received == 0
-    assert [(e.end, e.kind, e.detail) for e in told] == [
+    assert [(e.end, e.kind, e.detail) for e in report] == [
         (end, "incompatible", ("reliability", "deadline")) for end in ("writer", "reader")
     ]
 
@@ -296,12 +296,12 @@ def test_an_action_gives_feedback_and_can_be_cancelled():
     key, long = client.send(10)
     for future in (short, long):
         future.then(lambda end: ended.append((end, round(bus.now, 9))))
-    asked: list[bool] = []
-    bus.after(0.55, lambda: client.cancel(key).then(asked.append))
-    bus.after(0.75, lambda: client.cancel(key).then(asked.append))
+    requested: list[bool] = []
+    bus.after(0.55, lambda: client.cancel(key).then(requested.append))
+    bus.after(0.75, lambda: client.cancel(key).then(requested.append))
     bus.run(2.0)
     assert ended == [(("succeeded", 3), 0.3), (("canceled", 5), 0.6)]
-    assert asked == [True, False]
+    assert requested == [True, False]
     assert [x for k, x in news if k == 1] == [0, 1, 2]
     assert [x for k, x in news if k == 2] == [0, 1, 2, 3, 4]
 
@@ -333,15 +333,15 @@ def stack(bus):
 
 
 def test_the_same_nodes_run_in_virtual_and_in_real_time():
-    found = []
+    result = []
     for real in (False, True):
         bus = Bus()
         out = stack(bus)
         bus.run(0.1, real)
         if real and len(out) < 5:  # on a busy machine
             bus.run(5.0, real)
-        found.append(sorted(out))
-    assert found[0] == found[1] == [(k, k * k) for k in range(5)]
+        result.append(sorted(out))
+    assert result[0] == result[1] == [(k, k * k) for k in range(5)]
 
 
 @pytest.mark.parametrize(

@@ -46,8 +46,8 @@ def test_a_lock_waits_for_the_middle_task_unless_priority_is_handed_on():
     np.testing.assert_allclose(panel["none"].y, 20.0 + x, atol=0.1)
     for protocol in ("inheritance", "ceiling"):
         np.testing.assert_allclose(panel[protocol].y, 20.0, atol=0.1)
-    seen = [series for series in panel.series if series.label.startswith("this system")]
-    for series in seen:  # where the system permitted it
+    observed = [series for series in panel.series if series.label.startswith("this system")]
+    for series in observed:  # where the system permitted it
         theory = 20.0 + x * ("none" in series.label)
         assert (np.array(series.y) > theory - 0.5).all()
         assert (np.array(series.y) < 1.3 * theory + 5.0).all()
@@ -96,14 +96,14 @@ def test_the_oldest_sample_is_depth_less_one_periods_old():
     for name in ("bus", "Cyclone DDS"):
         np.testing.assert_array_equal(panel[name].y, np.array(panel[name].x) - 1.0)
     np.testing.assert_array_equal(panel["all are taken"].y, 0.0)
-    (said,) = (r for r in charts.read("queue_ages").splitlines() if r.startswith("all are"))
-    assert re.findall(r"(\d+) \((\d+)\)", said) == [("0", "0")] * 5  # its own theory, not another's
+    (text,) = (r for r in charts.read("queue_ages").splitlines() if r.startswith("all are"))
+    assert re.findall(r"(\d+) \((\d+)\)", text) == [("0", "0")] * 5  # its own theory, not another's
 
 
 def test_every_row_of_the_matrix_agrees_with_cyclone():
     first, *rows = charts.read("qos_verdicts").splitlines()
-    found = re.match(r"(\d+) of (\d+) rows agree", first)
-    assert found and found[1] == found[2] == str(len(rows)) and len(rows) >= 40
+    result = re.match(r"(\d+) of (\d+) rows agree", first)
+    assert result and result[1] == result[2] == str(len(rows)) and len(rows) >= 40
     assert {row.split(":")[0] for row in rows} >= {
         "reliability",
         "durability",

@@ -75,18 +75,18 @@ def test_the_stub_is_short():
 
 
 def test_the_usual_file_sets_no_rate_and_no_quality_of_service():
-    found = launch.nodes(launch.USUAL)
-    assert len(found) == 5 and len({node.package for node in found}) == 5
-    assert all(launch.overrides(node.parameters) == {} for node in found)
+    result = launch.nodes(launch.USUAL)
+    assert len(result) == 5 and len({node.package for node in result}) == 5
+    assert all(launch.overrides(node.parameters) == {} for node in result)
     # All that reaches the nodes; "rate" is a number that one of them may read.
-    named = [name for node in found for name in node.parameters]
+    named = [name for node in result for name in node.parameters]
     assert named == ["profile", "model", "timeout_ms", "rate", "max_force"]
     assert "best effort" in launch.USUAL and "1 kHz" in launch.USUAL  # only in comments
 
 
 def test_ours_sets_what_it_says_name_by_name():
-    found = launch.nodes(launch.OURS)
-    ends = [launch.overrides(node.parameters) for node in found]
+    result = launch.nodes(launch.OURS)
+    ends = [launch.overrides(node.parameters) for node in result]
     picture = QoS("best_effort", depth=1)
     poses = QoS("best_effort", depth=1, deadline=0.1)
     status = QoS(
@@ -102,8 +102,8 @@ def test_ours_sets_what_it_says_name_by_name():
         {("/safety/status", "subscription"): status},
         {("/safety/status", "publisher"): status},
     ]
-    assert launch.silent(found) == {}
-    allowed = [sorted(launch.to_be_allowed(node.parameters)) for node in found]
+    assert launch.silent(result) == {}
+    allowed = [sorted(launch.to_be_allowed(node.parameters)) for node in result]
     late = ["durability", "liveliness", "liveliness_lease_duration"]
     assert allowed == [[], ["deadline"], ["deadline"], late, late]
     swapped = launch.OURS.replace(
@@ -134,11 +134,11 @@ def test_a_parameter_that_was_copied_is_not_tuned():
     parameters = launch.Parameters({"stiffness": 100.0, "never_declared": 1})
     copied = parameters.declare("stiffness", 20.0)
     assert (copied, parameters.declare("damping", 5.0)) == (100.0, 5.0)
-    heard = []
-    parameters.told.append(lambda name, value: heard.append((name, value)))
+    received = []
+    parameters.told.append(lambda name, value: received.append((name, value)))
     parameters.set("stiffness", 200.0)
     assert (copied, parameters.value["stiffness"]) == (100.0, 200.0)
-    assert heard == [("stiffness", 200.0)]
+    assert received == [("stiffness", 200.0)]
     for name, value in (("never_declared", 2), ("stiffness", "soft")):
         with pytest.raises(ValueError, match=name):
             parameters.set(name, value)

@@ -18,11 +18,11 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.mark.slow
 def test_nothing_leaves_the_machine():
-    said = cyclonedds.read_back()
-    assert said["interfaces"] == "lo (index 1 priority 2 mc {})"
-    assert said["address"] == "udp/127.0.0.1"
-    assert (said["multicast"], said["peers"], said["groups"]) == ("false", "127.0.0.1", "0")
-    assert said["domain"] == str(1 + os.getpid() % 230) and said["tag"] == f"course-{os.getpid()}"
+    text = cyclonedds.read_back()
+    assert text["interfaces"] == "lo (index 1 priority 2 mc {})"
+    assert text["address"] == "udp/127.0.0.1"
+    assert (text["multicast"], text["peers"], text["groups"]) == ("false", "127.0.0.1", "0")
+    assert text["domain"] == str(1 + os.getpid() % 230) and text["tag"] == f"course-{os.getpid()}"
 
 
 def test_every_pair_is_judged_as_cyclone_does():
@@ -58,9 +58,9 @@ def test_every_pair_is_judged_as_cyclone_does():
 def test_an_event_names_one_policy_of_several():
     offered = QoS("best_effort")
     requested = QoS(durability="transient_local", deadline=0.1, ownership="exclusive")
-    (found,) = cyclonedds.verdicts([(offered, requested)])
+    (result,) = cyclonedds.verdicts([(offered, requested)])
     assert len(compatible(offered, requested)) == 4
-    assert found == cyclonedds.Verdict(False, "reliability", "reliability", 0)
+    assert result == cyclonedds.Verdict(False, "reliability", "reliability", 0)
 
 
 def test_what_is_kept_is_what_cyclone_keeps():
@@ -70,13 +70,13 @@ def test_what_is_kept_is_what_cyclone_keeps():
 
 
 def test_a_late_joiner_gets_one_sample_until_the_durability_service_is_set():
-    kept = QoS(depth=3, durability="transient_local")
+    retained = QoS(depth=3, durability="transient_local")
     late = QoS(durability="transient_local")
-    found = [
-        qos_matrix.history(kept, late, 8, late=True, kept_for_late=depth)
+    result = [
+        qos_matrix.history(retained, late, 8, late=True, kept_for_late=depth)
         for depth in (0, None, 3, 5)
     ]
-    assert found == [[7], [5, 6, 7], [5, 6, 7], [3, 4, 5, 6, 7]]
+    assert result == [[7], [5, 6, 7], [5, 6, 7], [3, 4, 5, 6, 7]]
 
 
 def test_what_time_does():
@@ -87,19 +87,19 @@ def test_what_time_does():
 def test_missed_deadlines_are_counted_at_both_ends():
     """floor(gap / deadline) each, as far as the machine let the gaps be what they should."""
     for gap in (0.03, 0.07):
-        found = qos_matrix.missed(0.05, gap, 4)
-        assert found.least <= found.offered <= found.most
-        assert found.least <= found.requested <= found.most
-    assert found.least >= 4
+        result = qos_matrix.missed(0.05, gap, 4)
+        assert result.least <= result.offered <= result.most
+        assert result.least <= result.requested <= result.most
+    assert result.least >= 4
 
 
 @pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
 @pytest.mark.parametrize("depth", [1, 2, 5, 10])
 def test_a_queue_that_is_full_is_depth_less_one_periods_old(depth: int, reliability: str):
     """Reliability changes nothing: what the depth has no room for is gone under either."""
-    found = slow_reader.queue_ages(depth, 3, 20, reliability)
+    result = slow_reader.queue_ages(depth, 3, 20, reliability)
     filling = [min(2 * (turn + 1), depth - 1) for turn in range(20)]
-    assert found.ages == filling  # two more wait after each turn, until there is no room
+    assert result.ages == filling  # two more wait after each turn, until there is no room
     kept_up = slow_reader.queue_ages(depth, 1, 20, reliability)
     assert (kept_up.ages, kept_up.lost) == ([0] * 20, 0.0)
     newest = slow_reader.queue_ages(depth, 3, 20, reliability, newest=True)

@@ -23,8 +23,8 @@ def test_a_short_callback_waits_for_a_long_one_in_every_order(order):
     bound = bounds(works, order)["control"]
     assert bound == pytest.approx(0.026)
     for phase in np.linspace(0.0, 1 / 3, 100):
-        found = respond(works, order, phases=(phase, 0.0), seconds=0.2)
-        worst = max(worst, found["control"].max())
+        result = respond(works, order, phases=(phase, 0.0), seconds=0.2)
+        worst = max(worst, result["control"].max())
     assert 0.99 * bound < worst <= bound
     own = Work("camera", 0.025, 1 / 30, "subscription", "own")
     assert respond([CONTROL, own], order, 2)["control"].max() == pytest.approx(0.001)
@@ -53,8 +53,8 @@ def test_no_response_is_longer_than_its_bound(rows, order, threads):
     ]
     assume(threads == 1 or all(w.group or w.execution <= w.period for w in works))
     bound = bounds(works, order, threads)
-    found = respond(works, order, threads, [row[-1] for row in rows], 2.0)
-    for name, times in found.items():
+    result = respond(works, order, threads, [row[-1] for row in rows], 2.0)
+    for name, times in result.items():
         assert times.size == 0 or times.max() <= bound[name] + 1e-8
 
 
@@ -133,9 +133,9 @@ def test_two_nodes_that_ask_each_other_block_each_other():
 
         node.timer(10.0, ask)
     bus.run(1.0)
-    found = deadlocks(bus)
-    assert len(found) == 2
-    assert "service of b/request of b, which needs the default group of b, held by" in found[0]
+    result = deadlocks(bus)
+    assert len(result) == 2
+    assert "service of b/request of b, which needs the default group of b, held by" in result[0]
 
 
 def test_who_waits_for_one_that_only_takes_long_is_not_stuck():
@@ -166,7 +166,7 @@ def test_executors_have_threads_in_real_time():
     bus, names = Bus(), set()
     executor = Executor(bus, 2)
     camera, eye = bus.node("camera", executor), bus.node("eye", Executor(bus))
-    out, seen = camera.writer("x"), []
+    out, observed = camera.writer("x"), []
     numbers = iter(range(6))
 
     def shoot():
@@ -176,12 +176,12 @@ def test_executors_have_threads_in_real_time():
             out.publish(k)
 
     camera.timer(0.005, shoot)
-    eye.reader("x", lambda s: seen.append(s.value), QoS(history="keep_all"))
+    eye.reader("x", lambda s: observed.append(s.value), QoS(history="keep_all"))
     for _ in range(50):
         bus.run(bus.now + 0.05, real=True)
-        if len(seen) == 6:
+        if len(observed) == 6:
             break
-    assert seen == list(range(6))
+    assert observed == list(range(6))
     assert threading.main_thread() not in names
     assert not any(thread.is_alive() for thread in names)
 
@@ -201,27 +201,27 @@ CHAINS = {
 @pytest.mark.parametrize("name", CHAINS)
 def test_the_bus_runs_a_chain_as_chapter_0_says(name):
     chain = CHAINS[name]
-    said, seen = age(chain), []
+    text, observed = age(chain), []
     for phases in np.random.default_rng(0).random((6, len(chain))):
         ours, theirs = (run(chain, phases, seconds=10.0) for run in (run_chain, simulate))
         n = ours.published.size
         assert 0 <= theirs.published.size - n <= 5  # what came after the end
         assert np.allclose(ours.published, theirs.published[:n], rtol=0, atol=1e-8)
         assert np.allclose(ours.captured, theirs.captured[:n], rtol=0, atol=1e-8)
-        seen.append(ours.age(np.random.default_rng(1).uniform(2.0, 9.5, 20_000)))
-    ages = np.concatenate(seen)
-    assert ages.mean() == pytest.approx(said.mean, rel=0.03)
-    assert said.least - 1e-8 <= ages.min()
-    assert ages.max() <= said.greatest + 1e-8
+        observed.append(ours.age(np.random.default_rng(1).uniform(2.0, 9.5, 20_000)))
+    ages = np.concatenate(observed)
+    assert ages.mean() == pytest.approx(text.mean, rel=0.03)
+    assert text.least - 1e-8 <= ages.min()
+    assert ages.max() <= text.greatest + 1e-8
 
 
 @pytest.mark.slow
 def test_jitter_and_losses_of_a_chain():
     chain = (Stage("a", 0.02, 0.1, jitter=0.01, lost=0.3), Stage("b", 0.01, 0.037))
-    said, trace = age(chain), run_chain(chain, (0.2, 0.7), 3, 1000.0)
+    text, trace = age(chain), run_chain(chain, (0.2, 0.7), 3, 1000.0)
     ages = trace.age(np.random.default_rng(1).uniform(5.0, 990.0, 100_000))
-    assert ages.mean() == pytest.approx(said.mean, rel=0.03)
-    assert ages.std() == pytest.approx(said.std, rel=0.05)
+    assert ages.mean() == pytest.approx(text.mean, rel=0.03)
+    assert ages.std() == pytest.approx(text.std, rel=0.05)
     again = run_chain(chain, (0.2, 0.7), 3, 1000.0)
     assert np.array_equal(trace.captured, again.captured)
 
@@ -231,18 +231,18 @@ def test_jitter_and_losses_of_a_chain():
 def test_a_queue_of_depth_d_makes_what_is_read_older_by_d_minus_1_periods(depth, T, ratio):
 
     def read(d):
-        bus, found = Bus(), []
+        bus, result = Bus(), []
         out = bus.node("camera").writer("image")
         reader = bus.node("eye").reader("image", None, QoS(depth=d))
 
-        def look():
+        def view():
             if sample := reader.take():
-                found.append(bus.now - sample.stamp)
+                result.append(bus.now - sample.stamp)
 
         bus.node("a").timer(T, lambda: (out.publish(0), None)[1])
-        bus.node("b").timer(ratio * T, look)
+        bus.node("b").timer(ratio * T, view)
         bus.run(100 * ratio * T)
-        return np.array(found)[-50:]
+        return np.array(result)[-50:]
 
     assert np.allclose(read(depth) - read(1), (depth - 1) * T, rtol=0, atol=1e-7)
 

@@ -80,8 +80,8 @@ def test_collections_are_counted():
 
 @pytest.mark.slow
 def test_a_loop_among_busy_processes_counts_every_period():
-    found = loop.among_busy(("default", "SCHED_FIFO"), busy=1, periods=100, work=1e-5)
-    for row in found:
+    result = loop.among_busy(("default", "SCHED_FIFO"), busy=1, periods=100, work=1e-5)
+    for row in result:
         assert np.all(np.diff(row.record.release) > 0)
         assert len(row.record.release) + row.record.skipped == 100
         assert list(row.quantiles) == sorted(row.quantiles)

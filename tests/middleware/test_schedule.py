@@ -26,11 +26,11 @@ from tests.budget import examples
 @pytest.mark.parametrize("n", [2, 4, 8])
 def test_the_analysis_is_what_a_run_from_the_critical_instant_shows(n, load):
     C, T = random_sets(n, load, 400, np.random.default_rng(n))
-    said, seen = response_times(C, T), run(C, T, 2.0)
-    meets = np.isfinite(said)
-    assert np.allclose(seen.longest[meets], said[meets], rtol=0, atol=1e-12)
-    assert np.array_equal(seen.late == 0, meets)
-    assert np.all(seen.longest[~meets] > T[~meets]) or not meets.all()
+    output, observed = response_times(C, T), run(C, T, 2.0)
+    meets = np.isfinite(output)
+    assert np.allclose(observed.longest[meets], output[meets], rtol=0, atol=1e-12)
+    assert np.array_equal(observed.late == 0, meets)
+    assert np.all(observed.longest[~meets] > T[~meets]) or not meets.all()
 
 
 def test_jitter_delays_the_task_and_all_below():
@@ -38,10 +38,10 @@ def test_jitter_delays_the_task_and_all_below():
     rng = np.random.default_rng(3)
     C, T = random_sets(4, 0.6, 300, rng)
     J = 0.3 * T * rng.random(T.shape)
-    said = response_times(C, T, 0.0, J)
-    seen, meets = run(C, T, 1.2, phase=J.max(axis=0) - J, jitter=J), np.isfinite(said)
-    assert np.allclose(seen.longest[meets], said[meets], rtol=0, atol=1e-8)
-    assert np.all(said >= response_times(C, T) + J - 1e-9)
+    text = response_times(C, T, 0.0, J)
+    observed, meets = run(C, T, 1.2, phase=J.max(axis=0) - J, jitter=J), np.isfinite(text)
+    assert np.allclose(observed.longest[meets], text[meets], rtol=0, atol=1e-8)
+    assert np.all(text >= response_times(C, T) + J - 1e-9)
 
 
 def test_every_set_within_a_bound_meets_its_deadlines_and_some_beyond_do():
@@ -77,8 +77,8 @@ def test_a_set_breaks_where_a_run_says():
     assert np.all(limit >= liu_layland(5) * (1 - 1e-6)) and np.all(limit <= 1.0 + 1e-6)
     assert 0.78 < np.median(limit) < 0.98
     for share, meets in ((0.9999, True), (1.0001, False)):
-        seen = run(C * limit / 0.5 * share, T, 1.01)
-        assert np.array_equal(seen.late.sum(axis=0) == 0, np.full(300, meets))
+        observed = run(C * limit / 0.5 * share, T, 1.01)
+        assert np.array_equal(observed.late.sum(axis=0) == 0, np.full(300, meets))
 
 
 HIGH, MIDDLE, LOW = 0.01, 0.1, 0.02
@@ -88,7 +88,7 @@ def inversion(protocol, between=1):
     """High comes just after low has taken the lock, for 20 ms, and those between after that."""
     n = between + 2
     C = [HIGH] + [MIDDLE] * between + [LOW]
-    seen = run(
+    observed = run(
         C,
         [2.0] * n,
         2.0,
@@ -97,7 +97,7 @@ def inversion(protocol, between=1):
         lock=[0] + [-1] * between + [0],
         protocol=protocol,
     )
-    return seen.longest[0] - HIGH
+    return observed.longest[0] - HIGH
 
 
 def test_a_task_waits_for_those_between_without_a_protocol_and_not_with_one():
@@ -133,10 +133,10 @@ def test_with_a_protocol_no_wait_is_longer_than_the_analysis_says(rows, protocol
     C, T, phase = 1e-3 * C, 1e-3 * np.sort(T), 1e-3 * phase
     section = np.round(share * C, 6) * (lock >= 0)
     before = np.floor(1e6 * at * (C - section)) * 1e-6
-    said = response_times(C, T, blocking(section, lock, protocol))
-    seen = run(C, T, 2.0, phase, 0.0, before, section, lock, protocol)
-    meets = np.isfinite(said) & (np.cumsum(~np.isfinite(said)) == 0)
-    assert np.all(seen.longest[meets] <= said[meets] + 1e-8)
+    text = response_times(C, T, blocking(section, lock, protocol))
+    observed = run(C, T, 2.0, phase, 0.0, before, section, lock, protocol)
+    meets = np.isfinite(text) & (np.cumsum(~np.isfinite(text)) == 0)
+    assert np.all(observed.longest[meets] <= text[meets] + 1e-8)
 
 
 def test_ceilings_wait_for_one_section_and_inheritance_for_one_of_each_lock():

@@ -27,7 +27,7 @@ def on_the_bus(controls):
         durability=requested.durability,
         deadline=requested.deadline,
     )
-    told = []
+    report = []
     pictures = camera.writer("image", offered)
     poses = perception.writer("poses", ends[0])
     plans = planner.writer("plan", ends[0])
@@ -36,8 +36,8 @@ def on_the_bus(controls):
         yield sim.seeing(controls)
         poses.publish(sample.value, 1472)
 
-    perception.reader("image", see, requested, wire, on_event=lambda e: told.append(e.kind))
-    heard = planner.reader("poses", None, ends[1], wire)
+    perception.reader("image", see, requested, wire, on_event=lambda e: report.append(e.kind))
+    received = planner.reader("poses", None, ends[1], wire)
     known = loop.reader("plan", None, ends[1], wire)
     last = {"pose": -1.0, "plan": -1.0}
 
@@ -47,7 +47,7 @@ def on_the_bus(controls):
         return last[name]
 
     def plan():
-        aim = newest(heard, "pose")
+        aim = newest(received, "pose")
         if aim >= 0.0:
             yield sim.PLAN
             plans.publish(aim, 1472)
@@ -60,7 +60,7 @@ def on_the_bus(controls):
     planner.timer(sim.PLAN_PERIOD, plan, sim.PLAN_PHASE)
     loop.timer(1.0 / controls["loop"], tick, 1.0)
     bus.run(3.0)
-    return np.array(ran).T, told
+    return np.array(ran).T, report
 
 
 @pytest.mark.parametrize(
@@ -79,12 +79,12 @@ def test_a_run_is_what_the_bus_does(values):
     experiment = Experiment(sim.MODEL, **values)
     state, m = experiment.state, experiment.state["ticks"]
     ours = np.array([state["start"][:m], state["stamp"][:m]])
-    theirs, told = on_the_bus(experiment.controls)
+    theirs, report = on_the_bus(experiment.controls)
     same = min(ours.shape[1], theirs.shape[1], int(np.sum(ours[0] < 2.9)))
     assert same > 50
     assert np.abs(ours[:, :same] - theirs[:, :same]).max() < 1e-6
     silent = sim.verdict(experiment.controls, 0)
-    assert ("incompatible" in told) == (silent > 0)
+    assert ("incompatible" in report) == (silent > 0)
     assert np.any(theirs[1] > 0.0) == (silent == 0)
 
 
@@ -107,16 +107,16 @@ def test_no_tick_is_later_than_its_bound():
 
     @examples(20)
     @given(st.sampled_from((1, 2, 3)), st.integers(0, 16), st.integers(1, 10), st.booleans())
-    def check(schedule, load, loop, heard):
+    def check(schedule, load, loop, received):
         experiment = Experiment(
             sim.MODEL,
             schedule=schedule,
             load=5.0 * load,
             loop=100.0 * loop,
-            requested=0 if heard else 1,
+            requested=0 if received else 1,
         )
-        most = sim.bound(experiment.controls)
-        assert most < 0.0 or experiment.state["late"] <= most + 1e-9
+        largest = sim.bound(experiment.controls)
+        assert largest < 0.0 or experiment.state["late"] <= largest + 1e-9
 
     check()
     late = [Experiment(sim.MODEL, schedule=k).state["late"] for k in range(4)]
@@ -124,7 +124,7 @@ def test_no_tick_is_later_than_its_bound():
 
 
 def test_a_late_monitor_needs_both_ends_to_keep():
-    seen = {
+    observed = {
         (a, b, joins): bool(
             Experiment(sim.MODEL, topic=3, offered=a, requested=b, joins=joins).state["zone"]
         )
@@ -132,5 +132,5 @@ def test_a_late_monitor_needs_both_ends_to_keep():
         for b in range(4)
         for joins in (0.0, 1.0)
     }
-    assert [key for key, zone in seen.items() if zone and key[2]] == [(2, 2, 1.0)]
-    assert seen[1, 1, 0.0] and not seen[1, 2, 0.0] and not seen[0, 1, 0.0]
+    assert [key for key, zone in observed.items() if zone and key[2]] == [(2, 2, 1.0)]
+    assert observed[1, 1, 0.0] and not observed[1, 2, 0.0] and not observed[0, 1, 0.0]

@@ -87,9 +87,9 @@ def test_compatible_is_the_table_by_words_for_every_pair():
                 ends = [[str(rng.choice(other)) for other in WORDS] for _ in range(2)]
                 ends[0][place], ends[1][place] = pair
                 fails = [o not in SERVED[r] for o, r in zip(*ends, strict=True)]
-                wanted = [*fails[:3], fails[3] or fails[4], *fails[5:]]
+                expected = [*fails[:3], fails[3] or fails[4], *fails[5:]]
                 offered, requested = ([number(*p) for p in enumerate(end)] for end in ends)
-                assert solutions.compatible(offered, requested).tolist() == wanted
+                assert solutions.compatible(offered, requested).tolist() == expected
 
 
 ENTRIES = (
@@ -123,10 +123,10 @@ def test_compatible_is_cyclones_verdict():
         times = {name: values[name] or math.inf for name in qos.TIMES}
         return qos.QoS(**values | times)
 
-    found = cyclonedds.verdicts([(profile(o), profile(r)) for o, r in pairs])
+    result = cyclonedds.verdicts([(profile(o), profile(r)) for o, r in pairs])
     names = [*ENTRIES[:4], *ENTRIES[5:]]
     silent = 0
-    for pair, verdict in zip(pairs, found, strict=True):
+    for pair, verdict in zip(pairs, result, strict=True):
         failing = np.array(names)[solutions.compatible(*pair) == 1]
         assert verdict.matched == (not failing.size)
         assert verdict.matched or verdict.reader in failing
@@ -157,9 +157,9 @@ def test_each_message_has_the_fate_that_its_own_rule_gives(rng, depth, lifespan)
             dropped += 1
         elif reads[window[k]] < ends[k]:
             taken[window[k]].append(k)
-    found = solutions.keep_last(stamps, arrivals, reads, depth, lifespan)
-    assert [[k for k in row if k >= 0] for row in found[0].tolist()] == taken
-    assert found[1] == dropped
+    result = solutions.keep_last(stamps, arrivals, reads, depth, lifespan)
+    assert [[k for k in row if k >= 0] for row in result[0].tolist()] == taken
+    assert result[1] == dropped
 
 
 @dds
@@ -174,8 +174,8 @@ def test_the_cache_takes_what_cyclones_takes(depth):
         for low, high in pairwise(edges):
             topic.write(writer, *(int(k) for k in arrivals if low < k < high))
             taken.append(cyclonedds.take(reader))
-    found, dropped = solutions.keep_last(arrivals, arrivals, reads, depth, 0.0)
-    assert [[k for k in row if k >= 0] for row in found.tolist()] == taken
+    result, dropped = solutions.keep_last(arrivals, arrivals, reads, depth, 0.0)
+    assert [[k for k in row if k >= 0] for row in result.tolist()] == taken
     assert dropped == int(reads[-1] + 0.5) - sum(map(len, taken))
 
 
@@ -235,16 +235,16 @@ def clocked(C, T, D, blocked: int, level: int) -> int:
 
     A less important task has taken the processor just before, for `blocked`.
     """
-    left, held, now = [0] * (level + 1), blocked, 0
+    remaining, held, now = [0] * (level + 1), blocked, 0
     while True:
         for i in range(level + 1):
-            left[i] += C[i] if now % T[i] == 0 and (i < level or now == 0) else 0
+            remaining[i] += C[i] if now % T[i] == 0 and (i < level or now == 0) else 0
         if held:
             held -= 1
         else:
-            left[next(i for i in range(level + 1) if left[i])] -= 1
+            remaining[next(i for i in range(level + 1) if remaining[i])] -= 1
         now += 1
-        if not left[level]:
+        if not remaining[level]:
             return now if now <= D[level] else -1
         if now > D[level]:
             return -1
@@ -257,8 +257,8 @@ def test_response_times_are_those_of_a_clock_that_ticks(rng, n, held):
     C = np.clip(rng.integers(0, (1.6 * T / n).astype(int) + 1), 1, T)
     D = np.maximum(rng.integers(T // 2, T + 1), C)
     B = rng.integers(0, held + 1, n)
-    found = solutions.response_times(C, T, D, B).tolist()
-    assert found == [clocked(C, T, D, int(B[i]), i) for i in range(n)]
+    result = solutions.response_times(C, T, D, B).tolist()
+    assert result == [clocked(C, T, D, int(B[i]), i) for i in range(n)]
 
 
 def test_no_phases_are_worse_than_all_at_once():
@@ -266,15 +266,15 @@ def test_no_phases_are_worse_than_all_at_once():
     C, T = [2, 2, 3], [5, 8, 16]
     worst = [0] * 3
     for offsets in product(range(5), range(8), range(16)):
-        left, began = [0] * 3, [0] * 3
+        remaining, began = [0] * 3, [0] * 3
         for now in range(16, 120):
             for i in range(3):
                 if now % T[i] == offsets[i]:
-                    left[i], began[i] = C[i], now
-            running = next((i for i in range(3) if left[i]), None)
+                    remaining[i], began[i] = C[i], now
+            running = next((i for i in range(3) if remaining[i]), None)
             if running is not None:
-                left[running] -= 1
-                if not left[running]:
+                remaining[running] -= 1
+                if not remaining[running]:
                     worst[running] = max(worst[running], now + 1 - began[running])
     assert solutions.response_times(C, T, T, [0] * 3).tolist() == worst
 
@@ -287,29 +287,29 @@ def test_no_phases_are_worse_than_all_at_once():
 def test_a_loop_on_a_clock_that_ticks_asks_for_the_same_times(rng, period, start):
     """Nanosecond by nanosecond: it is busy, or it waits for a bell that rings once a period."""
     late, work = rng.integers(0, period, 8), rng.integers(0, 3 * period, 8)
-    asked: list[int] = []
+    requested: list[int] = []
     missed: list[int] = []
-    now, busy_until, heard, i = start, start, 0, -1
+    now, busy_until, received, i = start, start, 0, -1
     while i < 8:
         rings = (now - start) % period == 0
-        if now < busy_until and rings and now > asked[-1]:
-            heard += 1  # nobody was there
-        if now >= busy_until and rings and (not asked or now > asked[-1]):
+        if now < busy_until and rings and now > requested[-1]:
+            received += 1  # nobody was there
+        if now >= busy_until and rings and (not requested or now > requested[-1]):
             if i >= 0:
-                missed.append(heard)
-            i, heard = i + 1, 0
+                missed.append(received)
+            i, received = i + 1, 0
             if i < 8:
-                asked.append(now)
+                requested.append(now)
                 busy_until = now + int(late[i] + work[i])
         now += 1
-    found = solutions.wake_ups(start, period, late, work)
-    assert found[0].tolist() == asked and found[1].tolist() == missed
+    result = solutions.wake_ups(start, period, late, work)
+    assert result[0].tolist() == requested and result[1].tolist() == missed
 
 
 def test_a_relative_sleep_drifts_by_work_and_lateness_and_the_grid_does_not():
     n, period, late, work = 1000, 1_000_000, 15_000, 100_000
-    asked, skipped = solutions.wake_ups(7, period, np.full(n, late), np.full(n, work))
-    assert (np.diff(asked) == period).all() and not skipped.any()
+    requested, skipped = solutions.wake_ups(7, period, np.full(n, late), np.full(n, work))
+    assert (np.diff(requested) == period).all() and not skipped.any()
     names: dict = {}
     exec(cards.card("wake_ups").starter(), names)
     drifting, _ = names["wake_ups"](7, period, np.full(n, late), np.full(n, work))
@@ -330,13 +330,13 @@ def a_day(rng, *, drift=0.0, every=0.01, late=0.0, save=0.0, gap=0.0, hand=0.0, 
     done = [max(frames[j, 1] + (k - j + 1) * work for j in range(k + 1)) for k in range(30)]
     wakes, driven = 0.01 * np.arange(150) + lateness, []
     for tick in ticks:
-        told = 0.0
+        report = 0.0
         for now in wakes[wakes <= tick][::-1]:
-            heard = np.flatnonzero(np.array(done) <= now)
-            if heard.size and now - captured[heard[-1]] <= 0.12:
-                told = place[heard[-1]] + drift * (now - captured[heard[-1]])
+            received = np.flatnonzero(np.array(done) <= now)
+            if received.size and now - captured[received[-1]] <= 0.12:
+                report = place[received[-1]] + drift * (now - captured[received[-1]])
                 break
-        driven.append(told)
+        driven.append(report)
     return args, np.array(driven)
 
 

@@ -45,10 +45,10 @@ def test_zenoh_brings_it_back(shared: bool):
 @lacking("zenoh")
 def test_zenoh_is_confined_to_this_machine():
     for listens in (True, False):
-        said = zenoh.read_back(zenoh.configuration(7, listens, False))
-        ends = said.pop("listen/endpoints"), said.pop("connect/endpoints")
+        text = zenoh.read_back(zenoh.configuration(7, listens, False))
+        ends = text.pop("listen/endpoints"), text.pop("connect/endpoints")
         assert sorted(ends) == [[], ["tcp/127.0.0.1:7"]] and bool(ends[0]) == listens
-        assert set(said.values()) == {False} and len(said) == 3
+        assert set(text.values()) == {False} and len(text) == 3
 
 
 @lacking("cyclonedds")
@@ -110,13 +110,13 @@ def test_what_a_camera_asks_of_a_link():
 @pytest.mark.parametrize(("messages", "fragments", "loss"), [(800, 50, 0.01), (300, 5, 0.3)])
 def test_loss_grows_with_fragments_as_computed(messages: int, fragments: int, loss: float):
     """Within four standard errors of both formulas; the coin is seeded."""
-    found = transport.lossy(messages, fragments, loss, seed=1)
+    result = transport.lossy(messages, fragments, loss, seed=1)
     lost, rounds = (
         f(fragments, loss) for f in (transport.expected_loss, transport.expected_rounds)
     )
-    assert abs(found.lost - lost) < 4.0 * (lost * (1.0 - lost) / messages) ** 0.5
-    assert abs(found.rounds - rounds) < 4.0 * 0.7 * rounds / messages**0.5
-    assert found.sent == pytest.approx(messages * fragments / (1.0 - loss), rel=0.05)
+    assert abs(result.lost - lost) < 4.0 * (lost * (1.0 - lost) / messages) ** 0.5
+    assert abs(result.rounds - rounds) < 4.0 * 0.7 * rounds / messages**0.5
+    assert result.sent == pytest.approx(messages * fragments / (1.0 - loss), rel=0.05)
 
 
 def test_the_formulas_are_those_of_the_textbook():

@@ -346,9 +346,9 @@ def keep(page: Any, name: str) -> None:
 def look_at_the_page(page: Any) -> None:
     """Picture and controls are beside each other and on one screen, and no word is cut."""
     for wide in (0, 700):
-        found = page.evaluate(PLACES, wide)
-        assert found["row"] and found["high"] < 700, found
-        assert found["cut"] == [] and found["picture"] > 0.55 * found["wide"], found
+        result = page.evaluate(PLACES, wide)
+        assert result["row"] and result["high"] < 700, result
+        assert result["cut"] == [] and result["picture"] > 0.55 * result["wide"], result
     page.evaluate(PLACES, 0)
 
 
@@ -445,8 +445,8 @@ def test_chapter_1_in_the_browser(tmp_path, capsys):
         with jupyter_lab(folder, extension) as address, open_page(folder / "profile") as page:
             opened = open_notebook(page, address.format("lab"))
             canvas = run_notebook(page)
-            seen = [what for _, what in page.evaluate("() => window.shown")]
-            assert seen[seen.index("film ") :] == ["film ", "live"], "the picture was away"
+            observed = [what for _, what in page.evaluate("() => window.shown")]
+            assert observed[observed.index("film ") :] == ["film ", "live"], "the picture was away"
             look_at_the_page(page)
             assert page.evaluate(CUT) == []
             median, worst, pictures, moves = exercise(page, canvas)

@@ -108,15 +108,15 @@ def test_no_answer_to_a_claim_is_right_by_habit(name: str) -> None:
 def test_the_question_comes_before_the_film(name: str) -> None:
     cells = BUILT[name].cells
     films = [place for place, cell in enumerate(cells) if "(attachment:" in cell.source]
-    asked = [place for place, cell in enumerate(cells) if "question" in form.pauses(cell)]
-    assert not films or asked[0] < films[0]
+    requested = [place for place, cell in enumerate(cells) if "question" in form.pauses(cell)]
+    assert not films or requested[0] < films[0]
 
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_a_chapter_has_all_its_questions_and_key_insights(name: str) -> None:
     source = "\n".join(cell.source for cell in BUILT[name].cells)
-    asked = re.findall(r'^\s*predict\("(\w+)"\)', source, re.M)
-    assert sorted(asked) == sorted(cards.predictions(CHAPTER[name]))
+    requested = re.findall(r'^\s*predict\("(\w+)"\)', source, re.M)
+    assert sorted(requested) == sorted(cards.predictions(CHAPTER[name]))
     assert f'interview("{CHAPTER[name]}")' in source and "checkpoint(" in source
     assert "**Key insight.**" in source
 
@@ -124,9 +124,9 @@ def test_a_chapter_has_all_its_questions_and_key_insights(name: str) -> None:
 @pytest.mark.parametrize("name", WRITTEN)
 def test_exercises_are_listed_in_the_order_of_their_notebook(name: str) -> None:
     source = "\n".join(cell.source for cell in BUILT[name].cells)
-    asked = re.findall(r'^card\("(\w+)"\)', source, re.M)
-    listed = [one.name for one in catalogue.cards() if one.name in asked]
-    assert asked == listed, "`place` in card.toml is the exercise's place in the notebook"
+    requested = re.findall(r'^card\("(\w+)"\)', source, re.M)
+    listed = [one.name for one in catalogue.cards() if one.name in requested]
+    assert requested == listed, "`place` in card.toml is the exercise's place in the notebook"
 
 
 @pytest.mark.parametrize("name", WRITTEN)
@@ -213,8 +213,8 @@ def test_a_screen_ends_with_a_picture_a_question_or_a_control() -> None:
     text = markdown("word " * 200)
     for pause in (PICTURE, code('show("x")'), code("simulation()"), markdown("![a](b.png)")):
         assert max(form.stretches([text, pause, text]))[0] == 200
-    for none in (code("print(1)", stream("1")), markdown("<details>![a](b.png)</details>")):
-        assert max(form.stretches([text, none, text]))[0] == 400
+    for empty in (code("print(1)", stream("1")), markdown("<details>![a](b.png)</details>")):
+        assert max(form.stretches([text, empty, text]))[0] == 400
 
 
 def test_the_first_screen_needs_a_simulation_and_a_question() -> None:

@@ -95,9 +95,9 @@ def address(project: Path, server: subprocess.Popen[str]) -> tuple[str, str]:
         assert server.poll() is None, server.communicate()
         for file in (project / "runtime").glob("jpserver-*.json"):
             with contextlib.suppress(OSError, ValueError):
-                said = json.loads(file.read_text())
-                with urllib.request.urlopen(f"{said['url']}api", timeout=5):
-                    return said["url"], said["token"]
+                text = json.loads(file.read_text())
+                with urllib.request.urlopen(f"{text['url']}api", timeout=5):
+                    return text["url"], text["token"]
         time.sleep(0.1)
     raise AssertionError("JupyterLab did not start in 90 s")
 

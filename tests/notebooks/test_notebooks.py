@@ -170,8 +170,8 @@ def test_a_shown_error_is_a_fault_unless_it_is_meant(example: Path) -> None:
     edit(example, lambda notebook: notebook.cells[1].outputs.append(error))
     assert any("shows the error ValueError" in fault for fault in notebooks.check(example))
 
-    meant = SOURCE.replace("# %%\nimport", '# %% tags=["raises-exception"]\nimport')
-    example.write_text(meant, encoding="utf-8")
+    intended = SOURCE.replace("# %%\nimport", '# %% tags=["raises-exception"]\nimport')
+    example.write_text(intended, encoding="utf-8")
     tags = {"tags": ["raises-exception"]}
     edit(example, lambda notebook: notebook.cells[1].update(metadata=tags))
     assert not any("error" in fault for fault in notebooks.check(example))
@@ -206,7 +206,7 @@ def test_a_source_that_fails_leaves_the_old_notebook(example: Path) -> None:
     with pytest.raises(notebooks.nbclient.exceptions.CellExecutionError, match="ZeroDivision"):
         notebooks.build(example)
     assert path.read_bytes() == before
-    assert sorted(found.name for found in path.parent.iterdir()) == [path.name, "source"]
+    assert sorted(result.name for result in path.parent.iterdir()) == [path.name, "source"]
 
 
 def test_a_picture_is_kept_in_few_colours_and_stays_the_same_picture() -> None:
@@ -218,5 +218,5 @@ def test_a_picture_is_kept_in_few_colours_and_stays_the_same_picture() -> None:
     png = base64.b64encode(raw.getvalue()).decode()
     small = notebooks.smaller(png)
     assert len(small) < 0.5 * len(png)
-    kept = np.asarray(Image.open(io.BytesIO(base64.b64decode(small))).convert("RGB")).astype(int)
-    assert kept.shape == blurred.shape and np.abs(kept - blurred).mean() < 8
+    retained = np.asarray(Image.open(io.BytesIO(base64.b64decode(small))).convert("RGB")).astype(int)
+    assert retained.shape == blurred.shape and np.abs(retained - blurred).mean() < 8

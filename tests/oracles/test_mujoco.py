@@ -394,7 +394,7 @@ def test_sliding_box_stops_where_coulomb_says(integrator):
 
 
 def test_sticking_impact_sticks_with_the_hardest_friction():
-    left = {}
+    remaining = {}
     for steps in (1.0, 10.0):
         runner = mujoco_box.box_drop(
             (0.2, 0.05),
@@ -410,9 +410,9 @@ def test_sticking_impact_sticks_with_the_hardest_friction():
         )
         _, v = runner.run(15)
         assert v[1] == pytest.approx(0.8, abs=1e-3)
-        left[steps] = v[0] + 0.05 * v[2]
-    assert abs(left[1.0]) < 1e-3
-    assert left[10.0] == pytest.approx(0.9 * 0.3, rel=1e-2)
+        remaining[steps] = v[0] + 0.05 * v[2]
+    assert abs(remaining[1.0]) < 1e-3
+    assert remaining[10.0] == pytest.approx(0.9 * 0.3, rel=1e-2)
 
 
 # --- batches --------------------------------------------------------------------------------------

@@ -16,12 +16,12 @@ def test_one_body_lies_on_as_many_points_as_it_should(points, contacts):
 
 def test_hulls_become_the_sphere():
     ball = 0.4 * MASS * RADIUS**2
-    off = []
+    deviation = []
     for points in (20, 200, 2000):
         assert np.allclose(np.linalg.norm(hull(points), axis=1), RADIUS)
-        off.append(abs(Heap(points, 1, 1).model.body_inertia[1].mean() / ball - 1.0))
-    assert off[0] > off[1] > off[2]
-    assert off[2] < 0.01
+        deviation.append(abs(Heap(points, 1, 1).model.body_inertia[1].mean() / ball - 1.0))
+    assert deviation[0] > deviation[1] > deviation[2]
+    assert deviation[2] < 0.01
 
 
 def test_all_bodies_stay_in_the_pen_and_apart():

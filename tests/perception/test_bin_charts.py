@@ -9,11 +9,11 @@ from course.charts.perception import bins
 
 @pytest.mark.slow
 def test_small_parts_are_lost_as_neighbours_and_found_again_by_the_cures():
-    kept, best = charts.build("small_parts", sizes=(0.012, 0.02, 0.04), pictures=2)
-    small = {stage: kept[stage].y[0] for stage in bins.STAGES}
+    retained, best = charts.build("small_parts", sizes=(0.012, 0.02, 0.04), pictures=2)
+    small = {stage: retained[stage].y[0] for stage in bins.STAGES}
     assert small["pixels"] > small["voxels"] > small["above the plane"] > 0
     # Nothing is left: no mean of a small part has 50 neighbours.
-    assert np.isnan(small["clustered"]) and kept["clustered"].y[-1] > 50
+    assert np.isnan(small["clustered"]) and retained["clustered"].y[-1] > 50
     least = dict(zip(best.series[0].y, best.series[0].x, strict=True))
     assert least["as in a tutorial"] == 40.0 and least["and 5 pictures from 0.5 m"] == 12.0
     assert least["tolerance 3 sigma"] == 40.0 > least["3 sigma, 0.2 pi (eps/v)^2"]
@@ -31,5 +31,5 @@ def test_only_what_fits_the_shape_is_right_and_only_an_outside_length_tells_scal
         assert mm["locate"][cause] > least
     axes = dict(zip(bins.SHORT, turn["principal axes"].y, strict=True))
     assert axes["hidden"] > 3.0 * axes["right"] > 3.0
-    (said,) = (note for note in shift.notes if note.startswith("cut off"))
-    assert "found" not in said
+    (message,) = (note for note in shift.notes if note.startswith("cut off"))
+    assert "found" not in message

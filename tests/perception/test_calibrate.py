@@ -23,17 +23,17 @@ def test_the_error_at_a_target_is_as_predicted(count):
     places = np.array([[0.0, 0.2, 0.6], [0.0, -0.1, 0.5], [0.0, 0.3, 0.1]])
     sigma, runs = 1e-4, 1000
     R, p = to_matrix(exp(np.array([0.4, -2.0, 0.3]))), np.array([0.1, 0.2, 1.0])
-    squares, told = np.zeros(3), np.zeros(runs)
+    squares, report = np.zeros(3), np.zeros(runs)
     for k in range(runs):
-        seen = R.T @ (points - p[:, None]) + sigma * rng.standard_normal(points.shape)
-        found = camera_to_base(seen, points)
-        told[k] = found.sigma**2
-        off = found.R @ (R.T @ (places - p[:, None])) + found.p[:, None] - places
-        squares += np.sum(off**2, axis=0) / runs
+        observed = R.T @ (points - p[:, None]) + sigma * rng.standard_normal(points.shape)
+        result = camera_to_base(observed, points)
+        report[k] = result.sigma**2
+        deviation = result.R @ (R.T @ (places - p[:, None])) + result.p[:, None] - places
+        squares += np.sum(deviation**2, axis=0) / runs
     ratio = np.sqrt(squares) / target_error(points, places, sigma)
     assert np.abs(ratio - 1.0).max() < 4.0 / np.sqrt(2.0 * 2.0 * runs)
-    assert abs(told.mean() / sigma**2 - 1.0) < 4.0 * np.sqrt(2.0 / (3 * count - 6) / runs)
-    assert np.allclose(found.error_at(places), target_error(points, places, found.sigma))
+    assert abs(report.mean() / sigma**2 - 1.0) < 4.0 * np.sqrt(2.0 / (3 * count - 6) / runs)
+    assert np.allclose(result.error_at(places), target_error(points, places, result.sigma))
 
 
 def motions(rng, X, count, size, planar=False, noise=0.0):
@@ -56,13 +56,13 @@ def motions(rng, X, count, size, planar=False, noise=0.0):
 def test_hand_eye_is_exact_with_two_axes(seed, size):
     rng = np.random.default_rng(seed)
     X = np.concatenate((0.1 * rng.standard_normal(3), exp(rng.standard_normal(3))))
-    found = hand_eye(*motions(rng, X, 8, size))
-    shift, _ = apart(shape("box", 1.0, 2.0, 3.0), X, found.pose)
+    result = hand_eye(*motions(rng, X, 8, size))
+    shift, _ = apart(shape("box", 1.0, 2.0, 3.0), X, result.pose)
     assert (
         shift < 1e-11 / size
-        and np.linalg.norm(to_matrix(X[3:]) - to_matrix(found.pose[3:])) < 1e-11
+        and np.linalg.norm(to_matrix(X[3:]) - to_matrix(result.pose[3:])) < 1e-11
     )
-    assert found.rank == 3
+    assert result.rank == 3
 
 
 @given(SEEDS)
@@ -91,11 +91,11 @@ def test_small_turns_cost_accuracy():
     X = np.concatenate(((0.05, 0.0, 0.1), exp(np.array([0.3, 0.2, -0.5]))))
     errors = []
     for size in (0.05, 0.5):
-        off = []
+        deviation = []
         for _ in range(60):
             A, B = motions(rng, X, 10, size, noise=1e-3)
-            off.append(hand_eye(A, B, tolerance=1e-6).pose)
-        errors.append(np.sqrt(np.mean([apart(shape("box", 1, 2, 3), X, x)[1] ** 2 for x in off])))
+            deviation.append(hand_eye(A, B, tolerance=1e-6).pose)
+        errors.append(np.sqrt(np.mean([apart(shape("box", 1, 2, 3), X, x)[1] ** 2 for x in deviation])))
     assert 6.0 < errors[0] / errors[1] < 16.0
 
 

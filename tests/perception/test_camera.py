@@ -23,8 +23,8 @@ def test_two_hundred_scenes_as_mujoco_sees_them():
     for _ in range(200):
         shapes = scene(rng)
         depth, ids = render(shapes, SMALL)
-        theirs, whose = mujoco.Rays(shapes, SMALL).picture()
-        assert np.array_equal(ids, whose)
+        theirs, owner = mujoco.Rays(shapes, SMALL).picture()
+        assert np.array_equal(ids, owner)
         worst = max(worst, np.abs(depth - theirs).max())
     assert worst < 1e-12
 
@@ -92,13 +92,13 @@ def test_a_camera_elsewhere_sees_the_scene_from_there():
     depth, _ = render(shapes.moved(invert(eye)), SMALL)
     x, y = SMALL.rays()
     v, u = np.nonzero(depth)
-    seen = np.stack((x[u] * depth[v, u], y[v] * depth[v, u], depth[v, u]))
-    world = to_matrix(eye[3:]) @ seen + eye[:3, None]
+    observed = np.stack((x[u] * depth[v, u], y[v] * depth[v, u], depth[v, u]))
+    world = to_matrix(eye[3:]) @ observed + eye[:3, None]
     # Of a point of the world, the same picture in whichever frame it is asked for.
     assert np.abs(shapes.moved(invert(eye)).moved(eye).poses - shapes.poses).max() < 1e-15
     plane = to_matrix(shapes.poses[3:, 0])[:, 2] @ (world - shapes.poses[:3, :1])
     assert plane.min() > -1e-14 and np.abs(plane).min() < 1e-14
-    assert np.abs(SMALL.project(seen) - np.stack((u, v))).max() < 1e-12
+    assert np.abs(SMALL.project(observed) - np.stack((u, v))).max() < 1e-12
 
 
 def test_plain_python_draws_the_same(monkeypatch):
@@ -137,12 +137,12 @@ def test_averaging_cannot_remove_a_step_without_noise(noise):
     step = 0.25
     z = LONG.fx * 0.05 / (37.0 * step + 0.25 * step)
     measured = pictures(Sensor(noise=noise * step, step=step), z, 12)
-    left = (LONG.fx * 0.05 / measured).mean() - LONG.fx * 0.05 / z
+    remaining = (LONG.fx * 0.05 / measured).mean() - LONG.fx * 0.05 / z
     k = np.arange(1, 400)
     waves = (-1.0) ** k / k * np.exp(-2.0 * (np.pi * k * noise) ** 2) * np.sin(0.5 * np.pi * k)
     predicted = step / np.pi * waves.sum()
-    assert abs(left - predicted) < 5.0 * step * math.hypot(noise, 0.3) / math.sqrt(measured.size)
-    assert (abs(left) > 0.2 * step) == (noise < 0.1)
+    assert abs(remaining - predicted) < 5.0 * step * math.hypot(noise, 0.3) / math.sqrt(measured.size)
+    assert (abs(remaining) > 0.2 * step) == (noise < 0.1)
 
 
 @pytest.mark.parametrize("window", [1, 3, 5])
@@ -166,21 +166,21 @@ def test_what_is_grazed_is_not_measured():
     rays = np.stack(np.broadcast_arrays(x, y[:, None], 1.0))
     normal = to_matrix(shapes.poses[3:, 0])[:, 2]
     cosine = -np.einsum("i,ihw->hw", normal, rays) / np.linalg.norm(rays, axis=0)
-    found = camera.incidence(depth, SMALL)
-    assert np.abs(np.cos(found) - cosine)[ids == 0].max() < 1e-12
+    result = camera.incidence(depth, SMALL)
+    assert np.abs(np.cos(result) - cosine)[ids == 0].max() < 1e-12
     front = ids == 1
-    assert np.abs(np.cos(found) - 1.0 / np.linalg.norm(rays, axis=0))[front].max() < 1e-12
+    assert np.abs(np.cos(result) - 1.0 / np.linalg.norm(rays, axis=0))[front].max() < 1e-12
     limit = float(np.median(np.arccos(cosine[ids == 0])))
-    seen = sense(depth, SMALL, Sensor(noise=0.0, grazing=limit), np.random.default_rng(0)) > 0.0
-    assert np.array_equal(seen[ids == 0], (np.arccos(cosine) <= limit)[ids == 0])
+    observed = sense(depth, SMALL, Sensor(noise=0.0, grazing=limit), np.random.default_rng(0)) > 0.0
+    assert np.array_equal(observed[ids == 0], (np.arccos(cosine) <= limit)[ids == 0])
 
 
 def test_dropout_range_and_unit():
     eye, rng = SMALL, np.random.default_rng(0)
     depth = np.linspace(0.05, 5.0, eye.width * eye.height).reshape(eye.height, eye.width)
     sensor = Sensor(noise=0.0, unit=0.01, dropout=0.3, near=0.2, far=4.0)
-    seen = sense(depth, eye, sensor, rng)
-    got = seen[seen > 0.0]
+    observed = sense(depth, eye, sensor, rng)
+    got = observed[observed > 0.0]
     assert got.min() >= 0.2 and got.max() <= 4.0
     assert np.abs(got / 0.01 - np.rint(got / 0.01)).max() < 1e-9
     inside = np.count_nonzero((depth >= 0.195) & (depth <= 4.005))

@@ -75,10 +75,10 @@ def test_a_voxel_mean_is_the_mean_of_its_voxel(seed, voxel):
     points = blobs(np.random.default_rng(seed), 200)
     means, counts = voxel_mean(points, voxel, [-1.0, -1.0, -1.0])
     cells = np.floor((points + 1.0) / voxel).astype(int)
-    kept, first, of = np.unique(cells, axis=1, return_index=True, return_inverse=True)
+    retained, first, of = np.unique(cells, axis=1, return_index=True, return_inverse=True)
     order = np.argsort(np.argsort(first))
     expected = np.stack([np.bincount(of.ravel(), row) for row in points]) / np.bincount(of.ravel())
-    assert kept.shape[1] == counts.size
+    assert retained.shape[1] == counts.size
     assert np.abs(means[:, order] - expected).max() < 1e-15
     assert np.array_equal(counts[order], np.bincount(of.ravel()))
 
@@ -89,10 +89,10 @@ def test_a_search_finds_what_scipy_finds(seed, radius):
     rng = np.random.default_rng(seed)
     points = blobs(rng, 300)
     queries = np.hstack((points[:, :20], rng.uniform(-1.0, 1.0, (3, 20))))
-    start, found = radius_search(points, queries, radius)
+    start, result = radius_search(points, queries, radius)
     expected = cKDTree(points.T).query_ball_point(queries.T, radius)
     for i, members in enumerate(expected):
-        assert sorted(found[start[i] : start[i + 1]]) == sorted(members)
+        assert sorted(result[start[i] : start[i + 1]]) == sorted(members)
 
 
 # --- Clusters -------------------------------------------------------------------------------------
@@ -193,12 +193,12 @@ def test_every_fit_finds_an_exact_plane(seed, tilt, z):
     depth, truth = render(wall, SMALL)[0], truth_of(wall)
     depth[depth > 5.0] = 0.0
     points, _ = back_project(depth, SMALL)
-    found = (
+    result = (
         fit_plane(points),
         inverse_depth_plane(depth, SMALL),
         ransac_plane(points, 1e-6, rng)[0],
     )
-    for plane in found:
+    for plane in result:
         assert angle(plane, truth) < 1e-10 and abs(plane[3] - truth[3]) < 1e-10
         assert plane[3] > 0.0 and abs(np.linalg.norm(plane[:3]) - 1.0) < 1e-14
 

@@ -8,12 +8,12 @@ from course.charts.perception import clouds
 
 
 def test_depth_noise_follows_its_law_where_noise_hides_the_steps():
-    law, left, share = charts.build("depth_noise", pictures=3, places=5)
+    law, remaining, share = charts.build("depth_noise", pictures=3, places=5)
     for series in law.series[:2]:
         assert np.abs(np.array(series.y) / series.expected - 1.0).max() < 0.03
     coarse = law.series[2]
     assert np.abs(np.array(coarse.y) / coarse.expected - 1.0).max() > 0.05
-    (measured,) = left.series
+    (measured,) = remaining.series
     assert np.abs(np.array(measured.y) - measured.expected).max() < 0.02
     assert abs(measured.y[0]) > 0.2 > 0.05 > abs(measured.y[-1])
     for series in share.series:

@@ -49,11 +49,11 @@ def test_the_rays_of_open3d_meet_boxes():
     for _ in range(20):
         shapes = boxes(rng)
         depth, ids = render(shapes, SMALL)
-        theirs, whose = open3d.Rays(shapes, SMALL).picture()
+        theirs, owner = open3d.Rays(shapes, SMALL).picture()
         # A face that is grazed makes more of the rounding.
         error = np.abs(depth - theirs)[ids >= 0] * facing_share(shapes, depth, ids)
-        worst.append(error[whose[ids >= 0] == ids[ids >= 0]].max())
-        other += int(np.count_nonzero(ids != whose))
+        worst.append(error[owner[ids >= 0] == ids[ids >= 0]].max())
+        other += int(np.count_nonzero(ids != owner))
     # In single precision a ray that passes an edge may end on the other side of it.
     assert max(worst) < 1e-6 and other <= 10
     with pytest.raises(ValueError, match="boxes only"):
@@ -88,20 +88,20 @@ def test_open3d_finds_how_a_cloud_was_moved(to_plane):
     target = open3d.Cloud(points)
     if to_plane:
         target.set_normals(points / np.linalg.norm(points, axis=0))
-    found = open3d.Cloud(moved).icp(target, STILL, 0.05, 60, to_plane)
-    assert np.abs(found.pose - invert(MOVED)).max() < (1e-7 if to_plane else 1e-12)
-    assert found.matched == 1.0 and found.residual < 1e-8
+    result = open3d.Cloud(moved).icp(target, STILL, 0.05, 60, to_plane)
+    assert np.abs(result.pose - invert(MOVED)).max() < (1e-7 if to_plane else 1e-12)
+    assert result.matched == 1.0 and result.residual < 1e-8
 
 
 @pytest.mark.parametrize("kind", small_gicp.KINDS)
 def test_small_gicp_finds_how_a_cloud_was_moved(kind):
     points, moved = moved_cloud()
-    found = small_gicp.Cloud(moved, 12).align(
+    result = small_gicp.Cloud(moved, 12).align(
         small_gicp.Cloud(points, 12), STILL, 0.05, 60, kind, 1e-10
     )
-    assert np.abs(found.pose - invert(MOVED)).max() < 1e-9
-    assert found.matched == 400 and found.converged and found.iterations < 60
-    assert np.abs(found.information - found.information.T).max() < 1e-6 * found.information.max()
+    assert np.abs(result.pose - invert(MOVED)).max() < 1e-9
+    assert result.matched == 400 and result.converged and result.iterations < 60
+    assert np.abs(result.information - result.information.T).max() < 1e-6 * result.information.max()
 
 
 def test_open3d_finds_a_plane_and_three_clusters():

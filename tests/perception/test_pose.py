@@ -36,21 +36,21 @@ def test_parts_are_found_and_the_covariance_holds(part):
         height = 0.02 if part is SMALL else HEIGHT[part.kinds[0]]
         at = (*rng.uniform(-0.15, 0.15, 2) * (1.0, 0.6), height, rng.uniform(-3.0, 3.0))
         shapes, (pose,) = on_table([(part, *at)])
-        (found,) = locate(picture(shapes, rng), CAMERA, SENSOR, part)
-        blind = bool({"x", "y"} & set(found.unobserved))  # a side that no ray met
-        assert found.status == ("ambiguous" if blind else "found")
-        assert found.see_through < 0.05 and found.agrees > 0.9
+        (result,) = locate(picture(shapes, rng), CAMERA, SENSOR, part)
+        blind = bool({"x", "y"} & set(result.unobserved))  # a side that no ray met
+        assert result.status == ("ambiguous" if blind else "found")
+        assert result.see_through < 0.05 and result.agrees > 0.9
         known += not blind
-        seen = np.isfinite(np.diag(found.covariance))
-        shift, angle = apart(part, pose, found.pose)
+        observed = np.isfinite(np.diag(result.covariance))
+        shift, angle = apart(part, pose, result.pose)
         assert shift < 3e-3 and angle < np.radians(2.0)
         # In the frame of the found one, so that a symmetric answer counts as the same.
         near = [turned(pose, 0, 0, k * np.pi / 2) for k in range(4)]
-        truth = min(near, key=lambda p: np.abs(error(found.R, found.p, p)[3:]).max())
+        truth = min(near, key=lambda p: np.abs(error(result.R, result.p, p)[3:]).max())
         if part is not CYLINDER and part is not SPHERE:
-            e = error(found.R, found.p, truth)[seen]
-            squares += e @ np.linalg.solve(found.covariance[np.ix_(seen, seen)], e)
-            number += seen.sum()
+            e = error(result.R, result.p, truth)[observed]
+            squares += e @ np.linalg.solve(result.covariance[np.ix_(observed, observed)], e)
+            number += observed.sum()
     assert known == 25 if not number else known > 12 and 0.5 < squares / number < 1.5
 
 
@@ -59,9 +59,9 @@ def test_anyhow_in_space():
     rng = np.random.default_rng(2)
     for k in range(4):
         shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.09, 0.4 + k)], roll=0.3)
-        (found, *_) = locate(picture(shapes, rng), CAMERA, SENSOR, BOX, standing=False)
-        shift, angle = apart(BOX, pose, found.pose)
-        assert found.status == ("ambiguous" if k == 3 else "found")  # there x is not seen
+        (result, *_) = locate(picture(shapes, rng), CAMERA, SENSOR, BOX, standing=False)
+        shift, angle = apart(BOX, pose, result.pose)
+        assert result.status == ("ambiguous" if k == 3 else "found")  # there x is not seen
         assert shift < 1e-3 and angle < np.radians(0.5)
 
 
@@ -83,10 +83,10 @@ def test_half_out_of_the_picture_is_not_found():
     worst = 0.0
     for yaw in (0.4, 1.2, 2.0, 2.8):
         shapes, (pose,) = on_table([(BOX, 0.45, 0.0, 0.03, yaw)])
-        for found in locate(picture(shapes, rng), CAMERA, SENSOR, BOX):
-            assert found.status in ("cut", "refuted") and found.matched > 0.95
-            assert found.residual < 1.5e-3
-            worst = max(worst, apart(BOX, pose, found.pose)[0])
+        for result in locate(picture(shapes, rng), CAMERA, SENSOR, BOX):
+            assert result.status in ("cut", "refuted") and result.matched > 0.95
+            assert result.residual < 1.5e-3
+            worst = max(worst, apart(BOX, pose, result.pose)[0])
     assert worst > 0.02
 
 
@@ -98,10 +98,10 @@ def test_a_nearly_square_box_is_not_found_a_quarter_turn_off(starts):
     for side in (0.0499, 0.0499, 0.0475, 0.046):
         part = shape("box", 0.05, side, 0.03)
         shapes, (pose,) = on_table([(part, 0.0, 0.0, 0.03, rng.uniform(-3.0, 3.0))])
-        (found,) = locate(picture(shapes, rng), CAMERA, SENSOR, part, starts=starts)
-        right = apart(part, pose, found.pose)[1] < np.radians(2.0)
-        assert found.status == "ambiguous" or (found.status == "found" and right)
-        statuses.add(found.status)
+        (result,) = locate(picture(shapes, rng), CAMERA, SENSOR, part, starts=starts)
+        right = apart(part, pose, result.pose)[1] < np.radians(2.0)
+        assert result.status == "ambiguous" or (result.status == "found" and right)
+        statuses.add(result.status)
     assert statuses == {"found", "ambiguous"}
 
 
@@ -121,11 +121,11 @@ def test_a_neighbour_that_touches_is_shut_out(side):
     rng = np.random.default_rng(6)
     cube = shape("box", 0.03, 0.03, 0.05)
     shapes, (pose, _) = on_table([(BOX, 0.0, 0.0, 0.03, 0.0), (cube, 0.0, 0.081 * side, 0.05, 0.0)])
-    found = locate(picture(shapes, rng), CAMERA, SENSOR, BOX)[0]
-    e, C = error(found.R, found.p, pose), found.covariance
-    seen = np.isfinite(np.diag(C))
-    assert found.status == "ambiguous" and found.unobserved == ("x",)
-    assert np.all(np.abs(e[seen]) < 5.0 * np.sqrt(np.diag(C)[seen]) + 1e-4)
+    result = locate(picture(shapes, rng), CAMERA, SENSOR, BOX)[0]
+    e, C = error(result.R, result.p, pose), result.covariance
+    observed = np.isfinite(np.diag(C))
+    assert result.status == "ambiguous" and result.unobserved == ("x",)
+    assert np.all(np.abs(e[observed]) < 5.0 * np.sqrt(np.diag(C)[observed]) + 1e-4)
 
 
 @pytest.mark.parametrize("other", [BOX, shape("box", 0.12, 0.075, 0.03)], ids=["twin", "larger"])
@@ -134,20 +134,20 @@ def test_a_part_within_a_block_is_not_found(other):
     rng, worst = np.random.default_rng(10), 0.0
     for yaw in rng.uniform(-3.0, 3.0, 6):
         twin = (BOX, 0.1 * np.sin(yaw), -0.1 * np.cos(yaw), 0.03, yaw)
-        there = [twin, (other, 0.0, 0.0, 0.03, yaw)] if other is BOX else [(other, *twin[1:])]
-        shapes, poses = on_table(there)
-        for found in locate(picture(shapes, rng), CAMERA, SENSOR, BOX):
-            assert found.status in ("ambiguous", "refuted") and found.agrees < 0.9
-            worst = max(worst, min(apart(BOX, p, found.pose)[0] for p in poses) * found.agrees)
+        far_end = [twin, (other, 0.0, 0.0, 0.03, yaw)] if other is BOX else [(other, *twin[1:])]
+        shapes, poses = on_table(far_end)
+        for result in locate(picture(shapes, rng), CAMERA, SENSOR, BOX):
+            assert result.status in ("ambiguous", "refuted") and result.agrees < 0.9
+            worst = max(worst, min(apart(BOX, p, result.pose)[0] for p in poses) * result.agrees)
     assert worst > 5e-3
 
 
 def test_a_wrong_scale_is_seen_by_no_test_inside():
     rng = np.random.default_rng(7)
     shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.03, 0.6)])
-    (found,) = locate(1.01 * picture(shapes, rng), CAMERA, SENSOR, BOX)
-    assert found.status == "found" and found.see_through < 0.012
-    assert apart(BOX, pose, found.pose)[0] > 5e-3 > 50.0 * np.sqrt(found.covariance[0, 0])
+    (result,) = locate(1.01 * picture(shapes, rng), CAMERA, SENSOR, BOX)
+    assert result.status == "found" and result.see_through < 0.012
+    assert apart(BOX, pose, result.pose)[0] > 5e-3 > 50.0 * np.sqrt(result.covariance[0, 0])
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([BOX, CYLINDER, SPHERE, shape("box", 1, 1, 2)]))
@@ -177,11 +177,11 @@ def test_the_stand_in_is_the_chain(window):
     assert np.abs(bias).max() < 1e-6
     errors = []
     for _ in range(30):
-        (found,) = locate(picture(shapes, rng, sensor), CAMERA, sensor, BOX)
+        (result,) = locate(picture(shapes, rng, sensor), CAMERA, sensor, BOX)
         truth = min(
-            (pose, turned(pose, 0, 0, np.pi)), key=lambda p: error(found.R, found.p, p)[5] ** 2
+            (pose, turned(pose, 0, 0, np.pi)), key=lambda p: error(result.R, result.p, p)[5] ** 2
         )
-        errors.append(error(found.R, found.p, truth))
+        errors.append(error(result.R, result.p, truth))
     moving = [DIRECTIONS.index(name) for name in STANDING]
     flip = np.abs(errors)[:, moving]
     ratio = np.sqrt(np.mean(flip**2, axis=0) / np.diag(C[:, :, 0])[moving])

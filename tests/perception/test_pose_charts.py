@@ -48,9 +48,9 @@ def test_what_a_picture_leaves_out_is_below_what_the_gripper_needs(monkeypatch):
     assert known.check() == []
     assert all(effect.measured() > 0.0 for effect in known.left_out)
     scene = left_out.scene(left_out.YAWS[1], left_out.ASIDE[1])
-    for none in ("DISTORTED", "SPEED", "DAZZLED"):
-        monkeypatch.setattr(left_out, none, 0.0)
-    for look in (left_out.through_a_lens, left_out.moving, left_out.dazzled):
-        assert np.allclose(look(scene, 1), left_out.plain(scene, 1), atol=1e-12), look.__name__
+    for empty in ("DISTORTED", "SPEED", "DAZZLED"):
+        monkeypatch.setattr(left_out, empty, 0.0)
+    for view in (left_out.through_a_lens, left_out.moving, left_out.dazzled):
+        assert np.allclose(view(scene, 1), left_out.plain(scene, 1), atol=1e-12), view.__name__
     monkeypatch.setattr(left_out, "DISTORTED", 40.0)  # nobody has calibrated it
     assert left_out.change(left_out.through_a_lens) > known.tolerance.value

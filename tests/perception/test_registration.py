@@ -115,15 +115,15 @@ def test_every_iteration_is_that_of_open3d():
     ours, theirs, source = Cloud.of(surface, normals), open3d.Cloud(surface), open3d.Cloud(points)
     theirs.set_normals(normals)
 
-    def off(method, steps):
+    def deviation(method, steps):
         fit = icp(points, ours, start, method=method, gate=0.03, iterations=steps, tolerance=0.0)
         other = source.icp(theirs, invert(start), 0.03, steps, method == "plane", 0.0)
         assert method == "plane" or abs(fit.residual - other.residual) < 1e-14
         assert fit.matched.mean() == other.matched
         return np.abs(open3d.matrix(invert(fit.pose)) - open3d.matrix(other.pose)).max()
 
-    assert max(off("point", steps) for steps in (1, 2, 5, 20)) < 1e-12
-    assert off("plane", 1) > 1e-5 and off("plane", 40) < 1e-12
+    assert max(deviation("point", steps) for steps in (1, 2, 5, 20)) < 1e-12
+    assert deviation("plane", 1) > 1e-5 and deviation("plane", 40) < 1e-12
 
 
 # Ratio of spread to prediction in each direction that is seen in every run; a normalised error
@@ -136,11 +136,11 @@ def calibration(part, pose, sensor, runs, seed, free=DIRECTIONS, **options):
         start = nudged(pose, rng, 0.002, 0.02) if len(free) == 6 else pose
         fit = icp(points, part, start, sigma=sigma, gate=(0.03, 0.01), free=free, **options)
         e, C = error(fit.R, fit.p, pose), fit.covariance
-        told = np.isfinite(np.diag(C)) & np.isin(DIRECTIONS, free)
-        squares.append(e[told] @ np.linalg.solve(C[np.ix_(told, told)], e[told]) / told.sum())
+        report = np.isfinite(np.diag(C)) & np.isin(DIRECTIONS, free)
+        squares.append(e[report] @ np.linalg.solve(C[np.ix_(report, report)], e[report]) / report.sum())
         errors.append(e)
         variances.append(np.diag(C))
-        seen_in.append(told)
+        seen_in.append(report)
     always = np.all(seen_in, axis=0)
     spread = np.mean(np.square(errors)[:, always], axis=0)
     ratio = np.sqrt(spread / np.mean(np.array(variances)[:, always], axis=0))
@@ -207,8 +207,8 @@ def test_what_is_blind_does_not_hang_on_the_units(seed, power, rank):
     assert blind == tuple(np.array(DIRECTIONS)[lost]) and np.all(np.isinf(np.diag(C)) == lost)
     assert not C[lost][:, ~lost].any()
     if rank != 2:
-        kept = np.ix_(~lost, ~lost)
-        unit = np.abs(C[kept] @ (J @ J.T)[kept] - np.eye(6 - lost.sum())) / np.sqrt(
+        retained = np.ix_(~lost, ~lost)
+        unit = np.abs(C[retained] @ (J @ J.T)[retained] - np.eye(6 - lost.sum())) / np.sqrt(
             np.outer(np.diag(C)[~lost], 1.0 / np.diag(C)[~lost])
         )
         assert unit.max() < 1e-9

@@ -19,21 +19,21 @@ def seen(preset, **values):
     experiment.choose(preset)
     if values:
         experiment.set(**values)
-    found = experiment.state["found"][experiment.controls["pieces"][:, 0] > 0]
+    result = experiment.state["found"][experiment.controls["pieces"][:, 0] > 0]
     return (
         experiment.state["told"],
-        [(*table.STATUS, "lost")[int(row[TRUST])] for row in found],
-        found,
+        [(*table.STATUS, "lost")[int(row[TRUST])] for row in result],
+        result,
     )
 
 
 @pytest.mark.parametrize(("clusters", "plane"), [(0, 0), (1, 1)])
 def test_clean_is_right_and_knows_how_right(clusters, plane):
-    told, status, found = seen("Clean", clusters=clusters, plane=plane)
-    assert told[CLUSTERS] == 3 and status == ["found"] * 3
-    assert abs(told[OFF]) < 3e-4 and found[:, THROUGH].max() < 0.02
-    assert found[0, SHIFT] < min(5e-4, 4.0 * found[0, SHIFT_SIGMA])
-    assert found[0, TURN] < 4.0 * found[0, TURN_SIGMA] < math.radians(1.0)
+    report, status, result = seen("Clean", clusters=clusters, plane=plane)
+    assert report[CLUSTERS] == 3 and status == ["found"] * 3
+    assert abs(report[OFF]) < 3e-4 and result[:, THROUGH].max() < 0.02
+    assert result[0, SHIFT] < min(5e-4, 4.0 * result[0, SHIFT_SIGMA])
+    assert result[0, TURN] < 4.0 * result[0, TURN_SIGMA] < math.radians(1.0)
 
 
 def test_points_are_of_what_they_are_said_to_be():
@@ -53,28 +53,28 @@ def test_points_are_of_what_they_are_said_to_be():
 
 @pytest.mark.slow
 def test_each_preset_shows_what_its_name_says():
-    told, status, _ = seen("Small parts lost")
-    assert status == ["lost"] * 3 + ["found"] * 2 and told[CLUSTERS] == 2
+    report, status, _ = seen("Small parts lost")
+    assert status == ["lost"] * 3 + ["found"] * 2 and report[CLUSTERS] == 2
     assert "lost" not in seen("Small parts lost", tolerance=4.0, least=12)[1]
     assert seen("Table in clusters")[0][CLUSTERS] > 15 > 3 == seen("Clean")[0][CLUSTERS]
     assert seen("Table in clusters", tolerance=8.0)[0][CLUSTERS] == 3
-    told, status, found = seen("Touching")
-    assert told[CLUSTERS] == 1 and status == ["ambiguous"] * 2 and found[0, THROUGH] < 0.01
-    assert found[0, SHIFT] > 0.03 and found[0, SHIFT_SIGMA] < 0.0  # and it says: not seen
-    _, status, found = seen("Cut off")
-    assert status == ["cut", "found"] and found[0, THROUGH] < 0.01
-    assert found[0, SHIFT] > 0.02 and found[0, TURN] > math.radians(80.0)
-    found = seen("Symmetric part")[2]
-    assert found[0, TURN_SIGMA] < 0.0 < found[1, TURN_SIGMA] and found[0, SHIFT] < 5e-4
-    told, status, _ = seen("Two planes")
-    assert 8e-3 < abs(told[OFF]) < 20e-3 and status[0] == "refuted"
-    told, status, found = seen("Two planes", tolerance=4.0)
-    assert abs(told[OFF]) < 1e-3 and found[0, SHIFT] < 1e-3  # of one end nothing is seen
-    assert status[0] == "ambiguous" and found[0, SHIFT_SIGMA] < 0.0
+    report, status, result = seen("Touching")
+    assert report[CLUSTERS] == 1 and status == ["ambiguous"] * 2 and result[0, THROUGH] < 0.01
+    assert result[0, SHIFT] > 0.03 and result[0, SHIFT_SIGMA] < 0.0  # and it says: not seen
+    _, status, result = seen("Cut off")
+    assert status == ["cut", "found"] and result[0, THROUGH] < 0.01
+    assert result[0, SHIFT] > 0.02 and result[0, TURN] > math.radians(80.0)
+    result = seen("Symmetric part")[2]
+    assert result[0, TURN_SIGMA] < 0.0 < result[1, TURN_SIGMA] and result[0, SHIFT] < 5e-4
+    report, status, _ = seen("Two planes")
+    assert 8e-3 < abs(report[OFF]) < 20e-3 and status[0] == "refuted"
+    report, status, result = seen("Two planes", tolerance=4.0)
+    assert abs(report[OFF]) < 1e-3 and result[0, SHIFT] < 1e-3  # of one end nothing is seen
+    assert status[0] == "ambiguous" and result[0, SHIFT_SIGMA] < 0.0
     assert abs(seen("Two planes", tolerance=4.0, plane=1)[0][OFF]) > 8e-3
-    _, status, found = seen("Scale error")
-    assert status == ["found"] * 3 and found[:, THROUGH].max() < 0.02
-    assert 6e-3 < found[0, SHIFT] < 10e-3 and found[0, SHIFT] > 50.0 * found[0, SHIFT_SIGMA]
+    _, status, result = seen("Scale error")
+    assert status == ["found"] * 3 and result[:, THROUGH].max() < 0.02
+    assert 6e-3 < result[0, SHIFT] < 10e-3 and result[0, SHIFT] > 50.0 * result[0, SHIFT_SIGMA]
 
 
 def at(x, y):

@@ -64,15 +64,15 @@ def test_the_chapter_has_its_exercises_in_their_places():
 @given(rngs())
 def test_points_are_the_chapters_and_open3ds(rng):
     depth, _ = perception.render(scene(rng), SMALL)
-    found = solutions.back_project(depth, SMALL.fx, SMALL.fy, SMALL.cx, SMALL.cy, 1.0)
+    result = solutions.back_project(depth, SMALL.fx, SMALL.fy, SMALL.cx, SMALL.cy, 1.0)
     ours, _ = perception.back_project(depth, SMALL)
-    np.testing.assert_allclose(found, ours, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(result, ours, rtol=0, atol=1e-15)
     theirs = open3d.Picture(depth, SMALL).points()  # in single precision
-    np.testing.assert_allclose(found, theirs, rtol=0, atol=2e-7 * np.abs(found).max())
+    np.testing.assert_allclose(result, theirs, rtol=0, atol=2e-7 * np.abs(result).max())
     # Seen again, a point is where its pixel was.
     v, u = np.nonzero(depth)
-    np.testing.assert_allclose(SMALL.fx * found[0] / found[2] + SMALL.cx, u, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(SMALL.fy * found[1] / found[2] + SMALL.cy, v, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(SMALL.fx * result[0] / result[2] + SMALL.cx, u, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(SMALL.fy * result[1] / result[2] + SMALL.cy, v, rtol=0, atol=1e-11)
 
 
 # --- rigid fit ------------------------------------------------------------------------------------
@@ -174,14 +174,14 @@ def test_steps_end_where_those_of_open3d_and_the_chapter_do(rng):
 @given(rngs(), st.integers(0, 150), st.sampled_from([1, 4, 8]))
 def test_labels_are_the_chapters_and_core_points_those_of_open3d(rng, n, least):
     points = blobs(rng, n + 1)
-    found = solutions.dbscan(points, 0.02, least)
+    result = solutions.dbscan(points, 0.02, least)
     labels, core = perception.dbscan(points, 0.02, least)
-    np.testing.assert_array_equal(found, labels)
+    np.testing.assert_array_equal(result, labels)
     # Open3D leaves border points to the order of the points: noise and core points are the same.
     theirs = open3d.Cloud(points).dbscan(0.02, least)
-    assert ((theirs < 0) == (found < 0)).all()
-    pairs = set(zip(theirs[core].tolist(), found[core].tolist(), strict=True))
-    assert len(pairs) == len(set(theirs[core])) == len(set(found[core]))
+    assert ((theirs < 0) == (result < 0)).all()
+    pairs = set(zip(theirs[core].tolist(), result[core].tolist(), strict=True))
+    assert len(pairs) == len(set(theirs[core])) == len(set(result[core]))
 
 
 # --- blind directions -----------------------------------------------------------------------------
@@ -226,15 +226,15 @@ def test_the_chain_is_the_chapters_frames_after_each_other(rng):
     depth = np.zeros((LONG.height, LONG.width))
     v, u = rng.integers(0, 120, 20), rng.integers(0, 160, 20)
     depth[v, u] = rng.uniform(0.4, 1.2, 20)
-    seen, _ = perception.back_project(depth, LONG)
+    observed, _ = perception.back_project(depth, LONG)
     v, u = np.nonzero(depth)
     x, y, z, yaw = mount = rng.uniform(-1.0, 1.0, 4)
     stamp, turn, speed = rng.uniform([0.0, -1.0, -1.0], 1.0)
     flange = at(0.3 + speed * stamp, 0.0, 0.5, (0.0, 0.0, 0.4 + turn * stamp))
     camera = compose(flange[:, None], at(x, y, z, (0.0, 0.0, yaw))[:, None])[:, 0]
-    found = solutions.point_in_base((u, v, depth[v, u]), stamp, INTRINSICS, mount, log(turn, speed))
+    result = solutions.point_in_base((u, v, depth[v, u]), stamp, INTRINSICS, mount, log(turn, speed))
     np.testing.assert_allclose(
-        found, rotate(camera[3:], seen) + camera[:3, None], rtol=0, atol=1e-12
+        result, rotate(camera[3:], observed) + camera[:3, None], rtol=0, atol=1e-12
     )
 
 

@@ -37,15 +37,15 @@ def test_a_patch_shows_the_part_in_the_middle_at_its_height():
 @pytest.mark.slow
 def test_a_short_training_finds_the_turn_within_the_basin():
     net = yaw_net.train(EYE, SENSOR, TABLE, pictures=400, steps=150)
-    rng, off, axes = np.random.default_rng(1), [], []
+    rng, deviation, axes = np.random.default_rng(1), [], []
     principal = learned.ways(net, rng)["principal axis"]
     for _ in range(40):
         points, pose = seen(rng)
         true = yaw_net.turn_of(pose, PLANE)
-        said = net(yaw_net.height_patch(points, PLANE)[None])[0]
-        off.append(abs(math.remainder(said - true, 2.0 * math.pi)))
+        text = net(yaw_net.height_patch(points, PLANE)[None])[0]
+        deviation.append(abs(math.remainder(text - true, 2.0 * math.pi)))
         axes.append(abs(math.remainder(principal(points)[0] - true, 2.0 * math.pi)))
     # Of short trainings on several CPUs some leave a picture or two of 40 outside the basin.
-    assert np.median(off) < math.radians(8.0) and np.quantile(off, 0.9) < math.radians(60.0)
+    assert np.median(deviation) < math.radians(8.0) and np.quantile(deviation, 0.9) < math.radians(60.0)
     # The axis has no direction: half of its starts are far away.
     assert np.mean(np.array(axes) > math.radians(60.0)) > 0.2

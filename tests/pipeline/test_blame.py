@@ -43,12 +43,12 @@ def test_the_first_contract_that_a_fault_breaks_is_that_of_its_stage(fault):
 
 @pytest.mark.slow
 def test_contracts_and_replays_name_the_stage_and_the_last_error_does_not():
-    found, runs, last = confusion(3)
+    result, runs, last = confusion(3)
     right = [STAGES.index(fault.stage) for fault in FAULTS]
-    hits = found[np.arange(len(FAULTS)), right].sum()
-    assert found.sum() == last.sum() == 3 * len(FAULTS)
-    assert hits >= 0.9 * found.sum()
-    assert last[np.arange(len(FAULTS)), right].sum() < 0.6 * found.sum()
+    hits = result[np.arange(len(FAULTS)), right].sum()
+    assert result.sum() == last.sum() == 3 * len(FAULTS)
+    assert hits >= 0.9 * result.sum()
+    assert last[np.arange(len(FAULTS)), right].sum() < 0.6 * result.sum()
     blind, more, _ = confusion(3, FAULTS[6:], contracted=False)
     assert np.mean(more) > 1.5 * np.mean(runs[6:])
     assert blind.sum() == 3 * len(FAULTS[6:])
@@ -70,11 +70,11 @@ def test_two_faults_at_once_take_a_pair():
 def test_energy_shows_the_step_limit_before_the_tip_does():
     """The motors' limits hold an unstable loop in a small circle: it still succeeds."""
     limit = theory.step_limit(SCENE.arm, (0.624, 1.64), AGREED.kp, AGREED.kd)
-    for share, seen in ((0.9, False), (1.3, True)):
+    for share, observed in ((0.9, False), (1.3, True)):
         step = share * limit
         record = run(SCENE, replace(AGREED, physics=step, control=step), seed=1)
         assert record.success
-        assert (gained(record, AGREED.kp, AGREED.kd) > 0.003) == seen
+        assert (gained(record, AGREED.kp, AGREED.kd) > 0.003) == observed
 
 
 def test_a_broken_frame_or_stamp_is_the_first_thing_said():
@@ -101,8 +101,8 @@ def test_a_path_is_measured_and_not_believed():
 
     for planner, words in ((beside, "does not end"), (close, "keeps less"), (plan_path, "")):
         records = [run(SCENE, AGREED, Stages(plan=planner), seed) for seed in range(8)]
-        said = [any(words in one.what for one in contracts(r, AGREED)) for r in records]
-        assert sum(said) >= 4 if words else not any(said)
+        text = [any(words in one.what for one in contracts(r, AGREED)) for r in records]
+        assert sum(text) >= 4 if words else not any(text)
 
 
 def test_the_smallest_scenario_that_still_fails():

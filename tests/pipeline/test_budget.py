@@ -26,12 +26,12 @@ def found():
 @pytest.mark.slow
 def test_each_part_alone_and_all_together_are_what_was_predicted(found):
     for some in subsets(PARTS):
-        (mean, deviation), (told, covariance) = found.mean(some), found.told[some]
+        (mean, deviation), (report, covariance) = found.mean(some), found.told[some]
         n = found.errors[some].shape[1]
         chance = np.maximum(deviation, math.sqrt(covariance[0, 0] / n))
-        assert np.all(np.abs(mean - told) < 4.0 * chance + 2e-4), some
+        assert np.all(np.abs(mean - report) < 4.0 * chance + 2e-4), some
         if "perceive" in some:
-            assert np.abs(found.errors[some] - told[:, None]).max() < 4e-4
+            assert np.abs(found.errors[some] - report[:, None]).max() < 4e-4
         else:
             ratio = found.errors[some].var(axis=1, ddof=1) / np.diag(covariance)
             assert np.all((ratio > 0.5) & (ratio < 1.7)), some
@@ -79,17 +79,17 @@ def test_the_prediction_follows_the_settings(change):
     """With hardly any noise, so that a few runs show the mean to a tenth of a millimetre."""
     for ideal in ((), ("control",)):
         settings = repair(replace(PLANNED, noise=1e-5, **change), *ideal)
-        seen = errors(many(SCENE, settings, range(3))).mean(axis=1)
-        assert np.abs(seen - predicted(SCENE, settings)[0]).max() < 4e-4, ideal
+        observed = errors(many(SCENE, settings, range(3))).mean(axis=1)
+        assert np.abs(observed - predicted(SCENE, settings)[0]).max() < 4e-4, ideal
 
 
 def test_a_tilted_table_is_part_of_the_prediction():
     scene, settings = replace(SCENE, tilt=0.06), replace(PLANNED, noise=1e-5)
-    seen = errors(many(scene, settings, [0]))[:, 0]
-    told = predicted(scene, settings)[0]
+    observed = errors(many(scene, settings, [0]))[:, 0]
+    report = predicted(scene, settings)[0]
     level = predicted(SCENE, settings)[0]
-    assert np.linalg.norm(told - level) > 4e-3
-    assert np.linalg.norm(seen - told) < 0.1 * np.linalg.norm(told - level)
+    assert np.linalg.norm(report - level) > 4e-3
+    assert np.linalg.norm(observed - report) < 0.1 * np.linalg.norm(report - level)
 
 
 def test_a_filter_that_is_not_settled_becomes_the_settled_one():
@@ -143,5 +143,5 @@ def test_what_cannot_be_predicted_or_compared_is_refused():
 def test_a_picture_that_arrives_in_the_last_step_is_too_late_for_it():
     """A thirtieth of a second: the last but one is what an ideal arm stands at."""
     case = repair(replace(PLANNED, noise=0.0, bias=(0.0, 0.0), frame=1.0 / 30.0), "control")
-    seen = errors(many(SCENE, case, [0]))[:, 0]
-    assert np.abs(seen - predicted(SCENE, case)[0]).max() < 5e-5
+    observed = errors(many(SCENE, case, [0]))[:, 0]
+    assert np.abs(observed - predicted(SCENE, case)[0]).max() < 5e-5

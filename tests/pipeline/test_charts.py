@@ -30,15 +30,15 @@ def test_every_library_is_within_the_paired_band():
 
 def test_pictures_and_their_two_numbers_end_alike():
     measured, stated = charts.stored("two_numbers")
-    for way in ("along", "across"):
-        np.testing.assert_allclose(measured[way].y, measured[way].x, atol=0.2)
-        widths = [np.ptp(stated[way].x), np.ptp(stated[way].y)]
+    for path in ("along", "across"):
+        np.testing.assert_allclose(measured[path].y, measured[path].x, atol=0.2)
+        widths = [np.ptp(stated[path].x), np.ptp(stated[path].y)]
         assert widths[0] > 1.3 * widths[1]
 
 
 @pytest.mark.slow
 def test_the_arms_own_limit_is_that_of_theory_and_energy_tells_before_the_tip():
-    _, limits, worked, energy = charts.stored("step_map")
+    _, limits, answer, energy = charts.stored("step_map")
     for series in limits.series:
         assert len(series.y) == 5 and np.all(np.diff(series.y) < 0.0)
     small = charts.build("step_map", points=3, tested=2, seeds=1)[1]
@@ -47,7 +47,7 @@ def test_the_arms_own_limit_is_that_of_theory_and_energy_tells_before_the_tip():
     for series in energy.series:
         won, x = np.array(series.y), np.array(series.x)
         assert won[x < 0.95].max() < 1e-4 and won[x > 1.2].min() > 0.003
-        assert np.array(worked[series.label].y)[(x > 1.0) & (x < 1.5)].min() > 0.8
+        assert np.array(answer[series.label].y)[(x > 1.0) & (x < 1.5)].min() > 0.8
 
 
 @pytest.mark.slow
@@ -77,18 +77,18 @@ def test_what_a_filter_and_a_step_of_the_planner_do():
 
 def test_the_narrow_proposal_deceives_and_the_wide_one_does_not():
     ranks, price, alarm, width = charts.build("rare_failure", repeats=40, plainly=5)
-    off = {name: np.array(alarm[name].x) for name in ("narrow proposal", "width kept")}
-    assert np.mean(off["narrow proposal"] < -3.0) > 0.05 > np.mean(off["width kept"] < -3.0)
+    deviation = {name: np.array(alarm[name].x) for name in ("narrow proposal", "width kept")}
+    assert np.mean(deviation["narrow proposal"] < -3.0) > 0.05 > np.mean(deviation["width kept"] < -3.0)
     assert price["narrow proposal, true"].y[0] > 2.0 * price["narrow proposal, stated"].y[0]
     assert price["width kept, true"].y[0] < 1.5 * price["width kept, stated"].y[0]
     assert np.array(width["narrow proposal"].x).min() < 0.9 and len(ranks.series) == 2
 
 
 def test_both_physics_meet_and_ours_is_faster():
-    motion, seen, times = charts.stored("pipeline_speed")
+    motion, observed, times = charts.stored("pipeline_speed")
     for series in motion.series:
         assert np.all(np.diff(series.y) < 0.0)
     assert 10.0 * motion["ours"].x[2] < motion["MuJoCo"].x[2]
-    assert max(seen["our camera"].y[-1], seen["MuJoCo's rays"].y[-1]) < 20.0
+    assert max(observed["our camera"].y[-1], observed["MuJoCo's rays"].y[-1]) < 20.0
     (bars,) = times.series
     assert bars.x[0] > 100.0

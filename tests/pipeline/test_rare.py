@@ -26,8 +26,8 @@ def repeats(severity, many=60, **options):
     [(one_side, SHARE), (lambda x: np.sum(x**2, axis=0) - 22.0, float(chi2.sf(22.0, 6)))],
 )
 def test_with_a_proposal_that_is_wide_enough_it_is_right(severity, share):
-    found = repeats(severity, least=1.0)
-    shares, errors = np.array([(one.share, one.error) for one in found]).T
+    result = repeats(severity, least=1.0)
+    shares, errors = np.array([(one.share, one.error) for one in result]).T
     deviation = shares.std(ddof=1) / np.sqrt(shares.size)
     assert abs(shares.mean() - share) < 4.0 * deviation
     assert np.mean(np.abs(shares - share) < 2.0 * errors) > 0.7
@@ -37,19 +37,19 @@ def test_with_a_proposal_that_is_wide_enough_it_is_right(severity, share):
 
 
 def test_it_takes_a_small_part_of_the_runs_that_plain_sampling_takes():
-    found = repeats(one_side, 20, least=1.0)
-    error = np.std([one.share for one in found], ddof=1)
+    result = repeats(one_side, 20, least=1.0)
+    error = np.std([one.share for one in result], ddof=1)
     plain_runs = SHARE * (1.0 - SHARE) / error**2
-    assert found[0].runs == 2500
-    assert plain_runs > 40.0 * found[0].runs
+    assert result[0].runs == 2500
+    assert plain_runs > 40.0 * result[0].runs
     few = plain(one_side, 6, 2500, np.random.default_rng(0))
     assert few.error > 5.0 * error or few.share == 0.0
 
 
 def test_a_second_way_to_fail_that_no_round_has_met_is_missing():
-    found = repeats(either_side, least=1.0)
-    lost = [one for one in found if one.share + 3.0 * one.error < SHARE]
-    whole = [one for one in found if one not in lost]
+    result = repeats(either_side, least=1.0)
+    lost = [one for one in result if one.share + 3.0 * one.error < SHARE]
+    whole = [one for one in result if one not in lost]
     assert len(lost) > 0
     assert np.mean([one.share for one in lost]) == pytest.approx(SHARE / 2.0, rel=0.3)
     assert np.median([one.effective for one in lost]) > np.median([one.effective for one in whole])
@@ -57,10 +57,10 @@ def test_a_second_way_to_fail_that_no_round_has_met_is_missing():
 
 def test_weights_are_bounded_where_part_of_the_draws_is_plain():
     rng = np.random.default_rng(2)
-    found = cross_entropy(one_side, 6, rng, rounds=0, last=100_000, defence=1.0)
+    result = cross_entropy(one_side, 6, rng, rounds=0, last=100_000, defence=1.0)
     same = plain(one_side, 6, 100_000, np.random.default_rng(3))
-    assert found.share == pytest.approx(same.share, abs=6.0 * same.error)
-    assert found.effective == pytest.approx(found.share * 100_000)
+    assert result.share == pytest.approx(same.share, abs=6.0 * same.error)
+    assert result.effective == pytest.approx(result.share * 100_000)
     half = cross_entropy(one_side, 6, rng, least=1.0, defence=0.5)
     assert half.heaviest * half.share * 1500 <= 2.0 + 1e-9
     with pytest.raises(ValueError, match="elite"):

@@ -49,9 +49,9 @@ def test_the_compiled_track_is_the_tracker(seed):
         else:
             follow(x, P, stamp - last, z, R, 0.3)
         last = stamp
-    kept = np.ix_([0, 1, 3, 4], [0, 1, 3, 4])
+    retained = np.ix_([0, 1, 3, 4], [0, 1, 3, 4])
     np.testing.assert_allclose(x, whole.state[[0, 1, 3, 4]], atol=1e-12)
-    np.testing.assert_allclose(P, whole.covariance[kept], atol=1e-12)
+    np.testing.assert_allclose(P, whole.covariance[retained], atol=1e-12)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -71,11 +71,11 @@ def test_the_compiled_reader_is_the_trajectory(seed):
 @examples(30)
 def test_laws_and_steps_are_those_of_the_chapters(q, v, a, rate, tau):
     scenario, settings = Scenario(tilt=0.05), Settings()
-    wanted = np.stack((a, rate, tau))
-    mine = control(q, v, wanted, scenario, settings)
+    expected = np.stack((a, rate, tau))
+    mine = control(q, v, expected, scenario, settings)
     given_by = pd_gravity(scenario.arm, q, v, a, np.zeros(2), settings.kp, settings.kd)
     np.testing.assert_allclose(mine, given_by, atol=1e-9)
-    mine = control(q, v, wanted, scenario, replace(settings, law="computed_torque"))
+    mine = control(q, v, expected, scenario, replace(settings, law="computed_torque"))
     given_by = computed_torque(scenario.arm, q, v, a, rate, tau, settings.kp, settings.kd)
     np.testing.assert_allclose(mine, given_by, atol=1e-9)
     place, speed = move(q, v, tau, 1e-3, scenario)
@@ -184,12 +184,12 @@ def test_what_an_overrun_does():
 def test_a_plan_arrives_after_its_checks_and_is_timed_by_count():
     settings = replace(QUIET, check_cost=1e-3)
     record = run(Scenario(), settings)
-    plan, asked = record.plans[0], record.asked[0]
-    assert asked == 100_000 and plan.captured == 0
-    assert plan.arrived - asked == 1000 * plan.value.checks
+    plan, requested = record.plans[0], record.asked[0]
+    assert requested == 100_000 and plan.captured == 0
+    assert plan.arrived - requested == 1000 * plan.value.checks
     waits = round(plan.arrived / record.step)
     assert np.all(record.log[:waits, REFERENCE:SENT] == record.scenario.start)
-    assert run(Scenario(), repair(settings, "plan")).plans[0].arrived == asked
+    assert run(Scenario(), repair(settings, "plan")).plans[0].arrived == requested
 
 
 def test_a_path_comes_into_force_without_a_jump():
@@ -251,10 +251,10 @@ def test_the_log_keeps_what_it_says():
         assert log[k, GAP] == pytest.approx(clearance(world, log[k, Q:V]), abs=1e-12)
     assert record.clearance == log[:, GAP].min()
     smooth = run(Scenario(), Settings(actuator=Actuator(lag=0.02)), seed=1).log
-    kept = math.exp(-0.002 / 0.02)
+    retained = math.exp(-0.002 / 0.02)
     np.testing.assert_allclose(
         smooth[1:-1, TORQUE:GAP],
-        kept * smooth[:-2, TORQUE:GAP] + (1.0 - kept) * smooth[1:-1, SENT:TORQUE],
+        retained * smooth[:-2, TORQUE:GAP] + (1.0 - retained) * smooth[1:-1, SENT:TORQUE],
         atol=1e-12,
     )
     held = run(Scenario(), repair(Settings(), "control")).log

@@ -24,18 +24,18 @@ def distance(experiment):
 
 
 def test_the_arrows_and_the_rate_are_those_of_the_chapter():
-    experiment, told = seen("All stages")
+    experiment, report = seen("All stages")
     scenario, settings = whole.asked(tuple(experiment.state["values"].tolist()))
     seed = whole.SEED
     record = chapter.run(scenario, settings, seed=seed)
     assert distance(experiment) == pytest.approx(record.distance, abs=1e-12)
     for k, stage in enumerate(chapter.STAGES):
         mended = chapter.run(scenario, chapter.repair(settings, stage), seed=seed)
-        arrow = told[whole.PARTS + 2 * k : whole.PARTS + 2 * k + 2]
+        arrow = report[whole.PARTS + 2 * k : whole.PARTS + 2 * k + 2]
         assert arrow == pytest.approx(record.error - mended.error, abs=1e-12)
     # Its band holds the share of other seeds.
     others = chapter.many(scenario, settings, range(100, 150))
-    assert told[whole.LOW] <= np.mean(chapter.successes(others)) <= told[whole.HIGH]
+    assert report[whole.LOW] <= np.mean(chapter.successes(others)) <= report[whole.HIGH]
 
 
 @pytest.mark.slow
@@ -50,28 +50,28 @@ def test_the_arrows_and_the_rate_are_those_of_the_chapter():
     ],
 )
 def test_what_each_preset_breaks_first_and_what_cures_it(preset, broken, cure):
-    _, told = seen(preset)
-    assert whole.CONTRACTS[int(told[whole.BROKEN])] == broken
-    assert (told[whole.ENDED] == 0.0) == (preset == "All stages")
-    assert told[whole.CURED] == (0 if cure is None else 1 + chapter.STAGES.index(cure))
-    assert told[whole.SHARE] == 1.0 if preset == "All stages" else told[whole.LOW] < 0.1
+    _, report = seen(preset)
+    assert whole.CONTRACTS[int(report[whole.BROKEN])] == broken
+    assert (report[whole.ENDED] == 0.0) == (preset == "All stages")
+    assert report[whole.CURED] == (0 if cure is None else 1 + chapter.STAGES.index(cure))
+    assert report[whole.SHARE] == 1.0 if preset == "All stages" else report[whole.LOW] < 0.1
 
 
 @pytest.mark.slow
 def test_what_the_notes_say():
-    first, told = seen("Cancelling errors")
-    parts = told[whole.PARTS :].reshape(-1, 2)
+    first, report = seen("Cancelling errors")
+    parts = report[whole.PARTS :].reshape(-1, 2)
     assert distance(first) < 0.5 * np.hypot(*parts[[0, 3]].T).min()
     assert distance(seen("Cancelling errors", mended=1)[0]) > 3.0 * distance(first)
     plain, ringing = (seen(p)[0] for p in ("All stages", "Kp high, Kd zero"))
     late = slice(300, None)  # the last second, when the reference stands
     swing = [np.ptp(e.state["q"][0, late]) for e in (plain, ringing)]
     assert swing[1] > 3.0 * swing[0]
-    beyond, told = seen("Physics step to maximum")
-    assert told[whole.LIMIT] < 1e-3 * beyond.controls["dt"] and told[whole.GAINED] > 0.05
+    beyond, report = seen("Physics step to maximum")
+    assert report[whole.LIMIT] < 1e-3 * beyond.controls["dt"] and report[whole.GAINED] > 0.05
     assert seen("Physics step to maximum", dt=5.0)[1][whole.GAINED] < 1e-3
     stiffer = seen("Physics step to maximum", kd=16.0)[1]
-    assert stiffer[whole.LIMIT] < told[whole.LIMIT]
+    assert stiffer[whole.LIMIT] < report[whole.LIMIT]
     filtered = seen("Noise, no filter", filtered=True)[1]
     assert filtered[whole.SHARE] > 0.8
 

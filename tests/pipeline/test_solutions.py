@@ -56,12 +56,12 @@ def test_the_budget_is_the_mean_over_all_orders_and_sums(rng, k):
             parts[i] += (mean[at_fault | 1 << i] - mean[at_fault]) / len(orders)
             shares[i] += (square[at_fault | 1 << i] - square[at_fault]) / len(orders)
             at_fault |= 1 << i
-    found = solutions.error_budget(errors)
-    np.testing.assert_allclose(found[0], parts, atol=1e-12)
-    np.testing.assert_allclose(found[1], shares, atol=1e-12)
-    np.testing.assert_allclose(found[0].sum(axis=0), mean[-1] - mean[0], atol=1e-12)
-    np.testing.assert_allclose(found[1].sum(), square[-1] - square[0], atol=1e-12)
-    assert (found[2] == [square[2**k - 1 - 2**i] for i in range(k)]).all()
+    result = solutions.error_budget(errors)
+    np.testing.assert_allclose(result[0], parts, atol=1e-12)
+    np.testing.assert_allclose(result[1], shares, atol=1e-12)
+    np.testing.assert_allclose(result[0].sum(axis=0), mean[-1] - mean[0], atol=1e-12)
+    np.testing.assert_allclose(result[1].sum(), square[-1] - square[0], atol=1e-12)
+    assert (result[2] == [square[2**k - 1 - 2**i] for i in range(k)]).all()
 
 
 def test_mending_one_of_two_that_cancel_makes_it_worse():
@@ -146,10 +146,10 @@ def test_the_gain_is_scipys_and_the_poles_leave_the_circle_at_the_limit(delay, p
     A[0, 0], b[0] = A[0, 0] + 1.0, gain
     A[0, -1] -= gain
     P = solve_discrete_lyapunov(A, b @ b.T)
-    found = solutions.visual_gain(gain, delay)[1]
-    np.testing.assert_allclose(found, P[0, 0], rtol=1e-9)
+    result = solutions.visual_gain(gain, delay)[1]
+    np.testing.assert_allclose(result, P[0, 0], rtol=1e-9)
     if not delay:
-        np.testing.assert_allclose(found, gain / (2.0 - gain), rtol=1e-12)
+        np.testing.assert_allclose(result, gain / (2.0 - gain), rtol=1e-12)
 
 
 # --- whose fault ----------------------------------------------------------------------------------
@@ -221,10 +221,10 @@ def a_day(turn: float, speed: float, push: float) -> tuple:
 @given(st.floats(-3.0, 3.0), st.floats(-0.1, 0.1), st.floats(0.0, 0.2))
 def test_the_reach_ends_on_the_part_and_never_jumps(turn, speed, push):
     args, truth = a_day(turn, speed, push)
-    found = solutions.reach_target(*args)
-    np.testing.assert_allclose(found[150:], truth[150:], atol=3.1e-3)
+    result = solutions.reach_target(*args)
+    np.testing.assert_allclose(result[150:], truth[150:], atol=3.1e-3)
     fastest = 1.5 * (np.linalg.norm(truth, axis=1).max() + 0.4) * 0.02
-    assert np.linalg.norm(np.diff(found, axis=0), axis=1).max() < fastest
+    assert np.linalg.norm(np.diff(result, axis=0), axis=1).max() < fastest
 
 
 def test_the_starter_of_the_hunt_succeeds_on_a_quiet_day_and_only_then():

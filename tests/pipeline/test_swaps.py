@@ -76,8 +76,8 @@ def test_both_find_the_part_and_neither_finds_what_is_hidden():
             place, covariance, frame, _ = eye(sight, scenario, Settings())
             assert frame == "base" and math.dist(place, target) < 4e-3
             assert np.linalg.eigvalsh(covariance).min() > 0.0
-            gone = replace(sight, target=np.array([0.0, 3.0]))
-            assert np.isinf(eye(gone, scenario, Settings())[1][0, 0])
+            missing = replace(sight, target=np.array([0.0, 3.0]))
+            assert np.isinf(eye(missing, scenario, Settings())[1][0, 0])
     # The arm over the part: nothing is found, and nothing is what is said.
     blocked = replace(EYE, bodies=True, radius=0.015)
     under = Sight(0, 0, np.array([0.25, 0.0]), np.array([0.0, 2.5]), rng.standard_normal(2), 1.0)

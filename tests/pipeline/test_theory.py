@@ -27,13 +27,13 @@ def tip(q):
 def move(arm, q, v, reference, kp, kd, h, steps):
     """Semi-implicit Euler with PD at every step; the last state and all angles."""
     column, q, v = arm.column(), np.array(q, float)[:, None], np.array(v, float)[:, None]
-    seen = np.empty((steps, 2))
+    observed = np.empty((steps, 2))
     for k in range(steps):
         column[11:] = kp * (np.asarray(reference(k * h))[:, None] - q) - kd * v
         v = v + h * acceleration(q, v, column)
         q = q + h * v
-        seen[k] = q[:, 0]
-    return q[:, 0], v[:, 0], seen
+        observed[k] = q[:, 0]
+    return q[:, 0], v[:, 0], observed
 
 
 def lyapunov(A, B):
@@ -69,7 +69,7 @@ def test_the_arm_as_a_low_pass_is_its_slow_mode_and_little_else(kp, kd):
 
 
 def test_the_lag_of_a_moving_reference_is_first_order_in_its_speed():
-    kp, kd, h, off = 25.0, 8.0, 0.002, []
+    kp, kd, h, deviation = 25.0, 8.0, 0.002, []
     for speed in (0.05, 0.1):
         u, end = np.array([0.6, 0.8]) * speed, np.array([0.45, 0.35])
         path = [end + u * (k * h - 4.0) for k in range(2001)]
@@ -78,24 +78,24 @@ def test_the_lag_of_a_moving_reference_is_first_order_in_its_speed():
         q, _, _ = move(
             ARM, bent[:, 0], rates, lambda t, at=bent: at[:, round(t / h)], kp, kd, h, 2001
         )
-        found = tip(q) - path[-1]
-        off.append(float(np.linalg.norm(found - theory.lag(ARM, bent[:, -1], kp, kd, u))))
-        assert off[-1] < 0.25 * speed * 0.33
-        assert np.linalg.norm(found) > 0.25 * speed
-    assert off[1] / off[0] == pytest.approx(4.0, rel=0.25)
+        result = tip(q) - path[-1]
+        deviation.append(float(np.linalg.norm(result - theory.lag(ARM, bent[:, -1], kp, kd, u))))
+        assert deviation[-1] < 0.25 * speed * 0.33
+        assert np.linalg.norm(result) > 0.25 * speed
+    assert deviation[1] / deviation[0] == pytest.approx(4.0, rel=0.25)
 
 
 def test_a_tilted_table_pulls_the_tip_by_this_much():
-    off = []
+    deviation = []
     for angle in (0.002, 0.004):
         arm, q = TwoLink(gravity=9.81 * math.sin(angle)), np.array(BENT)
         rest = q.copy()
         for _ in range(100):  # where spring and gravity are in balance
             rest = q - arm.bias(rest, np.zeros(2)) / 25.0
-        found = tip(rest) - tip(q)
-        off.append(np.linalg.norm(found - theory.sag(arm, q, 25.0)))
-        assert off[-1] < 0.02 * np.linalg.norm(found)
-    assert off[1] / off[0] == pytest.approx(4.0, rel=0.1)
+        result = tip(rest) - tip(q)
+        deviation.append(np.linalg.norm(result - theory.sag(arm, q, 25.0)))
+        assert deviation[-1] < 0.02 * np.linalg.norm(result)
+    assert deviation[1] / deviation[0] == pytest.approx(4.0, rel=0.1)
 
 
 @examples(20)
@@ -125,8 +125,8 @@ def test_the_arm_itself_stays_inside_the_limit_and_leaves_outside(q, kp, kd):
     limit, start = theory.step_limit(ARM, q, kp, kd), np.array(q) + (1e-6, -2e-6)
     for share, stays in ((0.99, True), (1.01, False)):
         with np.errstate(over="ignore", invalid="ignore"):
-            _, _, seen = move(ARM, start, np.zeros(2), lambda t: q, kp, kd, share * limit, 1500)
-        away = np.abs(seen - q).max(axis=1)
+            _, _, observed = move(ARM, start, np.zeros(2), lambda t: q, kp, kd, share * limit, 1500)
+        away = np.abs(observed - q).max(axis=1)
         assert (np.nanmax(away) < 2e-5) == stays
 
 
@@ -145,20 +145,20 @@ def test_a_torque_that_is_held_over_several_steps():
 @pytest.mark.slow
 @pytest.mark.parametrize(("kp", "kd"), [(25.0, 0.0), (25.0, 0.5), (25.0, 8.0)])
 def test_each_mode_overshoots_and_rings_as_said(kp, kd):
-    found = theory.modes(ARM, BENT, kp, kd)
+    result = theory.modes(ARM, BENT, kp, kd)
     values, shapes = np.linalg.eigh(np.linalg.inv(ARM.mass_matrix(BENT)))
     for i in range(2):
-        h = 0.002 / found.omega[i]
-        steps = min(int(1.1 * found.ring[i] / h), 30_000)
+        h = 0.002 / result.omega[i]
+        steps = min(int(1.1 * result.ring[i] / h), 30_000)
         away = 1e-5 * shapes[:, i]
-        _, _, seen = move(ARM, np.array(BENT) + away, (0, 0), lambda t: BENT, kp, kd, h, steps)
-        along = (seen - BENT) @ shapes[:, i] / 1e-5
-        assert max(0.0, -along.min()) == pytest.approx(found.overshoot[i], abs=0.01)
-        late = np.abs(along[int(found.ring[i] / h) :])
+        _, _, observed = move(ARM, np.array(BENT) + away, (0, 0), lambda t: BENT, kp, kd, h, steps)
+        along = (observed - BENT) @ shapes[:, i] / 1e-5
+        assert max(0.0, -along.min()) == pytest.approx(result.overshoot[i], abs=0.01)
+        late = np.abs(along[int(result.ring[i] / h) :])
         if late.size:
             assert late.max() < 0.03
-        assert np.abs(along[: int(0.7 * found.ring[i] / h)][-500:]).max() > 0.03 or late.size == 0
-    assert np.allclose(found.zeta, 0.5 * (kd + 0.2) * np.sqrt(values / kp))
+        assert np.abs(along[: int(0.7 * result.ring[i] / h)][-500:]).max() > 0.03 or late.size == 0
+    assert np.allclose(result.zeta, 0.5 * (kd + 0.2) * np.sqrt(values / kp))
 
 
 @examples(20)

@@ -20,8 +20,8 @@ PER_STEP = WAY.horizon * (1.0 - KEPT)
 def always(way, speed, tired, falls):
     """Value of going at one speed all the way, in continuous time."""
     rate = 1.0 / way.horizon + falls
-    gone = math.exp(-rate * way.seconds / speed)
-    return gone * way.goal + (1.0 - gone) / rate * (falls * way.hurt - way.cost - tired)
+    missing = math.exp(-rate * way.seconds / speed)
+    return missing * way.goal + (1.0 - missing) / rate * (falls * way.hurt - way.cost - tired)
 
 
 def test_what_is_best_depends_on_what_is_kept():
@@ -40,21 +40,21 @@ def test_what_is_best_depends_on_what_is_kept():
     horizon=st.floats(0.1, 5.0),
 )
 def test_rescaled_it_is_the_same_task_up_to_the_step(cost, effort, fall, horizon):
-    way, off = Way(horizon=horizon, cost=cost, effort=effort, fall=fall), []
-    walk, run = always(way, 1.0, 0.0, 0.0), always(way, 2.0, effort, fall)
+    path, deviation = Way(horizon=horizon, cost=cost, effort=effort, fall=fall), []
+    walk, run = always(path, 1.0, 0.0, 0.0), always(path, 2.0, effort, fall)
     for dt in (0.02, 0.01):
-        process = chain(way, dt)
+        process = chain(path, dt)
         n = process.terminal.size
-        paid = math.exp(-(way.seconds - dt) / horizon) * way.goal  # one step early
-        waits = cost * horizon * -math.expm1(-way.seconds / horizon)
+        paid = math.exp(-(path.seconds - dt) / horizon) * path.goal  # one step early
+        waits = cost * horizon * -math.expm1(-path.seconds / horizon)
         assert evaluate_policy(process, np.zeros(n))[0] == pytest.approx(paid - waits, abs=1e-9)
-        off.append(evaluate_policy(process, np.ones(n))[0] - run)
-        found, value = prefers(process)
-        best = max(walk, run, way.fee)
-        assert value >= best - 2.0 * abs(off[-1]) - 1e-9
-        if way.fee > max(walk, run) + 100.0 * dt * (1.0 + 1.0 / horizon):
-            assert found == "give up"
-    assert abs(off[1]) < 0.7 * abs(off[0]) + 1e-6
+        deviation.append(evaluate_policy(process, np.ones(n))[0] - run)
+        result, value = prefers(process)
+        best = max(walk, run, path.fee)
+        assert value >= best - 2.0 * abs(deviation[-1]) - 1e-9
+        if path.fee > max(walk, run) + 100.0 * dt * (1.0 + 1.0 / horizon):
+            assert result == "give up"
+    assert abs(deviation[1]) < 0.7 * abs(deviation[0]) + 1e-6
 
 
 def test_the_gap_between_actions_closes_with_the_step():

@@ -103,11 +103,11 @@ def test_no_point_moves_farther_than_the_bound_says(seed) -> None:
     q = rng.normal(size=chain.n)
     dq = rng.normal(size=chain.n) * 10 ** rng.uniform(-3, 0.5)
     poses = frames(chain, q)
-    here, there = tip(chain, q)[:3], tip(chain, q + dq)[:3]
+    here, other = tip(chain, q)[:3], tip(chain, q + dq)[:3]
     z = np.array([contact.shapes.to_matrix(p[3:])[:, 2] for p in poses.T])
     lever = np.linalg.norm(np.cross(z, here - poses[:3].T), axis=1)
     bound = np.sum(np.abs(dq) * np.where(chain.slides, 1.0, lever))
-    assert np.linalg.norm(there - here) <= bound + 1e-12
+    assert np.linalg.norm(other - here) <= bound + 1e-12
 
 
 def test_an_arm_of_one_link_meets_a_sphere_where_geometry_says() -> None:
@@ -126,28 +126,28 @@ def test_an_arm_of_one_link_meets_a_sphere_where_geometry_says() -> None:
     ball = [(contact.sphere(0.2), [0.0, 0.8, 0, 1, 0, 0, 0])]
     world = capsule_arm(ball, chain, link)
     touching = np.pi / 2 - np.arcsin(0.3 / 0.8)
-    for off, free in ((-2e-5, True), (2e-5, False)):
-        assert state_free(world, [touching + off]) is free
-        assert edge_free(world, [-1.0], [touching + off]) is free
+    for deviation, free in ((-2e-5, True), (2e-5, False)):
+        assert state_free(world, [touching + deviation]) is free
+        assert edge_free(world, [-1.0], [touching + deviation]) is free
     assert not edge_free(world, [-1.0], [3.0])  # both ends free, the ball between them
     assert not check_path(world, [[-1.0, 3.0]]) and check_path(world, [[-1.0, touching - 2e-5]])
 
 
 @pytest.mark.parametrize("name", ["open", "tight"])
 def test_shelf_queries_are_solved_and_every_path_is_one(name) -> None:
-    asked = shelf(name)
+    requested = shelf(name)
     rng = np.random.default_rng(1)
     solved = 0
     for k in range(3):
-        start, goal = asked.query(rng)
+        start, goal = requested.query(rng)
         for q in (start, goal):
-            assert state_free(asked.world, q)
+            assert state_free(requested.world, q)
             assert 0.5 < tip(panda(), q)[0] + 0.145 < 0.8  # the fingers are in a bay
-        world = asked.disturbed(rng, start, goal) if k else asked.world
-        found = plan(world, start, goal, budget=20_000, rng=k)
-        solved += found.solved
-        if found.path is not None:
-            assert check_path(world, found.path, start, goal)
+        world = requested.disturbed(rng, start, goal) if k else requested.world
+        result = plan(world, start, goal, budget=20_000, rng=k)
+        solved += result.solved
+        if result.path is not None:
+            assert check_path(world, result.path, start, goal)
     assert solved >= 2
 
 

@@ -93,8 +93,8 @@ def test_points_miss_as_often_as_the_closed_form_says_and_the_exact_test_never()
     (panel,) = charts.stored("thin_obstacles")
     for name, law in (("wall", lambda x: max(0.0, 1.0 - x)), ("disc", limits.disc_missed)):
         expected = np.array([law(x) for x in panel[f"{name}, points"].x])
-        for who in ("points", "OMPL"):
-            assert np.abs(panel[f"{name}, {who}"].y - expected).max() < 0.04
+        for owner in ("points", "OMPL"):
+            assert np.abs(panel[f"{name}, {owner}"].y - expected).max() < 0.04
     assert max(panel["both, our exact test"].y) == 0.0
     offsets = np.linspace(0.0, 1.0, 20_001)  # of a disc of 1.3 spacings, by quadrature
     missed = np.maximum(0.0, 1.0 - 1.3 * np.sqrt(1.0 - offsets**2)).mean()

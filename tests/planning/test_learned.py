@@ -15,10 +15,10 @@ def test_states_of_ones_own_are_drawn_in_their_order_and_uniform_ones_after_them
     empty = scenes.empty()
     states = np.array([[1.5, 2.0, 2.5], [1.0, 1.0, 1.0]])
     ask: dict[str, Any] = {"method": "rrt_star", "goal_bias": 0.0, "step": 20.0, "budget": 8}
-    found = plan(empty.world, empty.start, empty.goal, **ask, sampler=states)
-    assert np.array_equal(found.nodes[:, [1, 3, 4]], states)  # the goal is joined after the first
+    result = plan(empty.world, empty.start, empty.goal, **ask, sampler=states)
+    assert np.array_equal(result.nodes[:, [1, 3, 4]], states)  # the goal is joined after the first
     uniform = plan(empty.world, empty.start, empty.goal, **ask).nodes
-    assert np.array_equal(found.nodes[:, 5:], uniform[:, [1, 3, 4, 5, 6]])
+    assert np.array_equal(result.nodes[:, 5:], uniform[:, [1, 3, 4, 5, 6]])
 
 
 @pytest.mark.parametrize("states", [[[1.0], [11.0]], [[1.0, 2.0]], [[np.nan], [1.0]]])
@@ -32,8 +32,8 @@ def test_a_world_of_slits_has_a_picture_and_its_answers_go_in_equal_steps() -> N
     rng = np.random.default_rng(2)
     for turned in (False, True):
         scene = learned.slits(rng, turned)
-        seen = learned.picture(scene)[0].mean(axis=0 if turned else 1)
-        assert np.all((seen == 1.0) | (np.abs(32 * seen - 1.5) < 1.0)) and np.sum(seen < 1.0) >= 3
+        observed = learned.picture(scene)[0].mean(axis=0 if turned else 1)
+        assert np.all((observed == 1.0) | (np.abs(32 * observed - 1.5) < 1.0)) and np.sum(observed < 1.0) >= 3
         path = learned.answered(scene, 1, 3000)
         assert path is not None
         assert np.array_equal(path[:, [0, -1]].T, [scene.start, scene.goal])
@@ -74,8 +74,8 @@ def test_noise_becomes_what_the_network_knows(monkeypatch) -> None:
     wide = 0.6  # of the normal paths; the best guess from a noisy one is linear in it
 
     def normal(x):
-        left = torch.tensor(learned._kept())[(x[:, -1:] * learned.STEPS).round().long()]
-        return left.sqrt() * wide**2 * x[:, :-5] / (left * wide**2 + 1.0 - left)
+        remaining = torch.tensor(learned._kept())[(x[:, -1:] * learned.STEPS).round().long()]
+        return remaining.sqrt() * wide**2 * x[:, :-5] / (remaining * wide**2 + 1.0 - remaining)
 
     for steps, error in ((40, 0.1), (1000, 0.015)):
         monkeypatch.setattr(learned, "STEPS", steps)

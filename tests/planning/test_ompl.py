@@ -49,8 +49,8 @@ def power(sample: np.ndarray, share: float = 0.95, draws: int = 200) -> float:
     rng = np.random.default_rng(0)
     for factor in (1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 3.0, 5.0):
         one, other = rng.choice(sample, (2, draws, sample.size))
-        seen = stats.mannwhitneyu(one, factor * other, axis=1).pvalue < 0.05
-        if seen.mean() >= share:
+        observed = stats.mannwhitneyu(one, factor * other, axis=1).pvalue < 0.05
+        if observed.mean() >= share:
             return factor
     return math.inf
 
@@ -60,22 +60,22 @@ def compare(scene: scenes.Scene, method: str, seeds: range) -> None:
     free, joined = ompl.tests(scene.world)
     mine, other = [], []
     for seed in seeds:
-        found, answer = ours(scene, method, seed), theirs(scene, method, seed)
-        if found.path is not None:  # by what OMPL was handed, and by its own interpolation
-            states = found.path.T
+        result, answer = ours(scene, method, seed), theirs(scene, method, seed)
+        if result.path is not None:  # by what OMPL was handed, and by its own interpolation
+            states = result.path.T
             assert all(free(q) for q in states)
             assert all(joined(a, b) for a, b in pairwise(states))
         if answer.path is not None:
             assert check_path(scene.world, answer.path.T, scene.start, scene.goal)
         path = math.inf if answer.path is None else length(answer.path.T)
-        mine.append((found.samples, found.cost))
+        mine.append((result.samples, result.cost))
         other.append((answer.samples, path))
     samples, costs = zip(np.transpose(mine), np.transpose(other), strict=True)
     if np.ptp(np.concatenate(samples)):
         assert stats.mannwhitneyu(*samples).pvalue > 1e-4
     solved = [np.isfinite(c) for c in costs]
-    kept = [c[s] for c, s in zip(costs, solved, strict=True)]
-    assert stats.mannwhitneyu(*kept).pvalue > 1e-4
+    retained = [c[s] for c, s in zip(costs, solved, strict=True)]
+    assert stats.mannwhitneyu(*retained).pvalue > 1e-4
     table = [[s.sum(), (~s).sum()] for s in solved]
     assert stats.fisher_exact(table).pvalue > 1e-4
 
@@ -190,11 +190,11 @@ def test_points_along_an_edge_pass_what_an_exact_test_stops() -> None:
 
 def test_an_approximate_answer_is_true_there() -> None:
     """Its status counts as true behind a closed wall, 0.5 short of the goal at the least."""
-    said, exact, short = ompl.approximate()
-    assert said and not exact and short >= 0.5
+    text, exact, short = ompl.approximate()
+    assert text and not exact and short >= 0.5
     shut = plane([[0, 0], [1, 1]], boxes=[[0.4, 0, 0.6, 1]])
-    found = plan(shut, [0.1, 0.5], [0.9, 0.5], method="rrt", budget=200)
-    assert not found.solved and found.path is None
+    result = plan(shut, [0.1, 0.5], [0.9, 0.5], method="rrt", budget=200)
+    assert not result.solved and result.path is None
 
 
 def test_what_ompl_chooses_where_nothing_is_said() -> None:

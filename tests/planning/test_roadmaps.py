@@ -39,13 +39,13 @@ def discs(rng, count=12):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("scene", ALL, ids=[s.name for s in ALL])
 def test_every_path_is_right(scene, method) -> None:
-    found = plan(scene.world, scene.start, scene.goal, method=method, budget=800, rng=1)
-    assert found.status in ("solved", "out of samples")
-    if found.path is not None:
-        assert check_path(scene.world, found.path, scene.start, scene.goal)
-    assert found.samples <= 800 and (method != "prm_star" or found.samples == 800)
+    result = plan(scene.world, scene.start, scene.goal, method=method, budget=800, rng=1)
+    assert result.status in ("solved", "out of samples")
+    if result.path is not None:
+        assert check_path(scene.world, result.path, scene.start, scene.goal)
+    assert result.samples <= 800 and (method != "prm_star" or result.samples == 800)
     again = plan(scene.world, scene.start, scene.goal, method=method, budget=800, rng=1)
-    assert again.cost == found.cost and again.edge_checks == found.edge_checks
+    assert again.cost == result.cost and again.edge_checks == result.edge_checks
 
 
 @examples(15)
@@ -54,15 +54,15 @@ def test_the_answer_is_the_shortest_way_through_the_graph(seed) -> None:
     """Against Dijkstra's search in SciPy over the edges that the plan says are free."""
     rng = np.random.default_rng(seed)
     world = plane(SQUARE, discs(rng))
-    found = plan(world, [0.5, 0.5], [9.5, 9.5], method="prm_star", budget=150, rng=rng)
-    i, j = found.edges
-    far = np.linalg.norm(found.nodes[:, i] - found.nodes[:, j], axis=0)
-    m = found.nodes.shape[1]
+    result = plan(world, [0.5, 0.5], [9.5, 9.5], method="prm_star", budget=150, rng=rng)
+    i, j = result.edges
+    far = np.linalg.norm(result.nodes[:, i] - result.nodes[:, j], axis=0)
+    m = result.nodes.shape[1]
     graph = coo_matrix((far, (i, j)), shape=(m, m))
     best = dijkstra(graph, directed=False, indices=0)[1]
-    assert found.cost == pytest.approx(best)
+    assert result.cost == pytest.approx(best)
     # Every edge that it holds is free, so is each step of the path one of them.
-    assert all(check_path(world, found.nodes[:, [a, b]]) for a, b in found.edges.T[:50])
+    assert all(check_path(world, result.nodes[:, [a, b]]) for a, b in result.edges.T[:50])
 
 
 @examples(15)
@@ -70,20 +70,20 @@ def test_the_answer_is_the_shortest_way_through_the_graph(seed) -> None:
 def test_lazy_and_eager_find_the_same_way_in_the_same_roadmap(seed) -> None:
     rng = np.random.default_rng(seed)
     world = plane(SQUARE, discs(rng))
-    asked = {}
+    requested = {}
     for lazy in (False, True):
         roadmap = build_roadmap(world, 200, 7, neighbours=8, lazy=lazy)
         assert ((roadmap.status == UNKNOWN) == lazy).all()
-        found = plan(
+        result = plan(
             world, [0.5, 0.5], [9.5, 9.5], method="roadmap", roadmap=roadmap, budget=50, rng=2
         )
-        asked[lazy] = found
+        requested[lazy] = result
         again = plan(
             world, [0.5, 0.5], [9.5, 9.5], method="roadmap", roadmap=roadmap, budget=50, rng=2
         )
-        assert again.cost == found.cost and again.edge_checks <= found.edge_checks
-    assert asked[True].cost == pytest.approx(asked[False].cost)
-    assert asked[True].edge_checks >= asked[False].edge_checks
+        assert again.cost == result.cost and again.edge_checks <= result.edge_checks
+    assert requested[True].cost == pytest.approx(requested[False].cost)
+    assert requested[True].edge_checks >= requested[False].edge_checks
 
 
 def test_neighbours_are_the_nearest_before_each_node() -> None:
@@ -105,7 +105,7 @@ def test_a_revalidated_roadmap_is_the_one_that_would_be_built(kind) -> None:
         table = discs(rng)
         old, new = plane(SQUARE, table), plane(SQUARE, np.vstack((table[1:], [[5.0, 5.0, 0.8]])))
     elif kind == "polygons":
-        old, new = (plane(SQUARE, polygons=[square + off]) for off in (0.0, [1.0, 0.0]))
+        old, new = (plane(SQUARE, polygons=[square + deviation]) for deviation in (0.0, [1.0, 0.0]))
     elif kind == "arm":
         old = scenes.arm().world
         new = type(old)(**{**vars(old), "obstacles": old.obstacles[1:]})
@@ -114,12 +114,12 @@ def test_a_revalidated_roadmap_is_the_one_that_would_be_built(kind) -> None:
         old, new = open_shelf.world, open_shelf.disturbed(rng, *open_shelf.query(rng))
     roadmap = build_roadmap(old, 150, 5, neighbours=6)
     before = roadmap.status.copy()
-    now, asked = revalidated(roadmap, new)
+    now, requested = revalidated(roadmap, new)
     truth = [edge_free(new, *roadmap.nodes[pair]) for pair in roadmap.pairs]
     np.testing.assert_array_equal(now.status == FREE, truth)
     assert (roadmap.status == before).all() and (now.status != before).any()
     if kind == "capsules":  # nothing went, so what was blocked still is
-        assert asked == (before == FREE).sum()
+        assert requested == (before == FREE).sum()
     back, _ = revalidated(now, old)
     np.testing.assert_array_equal(back.status, before)
     twice, _ = revalidated(adapted(roadmap, new), old)  # adapted twice, not asked between
@@ -129,13 +129,13 @@ def test_a_revalidated_roadmap_is_the_one_that_would_be_built(kind) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("attach", ["trees", "list"])
 def test_queries_of_a_cached_roadmap_while_an_obstacle_moves(attach) -> None:
-    asked, rng = shelf("tight"), np.random.default_rng(6)
-    roadmap = build_roadmap(asked.world, 400, 0)
+    requested, rng = shelf("tight"), np.random.default_rng(6)
+    roadmap = build_roadmap(requested.world, 400, 0)
     blocked = (roadmap.status == BLOCKED).sum()
     for k in range(4):
-        start, goal = asked.query(rng)
-        world = asked.disturbed(rng, start, goal) if k % 2 else asked.world
-        found = plan(
+        start, goal = requested.query(rng)
+        world = requested.disturbed(rng, start, goal) if k % 2 else requested.world
+        result = plan(
             world,
             start,
             goal,
@@ -145,10 +145,10 @@ def test_queries_of_a_cached_roadmap_while_an_obstacle_moves(attach) -> None:
             rng=k,
             budget=20_000,
         )
-        assert found.path is not None and check_path(world, found.path, start, goal)
+        assert result.path is not None and check_path(world, result.path, start, goal)
     assert (roadmap.status == BLOCKED).sum() == blocked  # what a passing ball blocks is not kept
-    assert found.path is not None
-    more, k = with_paths(roadmap, [found.path]), found.path.shape[1]
+    assert result.path is not None
+    more, k = with_paths(roadmap, [result.path]), result.path.shape[1]
     assert len(more.pairs) == len(roadmap.pairs) + k - 1 + 5 * k
     same = plan(world, start, goal, method="roadmap", roadmap=more)
     assert same.path is not None and check_path(world, same.path, start, goal)
@@ -161,19 +161,19 @@ def test_trees_solve_what_a_roadmap_does_not_reach() -> None:
     doors = [[4.9, 0.0, 5.1, 6.0], [4.9, 6.5, 5.1, 10.0]]
     door = plane(SQUARE, boxes=doors)
     roadmap = build_roadmap(closed, 100, 0, neighbours=6)
-    found = plan(door, [1, 1], [9, 1], method="roadmap", roadmap=roadmap, rng=1)
-    assert found.path is not None and check_path(door, found.path, [1, 1], [9, 1])
-    none = plan(closed, [1, 1], [9, 1], method="roadmap", roadmap=roadmap, budget=200)
-    assert none.status == "out of samples" and none.path is None
+    result = plan(door, [1, 1], [9, 1], method="roadmap", roadmap=roadmap, rng=1)
+    assert result.path is not None and check_path(door, result.path, [1, 1], [9, 1])
+    empty = plan(closed, [1, 1], [9, 1], method="roadmap", roadmap=roadmap, budget=200)
+    assert empty.status == "out of samples" and empty.path is None
 
 
 def test_a_region_a_function_and_a_goal_that_cannot_be() -> None:
     world = from_function(lambda q: abs(q[0] - 5.0) > 1.0 or q[1] > 8.0, SQUARE, 0.05)
     box = Region(np.array([8.0, 1.0]), np.array([9.0, 2.0]))
     for method in ("prm", "lazy_prm"):
-        found = plan(world, [1, 1], box, method=method, budget=400)
-        assert found.path is not None
-        assert check_path(world, found.path, [1, 1], np.array([box.low, box.high]))
+        result = plan(world, [1, 1], box, method=method, budget=400)
+        assert result.path is not None
+        assert check_path(world, result.path, [1, 1], np.array([box.low, box.high]))
     inside = Region(np.array([4.5, 1.0]), np.array([5.5, 2.0]))
     assert plan(world, [1, 1], inside, method="prm").status == "goal in collision"
 

@@ -67,8 +67,8 @@ def right(experiment):
 
 def at(x, y):
     """A place of the world [m] in units of the window."""
-    left, end, low, top = growing._SCENE
-    return left + x * (end - left) / LONG, low + y * (top - low) / HIGH
+    remaining, end, low, top = growing._SCENE
+    return remaining + x * (end - remaining) / LONG, low + y * (top - low) / HIGH
 
 
 def test_a_simulation_begins_with_a_preset():
@@ -118,10 +118,10 @@ def test_a_plan_is_its_steps(method):
     for _ in range(count):
         stepped.grab(*STEP)
     played.advance(count / 40.0)
-    many = stepped.state["counts"][NODES]
+    number = stepped.state["counts"][NODES]
     for other in (whole, played):
         np.testing.assert_array_equal(
-            stepped.state["nodes"][0, :many], other.state["nodes"][0, :many]
+            stepped.state["nodes"][0, :number], other.state["nodes"][0, :number]
         )
     assert stepped.state["counts"][SAMPLES] == played.state["counts"][SAMPLES] == count
     if method != STAR:

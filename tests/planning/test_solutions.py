@@ -82,9 +82,9 @@ def test_a_link_touches_a_disc_where_geometry_says(far, at, radius, start):
         first = (at if turn > 0.0 else 2.0 * math.pi - at) - half
         if half > 0.0 and first < 1e-3:
             continue
-        found = solutions.edge_check([1.0], [[*centre, radius]], [start], [start + turn])
+        result = solutions.edge_check([1.0], [[*centre, radius]], [start], [start + turn])
         truth = first / 7.0 if half > 0.0 else 1.0
-        assert found == pytest.approx(truth, abs=2e-5) and found <= truth + 1e-12
+        assert result == pytest.approx(truth, abs=2e-5) and result <= truth + 1e-12
 
 
 @examples(40)
@@ -114,7 +114,7 @@ def test_what_is_called_free_is_proved_free_by_the_chapter_and_by_the_judge(rng,
 def test_two_trees_are_those_of_the_chapter_with_the_same_draws(rng, seed, step):
     discs = clutter(rng)
     world = plane(BOUNDS, discs)
-    found = plan(
+    result = plan(
         world,
         scenes.START,
         scenes.GOAL,
@@ -125,10 +125,10 @@ def test_two_trees_are_those_of_the_chapter_with_the_same_draws(rng, seed, step)
     )
     samples = np.random.default_rng(seed).uniform(BOUNDS[0], BOUNDS[1], (200, 2))
     path, sizes = solutions.rrt_connect(scenes.START, scenes.GOAL, discs, samples, step)
-    assert found.solved == bool(len(path)) and sizes.sum() == found.nodes.shape[1]
-    assert (found.parents < 0).tolist().index(True, 1) == sizes[0]
-    if found.path is not None:
-        np.testing.assert_allclose(path, found.path.T, rtol=0, atol=1e-11)
+    assert result.solved == bool(len(path)) and sizes.sum() == result.nodes.shape[1]
+    assert (result.parents < 0).tolist().index(True, 1) == sizes[0]
+    if result.path is not None:
+        np.testing.assert_allclose(path, result.path.T, rtol=0, atol=1e-11)
         assert check_path(world, path.T, scenes.START, scenes.GOAL)
         assert np.hypot(*np.diff(path, axis=0).T).max() <= step + 1e-12
 
@@ -186,15 +186,15 @@ def test_the_lazy_route_is_that_of_a_roadmap_with_all_edges_checked(rng, n, shar
     route, checks = solutions.lazy_prm(points, sorted(pairs), discs, 0, n - 1)
     assert route.tolist() == shortest(points, pairs - hits, 0, n - 1)
     # What it looks at: the routes of a roadmap from which one edge is gone after the other.
-    left, seen = set(pairs), set()
-    while tried := shortest(points, left, 0, n - 1):
+    remaining, visited = set(pairs), set()
+    while tried := shortest(points, remaining, 0, n - 1):
         steps = [(max(e), min(e)) for e in itertools.pairwise(tried)]
         bad = next((k for k, edge in enumerate(steps) if edge in hits), None)
-        seen |= set(steps[: None if bad is None else bad + 1])
+        visited |= set(steps[: None if bad is None else bad + 1])
         if bad is None:
             break
-        left.discard(steps[bad])
-    assert checks == len(seen)
+        remaining.discard(steps[bad])
+    assert checks == len(visited)
 
 
 # --- timing ---------------------------------------------------------------------------------------
@@ -230,13 +230,13 @@ def test_a_motion_keeps_its_limits_and_always_is_at_one(rng, n, power):
 
 def paths_of(nodes, parents):
     """Length of each node's path from the root, edge by edge."""
-    found = np.zeros(len(nodes))
+    result = np.zeros(len(nodes))
     for i in range(len(nodes)):
         at = i
         while parents[at] >= 0:
-            found[i] += math.dist(nodes[at], nodes[parents[at]])
+            result[i] += math.dist(nodes[at], nodes[parents[at]])
             at = parents[at]
-    return found
+    return result
 
 
 @pytest.mark.slow

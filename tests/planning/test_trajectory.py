@@ -30,8 +30,8 @@ def draw(seed: int):
     """A path of RRT among discs, the discs, and whether an edge is free."""
     rng = np.random.default_rng(seed)
     discs = np.column_stack((rng.uniform(1.5, 8.5, (12, 2)), rng.uniform(0.2, 0.9, 12)))
-    found = rrt((0.5, 0.5), (9.5, 9.5), discs, BOUNDS, 0.8, 4000, rng)[0]
-    path = np.array([[0.5, 0.5], [0.5, 9.5], [9.5, 9.5]]) if found is None else found
+    result = rrt((0.5, 0.5), (9.5, 9.5), discs, BOUNDS, 0.8, 4000, rng)[0]
+    path = np.array([[0.5, 0.5], [0.5, 9.5], [9.5, 9.5]]) if result is None else result
     return path.T, discs, lambda a, b: edge_is_free(a, b, discs)
 
 
@@ -140,8 +140,8 @@ def test_rate_and_acceleration_are_those_of_the_state_and_the_path_is_followed(s
     edges = np.diff(path, axis=0)
     share = np.einsum("tki,ki->tk", at[:, None] - path[:-1], edges) / np.sum(edges**2, axis=1)
     foot = path[:-1] + np.clip(share, 0.0, 1.0)[:, :, None] * edges
-    off = np.linalg.norm(at[:, None] - foot, axis=2).min(axis=1)
-    assert off.max() <= 0.5 * blend + 1e-12
+    error = np.linalg.norm(at[:, None] - foot, axis=2).min(axis=1)
+    assert error.max() <= 0.5 * blend + 1e-12
     shape = motion.waypoints(0.1)
     np.testing.assert_allclose(shape.T[[0, -1]], path[[0, -1]], atol=1e-12)
 
@@ -174,7 +174,7 @@ def test_no_slower_motion_of_the_grid_is_left_out() -> None:
     v, a = np.full(3, 1.0), np.full(3, 2.0)
     motion = time_parameterise(path, (v, a), blend=10.0, grid=12)
     h, m = np.diff(motion.stations), len(motion.push)
-    rows, most = [], []
+    rows, largest = [], []
     for i in range(m):
         for end in (0.0, h[i]):
             tangent = motion.first[i] + end * motion.second[i]
@@ -183,14 +183,14 @@ def test_no_slower_motion_of_the_grid_is_left_out() -> None:
                 row[i] = -tangent[j] / (2 * h[i]) + motion.second[i, j] * (1 - end / h[i])
                 row[i + 1] = tangent[j] / (2 * h[i]) + motion.second[i, j] * end / h[i]
                 rows += [row, -row]
-                most += [a[j], a[j]]
+                largest += [a[j], a[j]]
     steepest = np.abs(np.stack((motion.first, motion.first + h[:, None] * motion.second))).max(
         axis=0
     )
     top = np.min((v / steepest) ** 2, axis=1)
     cap = np.minimum(np.append(top, np.inf), np.append(np.inf, top))
     cap[[0, -1]] = 0.0
-    best = linprog(-np.ones(m + 1), rows, most, bounds=[(0.0, c) for c in cap], method="highs")
+    best = linprog(-np.ones(m + 1), rows, largest, bounds=[(0.0, c) for c in cap], method="highs")
     np.testing.assert_allclose(motion.speeds**2, best.x, atol=1e-7)
 
 
@@ -230,22 +230,22 @@ def to_disc(Q, disc=DISC[0]):
 
 @pytest.mark.parametrize("optimise", OPTIMISERS)
 def test_an_optimiser_leaves_a_disc_on_the_nearer_side(optimise) -> None:
-    found = optimise(LINE, to_disc, margin=0.05)
-    dense = np.linspace(found.path[:, :-1], found.path[:, 1:], 50)
+    result = optimise(LINE, to_disc, margin=0.05)
+    dense = np.linspace(result.path[:, :-1], result.path[:, 1:], 50)
     gap = np.min([to_disc(q) for q in dense])
-    assert gap > 0.0 and found.clearance == pytest.approx(gap, abs=1e-4)
-    np.testing.assert_array_equal(found.path[:, [0, -1]], LINE)
-    assert found.path[1].min() < -0.14 and found.path[1].max() < 1e-2
+    assert gap > 0.0 and result.clearance == pytest.approx(gap, abs=1e-4)
+    np.testing.assert_array_equal(result.path[:, [0, -1]], LINE)
+    assert result.path[1].min() < -0.14 and result.path[1].max() < 1e-2
     # A taut string below: a tangent from each end, and the arc between them.
     far = np.hypot(0.5, 0.05)
     arc = np.pi + 2 * np.arctan2(-0.05, 0.5) - 2 * np.arccos(0.2 / far)
     string = 2 * np.sqrt(far**2 - 0.2**2) + 0.2 * arc
-    assert string < length(found.path) < 1.1 * string
+    assert string < length(result.path) < 1.1 * string
 
 
 def test_hinges_keep_the_margin_to_their_tolerance_and_an_empty_world_is_a_line() -> None:
-    found = sequential_convex(LINE, to_disc, margin=0.05)
-    assert to_disc(found.path[:, 1:-1]).min() == pytest.approx(0.05, abs=1e-3)
+    result = sequential_convex(LINE, to_disc, margin=0.05)
+    assert to_disc(result.path[:, 1:-1]).min() == pytest.approx(0.05, abs=1e-3)
     bent = np.array([[0.0, 0.3, 1.0], [0.0, 1.0, 0.0]])
     for optimise in OPTIMISERS:
         line = optimise(bent, lambda Q: np.ones(Q.shape[1]), margin=0.1).path
@@ -255,16 +255,16 @@ def test_hinges_keep_the_margin_to_their_tolerance_and_an_empty_world_is_a_line(
 @pytest.mark.parametrize("optimise", OPTIMISERS)
 def test_a_start_through_the_middle_stays_stuck_and_says_so(optimise) -> None:
     middle = np.array([0.5, 0.0, 0.2])
-    found = optimise(LINE, lambda Q: to_disc(Q, middle), margin=0.05)
-    assert found.clearance < 0.0 and np.abs(found.path[1]).max() < 1e-6
+    result = optimise(LINE, lambda Q: to_disc(Q, middle), margin=0.05)
+    assert result.clearance < 0.0 and np.abs(result.path[1]).max() < 1e-6
 
 
 @pytest.mark.parametrize("optimise", OPTIMISERS)
 def test_a_world_is_a_distance_too(optimise) -> None:
     world = plane([[-1, -1], [2, 1]], DISC)
-    found, same = (optimise(LINE, field, margin=0.05, iterations=20) for field in (world, to_disc))
-    np.testing.assert_allclose(found.path, same.path, atol=1e-6)
-    assert found.evaluations == same.evaluations
+    result, same = (optimise(LINE, field, margin=0.05, iterations=20) for field in (world, to_disc))
+    np.testing.assert_allclose(result.path, same.path, atol=1e-6)
+    assert result.evaluations == same.evaluations
 
 
 @pytest.mark.parametrize(

@@ -38,15 +38,15 @@ def asked(scene, method: str, budget=1500, rng=0, **options) -> Plan:
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
 def test_every_path_is_right(scene, method) -> None:
     for seed in range(6):
-        found = asked(scene, method, rng=seed)
-        assert found.samples <= 1500 and found.solved == (found.status == "solved")
-        if found.path is not None:
-            verdict = check_path(scene.world, found.path, scene.start, scene.goal)
+        result = asked(scene, method, rng=seed)
+        assert result.samples <= 1500 and result.solved == (result.status == "solved")
+        if result.path is not None:
+            verdict = check_path(scene.world, result.path, scene.start, scene.goal)
             assert verdict, verdict.reason
-            assert np.linalg.norm(np.diff(found.path, axis=1), axis=0).max() <= scene.step + 1e-12
-        for i, parent in enumerate(found.parents[:40]):  # and of every edge of the tree
+            assert np.linalg.norm(np.diff(result.path, axis=1), axis=0).max() <= scene.step + 1e-12
+        for i, parent in enumerate(result.parents[:40]):  # and of every edge of the tree
             if parent >= 0:
-                assert check_path(scene.world, found.nodes[:, [parent, i]])
+                assert check_path(scene.world, result.nodes[:, [parent, i]])
 
 
 @examples(25)
@@ -60,7 +60,7 @@ def test_rrt_is_the_drill(seed: int, step: float) -> None:
     path, nodes, parents, samples = drills.rrt(
         start, goal, discs, bounds, step, 400, np.random.default_rng(seed)
     )
-    found = plan(
+    result = plan(
         plane(bounds, discs),
         start,
         goal,
@@ -70,11 +70,11 @@ def test_rrt_is_the_drill(seed: int, step: float) -> None:
         step=step,
         goal_bias=drills.GOAL_BIAS,
     )
-    np.testing.assert_allclose(found.nodes.T, nodes, atol=1e-12)
-    assert np.array_equal(found.parents, parents) and found.samples == len(samples)
-    assert found.solved == (path is not None)
-    if path is not None and found.path is not None:
-        np.testing.assert_allclose(found.path.T, path, atol=1e-12)
+    np.testing.assert_allclose(result.nodes.T, nodes, atol=1e-12)
+    assert np.array_equal(result.parents, parents) and result.samples == len(samples)
+    assert result.solved == (path is not None)
+    if path is not None and result.path is not None:
+        np.testing.assert_allclose(result.path.T, path, atol=1e-12)
 
 
 @pytest.mark.parametrize("method", TREES)
@@ -87,18 +87,18 @@ def test_a_seed_is_an_answer_and_the_budget_holds(method) -> None:
     shut = plane(scenes.SQUARE, boxes=[[4, 0, 5, 10]])
     closed = scenes.Scene("shut", shut, scenes.START, scenes.GOAL, 0.5)
     for budget in (1, 63, 1000):
-        found = asked(closed, method, budget)
-        assert (found.status, found.samples, found.path) == ("out of samples", budget, None)
+        result = asked(closed, method, budget)
+        assert (result.status, result.samples, result.path) == ("out of samples", budget, None)
     begun = time.process_time()
-    found = asked(closed, method, Budget(10**9, 0.05))
-    assert found.status == "out of time" and 0.05 <= found.seconds
-    assert time.process_time() - begun < 1.0 and 0 < found.samples < 10**8
+    result = asked(closed, method, Budget(10**9, 0.05))
+    assert result.status == "out of time" and 0.05 <= result.seconds
+    assert time.process_time() - begun < 1.0 and 0 < result.samples < 10**8
 
 
 def test_a_tree_grows_beyond_its_first_arrays() -> None:
     """The same answer whether or not arrays were made larger on the way: nothing is drawn twice."""
-    found = asked(scenes.empty(), "rrt_star", 6000)
-    assert found.nodes.shape[1] > 5000 and found.samples == 6000
+    result = asked(scenes.empty(), "rrt_star", 6000)
+    assert result.nodes.shape[1] > 5000 and result.samples == 6000
     goals = asked(scenes.discs(), "rrt_star", 6000).history
     first = asked(scenes.discs(), "rrt_star", 3000).history
     assert np.array_equal(goals[[0, 2]][:, : first.shape[1]], first[[0, 2]])
@@ -114,8 +114,8 @@ def test_what_is_wrong_with_start_or_goal_is_named() -> None:
         (free, outside, "goal out of bounds"),
     ):
         for method in TREES:
-            found = plan(world, begin, end, method=method)
-            assert (found.status, found.path, found.samples) == (status, None, 0)
+            result = plan(world, begin, end, method=method)
+            assert (result.status, result.path, result.samples) == (status, None, 0)
     covered = Region(np.array([4.9, 4.9]), np.array([5.1, 5.1]))
     assert plan(world, free, covered).status == "goal in collision"
     nowhere = plan(world, free, free)
@@ -128,10 +128,10 @@ def test_a_region_is_reached_anywhere(method) -> None:
     region = Region(np.array([7.0, 7.0]), np.array([9.5, 9.5]))
     ends = []
     for seed in range(20):
-        found = plan(world, [1, 1], region, method=method, budget=400, rng=seed)
-        assert check_path(world, found.path, [1, 1], [region.low, region.high])
-        assert found.path is not None
-        ends.append(found.path[:, -1])
+        result = plan(world, [1, 1], region, method=method, budget=400, rng=seed)
+        assert check_path(world, result.path, [1, 1], [region.low, region.high])
+        assert result.path is not None
+        ends.append(result.path[:, -1])
     if method == "rrt_star":
         np.testing.assert_allclose(ends, 7.0)  # the nearest of them
     else:
@@ -181,31 +181,31 @@ OPTIMUM = 2 * math.sqrt(12) + 2 * (math.pi - 2 * math.acos(0.5))
 def test_rrt_star_keeps_its_books_and_converges(method) -> None:
     ratios = []
     for seed in range(3):
-        found = asked(ONE_DISC, method, 4000, seed)
-        lengths = np.linalg.norm(found.nodes - found.nodes[:, found.parents], axis=0)
-        lengths[found.parents < 0] = 0.0
-        above = np.where(found.parents < 0, 0.0, found.costs[found.parents])
-        np.testing.assert_allclose(found.costs, above + lengths, rtol=1e-14)
-        assert found.cost == pytest.approx(found.history[2, -1], rel=1e-13)
-        assert (np.diff(found.history[2]) < 0.0).all()
-        assert (found.history[2] >= OPTIMUM * (1 - 1e-12)).all()
-        straight = np.linalg.norm(found.nodes - ONE_DISC.start[:, None], axis=0)
-        assert (found.costs >= straight * (1 - 1e-12)).all()
-        ratios.append(found.cost / OPTIMUM)
+        result = asked(ONE_DISC, method, 4000, seed)
+        lengths = np.linalg.norm(result.nodes - result.nodes[:, result.parents], axis=0)
+        lengths[result.parents < 0] = 0.0
+        above = np.where(result.parents < 0, 0.0, result.costs[result.parents])
+        np.testing.assert_allclose(result.costs, above + lengths, rtol=1e-14)
+        assert result.cost == pytest.approx(result.history[2, -1], rel=1e-13)
+        assert (np.diff(result.history[2]) < 0.0).all()
+        assert (result.history[2] >= OPTIMUM * (1 - 1e-12)).all()
+        straight = np.linalg.norm(result.nodes - ONE_DISC.start[:, None], axis=0)
+        assert (result.costs >= straight * (1 - 1e-12)).all()
+        ratios.append(result.cost / OPTIMUM)
     early = [asked(ONE_DISC, method, 500, seed).cost / OPTIMUM for seed in range(len(ratios))]
     assert np.median(ratios) < min(1.012, np.median(early) - 0.001)
 
 
 def test_no_edge_of_rrt_star_could_be_shortened_at_once() -> None:
     """What rewiring promises: where a node was the newest, no neighbour is a better parent."""
-    found = asked(ONE_DISC, "rrt_star", 800, 5)
-    best = found.costs.copy()
-    new = found.nodes.shape[1] - 1
-    near = np.linalg.norm(found.nodes - found.nodes[:, [new]], axis=0) < 0.5
+    result = asked(ONE_DISC, "rrt_star", 800, 5)
+    best = result.costs.copy()
+    new = result.nodes.shape[1] - 1
+    near = np.linalg.norm(result.nodes - result.nodes[:, [new]], axis=0) < 0.5
     for i in np.flatnonzero(near):
-        through = best[i] + np.linalg.norm(found.nodes[:, i] - found.nodes[:, new])
+        through = best[i] + np.linalg.norm(result.nodes[:, i] - result.nodes[:, new])
         if i != new and through < best[new] - 1e-12:
-            assert not check_path(ONE_DISC.world, found.nodes[:, [i, new]])
+            assert not check_path(ONE_DISC.world, result.nodes[:, [i, new]])
 
 
 # --- Samplers and neighbours ----------------------------------------------------------------------
@@ -216,9 +216,9 @@ def test_a_sampler_draws_what_its_name_says(sampler) -> None:
     """The targets themselves: with an endless step and a star of free edges they are the nodes."""
     wall = plane(scenes.SQUARE, discs=[[x, float(y), 0.4] for x in (3.0, 4.4) for y in range(11)])
     scene = scenes.Scene("rows", wall, np.array([0.5, 0.5]), np.array([9.5, 9.5]), 20.0)
-    found = asked(scene, "rrt", 3000, 1, sampler=sampler, goal_bias=0.0, spread=0.5)
+    result = asked(scene, "rrt", 3000, 1, sampler=sampler, goal_bias=0.0, spread=0.5)
     if sampler in ("uniform", "halton"):
-        assert found.state_checks == 2
+        assert result.state_checks == 2
     drawn = asked(scenes.empty(), "rrt_star", 2000, 1, sampler=sampler, goal_bias=0.0, step=20.0)
     if sampler == "halton":  # fills the square more evenly than chance
         chance = np.random.default_rng(0).uniform(0, 10, drawn.nodes.shape)
@@ -227,7 +227,7 @@ def test_a_sampler_draws_what_its_name_says(sampler) -> None:
             for x, y in (drawn.nodes, chance)
         ]
         assert even[0] < 0.3 * even[1]
-    near = np.min(np.abs(found.nodes[0][:, None] - [3, 4.4]), axis=1) < 0.9
+    near = np.min(np.abs(result.nodes[0][:, None] - [3, 4.4]), axis=1) < 0.9
     share = stats.binomtest(int(near.sum()), near.size, 0.32)
     if sampler in ("gaussian", "obstacle", "bridge") and near.size > 20:
         assert share.pvalue < 1e-3 and near.mean() > 0.5
@@ -245,7 +245,7 @@ def test_the_tree_of_neighbours_finds_what_looking_at_all_finds(n) -> None:
     nodes = rng.uniform(0, 1, (2500, n))
     nodes[50:80] = nodes[20:50]  # the same place twice
     links = np.full((2500, neighbours.WIDTH), -1)
-    stack, found, gaps = np.empty(2500, np.int64), np.empty(2500, np.int64), np.empty(2500)
+    stack, result, gaps = np.empty(2500, np.int64), np.empty(2500, np.int64), np.empty(2500)
     done = 0
     for count in (60, 500, 2100, 2500):
         done = entered(nodes, links, count, done)
@@ -255,8 +255,8 @@ def test_the_tree_of_neighbours_finds_what_looking_at_all_finds(n) -> None:
             for hung in {0, done}:
                 at = nearest(nodes, links, count, hung, q, stack, gaps)
                 assert apart[at] == pytest.approx(apart.min(), rel=1e-12)
-                hits = within(nodes, links, count, hung, q, 0.3, stack, found)
-                assert set(found[:hits]) == set(np.flatnonzero(apart <= 0.09))
+                hits = within(nodes, links, count, hung, q, 0.3, stack, result)
+                assert set(result[:hits]) == set(np.flatnonzero(apart <= 0.09))
     assert done == 2500
 
 
@@ -272,11 +272,11 @@ def test_where_the_tree_takes_over_it_looks_at_few_nodes(n, monkeypatch) -> None
 
     monkeypatch.setattr(neighbours, "to_node", counted)
     shares = []
-    for many in (neighbours.brute_below(n) + 1, 4 * neighbours.brute_below(n)):
-        nodes, links = rng.random((many, n)), np.empty((many, neighbours.WIDTH), np.int64)
-        assert neighbours.entered(nodes, links, many, 0) == many
-        stack, gaps, looks[0] = np.empty(many, np.int64), np.empty(many), 0
+    for count in (neighbours.brute_below(n) + 1, 4 * neighbours.brute_below(n)):
+        nodes, links = rng.random((count, n)), np.empty((count, neighbours.WIDTH), np.int64)
+        assert neighbours.entered(nodes, links, count, 0) == count
+        stack, gaps, looks[0] = np.empty(count, np.int64), np.empty(count), 0
         for q in rng.random((20, n)):
-            neighbours.nearest(nodes, links, many, many, q, stack, gaps)
-        shares.append(looks[0] / (20 * many))
+            neighbours.nearest(nodes, links, count, count, q, stack, gaps)
+        shares.append(looks[0] / (20 * count))
     assert 0.05 < shares[0] < 0.2 and shares[1] < 0.6 * shares[0]

@@ -137,7 +137,7 @@ def arm_with(rng: np.random.Generator):
 
 def test_a_proved_edge_is_free_and_few_free_ones_are_refused() -> None:
     rng = np.random.default_rng(2)
-    wrong = refused = passed = 0
+    wrong = rejected = passed = 0
     for _ in range(20):
         world = arm_with(rng)
         gap = functools.partial(compiled(world.clearance, CLEARANCE), world.obstacles, world.body)
@@ -150,9 +150,9 @@ def test_a_proved_edge_is_free_and_few_free_ones_are_refused() -> None:
             wrong += free and least <= 0.0
             # Between two of the points no part of the arm moves more than this.
             unseen = 2.4 * np.abs(b - a).sum() / 500
-            refused += not free and least > unseen
+            rejected += not free and least > unseen
             passed += free
-    assert wrong == 0 and refused == 0 and passed > 150
+    assert wrong == 0 and rejected == 0 and passed > 150
 
 
 @pytest.mark.parametrize("gap", [0.5, 2.0])
@@ -172,18 +172,18 @@ def test_an_edge_that_would_take_a_quadrillion_tests_is_given_up() -> None:
 
 
 def test_a_function_is_asked_along_an_edge_at_its_resolution() -> None:
-    asked = []
+    requested = []
 
     def valid(q):
-        asked.append(q)
+        requested.append(q)
         return True
 
     world = from_function(valid, [[0, 0], [1, 1]], 0.1)
     assert edge_free(world, [0.0, 0.0], [0.6, 0.8])
-    assert len(asked) == 11
-    np.testing.assert_allclose(np.linalg.norm(np.diff(asked, axis=0), axis=1), 0.1)
-    found = plan(world, [0.1, 0.1], [0.9, 0.9], budget=100)
-    assert found.solved and found.state_checks == len(asked) - 11
+    assert len(requested) == 11
+    np.testing.assert_allclose(np.linalg.norm(np.diff(requested, axis=0), axis=1), 0.1)
+    result = plan(world, [0.1, 0.1], [0.9, 0.9], budget=100)
+    assert result.solved and result.state_checks == len(requested) - 11
 
 
 def test_what_a_function_raises_comes_out() -> None:

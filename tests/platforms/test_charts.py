@@ -46,11 +46,11 @@ def test_the_table_is_complete_and_its_verdicts_follow_from_its_errors() -> None
 
 @pytest.mark.slow
 def test_a_small_table_is_measured_as_the_stored_one() -> None:
-    found = charts.build("platforms_table", scenes=("tumble",))[0].data["rows"]
+    result = charts.build("platforms_table", scenes=("tumble",))[0].data["rows"]
     for engine in list(smooth.here().values())[1:]:
         for settings in (FAIR, AS_SHIPPED):
-            found.append(table._row(engine, "brake", table.TABLE["brake"](), settings, 1e-3))
-    for row in found:
+            result.append(table._row(engine, "brake", table.TABLE["brake"](), settings, 1e-3))
+    for row in result:
         (same,) = (r for r in ROWS if r[:3] == row[:3])
         assert row[4] == pytest.approx(same[4], rel=1e-3), row[:3]
 
@@ -75,12 +75,12 @@ def test_the_braking_law_and_the_cones() -> None:
         law = [theory.stopped_short(dt=dt) for dt in x]
         np.testing.assert_allclose(y[x <= 4e-3], np.array(law)[x <= 4e-3], rtol=0.06)
     assert min(shipped["Drake, as shipped"].y) > 0.8 > 0.1 > max(shipped["Drake, points"].y)
-    way, turn = charts.stored("platform_cone")
+    path, turn = charts.stored("platform_cone")
     bounds = {"own code": 0.1, "MuJoCo, elliptic": 0.5, "Drake": 0.1, "MuJoCo, pyramid": 14.0}
     for label, bound in bounds.items():
         assert np.max(np.abs(turn[label].y)) < bound
-    assert max(way["MuJoCo, pyramid"].y) == pytest.approx(math.sqrt(2.0), rel=0.01)
-    assert min(way["PyBullet, cone off"].y) == pytest.approx(math.sqrt(0.5), rel=0.01)
+    assert max(path["MuJoCo, pyramid"].y) == pytest.approx(math.sqrt(2.0), rel=0.01)
+    assert min(path["PyBullet, cone off"].y) == pytest.approx(math.sqrt(0.5), rel=0.01)
     assert np.all(np.array(turn["PyBullet, cone off"].y)[1:4] < -8.0)
 
 
@@ -99,8 +99,8 @@ def test_squeezes_and_towers() -> None:
         assert max(panel["falls"].x) < 1.0 and min(panel["held"].x) > 0.97
     loose = charts.stored("platform_grasp")[4]
     one = [x for x, dt in zip(loose["held"].x, loose["held"].y, strict=True) if dt == 1.0]
-    gone = [x for x, dt in zip(loose["falls"].x, loose["falls"].y, strict=True) if dt == 1.0]
-    assert min(one) < max(gone)  # no threshold
+    missing = [x for x, dt in zip(loose["falls"].x, loose["falls"].y, strict=True) if dt == 1.0]
+    assert min(one) < max(missing)  # no threshold
     ratio = charts.stored("platform_sag")[1]
     for label in ("MuJoCo, as shipped", "Drake"):
         squares = [theory.sag_growth(n, "inverse mass") for n in np.array(ratio[label].x, int)]

@@ -26,14 +26,14 @@ tables = st.fixed_dictionaries(
     }
 ).map(
     # A row that no engine has is a typing mistake; one of which nothing is known is there.
-    lambda found: {**found, "one": {**dict.fromkeys((*ROWS, "gpu"), UNKNOWN), **found["one"]}}
+    lambda result: {**result, "one": {**dict.fromkeys((*ROWS, "gpu"), UNKNOWN), **result["one"]}}
 )
 limits = st.floats(1e-6, 1e3)
 jobs = st.fixed_dictionaries({"error": limits, "step": limits, "gpu": st.booleans()}).map(
-    lambda found: [
-        Need("error", found["error"], "at most"),
-        Need("step", found["step"], "at least"),
-        *([Need("gpu")] if found["gpu"] else []),
+    lambda result: [
+        Need("error", result["error"], "at most"),
+        Need("step", result["step"], "at least"),
+        *([Need("gpu")] if result["gpu"] else []),
     ]
 )
 
@@ -53,16 +53,16 @@ def test_a_pick_meets_all_needs_and_no_other_that_does_is_cheaper(table, needs) 
             return False
         return error <= needs[0].limit and step >= needs[1].limit
 
-    found = choose(table, needs, "cost")
+    result = choose(table, needs, "cost")
     able = [engine for engine in ENGINES if holds(engine)]
-    assert sorted(one.engine for one in found.ranking) == sorted(able)
-    assert (found.pick is None) == (not able)
-    if found.pick:
-        assert table[found.pick]["cost"].value == min(table[e]["cost"].value for e in able)
-    assert len(found.ranking) + len(found.out) == len(ENGINES)
-    for one in found.out:
+    assert sorted(one.engine for one in result.ranking) == sorted(able)
+    assert (result.pick is None) == (not able)
+    if result.pick:
+        assert table[result.pick]["cost"].value == min(table[e]["cost"].value for e in able)
+    assert len(result.ranking) + len(result.out) == len(ENGINES)
+    for one in result.out:
         assert one.failed or one.unknown
-        assert set(one.failed) | set(one.unknown) <= set(found.deciding)
+        assert set(one.failed) | set(one.unknown) <= set(result.deciding)
 
 
 @budget.examples(100)
@@ -70,11 +70,11 @@ def test_a_pick_meets_all_needs_and_no_other_that_does_is_cheaper(table, needs) 
 def test_forgetting_a_fact_never_lets_an_engine_in(table, needs, engine, row) -> None:
     before = {one.engine for one in choose(table, needs, "cost").ranking}
     less = {**table, engine: {**table[engine], row: UNKNOWN}}
-    found = choose(less, needs, "cost")
-    assert {one.engine for one in found.ranking} <= before
+    result = choose(less, needs, "cost")
+    assert {one.engine for one in result.ranking} <= before
     if row in ("error", "step", "cost"):
-        assert found.pick != engine
-        (out,) = (one for one in found.out if one.engine == engine)
+        assert result.pick != engine
+        (out,) = (one for one in result.out if one.engine == engine)
         assert row in out.unknown and row not in out.failed
 
 
@@ -91,21 +91,21 @@ def test_a_looser_tolerance_keeps_who_was_in(table, needs, factor) -> None:
 @budget.examples(100)
 @given(tables, jobs, st.floats(0.0, 1.0))
 def test_the_turning_tolerance_turns_and_no_smaller_change_does(table, needs, share) -> None:
-    found = choose(table, needs, "cost")
+    result = choose(table, needs, "cost")
 
     def pick(row: str, limit: float) -> str | None:
         changed = [replace(n, limit=limit) if n.row == row else n for n in needs]
         return choose(table, changed, "cost").pick
 
-    if found.turn:
-        assert found.turn.pick != found.pick
-        assert pick(found.turn.row, found.turn.limit) == found.turn.pick
-    most = found.turn.factor if found.turn else 1e6
-    less = 1.0 + share * (most - 1.0) * (1.0 - 1e-9)
-    if math.isfinite(less) and less < most:
+    if result.turn:
+        assert result.turn.pick != result.pick
+        assert pick(result.turn.row, result.turn.limit) == result.turn.pick
+    largest = result.turn.factor if result.turn else 1e6
+    less = 1.0 + share * (largest - 1.0) * (1.0 - 1e-9)
+    if math.isfinite(less) and less < largest:
         for need in needs[:2]:
             for limit in (need.limit * less, need.limit / less):
-                assert pick(need.row, limit) == found.pick
+                assert pick(need.row, limit) == result.pick
 
 
 def test_the_answer_says_what_decides() -> None:
@@ -114,19 +114,19 @@ def test_the_answer_says_what_decides() -> None:
         "exact": {"error": Fact(0.001, "m"), "cost": Fact(5.0)},
         "praised": {"cost": Fact(0.1)},
     }
-    found = choose(table, [Need("error", 0.01, "at most")], "cost")
-    assert (found.pick, found.deciding) == ("exact", ("error",))
-    assert found.turn and (found.turn.row, found.turn.limit, found.turn.pick) == (
+    result = choose(table, [Need("error", 0.01, "at most")], "cost")
+    assert (result.pick, result.deciding) == ("exact", ("error",))
+    assert result.turn and (result.turn.row, result.turn.limit, result.turn.pick) == (
         "error",
         0.02,
         "quick",
     )
-    assert "praised: error unknown" in str(found) and "quick: fails error" in str(found)
-    assert "error 0.02 would make it quick" in str(found)
+    assert "praised: error unknown" in str(result) and "quick: fails error" in str(result)
+    assert "error 0.02 would make it quick" in str(result)
     loose = choose(table, [Need("error", 0.1, "at most")], "cost")
     assert (loose.pick, loose.deciding) == ("quick", ("error", "cost"))
-    asked = {**table, "praised": {**table["praised"], "gpu": UNKNOWN}}
-    assert choose(asked, [Need("gpu")], "cost").pick is None
+    requested = {**table, "praised": {**table["praised"], "gpu": UNKNOWN}}
+    assert choose(requested, [Need("gpu")], "cost").pick is None
 
 
 def test_needs_that_say_nothing_are_refused() -> None:
@@ -154,5 +154,5 @@ def test_a_row_that_no_engine_has_is_a_typing_mistake() -> None:
     with pytest.raises(ValueError, match="by is 'csot', allowed is one of 'error', 'cost'"):
         choose(table, [Need("error", 0.1, "at most")], "csot")
     # What one engine has, or what is said to be unknown, is a row.
-    found = choose(table, [Need("error", 0.1, "at most")], "cost")
-    assert (found.pick, found.out[0].unknown) == ("one", ("error",))
+    result = choose(table, [Need("error", 0.1, "at most")], "cost")
+    assert (result.pick, result.out[0].unknown) == ("one", ("error",))

@@ -33,9 +33,9 @@ def ran(engine, scene, dt, steps=None, settings=FAIR):
 
 def test_the_urdf_text_is_the_arm_of_chapter_4() -> None:
     scene = arm(damping=0.5)
-    found = reader.chain(library().MjModel.from_xml_string(scene.urdf))
+    result = reader.chain(library().MjModel.from_xml_string(scene.urdf))
     for name in ("parent", "placement", "mass", "centre", "inertia", "slides", "damping"):
-        ours, theirs = getattr(scene.chain, name), getattr(found, name)
+        ours, theirs = getattr(scene.chain, name), getattr(result, name)
         np.testing.assert_allclose(theirs, ours, atol=1e-14, err_msg=name)
 
 
@@ -57,8 +57,8 @@ def test_limits_stand_in_the_text() -> None:
     from course.platforms.scenes import urdf
 
     robot = kinematics.panda()
-    found = reader.chain(library().MjModel.from_xml_string(urdf(robot)))
-    np.testing.assert_allclose((found.lower, found.upper), (robot.lower, robot.upper))
+    result = reader.chain(library().MjModel.from_xml_string(urdf(robot)))
+    np.testing.assert_allclose((result.lower, result.upper), (robot.lower, robot.upper))
 
 
 @pytest.mark.parametrize(("scene", "dt"), [(chain(6), 2.5e-4), (arm(), 2.5e-4)])
@@ -79,8 +79,8 @@ def test_energy_in_the_closed_forms() -> None:
 
 
 def test_degrees_of_freedom_and_units() -> None:
-    found = {name: (make().dof, make().unit) for name, make in SCENES.items()}
-    assert found == {
+    result = {name: (make().dof, make().unit) for name, make in SCENES.items()}
+    assert result == {
         "tumble": (6, "rad"),
         "chain": (6, "rad"),
         "arm": (7, "rad"),
@@ -132,11 +132,11 @@ def test_a_thrown_spinning_body_keeps_to_the_conventions(engine) -> None:
     np.testing.assert_allclose(state.v[:, 0], [1, 2, 3 - GRAVITY, 0, 0, 0.5], atol=1e-9)
     turn = np.array([math.cos(0.25), 0.0, -math.sin(0.25), 0.0])  # half a radian about -y
     w, x, y, z = turn
-    wanted = np.array(
+    expected = np.array(
         [w * half - x * half, w * half + x * half, y * half + z * half, z * half - y * half]
     )
-    found = state.q[3:, 0] * np.sign(state.q[3, 0] * wanted[0])
-    np.testing.assert_allclose(found, wanted, atol=1e-9)
+    result = state.q[3:, 0] * np.sign(state.q[3, 0] * expected[0])
+    np.testing.assert_allclose(result, expected, atol=1e-9)
 
 
 def test_a_box_that_touches_nothing_tumbles_like_a_body_without_a_shape() -> None:
@@ -202,9 +202,9 @@ def test_fingers_hold_the_part_and_stay_on_their_guides(engine) -> None:
 
 
 def test_cubes_of_a_field_don_t_know_of_each_other() -> None:
-    many, one = ran(OWN, field(4), 1e-3, 20), ran(OWN, field(1), 1e-3, 20)
+    more, one = ran(OWN, field(4), 1e-3, 20), ran(OWN, field(1), 1e-3, 20)
     for k in range(4):
-        np.testing.assert_allclose(many.state().q[2:, k], one.state().q[2:, 0], atol=1e-12)
+        np.testing.assert_allclose(more.state().q[2:, k], one.state().q[2:, 0], atol=1e-12)
 
 
 def test_slip_by_hand() -> None:
@@ -214,8 +214,8 @@ def test_slip_by_hand() -> None:
     rolls = np.array([[1.0, 0.0, 0.2, 0.0, 2.0, 0.0]]).T
     np.testing.assert_allclose(slip_of(q, rolls, pair, point, normal), 0.0, atol=1e-15)
     spins = np.array([[0.0, 0.0, 0.0, 0.0, 2.0, 0.0]]).T
-    found = slip_of(q, spins, pair, point, normal)[:, 0]
-    np.testing.assert_allclose(found, [-1.0, 0.0, 0.0], atol=1e-15)
+    result = slip_of(q, spins, pair, point, normal)[:, 0]
+    np.testing.assert_allclose(result, [-1.0, 0.0, 0.0], atol=1e-15)
 
 
 def test_rows_of_contacts_are_the_speed_of_the_point_on_the_body() -> None:
@@ -228,24 +228,24 @@ def test_rows_of_contacts_are_the_speed_of_the_point_on_the_body() -> None:
     nothing = np.zeros((3, 1))
     report = ContactReport(np.array([[0], [1]]), point, normal, np.zeros(1), nothing, nothing)
     step = step_of(scene, State(0.0, q, v), v, report, 1e-3)
-    found = step.frame[:, :, 0].T @ (step.problem.jacobian[0] @ step.problem.velocity)
+    result = step.frame[:, :, 0].T @ (step.problem.jacobian[0] @ step.problem.velocity)
     small, moved = 1e-7, []
     for sign in (1.0, -1.0):
-        there = retract(q, sign * small * v)
+        other = retract(q, sign * small * v)
         local = quaternion.rotate(quaternion.conjugate(q[3:]), point - q[:3])
-        moved.append(there[:3] + quaternion.rotate(there[3:], local))
+        moved.append(other[:3] + quaternion.rotate(other[3:], local))
     speed = (moved[0] - moved[1]) / (2.0 * small)
-    np.testing.assert_allclose(found, speed[:, 1] - speed[:, 0], atol=1e-7)
+    np.testing.assert_allclose(result, speed[:, 1] - speed[:, 0], atol=1e-7)
     slip = slip_of(q, v, report.bodies, point, normal)[:, 0]
-    np.testing.assert_allclose(slip, found - normal[:, 0] * (found @ normal[:, 0]), atol=1e-12)
+    np.testing.assert_allclose(slip, result - normal[:, 0] * (result @ normal[:, 0]), atol=1e-12)
 
 
 def test_contacts_are_the_same_whichever_body_is_told_first() -> None:
     up, one = np.tile([[0.0], [0.0], [1.0]], 2) * [1, -1], np.ones((3, 2))
-    told = np.array([[0, 1], [1, 0]]), one, up, np.zeros(2), up + [[2.0, -2.0]]
-    found = reported(tower(2).start, *told)
-    assert found.bodies.tolist() == [[0, 0], [1, 1]] and found.normal_force.tolist() == [3.0, 3.0]
-    for each in (found.normal, found.force, found.slip):
+    report = np.array([[0, 1], [1, 0]]), one, up, np.zeros(2), up + [[2.0, -2.0]]
+    result = reported(tower(2).start, *report)
+    assert result.bodies.tolist() == [[0, 0], [1, 1]] and result.normal_force.tolist() == [3.0, 3.0]
+    for each in (result.normal, result.force, result.slip):
         np.testing.assert_array_equal(each[:, 0], each[:, 1])
 
 

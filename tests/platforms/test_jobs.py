@@ -52,26 +52,26 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
     if job == "A quick prototype":  # MuJoCo and our code come with `make lab`; both tell of faults
         read = [r for r in table.stored_rows("platform_readers") if r[2] != "feature"]
         for reader in ("MuJoCo", "chapter 4"):
-            told = [r[3] in ("refused", "warned") for r in read if r[0] == reader]
-            assert sum(told) >= 0.75 * len(told)
+            report = [r[3] in ("refused", "warned") for r in read if r[0] == reader]
+            assert sum(report) >= 0.75 * len(report)
         able &= {"MuJoCo", "own code"}
-    found = choose(jobs.facts(), *jobs.JOBS[job])
-    assert {one.engine for one in found.ranking} == able == set(table.ENGINES) - out
-    assert found.pick == pick == min(able, key=lambda e: table.costs(ROWS, by)[e])
-    said, why = jobs.told(job)
-    assert said == pick and all(row in why for row in found.deciding)
+    result = choose(jobs.facts(), *jobs.JOBS[job])
+    assert {one.engine for one in result.ranking} == able == set(table.ENGINES) - out
+    assert result.pick == pick == min(able, key=lambda e: table.costs(ROWS, by)[e])
+    text, why = jobs.told(job)
+    assert text == pick and all(row in why for row in result.deciding)
     # The named limit turns it, and each measured row that it needs can take the pick away.
     needs, cost = jobs.JOBS[job]
-    assert found.turn and f"{found.turn.row} {found.turn.limit:.2g}" in why
+    assert result.turn and f"{result.turn.row} {result.turn.limit:.2g}" in why
     turned = [
-        Need(n.row, found.turn.limit, n.sense) if n.row == found.turn.row else n for n in needs
+        Need(n.row, result.turn.limit, n.sense) if n.row == result.turn.row else n for n in needs
     ]
-    assert choose(jobs.facts(), turned, cost).pick == found.turn.pick != pick
+    assert choose(jobs.facts(), turned, cost).pick == result.turn.pick != pick
     for scene in scenes:
         assert jobs.told(job, with_errors(scene, pick, 2.0 * tolerance[scene]))[0] != pick
     if scenes:  # and PyBullet, second in cost, would come in by the row that it fails
-        kept = with_errors("grasp", "PyBullet", 1e-4)
-        assert "PyBullet" in {one.engine for one in choose(jobs.facts(kept), needs, cost).ranking}
+        retained = with_errors("grasp", "PyBullet", 1e-4)
+        assert "PyBullet" in {one.engine for one in choose(jobs.facts(retained), needs, cost).ranking}
 
 
 @pytest.mark.parametrize("job", UNKNOWN)
@@ -87,7 +87,7 @@ def test_where_nothing_was_measured_no_table_makes_a_pick(job) -> None:
 
 
 def test_the_hand_has_no_answer_until_the_worlds_are_measured() -> None:
-    found = jobs.facts()
-    assert choose(found, [*jobs.HELD, jobs.WORLDS], "cost of grasp").pick is None
+    result = jobs.facts()
+    assert choose(result, [*jobs.HELD, jobs.WORLDS], "cost of grasp").pick is None
     tight = [Need("grasp error", 1e-5, "at most")]
-    assert choose(found, tight, "cost of grasp").pick == "own code"
+    assert choose(result, tight, "cost of grasp").pick == "own code"

@@ -95,10 +95,10 @@ def test_drift_and_swing_are_told_apart() -> None:
     def path(t, resets):
         return np.full((7, 1), (0.3 * t + 0.02 * math.sin(2.0 * math.pi * 10.0 * t)) / 7.0)
 
-    found = m.energy_drift(Teller(path), tower(1), 1e-2)
-    assert found.rate == pytest.approx(0.3, abs=5e-3)
-    assert found.swing == pytest.approx(0.02, rel=0.1)
-    assert found.change == pytest.approx(0.3)
+    result = m.energy_drift(Teller(path), tower(1), 1e-2)
+    assert result.rate == pytest.approx(0.3, abs=5e-3)
+    assert result.swing == pytest.approx(0.02, rel=0.1)
+    assert result.change == pytest.approx(0.3)
 
 
 def test_creep_is_a_speed() -> None:
@@ -120,8 +120,8 @@ def test_what_a_reset_leaves_behind_is_seen() -> None:
     def path(t, resets):
         return np.full((7, 1), t * (1.0 + 1e-15 * resets))
 
-    found = m.repeatability(Teller(path), tower(1), 1e-2, 40)
-    assert found.fresh == found.saved == 0.0 and 0.0 < found.reset < 1e-14
+    result = m.repeatability(Teller(path), tower(1), 1e-2, 40)
+    assert result.fresh == result.saved == 0.0 and 0.0 < result.reset < 1e-14
 
 
 @pytest.mark.parametrize("name", ["chain", "tower", "brake"])
@@ -136,8 +136,8 @@ def test_own_code_and_mujoco_repeat_bit_by_bit(name: str) -> None:
 def test_own_forces_are_coulomb_s_and_mujoco_s_are_soft() -> None:
     own = m.judged(OWN, brake(0.3), 1e-3, 5)
     assert own.unexplained < 1e-14 and own.contacts == 4
-    left = own.residuals
-    assert max(left.penetration, left.cone, left.dissipation, left.signorini) < 1e-9
+    remaining = own.residuals
+    assert max(remaining.penetration, remaining.cone, remaining.dissipation, remaining.signorini) < 1e-9
     soft = m.judged(MUJOCO, slope(), 1e-3, 50, AS_SHIPPED)
     assert soft.unexplained < 1e-14  # it tells the forces that it applied
     assert soft.residuals.cone < 1e-12
@@ -151,12 +151,12 @@ def test_forces_that_did_not_act_are_found_out() -> None:
     class Liar(MuJoCo):
         def build(self, scene, dt, settings=FAIR):
             run = super().build(scene, dt, settings)
-            told = run.contacts
-            run.contacts = lambda: replace(told(), force=1.5 * told().force)  # type: ignore
+            report = run.contacts
+            run.contacts = lambda: replace(report(), force=1.5 * report().force)  # type: ignore
             return run
 
-    found = m.judged(Liar(), slope(), 1e-3, 50)
-    assert found.unexplained > 0.4 * GRAVITY * 1e-3
+    result = m.judged(Liar(), slope(), 1e-3, 50)
+    assert result.unexplained > 0.4 * GRAVITY * 1e-3
 
 
 def test_where_nothing_touches_there_is_nothing_to_judge() -> None:
@@ -181,9 +181,9 @@ def test_braking_distance_is_the_sum_of_the_steps(speed, mu, dt) -> None:
 
 def test_a_braking_block_stops_where_the_sum_says() -> None:
     for dt in (8e-3, 1.6e-2):
-        found = m.stop(OWN, 0.0, dt)
-        assert found.distance == pytest.approx(theory.braking_distance(dt=dt), rel=1e-6)
-        assert abs(found.turn) < 1e-9
+        result = m.stop(OWN, 0.0, dt)
+        assert result.distance == pytest.approx(theory.braking_distance(dt=dt), rel=1e-6)
+        assert abs(result.turn) < 1e-9
     true = theory.braking_distance()
     shares = [1.0 - m.stop(MUJOCO, 0.0, dt).distance / true for dt in (1e-3, 2e-3, 4e-3)]
     laws = [theory.stopped_short(dt=dt) for dt in (1e-3, 2e-3, 4e-3)]
@@ -268,11 +268,11 @@ def test_gauss_seidel_holds_the_part_and_lets_it_turn() -> None:
 
 
 def test_the_effect_of_each_change() -> None:
-    found = {effect.key: effect for effect in m.effects(MUJOCO, slope(), 2e-3)}
-    assert set(found) == {"cone", "impratio", "solref", "solimp", "autoreset"}
+    result = {effect.key: effect for effect in m.effects(MUJOCO, slope(), 2e-3)}
+    assert set(result) == {"cone", "impratio", "solref", "solimp", "autoreset"}
     for key in ("cone", "impratio", "solref", "solimp"):
-        assert found[key].alone < found[key].shipped and found[key].without > found[key].fair
-    assert found["autoreset"].alone == found["autoreset"].shipped
+        assert result[key].alone < result[key].shipped and result[key].without > result[key].fair
+    assert result["autoreset"].alone == result["autoreset"].shipped
     joints = m.effects(MUJOCO, SCENES["chain"](), 1e-3)
     assert [effect.key for effect in joints] == ["autoreset", "constraint"]
     assert all(effect.without == effect.fair == effect.shipped for effect in joints)

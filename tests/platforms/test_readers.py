@@ -82,15 +82,15 @@ def test_the_importer_reads_the_sound_one_and_what_it_has() -> None:
 )
 def test_what_a_reader_does(reader) -> None:
     try:
-        found = readers.readings(reader)
+        result = readers.readings(reader)
     except ImportError as error:
         optional.skip(f"the reader of {reader} was NOT tried: {error}")
-    sound = found.pop("sound")
+    sound = result.pop("sound")
     assert sound.facts and possible(sound.facts) and not sound.refused
     assert (sound.facts["dof"], sound.facts["masses"]) == (2, [1.0, 1.0])
     for low_high in sound.facts["limits"]:
         assert list(low_high) == [-1.0, 2.0]
-    verdicts = {name: verdict(BY_NAME[name], reading) for name, reading in found.items()}
+    verdicts = {name: verdict(BY_NAME[name], reading) for name, reading in result.items()}
     assert set(verdicts) == set(BY_NAME) and set(verdicts.values()) <= set(models.VERDICTS)
     if reader == "chapter 4":
         impossible = [m.name for m in MODELS if m.kind == "impossible"]

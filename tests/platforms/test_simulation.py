@@ -45,8 +45,8 @@ def test_the_presets_show_what_their_notes_say():
     damped = errors[sim.CHAIN, :, shipped, names.index("PyBullet")]
     assert (damped > 3.0 * errors[sim.CHAIN, :, fair].max(axis=1)).all()
     end = FOUND.paths[sim.BRAKE, at, shipped, names.index("MuJoCo"), -1]
-    off = np.degrees(np.arctan2(end[1], end[0])) - np.degrees(record.HEADING)
-    assert off == pytest.approx(12.8, abs=1.0)  # theory of the inscribed pyramid
+    deviation = np.degrees(np.arctan2(end[1], end[0])) - np.degrees(record.HEADING)
+    assert deviation == pytest.approx(12.8, abs=1.0)  # theory of the inscribed pyramid
     part = FOUND.paths[sim.GRASP, at, shipped, names.index("MuJoCo"), :, 1]
     assert (np.diff(part) < 1e-6).all() and -12.0 < part[-1] < -3.0  # it creeps and does not fall
     top = FOUND.paths[sim.TOWER, at, shipped, names.index("Drake"), -1, 1]
@@ -64,9 +64,9 @@ def test_an_area_depends_on_the_order_of_the_axes_and_the_axes_do_not():
 
 def test_what_the_card_says_is_on_record():
     for card, name in enumerate(FOUND.engines):
-        told = dict(Experiment(sim.MODEL, card=card).picture().numbers)
+        report = dict(Experiment(sim.MODEL, card=card).picture().numbers)
         error = 1e3 * FOUND.errors[sim.CHAIN, 1, 1, card]
-        assert told["error at the end"] == f"{error:.3f} mrad", name
-        assert told["verdict"] == "beyond"  # 21 mrad, and 10 are allowed
-    told = dict(Experiment(sim.MODEL, card=len(FOUND.engines)).picture().numbers)
-    assert told["error at the end"] == told["cost of a step"] == "not measured here"
+        assert report["error at the end"] == f"{error:.3f} mrad", name
+        assert report["verdict"] == "beyond"  # 21 mrad, and 10 are allowed
+    report = dict(Experiment(sim.MODEL, card=len(FOUND.engines)).picture().numbers)
+    assert report["error at the end"] == report["cost of a step"] == "not measured here"

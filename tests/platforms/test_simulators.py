@@ -30,16 +30,16 @@ OTHERS = [pytest.param(name, marks=pytest.mark.optional) for name in ("Drake", "
 
 @functools.cache
 def engine(name):
-    found = engines()[name]
-    if missing := found.missing():
+    result = engines()[name]
+    if missing := result.missing():
         optional.skip(f"{name} was NOT tried: {missing}")
-    return found
+    return result
 
 
 def test_all_engines_have_a_name_a_version_and_a_scheme():
-    found = engines()
-    assert list(found) == list(SEMI_IMPLICIT)
-    for name, one in found.items():
+    result = engines()
+    assert list(result) == list(SEMI_IMPLICIT)
+    for name, one in result.items():
         assert one.name == name and SEMI_IMPLICIT[name] == one.schemes[0]
         assert bool(one.version()) == one.available() == (not one.missing())
         assert len({change.key for change in one.changes}) == len(one.changes)
@@ -55,12 +55,12 @@ def test_what_is_missing_is_said(minor, monkeypatch):
         "course.oracles.pybullet.sys", SimpleNamespace(version_info=Version(3, minor))
     )
     assert "make platforms" in Drake().missing()
-    said = PyBullet().missing()
-    assert (f"no wheel for Python 3.{minor}" if minor > 11 else "make platforms") in said
+    text = PyBullet().missing()
+    assert (f"no wheel for Python 3.{minor}" if minor > 11 else "make platforms") in text
     assert PyBullet().version() == Drake().version() == ""
     with pytest.raises(ImportError, match=r"no wheel|make platforms"):
         PyBullet().build(scenes.tumble(), 1e-3)
-    assert installs.install("PyBullet").missing == said
+    assert installs.install("PyBullet").missing == text
 
 
 # --- the same scheme and step ---------------------------------------------------------------------
@@ -86,15 +86,15 @@ def inverse_dynamics_by_pinocchio():
     assert scene.chain
     truth = Arm(scene.chain, scene.gravity).inverse_dynamics(q, v, a)
 
-    def off(tau):
+    def deviation(tau):
         return np.abs(np.array(tau) - truth).max() / np.abs(truth).max()
 
-    return scene, q, v, a, off
+    return scene, q, v, a, deviation
 
 
 @pytest.mark.optional
 def test_inverse_dynamics_of_drake_are_those_of_pinocchio():
-    scene, q, v, a, off = inverse_dynamics_by_pinocchio()
+    scene, q, v, a, deviation = inverse_dynamics_by_pinocchio()
     run = engine("Drake").build(scene, 1e-3)
     plant, context = run.plant, run.context
     plant.SetPositions(context, q)
@@ -103,12 +103,12 @@ def test_inverse_dynamics_of_drake_are_those_of_pinocchio():
 
     forces = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, forces)
-    assert off(plant.CalcInverseDynamics(context, a, forces)) < 1e-13
+    assert deviation(plant.CalcInverseDynamics(context, a, forces)) < 1e-13
 
 
 @pytest.mark.optional
 def test_inverse_dynamics_of_pybullet_need_the_inertias_of_the_file():
-    scene, q, v, a, off = inverse_dynamics_by_pinocchio()
+    scene, q, v, a, deviation = inverse_dynamics_by_pinocchio()
     engine("PyBullet")
     import pybullet
 
@@ -116,7 +116,7 @@ def test_inverse_dynamics_of_pybullet_need_the_inertias_of_the_file():
         run = engine("PyBullet").build(scene, 1e-3, settings)
         state = [x.tolist() for x in (q, v, a)]
         tau = pybullet.calculateInverseDynamics(run.bodies[0], *state, physicsClientId=run.client)
-        assert low <= off(tau) < high
+        assert low <= deviation(tau) < high
         run.close()
 
 
@@ -149,7 +149,7 @@ def test_a_stiff_contact_that_has_not_settled_brakes_at_once_with_lagged_and_hop
     that the way is right. Settled before, the same block is stopped by the law with both.
     """
     one, scene, dt = engine("Drake"), scenes.brake(), 2e-3
-    way = scene.truth(10.0)[0, 0]
+    path = scene.truth(10.0)[0, 0]
     for approximation, short, hop in (("lagged", (0.5, 1.0), None), ("sap", (-0.02, 0.02), 0.01)):
         settings = FAIR.using(approximation=approximation, modulus=1e8)
         run = one.build(scene, dt, settings)
@@ -157,8 +157,8 @@ def test_a_stiff_contact_that_has_not_settled_brakes_at_once_with_lagged_and_hop
         if hop:
             assert run.state().q[2, 0] - scene.start.q[2, 0] > hop
         run.run(400)
-        assert short[0] < 1.0 - run.state().q[0, 0] / way < short[1], approximation
-        settled = 1.0 - measures.stop(one, 0.0, dt, settings).distance / way
+        assert short[0] < 1.0 - run.state().q[0, 0] / path < short[1], approximation
+        settled = 1.0 - measures.stop(one, 0.0, dt, settings).distance / path
         assert settled == pytest.approx(0.5 * scenes.GRAVITY * dt / 2.0, rel=0.3)
 
 
@@ -168,22 +168,22 @@ def test_reported_contacts_carry_the_weight_and_oppose_the_slip(name):
     run = engine(name).build(scene, 1e-3)
     assert run.contacts() is NO_CONTACTS
     run.run(300)
-    found = run.contacts()
+    result = run.contacts()
     for lower, weight in ((-1, 2.0), (0, 1.0)):
-        pair = found.bodies[0] == lower
-        assert set(found.bodies[1, pair]) == {lower + 1}
-        assert found.normal[2, pair] == pytest.approx(1.0, abs=1e-4)
-        assert found.force[2, pair].sum() == pytest.approx(weight * scenes.GRAVITY, rel=1e-2)
-    assert (found.gap < 0.0).all() and found.gap.min() > -1e-3
+        pair = result.bodies[0] == lower
+        assert set(result.bodies[1, pair]) == {lower + 1}
+        assert result.normal[2, pair] == pytest.approx(1.0, abs=1e-4)
+        assert result.force[2, pair].sum() == pytest.approx(weight * scenes.GRAVITY, rel=1e-2)
+    assert (result.gap < 0.0).all() and result.gap.min() > -1e-3
     assert run.energy() == pytest.approx(scene.energy(run.state()), rel=1e-12)
     run.close()
     run = prepared(engine(name), scenes.brake(0.3), 1e-3)
     run.run(50)
-    found = run.contacts()
-    assert found.force[:, :].sum(axis=1) == pytest.approx(
+    result = run.contacts()
+    assert result.force[:, :].sum(axis=1) == pytest.approx(
         scenes.GRAVITY * np.array([-0.5 * np.cos(0.3), -0.5 * np.sin(0.3), 1.0]), rel=0.05
     )
-    assert (np.sum(found.slip * found.tangential_force, axis=0) <= 0.0).all()
+    assert (np.sum(result.slip * result.tangential_force, axis=0) <= 0.0).all()
     run.close()
 
 
@@ -205,14 +205,14 @@ def test_a_guided_finger_stays_on_its_rail_and_feels_its_force(name):
 def test_pybullet_puts_the_load_of_a_face_on_one_corner_and_the_part_turns_about_it():
     """Four points can share a load in any way: its sweeps end where the first one has it all."""
     scene = scenes.grasp(1.3 * 0.2 * scenes.GRAVITY)
-    for name, least, most, spins in (("MuJoCo", 0.24, 0.26, False), ("PyBullet", 0.8, 1.0, True)):
+    for name, least, largest, spins in (("MuJoCo", 0.24, 0.26, False), ("PyBullet", 0.8, 1.0, True)):
         settings = FAIR.using(numSolverIterations=500) if name == "PyBullet" else FAIR
         run = engine(name).build(scene, 1e-3, settings)
         run.run(30)
-        found = run.contacts()
+        result = run.contacts()
         for finger in (1, 2):
-            load = found.normal_force[found.bodies[1] == finger]
-            assert len(load) == 4 and least < load.max() / load.sum() < most, name
+            load = result.normal_force[result.bodies[1] == finger]
+            assert len(load) == 4 and least < load.max() / load.sum() < largest, name
         assert (abs(run.state().v[3, 0]) > 1.0) == spins
         run.close()
 
@@ -231,9 +231,9 @@ def test_pybullet_says_nothing_and_gives_back_its_client(capfd):
         run.close()
         assert not pybullet.isConnected(run.client)
     assert capfd.readouterr() == ("", "")
-    with quiet() as said:
+    with quiet() as text:
         os.write(1, b"heard")
-    assert said == ["heard"]
+    assert text == ["heard"]
 
 
 @pytest.mark.optional
@@ -261,6 +261,6 @@ def test_settings_that_an_engine_lacks_are_refused(name):
 @pytest.mark.parametrize("name", ["MuJoCo", *OTHERS])
 def test_what_an_install_costs_is_measured_in_a_fresh_process(name):
     engine(name)
-    found = installs.install(name, processes=1)
-    assert found.size and found.size > {"MuJoCo": 30.0, "Drake": 150.0, "PyBullet": 200.0}[name]
-    assert found.import_time and found.load_time and found.memory and found.memory > 1.0
+    result = installs.install(name, processes=1)
+    assert result.size and result.size > {"MuJoCo": 30.0, "Drake": 150.0, "PyBullet": 200.0}[name]
+    assert result.import_time and result.load_time and result.memory and result.memory > 1.0

@@ -56,9 +56,9 @@ def test_the_stops_are_those_of_small_implicit_steps(rng):
     distance, turned = solutions.sliding_stop(speed, angle, frame, mu)
     for shape in range(3):
         v = speed * np.array([np.cos(angle - frame), np.sin(angle - frame)])
-        start, x, most = v.copy(), np.zeros(2), 9.81 * mu * dt
+        start, x, largest = v.copy(), np.zeros(2), 9.81 * mu * dt
         while v.any():
-            v = v - most * nearest(shape, v / most)
+            v = v - largest * nearest(shape, v / largest)
             x = x + dt * v
         a = np.arctan2(start[0] * x[1] - start[1] * x[0], start @ x)
         np.testing.assert_allclose(np.linalg.norm(x), distance[shape], atol=2.0 * speed * dt)
@@ -69,9 +69,9 @@ def test_the_stops_are_those_of_small_implicit_steps(rng):
 @given(rngs())
 def test_the_stops_are_those_of_the_laws_that_claims_set_beside_the_engines(rng):
     speed, mu, heading, frame = rng.uniform([1.0, 0.3, -3.0, -2.0], [3.0, 0.9, 3.0, 2.0])
-    found = np.transpose(solutions.sliding_stop(speed, heading, frame, mu))
+    result = np.transpose(solutions.sliding_stop(speed, heading, frame, mu))
     laws = [theory.stop(heading - frame, cone, speed, mu) for cone in theory.CONES]
-    np.testing.assert_allclose(found, laws, atol=1e-12)
+    np.testing.assert_allclose(result, laws, atol=1e-12)
 
 
 # --- drift and swing ------------------------------------------------------------------------------
@@ -82,14 +82,14 @@ def test_the_energy_of_a_symplectic_step_swings_and_does_not_drift(h):
     """Semi-implicit Euler of an oscillator of rate 1 keeps v^2 + x^2 - h x v."""
     rate, n = 2.0 * np.arcsin(h / 2.0) / h, 240
     x, v, energy = 1.0, 0.5, []
-    kept = (v**2 + x**2 - h * x * v) / 2.0
+    retained = (v**2 + x**2 - h * x * v) / 2.0
     for _ in range(n):
         energy.append((v**2 + x**2) / 2.0)
         v -= h * x
         x += h * v
     drift, swing = solutions.energy_drift(h * np.arange(n), energy, np.pi / rate)
     assert abs(drift) < 1e-13
-    np.testing.assert_allclose(swing, h / 2.0 * kept / (1.0 - h**2 / 4.0) / 2**0.5, rtol=1e-10)
+    np.testing.assert_allclose(swing, h / 2.0 * retained / (1.0 - h**2 / 4.0) / 2**0.5, rtol=1e-10)
 
 
 @examples(10)
@@ -104,8 +104,8 @@ def test_the_swing_is_that_of_a_period_sampled_finely(rng, periods):
     t = 0.7 * np.sort(rng.uniform(0.0, periods, 300))
     energy = 5.0 + drift * t + swing(2.0 * np.pi * t / 0.7)
     whole = swing(2.0 * np.pi * np.arange(64) / 64)
-    found = solutions.energy_drift(t, energy, 0.7)
-    np.testing.assert_allclose(found, (drift, whole.std()), atol=1e-10)
+    result = solutions.energy_drift(t, energy, 0.7)
+    np.testing.assert_allclose(result, (drift, whole.std()), atol=1e-10)
 
 
 SPRING = """<mujoco><option timestep="{}" gravity="0 0 0"><flag energy="enable" contact="disable"
@@ -155,9 +155,9 @@ def test_what_mujoco_loads_is_what_its_file_says_and_a_change_is_found():
     tree = link(3, link(0) + link(5, link(1))) + link(4) + link(2)
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{tree}</worldbody></mujoco>")
     ids = np.arange(6) + 10
-    there = [model.body(k).name for k in range(model.nbody)]
-    assert there[1:] != names
-    loaded_ids = np.array([10 + names.index(one) if one in names else 0 for one in there])
+    other = [model.body(k).name for k in range(model.nbody)]
+    assert other[1:] != names
+    loaded_ids = np.array([10 + names.index(one) if one in names else 0 for one in other])
 
     def faults(tolerance=1e-6):
         body = model.body_mass, model.body_inertia, model.body_iquat
@@ -167,15 +167,15 @@ def test_what_mujoco_loads_is_what_its_file_says_and_a_change_is_found():
     model.body("link1").mass[0] *= 1.001
     model.body("link4").inertia[:] *= 0.999
     model.body("link2").iquat[:] = [1.0, 0.0, 0.0, 0.0]
-    loaded_ids[there.index("link5")] = 99
+    loaded_ids[other.index("link5")] = 99
     assert faults() == [0, 1, 2, 0, 2, 4]
     assert faults(tolerance=0.01) == [0, 0, 2, 0, 0, 4]
     model.body("link4").mass[0] *= 1.001
     assert faults()[4] == 3
-    kept, turned = model.body("link0").iquat.copy(), np.zeros(4)
+    retained, turned = model.body("link0").iquat.copy(), np.zeros(4)
     for angle, fault in ((1e-7, 0), (2e-3, 2)):  # the diagonal changes by the square
         small = np.r_[np.cos(angle / 2.0), np.sin(angle / 2.0) * np.ones(3) / 3**0.5]
-        mujoco.mju_mulQuat(turned, small, kept)
+        mujoco.mju_mulQuat(turned, small, retained)
         model.body("link0").iquat[:] = turned
         assert faults(tolerance=2e-5 if fault else 1e-6)[0] == fault
 
@@ -194,8 +194,8 @@ def test_the_areas_are_those_of_all_polygons_by_their_corners(rng, n):
     for order in permutations(range(n)):
         x, y = radius[list(order)] * np.cos(turn), radius[list(order)] * np.sin(turn)
         areas.append((x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0)
-    found = solutions.radar_areas(ends[0] * (ends[1] / ends[0]) ** share, *ends)
-    np.testing.assert_allclose(found, (min(areas), max(areas)), atol=1e-11)
+    result = solutions.radar_areas(ends[0] * (ends[1] / ends[0]) ** share, *ends)
+    np.testing.assert_allclose(result, (min(areas), max(areas)), atol=1e-11)
 
 
 @examples(50)
@@ -255,13 +255,13 @@ def test_the_starter_of_the_hunt_agrees_where_its_author_looked_and_only_there()
     names: dict = {}
     exec(cards.card("compare_engines").starter(), names)
 
-    def off(mu=1.0, plank=1e6, place=0.0, steps=(0.01, 0.01), last=0.1):
+    def deviation(mu=1.0, plank=1e6, place=0.0, steps=(0.01, 0.01), last=0.1):
         args = mu, [1.0, plank], place, 4.0, np.array(steps), np.array([last])
         pairs = zip(names["compare_engines"](*args), solutions.compare_engines(*args), strict=True)
         return [float(np.abs(got - right).max()) for got, right in pairs]
 
-    assert off()[0] < 2e-3
-    assert off(mu=0.4)[0] > 5e-3 and off(steps=(0.01, 0.02))[0] > 1e-3
-    assert off(plank=1.0)[1] > 3.0 * off()[1]
+    assert deviation()[0] < 2e-3
+    assert deviation(mu=0.4)[0] > 5e-3 and deviation(steps=(0.01, 0.02))[0] > 1e-3
+    assert deviation(plank=1.0)[1] > 3.0 * deviation()[1]
     both = {"steps": (0.01, 0.02)}
-    assert off(place=1e6, **both)[0] > off(**both)[0] + 0.01
+    assert deviation(place=1e6, **both)[0] > deviation(**both)[0] + 0.01

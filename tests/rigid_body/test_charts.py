@@ -131,8 +131,8 @@ def test_a_chart_is_made_of_what_its_experiment_yields(tmp_path, monkeypatch) ->
     monkeypatch.setattr(charts, "PICTURES", tmp_path)
     (panel,) = charts.build("events_order", steps=(50, 100), phases=2)
     monkeypatch.setitem(charts.CHARTS, "events_order", (lambda: iter([panel]), {}))
-    said = charts.make("events_order")
-    assert said == "\n".join(series.note for series in panel.series) == charts.read("events_order")
+    text = charts.make("events_order")
+    assert text == "\n".join(series.note for series in panel.series) == charts.read("events_order")
     names = [path.name for path in sorted(tmp_path.iterdir())]
     assert names == [f"events_order.{kind}" for kind in ("json", "png", "txt")]
     for name, call in (("two", charts.read), ("nothing", charts.build)):

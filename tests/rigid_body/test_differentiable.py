@@ -109,8 +109,8 @@ def test_a_push_moves_what_static_friction_cannot_hold():
     moved = trajectory([0.5, mu, m], scene, [1.5, 10.0])
     assert moved[0, 0] == pytest.approx(0.5 * a, abs=1e-14)
     assert moved[0, 1] == pytest.approx(0.5 * a + a * a / (2 * mu * G), abs=1e-13)
-    left = trajectory([0.5, mu, m], Setup((0.0, 0.0), push=((0.5, 1.5, -push),)), [1.5, 10.0])
-    np.testing.assert_array_equal(left, -moved)
+    remaining = trajectory([0.5, mu, m], Setup((0.0, 0.0), push=((0.5, 1.5, -push),)), [1.5, 10.0])
+    np.testing.assert_array_equal(remaining, -moved)
 
 
 @examples(80)
@@ -209,12 +209,12 @@ def test_gradient_of_the_loss_against_differences_and_jacobian(case):
     scene, parameters = CASES[case]
     times = away_from_events(parameters, scene, TIMES)
     recorded = record(parameters, scene, times, 1e-3, np.random.default_rng(3))
-    off = np.asarray(parameters) * [1.0002, 0.9998, 1.0003]
-    got = gradient(off, recorded, scene)
-    expected = central_differences(lambda p: loss(p, recorded, scene), off, 1e-7)
+    deviation = np.asarray(parameters) * [1.0002, 0.9998, 1.0003]
+    got = gradient(deviation, recorded, scene)
+    expected = central_differences(lambda p: loss(p, recorded, scene), deviation, 1e-7)
     np.testing.assert_allclose(got, expected, rtol=1e-5, atol=1e-4 * np.abs(expected).max())
-    J = jacobian(off, scene, times)[:2].reshape(-1, 3)
-    residual = (trajectory(off, scene, times)[:2] - recorded.positions).ravel()
+    J = jacobian(deviation, scene, times)[:2].reshape(-1, 3)
+    residual = (trajectory(deviation, scene, times)[:2] - recorded.positions).ravel()
     np.testing.assert_allclose(got, J.T @ residual / 1e-6, rtol=1e-9)
 
 
@@ -340,13 +340,13 @@ def test_recovers_parameters_within_their_standard_errors():
     scores = []
     for seed in range(20):
         recorded = record(TRUTH, THROW, TIMES, 1e-3, np.random.default_rng(seed))
-        found = recover(recorded, THROW, guess)
-        assert found.converged
-        assert found.fits
-        assert found.information.identified == (True, True, True)
-        scores.append((found.parameters - TRUTH) / found.information.standard_errors)
+        result = recover(recorded, THROW, guess)
+        assert result.converged
+        assert result.fits
+        assert result.information.identified == (True, True, True)
+        scores.append((result.parameters - TRUTH) / result.information.standard_errors)
         if seed == 0:
-            print(found)
+            print(result)
     z = np.array(scores)
     within = np.mean(np.abs(z) < 1)
     print(f"within one standard error {within:.2f}, mean {z.mean(axis=0)}, rms {z.std(axis=0)}")
@@ -359,28 +359,28 @@ def test_recovers_parameters_within_their_standard_errors():
 @pytest.mark.slow
 def test_standard_errors_are_those_of_many_recordings():
     """Near the truth the fit is linear in the noise, so 20,000 recordings cost nothing."""
-    told = information(TRUTH, THROW, TIMES, 1e-3)
+    report = information(TRUTH, THROW, TIMES, 1e-3)
     estimator = np.linalg.pinv(jacobian(TRUTH, THROW, TIMES)[:2].reshape(-1, 3))
     noise = np.random.default_rng(1).normal(0.0, 1e-3, (2 * len(TIMES), 20_000))
-    spread = (estimator @ noise).std(axis=1) / told.standard_errors
+    spread = (estimator @ noise).std(axis=1) / report.standard_errors
     print(f"spread of 20,000 linear fits over standard error {spread}")
     np.testing.assert_allclose(spread, 1.0, atol=0.03)
     exact = trajectory(TRUTH, THROW, TIMES)[:2]
     for n in range(3):
         recorded = Recording(TIMES, exact + noise[:, n].reshape(2, -1), 1e-3)
-        found = (
+        result = (
             recover(recorded, THROW, [0.5, 0.4, 1.0]).parameters - TRUTH
-        ) / told.standard_errors
-        np.testing.assert_allclose(found, estimator @ noise[:, n] / told.standard_errors, atol=0.05)
+        ) / report.standard_errors
+        np.testing.assert_allclose(result, estimator @ noise[:, n] / report.standard_errors, atol=0.05)
 
 
 @pytest.mark.slow
 def test_recovers_from_several_guesses_and_reports_when_it_is_trapped():
     recorded = record(TRUTH, THROW, TIMES, 1e-3, np.random.default_rng(5))
     for guess in ([0.5, 0.4, 1.0], [0.8, 0.1, 2.0], [0.4, 0.4, 0.5]):
-        found = recover(recorded, THROW, guess)
-        assert found.fits
-        np.testing.assert_allclose(found.parameters, TRUTH, rtol=3e-3)
+        result = recover(recorded, THROW, guess)
+        assert result.fits
+        np.testing.assert_allclose(result.parameters, TRUTH, rtol=3e-3)
     trapped = recover(recorded, THROW, [0.5, 1.5, 1.0])
     assert not trapped.fits
     assert "does NOT fit" in str(trapped)
@@ -393,24 +393,24 @@ def test_the_loss_never_rises():
 
 def test_a_vertical_drop_says_nothing_about_friction_and_mass():
     scene = Setup((0.0, 1.0))
-    told = information(TRUTH, scene, TIMES)
-    assert told.identified == (True, False, False)
-    assert np.isinf(told.standard_errors[1:]).all()
-    np.testing.assert_array_equal(told.singular_values[1:], 0.0)
+    report = information(TRUTH, scene, TIMES)
+    assert report.identified == (True, False, False)
+    assert np.isinf(report.standard_errors[1:]).all()
+    np.testing.assert_array_equal(report.singular_values[1:], 0.0)
     recorded = record(TRUTH, scene, TIMES, 1e-3, np.random.default_rng(0))
-    found = recover(recorded, scene, [0.65, 0.9, 3.0])
-    assert found.parameters[0] == pytest.approx(0.6, abs=5 * told.standard_errors[0])
-    np.testing.assert_array_equal(found.parameters[1:], [0.9, 3.0])
-    assert "friction     not identified" in str(found)
-    assert "mass         not identified" in str(found)
+    result = recover(recorded, scene, [0.65, 0.9, 3.0])
+    assert result.parameters[0] == pytest.approx(0.6, abs=5 * report.standard_errors[0])
+    np.testing.assert_array_equal(result.parameters[1:], [0.9, 3.0])
+    assert "friction     not identified" in str(result)
+    assert "mass         not identified" in str(result)
 
 
 def test_a_sticking_block_gives_only_a_bound_on_friction():
     scene = Setup((0.0, 0.0), push=((0.2, 1.0, 3.0), (1.0, 1.5, 2.0)))
-    told = information([0.5, 0.6, 1.0], scene, TIMES)
-    assert told.identified == (False, False, False)
-    assert told.friction_at_least == pytest.approx(3.0 / G)
-    assert f"at least {3.0 / G:.4g}" in str(told)
+    report = information([0.5, 0.6, 1.0], scene, TIMES)
+    assert report.identified == (False, False, False)
+    assert report.friction_at_least == pytest.approx(3.0 / G)
+    assert f"at least {3.0 / G:.4g}" in str(report)
     # The bound is sharp: a little less friction and the block moves.
     assert not trajectory([0.5, 3.0 / G + 1e-9, 1.0], scene, TIMES).any()
     assert trajectory([0.5, 3.0 / G - 1e-9, 1.0], scene, TIMES).any()
@@ -418,9 +418,9 @@ def test_a_sticking_block_gives_only_a_bound_on_friction():
 
 def test_a_sticking_impact_gives_its_own_bound():
     h, e, vx = 1.0, 0.5, 1.0
-    told = information([e, 0.8, 1.0], Setup((0.0, h), (vx, 0.0)), TIMES)
-    assert not told.identified[1]
-    assert told.friction_at_least == pytest.approx(vx / ((1 + e) * math.sqrt(2 * G * h)))
+    report = information([e, 0.8, 1.0], Setup((0.0, h), (vx, 0.0)), TIMES)
+    assert not report.identified[1]
+    assert report.friction_at_least == pytest.approx(vx / ((1 + e) * math.sqrt(2 * G * h)))
 
 
 def test_free_flight_says_nothing_about_mass_unless_it_is_pushed():
@@ -434,13 +434,13 @@ def test_a_constant_push_on_a_slide_tells_one_combination_only():
     """The acceleration is push / m - mu g: heavier and smoother looks like lighter and rougher."""
     push, (_, mu, m) = 8.0, TRUTH
     scene = Setup((0.0, 0.0), push=((0.0, 5.0, push),))
-    told = information([0.5, mu, m], scene, TIMES)
-    assert told.identified == (False, False, False)
-    assert told.singular_values[0] > 1e3
-    assert told.singular_values[1] < 1e-6
+    report = information([0.5, mu, m], scene, TIMES)
+    assert report.identified == (False, False, False)
+    assert report.singular_values[0] > 1e3
+    assert report.singular_values[1] < 1e-6
     strong = np.array([0.0, -G, -push / m])  # d a / d (e, mu, log m)
     np.testing.assert_allclose(
-        np.abs(told.directions[0]), np.abs(strong) / np.linalg.norm(strong), atol=1e-9
+        np.abs(report.directions[0]), np.abs(strong) / np.linalg.norm(strong), atol=1e-9
     )
     let_go = information([0.5, mu, m], Setup((0.0, 0.0), push=((0.0, 0.5, push),)), TIMES)
     assert let_go.identified == (False, True, True)

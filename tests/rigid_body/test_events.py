@@ -57,9 +57,9 @@ def test_the_time_of_a_fall_is_found_to_rounding(height, speed, extra):
     truth = (speed + np.sqrt(speed**2 + 2.0 * GRAVITY * height)) / GRAVITY
     dt = truth * (1.0 + extra)
     q, v = np.array([height]), np.array([speed])
-    found = events.time_of_event(q, v, rk4, fall, dt, np.zeros(0), floor)
-    assert found == pytest.approx(truth, rel=1e-12, abs=1e-13)
-    end, _ = rk4(q, v, fall, found, np.zeros(0))
+    result = events.time_of_event(q, v, rk4, fall, dt, np.zeros(0), floor)
+    assert result == pytest.approx(truth, rel=1e-12, abs=1e-13)
+    end, _ = rk4(q, v, fall, result, np.zeros(0))
     assert end[0] >= 0.0
 
 

@@ -54,11 +54,11 @@ def test_damping_taken_implicitly_and_explicitly_differ():
 @pytest.mark.parametrize("method", LABELS)
 def test_the_boundary_of_a_map_is_within_half_a_cell_of_theory(method):
     x, zeta = np.linspace(0.03, 3.9, 130), np.linspace(0.0, 1.9, 20)
-    found = failures.growth_map(method, x, zeta)
-    assert failures.boundary_error(found, method) <= 0.51
+    result = failures.growth_map(method, x, zeta)
+    assert failures.boundary_error(result, method) <= 0.51
     for i, j in ((3, 10), (15, 60)):
         theory = stability.spectral_radius(oscillator.step_matrix(method, x[j], zeta[i]))
-        assert found.values[i, j] == pytest.approx(theory, rel=1e-7)
+        assert result.values[i, j] == pytest.approx(theory, rel=1e-7)
 
 
 # --- the stiff spring -----------------------------------------------------------------------------
@@ -66,11 +66,11 @@ def test_the_boundary_of_a_map_is_within_half_a_cell_of_theory(method):
 
 def test_discrete_is_implicit_euler_on_a_spring_and_pays_half_of_omega_dt_in_damping():
     for x in (0.03, 0.7, 12.0, 900.0):
-        found, theory = failures.mujoco_mode("discrete", x), failures.implicit_euler_mode(x)
-        assert found.growth == pytest.approx(theory.growth, rel=1e-9)
-        assert found.growth == pytest.approx((1.0 + x * x) ** -0.5, rel=1e-9)
-        assert found.damping == pytest.approx(theory.damping, rel=1e-6)
-        assert found.phase == pytest.approx(theory.phase, rel=1e-6)
+        result, theory = failures.mujoco_mode("discrete", x), failures.implicit_euler_mode(x)
+        assert result.growth == pytest.approx(theory.growth, rel=1e-9)
+        assert result.growth == pytest.approx((1.0 + x * x) ** -0.5, rel=1e-9)
+        assert result.damping == pytest.approx(theory.damping, rel=1e-6)
+        assert result.phase == pytest.approx(theory.phase, rel=1e-6)
     small = failures.mujoco_mode("discrete", 0.02)
     assert small.damping == pytest.approx(0.01, rel=1e-3)
     assert small.phase == pytest.approx(-(0.02**2) / 3.0, rel=1e-3)
@@ -265,10 +265,10 @@ def test_the_chart_of_chatter_counts_every_bounce_and_both_kinds_of_boxes():
 def test_bounces_pile_up_as_the_geometric_series_says():
     e, end = 0.7, impacts.zeno_end(1.0, 0.7)
     first = math.sqrt(2.0 / 9.80665)
-    left = np.array([0.3, 1e-2, 1e-4, 1e-6])
+    remaining = np.array([0.3, 1e-2, 1e-4, 1e-6])
     # After n impacts 2 t1 e^n / (1 - e) is left.
-    theory = np.floor(1.0 + np.log(left * (1.0 - e) / (2.0 * first * e)) / math.log(e) + 1e-12)
-    assert impacts.zeno_counts(end - left).tolist() == theory.tolist()
+    theory = np.floor(1.0 + np.log(remaining * (1.0 - e) / (2.0 * first * e)) / math.log(e) + 1e-12)
+    assert impacts.zeno_counts(end - remaining).tolist() == theory.tolist()
     # With a rest speed it ends with the first impact that is slower.
     slowest = math.floor(math.log(0.01 / math.sqrt(2.0 * 9.80665)) / math.log(e)) + 2
     assert abs(impacts.zeno_counts(np.array([end + 1.0]), rest_speed=0.01)[0] - slowest) <= 1

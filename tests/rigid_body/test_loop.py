@@ -38,8 +38,8 @@ def oscillator_loop(log, **settings):
         return new
 
     def control(measurement, image, time):
-        seen = 0.0 if image is None else image.data
-        command = -3.0 * measurement[1] - 0.1 * seen
+        observed = 0.0 if image is None else image.data
+        command = -3.0 * measurement[1] - 0.1 * observed
         log.append(("command", time, command))
         return command
 
@@ -187,10 +187,10 @@ def test_a_delay_between_two_steps_ends_at_the_next_one():
 
 
 def test_an_image_reaches_control_after_the_camera_delay():
-    seen: list = []
+    observed: list = []
 
     def control(measurement, image, time):
-        seen.append((time, None if image is None else image.time))
+        observed.append((time, None if image is None else image.time))
         return 0.0
 
     loop = FixedStepLoop(
@@ -201,13 +201,13 @@ def test_an_image_reaches_control_after_the_camera_delay():
         camera_delay="0.032",
     )
     loop.advance(Fraction(1, 10))
-    assert seen[:7] == [(k * 5 / 1000, None) for k in range(7)]
-    for time, exposure in seen[7:]:
+    assert observed[:7] == [(k * 5 / 1000, None) for k in range(7)]
+    for time, exposure in observed[7:]:
         # Delivered at the first control tick from 32 ms on; then ages until the next delivery.
         assert 0.032 - 1e-12 <= time - exposure < 0.032 + 0.02 + 1e-12
         assert exposure * 50 == pytest.approx(round(exposure * 50), abs=1e-12)
-    assert seen[7] == (0.035, 0.0)
-    assert seen[11] == (0.055, 0.02)
+    assert observed[7] == (0.035, 0.0)
+    assert observed[11] == (0.055, 0.02)
 
 
 def test_a_picture_shows_the_motion_one_step_before_its_own_time():

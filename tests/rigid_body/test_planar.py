@@ -114,11 +114,11 @@ def test_an_impact_within_a_step_of_each_integrator(name: str) -> None:
     dt, gap, speed, e, c = 0.02, 0.03, 3.0, 0.6, FLIGHT_COEFFICIENT[name]
     tau = brentq(lambda t: gap - speed * t - c * G * t * t, 0, dt, xtol=1e-16)
     up = e * (speed + G * tau)
-    left = dt - tau
+    remaining = dt - tau
     body = box(0, 0.1 + gap, 0, 0, -speed, 0, restitution=e)
     body.step(dt, integrator=name)
-    assert body.state[1] - 0.1 == pytest.approx(up * left - c * G * left**2, abs=1e-12)
-    assert body.state[4] == pytest.approx(up - G * left, abs=1e-12)
+    assert body.state[1] - 0.1 == pytest.approx(up * remaining - c * G * remaining**2, abs=1e-12)
+    assert body.state[4] == pytest.approx(up - G * remaining, abs=1e-12)
 
 
 # Tumbling in flight and the time of the first impact
@@ -239,8 +239,8 @@ def impulse_reference(v, rx, ry, inertia, e, mu, steps=200):
             rise = 1 + rx**2 / inertia + along * k
             goal = loaded * (1 - e**2)
             root = np.sqrt(np.maximum(vn**2 + 2 * rise * (goal - work), 0.0))
-            left = np.where(compressing, -vn / rise, (root - vn) / rise)
-            share = np.where(running, np.where(left > 0, np.minimum(left / p, 1.0), 1.0), 0.0)
+            remaining = np.where(compressing, -vn / rise, (root - vn) / rise)
+            share = np.where(running, np.where(remaining > 0, np.minimum(remaining / p, 1.0), 1.0), 0.0)
         q = share * p
         v += q * np.array([k, np.ones_like(k), (rx - ry * k) / inertia])
         work += q * (vn + 0.5 * rise * q)
@@ -446,7 +446,7 @@ def test_detected_late_is_of_first_order_and_resolved_is_exact() -> None:
     for resolve in (False, True):
         rms = []
         for n in steps:
-            found = []
+            result = []
             # The error depends on where in the step the impact falls: average over that.
             for shift in np.linspace(0, 1, 40, endpoint=False) * end / n:
                 y0, v0 = 0.1 + drop - 0.5 * G * shift**2, -G * shift
@@ -460,8 +460,8 @@ def test_detected_late_is_of_first_order_and_resolved_is_exact() -> None:
                     resolve_impacts=resolve,
                 )
                 later = u + shift
-                found.append(state[1, 0] - (0.1 + e * G * t1 * later - 0.5 * G * later**2))
-            rms.append(np.sqrt(np.mean(np.square(found))))
+                result.append(state[1, 0] - (0.1 + e * G * t1 * later - 0.5 * G * later**2))
+            rms.append(np.sqrt(np.mean(np.square(result))))
         errors[resolve] = np.array(rms)
     slope = -np.polyfit(np.log(steps[3:]), np.log(errors[False][3:]), 1)[0]
     assert slope == pytest.approx(1.0, abs=0.1)
@@ -491,9 +491,9 @@ def test_a_batch_equals_its_bodies_one_by_one() -> None:
     parameters = box_parameters(rng.uniform(0.5, 2, n), friction=rng.uniform(0, 1, n))
     forces = rng.normal(size=(3, n)) * [[0.2], [0.2], [0.01]]
     start = many(n, 5)
-    kept = start.copy(), parameters.copy(), forces.copy()
+    retained = start.copy(), parameters.copy(), forces.copy()
     end, counts = advance_boxes(start, parameters, 0.002, 600, forces=forces)
-    assert all(map(np.array_equal, kept, (start, parameters, forces)))
+    assert all(map(np.array_equal, retained, (start, parameters, forces)))
     for j in range(n):
         state = start[:, j : j + 1]
         impacts = 0

@@ -606,9 +606,9 @@ def test_one_rotation_with_many_vectors_and_the_other_way_round():
     u, v = random_vectors(5)
     q, batch = quat.exp(v[:, 0]), quat.exp(u)
     np.testing.assert_allclose(quat.rotate(q, u), quat.to_matrix(q) @ u, rtol=0, atol=2e-15)
-    many = np.repeat(q[:, None], 5, axis=1)
-    np.testing.assert_array_equal(quat.product(q, batch), quat.product(many, batch))
-    np.testing.assert_array_equal(quat.product(batch, q), quat.product(batch, many))
+    count = np.repeat(q[:, None], 5, axis=1)
+    np.testing.assert_array_equal(quat.product(q, batch), quat.product(count, batch))
+    np.testing.assert_array_equal(quat.product(batch, q), quat.product(batch, count))
 
 
 # ---- values from outside ----

@@ -209,11 +209,11 @@ def test_numbers_agree_with_the_state():
     experiment = Experiment(MODEL)
     assert experiment.picture().numbers["energy change"] == "+0.00 %"
     experiment.advance(1.0)
-    said = experiment.picture().numbers
+    text = experiment.picture().numbers
     kinetic, potential, both = energies(experiment.state["box"][:, 0], 9.8)
-    assert said["time"] == "1.000 s"
-    assert said["kinetic"] == f"{kinetic:.3f} J" and said["potential"] == f"{potential:.3f} J"
-    assert said["energy change"].startswith("\N{MINUS SIGN}") and said["total"] == f"{both:.3f} J"
+    assert text["time"] == "1.000 s"
+    assert text["kinetic"] == f"{kinetic:.3f} J" and text["potential"] == f"{potential:.3f} J"
+    assert text["energy change"].startswith("\N{MINUS SIGN}") and text["total"] == f"{both:.3f} J"
     still = Experiment(MODEL, gravity=0.0, start=(0.0, 1.0, 0.0, 0.0, 0.0, 0.0))
     assert still.picture().numbers["energy change"] == "\N{EN DASH}"
     deep = Experiment(MODEL, **PRESETS["50 ms steps: deep in the ground"].values)

@@ -155,8 +155,8 @@ def test_equal_moments_have_no_gyroscopic_term_and_the_top_stands():
 def test_the_lost_axis_is_the_one_that_the_rings_turn_about_worst():
     for yaw, pitch, roll in np.random.default_rng(4).uniform(-1.5, 1.5, (30, 3)):
         E = quaternion.euler_zyx_rate_matrix(pitch, roll)
-        left, values, _ = np.linalg.svd(E)
-        world = quaternion.rotate(quaternion.from_euler_zyx(yaw, pitch, roll), left[:, 2])
+        remaining, values, _ = np.linalg.svd(E)
+        world = quaternion.rotate(quaternion.from_euler_zyx(yaw, pitch, roll), remaining[:, 2])
         axes = gimbal.axes_of(yaw, pitch, roll)
         assert abs(world @ axes[3]) == pytest.approx(1.0, abs=1e-9)
         assert values[2] == pytest.approx(math.sqrt(1 - abs(math.sin(pitch))))
@@ -183,11 +183,11 @@ def test_after_a_full_turn_the_body_is_back_and_its_quaternion_is_not():
 
 @pytest.mark.parametrize("goal", [90.0, 270.0])
 def test_both_ways_end_at_one_attitude_and_make_a_full_turn_together(goal):
-    ways = [after(double_cover.MODEL, 9.0, goal=goal, way=way).state["turned"] for way in (0, 1)]
-    ends = [quaternion.exp(turned * double_cover.AXIS) for turned in ways]
+    paths = [after(double_cover.MODEL, 9.0, goal=goal, way=path).state["turned"] for path in (0, 1)]
+    ends = [quaternion.exp(turned * double_cover.AXIS) for turned in paths]
     np.testing.assert_allclose(ends[0], -ends[1], atol=1e-15)
-    assert ways[0] - ways[1] == pytest.approx(2 * math.pi)
-    shorter = int(np.argmin(np.abs(ways)))
+    assert paths[0] - paths[1] == pytest.approx(2 * math.pi)
+    shorter = int(np.argmin(np.abs(paths)))
     assert shorter == (0 if ends[0][0] > 0 else 1)
 
 
@@ -198,9 +198,9 @@ def test_both_ways_end_at_one_attitude_and_make_a_full_turn_together(goal):
 def test_the_step_of_the_spring_is_the_matrix_derived_by_hand(method):
     for omega_h, zeta in ((0.3, 0.0), (1.1, 0.25), (2.3, 0.0)):
         experiment = Experiment(spring.MODEL, omega_h=omega_h, zeta=zeta, method=method)
-        wanted = oscillator.step_matrix(oscillator.METHODS[method], omega_h, zeta)
-        np.testing.assert_allclose(experiment.state["matrix"], wanted, atol=1e-12)
-        modulus = np.abs(np.linalg.eigvals(wanted)).max()
+        expected = oscillator.step_matrix(oscillator.METHODS[method], omega_h, zeta)
+        np.testing.assert_allclose(experiment.state["matrix"], expected, atol=1e-12)
+        modulus = np.abs(np.linalg.eigvals(expected)).max()
         assert number(experiment, "largest |eigenvalue|") == pytest.approx(modulus, abs=6e-5)
 
 
@@ -225,8 +225,8 @@ def test_a_wall_is_missed_as_often_as_theory_says():
     for speed, timestep, wall in ((40.0, 10.0, 20.0), (12.0, 10.0, 20.0), (100.0, 20.0, 200.0)):
         values = {"speed": speed, "timestep": timestep, "wall": wall}
         experiment = Experiment(tunnelling.MODEL, **values)
-        way, wide = 1e-3 * speed * timestep, 0.1 + 1e-3 * wall
-        assert experiment.state["share"] == pytest.approx(max(0.0, 1 - wide / way), abs=1.1e-3)
+        distance, wide = 1e-3 * speed * timestep, 0.1 + 1e-3 * wall
+        assert experiment.state["share"] == pytest.approx(max(0.0, 1 - wide / distance), abs=1.1e-3)
         assert Experiment(tunnelling.MODEL, **values, sweep=True).state["share"] == 0.0
 
 

@@ -314,8 +314,8 @@ def test_bounce_energy_between_impacts_is_a_power_of_the_restitution(height, res
     times = problems.bounce_times(height, restitution, bounces + 1, 9.81)
     assume(times[-1] - times[-2] > 1e-6)
     _, v = state = solutions.bounce_step(height, 0.0, float(times[-2:].mean()), restitution)
-    wanted = restitution ** (2 * bounces) * 9.81 * height
-    assert energy(*state) == pytest.approx(wanted, rel=1e-6)
+    expected = restitution ** (2 * bounces) * 9.81 * height
+    assert energy(*state) == pytest.approx(expected, rel=1e-6)
     assert abs(v) < 1e-6  # the apex is half way
 
 
@@ -332,15 +332,15 @@ def test_bounce_agrees_with_the_planar_box_of_the_course():
 def test_bounce_is_what_mujoco_comes_to_with_smaller_steps():
     """MuJoCo places the impact at the end of a step, and leaves 1e-4 of an impact to softness."""
     y, v = solutions.bounce_step(1.0, 0.0, 0.8, 0.5)
-    off = {}
+    deviation = {}
     for dt in (1e-3, 1e-4, 1e-5):
         runner = mujoco_box.box_drop(
             (0.1, 0.1), 1.0, (0, 1.1, 0), (0, 0, 0), dt, "Euler", restitution=0.5, friction=0.0
         )
         q, qd = runner.run(round(0.8 / dt))
-        off[dt] = abs(q[1] - 0.1 - y), abs(qd[1] - v)
-    assert off[1e-5][0] < 3e-4 and off[1e-5][1] < 1e-3
-    assert off[1e-3][0] > 5e-4 and off[1e-3][1] > 1e-2
+        deviation[dt] = abs(q[1] - 0.1 - y), abs(qd[1] - v)
+    assert deviation[1e-5][0] < 3e-4 and deviation[1e-5][1] < 1e-3
+    assert deviation[1e-3][0] > 5e-4 and deviation[1e-3][1] > 1e-2
 
 
 @pytest.mark.parametrize(
@@ -462,13 +462,13 @@ def test_stable_step_is_mujocos_limit():
 @pytest.mark.parametrize(("stiffness", "mass"), [(1.0, 1.0), (1e5, 1.0), (40.0, 0.3)])
 def test_stable_step_of_one_spring_is_where_mujoco_begins_to_grow(stiffness, mass):
     omega = math.sqrt(stiffness / mass)
-    found = stability.limit(
+    result = stability.limit(
         lambda x: stability.is_stable_by_matrix(mujoco_oscillator.oscillator_step("Euler", x), 2),
         1.0,
         3.0,
     )
     step = solutions.largest_stable_step(np.array([[stiffness]]), np.array([[mass]]))
-    assert step * omega == pytest.approx(found, rel=2e-4)
+    assert step * omega == pytest.approx(result, rel=2e-4)
 
 
 def test_stable_step_without_a_spring_is_infinite():
@@ -542,8 +542,8 @@ def test_tumble_keeps_what_a_free_body_keeps(q, omega, inertia):
 def test_observed_order_of_an_exact_power_law(order, ratio, constant, limit):
     coarse, medium, fine = (limit + constant * (0.1 * ratio**i) ** order for i in (2, 1, 0))
     assume(np.linalg.norm(fine - medium) > 1e-5)
-    found, extrapolated = solutions.observed_order(coarse, medium, fine, ratio)
-    assert found == pytest.approx(order, abs=1e-6)
+    result, extrapolated = solutions.observed_order(coarse, medium, fine, ratio)
+    assert result == pytest.approx(order, abs=1e-6)
     assert extrapolated == pytest.approx(limit, abs=1e-8)
 
 

@@ -10,8 +10,8 @@ from course.role import CHAIN, age
 @pytest.mark.slow
 def test_more_phases_come_nearer_and_the_closed_form_is_there() -> None:
     (panel,) = charts.build("age_precision", runs=(3, 100), repeats=3, reference=256)
-    few, many = panel["random phases"].y
-    assert many < few and many < 5 * age(CHAIN).std / np.sqrt(100)
+    few, more = panel["random phases"].y
+    assert more < few and more < 5 * age(CHAIN).std / np.sqrt(100)
     assert panel["closed form"].y[0] < 1e-3 < few
     assert panel["closed form"].x[0] < panel["random phases"].x[0]
 
@@ -22,8 +22,8 @@ def test_each_limit_is_where_theory_puts_it() -> None:
     assert one.y == pytest.approx(one.expected, abs=1e-6) and np.ptp(one.y) > 0.02
     assert np.ptp(locked["9.73"].y) < 0.2 * np.ptp(one.y)
     tooth = drift["30 Hz"]
-    off = np.abs(np.asarray(tooth.y) - tooth.expected)
-    assert np.mean(np.minimum(off, 1 / 30 - off) < 1e-4) > 0.99
+    error = np.abs(np.asarray(tooth.y) - tooth.expected)
+    assert np.mean(np.minimum(error, 1 / 30 - error) < 1e-4) > 0.99
     for label in ("reader at 9.7", "reader at 33"):
         assert queue[label].y == pytest.approx(queue[label].expected, abs=2e-3)
     grows = overload["endless"]

@@ -79,27 +79,27 @@ def test_events_happen_when_a_grid_of_time_says_so(drawn):
         (o + k / n) * TICK / s.period if s.period else 0.0
         for k, (s, o) in enumerate(zip(stages, offsets, strict=True))
     ]
-    found = simulate(stages, phases, seconds=2 * ticks * TICK)
+    result = simulate(stages, phases, seconds=2 * ticks * TICK)
     published, captured = on_a_grid(stages, offsets, ticks)
     # Where results overtake one another the newest counts; the grid's order of equals is its own.
-    seen = found.published < (ticks - 1) * TICK
+    observed = result.published < (ticks - 1) * TICK
     times = np.arange(0.25, n * (ticks - 1), 0.5) * TICK / n
     index = np.searchsorted(published, times, side="right")
     newest = np.append(np.nan, np.maximum.accumulate(captured))
-    assert seen.sum() == (published < (ticks - 1) * TICK).sum()
-    np.testing.assert_allclose(found.age(times), times - newest[index], atol=1e-9)
+    assert observed.sum() == (published < (ticks - 1) * TICK).sum()
+    np.testing.assert_allclose(result.age(times), times - newest[index], atol=1e-9)
 
 
 def ages(stages, rng, runs, per_run=20):
     """Ages at random times of runs with random phases, once queues are full: (runs, per_run)."""
-    kept = np.prod([1.0 - s.lost for s in stages])  # until something has come through
+    retained = np.prod([1.0 - s.lost for s in stages])  # until something has come through
     start = 3.0 * sum(s.period or s.execution for s in stages) * max(s.depth for s in stages)
-    start *= 1.0 if kept == 1.0 else 5.0 / kept
-    found = []
+    start *= 1.0 if retained == 1.0 else 5.0 / retained
+    result = []
     for seed in range(runs):
         run = simulate(stages, rng.random(len(stages)), seed, 2.0 * start)
-        found.append(run.age(rng.uniform(start, 2.0 * start, per_run)))
-    return np.array(found)
+        result.append(run.age(rng.uniform(start, 2.0 * start, per_run)))
+    return np.array(result)
 
 
 @st.composite
@@ -130,11 +130,11 @@ def test_no_age_leaves_its_bounds_and_the_mean_is_the_predicted(stages, seed):
     except ValueError as problem:  # only what the docstring names
         assert any(w in str(problem) for w in ("lost", "rule for overload", "full at times"))
         return
-    found = ages(stages, np.random.default_rng(seed), 60)
-    assert predicted.least - 1e-9 <= found.min() and found.max() <= predicted.greatest + 1e-9
-    error = found.mean(axis=1).std() / np.sqrt(len(found)) + 1e-9
-    assert abs(found.mean() - predicted.mean) < 5.0 * error
-    assert 0.6 < found.std() / predicted.std < 1.6
+    result = ages(stages, np.random.default_rng(seed), 60)
+    assert predicted.least - 1e-9 <= result.min() and result.max() <= predicted.greatest + 1e-9
+    error = result.mean(axis=1).std() / np.sqrt(len(result)) + 1e-9
+    assert abs(result.mean() - predicted.mean) < 5.0 * error
+    assert 0.6 < result.std() / predicted.std < 1.6
 
 
 def test_the_example_of_the_chapter():
@@ -144,9 +144,9 @@ def test_the_example_of_the_chapter():
     assert (predicted.least, predicted.mean, predicted.greatest) == pytest.approx(
         (C, C + T / 2, C + T), rel=1e-12
     )  # Davare and others, 2007: C + T
-    found = ages(CHAIN, np.random.default_rng(1), 600, 2)
-    assert abs(found.mean() - predicted.mean) < 5 * predicted.std / np.sqrt(600)
-    assert found.std() == pytest.approx(predicted.std, rel=0.1)
+    result = ages(CHAIN, np.random.default_rng(1), 600, 2)
+    assert abs(result.mean() - predicted.mean) < 5 * predicted.std / np.sqrt(600)
+    assert result.std() == pytest.approx(predicted.std, rel=0.1)
     assert cost(predicted, 0.3).held == pytest.approx(0.3 * (C + T / 2))
 
 
@@ -202,9 +202,9 @@ def test_a_queue_on_a_faster_producer_adds_its_depth_and_on_a_slower_one_nothing
     for period, behind in ((0.1, (depth - 1) / 30), (0.031, 0.0)):
         chain = [camera, Stage("reader", 1e-4, period, depth)]
         assert age(chain).waits[0] == pytest.approx(1 / 60 + behind)
-        found = ages(chain, np.random.default_rng(depth), 100)
+        result = ages(chain, np.random.default_rng(depth), 100)
         # A reader a little faster than its producer empties the queue.
-        assert found.mean() == pytest.approx(age(chain).mean, abs=0.01)
+        assert result.mean() == pytest.approx(age(chain).mean, abs=0.01)
 
 
 def test_overload_on_both_sides_of_its_limit():
@@ -217,11 +217,11 @@ def test_overload_on_both_sides_of_its_limit():
         )
     for depth in (1, 4):  # always busy: a clock of its own execution, behind a full queue
         chain = [camera, triggered("queue", 0.1618, depth)]
-        told = age(chain)
-        assert told.mean == pytest.approx(0.001 + 0.1618 + 0.1 * (depth - 0.5) + 0.0809)
-        found = ages(chain, np.random.default_rng(0), 40)
-        assert found.mean() == pytest.approx(told.mean, rel=0.03)
-        assert told.least - 1e-9 <= found.min() and found.max() <= told.greatest + 1e-9
+        report = age(chain)
+        assert report.mean == pytest.approx(0.001 + 0.1618 + 0.1 * (depth - 0.5) + 0.0809)
+        result = ages(chain, np.random.default_rng(0), 40)
+        assert result.mean() == pytest.approx(report.mean, rel=0.03)
+        assert report.least - 1e-9 <= result.min() and result.max() <= report.greatest + 1e-9
     with pytest.raises(ValueError, match=r"execution of triggered is 0.11, allowed is up to"):
         age([camera, triggered("", 0.11)])
     for C, grows in ((0.099, 0.0), (0.101, 1 - 0.1 / 0.101), (0.2, 0.5)):

@@ -41,12 +41,12 @@ def settings():
 @pytest.mark.parametrize("values", list(settings()))
 def test_its_lines_are_those_of_the_closed_form(values):
     run = Experiment(MODEL, **values)
-    told = age(stages(run.controls))
+    report = age(stages(run.controls))
     least, mean, greatest, *_ = stack.predicted(run.controls)
-    assert (least, mean, greatest) == pytest.approx((told.least, told.mean, told.greatest))
+    assert (least, mean, greatest) == pytest.approx((report.least, report.mean, report.greatest))
     ages = np.flatnonzero(run.state["ages"]) * 1.15 * greatest / run.state["ages"].size
     assert ages[0] >= least - 0.03 * greatest and ages[-1] <= greatest
-    if not values.get("locked") and run.controls["rate"] >= 4.0 and told.waits[0] > 0:
+    if not values.get("locked") and run.controls["rate"] >= 4.0 and report.waits[0] > 0:
         assert run.state["mean"] == pytest.approx(mean, rel=0.06)
     assert run.state["ages"].sum() == pytest.approx(1.0)
 
@@ -67,11 +67,11 @@ def test_a_click_and_the_keys_choose_each_box():
     for k, (x, y) in enumerate(stack._AT):
         run.drag(x + 0.1, y - 0.1)
         assert run.controls["box"] == k
-    seen = set()
+    visited = set()
     for _ in BOXES:
         run.press("ArrowRight")
-        seen.add(int(run.controls["box"]))
-    assert seen == set(range(len(BOXES)))
+        visited.add(int(run.controls["box"]))
+    assert visited == set(range(len(BOXES)))
 
 
 def test_the_pulse_gets_older_by_the_time_that_passes():

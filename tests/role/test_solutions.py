@@ -23,8 +23,8 @@ from tests.budget import examples
 def test_ages_are_those_of_the_chapter(stages):
     C, T = np.array(stages).T
     T[0] = T[0] or 0.03
-    told = age([Stage(f"{i}", c, t or None) for i, (c, t) in enumerate(zip(C, T, strict=True))])
-    assert chain_age(C, T) == pytest.approx([told.least, told.mean, told.greatest])
+    message = age([Stage(f"{i}", c, t or None) for i, (c, t) in enumerate(zip(C, T, strict=True))])
+    assert chain_age(C, T) == pytest.approx([message.least, message.mean, message.greatest])
 
 
 def test_ages_of_a_log_are_those_of_the_simulation():
@@ -32,8 +32,8 @@ def test_ages_of_a_log_are_those_of_the_simulation():
     run = simulate([camera], [0.2], 3, 5.0)
     times = np.linspace(0.5, 4.9, 300)
     order = np.random.default_rng(0).permutation(run.published.size)
-    found = log_age(run.captured[order], run.published[order], times)
-    assert found == pytest.approx(run.age(times))
+    result = log_age(run.captured[order], run.published[order], times)
+    assert result == pytest.approx(run.age(times))
     assert log_age([0.0], [1.0], [0.5, 1.0]).tolist() == [-1.0, 1.0]
 
 
@@ -46,13 +46,13 @@ def test_the_critical_path_is_the_longest_of_all(seed):
     ]
     taken, allowed = rng.random((2, len(pairs)))
     latency = {pair: t for pair, t in zip(pairs, taken, strict=True)}
-    ways = [
+    paths = [
         list(itertools.pairwise((0, *middle, n - 1)))
         for k in range(n - 1)
         for middle in itertools.combinations(range(1, n - 1), k)
     ]
-    ways = [way for way in ways if all(pair in latency for pair in way)]
-    longest = max(ways, key=lambda way: sum(latency[pair] for pair in way))
+    paths = [method for method in paths if all(pair in latency for pair in method)]
+    longest = max(paths, key=lambda method: sum(latency[pair] for pair in method))
     late = [pairs.index(p) for p in longest if latency[p] > allowed[pairs.index(p)]]
     order = rng.permutation(len(pairs))
     edge, total = over_budget(np.array(pairs)[order], taken[order], allowed[order], 0, n - 1)

@@ -14,9 +14,9 @@ def test_what_lowers_and_what_lifts_success() -> None:
     assert twin.high[0] < twin.y[-1]
     (bought,) = charts.stored("robot_time")
     plain = {name: rate for _, rate, name in bought.lines}
-    told, tried = bought["identified"], bought["fine-tuned"]
-    assert plain["no range"] < plain["range 1"] < min(told.low)
-    assert told.x[0] < 0.02 * tried.x[0] and told.high[0] > max(tried.low)
+    report, tried = bought["identified"], bought["fine-tuned"]
+    assert plain["no range"] < plain["range 1"] < min(report.low)
+    assert report.x[0] < 0.02 * tried.x[0] and report.high[0] > max(tried.low)
 
 
 def test_a_mended_delay_hurts_alone_and_the_trace_is_of_these_subsets() -> None:

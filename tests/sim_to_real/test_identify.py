@@ -50,14 +50,14 @@ def runs():
 def test_without_noise_the_truth_comes_back_from_afar(heavy, off, damping):
     factors = [*(heavy * (1.0 + x) for x in off), *damping]
     start = {name: value * f for (name, value), f in zip(TRUTH.items(), factors, strict=True)}
-    found = fit(arm, record(noise=0.0), start, FREE)
-    assert found.value == pytest.approx(TRUE, rel=1e-7)
-    assert found.reason == ""
+    result = fit(arm, record(noise=0.0), start, FREE)
+    assert result.value == pytest.approx(TRUE, rel=1e-7)
+    assert result.reason == ""
 
 
 @pytest.mark.slow
 def test_the_spread_is_the_least_possible_and_the_intervals_hold():
-    value = np.array([found.value for found in runs()])
+    value = np.array([result.value for result in runs()])
     bound = np.sqrt(np.diag(cramer_rao()))
     # Four standard deviations of a spread, a mean and a share out of so many runs.
     spread = value.std(axis=0, ddof=1) / bound
@@ -82,7 +82,7 @@ def along(log):
 def test_six_numbers_of_which_five_show_as_the_regressor_predicts():
     log, start = record(), logs.six()
     bounds = dict.fromkeys(start, (1e-4, 10.0))
-    found = fit(logs.rods, log, start, bounds)
+    result = fit(logs.rods, log, start, bounds)
     # d base / d (m1, I1, m2, I2, c1, c2), each times its size.
     l1, l2 = plants.ARM.lengths
     into = np.zeros((5, 6))
@@ -92,18 +92,18 @@ def test_six_numbers_of_which_five_show_as_the_regressor_predicts():
     rows = plants.ARM.regressor(*along(log)).swapaxes(0, 1).reshape(5, -1).T @ into
     _, values, directions = np.linalg.svd(rows * list(start.values()), full_matrices=False)
     assert values[-1] < 1e-13 * values[0] < 1e-6 * values[-2]
-    assert found.rank == 5
-    assert abs(found.directions[0] @ directions[-1]) == pytest.approx(1.0, abs=1e-6)
-    assert np.abs(found.directions[0, :2]) == pytest.approx([0.316, 0.949], abs=1e-3)
-    assert found.null == ("of m1 and I1 only I1 +0.0625 m1 shows",)
-    assert found.null[0] in found.reason
-    assert list(np.isinf(found.half_width())) == [True, True, False, False, False, False]
+    assert result.rank == 5
+    assert abs(result.directions[0] @ directions[-1]) == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(result.directions[0, :2]) == pytest.approx([0.316, 0.949], abs=1e-3)
+    assert result.null == ("of m1 and I1 only I1 +0.0625 m1 shows",)
+    assert result.null[0] in result.reason
+    assert list(np.isinf(result.half_width())) == [True, True, False, False, False, False]
     # What shows is right, and a start elsewhere on the null line stays there.
     other = fit(logs.rods, log, start | {"m1": 0.7, "I1": 0.01}, bounds)
-    for answer in (found, other):
+    for answer in (result, other):
         shown = answer.value[1] + 0.0625 * answer.value[0]
         assert shown == pytest.approx(start["I1"] + 0.0625 * start["m1"], rel=1e-3)
-    assert abs(other.value[0] - found.value[0]) > 0.05
+    assert abs(other.value[0] - result.value[0]) > 0.05
 
 
 def test_what_does_not_show_is_said_in_a_sentence():
@@ -114,31 +114,31 @@ def test_what_does_not_show_is_said_in_a_sentence():
     t = np.linspace(0.0, 4.9, 50)
     log = Log(t, 6.0 * t[None] + 0.01 * np.sin(77.0 * t), np.zeros((1, 49)))
     start = {"x": 1.0, "y": 2.0, "z": 3.0, "w": 5.0}
-    found = fit(line, log, start, dict.fromkeys(start, (-1e6, 1e6)))
-    assert found.rank == 1
-    assert "w does not show" in found.null
+    result = fit(line, log, start, dict.fromkeys(start, (-1e6, 1e6)))
+    assert result.rank == 1
+    assert "w does not show" in result.null
     # Two directions out of three: each sentence names two numbers of which the sum shows.
-    pairs = [text for text in found.null if " only " in text]
+    pairs = [text for text in result.null if " only " in text]
     assert len(pairs) == 2 and all(" +1 " in text for text in pairs)
-    assert np.isinf(found.half_width()).all()
+    assert np.isinf(result.half_width()).all()
 
 
 def test_excitation_is_told_before_it_is_measured():
     kinds = ("one slow joint", "steps", "two sines")
-    told = excitation(arm, {kind: record(kind) for kind in kinds}, TRUTH, FREE, NOISE)
-    assert next(iter(told)) == "two sines"
-    condition = {kind: what.condition for kind, what in told.items()}
+    report = excitation(arm, {kind: record(kind) for kind in kinds}, TRUTH, FREE, NOISE)
+    assert next(iter(report)) == "two sines"
+    condition = {kind: what.condition for kind, what in report.items()}
     assert condition["two sines"] < 10.0 < 2.0 * condition["two sines"] < condition["steps"]
     assert condition["one slow joint"] > 15.0
     # A tolerance of 0.1 %: two sines keep it and one slow joint does not; fits agree with both.
     for kind, inside in (("two sines", True), ("one slow joint", False)):
-        claimed = 1.96 * np.sqrt(np.diag(told[kind].covariance)) / TRUE
+        claimed = 1.96 * np.sqrt(np.diag(report[kind].covariance)) / TRUE
         assert (claimed.max() < 1e-3) == inside
-        off = np.abs(
+        error = np.abs(
             [fit(arm, record(kind, seed=s), GUESS, FREE).value / TRUE - 1 for s in range(3)]
         )
-        assert (off.max() < 1e-3) == inside
-        assert (off < 2.0 * claimed).all()
+        assert (error.max() < 1e-3) == inside
+        assert (error < 2.0 * claimed).all()
 
 
 @pytest.mark.parametrize(
@@ -152,9 +152,9 @@ def test_excitation_is_told_before_it_is_measured():
 )
 def test_the_interval_lies_when_the_model_does_and_the_residual_tells(changed):
     log = record(**changed)
-    found = fit(arm, log, GUESS, FREE)
-    assert (np.abs(found.value - TRUE) / found.half_width()).max() > 4.0
-    assert found.white < ALARM and "not white" in found.reason
+    result = fit(arm, log, GUESS, FREE)
+    assert (np.abs(result.value - TRUE) / result.half_width()).max() > 4.0
+    assert result.white < ALARM and "not white" in result.reason
     # With it in the model all is well, whether its start is known or not.
     bounds = dict.fromkeys(changed, (0.0, 0.4))
     start = GUESS | {key: 2.0 * value for key, value in changed.items()}
@@ -168,9 +168,9 @@ def test_ten_numbers_of_a_real_arm_out_of_one_episode():
     gains, ranks = np.array([41.0, 2.5, 5.6, 21.0, 3.3, 1.2]), []
     for gap, seed in ((0.3, 0), (0.3, 1), (1.0, 0), (1.0, 1)):
         log, start, truth = logs.episode(plants.real(gap, 0.01), gains, plants.tasks(1, seed))
-        found = fit(arm, log, start, ALL)
-        assert (np.abs(found.value - truth) < 1.8 * found.half_width()).all()
-        ranks.append(found.rank)
+        result = fit(arm, log, start, ALL)
+        assert (np.abs(result.value - truth) < 1.8 * result.half_width()).all()
+        ranks.append(result.rank)
     assert sorted(ranks)[1:] == [10, 10, 10]
     # The motor's strength is none of them: it scales all torques.
     weak = fit(arm, log, start | {"torque": 1.0}, ALL | {"torque": (0.1, 3.0)})
@@ -179,14 +179,14 @@ def test_ten_numbers_of_a_real_arm_out_of_one_episode():
 
 def test_a_white_residual_is_no_proof_where_the_motion_cannot_show_the_fault():
     log = record("one slow joint", delay=0.01)
-    found = fit(arm, log, GUESS, FREE)
-    assert found.reason == "" and found.white > 0.1
-    assert (np.abs(found.value - TRUE) / found.half_width()).max() > 10.0
+    result = fit(arm, log, GUESS, FREE)
+    assert result.reason == "" and result.white > 0.1
+    assert (np.abs(result.value - TRUE) / result.half_width()).max() > 10.0
     # Excitation says so beforehand: with delay among the numbers this log is hopeless.
     start, bounds = TRUTH | {"delay": 0.01}, FREE | {"delay": (0.0, 0.05)}
     logs = {kind: record(kind) for kind in ("one slow joint", "two sines")}
-    told = excitation(arm, logs, start, bounds)
-    assert told["one slow joint"].condition > 10.0 * told["two sines"].condition
+    report = excitation(arm, logs, start, bounds)
+    assert report["one slow joint"].condition > 10.0 * report["two sines"].condition
 
 
 def test_a_log_one_step_late_is_found_by_its_clock():
@@ -206,9 +206,9 @@ def test_a_log_one_step_late_is_found_by_its_clock():
 
 def test_delay_by_scan_and_as_a_number_like_the_others():
     log = record(delay=0.0073)
-    found, best = scan(arm, log, GUESS | {"delay": 0.0}, FREE, "delay", np.arange(0.0, 0.02, 0.004))
-    assert found == pytest.approx(0.0073, abs=2e-4)
-    whole = fit(arm, log, GUESS | {"delay": found}, FREE | {"delay": (0.0, 0.05)})
+    result, best = scan(arm, log, GUESS | {"delay": 0.0}, FREE, "delay", np.arange(0.0, 0.02, 0.004))
+    assert result == pytest.approx(0.0073, abs=2e-4)
+    whole = fit(arm, log, GUESS | {"delay": result}, FREE | {"delay": (0.0, 0.05)})
     assert abs(whole.value[-1] - 0.0073) < 2.0 * whole.half_width()[-1] < 2e-4
     assert whole.noise < best.noise
     with pytest.raises(ValueError, match=r"^values is .*both sides of 0.004"):
@@ -280,6 +280,6 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_is_named(name):
-    with pytest.raises(ValueError, match=r".* is .*allowed is") as told:
+    with pytest.raises(ValueError, match=r".* is .*allowed is") as report:
         BAD[name]()
-    assert str(told.value).startswith(name.strip())
+    assert str(report.value).startswith(name.strip())

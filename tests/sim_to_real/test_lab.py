@@ -26,8 +26,8 @@ def test_a_grip_slips_below_m_g_plus_a_over_two_mu_and_holds_above(friction, acc
 
 @pytest.mark.slow
 def test_the_least_force_is_the_formulas_and_a_margin_covers_the_draws():
-    found = tuned(Lab(), margin=1.0)
-    assert found.force == pytest.approx(Lab().needed, rel=0.03)
+    result = tuned(Lab(), margin=1.0)
+    assert result.force == pytest.approx(Lab().needed, rel=0.03)
     assert trials(POLICY, 12) == 12
     assert trials(replace(POLICY, offset=0.02), 12) < 12
 
@@ -35,9 +35,9 @@ def test_the_least_force_is_the_formulas_and_a_margin_covers_the_draws():
 def test_friction_wrong_both_ways():
     for believed, real, factor in ((0.3, 0.9, 3.6), (1.2, 0.4, 0.4)):
         sim = Lab(friction=believed)
-        there = replace(sim, force=1.2 * sim.needed, friction=real)
-        assert there.force / there.needed == pytest.approx(factor)
-        assert lift(there).held == (factor > 1.0)
+        other = replace(sim, force=1.2 * sim.needed, friction=real)
+        assert other.force / other.needed == pytest.approx(factor)
+        assert lift(other).held == (factor > 1.0)
 
 
 def test_a_tenth_more_mass_moves_the_lift_by_its_weight_over_the_gain():

@@ -72,8 +72,8 @@ def test_the_policy_is_chapter_6s_controller_at_each_joint_and_its_commands_repl
     ):
         for e in range(4):
             law = Controller(Gains(kp, ki, kd, plants.FILTER, -limit, limit), plants.DT)
-            seen = run.measured[joint, e, :-1].tolist()
-            sent = [law.update(float(posed.reference[joint, e]), y) for y in seen]
+            observed = run.measured[joint, e, :-1].tolist()
+            sent = [law.update(float(posed.reference[joint, e]), y) for y in observed]
             assert sent == run.command[joint, e].tolist()
     start = np.concatenate([posed.start, np.zeros((2, 4))])
     again = driven(body.columns(), run.command.transpose(2, 0, 1), start)
@@ -133,8 +133,8 @@ def test_the_outcome_is_what_the_motion_shows():
     assert np.array_equal(got.success, near[:, -11:].all(axis=1))
     assert np.allclose(got.inside, 0.01 * near.sum(axis=1), atol=1e-12)
     assert np.allclose(got.error, far[:, -1], atol=1e-12)
-    late, there = near[:, -1] & ~got.success, near.any(axis=1)
-    reason = np.where(got.success, 0, np.where(late, 1, np.where(there, 2, 3)))
+    late, other = near[:, -1] & ~got.success, near.any(axis=1)
+    reason = np.where(got.success, 0, np.where(late, 1, np.where(other, 2, 3)))
     assert np.array_equal(got.reason, reason)
     assert len(got.reasons()) >= 3
 
@@ -143,13 +143,13 @@ def test_one_stands_for_all_and_sets_of_gains_are_rows():
     posed, sets = tasks(20, 5), np.array([STEADY, np.multiply(STEADY, 0.5)]).T
     body = real(0.3, 0.01)
     both = rollouts(body, sets, posed)
-    many = Plants(**{name: np.full(20, getattr(body, name)) for name in plants.FIELDS})
+    count = Plants(**{name: np.full(20, getattr(body, name)) for name in plants.FIELDS})
     for k in range(2):
-        alone = rollouts(many, sets[:, k], posed)
+        alone = rollouts(count, sets[:, k], posed)
         assert np.array_equal(both.error[k], alone.error)
         assert both.rate[k] == alone.rate
     picked = rollouts(
-        many.take(np.arange(20) == 7), STEADY, Tasks(posed.start[:, 7:8], posed.goal[:, 7:8])
+        count.take(np.arange(20) == 7), STEADY, Tasks(posed.start[:, 7:8], posed.goal[:, 7:8])
     )
     assert picked.success.shape == (1,)
 

@@ -156,9 +156,9 @@ def test_friction_of_contacts_is_what_was_drawn(limits: tuple[float, float], con
     rng = np.random.default_rng(7)
     for _ in range(5):
         randomizer.randomize(data, rng)
-        found = {oracle.contact_friction(model, geom) for geom in ("sled", "box", "puck")}
-        assert len(found) == 1
-        mu = found.pop()
+        result = {oracle.contact_friction(model, geom) for geom in ("sled", "box", "puck")}
+        assert len(result) == 1
+        mu = result.pop()
         assert limits[0] <= mu <= limits[1]
         assert oracle.sliding_friction(model, speed=6.0) == pytest.approx(mu, rel=1e-9)
 
@@ -167,17 +167,17 @@ def effective(draw: Callable[[Any, np.random.Generator], None], measure: Callabl
     model, data = scene()
     rng = np.random.default_rng(8)
     randomizer = DomainRandomizer(model)
-    found = []
+    result = []
     for _ in range(N):
         randomizer.randomize(data, rng)
         draw(model, rng)
-        found.append(measure(model))
-    return found
+        result.append(measure(model))
+    return result
 
 
-def distance(found: list[float]) -> float:
+def distance(result: list[float]) -> float:
     """p of a Kolmogorov-Smirnov test against the uniform distribution asked for."""
-    return float(stats.kstest(found, stats.uniform(0.4, 0.8).cdf).pvalue)
+    return float(stats.kstest(result, stats.uniform(0.4, 0.8).cdf).pvalue)
 
 
 @pytest.mark.slow
@@ -234,8 +234,8 @@ def test_dampings_and_mass_factors_have_the_distribution_asked_for() -> None:
         assert stats.kstest(column, stats.uniform(0.5, 1.5).cdf).pvalue > RARE
     # Each body and each joint is drawn by itself.
     for table in (masses, drawn[:, single]):
-        off = np.corrcoef(table.T) - np.eye(table.shape[1])
-        assert np.abs(off).max() < 0.25
+        deviation = np.corrcoef(table.T) - np.eye(table.shape[1])
+        assert np.abs(deviation).max() < 0.25
 
 
 def test_a_damped_joint_stops_as_the_drawn_damping_says() -> None:
@@ -451,8 +451,8 @@ def test_noise_is_normal_white_and_added_to_a_copy() -> None:
 def test_without_noise_the_observation_is_a_copy() -> None:
     model, _ = scene()
     observation = np.array([1.0, 2.0])
-    seen = DomainRandomizer(model, noise=0.0).observe(observation, np.random.default_rng(24))
-    assert np.array_equal(seen, observation) and not np.shares_memory(seen, observation)
+    observed = DomainRandomizer(model, noise=0.0).observe(observation, np.random.default_rng(24))
+    assert np.array_equal(observed, observation) and not np.shares_memory(observed, observation)
 
 
 # --- Wrong input ----------------------------------------------------------------------------------

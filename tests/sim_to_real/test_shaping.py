@@ -32,10 +32,10 @@ def drawn(seed: int, S: int = 6, A: int = 2, ends: int = 0, gamma: float = 0.95)
 @given(seed=st.integers(0, 10_000), ends=st.integers(0, 2), gamma=st.floats(0.0, 0.97))
 def test_the_best_policy_is_the_best_of_all(seed, ends, gamma):
     process = drawn(seed, ends=ends, gamma=gamma)
-    found = value_iteration(process)
+    result = value_iteration(process)
     every = np.array([evaluate_policy(process, p) for p in product(range(2), repeat=6)])
-    assert np.abs(found.value - every.max(axis=0)).max() < 1e-9
-    assert np.abs(found.q.max(axis=1) - found.value).max() < 1e-9
+    assert np.abs(result.value - every.max(axis=0)).max() < 1e-9
+    assert np.abs(result.q.max(axis=1) - result.value).max() < 1e-9
     mixed = np.random.default_rng(seed).dirichlet(np.ones(2), 6)
     value = evaluate_policy(process, mixed)
     assert np.abs((mixed * process.backup(value)).sum(axis=1) - value).max() < 1e-9

@@ -18,8 +18,8 @@ def seen(preset, **values):
     experiment = Experiment(arms.MODEL)
     experiment.choose(preset)
     experiment.set(**values)
-    told = experiment.state["told"]
-    return told[0], told[4], told
+    report = experiment.state["told"]
+    return report[0], report[4], report
 
 
 def better(one, other, plant):
@@ -33,35 +33,35 @@ def gains(kind, gap=0.0, width=0.0, delay=0.01):
 
 
 def test_both_rates_are_those_of_the_chapter_and_their_bands_hold_on_other_tasks():
-    home, real, told = seen("Gap")
+    home, real, report = seen("Gap")
     posed, record = chapter.tasks(arms.COUNTED, arms.SEED), chapter.recorded()["range"][0, 0]
     assert home == chapter.rollouts(chapter.nominal(), record, posed).rate == 1.0
     assert real == chapter.rollouts(chapter.real(0.3, 0.01), record, posed).rate
-    assert told[arms.LOW + 4] < chapter.rollouts(chapter.real(0.3, 0.01), record, POSED).rate
-    assert real < told[arms.HIGH + 4] < 0.93 < told[arms.LOW]
+    assert report[arms.LOW + 4] < chapter.rollouts(chapter.real(0.3, 0.01), record, POSED).rate
+    assert real < report[arms.HIGH + 4] < 0.93 < report[arms.LOW]
 
 
 def test_a_gap_costs_and_a_range_brings_part_of_it_back():
     assert seen("No gap")[:2] == (1.0, 1.0)
     home, real, _ = seen("Gap and range")
     assert home == 1.0 and real > seen("Gap")[1] > seen("Gap", gap=1.0)[1]
-    none, some, wide = (gains(arms.RANGE, width=w) for w in (0.0, 0.4, 1.0))
-    assert better(none, some, chapter.real(0.3, 0.01)) > 0.0
+    empty, some, wide = (gains(arms.RANGE, width=w) for w in (0.0, 0.4, 1.0))
+    assert better(empty, some, chapter.real(0.3, 0.01)) > 0.0
     far = chapter.real(1.0, 0.01)
     assert seen("Wide range, far gap")[1] < 0.7
-    at_home = [chapter.rollouts(chapter.nominal(), each, POSED) for each in (none, wide)]
+    at_home = [chapter.rollouts(chapter.nominal(), each, POSED) for each in (empty, wide)]
     assert all(each.rate == 1.0 for each in at_home)
     assert np.mean(at_home[1].inside) < 0.95 * np.mean(at_home[0].inside)
     assert better(wide, gains(arms.IDENTIFIED, 1.0), far) > 0.15
 
 
 def test_delay_breaks_what_other_errors_hold():
-    _, real, told = seen("Delay beyond the margin")
-    assert real < 0.15 and told[arms.LIMIT] < 0.02 and told[arms.GAIN] == 0.0
-    _, below, told = seen("Delay beyond the margin", delay=12.0)
-    assert below > 0.7 and told[arms.GAIN] > 1.0
-    _, both, told = seen("Cancelling errors")
-    assert both > real + 0.4 and told[arms.LIMIT] > 0.02 and arms.PARTS[int(told[10])] == "delay"
+    _, real, report = seen("Delay beyond the margin")
+    assert real < 0.15 and report[arms.LIMIT] < 0.02 and report[arms.GAIN] == 0.0
+    _, below, report = seen("Delay beyond the margin", delay=12.0)
+    assert below > 0.7 and report[arms.GAIN] > 1.0
+    _, both, report = seen("Cancelling errors")
+    assert both > real + 0.4 and report[arms.LIMIT] > 0.02 and arms.PARTS[int(report[10])] == "delay"
     arm, policy = chapter.real(0.3, 0.02), gains(arms.NOMINAL)
     for part in arms.PARTS[:-1]:
         some = chapter.rollouts(chapter.mended(arm, ("delay", part)), policy, POSED).rate
@@ -71,9 +71,9 @@ def test_delay_breaks_what_other_errors_hold():
 @pytest.mark.slow
 def test_mending_the_delay_alone_hurts_and_mending_the_load_helps():
     far = chapter.real(1.0, 0.01)
-    none, delay, load = (gains(k, 1.0) for k in (arms.NOMINAL, arms.DELAY, arms.LOAD))
-    assert better(delay, none, far) > 0.05 and better(none, load, far) > 0.2
-    assert delay[3] < none[3] and seen("Mended delay alone")[1] < 0.35
+    empty, delay, load = (gains(k, 1.0) for k in (arms.NOMINAL, arms.DELAY, arms.LOAD))
+    assert better(delay, empty, far) > 0.05 and better(empty, load, far) > 0.2
+    assert delay[3] < empty[3] and seen("Mended delay alone")[1] < 0.35
     assert arms.PARTS[int(seen("Mended delay alone")[2][arms.PART])] == "load"
 
 

@@ -44,10 +44,10 @@ def test_shaped_rewards_are_the_chapters_and_keep_the_best_policy(rng):
     process = chapter.Process(P, R, 0.9, ends)
     s, a, k = np.indices(R.shape).reshape(3, -1)[:, np.repeat(~ends, 12)]
     phi = rng.normal(size=6)
-    found = solutions.shaped_reward(s, k, R[s, a, k], ends[k], 0 * s, phi, 0.9)
-    np.testing.assert_allclose(found, chapter.shaped(process, phi).reward[s, a, k], atol=1e-14)
+    result = solutions.shaped_reward(s, k, R[s, a, k], ends[k], 0 * s, phi, 0.9)
+    np.testing.assert_allclose(result, chapter.shaped(process, phi).reward[s, a, k], atol=1e-14)
     new = R.copy()
-    new[s, a, k] = found
+    new[s, a, k] = result
     q = [chapter.value_iteration(chapter.Process(P, r, 0.9, ends)).q[~ends] for r in (R, new)]
     np.testing.assert_allclose(q[1], q[0] - phi[~ends, None], atol=1e-10)
 
@@ -69,8 +69,8 @@ def test_what_is_hidden_is_scipys_null_space_and_intervals_cover(rng, hidden):
     if hidden:
         assert (half == -1.0).all()
     else:
-        found = np.linalg.lstsq(J, 0.3 * rng.normal(size=(30, 400)), rcond=None)[0]
-        covered = np.mean(np.abs(found) < half[:, None])
+        result = np.linalg.lstsq(J, 0.3 * rng.normal(size=(30, 400)), rcond=None)[0]
+        covered = np.mean(np.abs(result) < half[:, None])
         assert 0.92 < covered < 0.98
 
 
@@ -102,8 +102,8 @@ def test_the_output_error_is_least_by_scipy_too(rng):
 
     measured = simulated(truth) + 1e-3 * rng.normal(size=tau.size)
     best = least_squares(lambda p: simulated(p) - measured, truth, xtol=1e-13, ftol=1e-13)
-    found = solutions.output_error(measured, tau, 0.02, (q, v), 1.7 * truth)
-    np.testing.assert_allclose(found, best.x, rtol=2e-6)
+    result = solutions.output_error(measured, tau, 0.02, (q, v), 1.7 * truth)
+    np.testing.assert_allclose(result, best.x, rtol=2e-6)
 
 
 # --- randomisation --------------------------------------------------------------------------------
@@ -113,12 +113,12 @@ def test_the_output_error_is_least_by_scipy_too(rng):
 @given(rngs())
 def test_ends_move_out_in_or_not_and_never_past_the_middle(rng):
     bounds, outcomes = np.tile([-0.05, 1.0], (3, 1)), rng.integers(0, 2, (3, 2, 5))
-    found = solutions.boundary_update(bounds, np.zeros(3), outcomes, (0.4, 0.6), np.full(3, 0.1))
+    result = solutions.boundary_update(bounds, np.zeros(3), outcomes, (0.4, 0.6), np.full(3, 0.1))
     for i, side in np.ndindex(3, 2):
         wins = outcomes[i, side].sum()
         outward = 0.1 * ((wins >= 3) - float(wins <= 2)) * (2 * side - 1)
         moved = bounds[i, side] + outward
-        assert found[i, side] == (max(moved, 0.0) if side else min(moved, 0.0))
+        assert result[i, side] == (max(moved, 0.0) if side else min(moved, 0.0))
 
 
 # --- the hunt -------------------------------------------------------------------------------------
@@ -139,16 +139,16 @@ def test_a_cart_of_the_hunt_is_the_linear_system_with_a_queue(rng):
             z[1] += 0.02 * (z[-1 - n] - damping * z[1]) / mass
             z[0] += 0.02 * z[1]
             costs[k, i] += 0.02 * z[0] ** 2
-    found, best, tested = solutions.tune_randomised(gains, draws, 3)
-    np.testing.assert_allclose(found, costs[:, :3].mean(axis=1), rtol=1e-12)
-    assert best == found.argmin() and np.isclose(tested, costs[best, 3:].mean(), rtol=1e-12)
+    result, best, tested = solutions.tune_randomised(gains, draws, 3)
+    np.testing.assert_allclose(result, costs[:, :3].mean(axis=1), rtol=1e-12)
+    assert best == result.argmin() and np.isclose(tested, costs[best, 3:].mean(), rtol=1e-12)
 
 
 def test_the_starter_of_the_hunt_agrees_with_itself_whatever_is_drawn():
     names: dict = {}
     exec(cards.card("tune_randomised").starter(), names)
     gains, draws = [[8.0, 3.0], [12.0, 5.0]], np.array([[1.0, 0.2, 0.0], [2.0, 1.0, 8.0]])
-    found = [names["tune_randomised"](gains, carts, 1) for carts in (draws, draws[::-1])]
-    assert all(np.array_equal(a, b) for a, b in zip(*found, strict=True))
+    result = [names["tune_randomised"](gains, carts, 1) for carts in (draws, draws[::-1])]
+    assert all(np.array_equal(a, b) for a, b in zip(*result, strict=True))
     costs, best, tested = solutions.tune_randomised(gains, draws, 1)
-    assert costs[best] == found[0][2] and tested > 1.5 * found[0][2]
+    assert costs[best] == result[0][2] and tested > 1.5 * result[0][2]

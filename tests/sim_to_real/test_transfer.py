@@ -41,12 +41,12 @@ def test_the_average_is_that_of_all_orders_and_adds_up(seed):
     names, rng = ["a", "b", "c", "d"], np.random.default_rng(seed)
     value = {some: float(rng.normal()) for some in subsets(names)}
     assert len(value) == 16
-    found = attribution(value)
+    result = attribution(value)
     gains: dict[str, list[float]] = {name: [] for name in names}
     for order in permutations(names):
         for i, name in enumerate(order):
             gains[name].append(value[frozenset(order[: i + 1])] - value[frozenset(order[:i])])
-    for name, (alone, average, last) in found.items():
+    for name, (alone, average, last) in result.items():
         assert average == pytest.approx(np.mean(gains[name]), abs=1e-12)
         assert alone == value[frozenset(name)] - value[frozenset()]
         assert last == value[frozenset(names)] - value[frozenset(names) - {name}]

@@ -48,14 +48,14 @@ def test_each_kind_of_range_has_its_distribution():
 
 
 def test_a_range_reaches_as_far_as_the_gap_and_not_below_nothing():
-    wide, none = around(nominal(), 1.0).bounds, around(real(0.7, 0.01), 0.0).bounds
+    wide, empty = around(nominal(), 1.0).bounds, around(real(0.7, 0.01), 0.0).bounds
     for name in WIDTH:
         low, high = wide[name]
         middle, gap = (float(np.ravel(getattr(p, name))[0]) for p in (nominal(), real(1.0, 0.03)))
         assert low - 1e-12 <= gap <= high + 1e-12
         if name in plants.DIRECTION:
             assert max(high - middle, middle - low) == pytest.approx(abs(gap - middle))
-        assert none[name] == (float(np.ravel(getattr(real(0.7, 0.01), name))[0]),) * 2
+        assert empty[name] == (float(np.ravel(getattr(real(0.7, 0.01), name))[0]),) * 2
     assert all(wide[name][0] == 0.0 for name in ("payload", "coulomb", "noise", "delay"))
 
 
@@ -67,21 +67,21 @@ def test_the_search_finds_a_best_that_is_known():
         inside = plants.SECONDS * np.exp(-far)[:, None]
         return Outcome(inside > 2.0, inside, inside, np.zeros(inside.shape, dtype=int))
 
-    found = improve(trial, np.random.default_rng(2), rounds=40, samples=64, elites=16)
-    assert np.abs(np.log(found.gains / best)).max() < 0.02
-    assert found.episodes == 40 * 64
-    assert found.cost == pytest.approx(1.0, abs=1e-3)
+    result = improve(trial, np.random.default_rng(2), rounds=40, samples=64, elites=16)
+    assert np.abs(np.log(result.gains / best)).max() < 0.02
+    assert result.episodes == 40 * 64
+    assert result.cost == pytest.approx(1.0, abs=1e-3)
 
 
 def test_tuned_on_an_arm_it_serves_that_arm_best():
     """Each of two policies is the better one where it was tuned, by more than chance."""
     homes = nominal(), real(0.5, 0.01)
-    found = [tune(only(home), 3, rounds=8, episodes=32).gains for home in homes]
-    rates = np.array([[rollouts(home, g, CHECKED).rate for g in found] for home in homes])
+    result = [tune(only(home), 3, rounds=8, episodes=32).gains for home in homes]
+    rates = np.array([[rollouts(home, g, CHECKED).rate for g in result] for home in homes])
     assert rates[0, 0] >= rates[0, 1]
     assert wilson(400 * rates[1, 1], 400)[0] > wilson(400 * rates[1, 0], 400)[1]
     again = tune(only(homes[0]), 3, rounds=8, episodes=32)
-    assert np.array_equal(again.gains, found[0])
+    assert np.array_equal(again.gains, result[0])
     assert again.episodes == 8 * 48 * 32
 
 

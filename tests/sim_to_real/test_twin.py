@@ -73,8 +73,8 @@ def test_the_play_is_as_wide_as_it_says():
     apart = np.abs(q - rotor).max(axis=(1, 2))
     assert np.all((apart > 0.0099) & (apart < 0.0115))
     both = Twin(replace(PLAIN, backlash=0.02, armature=0.03, encoder="link"))
-    q, seen, _ = both.run(lambda k, _: push * np.cos(0.4 * k), POSED.start, 60)
-    assert np.array_equal(q, seen)
+    q, observed, _ = both.run(lambda k, _: push * np.cos(0.4 * k), POSED.start, 60)
+    assert np.array_equal(q, observed)
 
 
 def test_with_the_encoder_behind_the_play_the_loop_cycles_in_proportion_to_it():
@@ -93,9 +93,9 @@ def test_with_the_encoder_behind_the_play_the_loop_cycles_in_proportion_to_it():
         q, _, _ = Twin(hidden, threads=1).run(law, start, 300)
         return float(np.ptp(q[1, 0, 200:])) / hidden.backlash
 
-    for encoder, found in sizes.items():
+    for encoder, result in sizes.items():
         for gap in (0.004, 0.04):
-            found.append(swing(replace(PLAIN, armature=0.03, backlash=gap, encoder=encoder)))
+            result.append(swing(replace(PLAIN, armature=0.03, backlash=gap, encoder=encoder)))
     assert sizes["link"][0] == pytest.approx(sizes["link"][1], rel=0.03)
     assert sizes["link"][0] > 0.5
     assert max(sizes["motor"]) < 1e-3

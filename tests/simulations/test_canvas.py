@@ -86,15 +86,15 @@ def test_a_browser_that_never_answers_does_not_stop_the_pictures(monkeypatch):
 def test_pointer_and_keys_reach_the_callbacks():
     canvas = Canvas(numbered(0))
     browser = Browser(canvas)
-    seen: list[Any] = []
+    observed: list[Any] = []
     browser.says(type="down", x=1.0, y=2.0)
     assert not canvas._pointer
-    canvas.on_pointer(seen.append)
-    canvas.on_key(["r"], seen.append)
+    canvas.on_pointer(observed.append)
+    canvas.on_key(["r"], observed.append)
     assert canvas._pointer and canvas._keys == ["r"]
     browser.says(type="down", x=1.0, y=2)
     browser.says(type="key", key="r")
-    assert seen == [Pointer("down", 1.0, 2.0), Key("r")]
+    assert observed == [Pointer("down", 1.0, 2.0), Key("r")]
 
 
 @pytest.mark.parametrize(
@@ -114,19 +114,19 @@ def test_pointer_and_keys_reach_the_callbacks():
 )
 def test_messages_that_make_no_sense_are_ignored(content):
     canvas = Canvas(numbered(0))
-    seen: list[Any] = []
-    canvas.on_pointer(seen.append)
-    canvas.on_key(["r"], seen.append)
+    observed: list[Any] = []
+    canvas.on_pointer(observed.append)
+    canvas.on_key(["r"], observed.append)
     canvas._handle_custom_msg(content, [])
-    assert seen == [] and canvas.traffic["sent"] == 0
+    assert observed == [] and canvas.traffic["sent"] == 0
 
 
 def test_what_the_browser_is_told_once():
     canvas = Canvas(numbered(3))
-    told = canvas._paper
+    report = canvas._paper
     assert struct.unpack(f"<{len(canvas._first) // 8}d", canvas._first)[-1] == 3
-    assert told["label"] == "Shapes" and told["window"] == list(PAPER.window)
-    assert told["words"] == ["", "time"] and told["colours"][draw.RED] == "#c1272d"
+    assert report["label"] == "Shapes" and report["window"] == list(PAPER.window)
+    assert report["words"] == ["", "time"] and report["colours"][draw.RED] == "#c1272d"
 
 
 def test_what_a_notebook_keeps():

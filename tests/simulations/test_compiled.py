@@ -47,19 +47,19 @@ def test_a_full_pen_names_what_has_no_room_and_nothing_is_written_past_its_end(c
     assert {name for name, _ in ends} == set(NAMES)
     expected = [next((name for name, end in ends if end > n), "") for n in range(data.size + 1)]
     for model in (WALK, compiled):
-        told = []
+        report = []
         for room in range(data.size + 1):
             memory = np.full(draw.HEADER + data.size + 50, 1e300)
             pen = memory[: draw.HEADER + room]
             draw.clear(pen)
             try:
                 model.frame(pen, run.state, run.controls)
-                told.append("")
+                report.append("")
             except ValueError as error:
-                told.append(str(error).removeprefix("no room left on the paper for "))
+                report.append(str(error).removeprefix("no room left on the paper for "))
             assert (memory[draw.HEADER + room :] == 1e300).all(), room
             assert draw.HEADER <= pen[0] <= pen.size
-        assert told == expected
+        assert report == expected
 
 
 @pytest.mark.slow

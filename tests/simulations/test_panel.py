@@ -50,11 +50,11 @@ def test_inputs_have_the_limits_of_the_model_and_follow_it(model):
             assert (widget.min, widget.max, widget.step) == (field.low, field.high, field.step)
     for name in [*model.presets, next(iter(model.presets))]:
         panel.choose(name)
-        wanted = model.controls.new(**model.presets[name].values)
-        assert panel.controls.tobytes() == wanted.tobytes()
+        expected = model.controls.new(**model.presets[name].values)
+        assert panel.controls.tobytes() == expected.tobytes()
         assert html.escape(model.presets[name].note) in panel._note.value
         for field, widget in panel.inputs.items():
-            assert widget.value == wanted[field]
+            assert widget.value == expected[field]
     with pytest.raises(ValueError, match="preset"):
         panel.choose("no such")
     assert repr(panel) == repr(Panel(model)) == panel.canvas.frame.text
@@ -76,8 +76,8 @@ def test_it_goes_on_in_the_page_and_comes_back():
     panel.set(gravity=3.0)
     panel.advance(0.4)
     panel.canvas._handle_custom_msg({"type": "runs", "where": "page"}, [])
-    told, records = sent[-1]
-    assert told == {"type": "records", "preset": "Default drop"}
+    report, records = sent[-1]
+    assert report == {"type": "records", "preset": "Default drop"}
     assert records == [panel.controls.tobytes(), panel.state.tobytes()]
     # The page goes on, with another preset.
     page = Experiment(BOX)
@@ -116,24 +116,24 @@ async def _play(panel: Panel, watched: bool) -> tuple[float, int]:
             panel.canvas._handle_custom_msg({"type": "drawn", "id": sent[-1]["id"]}, [])
         if panel.state["x"] > 0.1:
             break
-    gone = float(panel.state["x"])
+    missing = float(panel.state["x"])
     panel.pause()
     await asyncio.sleep(0.05)
     assert not panel.playing
     still = float(panel.state["x"])
     await asyncio.sleep(0.1)
     assert panel.state["x"] == still
-    return gone, other_work
+    return missing, other_work
 
 
 def test_play_lets_time_run_beside_other_work_until_paused(panel):
-    gone, other_work = asyncio.run(_play(panel, watched=True))
-    assert gone > 0.1 and other_work > 3
+    missing, other_work = asyncio.run(_play(panel, watched=True))
+    assert missing > 0.1 and other_work > 3
 
 
 def test_play_waits_while_nobody_looks(panel):
-    gone, _ = asyncio.run(_play(panel, watched=False))
-    assert gone == 0.0
+    missing, _ = asyncio.run(_play(panel, watched=False))
+    assert missing == 0.0
 
 
 def test_closing_ends_the_task():

@@ -61,18 +61,18 @@ def test_items_come_back_as_they_were_drawn():
 
 
 def test_an_area_takes_values_to_its_place_until_the_window_is_back():
-    there, values = (1.0, 3.0, 0.5, 1.0), (-10.0, 10.0, 0.0, 5.0)
+    present, values = (1.0, 3.0, 0.5, 1.0), (-10.0, 10.0, 0.0, 5.0)
     x, y = np.array([-10.0, 0.0, np.nan]), np.array([5.0, 2.5, 1.0])
     points: list[Any] = [(draw.line, RED), (draw.points, x, y)]
     cut, line, back, plain = draw.decode(
-        drawn((draw.area, there, values), *points, (draw.window,), *points)
+        drawn((draw.area, present, values), *points, (draw.window,), *points)
     )
     assert cut.kind == back.kind == draw.CUT
     assert cut.points.tolist() == [[1.0, 3.0], [0.5, 1.0]] and back.points.size == 0
     assert line.points[:, :2].T.tolist() == [[1.0, 1.0], [2.0, 0.75]]
     assert np.isnan(line.points[0, 2])
     assert plain.points[:, :2].T.tolist() == [[-10.0, 5.0], [0.0, 2.5]]
-    assert draw.values_at(there, values, 2.0, 0.75) == (0.0, 2.5)
+    assert draw.values_at(present, values, 2.0, 0.75) == (0.0, 2.5)
 
 
 def test_axes_have_grid_ticks_and_labels_and_leave_the_area_as_it_was():
@@ -159,15 +159,15 @@ def test_ticks_are_all_round_numbers_of_the_axis(low, span, count):
     assert all(low - slack <= decimal(k, factor, power) <= high + slack for k in ks)
     assert decimal(first - 1, factor, power) < low + slack
     assert decimal(last + 1, factor, power) > high - slack
-    found = [float(draw.tick(float(k), factor, power)) for k in ks]
+    result = [float(draw.tick(float(k), factor, power)) for k in ks]
     near = 1 if -22 <= power <= 22 else 4  # powers of ten beyond are not exact
-    for k, value in zip(ks, found, strict=True):
+    for k, value in zip(ks, result, strict=True):
         exact = float(decimal(k, factor, power))
         assert abs(value - exact) <= near * np.spacing(abs(exact))
-    assert (np.diff(found) > 0.0).all()
+    assert (np.diff(result) > 0.0).all()
     form, letters = draw.tick_form(max(abs(low), abs(high)), power)
     if form % 20 < 15:
-        words = [draw.written(value, int(form)) for value in found]
+        words = [draw.written(value, int(form)) for value in result]
         assert len(set(words)) == len(words)
         assert max(len(word.strip("−")) for word in words) <= letters + 4
 

@@ -71,9 +71,9 @@ def test_the_faces_that_look_at_the_camera_are_drawn_last():
         axes, far = eye_of(azimuth=azimuth, elevation=elevation)
         centres = CORNERS[:, INDEX].mean(axis=2)
         normals = np.sign(centres) * (np.abs(centres) > 0)
-        seen = np.einsum("if,if->f", normals, far * axes[2][:, None] - centres) > 0
+        observed = np.einsum("if,if->f", normals, far * axes[2][:, None] - centres) > 0
         order = [int(np.searchsorted(SHADES, item.style[0], "right") - 1) for item in drawn]
-        assert sorted(order) == list(range(6)) and not seen[order[: 6 - seen.sum()]].any()
+        assert sorted(order) == list(range(6)) and not observed[order[: 6 - observed.sum()]].any()
 
 
 def test_a_face_is_lit_by_its_slope():

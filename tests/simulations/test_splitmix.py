@@ -9,29 +9,29 @@ from course.simulations import splitmix
 def test_the_published_stream():
     # First five numbers of splitmix64.c (Vigna, 2015) for the seed 1234567.
     seed = np.array([1234567], np.uint64)
-    wanted = [
+    expected = [
         6457827717110365317,
         3203168211198807973,
         9817491932198370423,
         4593380528125082431,
         16408922859458223821,
     ]
-    assert splitmix.integers(seed, 2).tolist() == wanted[:2]
+    assert splitmix.integers(seed, 2).tolist() == expected[:2]
     assert splitmix.integers(seed, 0).tolist() == []
-    assert splitmix.integers(seed, 3).tolist() == wanted[2:]
+    assert splitmix.integers(seed, 3).tolist() == expected[2:]
 
 
 @pytest.mark.parametrize("start", [0, 1, 2**64 - 1])
 def test_against_whole_numbers(start):
-    state, wanted = start, []
+    state, expected = start, []
     for _ in range(100):
         state = (state + 0x9E3779B97F4A7C15) % 2**64
         z = state
         z = ((z ^ z >> 30) * 0xBF58476D1CE4E5B9) % 2**64
         z = ((z ^ z >> 27) * 0x94D049BB133111EB) % 2**64
-        wanted.append(z ^ z >> 31)
+        expected.append(z ^ z >> 31)
     seed = np.array([start], np.uint64)
-    assert splitmix.integers(seed, 100).tolist() == wanted and seed[0] == state
+    assert splitmix.integers(seed, 100).tolist() == expected and seed[0] == state
 
 
 def test_moments_of_both_distributions():

@@ -55,8 +55,8 @@ def test_at_both_ends_of_the_control(measured: WorkPrecision) -> None:
         with pytest.raises(ValueError, match="tolerance"):
             measured.price(tolerance)
     failed = Point(0.1, math.inf, math.inf, math.inf, math.inf, math.inf, "it failed")
-    none = Curve("none", "ours", "steps", (failed,))
-    nothing = WorkPrecision("Where?", "m", (none,), 0.1, 0.0, math.inf, "here")
+    empty = Curve("none", "ours", "steps", (failed,))
+    nothing = WorkPrecision("Where?", "m", (empty,), 0.1, 0.0, math.inf, "here")
     assert nothing.price(0.1) == "No run worked."
 
 

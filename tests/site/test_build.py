@@ -50,23 +50,23 @@ def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
     assert page is not None
     whole, at = letters(page.get_text()), 0
     for number, cell in enumerate(notebook.cells):
-        wanted = []
+        expected = []
         if (
             cell.cell_type == "code"
             and "home()" not in cell.source
             and "ticks()" not in cell.source
         ):
-            wanted.append(cell.source)
+            expected.append(cell.source)
             for output in cell.outputs:
-                wanted += [output.text] if output.output_type == "stream" else []
+                expected += [output.text] if output.output_type == "stream" else []
         elif cell.cell_type == "markdown" and "## Where you are" not in cell.source:
             prose = re.sub(r"^```.*?^```", "", cell.source, flags=re.S | re.M)
             heads = re.findall(r"^#+ (.+)$", prose, re.M)
-            wanted += [re.sub(r"[*`]|\$[^$]*\$", "", head) for head in heads if "$" not in head]
-        for text in wanted:
-            found = whole.find(letters(text), at)
-            assert found >= 0, f"cell {number} of {name} is not there: {text[:200]}"
-            at = found
+            expected += [re.sub(r"[*`]|\$[^$]*\$", "", head) for head in heads if "$" not in head]
+        for text in expected:
+            result = whole.find(letters(text), at)
+            assert result >= 0, f"cell {number} of {name} is not there: {text[:200]}"
+            at = result
 
 
 @pytest.mark.slow
@@ -97,8 +97,8 @@ def test_pictures_and_simulations_of_a_page_are_those_of_its_notebook(
         assert (site / saved["src"]).read_bytes().startswith(base64.b64decode("iVBORw0KGgo="))
         assert "acTL" not in (site / saved["src"]).read_bytes().decode("latin-1")  # no film
     scripts = [str(script.get("src", "")).partition("?")[0] for script in page.select("script")]
-    wanted = [f"_static/simulations/{each}.js" for each in dict.fromkeys(simulations)]
-    assert [s for s in scripts if "/simulations/" in s] == wanted
+    expected = [f"_static/simulations/{each}.js" for each in dict.fromkeys(simulations)]
+    assert [s for s in scripts if "/simulations/" in s] == expected
     assert scripts.count("_static/live.js") == 1
     assert len(page.select("article img")) == len(places) + drawn + pictures + len(
         page.select('article img[src^="data:"]')
@@ -150,9 +150,9 @@ def test_every_claim_card_question_word_and_chart_is_there(site: Path) -> None:
     shown = {tag["id"]: tag.get_text().lower() for tag in soup(site / "claims.html").select("[id]")}
     for claim in derivations.claims():
         # A Greek name may be a letter there; words of some length are as they were.
-        said = set(re.findall(r"[a-z]{4,}", claim.claim.lower()))
-        said -= {"alpha", "beta", "gamma", "theta", "lambda", "omega", "sigma", "sqrt", "delta"}
-        assert said <= set(re.findall(r"[a-z]+", shown[claim.id])), claim.id
+        message = set(re.findall(r"[a-z]{4,}", claim.claim.lower()))
+        message -= {"alpha", "beta", "gamma", "theta", "lambda", "omega", "sigma", "sqrt", "delta"}
+        assert message <= set(re.findall(r"[a-z]+", shown[claim.id])), claim.id
     text = letters(soup(site / "questions.html").get_text())
     for chapter in CHAPTERS:
         for question in questions(chapter.topic):
@@ -202,13 +202,13 @@ def places(page: Path) -> set[str]:
 
 def links(page: Path) -> list[tuple[Path, str]]:
     """Where the links of a page lead within the site: file and anchor."""
-    found = []
+    result = []
     for tag in soup(page).select("a[href]"):
         parts = urlsplit(tag["href"])
         if not parts.scheme and not parts.netloc:
             file = page.parent / unquote(parts.path) if parts.path else page
-            found.append((file, unquote(parts.fragment)))
-    return found
+            result.append((file, unquote(parts.fragment)))
+    return result
 
 
 @pytest.mark.slow
@@ -230,8 +230,8 @@ def test_every_link_and_anchor_leads_somewhere(site: Path) -> None:
 
 def test_nothing_is_fetched_by_style_or_script(site: Path) -> None:
     for path in sorted(site.rglob("*.css")):
-        found = re.findall(r"@import|url\((?!['\"]?data:)[^)]*\)", path.read_text("utf-8"))
-        assert all(not re.search(r"//|@import", each) for each in found), (path.name, found)
+        result = re.findall(r"@import|url\((?!['\"]?data:)[^)]*\)", path.read_text("utf-8"))
+        assert all(not re.search(r"//|@import", each) for each in result), (path.name, result)
     assert "MathJax" not in "".join(page.read_text("utf-8") for page in site.glob("*.html"))
 
 
@@ -290,11 +290,11 @@ def test_the_index_of_the_search_knows_where_words_are(site: Path) -> None:
     index = json.loads(text.removeprefix("Search.setIndex(").rstrip().removesuffix(")"))
     stem = snowballstemmer.stemmer("english").stemWord
     for word, page in WORDS.items():
-        found: set[int] = set()
+        result: set[int] = set()
         for kind in ("terms", "titleterms"):
             hits = index[kind].get(stem(word), [])
-            found |= {hits} if isinstance(hits, int) else set(hits)
-        assert page in {index["docnames"][each] for each in found}, word
+            result |= {hits} if isinstance(hits, int) else set(hits)
+        assert page in {index["docnames"][each] for each in result}, word
 
 
 # --- Formulas -------------------------------------------------------------------------------------
@@ -319,8 +319,8 @@ def test_only_text_has_formulas() -> None:
     text = r'<b title="$a$">$x &lt; y$</b> <code>$b$</code> <!-- $c$ --> 3\$ $$d$$'
     made = formulas.in_html(text)
     assert made.count("<math") == 2 and 'alttext="x &lt; y"' in made and 'display="block"' in made
-    for kept in ('title="$a$"', "<code>$b$</code>", "<!-- $c$ -->", r"3\$"):
-        assert kept in made
+    for selected in ('title="$a$"', "<code>$b$</code>", "<!-- $c$ -->", r"3\$"):
+        assert selected in made
 
 
 # --- What it refuses ------------------------------------------------------------------------------
@@ -406,11 +406,11 @@ def test_a_link_to_nowhere(tmp_path: Path, text: str, said: str) -> None:
 
 
 def test_a_link_to_a_file_of_the_project_is_shown_as_its_path() -> None:
-    found: list[str] = []
+    result: list[str] = []
     text = "[the code](../course/role.py), `[kept](x)`, [a page](01_rigid_body.ipynb#x), [w](https://a)"
-    made = notebooks.linked(text, ROOT / "notebooks", "here", found)
+    made = notebooks.linked(text, ROOT / "notebooks", "here", result)
     assert made == text.replace("[the code](../course/role.py)", "the code (`course/role.py`)")
-    assert found == []
+    assert result == []
 
 
 def test_an_anchor_to_nowhere_and_a_load_from_elsewhere(tmp_path: Path) -> None:
@@ -434,13 +434,13 @@ def test_a_page_with_a_wrong_formula_or_link_is_named(tmp_path: Path) -> None:
     (source / "_static").mkdir(parents=True)
     (source / "_static" / "course.css").touch()
     (source / "index.md").write_text("# T\n\n$\\nonsense$ and [a](b.md)\n\n<p>$\\odd$</p>\n")
-    with pytest.raises(build.Unbuildable) as refused:
+    with pytest.raises(build.Unbuildable) as rejected:
         build.sphinx(source, tmp_path / "html", {})
-    said = sorted(html.unescape(fault) for fault in refused.value.faults)
-    assert len(said) == 3
-    assert any("index: formula is '\\\\nonsense'" in line for line in said)
-    assert any("index: formula is '\\\\odd'" in line for line in said)
-    assert any("b.md" in line for line in said)
+    message = sorted(html.unescape(fault) for fault in rejected.value.faults)
+    assert len(message) == 3
+    assert any("index: formula is '\\\\nonsense'" in line for line in message)
+    assert any("index: formula is '\\\\odd'" in line for line in message)
+    assert any("b.md" in line for line in message)
 
 
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:
@@ -452,6 +452,6 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> Non
 
 def test_charts_are_read_where_they_lie() -> None:
     assert charts.CHARTS is not None
-    found: list[str] = []
-    text = reference.charts(found)
-    assert found == [] and f"]({notebooks.CHARTS}/age_precision.png)" in text
+    result: list[str] = []
+    text = reference.charts(result)
+    assert result == [] and f"]({notebooks.CHARTS}/age_precision.png)" in text

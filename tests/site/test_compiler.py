@@ -59,8 +59,8 @@ def test_numba_still_has_what_the_compiler_reaches_into(owner: Any) -> None:
     for name, arguments in NEEDED[owner].items():
         assert hasattr(owner, name) or owner is lowering.BaseLower, f"{owner.__name__}.{name}"
         if arguments:
-            found = " ".join(inspect.signature(getattr(owner, name)).parameters)
-            assert found == arguments, f"{owner.__name__}.{name}"
+            result = " ".join(inspect.signature(getattr(owner, name)).parameters)
+            assert result == arguments, f"{owner.__name__}.{name}"
     assert rtsys._init in (False, True) and isinstance(rtsys._init, bool)
 
 
@@ -69,13 +69,13 @@ ARRAY = types.Array(types.float64, 1, "C")
 
 def built() -> tuple[bytes, dict[str, str]]:
     """A module of the right pieces, and what is said of each wrong one."""
-    said = {}
+    text = {}
     module = compiler.compiled({name: (each, (ARRAY,)) for name, each in pieces.RIGHT.items()})
     for name, each in pieces.WRONG.items():
-        with pytest.raises(RuntimeError) as told:
+        with pytest.raises(RuntimeError) as report:
             compiler.compiled({name: (each, (ARRAY,))})
-        said[name] = str(told.value)
-    return module, said
+        text[name] = str(report.value)
+    return module, text
 
 
 @pytest.fixture(scope="module")

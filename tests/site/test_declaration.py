@@ -71,8 +71,8 @@ def test_a_declaration_is_what_the_model_declares(name: str, monkeypatch: Any) -
         assert preset["note"] == model.presets[preset["name"]].note
         # An input finds its value where it is told to look.
         for each in made["inputs"]:
-            seen = np.frombuffer(controls.tobytes(), f"<{each['kind']}8", 1, each["offset"])
-            assert seen[0] == experiment.controls[each["name"]]
+            observed = np.frombuffer(controls.tobytes(), f"<{each['kind']}8", 1, each["offset"])
+            assert observed[0] == experiment.controls[each["name"]]
 
     fields = dict(model.controls.panel())
     assert [each["name"] for each in made["inputs"]] == list(fields)
@@ -110,9 +110,9 @@ def test_whoever_is_recorded_is_a_simulation_and_says_why() -> None:
 
 
 def _content(script: str) -> tuple[str, Any]:
-    found = re.fullmatch(r"\(window.courseSimulations \?\?= \{\}\)\[(.*?)\] = (.*);\n", script)
-    assert found
-    return strict(found[1]), strict(found[2])
+    result = re.fullmatch(r"\(window.courseSimulations \?\?= \{\}\)\[(.*?)\] = (.*);\n", script)
+    assert result
+    return strict(result[1]), strict(result[2])
 
 
 def test_a_live_bundle_has_the_compiled_module(monkeypatch: Any, tmp_path: Any) -> None:
@@ -162,10 +162,10 @@ def test_a_recording_gives_back_its_pictures(model: Any, monkeypatch: Any) -> No
 
 def test_a_recording_has_as_many_pictures_as_there_is_room_for(monkeypatch: Any) -> None:
     monkeypatch.setattr(told, "SECONDS", 1.0)
-    for room, most in ((0, 1), (3_000, 20)):
+    for room, largest in ((0, 1), (3_000, 20)):
         monkeypatch.setattr(told, "ROOM", room)
         made = told.recorded(WALK)
-        assert all(1 <= len(film["sizes"]) <= most for film in made.values())
+        assert all(1 <= len(film["sizes"]) <= largest for film in made.values())
         assert sum(len(film["data"]) for film in made.values()) <= max(room, 1_500)
 
 
@@ -173,9 +173,9 @@ def test_a_recording_has_as_many_pictures_as_there_is_room_for(monkeypatch: Any)
 @pytest.mark.parametrize("name", films.names())
 def test_a_recording_was_made_from_the_sources_as_they_are(name: str) -> None:
     assert not films.stale(name), f"run `python -m course.site.films {name}`"
-    kept = json.loads(told.recording(name).read_text())["films"]
-    assert list(kept) == list(told.model(name).presets)
-    assert all(film["data"] and film["sizes"][0] > 0 for film in kept.values())
+    retained = json.loads(told.recording(name).read_text())["films"]
+    assert list(retained) == list(told.model(name).presets)
+    assert all(film["data"] and film["sizes"][0] > 0 for film in retained.values())
 
 
 def test_no_other_simulation_has_a_recording() -> None:

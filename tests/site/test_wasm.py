@@ -67,18 +67,18 @@ def test_the_last_digits_of_a_constant_do_not_count(
 
 
 def test_a_recorded_simulation_has_no_module() -> None:
-    kept = {path for path in wasm.SIMULATIONS.rglob("*.wasm")}
-    assert kept == {wasm.file_of(name) for name in LIVE}
+    retained = {path for path in wasm.SIMULATIONS.rglob("*.wasm")}
+    assert retained == {wasm.file_of(name) for name in LIVE}
 
 
 @pytest.mark.parametrize("name", LIVE)
 def test_it_computes_what_python_does(name: str) -> None:
     """Presets, both ends of every slider, and controls within the limits."""
     model, module = wasm.model(name), hosted(name)
-    most = 2 if name in DEAR and not PROVE else None
-    for preset in list(model.presets.values())[:most]:
+    largest = 2 if name in DEAR and not PROVE else None
+    for preset in list(model.presets.values())[:largest]:
         assert_same_run(model, module, dict(preset.values), (1.0,))
-    for values in list(ends(model))[:most]:
+    for values in list(ends(model))[:largest]:
         assert_same_run(model, module, values, (1.0,))
 
     @examples(1 if name in DEAR else 2)
@@ -113,11 +113,11 @@ def test_a_full_pen_is_an_error_and_nothing_is_written_past_its_end(name: str) -
 
 
 def test_the_same_sources_give_the_same_bytes() -> None:
-    told = wasm.told(wasm.file_of(SMALL).read_bytes())
+    report = wasm.told(wasm.file_of(SMALL).read_bytes())
     here = {"numba": wasm.numba.__version__, "llvmlite": wasm.llvmlite.__version__}
     here["linker"] = compiler.linker()[1]
-    if {name: told[name] for name in here} != here:
-        pytest.skip(f"made with {told}, here is {here}")
+    if {name: report[name] for name in here} != here:
+        pytest.skip(f"made with {report}, here is {here}")
     assert wasm.rebuilt(SMALL) == wasm.file_of(SMALL).read_bytes()
 
 

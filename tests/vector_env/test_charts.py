@@ -63,8 +63,8 @@ def test_where_two_curves_cross() -> None:
 
 
 def test_processes_lose_where_an_environment_costs_nothing() -> None:
-    found = chart.cost_of_processes((0,), n=4, repeats=5)
-    (cost,), (loop,), (processes,) = (found[name] for name in ("cost", "loop", "processes"))
+    result = chart.cost_of_processes((0,), n=4, repeats=5)
+    (cost,), (loop,), (processes,) = (result[name] for name in ("cost", "loop", "processes"))
     assert processes > loop > cost
     assert chart.predicted_crossing(loop, processes, 4, 2, cost) > cost
 
@@ -107,8 +107,8 @@ def test_a_policys_episode_is_a_single_environments() -> None:
             env, rewards, over = ArmReach(), 0.0, False
             row, _ = env.reset(seed=seed)
             while not over:
-                wanted = policy @ training.features(row[None])[0]
-                row, reward, done, late, _ = env.step(np.clip(wanted, -1.0, 1.0))
+                expected = policy @ training.features(row[None])[0]
+                row, reward, done, late, _ = env.step(np.clip(expected, -1.0, 1.0))
                 rewards, over = rewards + reward, done or late
             sums.append(rewards)
             ends.append(done)
@@ -118,14 +118,14 @@ def test_a_policys_episode_is_a_single_environments() -> None:
 
 def test_the_arm_that_is_copied_is_the_environment_and_is_judged_as_it_is() -> None:
     arm, envs, rng = chart.Arm(), ArmReachVector(20), np.random.default_rng(0)
-    seen, _ = envs.reset(seed=3)
+    observed, _ = envs.reset(seed=3)
     for _ in range(20):
         actions = rng.uniform(-1.5, 1.5, (20, 2)).astype(np.float32)
         after, _, over, *_ = envs.step(actions)
         assert (
-            np.allclose(arm.step(seen, actions.astype(float), rng), after, atol=1e-12) or over.any()
+            np.allclose(arm.step(observed, actions.astype(float), rng), after, atol=1e-12) or over.any()
         )
-        seen = after
+        observed = after
     share = training.play(chart.BY_HAND, 0, 400)[1][0]
     assert arm.reached(arm.expert, 400) == pytest.approx(share, abs=0.1)
     copied, rewarded = stored("arm_learned")

@@ -143,13 +143,13 @@ def test_a_single_environment_refuses_nonsense(env_fn) -> None:
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(2))
     env.reset(seed=0)
-    for bad, said in (
+    for bad, text in (
         (np.zeros(3), r"action.shape is \(3,\), allowed is \(2,\)"),
         (0.5, r"action.shape is \(\)"),
         ([np.nan, 0.0], r"action\[0, 0\] is nan"),
         (["a", "b"], "allowed is float32"),
     ):
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=text):
             env.step(bad)
     with pytest.raises(ValueError, match="max_steps"):
         env_fn(max_steps=0)
@@ -237,13 +237,13 @@ def test_arms_differ_and_agree_between_the_models() -> None:
 @examples(15)
 @given(st.integers(1, 40), st.integers(0, 1000))
 def test_what_happens_in_one_does_not_depend_on_the_others(n, seed) -> None:
-    many, few = ArmReachVector(n, max_steps=9), ArmReachVector(1, max_steps=9)
+    more, few = ArmReachVector(n, max_steps=9), ArmReachVector(1, max_steps=9)
     k = seed % n
-    many.reset(seed=seed), few.reset(seed=seed + k)
+    more.reset(seed=seed), few.reset(seed=seed + k)
     rng = np.random.default_rng(seed)
     for _ in range(25):
         actions = rng.uniform(-1, 1, (n, 2)).astype(np.float32)
-        a, b = many.step(actions), few.step(actions[k : k + 1])
+        a, b = more.step(actions), few.step(actions[k : k + 1])
         for x, y in zip(a[:4], b[:4], strict=True):
             np.testing.assert_array_equal(x[k], y[0])
 
@@ -305,8 +305,8 @@ def test_every_backend_draws_what_a_single_environment_draws() -> None:
     scale = 300.0 / (2.0 * 1.1 * 0.9)
     for place, colour in ((tip, pen.ORANGE), (tip - [dx, dy], pen.RED)):
         x, y = (np.array([150.0, 150.0]) + scale * place * [1.0, -1.0]).astype(int)
-        wanted = [int(pen.PALETTE[colour][k : k + 2], 16) for k in (1, 3, 5)]
-        assert picture[y, x].tolist() == wanted
+        expected = [int(pen.PALETTE[colour][k : k + 2], 16) for k in (1, 3, 5)]
+        assert picture[y, x].tolist() == expected
 
 
 def test_who_is_not_asked_for_pictures_makes_none() -> None:
@@ -375,7 +375,7 @@ def advantages(envs, steps: int, gamma: float = 0.95, lam: float = 0.9) -> np.nd
 
 def test_a_rollout_loop_gets_what_single_episodes_give() -> None:
     n, steps, gamma, lam = 5, 70, 0.95, 0.9
-    found = advantages(ArmReachVector(n, max_steps=25, autoreset_mode="SameStep"), steps)
+    result = advantages(ArmReachVector(n, max_steps=25, autoreset_mode="SameStep"), steps)
     weights = np.linspace(-1.0, 1.0, 8)
     for i in range(n):
         env = ArmReach(max_steps=25)
@@ -399,7 +399,7 @@ def test_a_rollout_loop_gets_what_single_episodes_give() -> None:
                 running = delta + gamma * lam * running
                 back.append(running)
             expected += back[::-1]
-        np.testing.assert_allclose(found[:, i], expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(result[:, i], expected, rtol=0, atol=1e-9)
 
 
 def test_the_spring_policy_reaches_most_targets() -> None:

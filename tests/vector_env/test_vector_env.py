@@ -166,7 +166,7 @@ def children() -> set[int]:
 
     Not Python's own helpers for spawned processes, which it keeps for the next time.
     """
-    found = set()
+    result = set()
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
@@ -176,13 +176,13 @@ def children() -> set[int]:
                 continue
             helper = helper or b"forkserver import main" in command
             if int(stat[1]) == os.getpid() and not helper:
-                found.add(int(entry.name))
-    return found
+                result.add(int(entry.name))
+    return result
 
 
 def group_members(groups: set[int]) -> set[int]:
     """Processes whose group is one of these."""
-    found = set()
+    result = set()
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
@@ -190,8 +190,8 @@ def group_members(groups: set[int]) -> set[int]:
             except OSError:
                 continue
             if int(stat[2]) in groups and stat[0] != "Z":
-                found.add(int(entry.name))
-    return found
+                result.add(int(entry.name))
+    return result
 
 
 def soon(holds, seconds: float = 10.0) -> bool:
@@ -330,10 +330,10 @@ def test_nothing_returned_changes_later(kind) -> None:
     returned = [envs.reset(seed=1)]
     actions = np.full((3, 2), 0.5, np.float32)
     returned += [envs.step(actions) for _ in range(4)]
-    kept = [repr(item) for item in returned]
+    retained = [repr(item) for item in returned]
     for _ in range(6):
         envs.step(actions)
-    assert [repr(item) for item in returned] == kept
+    assert [repr(item) for item in returned] == retained
     np.testing.assert_array_equal(actions, 0.5)
     envs.close()
 

@@ -129,20 +129,20 @@ def arguments(name: str, kind: type, folder: str) -> dict[str, Any]:
         "env_xp": np,
         "target_xp": np,
     }
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for parameter in [*inspect.signature(kind).parameters.values()][1:]:
         if parameter.name == "wrapper":
             # It brings a single environment's wrapper to many: the one of that name.
             single: Any = getattr(gymnasium.wrappers, name.removeprefix("Vectorize"))
-            found |= {"wrapper": single, **arguments(name, single, folder)}
+            result |= {"wrapper": single, **arguments(name, single, folder)}
         elif parameter.name in known:
-            found[parameter.name] = known[parameter.name]
+            result[parameter.name] = known[parameter.name]
         else:
             optional = parameter.default is not parameter.empty or parameter.kind.name != (
                 "POSITIONAL_OR_KEYWORD"
             )
             assert optional, f"{name} asks for {parameter.name}: say what in `known`"
-    return found
+    return result
 
 
 def plain(value: Any) -> Any:
@@ -160,23 +160,23 @@ def played(name: str, envs: VectorEnv, mode: str, folder: str) -> tuple[list[Any
     Raises:
         ImportError, DependencyNotInstalled: if the wrapper needs a library that is not there.
     """
-    heard: list[Any] = []
+    received: list[Any] = []
     try:
         kind = getattr(wrappers, name)
         wrapped = kind(envs, **arguments(name, kind, folder))
         wrapped.action_space.seed(7)
-        heard.append(plain(wrapped.reset(seed=3)))
+        received.append(plain(wrapped.reset(seed=3)))
         for _ in range(STEPS):
-            heard.append(plain(wrapped.step(wrapped.action_space.sample())))
-            over = heard[-1][2] | heard[-1][3]
+            received.append(plain(wrapped.step(wrapped.action_space.sample())))
+            over = received[-1][2] | received[-1][3]
             if mode == "Disabled" and over.any():
-                heard.append(plain(wrapped.reset(options={"reset_mask": over})))
+                received.append(plain(wrapped.reset(options={"reset_mask": over})))
         wrapped.close()
     except (ImportError, DependencyNotInstalled):
         raise
     except Exception as error:
-        return heard, type(error).__name__
-    return heard, ""
+        return received, type(error).__name__
+    return received, ""
 
 
 @pytest.mark.slow
@@ -189,22 +189,22 @@ def test_a_wrapper_sees_what_it_sees_around_gymnasiums_loop(name, tmp_path, monk
     ran, lacking = set(), ""
     for subject in SINGLES:
         for mode in MODES:
-            found = []
+            result = []
             for k, envs in enumerate(backends(subject, mode)):
                 folder = tmp_path / f"{subject}{mode}{k}"
                 try:
-                    heard, refusal = played(name, envs, mode, str(folder))
+                    received, refusal = played(name, envs, mode, str(folder))
                 except (ImportError, DependencyNotInstalled) as error:
                     lacking = str(error)
                     break
                 files = sorted(path.name for path in folder.glob("*"))
-                found.append((heard, refusal, files))
-            for heard, refusal, files in found[1:]:
+                result.append((received, refusal, files))
+            for received, refusal, files in result[1:]:
                 # Where Gymnasium gives up, others need not: so with the masks of the Jax wrappers.
-                seen, gave_up, written = found[0]
-                identical(heard[: len(seen)] if gave_up else heard, seen)
+                observed, gave_up, written = result[0]
+                identical(received[: len(observed)] if gave_up else received, observed)
                 assert gave_up or (refusal, files) == ("", written)
-            if found and not found[0][1]:
+            if result and not result[0][1]:
                 ran.add(mode)
     print(f"{name}: {', '.join(sorted(ran))}")
     if lacking:

@@ -76,8 +76,8 @@ def test_the_adapter_is_the_librarys_own_loop(library, case: str) -> None:
         truth.action_space.seed(1)
         for _ in range(20):
             actions = np.stack([truth.action_space.sample() for _ in range(3)])
-            found, expected = ours.step(actions), truth.step(actions)
-            identical(found, expected)
+            result, expected = ours.step(actions), truth.step(actions)
+            identical(result, expected)
             identical(ours.reset_infos, truth.reset_infos)
             ended += int(expected[2].sum())
     assert ended > 3

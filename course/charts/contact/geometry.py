@@ -62,7 +62,7 @@ def broad_phase(
             tests.append(sweep.tests)
             sweep.pairs(_moved(boxes, rng))
             swaps.append(sweep.swaps)
-        exponent, grown, swapped = (_power(n, found) for found in (tests, pairs, swaps))
+        exponent, grown, swapped = (_power(n, result) for result in (tests, pairs, swaps))
         note = f"{kind:<8} tests N^{exponent:.2f}, theory N^{theory:.2f}; pairs N^{grown:.2f}"
         if kind == "spread":
             note += f"; swaps after a move of 1 % N^{swapped:.2f}"
@@ -85,14 +85,14 @@ def broad_phase(
     times = Panel(
         "The same pairs, spread in a cube: time of a call", "boxes N", "time [s]", scale="log"
     )
-    found: dict[str, list[tuple[int, Timing]]] = {}
+    result: dict[str, list[tuple[int, Timing]]] = {}
     for size in sizes:
         rng = np.random.default_rng(size)
         boxes = broad.crowd("spread", size, rng)
-        kept, ways = contact.SweepAndPrune(axis=0), itertools.cycle((_moved(boxes, rng), boxes))
+        retained, paths = contact.SweepAndPrune(axis=0), itertools.cycle((_moved(boxes, rng), boxes))
         methods = {
             "sweep and prune": calls(lambda b=boxes: contact.SweepAndPrune(axis=0).pairs(b)),
-            "kept order": calls(lambda k=kept, w=ways: k.pairs(next(w))),
+            "kept order": calls(lambda k=retained, w=paths: k.pairs(next(w))),
             "uniform grid": calls(contact.uniform_grid, boxes),
         }
         if size <= brute:
@@ -101,8 +101,8 @@ def broad_phase(
             methods["MuJoCo"] = mujoco_shapes.BroadPhase(boxes).seconds
         timings = interleaved(list(methods.values()), repeats=repeats)
         for name, timing in zip(methods, timings, strict=True):
-            found.setdefault(name, []).append((size, timing))
-    for name, rows in found.items():
+            result.setdefault(name, []).append((size, timing))
+    for name, rows in result.items():
         n, median = [size for size, _ in rows], [timing.median for _, timing in rows]
         # Small sizes measure what a call costs by itself.
         large = [k for k, size in enumerate(n) if size >= 1000] or list(range(len(n)))
@@ -119,7 +119,7 @@ def broad_phase(
                 + ", ".join(f"{a}: {1e3 * b:.3g} ms" for a, b in zip(n, median, strict=True)),
             )
         )
-    times.footer = machine(max(timing.busy for rows in found.values() for _, timing in rows))
+    times.footer = machine(max(timing.busy for rows in result.values() for _, timing in rows))
     yield times
 
 
@@ -143,12 +143,12 @@ def random_poses(rng: np.random.Generator, n: int, spread: float) -> Array:
 def drawn_pairs(a: Shape, b: Shape, n: int, apart: bool) -> tuple[Array, Array]:
     """So many random pairs that are apart, or in each other."""
     rng = np.random.default_rng(3)
-    kept: list[tuple[Array, Array]] = []
-    while sum(pair[0].shape[1] for pair in kept) < n:
+    retained: list[tuple[Array, Array]] = []
+    while sum(pair[0].shape[1] for pair in retained) < n:
         pose_a, pose_b = (random_poses(rng, 4 * n, 1.2 if apart else 0.5) for _ in range(2))
         some = (contact.distance(a, pose_a, b, pose_b).distance > 0.0) == apart
-        kept.append((pose_a[:, some], pose_b[:, some]))
-    first, second = (np.hstack([pair[k] for pair in kept])[:, :n] for k in (0, 1))
+        retained.append((pose_a[:, some], pose_b[:, some]))
+    first, second = (np.hstack([pair[k] for pair in retained])[:, :n] for k in (0, 1))
     return np.ascontiguousarray(first), np.ascontiguousarray(second)
 
 
@@ -241,8 +241,8 @@ def _box_panel(n: int, repeats: int) -> Panel:
         samplers = [calls(run, *given, clock=time.process_time) for run in methods.values()]
         timings = interleaved(samplers, repeats=repeats)
         for (name, run), timing in zip(methods.items(), timings, strict=True):
-            off = float(np.abs(np.asarray(run(*given)) - truth).max()) / (2 * box.size)
-            rows.setdefault(name, []).append((timing.median / n, off))
+            deviation = float(np.abs(np.asarray(run(*given)) - truth).max()) / (2 * box.size)
+            rows.setdefault(name, []).append((timing.median / n, deviation))
     for name, points in rows.items():
         cost, error = (np.array(column) for column in zip(*points, strict=True))
         if name == "every feature":
@@ -326,17 +326,17 @@ def tunnelling_limit(
     }
     for name, (passes, tried) in rows.items():
         shares = (np.arange(tried) + 0.5) / tried
-        found = [
+        result = [
             next((float(v) for v in speeds if any(passes(dt, v, p) for p in shares)), np.inf)
             for dt in steps
         ]
         shown = ", ".join(
             f"{1e3 * dt:g} ms: "
             + (f"{v:.3g}" if np.isfinite(v) else f"none up to {speeds[-1]:.0f}")
-            for dt, v in zip(steps, found, strict=True)
+            for dt, v in zip(steps, result, strict=True)
         )
         theory = (lambda dt: 2 * REACH / dt) if passes is checked else None
         panel.series.append(
-            Series(name, list(steps), found, name, theory=theory, note=f"{name:<24} {shown}")
+            Series(name, list(steps), result, name, theory=theory, note=f"{name:<24} {shown}")
         )
     yield panel

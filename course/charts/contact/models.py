@@ -146,8 +146,8 @@ def _ours(name: str, question: Question, dt: float) -> scenes.Run:
 
 def _our_method(name: str, question: Question, steps: Sequence[float]) -> Method:
     def once(dt: float) -> Result:
-        found = _ours(name, question, dt)
-        return Result(question.answer(found.q[:, -1]), _steps(dt)[0] + found.iterations)
+        result = _ours(name, question, dt)
+        return Result(question.answer(result.q[:, -1]), _steps(dt)[0] + result.iterations)
 
     return Method(name, once, steps, unit="steps and iterations")
 
@@ -280,14 +280,14 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
 def leg_forces(dt: float = 2e-3) -> dict[str, Array]:
     """What the legs of the table carry at the end by each model and MuJoCo solver, (4,) [N]."""
     question, (n, h) = QUESTIONS["legs"], _steps(dt)
-    found = {name: _ours(name, question, dt).impulses[:, 0, -1] / h for name in OURS}
+    result = {name: _ours(name, question, dt).impulses[:, 0, -1] / h for name in OURS}
     for solver in mujoco_contact.SOLVERS:
         runner = question.ask_mujoco(Options(h, solver=solver, iterations=3000))
         runner.run(n)
         state = mujoco_contact.contact_state(runner)
         assert state is not None
-        found[f"MuJoCo {solver}"] = state.force
-    return found
+        result[f"MuJoCo {solver}"] = state.force
+    return result
 
 
 @chart
@@ -300,11 +300,11 @@ def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
     )
     panel.notes.append(f"{'scene':<8} {'model':<33} {'error':>9} {'a step':>9} {'iterations':>10}")
     for name in QUESTIONS:
-        found = work_precision(name, [dt], repeats)
+        result = work_precision(name, [dt], repeats)
         steps, _ = _steps(dt)
-        for curve in found.curves:
+        for curve in result.curves:
             point = curve.points[0]
-            verdict = "good" if point.error <= (found.tolerance or 0.0) else "misses"
+            verdict = "good" if point.error <= (result.tolerance or 0.0) else "misses"
             verdict = "FAILS" if point.failure else verdict
             per_step, iterations = point.time / steps, point.count / steps - 1.0
             rows.append((name, curve.name, point.error, per_step, iterations, verdict))
@@ -414,13 +414,13 @@ def _clamped(zetas: Sequence[float]) -> Panel:
         return limit(lambda ratio: calm(zeta, ratio, safe), 0.5 * near, 1.5 * near, rel=1e-2)
 
     for safe in (False, True):
-        kept = [z for z in zetas if not (safe and calm(z, 20.0, safe))]
-        y = [limited(z, safe) for z in kept]
+        selected = [z for z in zetas if not (safe and calm(z, 20.0, safe))]
+        y = [limited(z, safe) for z in selected]
         name = "MuJoCo, refsafe" + ("" if safe else " off")
-        said = ", ".join(f"{z:g}: {r:.3f}" for z, r in zip(kept, y, strict=True))
-        note = f"{name:<19} zeta: largest step over time constant {said}"
+        message = ", ".join(f"{z:g}: {r:.3f}" for z, r in zip(selected, y, strict=True))
+        note = f"{name:<19} zeta: largest step over time constant {message}"
         law = None if safe else soft_limit
-        panel.series.append(Series(name, kept, y, name, theory=law, note=note))
+        panel.series.append(Series(name, selected, y, name, theory=law, note=note))
     return panel
 
 
@@ -444,9 +444,9 @@ def contact_penalty_limit(
         )
         panel.series.append(Series("theory", edge, y, "theory on a map", "--", marker=""))
         for zeta in (0.1, 0.5, 1.0, 1.5):
-            found = measured_limit(zeta, scheme)
+            result = measured_limit(zeta, scheme)
             panel.notes.append(
-                f"{scheme:<14} zeta {zeta:.1f}: omega dt {found:.5f}, theory "
+                f"{scheme:<14} zeta {zeta:.1f}: omega dt {result:.5f}, theory "
                 f"{step_limit(zeta, scheme):.5f}"
             )
         if scheme != "explicit":
@@ -499,9 +499,9 @@ def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, most: int = 
     truth = 0.01 * GRAVITY * np.cumsum(np.asarray(masses)[::-1])[::-1]
 
     def error(sweeps: int) -> float:
-        found = g.copy()
-        gauss_seidel(A, b, found, 1, associated=False, sweeps=sweeps, tolerance=1e-300)
-        return float(np.max(np.abs(found / truth - 1.0)))
+        result = g.copy()
+        gauss_seidel(A, b, result, 1, associated=False, sweeps=sweeps, tolerance=1e-300)
+        return float(np.max(np.abs(result / truth - 1.0)))
 
     high = 1
     while error(high) > tolerance and high < most:
@@ -534,23 +534,23 @@ def contact_sweeps(
     ]  # fmt: skip
 
     def series(
-        label: str, key: str, x: Sequence[float], found: list[int], last: int, law: Theory | None
+        label: str, key: str, x: Sequence[float], result: list[int], last: int, law: Theory | None
     ) -> Series:
-        slope = np.polyfit(np.log(x[-last:]), np.log(found[-last:]), 1)[0]
-        note = f"{label:<28} slope {slope:6.3f}, at {x[-1]:g}: {found[-1]:.0f} sweeps"
-        return Series(label, x, found, key, theory=law, note=note)
+        slope = np.polyfit(np.log(x[-last:]), np.log(result[-last:]), 1)[0]
+        note = f"{label:<28} slope {slope:6.3f}, at {x[-1]:g}: {result[-1]:.0f} sweeps"
+        return Series(label, x, result, key, theory=law, note=note)
 
     last = sum(x >= 30.0 for x in ratios)
     for label, key, masses, law in towers:
-        found = [sweeps_needed(masses(x), tolerance) for x in ratios]
-        panel.series.append(series(label, key, ratios, found, last, law))
+        result = [sweeps_needed(masses(x), tolerance) for x in ratios]
+        panel.series.append(series(label, key, ratios, result, last, law))
     yield panel
-    found = [sweeps_needed([1.0] * n, tolerance) for n in heights]
+    result = [sweeps_needed([1.0] * n, tolerance) for n in heights]
     equal = series(
         "equal tower",
         "sweeps, true cone",
         [float(n) for n in heights],
-        found,
+        result,
         3,
         lambda m: (2.0 * m / math.pi) ** 2 * log,
     )
@@ -568,7 +568,7 @@ def contact_sweeps(
 
 
 def stopped(
-    who: str, degrees: float, dt: float = 1e-3, speed: float = 1.0, **options: Any
+    name: str, degrees: float, dt: float = 1e-3, speed: float = 1.0, **options: Any
 ) -> tuple[float, float]:
     """(way to the stop over Coulomb's, direction [degrees]) of a block sent off at an angle.
 
@@ -582,13 +582,13 @@ def stopped(
     t, mu = math.radians(degrees), 0.5
     velocity = (speed * math.cos(t), speed * math.sin(t))
     steps = round(1.6 * speed / (mu * GRAVITY) / dt)
-    if who in ("pyramidal", "elliptic"):
-        stiff = Options(dt, cone=who, **options)
+    if name in ("pyramidal", "elliptic"):
+        stiff = Options(dt, cone=name, **options)
         end = mujoco_contact.block(stiff, 0.0, velocity, -1e-4).run(steps)[0]
     else:
-        end = run(scenes.block(0.0, mu, velocity), who, dt, steps, **options).q[:, -1]
-    way = math.hypot(end[0], end[1]) / (speed**2 / (2.0 * mu * GRAVITY))
-    return way, math.degrees(math.atan2(end[1], end[0]))
+        end = run(scenes.block(0.0, mu, velocity), name, dt, steps, **options).q[:, -1]
+    distance = math.hypot(end[0], end[1]) / (speed**2 / (2.0 * mu * GRAVITY))
+    return distance, math.degrees(math.atan2(end[1], end[0]))
 
 
 @chart
@@ -615,14 +615,14 @@ def contact_steering(
         )
 
     t = np.array(degrees)
-    asked: dict[str, tuple[str, dict[str, Any]]] = {
+    requested: dict[str, tuple[str, dict[str, Any]]] = {
         "exact pyramid (LCP)": ("lcp", {}),
         "box of limits (LCP)": ("lcp", {"around": True}),
         "true cone (Newton)": ("coulomb", {}),
         "MuJoCo Newton, pyramidal": ("pyramidal", {}),
         "MuJoCo Newton, elliptic": ("elliptic", {}),
     }
-    found = {name: [stopped(who, a, dt, **how) for a in t] for name, (who, how) in asked.items()}
+    result = {name: [stopped(owner, a, dt, **how) for a in t] for name, (owner, how) in requested.items()}
     theories = [
         (
             "way to the stop over Coulomb's",
@@ -638,7 +638,7 @@ def contact_steering(
     at = [int(np.argmin(np.abs(t - a))) for a in (22.5, 45.0)]
     for which, (what, short, laws) in enumerate(theories):
         panel = Panel(f"The way of a braking block is {short}", "sent off at [degrees]", what)
-        for label, pairs in found.items():
+        for label, pairs in result.items():
             y = np.array([pair[which] - which * a for pair, a in zip(pairs, t, strict=True)])
             panel.series.append(
                 Series(
@@ -730,7 +730,7 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
         ylim=(-0.5, 0.75),
         lines=[("x", 0.2, "touch")],
     )
-    ways: dict[str, tuple[str, Callable[[float], float]]] = {
+    methods: dict[str, tuple[str, Callable[[float], float]]] = {
         "rigid": ("true cone (Newton)", lambda p: slope(lambda s: pushed(s, "rigid"), p, 1e-5)),
         "penalty": ("penalty", lambda p: slope(lambda s: pushed(s, "penalty"), p, 1e-5)),
         "interior point": ("convex cone", lambda p: slope(
@@ -740,7 +740,7 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     }  # fmt: skip
     truth = np.where(speeds > 0.2, 0.25, 0.0)  # x = v (0.5 - 0.1 / v) / 2 once it touches
     panel.series.append(Series("truth", speeds, truth, "theory", "steps", marker=""))
-    for label, (key, derivative) in ways.items():
+    for label, (key, derivative) in methods.items():
         y = np.array([derivative(p) for p in speeds])
         before, after = y[speeds < 0.19], y[speeds > 0.21]
         panel.series.append(

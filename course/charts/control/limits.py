@@ -69,7 +69,7 @@ def delay_limit(
     def theory(D: float) -> float:
         return sampled.delay_limit(J, B, D + 0.5 * DT)[0]
 
-    off = max(abs(k / theory(D) - 1.0) for D, k in zip(late, exact, strict=True))
+    error = max(abs(k / theory(D) - 1.0) for D, k in zip(late, exact, strict=True))
     panel.series = [
         Series(
             "the loop's matrix",
@@ -78,7 +78,7 @@ def delay_limit(
             "",
             "",
             theory=theory,
-            note=f"P with delay: w tan(w (D + dt/2)) = b/J is within {off:.1e} of the matrix",
+            note=f"P with delay: w tan(w (D + dt/2)) = b/J is within {error:.1e} of the matrix",
         ),
         Series("slow limit b/(D + dt/2)", late, B / (late + 0.5 * DT), "", "--", marker=""),
     ]
@@ -100,12 +100,12 @@ def delay_limit(
         joint = MotorJoint(J, B, DT, substeps=n)
         return largest(lambda k: mujoco_growth(joint, lambda q, _: -k * q), 1.0, 1e8)
 
-    matrix, found = [by_matrix(n) for n in steps], [by_mujoco(n) for n in steps]
+    matrix, result = [by_matrix(n) for n in steps], [by_mujoco(n) for n in steps]
     real = sampled.ultimate_gain(*system, DT)[0]
-    off = max(abs(a / b - 1.0) for a, b in zip(matrix, found, strict=True))
+    error = max(abs(a / b - 1.0) for a, b in zip(matrix, result, strict=True))
     panel.lines = [("y", real, "the joint itself")]
     panel.series = [
-        Series("MuJoCo, implicitfast", steps, found, "MuJoCo", "", hollow=True),
+        Series("MuJoCo, implicitfast", steps, result, "MuJoCo", "", hollow=True),
         Series(
             "its steps as a matrix",
             steps,
@@ -113,8 +113,8 @@ def delay_limit(
             "",
             "--",
             note=f"limit of P at {1 / DT:g} Hz: exact {real:.0f} N m/rad; MuJoCo with one step "
-            f"a sample {found[0]:.3g}, with ten {found[steps.index(10)]:.0f}; the matrix of its "
-            f"steps within {off:.1e}",
+            f"a sample {result[0]:.3g}, with ten {result[steps.index(10)]:.0f}; the matrix of its "
+            f"steps within {error:.1e}",
         ),
     ]
     yield panel
@@ -217,14 +217,14 @@ def rate_estimates(samples: int = 40_000) -> Iterator[Panel]:
         ("tracking observer", "observer", np.geomspace(5e-4, 0.05, 9)),
     ):
         lag = [t[-1] - rates(0.5 * t**2, DT, kind, tau)[-1] for tau in taus]
-        found = [float(np.std(rates(noise, DT, kind, tau)[2000:])) for tau in taus]
+        result = [float(np.std(rates(noise, DT, kind, tau)[2000:])) for tau in taus]
         panel.series.append(
             Series(
                 words,
                 lag,
-                found,
+                result,
                 note=f"{words:<20} lag {1e3 * lag[0]:.2f} to "
-                f"{1e3 * lag[-1]:.1f} ms, noise {found[0]:.0f} to {found[-1]:.1f} /s",
+                f"{1e3 * lag[-1]:.1f} ms, noise {result[0]:.0f} to {result[-1]:.1f} /s",
             )
         )
     yield panel
@@ -337,8 +337,8 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
     def bound(tau: float) -> float:
         return line * 2.0 * (kd / (tau + DT) + kp)
 
-    found = [ripple(t) for t in taus]
-    share = max(f / bound(t) for f, t in zip(found, taus, strict=True))
+    result = [ripple(t) for t in taus]
+    share = max(f / bound(t) for f, t in zip(result, taus, strict=True))
     panel = Panel(
         "An encoder's line shakes the torque",
         "filter of the rate [s]",
@@ -350,7 +350,7 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
         Series(
             f"{bits} bits, kd = {kd:g}",
             taus,
-            found,
+            result,
             "",
             theory=bound,
             note=f"ripple of {bits} bits: at most {share:.2f} of the bound",
@@ -415,8 +415,8 @@ def judged(kp: float, ki: float, kd: float, delay: float) -> Judged:
     growth = sampled.growth(sampled.loop_matrix(plant, gains.law(dt)))
     seconds = round(max(60.0 * delay, 30.0) / dt) * dt
     run = run_joint(Joint(1.0, 1.0), Actuator(delay=delay), Encoder(), gains, 1.0, dt, seconds)
-    found = step_metrics(run.times, run.q, 1.0)
-    return Judged(gains, delay, growth, found.overshoot, found.settling)
+    result = step_metrics(run.times, run.q, 1.0)
+    return Judged(gains, delay, growth, result.overshoot, result.settling)
 
 
 def ziegler_nichols(row: str, delay: float) -> Judged:
@@ -453,18 +453,18 @@ def ziegler_nichols_rows(points: int = 15) -> Iterator[Panel]:
         ylim=(0.0, 2.0),
     )
     for name in (*ROWS, "placed"):
-        found = [placed(D) if name == "placed" else ziegler_nichols(name, D) for D in delays]
-        over = [f.overshoot if f.growth < 1.0 else math.inf for f in found]
+        result = [placed(D) if name == "placed" else ziegler_nichols(name, D) for D in delays]
+        over = [f.overshoot if f.growth < 1.0 else math.inf for f in result]
         panel.series.append(
             Series(name if name != "placed" else "PD, three equal poles", delays, over)
         )
-        for D, f in zip(delays[:: max(1, points // 3)], found[:: max(1, points // 3)], strict=True):
-            left = f.margins()
+        for D, f in zip(delays[:: max(1, points // 3)], result[:: max(1, points // 3)], strict=True):
+            remaining = f.margins()
             held = (
                 "unstable"
                 if f.growth >= 1.0
                 else (
-                    f"gain margin {left.gain:4.2f}  phase {left.phase:4.2f} rad  overshoot "
+                    f"gain margin {remaining.gain:4.2f}  phase {remaining.phase:4.2f} rad  overshoot "
                     f"{f.overshoot:4.0%}  settled after {f.settling / D:5.1f} D"
                 )
             )

@@ -72,10 +72,10 @@ def record(
     w = speed * np.array([1.3, 3.1, 5.7])
     target = (np.array([0.9, 0.5, 0.25]) * np.sin(np.outer(t, w) + [0.1, 1.0, 2.0])).sum(1)
     rate = (np.array([0.9, 0.5, 0.25]) * w * np.cos(np.outer(t, w) + [0.1, 1.0, 2.0])).sum(1)
-    seen, sent = np.asarray(noise) * rng.normal(size=(T + 1, N)), np.zeros((T + 1, N))
+    observed, sent = np.asarray(noise) * rng.normal(size=(T + 1, N)), np.zeros((T + 1, N))
     signature = numba.void(MATRIX, MATRIX, VECTOR, VECTOR, MATRIX, numba.float64)
-    compiled(_driven, signature)(seen, sent, target, rate, joints, dt)
-    return [Log(dt, seen[:, i], sent[:-1, i]) for i in range(N)]
+    compiled(_driven, signature)(observed, sent, target, rate, joints, dt)
+    return [Log(dt, observed[:, i], sent[:-1, i]) for i in range(N)]
 
 
 def twice_differentiated(log: Log, model: JointModel) -> float:
@@ -118,15 +118,15 @@ def what_a_log_tells(
         scale="log",
     )
     models = [changed(rng, "inertia")[1] for _ in range(joints)]
-    off: dict[str, list[Array]] = {"integral form": [], "second differences": []}
+    deviation: dict[str, list[Array]] = {"integral form": [], "second differences": []}
     for noise in noises:
         pairs = list(zip(record(models, noise=noise, seed=1), models, strict=True))
         for name, inertia in (
             ("integral form", lambda log, model: identify(log).model.inertia),
             ("second differences", twice_differentiated),
         ):
-            off[name].append(np.array([abs(inertia(*p) / p[1].inertia - 1.0) for p in pairs]))
-    for name, rows in off.items():
+            deviation[name].append(np.array([abs(inertia(*p) / p[1].inertia - 1.0) for p in pairs]))
+    for name, rows in deviation.items():
         y = [float(np.median(row)) for row in rows]
         panel.series.append(
             Series(
@@ -185,7 +185,7 @@ def learned_beside_adaptive(
     first = Learned(tracking.WRONG, tracking.KP, tracking.KD)
     data = tracking.SECONDS * np.arange(rounds + 1)
     panel = Panel("Learned or adapted", "seconds of data", "largest error [rad]", scale="log y")
-    found: dict[str, list[list[float]]] = {"trained motion": [], "a larger one": []}
+    result: dict[str, list[list[float]]] = {"trained motion": [], "a larger one": []}
     for seed in range(seeds):
         laws = learn(
             first,
@@ -193,9 +193,9 @@ def learned_beside_adaptive(
             np.random.default_rng(seed),
             rounds,
         )
-        for name, size in zip(found, (1.0, outside), strict=True):
-            found[name].append([min(tracking.error(law, dt, size=size), 9.0) for law in laws])
-    for name, rows in found.items():
+        for name, size in zip(result, (1.0, outside), strict=True):
+            result[name].append([min(tracking.error(law, dt, size=size), 9.0) for law in laws])
+    for name, rows in result.items():
         y = np.median(rows, axis=0)
         panel.series.append(
             Series(
@@ -208,7 +208,7 @@ def learned_beside_adaptive(
                 f"({np.min(rows, axis=0)[-1]:.2g} to {np.max(rows, axis=0)[-1]:.2g})",
             )
         )
-    for name, size in zip(found, (1.0, outside), strict=True):
+    for name, size in zip(result, (1.0, outside), strict=True):
         law = tracking.adaptive(tracking.WRONG, dt)
         error = tracking.error(law, dt, size=size)
         panel.lines = [*panel.lines, ("y", error, f"adaptive, {name}")]

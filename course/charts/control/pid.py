@@ -142,7 +142,7 @@ def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
         nx, ny: points of the map.
     """
     dt, gain = np.linspace(0.003, 0.065, nx), np.linspace(1.0, 30.0, ny)
-    found = stability.stability_map(
+    result = stability.stability_map(
         lambda x, y: measured_growth(replace(LOOP, dt=x).scaled(y)), dt, gain
     )
 
@@ -158,7 +158,7 @@ def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
         "A slower loop stands less gain",
         "sample time [s]",
         "factor on all gains",
-        grid=found,
+        grid=result,
     )
     panel.series = [
         Series(
@@ -168,7 +168,7 @@ def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
     ]
     by_gain = theory(LOOP.dt), gain_limit(LOOP, measured_growth)
     by_rate = rate_limit(LOOP, theoretical_growth), rate_limit(LOOP, measured_growth)
-    off = max(abs(mark / theory(x) - 1.0) for x, mark in zip(few, marks, strict=True))
+    error = max(abs(mark / theory(x) - 1.0) for x, mark in zip(few, marks, strict=True))
     steps = [
         gain_limit(replace(LOOP, dt=x), lambda loop: theoretical_growth(loop, 10)) for x in few
     ]
@@ -178,7 +178,7 @@ def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
         f"theory {by_gain[0]:.3f}, measured {by_gain[1]:.3f}",
         f"largest sample time with the gains as they are: "
         f"theory {1e3 * by_rate[0]:.2f} ms, measured {1e3 * by_rate[1]:.2f} ms",
-        f"MuJoCo's limit (implicitfast, ten steps a sample) is within {off:.1%} of theory, and "
+        f"MuJoCo's limit (implicitfast, ten steps a sample) is within {error:.1%} of theory, and "
         f"within {own:.0e} of what its steps give as a matrix",
     ]
     yield panel
@@ -321,7 +321,7 @@ def pid_windup() -> Iterator[Panel]:
     for key, kind in (("conditional integration", PID), ("no anti-windup", WindingPID)):
         for model, joint in (("exact", LOOP.joint()), ("MuJoCo", LOOP.mujoco())):
             times, angles, commands = jammed(joint=joint, kind=kind)
-            found, label = recovery(times, angles), f"{key}, {model}"
+            result, label = recovery(times, angles), f"{key}, {model}"
             style, width = ("-", 1.2) if model == "exact" else (":", 2.5)
             left.series.append(
                 Series(
@@ -332,8 +332,8 @@ def pid_windup() -> Iterator[Panel]:
                     style,
                     marker="",
                     width=width,
-                    note=f"{label:<32} {found.overshoot:.3f} rad past the set-point, settled "
-                    f"after {found.time:.2f} s",
+                    note=f"{label:<32} {result.overshoot:.3f} rad past the set-point, settled "
+                    f"after {result.time:.2f} s",
                 )
             )
             right.series.append(

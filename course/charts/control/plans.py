@@ -97,7 +97,7 @@ def mpc_where(
         runs[f"cold {n}"] = functools.partial(mpc, plan, x, WEAK)
         runs[f"warm {n}"] = functools.partial(mpc, plan, x, WEAK, last)
     timed = interleaved([calls(run, clock=clock) for run in runs.values()], repeats=repeats)
-    spent = {name: 1e6 * found.median for name, found in zip(runs, timed, strict=True)}
+    spent = {name: 1e6 * result.median for name, result in zip(runs, timed, strict=True)}
     panel = Panel(
         "What a command costs",
         "samples ahead",
@@ -223,7 +223,7 @@ def control_speed(
     """
     dt, start = 0.01, (np.array([0.3, 0.5]), np.array([0.1, -0.2]))
     rates: dict[str, list[float]] = {"course": [], "mujoco.batch": []}
-    off = 0.0
+    deviation = 0.0
     for n in plans:
         torques = np.random.default_rng(n).normal(size=(n, samples, 2))
         theirs = mujoco.rollouts(ARM.chain(), torques, dt, start, DOWN)
@@ -231,17 +231,17 @@ def control_speed(
         def ours(torques: Array = torques) -> Array:
             return rollouts(ARM, torques, dt, start)[0][-1].T
 
-        off = max(off, float(np.abs(ours() - theirs()).max()))
+        deviation = max(deviation, float(np.abs(ours() - theirs()).max()))
         timed = interleaved([calls(run, clock=clock) for run in (ours, theirs)], repeats=repeats)
-        for name, found in zip(rates, timed, strict=True):
-            rates[name].append(n * samples / found.median)
+        for name, result in zip(rates, timed, strict=True):
+            rates[name].append(n * samples / result.median)
     ratio = np.array(rates["course"]) / rates["mujoco.batch"]
     note = f"{np.median(ratio):.0f} times mujoco.batch on one core ({ratio.min():.0f} to "
     panel = Panel(
         "Rollouts of two links", "plans at a time", "samples a second", scale="log", ticks=plans
     )
     panel.series = [Series(name, plans, y, name) for name, y in rates.items()]
-    panel.notes = [f"{note}{ratio.max():.0f}); largest difference {off:.0e} rad"]
+    panel.notes = [f"{note}{ratio.max():.0f}); largest difference {deviation:.0e} rad"]
     yield panel
     yield _beside_scipy(sizes, systems, repeats, clock)
 
@@ -288,8 +288,8 @@ def _beside_scipy(
         )
         apart = max(apart, float(np.abs(runs[2]().x - runs[3]().x).max()))
         timed = interleaved([calls(run, clock=clock) for run in runs], repeats=repeats)
-        for name, found in zip(names, timed, strict=True):
-            spent[name].append(1e6 * found.median)
+        for name, result in zip(names, timed, strict=True):
+            spent[name].append(1e6 * result.median)
     ratio = [np.median(np.array(spent[b]) / spent[a]) for a, b in (names[:2], names[2:])]
     panel.series = [Series(name, sizes, y) for name, y in spent.items()]
     panel.notes = [

@@ -353,18 +353,18 @@ def row(name: str) -> dict[str, float]:
 
 def sentence(name: str) -> str:
     """One row of the table of regimes, as a sentence of its own figures."""
-    law, found = REGIMES[name], row(name)
+    law, result = REGIMES[name], row(name)
     expected = (
         f" (springs in series {series_stiffness(law):.1f})"
         if (law.stiffness and not law.mass)
         else ""
     )
     where = "along the wall" if name in TANGENT else "free"
-    free = "nothing to follow" if math.isnan(found["free_mm"]) else f"{found['free_mm']:.1f} mm"
+    free = "nothing to follow" if math.isnan(result["free_mm"]) else f"{result['free_mm']:.1f} mm"
     return (
-        f"{name:<15}tracking {where} {free}; first peak {found['peak_n']:.0f} N; surface 2 mm off "
-        f"{found['off_n']:+.1f} N{expected}; margin x{found['margin']:.1f}, "
-        f"from {found['rate_hz']:.0f} Hz on"
+        f"{name:<15}tracking {where} {free}; first peak {result['peak_n']:.0f} N; surface 2 mm off "
+        f"{result['off_n']:+.1f} N{expected}; margin x{result['margin']:.1f}, "
+        f"from {result['rate_hz']:.0f} Hz on"
     )
 
 

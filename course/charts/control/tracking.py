@@ -133,12 +133,12 @@ class PathMPPI(Along):
         def cost(plans: Array) -> Array:
             torques = known + np.repeat(plans, self.piece, axis=1)
             q, v = rollouts(self.model, torques, self.dt, (state[0], state[1]))
-            off = np.concatenate([q[1:], v[1:]], axis=1) - aim[:, :, None]
-            return np.asarray(np.einsum("tik,i->k", off**2, np.diag(Q)) * self.dt)
+            deviation = np.concatenate([q[1:], v[1:]], axis=1) - aim[:, :, None]
+            return np.asarray(np.einsum("tik,i->k", deviation**2, np.diag(Q)) * self.dt)
 
-        found = mppi(cost, self.plan, self.rng, samples=128, spread=(0.15, 0.05), temperature=1e-3)
-        self.plan = found.plan if (k + 1) % self.piece else shifted(found.plan)
-        return np.asarray(found.plan[0])
+        result = mppi(cost, self.plan, self.rng, samples=128, spread=(0.15, 0.05), temperature=1e-3)
+        self.plan = result.plan if (k + 1) % self.piece else shifted(result.plan)
+        return np.asarray(result.plan[0])
 
 
 def adaptive(model: TwoLink, dt: float, rate: float = 5.0) -> Adaptive:
@@ -170,16 +170,16 @@ def rounds_until(
 
     With `shown` that model's law collects first.
     """
-    found: list[float] = []
+    result: list[float] = []
 
     def collect(law: Learned) -> Any:
-        first = law if found or shown is None else Learned(shown, KP, KD)
+        first = law if result or shown is None else Learned(shown, KP, KD)
         run = track(ARM, first, motion, dt, 3.0)
-        found.append(float(np.abs(run.q[:, :-1] - run.setpoint)[:, round(1 / dt) :].max()))
+        result.append(float(np.abs(run.q[:, :-1] - run.setpoint)[:, round(1 / dt) :].max()))
         return run
 
     learn(Learned(model, KP, KD), collect, np.random.default_rng(seed), rounds)
-    good = np.flatnonzero(np.array(found) < bar)
+    good = np.flatnonzero(np.array(result) < bar)
     return float(good[0]) if good.size else np.inf
 
 
@@ -214,17 +214,17 @@ def tracking_laws(
             ticks=rates,
         )
         for name, law in LAWS.items():
-            found = [error(law(model, 1.0 / f), 1.0 / f) for f in rates]
-            errors[words, name] = found
+            result = [error(law(model, 1.0 / f), 1.0 / f) for f in rates]
+            errors[words, name] = result
             panel.series.append(
                 Series(
                     name,
                     rates,
-                    found,
+                    result,
                     name,
                     extra=name in ("PD", "MPC"),
-                    note=f"{name:<20} model {words}: {found[0]:.1e} rad at {rates[0]} Hz, "
-                    f"{found[-1]:.1e} at {rates[-1]}",
+                    note=f"{name:<20} model {words}: {result[0]:.1e} rad at {rates[0]} Hz, "
+                    f"{result[-1]:.1e} at {rates[-1]}",
                 )
             )
         yield panel
@@ -239,7 +239,7 @@ def _costs(
 ) -> Panel:
     """Error against the time that a second of the loop takes, the arm's own motion included."""
     spent: dict[str, list[float]] = {}
-    off = {name: errors["right", name] for name in LAWS}
+    error = {name: errors["right", name] for name in LAWS}
     gains = np.full(2, KP), np.full(2, KD)
     for f in rates:
         dt, length = 1.0 / f, {name: (40 if name in SLOW else 400) / f for name in (*LAWS, *FOLLOW)}
@@ -251,11 +251,11 @@ def _costs(
         }
         for name, of in FOLLOW.items():
             far = np.abs(of(whole, *gains, dt=dt)() - aim)[-round(2.0 * f) :]
-            off.setdefault(name, []).append(float(far.max()))
+            error.setdefault(name, []).append(float(far.max()))
             runs[name] = calls(of(whole[:, :, :400], *gains, dt=dt), clock=clock)
         timed = interleaved(list(runs.values()), repeats=repeats, sample=3e-3)
-        for name, found in zip(runs, timed, strict=True):
-            spent.setdefault(name, []).append(found.median / length[name])
+        for name, result in zip(runs, timed, strict=True):
+            spent.setdefault(name, []).append(result.median / length[name])
     panel = Panel(
         "What it costs, the model right",
         "computing time for a second [s]",
@@ -269,13 +269,13 @@ def _costs(
             Series(
                 name,
                 x,
-                off[name],
+                error[name],
                 name,
                 hollow=name in FOLLOW,
                 extra=name in ("PD", "PD + gravity", "computed torque", "adaptive law"),
                 note=f"{name:<20} {1e6 * x[-1] / rates[-1]:7.1f} us a sample with the arm's "
                 f"motion, {ratio:6.1f} times the compiled loop with preview; "
-                f"{off[name][-1]:.4e} rad at {rates[-1]} Hz",
+                f"{error[name][-1]:.4e} rad at {rates[-1]} Hz",
             )
         )
     return panel

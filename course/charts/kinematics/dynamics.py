@@ -58,10 +58,10 @@ def arm_throughput(
                 runs["Pinocchio"] = calls(other.calls(theirs, q, v, x), clock=clock)
                 runs["MuJoCo"] = calls(mujoco_chain.calls(arm, mujocos, q, v, x), clock=clock)
             timed = interleaved(list(runs.values()), repeats=repeats, sample=3e-3)
-            for name, found in zip(runs, timed, strict=True):
-                row = (n, n / found.median, n / found.high, n / found.low)
+            for name, result in zip(runs, timed, strict=True):
+                row = (n, n / result.median, n / result.high, n / result.low)
                 rates.setdefault(name, []).append(row)
-                busy = max(busy, found.busy)
+                busy = max(busy, result.busy)
         for name, rows in rates.items():
             n, middle, low, high = np.array(rows).T
             panel.series.append(Series(name, n, middle, name, low=low, high=high))

@@ -45,11 +45,11 @@ def near_singular(count: int, seed: int, beside: float = 1e-4) -> list[Array]:
 
 def beyond(chain: Chain, count: int, seed: int, factor: float = 1.05) -> list[Array]:
     """Reachable poses moved out beyond the arm's reach."""
-    base, found = chain.placement[:3, 0], []
+    base, result = chain.placement[:3, 0], []
     for pose in reachable(chain, count, seed):
         out = (pose[:3] - base) / np.linalg.norm(pose[:3] - base)
-        found.append(np.concatenate([base + factor * chain.reach[1] * out, pose[3:]]))
-    return found
+        result.append(np.concatenate([base + factor * chain.reach[1] * out, pose[3:]]))
+    return result
 
 
 def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
@@ -57,8 +57,8 @@ def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
 
     def solve(target: Array, rng: np.random.Generator) -> float:
         first = start(target, rng) if callable(start) else start
-        found = ik(chain, target, first, rng=rng, **options)
-        return float(found.iterations) if found.success else np.inf
+        result = ik(chain, target, first, rng=rng, **options)
+        return float(result.iterations) if result.success else np.inf
 
     return solve
 
@@ -72,8 +72,8 @@ def usual(chain: Chain, clamped: bool, starts: int, rate: float, most: int) -> S
 
     def solve(target: Array, rng: np.random.Generator) -> float:
         begin = rng.uniform(*limits, (starts, chain.n))
-        q, there, steps = arm.usual_ik(target, begin, limits if clamped else None, rate, most)
-        return float(steps) if there and within(chain, q) else np.inf
+        q, present, steps = arm.usual_ik(target, begin, limits if clamped else None, rate, most)
+        return float(steps) if present and within(chain, q) else np.inf
 
     return solve
 
@@ -115,14 +115,14 @@ def ik_success(
             panel.series.append(series)
         for name, first in zip(ours, (None, samples), strict=True):
             start = time.process_time()
-            found = ik(arm, whole, first)
-            rates[name] = found.success.sum() / (time.process_time() - start)
-            left = pose_error(whole, tip(arm, found.q))[:, found.success]
-            wrong = np.maximum(*(np.linalg.norm(x, axis=0) for x in (left[:3], left[3:]))) > 1e-6
+            result = ik(arm, whole, first)
+            rates[name] = result.success.sum() / (time.process_time() - start)
+            remaining = pose_error(whole, tip(arm, result.q))[:, result.success]
+            wrong = np.maximum(*(np.linalg.norm(x, axis=0) for x in (remaining[:3], remaining[3:]))) > 1e-6
             panel.notes.append(
-                f"{name:<20} {found.success.mean():.2%} of {len(poses)}, "
+                f"{name:<20} {result.success.mean():.2%} of {len(poses)}, "
                 f"{wrong.sum()} claims that FK contradicts, "
-                f"{found.starts.mean():.1f} starts and {found.iterations.mean():.0f} steps each"
+                f"{result.starts.mean():.1f} starts and {result.iterations.mean():.0f} steps each"
             )
         best = rates["nearest of a table"]
         panel.notes += [
@@ -132,9 +132,9 @@ def ik_success(
         yield panel
     far = ik(arm, np.array(beyond(arm, slow, 0)).T, restarts=10)
     shares = {str(r): float(np.mean(far.reason == r)) for r in np.unique(far.reason)}
-    said = ", ".join(f"{name} {share:.0%}" for name, share in shares.items())
+    message = ", ".join(f"{name} {share:.0%}" for name, share in shares.items())
     yield Panel(
-        "Beyond", notes=[f"poses 5 % beyond the reach: {far.success.sum()} claimed; {said}"]
+        "Beyond", notes=[f"poses 5 % beyond the reach: {far.success.sum()} claimed; {message}"]
     )
 
 
@@ -158,20 +158,20 @@ def ik_residual(
     for title, (chain, goals, start) in scenes.items():
         panel = Panel(title, "steps", "median error left [m, rad]", scale="log")
         for method in METHODS:
-            left = []
+            remaining = []
             for k in budgets:
                 options: Any = {"restarts": 0, "iterations": k, "tolerance": (1e-14, 1e-14)}
-                found = ik(chain, goals, start, method=method, **options)
-                left.append(float(np.median(np.hypot(found.distance, found.angle))))
-            there = [k for k, e in zip(budgets, left, strict=True) if e < 1e-6]
-            said = f"below 1e-6 after {there[0]} steps" if there else f"{left[-1]:.1e} at the end"
+                result = ik(chain, goals, start, method=method, **options)
+                remaining.append(float(np.median(np.hypot(result.distance, result.angle))))
+            other = [k for k, e in zip(budgets, remaining, strict=True) if e < 1e-6]
+            message = f"below 1e-6 after {other[0]} steps" if other else f"{remaining[-1]:.1e} at the end"
             panel.series.append(
                 Series(
                     method,
                     budgets,
-                    np.maximum(left, 1e-17),
+                    np.maximum(remaining, 1e-17),
                     method,
-                    note=f"{title:<34} {method:<20} {said}",
+                    note=f"{title:<34} {method:<20} {message}",
                 )
             )
         yield panel
@@ -198,9 +198,9 @@ def trained(
     low, high = (
         np.where(np.isfinite(x), x, s * np.pi) for x, s in ((chain.lower, -1), (chain.upper, 1))
     )
-    angles, seen = 2 * chain.n, len(rows)
+    angles, observed = 2 * chain.n, len(rows)
     net = torch.nn.Sequential(
-        torch.nn.Linear(seen, width),
+        torch.nn.Linear(observed, width),
         torch.nn.SiLU(),
         torch.nn.Linear(width, width),
         torch.nn.SiLU(),
@@ -212,9 +212,9 @@ def trained(
         q = rng.uniform(low[:, None], high[:, None], (chain.n, 512))
         pose = torch.tensor(_signed(tip(chain, q))[list(rows)].T, dtype=torch.float32)
         truth = torch.tensor(np.concatenate([np.cos(q), np.sin(q)]).T, dtype=torch.float32)
-        off = ((net(pose).reshape(-1, heads, angles) - truth[:, None]) ** 2).sum(dim=2)
+        deviation = ((net(pose).reshape(-1, heads, angles) - truth[:, None]) ** 2).sum(dim=2)
         # A little for all heads, so that none is left behind for good.
-        loss = off.min(dim=1).values.mean() + 0.02 * off.mean()
+        loss = deviation.min(dim=1).values.mean() + 0.02 * deviation.mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -250,9 +250,9 @@ def solution_curve(lengths: Sequence[float], target: Array, count: int = 720) ->
     return np.asarray(q.reshape(3, -1))
 
 
-def covered(curve: Array, found: Array, near: float = 0.3) -> float:
+def covered(curve: Array, result: Array, near: float = 0.3) -> float:
     """Share of the curve (3, M) within `near` [rad] of a posture found (3, K), joint by joint."""
-    apart = np.abs(np.angle(np.exp(1j * (curve[:, :, None] - found[:, None]))))
+    apart = np.abs(np.angle(np.exp(1j * (curve[:, :, None] - result[:, None]))))
     return float((apart.max(axis=0).min(axis=1) < near).mean())
 
 
@@ -272,7 +272,7 @@ def learned_seeds(
     arm, begun, rng = panda(), time.process_time(), np.random.default_rng(3)
     network = trained(arm, range(7), steps=steps)
     took = time.process_time() - begun
-    ways: dict[str, Any] = {
+    methods: dict[str, Any] = {
         "uniform starts": solver(arm),
         "nearest of a table": solver(arm, Samples(arm, table, 1)),
         "network's starts": solver(arm, network),
@@ -293,9 +293,9 @@ def learned_seeds(
         f"the network learned for {took:.0f} s; alone the best of its proposals is "
         f"{np.median(alone):.3f} m off in the median"
     ]
-    for name, solve in ways.items():
-        found, _ = collect(name, solve, problems, (0,), "steps")
-        left.series.append(found.series(budgets, name))
+    for name, solve in methods.items():
+        result, _ = collect(name, solve, problems, (0,), "steps")
+        left.series.append(result.series(budgets, name))
     yield left
 
     lengths = (1.0, 0.8, 0.5)
@@ -320,7 +320,7 @@ def learned_seeds(
         "share of the curve within 0.3 rad",
         scale="log x",
     )
-    for (name, _), seeds in zip(ways.items(), (uniform, nearest, learned), strict=True):
+    for (name, _), seeds in zip(methods.items(), (uniform, nearest, learned), strict=True):
         shares = np.zeros((len(draws), points))
         for j, goal in enumerate(goals):
             starts = seeds(goal, max(draws))
@@ -330,8 +330,8 @@ def learned_seeds(
             order = np.flatnonzero([end.success for end in ends])
             curve = solution_curve(lengths, goal)
             for i, k in enumerate(draws):
-                kept = good[:, order < k]
-                shares[i, j] = covered(curve, kept) if kept.size else 0.0
+                selected = good[:, order < k]
+                shares[i, j] = covered(curve, selected) if selected.size else 0.0
         mean = shares.mean(axis=1)
         right.series.append(
             Series(

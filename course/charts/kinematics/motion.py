@@ -67,8 +67,8 @@ def autograd(chain: Chain, q: Array) -> Array:
     """By PyTorch, backwards, a row at a time."""
     import torch
 
-    found = torch.autograd.functional.jacobian(lambda x: placed(chain, x, torch), torch.tensor(q))
-    return np.asarray(found)
+    result = torch.autograd.functional.jacobian(lambda x: placed(chain, x, torch), torch.tensor(q))
+    return np.asarray(result)
 
 
 @chart
@@ -121,12 +121,12 @@ def jacobian_precision(
         )
     yield left
 
-    ways = {
+    approaches = {
         **best,
         "autograd": (error(autograd(arm, q)), lambda: autograd(arm, q)),
         "analytic": (error(jacobian(arm, q)[:3]), lambda: jacobian(arm, q)),
     }
-    timed = interleaved([calls(run) for _, run in ways.values()], repeats=repeats, sample=0.01)
+    timed = interleaved([calls(run) for _, run in approaches.values()], repeats=repeats, sample=0.01)
     right = Panel(
         "The analytic one costs least",
         "time of one Jacobian [s]",
@@ -134,7 +134,7 @@ def jacobian_precision(
         scale="log",
         footer=machine(max(t.busy for t in timed)),
     )
-    for (name, (wrong, _)), time in zip(ways.items(), timed, strict=True):
+    for (name, (wrong, _)), time in zip(approaches.items(), timed, strict=True):
         ratio = time.median / timed[-1].median
         right.series.append(
             Series(
@@ -193,17 +193,17 @@ def null_space_step(
         scale="log",
         theory="c h^2",
     )
-    ways: dict[str, Any] = {
+    methods: dict[str, Any] = {
         "exact projector": lambda h: q + h * v,
         "exact projector, then one IK step": lambda h: mended(q + h * v),
         "damped projector, lambda = 0.1": lambda h: q + h * leaky,
     }
-    for key, (name, way) in zip(
-        ("null space", "re-projected", "damped"), ways.items(), strict=True
+    for key, (name, method) in zip(
+        ("null space", "re-projected", "damped"), methods.items(), strict=True
     ):
-        moved = np.array([away(way(h)) for h in steps])
-        seen = (moved > 1e-13) & (np.array(steps) < 0.2)
-        order = np.polyfit(np.log(np.array(steps)[seen]), np.log(moved[seen]), 1)[0]
+        moved = np.array([away(method(h)) for h in steps])
+        observed = (moved > 1e-13) & (np.array(steps) < 0.2)
+        order = np.polyfit(np.log(np.array(steps)[observed]), np.log(moved[observed]), 1)[0]
         panel.series.append(
             Series(
                 f"{name}: order {order:.1f}",
@@ -238,14 +238,14 @@ def past_the_hole(damping: float, gap: float, step: float = 0.002) -> tuple[floa
     """
     arm = planar(ARM)
     line = np.array([[x, ARM[0] - ARM[1] + gap] for x in np.arange(-0.6, 0.6, step)])
-    q, off, largest = two_link_ik(ARM, line[0]).q[:, 0], 0.0, 0.0
+    q, deviation, largest = two_link_ik(ARM, line[0]).q[:, 0], 0.0, 0.0
     for point in line:
         J = jacobian(arm, q)[:2]
         dq = J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(2), point - tip(arm, q)[:2])
         q = q + dq
-        off = max(off, float(np.linalg.norm(tip(arm, q)[:2] - point)))
+        deviation = max(deviation, float(np.linalg.norm(tip(arm, q)[:2] - point)))
         largest = max(largest, float(np.linalg.norm(dq)))
-    return off, largest
+    return deviation, largest
 
 
 @chart
@@ -257,17 +257,17 @@ def damping_map(
     The map has nx times ny points; `dampings` are those of the tracking error.
     """
     bend, damping = np.logspace(-4, 0, nx), np.logspace(-3, 0, ny)
-    arm, most = planar(ARM), RATE / SPEED
+    arm, highest = planar(ARM), RATE / SPEED
     grid = stability_map(
-        lambda x, y: gain(jacobian(arm, np.array([0.0, x]))[:2], y) / most,
+        lambda x, y: gain(jacobian(arm, np.array([0.0, x]))[:2], y) / highest,
         bend,
         damping,
         quantity="joint rate over its limit",
     )
     # In theory the direction of s_min decides: s / (s^2 + lambda^2) = most.
     s = np.array([np.linalg.svd(jacobian(arm, np.array([0.0, x]))[:2])[1][-1] for x in bend])
-    needed = np.sqrt(np.maximum(s / most - s * s, 1e-12))
-    peak = 1 / (2 * most)
+    needed = np.sqrt(np.maximum(s / highest - s * s, 1e-12))
+    peak = 1 / (2 * highest)
     left = Panel(
         f"A tip at {SPEED:g} m/s, joints of {RATE:g} rad/s",
         "elbow from stretched [rad]",
@@ -283,7 +283,7 @@ def damping_map(
     safe = damping[(grid.values <= 1).all(axis=1)].min()
     left.notes = [
         f"never above the limit from lambda = {safe:.4f} m/rad on; 1 / (2 limit) is {peak:.4f}",
-        f"without damping it is above the limit within {bend[s < 1 / most].max():.3f} rad",
+        f"without damping it is above the limit within {bend[s < 1 / highest].max():.3f} rad",
     ]
     yield left
 
@@ -294,14 +294,14 @@ def damping_map(
         scale="log",
     )
     for gap, key in ((1e-2, ""), (1e-3, ""), (1e-4, "")):
-        off, largest = np.array([past_the_hole(x, gap) for x in dampings]).T
+        deviation, largest = np.array([past_the_hole(x, gap) for x in dampings]).T
         right.series.append(
             Series(
                 f"{1e3 * gap:g} mm from the hole",
                 dampings,
-                off,
+                deviation,
                 key,
-                note=f"{1e3 * gap:g} mm from the hole: error {off[0]:.1e} to {off[-1]:.1e} m, "
+                note=f"{1e3 * gap:g} mm from the hole: error {deviation[0]:.1e} to {deviation[-1]:.1e} m, "
                 f"largest joint step {largest[0]:.3g} to {largest[-1]:.3g} rad",
             )
         )

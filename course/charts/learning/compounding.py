@@ -66,16 +66,16 @@ def compounding(
             )
         )
     yield panel
-    many, rates = np.geomspace(2, 1000, points), np.geomspace(1e-4, 0.3, points)
+    count, rates = np.geomspace(2, 1000, points), np.geomspace(1e-4, 0.3, points)
 
     def over(T: float, share: float) -> float:
         law = share * T * (T + 1.0) / 2.0
         return (law / float(learning.expected_cost(share, T, recovers=False)) - 1.0) / ALLOWED
 
-    grid = stability_map(over, many, rates, quantity=f"square law too high by, over {ALLOWED:g}")
-    line = 3.0 * ALLOWED / many
+    grid = stability_map(over, count, rates, quantity=f"square law too high by, over {ALLOWED:g}")
+    line = 3.0 * ALLOWED / count
     edge = grid.boundary() * rates
-    seen = edge[np.isfinite(edge) & (edge > 0.0) & (rates < 0.03)]
+    observed = edge[np.isfinite(edge) & (edge > 0.0) & (rates < 0.03)]
     yield Panel(
         "The square law ends where a fall is likely",
         "steps",
@@ -83,7 +83,7 @@ def compounding(
         [
             Series(
                 f"rate times steps = {3 * ALLOWED:g}",
-                many,
+                count,
                 np.clip(line, rates[0], rates[-1]),
                 "theory on a map",
                 marker="",
@@ -92,8 +92,8 @@ def compounding(
         scale="log",
         grid=grid,
         notes=[
-            f"the law is {ALLOWED:.0%} too high at rate times steps = {seen.min():.2f} to "
-            f"{seen.max():.2f}, predicted {3 * ALLOWED:g}"
+            f"the law is {ALLOWED:.0%} too high at rate times steps = {observed.min():.2f} to "
+            f"{observed.max():.2f}, predicted {3 * ALLOWED:g}"
         ],
     )
     at = np.array(horizons[:-1] if len(horizons) > 2 else horizons)

@@ -41,8 +41,8 @@ def test(policy: Any, paid: str = "sparse", **task: Any) -> float:
     late, bonus = (1000 if paid == "hover" else MAX_STEPS), task.get("bonus", 0.0)
     envs = PointReachVector(NUM, paid, autoreset_mode="SameStep", max_steps=late, **task)
     first = envs.reset(seed=STARTS)[0]
-    ways = (first - task.get("offset", 0.0)) / task.get("unit", 1.0)
-    best = optimum(ways, paid, bonus=bonus, max_steps=late, radius=task.get("radius", 0.05)).mean()
+    distances = (first - task.get("offset", 0.0)) / task.get("unit", 1.0)
+    best = optimum(distances, paid, bonus=bonus, max_steps=late, radius=task.get("radius", 0.05)).mean()
     return float(evaluate(policy, envs, STARTS).returns.mean() / best)
 
 
@@ -91,7 +91,7 @@ def searched(seed: int, rounds: int, samples: int = 24, episodes: int = 4) -> Tr
         gains = np.repeat(tries, episodes, axis=0).reshape(-1, 2, 4)
         used[1] += 1
         ran = evaluate(
-            lambda seen: (gains @ seen[..., None])[..., 0].astype(np.float32), envs, 1000 * used[1]
+            lambda observed: (gains @ observed[..., None])[..., 0].astype(np.float32), envs, 1000 * used[1]
         )
         used[0] += int(ran.steps.sum())
         return -ran.returns.reshape(samples, episodes).mean(axis=1)
@@ -121,7 +121,7 @@ def learning_curves(
     """Share of the exact optimum over steps and time: ours, the library, a search; ten seeds."""
     wide = replace(SMALL, hidden=(64, 64))
     same: dict[str, Any] = {"steps": steps, "points": points}
-    ways: dict[str, tuple[Any, dict[str, Any]]] = {
+    methods: dict[str, tuple[Any, dict[str, Any]]] = {
         "ours, 16 wide": (trained, {"settings": SMALL, **same}),
         "ours, 64 wide": (trained, {"settings": wide, **same}),
         "Stable-Baselines3": (library, {"settings": wide, **same}),
@@ -129,10 +129,10 @@ def learning_curves(
     }
     # In turns, seed by seed, so that other work on the machine is shared by all.
     turns = [
-        {label: sweep(way, [{**how, "seed": seed}])[0] for label, (way, how) in ways.items()}
+        {label: sweep(method, [{**how, "seed": seed}])[0] for label, (method, how) in methods.items()}
         for seed in range(seeds)
     ]
-    runs = {label: [one[label] for one in turns] for label in ways}
+    runs = {label: [one[label] for one in turns] for label in methods}
     by_steps = Panel(
         "By what it saw",
         "steps of the environment",
@@ -153,12 +153,12 @@ def learning_curves(
         middle, low, high = band([one.scores for one in some])
         at = np.median([one.steps for one in some], axis=0)
         spent = np.min([one.seconds for one in some], axis=0)
-        there = [one.steps[one.scores >= SOLVED][0] for one in some if one.scores.max() >= SOLVED]
-        told = f"{label}: {middle[-1]:.3f} ({low[-1]:.3f} to {high[-1]:.3f}) after {at[-1]:,.0f} "
-        told += f"steps and {spent[-1]:.1f} s; {SOLVED:.0%} in {len(there)} of {seeds} seeds"
-        if there:
-            told += f", after {min(there):,.0f} to {max(there):,.0f} steps"
-        by_steps.series.append(Series(label, at, middle, low=low, high=high, note=told))
+        other = [one.steps[one.scores >= SOLVED][0] for one in some if one.scores.max() >= SOLVED]
+        message = f"{label}: {middle[-1]:.3f} ({low[-1]:.3f} to {high[-1]:.3f}) after {at[-1]:,.0f} "
+        message += f"steps and {spent[-1]:.1f} s; {SOLVED:.0%} in {len(other)} of {seeds} seeds"
+        if other:
+            message += f", after {min(other):,.0f} to {max(other):,.0f} steps"
+        by_steps.series.append(Series(label, at, middle, low=low, high=high, note=message))
         by_time.series.append(Series(label, spent, middle, low=low, high=high))
     yield by_steps
     yield by_time
@@ -213,13 +213,13 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
         xlim=(0.0, 1.8),
         series=[banded(usual, "left out on the usual task")],
     )
-    there: dict[str, list[Trained]] = {}
+    present: dict[str, list[Trained]] = {}
     for name, (task, settings, less) in MATTERS.items():
         for row, change in {name: {}, **less}.items():
             how = replace(SMALL, **{**settings, **change})
-            there[row] = sweep(trained, jobs(settings=how, **same, **task))
+            present[row] = sweep(trained, jobs(settings=how, **same, **task))
     yield Panel(
-        "Where each does matter", SHARE, xlim=(0.0, 1.8), series=[banded(there, "where it matters")]
+        "Where each does matter", SHARE, xlim=(0.0, 1.8), series=[banded(present, "where it matters")]
     )
 
 
@@ -242,8 +242,8 @@ def stumbles(radius: float) -> float:
     spread = (weight * d * d).sum(axis=1) / inside
     # Of a sum of steps the speed is 1.5 place / time on average, with a quarter of its variance.
     slow = np.sqrt(0.25 * speed[:, 0] ** 2 + (1.5 / (k[:, 0] * DT)) ** 2 * spread)
-    way = np.sum(DT * np.sqrt(0.5 * np.pi) * slow * inside**2)
-    return float(np.pi * radius**2 + 2.0 * radius * way) / 4.0
+    distance = np.sum(DT * np.sqrt(0.5 * np.pi) * slow * inside**2)
+    return float(np.pi * radius**2 + 2.0 * radius * distance) / 4.0
 
 
 @chart(columns=2)
@@ -278,8 +278,8 @@ def rewards(
         )
         middle, low, high = band([one.scores for one in some])
         last = ", ".join(f"{one.scores[-1]:.2f}" for one in some)
-        told = f"{label}: {middle[-1]:.2f} ({low[-1]:.2f} to {high[-1]:.2f}); seeds {last}"
-        panel.series.append(Series(label, some[0].steps, middle, low=low, high=high, note=told))
+        message = f"{label}: {middle[-1]:.2f} ({low[-1]:.2f} to {high[-1]:.2f}); seeds {last}"
+        panel.series.append(Series(label, some[0].steps, middle, low=low, high=high, note=message))
     yield panel
     panel = Panel(
         "Sparse, by the size of the disc",
@@ -292,18 +292,18 @@ def rewards(
     rng, met, share = np.random.default_rng(2), [], []
     for radius in radii:
         envs = PointReachVector(tried, "sparse", autoreset_mode="SameStep", radius=radius)
-        ran = evaluate(lambda seen: rng.standard_normal((len(seen), 2)), envs, 7)
+        ran = evaluate(lambda observed: rng.standard_normal((len(observed), 2)), envs, 7)
         met.append(float(ran.success.mean()))
         some = sweep(
             trained, jobs(settings=SMALL, reward="sparse", steps=short, seeds=few, radius=radius)
         )
         share.append(float(np.median([one.scores[-1] for one in some])))
-    told = ", ".join(
+    message = ", ".join(
         f"{r:g} m {p:.3f} (predicted {stumbles(r):.3f}), learned {s:.2f}"
         for r, p, s in zip(radii, met, share, strict=True)
     )
     panel.series += [
-        Series("stumbles on it", radii, met, theory=stumbles, note=f"chance, by radius: {told}"),
+        Series("stumbles on it", radii, met, theory=stumbles, note=f"chance, by radius: {message}"),
         Series(f"optimum, after {short:,}", radii, [s or np.nan for s in share]),
     ]
     yield panel
@@ -347,12 +347,12 @@ def step_epochs(
         scores = np.array([[one.scores[-1] for one in some] for some in rows])
         kl = np.array([[one.kl for one in some] for some in rows])
         middle = np.median(scores, axis=1)
-        told = "; ".join(
+        message = "; ".join(
             f"{r:g} {m:.2f}, {np.mean(s >= solved):.0%} solve, divergence {np.median(k):.2g}"
             for r, m, s, k in zip(rates, middle, scores, kl, strict=True)
         )
         name = f"{epochs} epoch" + "s" * (epochs > 1)
-        reached.series.append(Series(name, rates, middle, note=f"{name}: {told}"))
+        reached.series.append(Series(name, rates, middle, note=f"{name}: {message}"))
         moved.series.append(Series(name, kl.ravel(), scores.ravel(), style=""))
     every, far = (np.concatenate([getattr(s, x) for s in moved.series]) for x in "yx")
     good = far[every >= solved]

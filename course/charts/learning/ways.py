@@ -32,11 +32,11 @@ def passed(executor: Any, n: int, noise: float = 0.0) -> float:
     return float(np.mean(driven(executor, n, noise) != 0))
 
 
-def shares(label: str, x: Any, rates: Sequence[float], n: int, **look: Any) -> Series:
+def shares(label: str, x: Any, rates: Sequence[float], n: int, **view: Any) -> Series:
     """Shares of n runs over x, with Wilson's interval."""
     low, high = wilson(n * np.array(rates), n)
-    told = ", ".join(f"{a:g} {rate:.2f}" for a, rate in zip(x, rates, strict=True))
-    return Series(label, x, rates, low=low, high=high, note=f"{label}: {told}", **look)
+    message = ", ".join(f"{a:g} {rate:.2f}" for a, rate in zip(x, rates, strict=True))
+    return Series(label, x, rates, low=low, high=high, note=f"{label}: {message}", **view)
 
 
 @chart(columns=2)
@@ -74,27 +74,27 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
         ylim=(0.0, 1.05),
         footer=machine(libraries=("torch",)),
     )
-    left = {"shown": int((shown.states[:, 8, 1] > 0.0).sum()) / DEMONSTRATIONS}
+    remaining = {"shown": int((shown.states[:, 8, 1] > 0.0).sum()) / DEMONSTRATIONS}
     for name, kinds in policies.items():
-        off, good, micro = [], [], []
+        deviation, good, micro = [], [], []
         for policy in kinds:
             guess = policy(apart.states[:, 0], np.random.default_rng(1))
-            off.append(1e3 * float(np.sqrt(np.mean((guess - apart.actions[:, :CHUNK]) ** 2))))
+            deviation.append(1e3 * float(np.sqrt(np.mean((guess - apart.actions[:, :CHUNK]) ** 2))))
             sides = driven(learning.Commit(policy, CHUNK), n)
             good.append(float(np.mean(sides != 0)))
             micro.append(1e6 * next(spent).best / CHUNK)
         low, high = wilson(n * np.array(good), n)
-        told = "; ".join(
+        message = "; ".join(
             f"success {s:.3f}, held-out {e:.1f} mm, {t:.1f} us an action"
-            for s, e, t in zip(good, off, micro, strict=True)
+            for s, e, t in zip(good, deviation, micro, strict=True)
         )
         steps = " (1, 2, 5, 10 steps)" if len(kinds) > 1 else ""
-        look: dict[str, Any] = {"low": low, "high": high, "extra": name == "z = 0"}
-        error.series.append(Series(name, off, good, note=f"{name}{steps}: {told}", **look))
-        priced.series.append(Series(name, micro, good, **look))
+        view: dict[str, Any] = {"low": low, "high": high, "extra": name == "z = 0"}
+        error.series.append(Series(name, deviation, good, note=f"{name}{steps}: {message}", **view))
+        priced.series.append(Series(name, micro, good, **view))
         if good[-1] > 0.5:
-            left[name] = float(np.mean(sides[sides != 0] > 0))
-    low, high = wilson(100.0 * left["shown"], DEMONSTRATIONS)
+            remaining[name] = float(np.mean(sides[sides != 0] > 0))
+    low, high = wilson(100.0 * remaining["shown"], DEMONSTRATIONS)
     yield error
     yield priced
     yield Panel(
@@ -103,11 +103,11 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
         series=[
             Series(
                 "",
-                list(left.values()),
-                list(left),
+                list(remaining.values()),
+                list(remaining),
                 style="bar",
-                tags=[f"{x:.2f}" for x in left.values()],
-                note="left: " + ", ".join(f"{k} {x:.2f}" for k, x in left.items()),
+                tags=[f"{x:.2f}" for x in remaining.values()],
+                note="left: " + ", ".join(f"{k} {x:.2f}" for k, x in remaining.items()),
             )
         ],
         spans=[("x", float(low), float(high), "95 %")],
@@ -123,8 +123,8 @@ def gap(samples: Array, exact: Array) -> float:
 def quantiles(mixture: learning.Mixture, share: Array) -> Array:
     """Of a mixture in one dimension, between -6 and 6, to about 1e-7."""
     x = np.linspace(-6.0, 6.0, 100_001)
-    off = (x[:, None] - mixture.means[:, 0]) / mixture.deviations
-    return np.interp(share, ndtr(off) @ mixture.weights, x)
+    deviation = (x[:, None] - mixture.means[:, 0]) / mixture.deviations
+    return np.interp(share, ndtr(deviation) @ mixture.weights, x)
 
 
 @chart(columns=2)
@@ -142,10 +142,10 @@ def samplers(
     modes = learning.Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.full(2, 0.3))
     share = (np.arange(n) + 0.5) / n
     exact, noise, rng = quantiles(modes, share), ndtri(share)[:, None], np.random.default_rng(3)
-    told, blank = modes.draw(4000, rng), rng.standard_normal((4000, 1))
+    report, blank = modes.draw(4000, rng), rng.standard_normal((4000, 1))
     how: dict[str, Any] = {"width": 64, "rate": 2e-3, "steps": fit}
     flow, diffusion = (
-        f(blank, told, 0, **how) for f in (learning.flow_policy, learning.diffusion_policy)
+        f(blank, report, 0, **how) for f in (learning.flow_policy, learning.diffusion_policy)
     )
 
     def drawn(policy: Any, solver: str, steps: int) -> Array:
@@ -163,7 +163,7 @@ def samplers(
         "distance from the exact quantiles, rms",
         scale="log",
     )
-    ways = {
+    methods = {
         "Euler": lambda k: learning.integrate(modes.velocity, noise, k, "euler"),
         "Heun": lambda k: learning.integrate(modes.velocity, noise, k // 2, "heun"),
         "DDIM": lambda k: learning.denoise(modes.clean, noise, k, rng),
@@ -171,9 +171,9 @@ def samplers(
         "flow net, Heun": lambda k: drawn(flow, "heun", k // 2),
         "diffusion net, DDIM": lambda k: drawn(diffusion, "ddim", k),
     }
-    for label, way in ways.items():
+    for label, method in methods.items():
         x = [k for k in counts if k % 2 == 0 or "Heun" not in label]
-        y = [gap(way(k), exact) for k in x]
+        y = [gap(method(k), exact) for k in x]
         order = np.log(y[-2] / y[-1]) / np.log(x[-1] / x[-2])
         note = f"{label}: " + ", ".join(f"{k} {e:.3g}" for k, e in zip(x, y, strict=True))
         panel.series.append(
@@ -210,18 +210,18 @@ def samplers(
 def looked(policy: Any, executed: int, n: int, noise: float) -> tuple[float, float]:
     """Changes of side in a run before the obstacle, and how far chunks end off their plan [m]."""
     task, rng, step = learning.TwoWays(noise), np.random.default_rng(41), 0
-    state, sides, off = task.starts(n, rng), [], []
+    state, sides, deviation = task.starts(n, rng), [], []
     while step < task.steps // 2:
         plan = policy(state, rng)
         halfway = state + plan[:, : task.steps // 2 - step].sum(axis=1)
         sides.append(np.sign(halfway[:, 1]))
-        meant = state + plan[:, :executed].sum(axis=1)
+        intended = state + plan[:, :executed].sum(axis=1)
         for k in range(executed):
             state = task.step(state, plan[:, k], rng)
-        off.append(np.sum((state - meant) ** 2, axis=1) / 2.0)
+        deviation.append(np.sum((state - intended) ** 2, axis=1) / 2.0)
         step += executed
     turned = float(np.mean(np.sum(np.diff(sides, axis=0) != 0.0, axis=0))) if sides[1:] else 0.0
-    return turned, float(np.sqrt(np.mean(off)))
+    return turned, float(np.sqrt(np.mean(deviation)))
 
 
 @chart(columns=2)
@@ -261,12 +261,12 @@ def commit_or_react(
         "delayed by 1": learning.Delayed(policy, 1),
         "noise injected, 1": learning.Commit(taught, 1),
     }
-    for label, way in cures.items():
-        rates = [passed(way, n, noise) for noise in noises]
+    for label, method in cures.items():
+        rates = [passed(method, n, noise) for noise in noises]
         panel.series.append(shares(label, 1e3 * np.array(noises), rates, n))
     yield panel
     noise = 0.05
-    found = [looked(policy, k, n, noise) for k in executed]
+    result = [looked(policy, k, n, noise) for k in executed]
     yield Panel(
         "Looks often: jitters (pushed by 50 mm)",
         "steps carried out without a look",
@@ -277,8 +277,8 @@ def commit_or_react(
             Series(
                 "",
                 executed,
-                [t for t, _ in found],
-                note="changes of side: " + ", ".join(f"{t:.2f}" for t, _ in found),
+                [t for t, _ in result],
+                note="changes of side: " + ", ".join(f"{t:.2f}" for t, _ in result),
             )
         ],
     )
@@ -292,10 +292,10 @@ def commit_or_react(
             Series(
                 "measured",
                 executed,
-                [1e3 * d for _, d in found],
+                [1e3 * d for _, d in result],
                 style="",
                 theory=lambda k: 1e3 * noise * np.sqrt(k),
-                note="off the plan: " + ", ".join(f"{1e3 * d:.0f} mm" for _, d in found),
+                note="off the plan: " + ", ".join(f"{1e3 * d:.0f} mm" for _, d in result),
             )
         ],
         theory="push times root of steps",

@@ -33,8 +33,8 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
     for tried in loop.among_busy(busy=busy, periods=periods):
         late = np.sort(1e3 * tried.record.lateness)
         share = (np.arange(late.size) + 0.5) / late.size
-        refused = "; ".join(f"{k}: {v}" for k, v in tried.granted.refused.items())
-        half, most, worst = (1e3 * q for q in tried.quantiles)
+        rejected = "; ".join(f"{k}: {v}" for k, v in tried.granted.refused.items())
+        half, largest, worst = (1e3 * q for q in tried.quantiles)
         panel.series.append(
             Series(
                 tried.name,
@@ -42,21 +42,21 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
                 np.maximum(late, 1e-3),
                 marker="",
                 note=f"{tried.name}: skipped {tried.record.skipped} of {periods} periods; late by "
-                f"{half:.3f} ms (half), {most:.3f} (99 %), {worst:.3f} (all); scheduler "
-                f"{tried.granted.scheduler}{'; refused ' + refused if refused else ''}",
+                f"{half:.3f} ms (half), {largest:.3f} (99 %), {worst:.3f} (all); scheduler "
+                f"{tried.granted.scheduler}{'; rejected ' + rejected if rejected else ''}",
             )
         )
     yield panel
     drift = Panel("Two ways to wait", "period", "late by [ms]")
     for relative in (True, False):
-        found = loop.run(lambda k: loop.compute(1e-4), 1e-3, quiet, relative=relative)
-        late = 1e3 * found.lateness
-        slope = float(np.polyfit(found.release, late, 1)[0]) * 1e3
+        result = loop.run(lambda k: loop.compute(1e-4), 1e-3, quiet, relative=relative)
+        late = 1e3 * result.lateness
+        slope = float(np.polyfit(result.release, late, 1)[0]) * 1e3
         name = "sleep for a period" if relative else "sleep until the release"
         drift.series.append(
             Series(
                 name,
-                found.release,
+                result.release,
                 late,
                 marker="",
                 note=f"{name}: {slope:.1f} us later each period",
@@ -88,8 +88,8 @@ def round_trips(
     for k, size in enumerate(sizes):
         payload = bytes(size)
         with contextlib.ExitStack() as stack:
-            ways = transport.carriers(size)
-            trips = [stack.enter_context(carrier) for carrier in ways.values()]
+            paths = transport.carriers(size)
+            trips = [stack.enter_context(carrier) for carrier in paths.values()]
             known = [*list(names[: len(trips)]), "zenoh, TCP", "Cyclone DDS, reliable"]
             trips.append(stack.enter_context(zenoh.echo()))
             trips.append(stack.enter_context(cyclonedds.echo(size)))
@@ -97,8 +97,8 @@ def round_trips(
                 trips.append(stack.enter_context(cyclonedds.echo(size, kind="sequence")))
                 known.append("Cyclone DDS, sequence")
             samplers = [calls(trip, payload) for trip in trips]
-            found = interleaved(samplers, repeats=repeats, sample=3e-3, most=200)
-        for name, timing in zip(known, found, strict=True):
+            result = interleaved(samplers, repeats=repeats, sample=3e-3, most=200)
+        for name, timing in zip(known, result, strict=True):
             times[name][:, k] = timing.median, timing.low, timing.high
     floor = times[names[0]][0, 0]
     panel = Panel(
@@ -109,19 +109,19 @@ def round_trips(
         footer=machine(0.0, libraries=REAL),
     )
     for name, rows in times.items():
-        seen = np.isfinite(rows[0])
-        ratio = rows[:, seen] / floor
-        said = ", ".join(
-            f"{s}: {r:.3g}" for s, r in zip(np.array(sizes)[seen], ratio[0], strict=True)
+        observed = np.isfinite(rows[0])
+        ratio = rows[:, observed] / floor
+        message = ", ".join(
+            f"{s}: {r:.3g}" for s, r in zip(np.array(sizes)[observed], ratio[0], strict=True)
         )
         panel.series.append(
             Series(
                 name,
-                np.array(sizes)[seen],
+                np.array(sizes)[observed],
                 ratio[0],
                 low=ratio[1],
                 high=ratio[2],
-                note=f"{name}, by bytes: {said}",
+                note=f"{name}, by bytes: {message}",
             )
         )
     yield panel
@@ -166,7 +166,7 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
         ("Cyclone DDS", [cyclone(depth) for depth in depths], True),
         ("all are taken, newest used", [cyclone(depth, True) for depth in depths], False),
     ):
-        said = ", ".join(
+        message = ", ".join(
             f"{d}: {a:g} ({late * (d - 1)})" for d, a in zip(depths, ages, strict=True)
         )
         panel.series.append(
@@ -177,7 +177,7 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
                 style="",
                 hollow=name == "bus",
                 theory=(lambda d: np.asarray(d) - 1.0) if name == "bus" else None,
-                note=f"{name}, age by depth ({theory[late]}): {said}",
+                note=f"{name}, age by depth ({theory[late]}): {message}",
             )
         )
     yield panel
@@ -223,10 +223,10 @@ def late_or_lost(
         footer=machine(0.0, libraries=()),
     )
     for reliability in ("best_effort", "reliable"):
-        errors = [1e3 * added(way, loss, reliability, seconds) for way in ways]
+        errors = [1e3 * added(method, loss, reliability, seconds) for method in ways]
         name = "lost, the next one counts" if reliability == "best_effort" else "sent again"
-        said = ", ".join(f"{1e3 * w:g} ms: {e:.3f}" for w, e in zip(ways, errors, strict=True))
-        panel.series.append(Series(name, 1e3 * np.array(ways), errors, note=f"{name}: {said}"))
+        message = ", ".join(f"{1e3 * w:g} ms: {e:.3f}" for w, e in zip(ways, errors, strict=True))
+        panel.series.append(Series(name, 1e3 * np.array(ways), errors, note=f"{name}: {message}"))
     yield panel
 
 
@@ -243,10 +243,10 @@ def added(way: float, loss: float, reliability: str, seconds: float, period: flo
         sender, servo = bus.node("sender"), bus.node("servo")
         writer = sender.writer("command", QoS(reliability, depth=1000))
 
-        def heard(sample, bus=bus, got=got):
+        def received(sample, bus=bus, got=got):
             got.append((bus.now, sample.value))
 
-        servo.reader("command", heard, qos, Link(way, loss=share))
+        servo.reader("command", received, qos, Link(way, loss=share))
         sender.timer(
             period,
             lambda bus=bus, writer=writer: writer.publish(

@@ -51,29 +51,29 @@ def lost_fragments(messages: int = 4000, sent: int = 150) -> Iterator[Panel]:
     for p in (1e-4, 1e-3):
         rate = np.array([on_the_bus(messages, n, p, "best_effort", 5) for n in sizes.tolist()])
         low, high = wilson(messages * rate, messages)
-        told = partial(expected_loss, loss=p)
-        theory = np.array([told(n) for n in sizes.tolist()])
+        report = partial(expected_loss, loss=p)
+        theory = np.array([report(n) for n in sizes.tolist()])
         note = ", ".join(
             f"{n}: {100 * r:.2f} % ({100 * t:.2f})"
             for n, r, t in zip(sizes, rate, theory, strict=True)
         )
-        seen = rate > 0.0
+        observed = rate > 0.0
         lost.series.append(
             Series(
                 f"bus, {p:g} of the packets",
-                sizes[seen],
-                rate[seen],
-                low=low[seen],
-                high=high[seen],
+                sizes[observed],
+                rate[observed],
+                low=low[observed],
+                high=high[observed],
                 style="",
-                theory=np.vectorize(told, otypes=[float]),
+                theory=np.vectorize(report, otypes=[float]),
                 note=f"lost of packets {p:g}; of messages by packets (theory): {note}",
             )
         )
         rounds = np.array([on_the_bus(messages, n, p, "reliable", 6) for n in sizes.tolist()])
-        told = partial(expected_rounds, loss=p)
+        report = partial(expected_rounds, loss=p)
         note = ", ".join(
-            f"{n}: {r:.3f} ({told(n):.3f})" for n, r in zip(sizes.tolist(), rounds, strict=True)
+            f"{n}: {r:.3f} ({report(n):.3f})" for n, r in zip(sizes.tolist(), rounds, strict=True)
         )
         turns.series.append(
             Series(
@@ -81,36 +81,36 @@ def lost_fragments(messages: int = 4000, sent: int = 150) -> Iterator[Panel]:
                 sizes,
                 rounds,
                 style="",
-                theory=np.vectorize(told, otypes=[float]),
+                theory=np.vectorize(report, otypes=[float]),
                 note=f"lost of packets {p:g}; rounds by packets (theory): {note}",
             )
         )
-    many = sizes[2:4].tolist()
-    real = [lossy(sent, n, 1e-3, 7) for n in many]
+    count = sizes[2:4].tolist()
+    real = [lossy(sent, n, 1e-3, 7) for n in count]
     share = np.array([each.lost for each in real])
     low, high = wilson(sent * share, sent)
     lost.series.append(
         Series(
             "socket, 0.001",
-            many,
+            count,
             share,
             style="",
             low=low,
             high=high,
             hollow=True,
             note="socket, 0.001: "
-            + ", ".join(f"{n}: {100 * x:.1f} %" for n, x in zip(many, share, strict=True)),
+            + ", ".join(f"{n}: {100 * x:.1f} %" for n, x in zip(count, share, strict=True)),
         )
     )
     turns.series.append(
         Series(
             "socket, 0.001",
-            many,
+            count,
             [each.rounds for each in real],
             style="",
             hollow=True,
             note="socket, 0.001: "
-            + ", ".join(f"{n}: {each.rounds:.3f}" for n, each in zip(many, real, strict=True)),
+            + ", ".join(f"{n}: {each.rounds:.3f}" for n, each in zip(count, real, strict=True)),
         )
     )
     yield lost
@@ -131,9 +131,9 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
     worst = 0.0
     for load in loads.tolist():
         C, T = schedule.random_sets(n, load, sets, rng, ratio=10.0)
-        told = schedule.response_times(C, T)
+        report = schedule.response_times(C, T)
         ran = schedule.run(C, T, seconds)
-        fits = np.isfinite(told).all(axis=0)
+        fits = np.isfinite(report).all(axis=0)
         in_time = ~ran.late.any(axis=0)
         shares["Liu and Layland"].append(
             float(np.mean(schedule.utilization(C, T) <= schedule.liu_layland(n)))
@@ -141,7 +141,7 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
         shares["hyperbolic"].append(float(np.mean(schedule.hyperbolic(C, T))))
         shares["exact"].append(float(np.mean(fits)))
         shares["run"].append(float(np.mean(in_time)))
-        worst = max(worst, float(np.max(np.abs(ran.longest[:, fits] - told[:, fits]), initial=0.0)))
+        worst = max(worst, float(np.max(np.abs(ran.longest[:, fits] - report[:, fits]), initial=0.0)))
     low = schedule.liu_layland(n)
     panel = Panel(
         f"{n} tasks: who says that they are in time",
@@ -175,7 +175,7 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
     for size in counts:
         C, T = schedule.random_sets(size, 0.5, sets, rng)
         rows.append(np.quantile(schedule.breakdown(C, T), (0.05, 0.5, 0.95)))
-    fifth, middle, most = np.array(rows).T
+    fifth, middle, largest = np.array(rows).T
     note = ", ".join(
         f"{k}: {a:.3f} {b:.3f} {c:.3f}" for k, (a, b, c) in zip(counts, rows, strict=True)
     )
@@ -185,7 +185,7 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
             counts,
             middle,
             low=fifth,
-            high=most,
+            high=largest,
             note=f"5 %, median and 95 % by tasks: {note}",
         )
     )
@@ -225,21 +225,21 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
                 protocol=protocol,
             )
             waits.append(1e3 * float(ran.longest[0] - C[0]))
-        said = ", ".join(f"{a:g}: {b:.1f}" for a, b in zip(x, waits, strict=True))
-        panel.series.append(Series(protocol, x, waits, note=f"{protocol}, in virtual time: {said}"))
+        message = ", ".join(f"{a:g}: {b:.1f}" for a, b in zip(x, waits, strict=True))
+        panel.series.append(Series(protocol, x, waits, note=f"{protocol}, in virtual time: {message}"))
     for inherit in (False, True):
-        seen = [inversion.measure(inherit, holds, middle) for middle in middles]
+        observed = [inversion.measure(inherit, holds, middle) for middle in middles]
         name = "this system, inheritance" if inherit else "this system, none"
-        if seen[0].refused:
-            panel.notes.append(f"{name}: {seen[0].refused}")
+        if observed[0].refused:
+            panel.notes.append(f"{name}: {observed[0].refused}")
             continue
-        waits = [1e3 * each.wait for each in seen]
-        said = ", ".join(
+        waits = [1e3 * each.wait for each in observed]
+        message = ", ".join(
             f"{a:g}: {b:.1f} ({1e3 * each.theory:.0f})"
-            for a, b, each in zip(x, waits, seen, strict=True)
+            for a, b, each in zip(x, waits, observed, strict=True)
         )
         panel.series.append(
-            Series(name, x, waits, style="", hollow=True, note=f"{name}, measured (theory): {said}")
+            Series(name, x, waits, style="", hollow=True, note=f"{name}, measured (theory): {message}")
         )
     yield panel
 
@@ -272,7 +272,7 @@ def executor_waits(
     rows = [(order, order, 1, False) for order in ORDERS]
     rows.append(("a thread and group of its own", "ready set", 2, True))
     for name, order, threads, own in rows:
-        longest, most = [], []
+        longest, largest = [], []
         for camera in cameras:
             both = works(camera, own)
             runs = [
@@ -280,9 +280,9 @@ def executor_waits(
                 for p in rng.random(phases)
             ]
             longest.append(1e3 * max(runs))
-            most.append(1e3 * bounds(both, order, threads)["control"])
-        said = ", ".join(
-            f"{a:g}: {b:.1f} ({c:.1f})" for a, b, c in zip(x, longest, most, strict=True)
+            largest.append(1e3 * bounds(both, order, threads)["control"])
+        message = ", ".join(
+            f"{a:g}: {b:.1f} ({c:.1f})" for a, b, c in zip(x, longest, largest, strict=True)
         )
         panel.series.append(
             Series(
@@ -292,8 +292,8 @@ def executor_waits(
                 style="",
                 hollow=order == "fifo",
                 size=9.0 if order == "fifo" else 0,
-                theory=partial(np.interp, xp=x, fp=most) if order == "ready set" else None,
-                note=f"{name}, at most by camera (bound): {said}",
+                theory=partial(np.interp, xp=x, fp=largest) if order == "ready set" else None,
+                note=f"{name}, at most by camera (bound): {message}",
             )
         )
     yield panel

@@ -52,8 +52,8 @@ def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, f
     exact, ids = render(table_with(size, size, given["z"]), WIDE)
     shots = [sense(exact, WIDE, ABOVE, rng) for _ in range(given["shots"])]
     begin, eps, v = time.process_time(), 0.02, given["voxel"]
-    seen = shots[0] if len(shots) == 1 else 1.0 / np.mean(1.0 / np.array(shots), axis=0)
-    points, pixels = perception.back_project(seen, WIDE)
+    observed = shots[0] if len(shots) == 1 else 1.0 / np.mean(1.0 / np.array(shots), axis=0)
+    points, pixels = perception.back_project(observed, WIDE)
     means, _ = perception.voxel_mean(points, v)
     tolerance = given["tolerance"]
     if "sigmas" in given:
@@ -68,9 +68,9 @@ def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, f
     if not above.size:
         labels = np.zeros(0, np.int64)
     elif given.get("pixels"):
-        picture = np.zeros(seen.size)
+        picture = np.zeros(observed.size)
         picture[pixels[high]] = above[2]
-        groups = perception.components(picture.reshape(seen.shape), WIDE, 0.01)
+        groups = perception.components(picture.reshape(observed.shape), WIDE, 0.01)
         labels = groups.ravel()[pixels[high]]
         count = np.bincount(labels[labels >= 0])
         labels = np.where((labels >= 0) & (count[labels] >= least), labels, -1)
@@ -106,7 +106,7 @@ def small_parts(
         name: [[chain(size, rng, **cure) for _ in range(pictures)] for size in sizes]
         for name, cure in CURES.items()
     }
-    kept = Panel(
+    retained = Panel(
         "What each stage of a tutorial leaves",
         "side of the cube [mm]",
         "points of the cube",
@@ -115,15 +115,15 @@ def small_parts(
     )
     for stage in STAGES:
         y = [float(np.median([run[stage] for run in row])) for row in runs["as in a tutorial"]]
-        told = ", ".join(f"{1e3 * s:g} mm {n:.0f}" for s, n in zip(sizes, y, strict=True))
-        seen = [n if n > 0.0 else np.nan for n in y]
-        kept.series.append(Series(stage, 1e3 * np.array(sizes), seen, note=f"{stage}: {told}"))
-    yield kept
+        message = ", ".join(f"{1e3 * s:g} mm {n:.0f}" for s, n in zip(sizes, y, strict=True))
+        observed = [n if n > 0.0 else np.nan for n in y]
+        retained.series.append(Series(stage, 1e3 * np.array(sizes), observed, note=f"{stage}: {message}"))
+    yield retained
     best = Panel("The smallest cube found", "side of the cube [mm]")
     least = []
     for name, rows in runs.items():
-        found = [np.mean([run["clustered"] > 0 for run in row]) > 0.5 for row in rows]
-        lost = np.flatnonzero(~np.array(found))
+        result = [np.mean([run["clustered"] > 0 for run in row]) > 0.5 for row in rows]
+        lost = np.flatnonzero(~np.array(result))
         first = lost[-1] + 1 if lost.size else 0
         least.append(1e3 * sizes[first] if first < len(sizes) else math.inf)
         every = [run for row in rows for run in row]
@@ -220,22 +220,22 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
     cloud = Cloud.of(*box_surface(BOX.sizes[:, 0], model, rng))
     lean = np.array([0.0, 0.0, 0.0, *exp(np.array([math.radians(1.0), 0.0, 0.0]))])
     tilted = compose(lean[:, None], TABLE[:, None])[:, 0]
-    off: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    told: dict[str, list[tuple[str, float]]] = {}
+    deviation: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    report: dict[str, list[tuple[str, float]]] = {}
     for cause in CAUSES:
         for yaw in np.linspace(0.2, 2.9, turns):
             depth, cluster, pose = picture_of(cause, yaw, rng)
             # The camera is not where it was said to be: the estimate is right in its own frame.
             table = tilted if cause == "camera 1 deg off" else TABLE
-            for name, found in estimates(depth, cluster, TABLE, cloud).items():
-                base = compose(_back(table)[:, None], found[:, None])[:, 0]
+            for name, result in estimates(depth, cluster, TABLE, cloud).items():
+                base = compose(_back(table)[:, None], result[:, None])[:, 0]
                 true = compose(_back(TABLE)[:, None], pose[:, None])[:, 0]
                 far, angle = float(np.linalg.norm(base[:3] - true[:3])), math.nan
-                if np.isfinite(found[3:]).all():
+                if np.isfinite(result[3:]).all():
                     angle = apart(BOX, true, base)[1]
-                off.setdefault((name, cause), []).append((far, angle))
+                deviation.setdefault((name, cause), []).append((far, angle))
             (first, *_) = locate(depth, EYE, SENSOR, BOX)
-            told.setdefault(cause, []).append((first.status, first.agrees))
+            report.setdefault(cause, []).append((first.status, first.agrees))
     places = list(range(len(CAUSES)))
     shift = Panel(
         "One box of 160 x 100 x 60 mm: how far off",
@@ -254,7 +254,7 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
         lines=[("y", 2.0, "tolerance 2 degrees")],
     )
     for name in ESTIMATORS:
-        middle = np.array([np.median(off[name, cause], axis=0) for cause in CAUSES])
+        middle = np.array([np.median(deviation[name, cause], axis=0) for cause in CAUSES])
         mm, deg = 1e3 * middle[:, 0], np.degrees(middle[:, 1])
         words = SHORT if name == "centroid" else ()
         extra = name == "principal axes"  # its place is the centroid
@@ -266,11 +266,11 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
         shift.notes.append(f"{name:<19} {row.replace('nan', '  -')}")
     head = " ".join(f"{word:>6} {'deg':>5}" for word in SHORT)
     shift.notes.insert(0, f"{'median error, mm':<19} {head}")
-    for cause, rows in told.items():
-        said = [word for word, _ in rows]
+    for cause, rows in report.items():
+        text = [word for word, _ in rows]
         shift.notes.append(
             f"{cause}: locate says "
-            + ", ".join(f"{word} {said.count(word)}" for word in dict.fromkeys(said))
+            + ", ".join(f"{word} {text.count(word)}" for word in dict.fromkeys(text))
             + f"; agrees {np.median([share for _, share in rows]):.2f}"
         )
     yield shift

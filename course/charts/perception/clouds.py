@@ -59,7 +59,7 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
         )
     yield law
     k = np.arange(1, 400)
-    left = Panel("What averaging can't remove: a quarter step", "noise / step", "mean error / step")
+    remaining = Panel("What averaging can't remove: a quarter step", "noise / step", "mean error / step")
     shares, mean = np.linspace(0.02, 0.6, places), []
     for noise in shares:
         coarse = Sensor(noise=0.25 * noise, step=0.25)
@@ -73,7 +73,7 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
         return size @ parts / np.pi
 
     third = float(waves(np.array(1 / 3)))
-    left.series.append(
+    remaining.series.append(
         Series(
             "measured",
             shares,
@@ -83,7 +83,7 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
             f"{abs(third):.3f} of a step with a third of one",
         )
     )
-    yield left
+    yield remaining
     share = Panel(
         "Shared noise averages out more slowly",
         "side of the averaged square [px]",
@@ -92,12 +92,12 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
     )
     sides = (4, 8, 16, 32, 64)
     for window in (1, 3, 5, 7):
-        found = []
+        result = []
         for n in sides:
             eye = Camera(n, n, 600.0, 600.0, 0.5 * (n - 1), 0.5 * (n - 1))
             sensor = Sensor(noise=0.05, window=window)
             means = EYE.fx * 0.05 / _walls(sensor, 1.0, 60 * pictures, rng, eye)
-            found.append(float(means.mean(axis=(1, 2)).std() / 0.05 * n))
+            result.append(float(means.mean(axis=(1, 2)).std() / 0.05 * n))
 
         def theory(n: Array, w: int = window) -> Array:
             lag = np.arange(1 - w, w)
@@ -110,9 +110,9 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
             Series(
                 f"window {window} px",
                 sides,
-                found,
+                result,
                 theory=theory,
-                note=f"window {window} px: {found[-1]:.2f} times the spread of 64 x 64 px",
+                note=f"window {window} px: {result[-1]:.2f} times the spread of 64 x 64 px",
             )
         )
     yield share
@@ -138,8 +138,8 @@ def counts(
 ) -> dict[str, int]:
     """How many points of a part are left after each stage, and clusters of anything else."""
     depth, ids = perception.render(table_with(size, height, z), WIDE)
-    seen = perception.sense(depth, WIDE, ABOVE, rng)
-    points, pixels = perception.back_project(seen, WIDE)
+    observed = perception.sense(depth, WIDE, ABOVE, rng)
+    points, pixels = perception.back_project(observed, WIDE)
     means, _ = perception.voxel_mean(points, voxel)
     plane, near, _ = perception.ransac_plane(means, tolerance, rng)
     above = np.ascontiguousarray(means[:, (plane[:3] @ means + plane[3] > 0) & ~near])
@@ -181,7 +181,7 @@ def lost_parts(
     ):
         rng, lowest, bare = np.random.default_rng(1), [], []
         for z in distances:
-            found, empty = math.nan, []
+            result, empty = math.nan, []
             for height in sorted(heights, reverse=True):
                 runs = [
                     counts(height, z, fixed or three_sigma(z), least, 0.005, 0.02, rng)
@@ -190,15 +190,15 @@ def lost_parts(
                 empty += [run["false"] for run in runs]
                 if np.mean([run["clustered"] >= least for run in runs]) <= 0.5:
                     break
-                found = height
-            lowest.append(found)
+                result = height
+            lowest.append(result)
             bare.append(float(np.mean(empty)))
         note = ", ".join(
             f"{z:g} m {1e3 * h:.0f} mm" for z, h in zip(distances, lowest, strict=True)
         )
         lost.series.append(Series(name, distances, lowest, note=f"{name}: {note}"))
-        told = ", ".join(f"{n:.1f}" for n in bare)
-        false.series.append(Series(name, distances, bare, note=f"{name}: bare clusters {told}"))
+        message = ", ".join(f"{n:.1f}" for n in bare)
+        false.series.append(Series(name, distances, bare, note=f"{name}: bare clusters {message}"))
     limit = 3.0 * ABOVE.sigma(np.array(distances), WIDE)
     lost.series.append(Series("3 sigma(z)", distances, limit, "theory", marker=""))
     yield lost
@@ -215,19 +215,19 @@ def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
         lines=[("y", 0.9, "asked for")],
     )
     sigmas = (1.5, 2.0, 2.5, 3.3, 4.0, 5.0, 7.0)
-    most = round(perception.draws_needed(0.5, 0.9))
-    exact = share_found(None, 0, trials, points, most)
+    largest = round(perception.draws_needed(0.5, 0.9))
+    exact = share_found(None, 0, trials, points, largest)
     for refits, name in enumerate(("no refit", "one refit", "two refits")):
-        share = [share_found(k, refits, trials, points, most) for k in sigmas]
-        told = ", ".join(f"{k:g} sigma {s:.2f}" for k, s in zip(sigmas, share, strict=True))
-        panel.series.append(Series(name, sigmas, share, note=f"{name}: {told}"))
+        share = [share_found(k, refits, trials, points, largest) for k in sigmas]
+        message = ", ".join(f"{k:g} sigma {s:.2f}" for k, s in zip(sigmas, share, strict=True))
+        panel.series.append(Series(name, sigmas, share, note=f"{name}: {message}"))
     panel.notes.append(f"three exact inliers are drawn in {exact:.3f} of the runs, asked for 0.9")
     yield panel
 
 
 def share_found(sigmas: float | None, refits: int, trials: int, n: int, most: int) -> float:
     """Share of runs whose plane has nine tenths of what the true plane has within the tolerance."""
-    rng, found = np.random.default_rng(10), 0
+    rng, result = np.random.default_rng(10), 0
     sigma = 1e-3 if sigmas else 0.0
     tolerance = sigma * sigmas if sigmas else 1e-9
     for _ in range(trials):
@@ -239,8 +239,8 @@ def share_found(sigmas: float | None, refits: int, trials: int, n: int, most: in
             cloud, tolerance, rng, confidence=1.0, most=most, refits=refits
         )
         heights = np.abs(plane[:3] @ cloud[:, : n // 2] + plane[3])
-        found += int(np.count_nonzero(heights <= tolerance) >= 0.9 * true)
-    return found / trials
+        result += int(np.count_nonzero(heights <= tolerance) >= 0.9 * true)
+    return result / trials
 
 
 @chart(columns=2)
@@ -260,15 +260,15 @@ def cloud_speed(
     )
     scene = together([shape("plane", pose=TABLE), boxes])
     depth, _ = perception.render(scene, WIDE)
-    seen = perception.sense(depth, WIDE, Sensor(noise=0.03, window=3, dropout=0.02), rng)
-    points, _ = perception.back_project(seen, WIDE)
-    theirs, picture = open3d.Cloud(points), open3d.Picture(seen, WIDE)
+    observed = perception.sense(depth, WIDE, Sensor(noise=0.03, window=3, dropout=0.02), rng)
+    points, _ = perception.back_project(observed, WIDE)
+    theirs, picture = open3d.Cloud(points), open3d.Picture(observed, WIDE)
     run = functools.partial
     draws = run(perception.ransac_plane, points, 0.005)
     steps: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
         "picture, MuJoCo": (run(perception.render, scene, WIDE), mujoco.Rays(scene, WIDE).cast),
         "picture, Embree": (run(perception.render, boxes, WIDE), open3d.Rays(boxes, WIDE).cast),
-        "points": (run(perception.back_project, seen, WIDE), picture.cloud),
+        "points": (run(perception.back_project, observed, WIDE), picture.cloud),
     }
     for v in (0.002, 0.005, 0.02):
         own_means, their_means = run(perception.voxel_mean, points, v), run(theirs.voxel_mean, v)
@@ -299,18 +299,18 @@ def cloud_speed(
     panel.footer = machine(busy)
     yield panel
     growth = Panel("Clusters: time by the number of points", "points", "time [s]", scale="log")
-    found: list[tuple[float, float]] = []
+    result: list[tuple[float, float]] = []
     for n in sizes:
         some = rng.uniform(0.0, 1.0, (3, n)) * np.array([[0.4], [0.3], [0.02]])
         cloud = open3d.Cloud(some)
-        ways = (
+        methods = (
             calls(perception.dbscan, some, 0.02, 10, clock=time.process_time),
             calls(cloud.dbscan, 0.02, 10, clock=time.process_time),
         )
-        timings = interleaved(ways, repeats=repeats, sample=5e-3)
-        found.append((timings[0].median, timings[1].median))
+        timings = interleaved(methods, repeats=repeats, sample=5e-3)
+        result.append((timings[0].median, timings[1].median))
     for k, name in enumerate(("course", "Open3D")):
-        took = [row[k] for row in found]
+        took = [row[k] for row in result]
         slope = np.polyfit(np.log(sizes[-3:]), np.log(took[-3:]), 1)[0]  # the large ones
         growth.series.append(
             Series(

@@ -94,7 +94,7 @@ def learned_start(
         "processor time [ms]",
         "share within 2 mm and 2 degrees",
     )
-    tells = Panel(
+    shows = Panel(
         "What the picture says to its pose",
         "error of the turn [deg]",
         "see-through share",
@@ -106,22 +106,22 @@ def learned_start(
         sensor = Sensor(SENSOR.baseline, noise * SENSOR.noise)
         share, took, starts = [], [], []
         looks = [yaw_net.picture(EYE, sensor, TABLE, rng) for _ in range(pictures)]
-        for name, way in known.items():
+        for name, method in known.items():
             rows = []
             for depth, pose in looks:
-                found, seconds, through = laid(depth, sensor, way)
-                far, turn = apart(yaw_net.L_PART, pose, found)
+                result, seconds, through = laid(depth, sensor, method)
+                far, turn = apart(yaw_net.L_PART, pose, result)
                 rows.append((far < 2e-3 and turn < math.radians(2.0), seconds, through, turn))
             right, seconds, through, turn = np.array(rows).T
             share.append(float(right.mean()))
             took.append(1e3 * float(np.median(seconds)))
             wrong = through[right == 0]
-            seen = f", see-through notices {np.sum(wrong > 0.1)} of {wrong.size} wrong"
+            observed = f", see-through notices {np.sum(wrong > 0.1)} of {wrong.size} wrong"
             trade.notes.append(
                 f"noise x {noise:g}, {name}: {share[-1]:.2f} right, "
-                f"{took[-1]:.1f} ms{seen if wrong.size else ''}"
+                f"{took[-1]:.1f} ms{observed if wrong.size else ''}"
             )
-        tell = turn, through  # of the last, the network
+        report = turn, through  # of the last, the network
         trade.series.append(
             Series(
                 f"noise x {noise:g}",
@@ -133,23 +133,23 @@ def learned_start(
         )
         for depth, pose in looks:
             points = yaw_net.above_table(depth, EYE, sensor, plane)
-            said = network(yaw_net.height_patch(points, plane)[None])[0]
-            off = said - yaw_net.turn_of(pose, plane)
-            starts.append(abs(math.remainder(off, 2.0 * math.pi)))
+            text = network(yaw_net.height_patch(points, plane)[None])[0]
+            deviation = text - yaw_net.turn_of(pose, plane)
+            starts.append(abs(math.remainder(deviation, 2.0 * math.pi)))
         deg = np.degrees(starts)
-        tells.notes.append(
+        shows.notes.append(
             f"noise x {noise:g}: the network's turn is {np.median(deg):.2f} degrees "
             f"off (median), {deg.max():.1f} at most"
         )
-        tells.series.append(Series(f"noise x {noise:g}", np.degrees(tell[0]), tell[1], style=""))
+        shows.series.append(Series(f"noise x {noise:g}", np.degrees(report[0]), report[1], style=""))
     trade.footer = machine()
     yield trade
     other = []
     for _ in range(pictures):
         depth, pose = yaw_net.picture(EYE, SENSOR, TABLE, rng, MIRRORED)
-        found, _, through = laid(depth, SENSOR, known["network"])
-        other.append((math.degrees(apart(yaw_net.L_PART, pose, found)[1]), through))
+        result, _, through = laid(depth, SENSOR, known["network"])
+        other.append((math.degrees(apart(yaw_net.L_PART, pose, result)[1]), through))
     x, y = np.array(other).T
-    tells.notes.append(f"a mirrored part: refuted in {np.mean(y > 0.1):.2f} of the pictures")
-    tells.series.append(Series("mirrored part", x, y, style=""))
-    yield tells
+    shows.notes.append(f"a mirrored part: refuted in {np.mean(y > 0.1):.2f} of the pictures")
+    shows.series.append(Series("mirrored part", x, y, style=""))
+    yield shows

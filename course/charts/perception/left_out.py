@@ -62,9 +62,9 @@ def through_a_lens(shapes: Shapes, seed: int) -> Array:
     """Radial distortion that nobody told: DISTORTED pixels at the corner, by the cube."""
     x, y = EYE.rays()
     square = (x[None, :] ** 2 + y[:, None] ** 2) / (x[-1] ** 2 + y[-1] ** 2)
-    off = DISTORTED * square / math.hypot(EYE.cx, EYE.cy)
-    u = np.arange(EYE.width)[None, :] + (np.arange(EYE.width)[None, :] - EYE.cx) * off
-    v = np.arange(EYE.height)[:, None] + (np.arange(EYE.height)[:, None] - EYE.cy) * off
+    deviation = DISTORTED * square / math.hypot(EYE.cx, EYE.cy)
+    u = np.arange(EYE.width)[None, :] + (np.arange(EYE.width)[None, :] - EYE.cx) * deviation
+    v = np.arange(EYE.height)[:, None] + (np.arange(EYE.height)[:, None] - EYE.cy) * deviation
     fine = _fine(shapes).reshape(FINE * EYE.height, FINE * EYE.width)
     rows, columns = (np.rint(FINE * a + 0.5 * (FINE - 1)).astype(int) for a in (v, u))
     rows, columns = (np.clip(a, 0, n - 1) for a, n in zip((rows, columns), fine.shape, strict=True))
@@ -87,9 +87,9 @@ def with_shadow(shapes: Shapes, seed: int) -> Array:
     inside = (u >= 0) & (u < EYE.width) & (v >= 0) & (v < EYE.height)
     hidden = ~inside
     hidden[inside] = other[v[inside], u[inside]] < points[2, inside] - 0.005
-    seen = plain(shapes, seed)
-    seen.ravel()[pixels[hidden]] = 0.0
-    return seen
+    observed = plain(shapes, seed)
+    observed.ravel()[pixels[hidden]] = 0.0
+    return observed
 
 
 def striped(shapes: Shapes, seed: int) -> Array:
@@ -103,25 +103,25 @@ def striped(shapes: Shapes, seed: int) -> Array:
 
 def dazzled(shapes: Shapes, seed: int) -> Array:
     """Another projector: blocks of pixels with anything between the table and half the way."""
-    seen, rng = plain(shapes, seed), np.random.default_rng(seed + 100)
+    observed, rng = plain(shapes, seed), np.random.default_rng(seed + 100)
     blocks = rng.random((EYE.height // 4, EYE.width // 4)) < DAZZLED
     spoilt = np.kron(blocks, np.ones((4, 4), bool))
-    return np.where(spoilt, seen * rng.uniform(0.5, 1.0, seen.shape), seen)
+    return np.where(spoilt, observed * rng.uniform(0.5, 1.0, observed.shape), observed)
 
 
 def moving(shapes: Shapes, seed: int) -> Array:
     """The part moves during the exposure; its pose is that of the middle."""
     del shapes
-    ways = SPEED * EXPOSURE * np.linspace(-0.5, 0.5, 5)
-    inverse = [1.0 / render(scene(YAWS[seed], ASIDE[seed] + x), EYE)[0] for x in ways]
+    distances = SPEED * EXPOSURE * np.linspace(-0.5, 0.5, 5)
+    inverse = [1.0 / render(scene(YAWS[seed], ASIDE[seed] + x), EYE)[0] for x in distances]
     return _noisy(1.0 / np.mean(inverse, axis=0), seed)
 
 
-def change(look: Look) -> float:
+def change(view: Look) -> float:
     """How far an effect moves the place that is found, root mean square over the pictures [m]."""
     far = []
     for seed, at in enumerate(zip(YAWS, ASIDE, strict=True)):
-        pictures = (f(scene(*at), seed) for f in (plain, look))
+        pictures = (f(scene(*at), seed) for f in (plain, view))
         places = [perception.locate(picture, EYE, SENSOR, BOX)[0] for picture in pictures]
         far.append(perception.apart(BOX, places[0].pose, places[1].pose)[0])
     return float(np.sqrt(np.mean(np.square(far))))
@@ -149,8 +149,8 @@ def known_part() -> Scene:
         degrees_of_freedom=("x", "y", "turn z"),
         modelled=(Modelled("the turn", _without_turn, "m", against="a corner, laid unturned"),),
         left_out=[
-            LeftOut(what, functools.partial(change, look), "m", float(rays), against)
-            for what, look, rays, against in left_out
+            LeftOut(what, functools.partial(change, view), "m", float(rays), against)
+            for what, view, rays, against in left_out
         ],
     )
 

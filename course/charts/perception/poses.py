@@ -59,14 +59,14 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
     )
     for n in (3, 4, 6):
         target = Cloud.of(*prism(n, 4 * points, rng))
-        seen, _ = prism(n, points, rng)
+        observed, _ = prism(n, points, rng)
         end = []
         for angle in np.radians(degrees):
-            fit = icp(seen, target, turned_by(STILL, 0, 0, 0, 0, 0, angle), iterations=200)
+            fit = icp(observed, target, turned_by(STILL, 0, 0, 0, 0, 0, angle), iterations=200)
             end.append(math.degrees(math.atan2(fit.R[1, 0], fit.R[0, 0])))
         edge = float(degrees[np.argmax(np.abs(end) > 90.0 / n)])
-        told = f"{n} sides: the first turn lost is {edge:.0f} degrees"
-        home.series.append(Series(f"{n} sides", degrees, end, style="", note=told))
+        message = f"{n} sides: the first turn lost is {edge:.0f} degrees"
+        home.series.append(Series(f"{n} sides", degrees, end, style="", note=message))
     pose = compose(TABLE[:, None], np.array([[0, 0, 0.03, 1, 0, 0, 0]]).T)[:, 0]
     pose = turned_by(pose, 0, 0, 0, 0, 0, 0.5)
     picture, _ = perception.back_project(render(BOX.moved(pose), EYE)[0], EYE)
@@ -90,8 +90,8 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
             ).iterations
             for angle in degrees[degrees < 40.0]
         ]
-        told = f"{name}: {np.median(made):.0f} iterations (median)"
-        steps.series.append(Series(name, degrees[degrees < 40.0], made, note=told))
+        message = f"{name}: {np.median(made):.0f} iterations (median)"
+        steps.series.append(Series(name, degrees[degrees < 40.0], made, note=message))
     yield home
     yield steps
 
@@ -114,14 +114,14 @@ def laid_again(
         )
         back = conjugate(pose[3:])
         e = np.append(rotate(back, fit.p - pose[:3]), log(product(back, fit.pose[3:])))
-        told = np.isfinite(np.diag(fit.covariance))
-        C = fit.covariance[np.ix_(told, told)]
-        squares.append(e[told] @ np.linalg.solve(C, e[told]) / told.sum())
-        errors.append(np.where(told, e, np.nan) ** 2)
-        spread.append(np.where(told, np.diag(fit.covariance), np.nan))
-    kept = ~np.isnan(errors).all(axis=0)
+        report = np.isfinite(np.diag(fit.covariance))
+        C = fit.covariance[np.ix_(report, report)]
+        squares.append(e[report] @ np.linalg.solve(C, e[report]) / report.sum())
+        errors.append(np.where(report, e, np.nan) ** 2)
+        spread.append(np.where(report, np.diag(fit.covariance), np.nan))
+    retained = ~np.isnan(errors).all(axis=0)
     return float(np.mean(squares)), np.sqrt(
-        np.nanmean(np.array(errors)[:, kept], 0) / np.nanmean(np.array(spread)[:, kept], 0)
+        np.nanmean(np.array(errors)[:, retained], 0) / np.nanmean(np.array(spread)[:, retained], 0)
     )
 
 
@@ -143,10 +143,10 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
         lines=[("y", 1.0, "honest")],
     )
     for name, rays in (("closest points", False), ("along the rays", True)):
-        y = [laid_again(*look, 1, rays, runs)[0] for look in looks.values()]
-        told = ", ".join(f"{what} {value:.2f}" for what, value in zip(looks, y, strict=True))
+        y = [laid_again(*view, 1, rays, runs)[0] for view in looks.values()]
+        message = ", ".join(f"{what} {value:.2f}" for what, value in zip(looks, y, strict=True))
         panel.series.append(
-            Series(name, places, y, style="", tags=() if rays else words, note=f"{name}: {told}")
+            Series(name, places, y, style="", tags=() if rays else words, note=f"{name}: {message}")
         )
     yield panel
     windows = (1, 3, 5, 7)
@@ -156,7 +156,7 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
         "spread over that of white noise",
     )
     ratios = np.array([laid_again(BOX, 0.5, 0.7, w, True, runs)[1] for w in windows])
-    told = f"w = 7: {ratios[-1].min():.1f} to {ratios[-1].max():.1f}"
+    message = f"w = 7: {ratios[-1].min():.1f} to {ratios[-1].max():.1f}"
     shared.series.append(
         Series(
             "six directions",
@@ -165,7 +165,7 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
             low=ratios.min(axis=1),
             high=ratios.max(axis=1),
             theory=lambda w: 1.0 * np.asarray(w),
-            note=told,
+            note=message,
         )
     )
     yield shared
@@ -175,7 +175,7 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
 def silently_wrong(turns: int = 12) -> Iterator[Panel]:
     """What a residual and a share of matches say to wrong poses, and what see-through says."""
     rng = np.random.default_rng(2)
-    found: dict[str, list[tuple[float, float, float]]] = {}
+    result: dict[str, list[tuple[float, float, float]]] = {}
     for yaw in np.linspace(0.2, 2.9, turns):
         for name, x, scale in (
             ("right", 0.0, 1.0),
@@ -187,8 +187,8 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
             scene = perception.together([shape("plane").moved(TABLE), BOX.moved(pose)])
             depth = scale * sense(render(scene, EYE)[0], EYE, SENSOR, rng)
             for one in perception.locate(depth, EYE, SENSOR, BOX)[:1]:
-                off = perception.apart(BOX, pose, one.pose)[0]
-                found.setdefault(name, []).append((off, one.residual, one.see_through))
+                deviation = perception.apart(BOX, pose, one.pose)[0]
+                result.setdefault(name, []).append((deviation, one.residual, one.see_through))
             if name == "right":
                 wrong = turned_by(pose, 0, 0, 0, 0, 0, 0.5 * math.pi)
                 points, _ = perception.back_project(render(BOX.moved(pose), EYE)[0], EYE)
@@ -196,12 +196,12 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
                 through = perception.see_through(depth, EYE, SENSOR, BOX.moved(fit.pose))
                 turned = perception.apart(BOX, pose, fit.pose)
                 reach = float(np.hypot(turned[0], 0.08 * turned[1]))
-                found.setdefault("quarter turn", []).append((reach, fit.residual, through))
-    said = (
+                result.setdefault("quarter turn", []).append((reach, fit.residual, through))
+    text = (
         (1, "A residual does not tell a wrong pose", "residual [m]"),
         (2, "The picture looks through it", "see-through share"),
     )
-    for column, title, label in said:
+    for column, title, label in text:
         panel = Panel(
             title,
             "error of the pose [m]",
@@ -209,11 +209,11 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
             scale="log x",
             lines=[("y", 0.1, "refuted above")] if column == 2 else [],
         )
-        for name, rows in found.items():
+        for name, rows in result.items():
             far, value = np.array(rows)[:, 0], np.array(rows)[:, column]
-            told = f"{label} {value.min():.4f} to {value.max():.4f}"
-            told = f"{name}: {np.median(far) * 1e3:.2f} mm off, {told}"
-            panel.series.append(Series(name, far, value, style="", note=told))
+            message = f"{label} {value.min():.4f} to {value.max():.4f}"
+            message = f"{name}: {np.median(far) * 1e3:.2f} mm off, {message}"
+            panel.series.append(Series(name, far, value, style="", note=message))
         yield panel
 
 
@@ -246,23 +246,23 @@ def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Ite
     late = Panel("A prediction over the picture's age", "age [s]", "error [m]")
     held: list[list[float]] = [[] for _ in ages]
     ahead: list[list[float]] = [[] for _ in ages]
-    told: list[list[float]] = [[] for _ in ages]
+    report: list[list[float]] = [[] for _ in ages]
     for _ in range(runs // 4):
-        v, tracker, seen = (
+        v, tracker, observed = (
             0.1 * rng.standard_normal(2),
             Tracker((0.05, 0.2), (0.1, 0.1)),
             np.zeros(3),
         )
         for i in range(30):
-            seen = np.append(v * i * period, 0.0) + sigma * rng.standard_normal(3)
-            tracker.update(i * period, seen, sigma**2 * np.eye(3))
+            observed = np.append(v * i * period, 0.0) + sigma * rng.standard_normal(3)
+            tracker.update(i * period, observed, sigma**2 * np.eye(3))
         for j, age in enumerate(ages):
             x, P = tracker.predict(29 * period + age)
             true = v * (29 * period + age)
-            held[j].append(float(np.sum((seen[:2] - true) ** 2)))
+            held[j].append(float(np.sum((observed[:2] - true) ** 2)))
             ahead[j].append(float(np.sum((x[:2] - true) ** 2)))
-            told[j].append(float(P[0, 0] + P[1, 1]))
-    for name, rows in (("last picture", held), ("predicted", ahead), ("its own word", told)):
+            report[j].append(float(P[0, 0] + P[1, 1]))
+    for name, rows in (("last picture", held), ("predicted", ahead), ("its own word", report)):
         y = np.sqrt(np.mean(rows, axis=1))
         late.series.append(Series(name, ages, y, note=f"{name}: {y[2] * 1e3:.2f} mm at 0.1 s"))
     yield late

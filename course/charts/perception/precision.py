@@ -30,9 +30,9 @@ def on_table(part: Shapes, x: float, y: float, yaw: float) -> Array:
     return compose(TABLE[:, None], at[:, None])[:, 0]
 
 
-def off(found: Array, true: Array) -> float:
+def off(result: Array, true: Array) -> float:
     """How far the corners of the box are from where they are, in the mean square [m]."""
-    where = [rotate(q[3:], CORNERS) + q[:3, None] for q in (found, true)]
+    where = [rotate(q[3:], CORNERS) + q[:3, None] for q in (result, true)]
     return float(np.sqrt(np.mean(np.sum((where[0] - where[1]) ** 2, axis=0))))
 
 
@@ -139,7 +139,7 @@ def pose_precision(
         times = [one.median for one in timings]
         for name in methods:
             mine = [k for k, row in enumerate(rows) if row[0] == name]
-            told = ", ".join(
+            message = ", ".join(
                 f"{1e3 * rows[k][1]:g} mm: {1e3 * rows[k][2]:.3f} mm, {1e3 * times[k]:.2f} ms"
                 for k in mine
             )
@@ -153,7 +153,7 @@ def pose_precision(
                     "--" if theirs else "-",
                     hollow=theirs,
                     size=6.0 if theirs else 4.0,
-                    note=f"{noise}, {name}: {told}",
+                    note=f"{noise}, {name}: {message}",
                 )
             )
         for _, limit, words in panel.lines:
@@ -206,10 +206,10 @@ def frame(
         some = grid(cloud, voxel)
         marks.append(time.process_time())
         plane, near = some.plane(tolerance, 1000, 0.99)
-        left = some.handle.select_by_index(np.flatnonzero(near), invert=True)
+        remaining = some.handle.select_by_index(np.flatnonzero(near), invert=True)
         marks.append(time.process_time())
-        labels = open3d.Cloud.of(left).dbscan(0.02, 10)
-        above = some.array(left)
+        labels = open3d.Cloud.of(remaining).dbscan(0.02, 10)
+        above = some.array(remaining)
     else:
         points, _ = perception.back_project(depth, eye)
         marks.append(time.process_time())
@@ -293,27 +293,27 @@ def plane_precision(
     exact, ids = render(together([shape("plane").moved(TABLE), BOX.moved(pose)]), eye)
     table = ids == 0
 
-    def seen(noise: float) -> tuple[Array, Array]:
+    def observed(noise: float) -> tuple[Array, Array]:
         depth = sense(exact, eye, Sensor(SENSOR.baseline, noise), rng)
         return depth, perception.back_project(depth, eye)[0]
 
-    looks = [seen(0.3) for _ in range(pictures)]
+    looks = [observed(0.3) for _ in range(pictures)]
     tolerance = 4.0 * float(Sensor(SENSOR.baseline, 0.3).sigma(0.8, eye))
     masks = {n: table & (np.arange(table.size).reshape(table.shape) % n == 0) for n in thin}
 
-    def ransac(look: tuple[Array, Array], n: int, refits: int) -> Array:
+    def ransac(view: tuple[Array, Array], n: int, refits: int) -> Array:
         return perception.ransac_plane(
-            look[1], tolerance, rng, confidence=1.0, most=n, refits=refits
+            view[1], tolerance, rng, confidence=1.0, most=n, refits=refits
         )[0]
 
-    def points(look: tuple[Array, Array], n: int) -> Array:
-        cloud, _ = perception.back_project(np.where(masks[n], look[0], 0.0), eye)
+    def points(view: tuple[Array, Array], n: int) -> Array:
+        cloud, _ = perception.back_project(np.where(masks[n], view[0], 0.0), eye)
         return perception.fit_plane(cloud)
 
-    def inverse(look: tuple[Array, Array], n: int) -> Array:
-        return perception.inverse_depth_plane(look[0], eye, masks[n])
+    def inverse(view: tuple[Array, Array], n: int) -> Array:
+        return perception.inverse_depth_plane(view[0], eye, masks[n])
 
-    ways: dict[str, tuple[Callable[..., Array], list[tuple[int, ...]]]] = {
+    methods: dict[str, tuple[Callable[..., Array], list[tuple[int, ...]]]] = {
         "RANSAC": (ransac, [(n, 0) for n in draws]),
         "RANSAC, refit": (ransac, [(n, 1) for n in draws]),
         "SVD of points": (points, [(n,) for n in thin]),
@@ -328,38 +328,38 @@ def plane_precision(
         lines=[("y", 2e-3, "0.2 mm on 100 mm")],
     )
     samplers = [
-        calls(way, looks[0], *setting, clock=time.process_time)
-        for way, settings in ways.values()
+        calls(method, looks[0], *setting, clock=time.process_time)
+        for method, settings in methods.values()
         for setting in settings
     ]
     timings = interleaved(samplers, repeats=repeats, sample=2e-3)
     times = iter([1e3 * one.median for one in timings])
-    for name, (way, settings) in ways.items():
-        off = [
+    for name, (method, settings) in methods.items():
+        deviation = [
             float(
                 np.sqrt(
-                    np.mean([np.sum(np.cross(way(look, *one)[:3], truth) ** 2) for look in looks])
+                    np.mean([np.sum(np.cross(method(view, *one)[:3], truth) ** 2) for view in looks])
                 )
             )
             for one in settings
         ]
         took = [next(times) for _ in settings]
-        told = ", ".join(f"{1e3 * a:.2f} mrad {t:.2f} ms" for a, t in zip(off, took, strict=True))
-        panel.series.append(Series(name, took, off, note=f"{name}: {told}"))
+        message = ", ".join(f"{1e3 * a:.2f} mrad {t:.2f} ms" for a, t in zip(deviation, took, strict=True))
+        panel.series.append(Series(name, took, deviation, note=f"{name}: {message}"))
     best = {series.label: series.y[-1] for series in panel.series}
     times_less = best["SVD of points"] / best["inverse depth"]
     panel.notes.append(f"the fit of inverse depth errs {times_less:.1f} times less than the SVD")
     panel.footer = machine(max(one.busy for one in timings))
     yield panel
     bias = Panel("How far the table's middle is off", "noise of disparity [px]", "mean offset [mm]")
-    found = {"SVD of points": points, "inverse depth": inverse}
-    offs: dict[str, list[float]] = {name: [] for name in found}
+    result = {"SVD of points": points, "inverse depth": inverse}
+    offs: dict[str, list[float]] = {name: [] for name in result}
     for noise in noises:
-        some = [seen(noise) for _ in range(pictures)]
-        for name, way in found.items():
-            planes = [way(look, thin[-1]) for look in some]
+        some = [observed(noise) for _ in range(pictures)]
+        for name, method in result.items():
+            planes = [method(view, thin[-1]) for view in some]
             offs[name].append(1e3 * float(np.mean([p[:3] @ TABLE[:3] + p[3] for p in planes])))
     for name, y in offs.items():
-        told = ", ".join(f"{n:g} px {o:.3f} mm" for n, o in zip(noises, y, strict=True))
-        bias.series.append(Series(name, noises, y, note=f"{name}, offset: {told}"))
+        message = ", ".join(f"{n:g} px {o:.3f} mm" for n, o in zip(noises, y, strict=True))
+        bias.series.append(Series(name, noises, y, note=f"{name}, offset: {message}"))
     yield bias

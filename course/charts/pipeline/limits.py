@@ -84,18 +84,18 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
     )
     for bend in (0.0, 90.0, 170.0):
         q, kds = np.array([0.4, math.radians(bend)]), np.linspace(0.0, 16.0, tested)
-        told = partial(theory.step_limit, arm, q, KP)
-        found = [
-            limit(partial(stays, arm, q, KP, kd), 0.8 * told(kd), 1.3 * told(kd), 3e-3)
+        report = partial(theory.step_limit, arm, q, KP)
+        result = [
+            limit(partial(stays, arm, q, KP, kd), 0.8 * report(kd), 1.3 * report(kd), 3e-3)
             for kd in kds.tolist()
         ]
-        off = max(abs(h / told(kd) - 1.0) for h, kd in zip(found, kds.tolist(), strict=True))
-        note = f"elbow {bend:.0f}: limits of the arm are off theory by {100 * off:.2f} % at most"
+        error = max(abs(h / report(kd) - 1.0) for h, kd in zip(result, kds.tolist(), strict=True))
+        note = f"elbow {bend:.0f}: limits of the arm are off theory by {100 * error:.2f} % at most"
         panel.series.append(
             Series(
                 f"elbow {bend:.0f} deg",
                 kds,
-                1e3 * np.array(found),
+                1e3 * np.array(result),
                 style="",
                 theory=partial(shown_limit, arm, q),
                 note=note,
@@ -103,7 +103,7 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
         )
     yield panel
     shares = (0.7, 0.9, 0.97, 1.03, 1.1, 1.3, 1.6, 2.0, 2.6, 3.2)
-    worked = Panel(
+    answer = Panel(
         "A run still succeeds beyond the limit",
         "step over its limit",
         "success",
@@ -129,10 +129,10 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
         rate = [float(successes(row).mean()) for row in rows]
         won = [float(np.median([gained(r, KP, kd) for r in row])) for row in rows]
         low, high = wilson(seeds * np.array(rate), seeds)
-        told_ = ", ".join(
+        message = ", ".join(
             f"{x:g}: {a:.2f} and {b:.1g}" for x, a, b in zip(shares, rate, won, strict=True)
         )
-        worked.series.append(
+        answer.series.append(
             Series(
                 f"Kd {kd:g}",
                 shares,
@@ -140,11 +140,11 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
                 low=low,
                 high=high,
                 note=f"Kd {kd:g}, limit {1e3 * h:.1f} ms, success and energy "
-                f"won by share of it: {told_}",
+                f"won by share of it: {message}",
             )
         )
         energy.series.append(Series(f"Kd {kd:g}", shares, np.maximum(won, 1e-6)))
-    yield worked
+    yield answer
     yield energy
 
 
@@ -159,16 +159,16 @@ def look_and_move(most: int = 8, chains: int = 400, looks: int = 2000) -> Iterat
         return max(map(abs, past[-50:])) < 0.5
 
     late = list(range(most + 1))
-    told = [theory.look_limit(k) for k in late]
-    found = [
+    report = [theory.look_limit(k) for k in late]
+    result = [
         limit(partial(settles, k=k), 0.9 * g, 1.1 * g, 1e-3)
-        for k, g in zip(late, told, strict=True)
+        for k, g in zip(late, report, strict=True)
     ]
     panel = Panel("Largest gain that settles", "pictures of delay", "gain", footer=machine(0.0))
-    words = ", ".join(f"{k}: {g:.4f} ({t:.4f})" for k, g, t in zip(late, found, told, strict=True))
+    words = ", ".join(f"{k}: {g:.4f} ({t:.4f})" for k, g, t in zip(late, result, report, strict=True))
     panel.series = [
-        Series("measured", late, found, style="", note=f"limit of the gain (theory): {words}"),
-        Series("theory", late, told, "theory", marker=""),
+        Series("measured", late, result, style="", note=f"limit of the gain (theory): {words}"),
+        Series("theory", late, report, "theory", marker=""),
     ]
     yield panel
     panel = Panel(
@@ -181,11 +181,11 @@ def look_and_move(most: int = 8, chains: int = 400, looks: int = 2000) -> Iterat
     for k in (0, 1, 3, 8):
         y = []
         for share in shares:
-            e, seen = np.zeros((looks, chains)), rng.standard_normal((looks, chains))
+            e, observed = np.zeros((looks, chains)), rng.standard_normal((looks, chains))
             for t in range(k, looks - 1):
-                e[t + 1] = e[t] - share * told[k] * (e[t - k] + seen[t])
+                e[t + 1] = e[t] - share * report[k] * (e[t - k] + observed[t])
             y.append(float(e[looks // 2 :].std()))
-        told_ = ", ".join(f"{v:.3f}" for v in y)
+        message = ", ".join(f"{v:.3f}" for v in y)
         panel.series.append(
             Series(
                 f"{k} late",
@@ -193,7 +193,7 @@ def look_and_move(most: int = 8, chains: int = 400, looks: int = 2000) -> Iterat
                 y,
                 style="",
                 theory=partial(let_through, k),
-                note=f"{k} late, by share of the limit: {told_}",
+                note=f"{k} late, by share of the limit: {message}",
             )
         )
     yield panel
@@ -224,8 +224,8 @@ def noise_and_filter(
         ),
     ]
     for label, filtered, n in (("with the filter", True, seeds), ("without", False, raw)):
-        told = [Settings(noise=s, filtered=filtered) for s in sigmas]
-        rows = [many(Scenario(), settings, range(n)) for settings in told]
+        report = [Settings(noise=s, filtered=filtered) for s in sigmas]
+        rows = [many(Scenario(), settings, range(n)) for settings in report]
         rate = [float(successes(row).mean()) for row in rows]
         plans = [float(np.mean([len(r.plans) for r in row])) for row in rows]
         rms = [1e3 * math.sqrt(np.mean([r.distance**2 for r in row])) for row in rows]
@@ -234,12 +234,12 @@ def noise_and_filter(
             for s, a, b, c in zip(sigmas, rate, plans, rms, strict=True)
         )
         low, high = wilson(n * np.array(rate), n)
-        none = (None, None)
-        bands = ((low, high), none, none)
+        empty = (None, None)
+        bands = ((low, high), empty, empty)
         for panel, y, ends in zip(shown, (rate, plans, rms), bands, strict=True):
             panel.series.append(Series(label, 1e3 * np.array(sigmas), y, low=ends[0], high=ends[1]))
         shown[0].series[-1].note = f"{label}: {words}"
-        both = [predicted(Scenario(), settings) for settings in told]
+        both = [predicted(Scenario(), settings) for settings in report]
         guess = [1e3 * math.sqrt(float(m @ m + np.trace(c))) for m, c in both]
         shown[2].series.append(
             Series(
@@ -291,7 +291,7 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
     def severity(x: Array) -> Array:
         return np.asarray(0.8 * x[0] + 0.6 * x[1] - norm.isf(SHARE))
 
-    ways = {
+    methods = {
         "narrow proposal": [
             cross_entropy(severity, 6, np.random.default_rng(k)) for k in range(repeats)
         ],
@@ -336,13 +336,13 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         "share over the truth",
         lines=[("x", 1.0, "the world's"), ("y", 1.0, "truth")],
     )
-    for name, found in ways.items():
-        y, error = np.array([(one.share, one.error) for one in found]).T
-        order, off = np.argsort(y), (y - SHARE) / error
-        sure, met = np.mean(off < -3.0), np.mean(np.abs(off) < 2.0)
+    for name, result in methods.items():
+        y, error = np.array([(one.share, one.error) for one in result]).T
+        order, deviation = np.argsort(y), (y - SHARE) / error
+        sure, met = np.mean(deviation < -3.0), np.mean(np.abs(deviation) < 2.0)
         low, middle, high = (1e4 * (y + k * error)[order] for k in (-2.0, 0.0, 2.0))
         ranks.series.append(Series(name, range(repeats), middle, low=low, high=high))
-        runs, true = found[0].runs, float(y.std(ddof=1))
+        runs, true = result[0].runs, float(y.std(ddof=1))
         worth = SHARE * (1.0 - SHARE) / true**2 / runs
         price.series += [
             Series(
@@ -357,13 +357,13 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
             ),
             Series(f"{name}, stated", [runs], [float(np.median(error))], style="", hollow=True),
         ]
-        some = off < -3.0
-        many_ = np.array([one.effective for one in found])
+        some = deviation < -3.0
+        count = np.array([one.effective for one in result])
         if some.any():
-            one, other = (np.median(many_[at]) for at in (some, ~some))
+            one, other = (np.median(count[at]) for at in (some, ~some))
             alarm.notes.append(
                 f"{name}: effective number {one:.0f} where too low and sure, {other:.0f} elsewhere"
             )
-        alarm.series.append(Series(name, off, many_, style=""))
-        width.series.append(Series(name, [one.width.min() for one in found], y / SHARE, style=""))
+        alarm.series.append(Series(name, deviation, count, style=""))
+        width.series.append(Series(name, [one.width.min() for one in result], y / SHARE, style=""))
     yield from (ranks, price, alarm, width)

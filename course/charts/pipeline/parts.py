@@ -18,19 +18,19 @@ from course.sim_to_real.transfer import attribution
 PARTS = ("perceive", "age", "control", "move")
 
 
-def vectors(found: Budget) -> Panel:
+def vectors(result: Budget) -> Panel:
     """The mean error of each part alone, put one behind the other, and the mean of the whole."""
     panel = Panel("Mean errors add up, with their signs", "x [mm]", "y [mm]", equal=True)
-    at, told = np.zeros(2), np.zeros(2)
-    for part in found.parts:
-        mean, chance = found.mean(found.only(part))
-        way, guess = 1e3 * np.stack((at, at + mean), axis=1), found.told[found.only(part)][0]
+    at, report = np.zeros(2), np.zeros(2)
+    for part in result.parts:
+        mean, chance = result.mean(result.only(part))
+        path, guess = 1e3 * np.stack((at, at + mean), axis=1), result.told[result.only(part)][0]
         words = ", ".join("({:+.2f} {:+.2f})".format(*(1e3 * x)) for x in (mean, chance, guess))
         panel.series.append(
-            Series(part, way[0], way[1], note=f"{part} alone, mean, +-, predicted: {words}")
+            Series(part, path[0], path[1], note=f"{part} alone, mean, +-, predicted: {words}")
         )
-        at, told = at + mean, told + guess
-    whole, chance = found.mean(frozenset())
+        at, report = at + mean, report + guess
+    whole, chance = result.mean(frozenset())
     panel.series += [
         Series(
             "together",
@@ -44,15 +44,15 @@ def vectors(found: Budget) -> Panel:
         ),
         Series(
             "sum predicted",
-            [1e3 * told[0]],
-            [1e3 * told[1]],
+            [1e3 * report[0]],
+            [1e3 * report[1]],
             "theory",
             style="",
             marker="P",
-            note="predicted: ({:+.2f} {:+.2f}) mm".format(*(1e3 * told)),
+            note="predicted: ({:+.2f} {:+.2f}) mm".format(*(1e3 * report)),
         ),
     ]
-    gap, chance = found.gap()
+    gap, chance = result.gap()
     panel.notes.append(
         "sum of the parts minus the whole: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm".format(
             *(1e3 * np.array([gap, chance]).ravel())
@@ -61,22 +61,22 @@ def vectors(found: Budget) -> Panel:
     return panel
 
 
-def as_predicted(found: Budget) -> Panel:
+def as_predicted(result: Budget) -> Panel:
     """Root mean square of every subset over what was predicted."""
     panel = Panel(
         "Every subset, measured and predicted", "predicted [mm]", "measured [mm]", theory="equal"
     )
-    rows = {some: (1e3 * found.rms(some)[1], 1e3 * found.rms(some)[0]) for some in found.errors}
+    rows = {some: (1e3 * result.rms(some)[1], 1e3 * result.rms(some)[0]) for some in result.errors}
     for label, ideal in (("with perception", False), ("perception ideal", True)):
         here = sorted(row for some, row in rows.items() if ("perceive" in some) == ideal)
         x, y = np.array(here).T
         panel.series.append(Series(label, x, y, style="", theory=lambda v: v))
-    for label, some in [(p, found.only(p)) for p in found.parts] + [("together", frozenset())]:
+    for label, some in [(p, result.only(p)) for p in result.parts] + [("together", frozenset())]:
         panel.notes.append("{}: rms {:.2f} mm, predicted {:.2f}".format(label, *rows[some][::-1]))
     return panel
 
 
-def owned(found: Budget) -> Panel:
+def owned(result: Budget) -> Panel:
     """The same part asked three times: alone, Shapley's average, last."""
     panel = Panel(
         "What each part owns of the square",
@@ -84,16 +84,16 @@ def owned(found: Budget) -> Panel:
         "mean squared error [mm$^2$]",
         ticks=(0, 1, 2),
     )
-    shares, value = found.shares(), attribution(found.squares())
+    shares, value = result.shares(), attribution(result.squares())
     for part, (share, low, high) in shares.items():
         # `attribution` counts from what is there: to be mended last is to be there alone.
         last, _, first = (-1e6 * change for change in value[part])
         y = [first, 1e6 * share, last]
         ends = [[y[0], 1e6 * end, y[2]] for end in (low, high)]
-        told = f"{part}: {y[0]:.1f} alone, {y[1]:.1f} [{ends[0][1]:.1f} {ends[1][1]:.1f}] owned, "
-        told += f"{y[2]:.1f} saved by mending it first"
-        panel.series.append(Series(part, (0, 1, 2), y, low=ends[0], high=ends[1], note=told))
-    whole = 1e6 * found.squares()[frozenset()]
+        message = f"{part}: {y[0]:.1f} alone, {y[1]:.1f} [{ends[0][1]:.1f} {ends[1][1]:.1f}] owned, "
+        message += f"{y[2]:.1f} saved by mending it first"
+        panel.series.append(Series(part, (0, 1, 2), y, low=ends[0], high=ends[1], note=message))
+    whole = 1e6 * result.squares()[frozenset()]
     panel.notes.append(f"all of it: {whole:.1f} mm^2")
     return panel
 
@@ -102,10 +102,10 @@ def owned(found: Budget) -> Panel:
 def error_budget(seeds: int = 150) -> Iterator[Panel]:
     """All subsets of the parts on the same seeds: vectors, prediction, shares, and cancelling."""
     case = repair(Settings(), "plan")
-    found = budget(Scenario(), case, range(seeds), PARTS)
-    yield vectors(found)
-    yield as_predicted(found)
-    yield owned(found)
+    result = budget(Scenario(), case, range(seeds), PARTS)
+    yield vectors(result)
+    yield as_predicted(result)
+    yield owned(result)
     case = replace(case, noise=0.0005, bias=(-0.0035, 0.0026))
     two = budget(
         Scenario(), repair(case, "age"), range(max(2, seeds // 10)), ("perceive", "control")
@@ -123,8 +123,8 @@ def error_budget(seeds: int = 150) -> Iterator[Panel]:
         xlim=(0, 5),
         footer=machine(0.0),
     )
-    told = ", ".join(f"{name} {x:.2f}" for name, x in zip(names, rms, strict=True))
-    told += f" mm; orders of repairs that never make it worse: {len(two.orders())}"
+    message = ", ".join(f"{name} {x:.2f}" for name, x in zip(names, rms, strict=True))
+    message += f" mm; orders of repairs that never make it worse: {len(two.orders())}"
     panel.series.append(
         Series(
             "",
@@ -132,7 +132,7 @@ def error_budget(seeds: int = 150) -> Iterator[Panel]:
             list(names),
             style="bar",
             tags=[f"{x:.2f}" for x in rms],
-            note=f"errors that cancel, mended: {told}",
+            note=f"errors that cancel, mended: {message}",
         )
     )
     yield panel
@@ -142,15 +142,15 @@ def error_budget(seeds: int = 150) -> Iterator[Panel]:
 def whose_fault(wanted: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[Panel]:
     """Ten faults diagnosed blindly: contracts first, replays only, and by the last error."""
     rows, right = np.arange(len(faults)), [STAGES.index(fault.stage) for fault in faults]
-    found, taken, last = confusion(wanted, faults)
+    result, taken, last = confusion(wanted, faults)
     blind, more, _ = confusion(wanted, faults, contracted=False)
-    names, total = [fault.name for fault in faults], int(found.sum())
+    names, total = [fault.name for fault in faults], int(result.sum())
     panel = Panel(
         "Named the right stage", "share of failing runs", xlim=(0, 1.15), footer=machine(0.0)
     )
     replays = Panel("Replays of a diagnosis", "mean number", ticks=())
     for label, matrix, runs in (
-        ("contracts first", found, taken),
+        ("contracts first", result, taken),
         ("replays only", blind, more),
         ("last error", last, []),
     ):
@@ -170,7 +170,7 @@ def whose_fault(wanted: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[
     yield panel
     yield replays
     columns = "0 perceive, 1 age, 2 plan, 3 control, 4 move, 5 pair with it, 6 other"
-    for title, matrix in (("Confusion: contracts first", found), ("Confusion: last error", last)):
+    for title, matrix in (("Confusion: contracts first", result), ("Confusion: last error", last)):
         panel = Panel(
             title,
             columns,

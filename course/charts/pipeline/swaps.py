@@ -82,16 +82,16 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
             f"[{error[1]:+.2g} {error[2]:+.2g}] mm, "
             f"{slow / fast:.2g} times our {1e3 * fast:.3g} ms"
         )
-        for panel, found in zip(shown, (work, error, (slow / fast,) * 3), strict=True):
+        for panel, result in zip(shown, (work, error, (slow / fast,) * 3), strict=True):
             panel.series.append(
                 Series(
                     name,
-                    found[:1],
+                    result[:1],
                     [-row],
                     style="",
                     across=True,
-                    low=found[1:2],
-                    high=found[2:],
+                    low=result[1:2],
+                    high=result[2:],
                     note=note,
                 )
             )
@@ -106,8 +106,8 @@ def seen_shift(first: Array, second: Array, rng: np.random.Generator, tries: int
     with as many runs of each as there are."""
     for shift in np.arange(0.1, 3.0, 0.05):
         drawn = (rng.choice(second, n) for n in tries * [first.size])
-        seen = [ks_2samp(some + shift * second.std(), second).pvalue < 0.05 for some in drawn]
-        if np.mean(seen) >= 0.8:
+        observed = [ks_2samp(some + shift * second.std(), second).pvalue < 0.05 for some in drawn]
+        if np.mean(observed) >= 0.8:
             return float(shift)
     return math.inf
 
@@ -121,21 +121,21 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
     """
     scenario, settings = Scenario(), replace(SEEN, frame=0.1)
     full = many(scenario, settings, range(seeds), Stages(perceive=SMALL))
-    seen = [p for record in full for p in record.pictures]
-    off = np.array([p.value - scenario.at(1e-6 * p.captured) for p in seen])
-    stated = math.sqrt(np.mean([np.trace(np.asarray(p.covariance)) / 2.0 for p in seen]))
-    bias, noise = off.mean(axis=0), math.sqrt(np.mean(off.var(axis=0)))
+    observed = [p for record in full for p in record.pictures]
+    deviation = np.array([p.value - scenario.at(1e-6 * p.captured) for p in observed])
+    stated = math.sqrt(np.mean([np.trace(np.asarray(p.covariance)) / 2.0 for p in observed]))
+    bias, noise = deviation.mean(axis=0), math.sqrt(np.mean(deviation.var(axis=0)))
     x, y = 1e3 * bias
     words = (
         f"a picture is off by ({x:+.2f} {y:+.2f}) mm with a deviation of {1e3 * noise:.2f}; "
         f"its covariance says {1e3 * stated:.2f}"
     )
-    told = replace(settings, noise=noise, bias=(float(bias[0]), float(bias[1])))
+    report = replace(settings, noise=noise, bias=(float(bias[0]), float(bias[1])))
     u = np.array(scenario.velocity) / math.hypot(*scenario.velocity)
-    ways, rng = {"along": u, "across": np.array([-u[1], u[0]])}, np.random.default_rng(0)
+    paths, rng = {"along": u, "across": np.array([-u[1], u[0]])}, np.random.default_rng(0)
     pictured = 1e3 * errors(full)
     for name, sigma in (("two numbers", noise), ("the noise that is stated", stated)):
-        short = 1e3 * errors(many(scenario, replace(told, noise=sigma), range(1000, 1000 + drawn)))
+        short = 1e3 * errors(many(scenario, replace(report, noise=sigma), range(1000, 1000 + drawn)))
         panel = Panel(
             f"Pictures and {name}",
             "error with these [mm]",
@@ -144,19 +144,19 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
             footer=machine(0.0),
             notes=[words][: len(words)],
         )
-        for way, unit in ways.items():
+        for method, unit in paths.items():
             a, b = unit @ pictured, unit @ short
             at = (np.arange(19) + 1.0) / 20.0
             p, shift = ks_2samp(a, b).pvalue, seen_shift(a, b, rng) * b.std()
             note = (
-                f"{name}, {way} the motion: {b.mean():+.2f} +- {b.std():.2f} mm, pictures "
+                f"{name}, {method} the motion: {b.mean():+.2f} +- {b.std():.2f} mm, pictures "
                 f"{a.mean():+.2f} +- {a.std():.2f}; p {p:.2g}, of the spread "
                 f"{levene(a, b).pvalue:.1g}; a shift of {shift:.2f} mm would be seen four "
                 "times in five"
             )
             panel.series.append(
                 Series(
-                    way,
+                    method,
                     np.quantile(b, at),
                     np.quantile(a, at),
                     style="",
@@ -207,8 +207,8 @@ def pipeline_speed(
             x.append(1e3 * cost)
             y.append(1e3 * float(np.abs(tip - fine).max()))
         quick[label] = 4.0 / (1e-3 * x[list(steps).index(2e-3)])
-        told = ", ".join(f"{1e3 * h:g} ms {e:.2g} mm" for h, e in zip(steps, y, strict=True))
-        panel.series.append(Series(label, x, y, key, note=f"{label}: {told}"))
+        message = ", ".join(f"{1e3 * h:g} ms {e:.2g} mm" for h, e in zip(steps, y, strict=True))
+        panel.series.append(Series(label, x, y, key, note=f"{label}: {message}"))
     yield panel
     panel = Panel(
         "Perception, and what it costs",
@@ -246,8 +246,8 @@ def pipeline_speed(
             records, cost = timed(settings, stages, range(seeds if pictured else 10 * seeds))
             x.append(1e3 * cost)
             y.append(1e3 * math.sqrt(np.mean([r.distance**2 for r in records])))
-        told = ", ".join(f"{e:.2g} mm for {c:.3g} ms" for e, c in zip(y, x, strict=True))
-        panel.series.append(Series(name, x, y, note=f"{name}: {told}"))
+        message = ", ".join(f"{e:.2g} mm for {c:.3g} ms" for e, c in zip(y, x, strict=True))
+        panel.series.append(Series(name, x, y, note=f"{name}: {message}"))
         quick[name] = 4.0 / (1e-3 * x[-1])
     yield panel
     names = {
@@ -263,7 +263,7 @@ def pipeline_speed(
         lines=[("x", 1.0, "real time")],
     )
     x = [quick[name] for name in names]
-    told = ", ".join(f"{n} {v:.3g}" for n, v in zip(names.values(), x, strict=True))
+    message = ", ".join(f"{n} {v:.3g}" for n, v in zip(names.values(), x, strict=True))
     panel.series.append(
         Series(
             "",
@@ -271,7 +271,7 @@ def pipeline_speed(
             list(names.values()),
             style="bar",
             tags=[f"{v:.3g}" for v in x],
-            note=f"times real time: {told}",
+            note=f"times real time: {message}",
         )
     )
     yield panel

@@ -64,8 +64,8 @@ def theirs(
 def alone(run: Callable[..., Any], *args: Any) -> tuple[Any, float]:
     """What a run gives, and the share of its time that it had a core: what else ran is left out."""
     wall, own = time.perf_counter(), time.thread_time()
-    found = run(*args)
-    return found, min(1.0, (time.thread_time() - own) / (time.perf_counter() - wall))
+    result = run(*args)
+    return result, min(1.0, (time.thread_time() - own) / (time.perf_counter() - wall))
 
 
 def asked_twice(world: World) -> World:
@@ -73,8 +73,8 @@ def asked_twice(world: World) -> World:
     once = compiled(world.edge_free, EDGE)
 
     def edge_free(obstacles, body, a, b):
-        there, back = once(obstacles, body, a, b), once(obstacles, body, b, a)
-        return there and back
+        forward, back = once(obstacles, body, a, b), once(obstacles, body, b, a)
+        return forward and back
 
     return replace(world, edge_free=edge_free)
 
@@ -106,22 +106,22 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
     without the calls into Python. `slow` is every how many OMPL is asked with states in Python, in
     the plane; of an arm a quarter of those.
     """
-    ways = asked(questions[0].world, slow)
-    spent: dict[str, list[float]] = {who: [] for who in [*ways, "OMPL's own part"]}
-    refused = dict.fromkeys(ways, 0)
+    paths = asked(questions[0].world, slow)
+    spent: dict[str, list[float]] = {name: [] for name in [*paths, "OMPL's own part"]}
+    rejected = dict.fromkeys(paths, 0)
     for seed, scene in enumerate(questions, 1):
-        for who, (every, way) in ways.items():
+        for owner, (every, method) in paths.items():
             if seed % every:
                 continue
-            runs = [alone(way, scene, seed) for _ in range(repeats)]
+            runs = [alone(method, scene, seed) for _ in range(repeats)]
             path = runs[0][0].path
             if path is not None and isinstance(runs[0][0], ompl.Plan):
                 path = path.T
             free = path is not None and (
-                who == "ours twice"  # the path of "ours", judged there
+                owner == "ours twice"  # the path of "ours", judged there
                 or bool(check_path(scene.world, path, scene.start, scene.goal))
             )
-            refused[who] += path is not None and not free
+            rejected[owner] += path is not None and not free
             # The fastest undisturbed run, else the one that was disturbed least: what took the
             # core away may have done so outside of the search.
             calm = [pair for pair in runs if pair[1] > 0.95]
@@ -131,15 +131,15 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
                 else max(runs, key=lambda pair: pair[1])
             )
             least = run.seconds * share
-            spent[who].append(least if free else math.inf)
-            if who == "OMPL, our edge check":
+            spent[owner].append(least if free else math.inf)
+            if owner == "OMPL, our edge check":
                 own = run.own_seconds * share
                 spent["OMPL's own part"].append(own if free else math.inf)
     bare_times = 2 * np.array(spent["ours"]) - np.array(spent.pop("ours twice"))
-    middle = {who: float(np.median(found)) for who, found in spent.items()}
+    middle = {name: float(np.median(result)) for name, result in spent.items()}
     name = questions[0].name
     ratio = middle["OMPL, Python states"] / middle["ours"]
-    wrong = refused["OMPL, Python states"] / len(spent["OMPL, Python states"])
+    wrong = rejected["OMPL, Python states"] / len(spent["OMPL, Python states"])
     door = np.median([ours(q, k, budget=1).seconds for k, q in enumerate(questions, 1)])
     bare = 1e3 * float(np.median(bare_times)), 1e3 * middle["OMPL's own part"]
     panel = Panel(
@@ -150,13 +150,13 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
         footer=machine(libraries=("ompl",)) + "; one core",
     )
     within = np.geomspace(1e-5, longest, 101)
-    for who, found in spent.items():
-        key = {"ours": "course", "OMPL's own part": "theory"}.get(who, "")
-        series = Success(who, np.array([found]), "s").series(within, key)
-        missed = refused.get(who, 0)
+    for owner, result in spent.items():
+        key = {"ours": "course", "OMPL's own part": "theory"}.get(owner, "")
+        series = Success(owner, np.array([result]), "s").series(within, key)
+        missed = rejected.get(owner, 0)
         series.note = (
-            f"{name:<11} {who:<21} median {1e3 * middle[who]:7.3f} ms, "
-            f"{middle[who] / middle['ours']:5.1f} of ours; {missed} of {len(found)} collide"
+            f"{name:<11} {owner:<21} median {1e3 * middle[owner]:7.3f} ms, "
+            f"{middle[owner] / middle['ours']:5.1f} of ours; {missed} of {len(result)} collide"
         )
         panel.series.append(series)
     panel.notes = [
@@ -179,8 +179,8 @@ def shelf_times(queries: int = 80, repeats: int = 2) -> Iterator[Panel]:
     """The same for the 7-R arm, from bay to bay of the open shelf, each question once."""
     planning.warm()
     place, rng = planning.shelf("open"), np.random.default_rng(1)
-    asked = [place.query(rng) for _ in range(queries)]
-    yield times([Scene("7-R arm", place.world, *q, 1.0) for q in asked], 1, repeats, 100.0)
+    requested = [place.query(rng) for _ in range(queries)]
+    yield times([Scene("7-R arm", place.world, *q, 1.0) for q in requested], 1, repeats, 100.0)
 
 
 # --- as many samples ------------------------------------------------------------------------------
@@ -191,14 +191,14 @@ def cumulative(name: str, values: tuple[Array, Array], scale: float, unit: str) 
     same = stats.mannwhitneyu(*values).pvalue
     low, high = np.min(values), np.max(np.ma.masked_invalid(values))
     within, both = np.geomspace(low / scale, high * scale, 61), []
-    for who, found in zip(("ours", "OMPL"), values, strict=True):
-        label = f"{name}, {who}"
+    for owner, result in zip(("ours", "OMPL"), values, strict=True):
+        label = f"{name}, {owner}"
         both.append(
-            Success(label, found[None], unit).series(within, style="-" if who == "ours" else "--")
+            Success(label, result[None], unit).series(within, style="-" if owner == "ours" else "--")
         )
         both[-1].marker = ""
-        middle = np.median(found)
-        both[-1].note = f"{label:<22} median {middle:7.4g} {unit}, {found.size} seeds; p {same:.2f}"
+        middle = np.median(result)
+        both[-1].note = f"{label:<22} median {middle:7.4g} {unit}, {result.size} seeds; p {same:.2f}"
     return both
 
 
@@ -249,10 +249,10 @@ def sample_counts(
     )
     for scene in (scenes.discs(), scenes.gap(0.1)):
         tests = ompl.tests(scene.world)
-        found = [
+        result = [
             theirs(scene, k, "rrt_star", *tests, budget=1000).path for k in range(1, stars + 1)
         ]
-        other = np.array([np.inf if path is None else length(path.T) for path in found])
+        other = np.array([np.inf if path is None else length(path.T) for path in result])
         usual, mine = np.array(
             [
                 [ours(scene, k, "rrt_star", 1000, goal_bias=b).cost for k in range(1, stars + 1)]
@@ -283,15 +283,15 @@ def sample_counts(
                 joined[1, i] += roadmap_joins(
                     scene, *ompl.roadmap(scene.world.bounds, size, k, *tests)
                 )
-        for who, hits in zip(("ours", "OMPL"), joined, strict=True):
+        for owner, hits in zip(("ours", "OMPL"), joined, strict=True):
             low, high = wilson(hits, maps)
-            label = f"{scene.name}, {who}"
+            label = f"{scene.name}, {owner}"
             panel.series.append(
                 Series(
                     label,
                     sizes,
                     hits / maps,
-                    style="-" if who == "ours" else "--",
+                    style="-" if owner == "ours" else "--",
                     low=low,
                     high=high,
                     note=f"PRM {label}: joined {', '.join(f'{x:.0f}' for x in hits)} of {maps}",
@@ -321,22 +321,22 @@ def settings(
     tests = ompl.tests(scene.world)
 
     def cut(k: int, rounds: int) -> tuple[float, Any]:
-        found, rng = ours(scene, k), np.random.default_rng(k)
-        assert found.path is not None
+        result, rng = ours(scene, k), np.random.default_rng(k)
+        assert result.path is not None
         begun = time.perf_counter()
-        path = planning.shortcut(found.path, scene.world, rng, rounds=rounds)
-        return found.seconds + time.perf_counter() - begun, path
+        path = planning.shortcut(result.path, scene.world, rng, rounds=rounds)
+        return result.seconds + time.perf_counter() - begun, path
 
     def by(method: str) -> Callable[[int, int], tuple[float, Any]]:
         def run(k: int, budget: int) -> tuple[float, Any]:
-            found = ours(scene, k, method, budget)
-            return found.seconds, found.path
+            result = ours(scene, k, method, budget)
+            return result.seconds, result.path
 
         return run
 
     def other(k: int, budget: int) -> tuple[float, Any]:
-        found = theirs(scene, k, "rrt_star", *tests, budget=budget)
-        return found.seconds, None if found.path is None else found.path.T
+        result = theirs(scene, k, "rrt_star", *tests, budget=budget)
+        return result.seconds, None if result.path is None else result.path.T
 
     return {
         "RRT*": (budgets, by("rrt_star")),
@@ -365,19 +365,19 @@ def path_quality(
             footer=machine(libraries=("ompl",)) + "; one core",
         )
         good = []
-        for name, (values, way) in settings(scene, budgets).items():
+        for name, (values, method) in settings(scene, budgets).items():
             rows = []
             for value in values:
                 runs = []
                 for k in range(1, seeds + 1):
-                    (spent, path), share = alone(way, k, value)
+                    (spent, path), share = alone(method, k, value)
                     assert path is None or check_path(scene.world, path, scene.start, scene.goal)
                     runs.append(
                         (spent * share, np.inf if path is None else length(path) / best - 1)
                     )
-                seconds, off = np.transpose(runs)
+                seconds, deviation = np.transpose(runs)
                 rows.append(
-                    (np.median(seconds), *np.quantile(off, (0.25, 0.5, 0.75), method="higher"))
+                    (np.median(seconds), *np.quantile(deviation, (0.25, 0.5, 0.75), method="higher"))
                 )
                 if rows[-1][2] <= tolerance:
                     good.append((rows[-1][0], rows[-1][2], name, value))
@@ -395,12 +395,12 @@ def path_quality(
                     note=f"{scene.name:<9} {name:<22} {', '.join(pairs)}",
                 )
             )
-        spent, off, name, value = min(good)
+        spent, deviation, name, value = min(good)
         panel.series.append(
             Series(
                 "",
                 [spent],
-                [off],
+                [deviation],
                 "chosen",
                 "",
                 hollow=True,

@@ -27,14 +27,14 @@ CACHED: dict[str, Any] = {"method": "roadmap", "budget": 10 * SAMPLES}
 
 def certified(asked: Shelf, queries: int, seed: int) -> tuple[list[Query], int]:
     """So many queries that a long search solves, and how many drawn it did not."""
-    rng, found, refused = np.random.default_rng(seed), list[Query](), 0
-    while len(found) < queries:
+    rng, result, rejected = np.random.default_rng(seed), list[Query](), 0
+    while len(result) < queries:
         start, goal = asked.query(rng)
         if plan(asked.world, start, goal, **BOTH, rng=seed).solved:
-            found.append((start, goal))
+            result.append((start, goal))
         else:
-            refused += 1
-    return found, refused
+            rejected += 1
+    return result, rejected
 
 
 def interpreted(world: World) -> World:
@@ -81,21 +81,21 @@ def shelf_ladder(
     """Time of a plan of the 7-R arm from bay to bay, rung by rung, still and with a moved ball."""
     planning.warm()
     for name in names:
-        asked, rng = planning.shelf(name), np.random.default_rng(1)
-        known, refused = certified(asked, queries, 0)
-        moved = [asked.disturbed(rng, *query) for query in known]
+        requested, rng = planning.shelf(name), np.random.default_rng(1)
+        known, rejected = certified(requested, queries, 0)
+        moved = [requested.disturbed(rng, *query) for query in known]
         begun = time.perf_counter()
-        roadmap = planning.build_roadmap(asked.world, nodes, 0)
+        roadmap = planning.build_roadmap(requested.world, nodes, 0)
         built = time.perf_counter() - begun
-        solved = [plan(asked.world, *q, **BOTH).path for q in certified(asked, queries, 2)[0]]
-        paths = [planning.shortcut(p, asked.world, rng, rounds=30) for p in solved if p is not None]
+        solved = [plan(requested.world, *q, **BOTH).path for q in certified(requested, queries, 2)[0]]
+        paths = [planning.shortcut(p, requested.world, rng, rounds=30) for p in solved if p is not None]
         experience = planning.with_paths(roadmap, paths)
         learned = time.perf_counter() - begun
         ladder = rungs(roadmap, experience, naive, samples)
         panel = Panel(f"{name} shelf", RUNGS, "seconds for a plan", scale="log y")
         panel.lines = [("y", 0.1, "asked for: 100 ms")]
         panel.notes = [
-            f"{name} shelf: {refused} of {queries + refused} drawn were not certified; roadmap "
+            f"{name} shelf: {rejected} of {queries + rejected} drawn were not certified; roadmap "
             f"{roadmap.memory / 1e6:.1f} MB, built in {built:.1f} s;",
             f"with earlier paths {experience.memory / 1e6:.1f} MB, in {learned:.1f} s",
         ]
@@ -104,13 +104,13 @@ def shelf_ladder(
             answers: dict[str, list[tuple[planning.Plan, float]]] = {rung: [] for rung in ladder}
             collided = dict.fromkeys(ladder, 0)
             for i, query in enumerate(known):
-                world = asked.world if place == "still" else moved[i]
+                world = requested.world if place == "still" else moved[i]
                 for rung, (every, run) in ladder.items():
                     if i % every == 0:
-                        found, share = alone(run, world, query, i)
-                        answers[rung].append((found, share * found.seconds))
-                        if found.path is not None and (every > 1 or i % 10 == 0):
-                            collided[rung] += not planning.check_path(world, found.path, *query)
+                        result, share = alone(run, world, query, i)
+                        answers[rung].append((result, share * result.seconds))
+                        if result.path is not None and (every > 1 or i % 10 == 0):
+                            collided[rung] += not planning.check_path(world, result.path, *query)
             for rung, plans in answers.items():
                 spent = np.array([own if p.solved else np.inf for p, own in plans])
                 middle, tail = np.quantile(spent, (0.5, 0.99), method="higher")

@@ -59,21 +59,21 @@ def searched(scene: Scene, many: int, rng: np.random.Generator) -> Array:
     ends = [(CELLS * (q - low) / (high - low)).astype(int) for q in (scene.start, scene.goal)]
     begin, at = (int(number[tuple(np.minimum(end, CELLS - 1))]) for end in ends)
     *_, before = sparse.csgraph.dijkstra(graph, False, begin, return_predecessors=True)
-    way = [at]
-    while before[way[-1]] >= 0:
-        way.append(int(before[way[-1]]))
-    cells = rng.choice(way, many) if way[-1] == begin else rng.integers(free.size, size=many)
+    path = [at]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    cells = rng.choice(path, many) if path[-1] == begin else rng.integers(free.size, size=many)
     inside = (np.array(divmod(cells, CELLS)) + rng.uniform(size=(2, many))) / CELLS
     return np.asarray(low[:, None] + (high - low)[:, None] * inside)
 
 
 def checks(scene: Scene, seed: int, **options: Any) -> float:
     """States and edges asked until there is a path, infinite without one; the judge passes it."""
-    found = plan(scene.world, scene.start, scene.goal, rng=seed, step=1.0, budget=20_000, **options)
-    if found.path is None:
+    result = plan(scene.world, scene.start, scene.goal, rng=seed, step=1.0, budget=20_000, **options)
+    if result.path is None:
         return math.inf
-    assert check_path(scene.world, found.path, scene.start, scene.goal)
-    return float(found.state_checks + found.edge_checks)
+    assert check_path(scene.world, result.path, scene.start, scene.goal)
+    return float(result.state_checks + result.edge_checks)
 
 
 def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Success]:
@@ -84,7 +84,7 @@ def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Succ
         return checks(scene, seed, sampler=states, mix=0.8)
 
     bridge: dict[str, Any] = {"sampler": "bridge", "mix": 0.2, "spread": 0.5}
-    ways: dict[str, Callable[[Any, Scene, int], float]] = {
+    methods: dict[str, Callable[[Any, Scene, int], float]] = {
         "uniform": lambda net, q, k: checks(q, k),
         "learned": lambda net, q, k: listed(q, k, drawn, net),
         "learned, picture counted": lambda net, q, k: listed(q, k, drawn, net) + CELLS**2,
@@ -97,13 +97,13 @@ def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Succ
             name,
             np.array(
                 [
-                    [ways[name](net, q, 1000 * k + i) for i, q in enumerate(some)]
+                    [methods[name](net, q, 1000 * k + i) for i, q in enumerate(some)]
                     for k, net in enumerate(nets)
                 ]
             ),
             "checks",
         )
-        for name in only or ways
+        for name in only or methods
     ]
 
 
@@ -144,8 +144,8 @@ def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Succ
     after they are pushed, each with a seed for each network."""
 
     def searching(net: Any, scene: Scene, rng: np.random.Generator) -> list[Array]:
-        found = plan(scene.world, scene.start, scene.goal, rng=rng, step=1.0)
-        return [shortcut(found.path, scene.world, rng, rounds=60)] if found.path is not None else []
+        result = plan(scene.world, scene.start, scene.goal, rng=rng, step=1.0)
+        return [shortcut(result.path, scene.world, rng, rounds=60)] if result.path is not None else []
 
     def noise(net: Any, scene: Scene, rng: np.random.Generator) -> Array:
         return denoised(net, scene, TRIES, rng)
@@ -153,14 +153,14 @@ def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Succ
     def lines(net: Any, scene: Scene, rng: np.random.Generator) -> list[Array]:
         return bent(scene, TRIES, rng)
 
-    ways: dict[str, tuple[Callable[..., Any], bool]] = {
+    methods: dict[str, tuple[Callable[..., Any], bool]] = {
         "noise, checked": (noise, False),
         "noise, pushed out": (noise, True),
         "bent lines, pushed out": (lines, True),
         "RRT-Connect, shortcuts": (searching, False),
     }
-    found = {}
-    for name, (propose, push) in ways.items():
+    result = {}
+    for name, (propose, push) in methods.items():
         rows = [
             first_free(
                 scene, functools.partial(propose, net, scene, np.random.default_rng((k, i))), push
@@ -169,8 +169,8 @@ def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Succ
             for i, scene in enumerate(some)
         ]
         spent, before, after = np.array(rows).reshape(len(nets), len(some), 3).transpose(2, 0, 1)
-        found[name] = Success(name, spent, "s"), before.mean(axis=1), after.mean(axis=1)
-    return found
+        result[name] = Success(name, spent, "s"), before.mean(axis=1), after.mean(axis=1)
+    return result
 
 
 # --- all of it ------------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ def learned_planners(
     some = [slits(rng) for _ in range(worlds)]
     turned = [slits(rng, turned=True) for _ in range(worlds)]
 
-    seen = Panel("One world, and what its sampler proposes", "x [m]", "y [m]", equal=True)
+    observed = Panel("One world, and what its sampler proposes", "x [m]", "y [m]", equal=True)
     states = drawn(nets[0], some[0], 400, np.random.default_rng(0))
     ends = np.array([some[0].start, some[0].goal]).T
     walls = 10.0 * (np.argwhere(picture(some[0])[0] == 0.0).T + 0.5) / CELLS
@@ -214,9 +214,9 @@ def learned_planners(
         ("proposed states", states, "course", 2.0),
         ("start and goal", ends, "chosen", 8.0),
     ):
-        seen.series.append(Series(label, x, y, key, "", marker="s", size=size))
-    seen.notes = [f"sampler: {cost:.0f} s of processor time to train, on {sampler[0]} worlds"]
-    yield seen
+        observed.series.append(Series(label, x, y, key, "", marker="s", size=size))
+    observed.notes = [f"sampler: {cost:.0f} s of processor time to train, on {sampler[0]} worlds"]
+    yield observed
 
     within = np.geomspace(30, 30_000, 61)
     families = {"Held-out worlds of the family": some, "The same, turned by a quarter": turned}
@@ -225,19 +225,19 @@ def learned_planners(
         panel = Panel(title, "states and edges asked", "share of worlds with a path", scale="log x")
         for success in sampled(nets, family, *only):
             series = success.series(within, style="--" if "counted" in success.name else "-")
-            middle, least, most = success.budget()
+            middle, least, largest = success.budget()
             series.extra = success.name == "one tree, goal bias"
             series.note = (
                 f"{'turned: ' if only else ''}{success.name:<24} median {middle:6.0f} checks "
-                f"({least:.0f} to {most:.0f} by seed), 90 % within {success.budget(0.9)[0]:.0f}"
+                f"({least:.0f} to {largest:.0f} by seed), 90 % within {success.budget(0.9)[0]:.0f}"
             )
             panel.series.append(series)
         yield panel
 
     world = scenes.discs(count=DISCS).world
     nets, cost = timed(train_diffusion, seeds, world, *diffusion)
-    asked = questions(grown(world), queries, np.random.default_rng(8))
-    asked = [Scene("discs", world, q.start, q.goal, 1.0) for q in asked]
+    requested = questions(grown(world), queries, np.random.default_rng(8))
+    requested = [Scene("discs", world, q.start, q.goal, 1.0) for q in requested]
     panel = Panel(
         "Paths out of noise, in the world they know",
         "seconds to a free path",
@@ -247,7 +247,7 @@ def learned_planners(
     )
     panel.notes = [f"diffusion: {cost:.0f} s of processor time to train, on {diffusion[0]} paths"]
     within = np.geomspace(1e-4, 3.0, 61)
-    for name, (success, before, after) in proposed(nets, asked).items():
+    for name, (success, before, after) in proposed(nets, requested).items():
         series = success.series(within)
         series.note = (
             f"{name:<23} {np.median(before):4.0%} collide, "

@@ -99,9 +99,9 @@ def pair_joined(width: float, bounded: float) -> float:
     a trapezoidal density in each direction.
     """
     r = (np.arange(20_000) + 0.5) / 20_000
-    most, least = 1.0 / (1.0 + r), r / (1.0 + r)
-    flat = width / 2 <= (most - least) / 2
-    each = np.where(flat, width / most, 1.0 - (0.5 - width / 2) ** 2 / (most * least))
+    largest, least = 1.0 / (1.0 + r), r / (1.0 + r)
+    flat = width / 2 <= (largest - least) / 2
+    each = np.where(flat, width / largest, 1.0 - (0.5 - width / 2) ** 2 / (largest * least))
     return float(np.mean(each**bounded))
 
 
@@ -136,50 +136,50 @@ def narrow_passages(
         ("cube", lambda n: n - 1, width),
     ]
     for name, bounds, deep in kinds:
-        seen, found = [], {"": list[Array](), ", OMPL": list[Array]()}
+        observed, result = [], {"": list[Array](), ", OMPL": list[Array]()}
         for n in dims:
             world = hole(n, width, deep, bounds(n))
             free = compiled(world.edge_free, EDGE)
             ends = rng.uniform(-0.5, 0.5, (2, pairs, n))
             ends[:, :, 0] = rng.uniform(deep / 2, 0.5, (2, pairs)) * [[-1], [1]]
             joined = [free(world.obstacles, world.body, a, b) for a, b in zip(*ends, strict=True)]
-            seen.append(np.mean(joined) or np.nan)
+            observed.append(np.mean(joined) or np.nan)
             start, goal = np.full(n, -0.3), np.full(n, -0.3)
             goal[0], tests = 0.3, ompl.tests(world)
-            for way, rows in found.items():
+            for method, rows in result.items():
                 if rows and math.isinf(rows[-1][1]):
                     continue  # no more is known above
                 spent = []
                 for seed in range(1, seeds + 1):
                     question = (world, start, goal, 0.5, budget, seed)
-                    spent.append(_samples(way == "", *question, tests))
+                    spent.append(_samples(method == "", *question, tests))
                 rows.append(np.quantile(spent, (0.25, 0.5, 0.75), method="higher"))
         law = [pair_joined(width, bounds(n)) for n in dims]
-        off = (np.array(seen) - law) / np.sqrt(np.array(law) / pairs)
+        deviation = (np.array(observed) - law) / np.sqrt(np.array(law) / pairs)
         theory = None if name == "cube" else lambda n, b=bounds: pair_joined(width, b(n))
-        said = "" if name == "cube" else f"; off by {np.abs(off).max():.1f} standard errors at most"
+        message = "" if name == "cube" else f"; off by {np.abs(deviation).max():.1f} standard errors at most"
         one.series.append(
             Series(
                 name,
                 dims,
-                seen,
+                observed,
                 theory=theory,
                 style="" if theory else ":",
-                note=f"{name}: a pair {', '.join(f'{p:.2g}' for p in seen)}{said}",
+                note=f"{name}: a pair {', '.join(f'{p:.2g}' for p in observed)}{message}",
             )
         )
-        for way, rows in found.items():
+        for method, rows in result.items():
             low, middle, high = np.transpose(rows)
             need.series.append(
                 Series(
-                    name + way,
+                    name + method,
                     dims[: len(rows)],
                     middle,
-                    style="--" if way else "-",
-                    hollow=bool(way),
+                    style="--" if method else "-",
+                    hollow=bool(method),
                     low=np.minimum(low, budget),
                     high=np.minimum(high, budget),
-                    note=f"{name + way:<10} median samples {', '.join(f'{x:.0f}' for x in middle)}",
+                    note=f"{name + method:<10} median samples {', '.join(f'{x:.0f}' for x in middle)}",
                 )
             )
     yield from (one, need)
@@ -197,15 +197,15 @@ def _samples(
 ) -> float:
     """Samples to a path that the judge passes."""
     if mine:
-        found: Any = plan(world, start, goal, budget=budget, rng=seed, step=step)
+        result: Any = plan(world, start, goal, budget=budget, rng=seed, step=step)
     else:
         question = (world.bounds, start, goal, "rrt_connect", step, budget, seed, *tests)
-        found = ompl.solve(*question)
-    if found.path is None:
+        result = ompl.solve(*question)
+    if result.path is None:
         return math.inf
-    path = found.path if mine else found.path.T
+    path = result.path if mine else result.path.T
     assert check_path(world, path, start, goal)
-    return float(found.samples)
+    return float(result.samples)
 
 
 # --- points along an edge -------------------------------------------------------------------------
@@ -257,7 +257,7 @@ def thin_obstacles(
                 missed[name].append(float(np.mean(hits)))
             exact += [edge_free(world, *pair) for pair in zip(a, b, strict=True)]
         for name, shares in missed.items():
-            off = np.abs(np.array(shares) - [law(x) for x in sizes]).max()
+            deviation = np.abs(np.array(shares) - [law(x) for x in sizes]).max()
             error = np.sqrt(np.array(shares) * (1 - np.array(shares)) / edges)
             panel.series.append(
                 Series(
@@ -269,7 +269,7 @@ def thin_obstacles(
                     theory=law if name == "points" else None,
                     low=np.array(shares) - 2 * error,
                     high=np.array(shares) + 2 * error,
-                    note=f"{shape}, {name}: within {off:.3f} of the closed form",
+                    note=f"{shape}, {name}: within {deviation:.3f} of the closed form",
                 )
             )
     panel.series.append(
@@ -300,9 +300,9 @@ def kept_at_points(h: Array, first: Array, second: Array, cap: Array, limit: Arr
         low, high = 0.0, cap[i]
         for _ in range(5):  # the largest squared speed from which the next can be reached
             here = np.linspace(low, high, 65)
-            least, most = pushes(i, here)
+            least, largest = pushes(i, here)
             good = np.maximum(least, -here / h[i] / 2) <= np.minimum(
-                most, (x[i + 1] - here) / h[i] / 2
+                largest, (x[i + 1] - here) / h[i] / 2
             )
             k = int(np.flatnonzero(good).max(initial=0))
             low, high = here[k], here[min(k + 1, 64)]
@@ -316,8 +316,8 @@ def kept_at_points(h: Array, first: Array, second: Array, cap: Array, limit: Arr
 def both_ways(path: Array, limits: Array, blend: float, grid: int) -> Array:
     """How far the acceleration is over its limit, and the duration, rows: by points, both ends."""
     h, _, first, second, _ = trajectory._curve(path.T, blend, None, grid)
-    many = np.where(second.any(axis=1), 1, grid)  # a line in as many pieces as a rounding
-    h, first, second = (np.repeat(v, many, axis=0) for v in (h / many, first, second))
+    count = np.where(second.any(axis=1), 1, grid)  # a line in as many pieces as a rounding
+    h, first, second = (np.repeat(v, count, axis=0) for v in (h / count, first, second))
     rate = np.maximum(np.abs(first), np.abs(first + h[:, None] * second))
     top = np.min(limits[0] / rate, axis=1) ** 2
     cap = np.minimum(np.append(top, np.inf), np.append(np.inf, top))
@@ -409,7 +409,7 @@ def optimiser_minima(side: int = 13, points: int = 24, count: int = 16) -> Itera
         return np.asarray(np.min(np.hypot(*(q[:, None] - balls[:2])) - balls[2], axis=0))
 
     vias = [np.array([x, y]) for x in np.linspace(1, 9, side) for y in np.linspace(1, 9, side)]
-    ways: dict[str, Callable[..., Any]] = {
+    methods: dict[str, Callable[..., Any]] = {
         "CHOMP": lambda p, weight=20.0: covariant_gradient(
             p, gaps, margin=0.2, weight=weight, points=points
         ),
@@ -417,9 +417,9 @@ def optimiser_minima(side: int = 13, points: int = 24, count: int = 16) -> Itera
     }
     turn = np.linspace(0, 2 * math.pi, 120)
     solved = [plan(world, start, goal, rng=k, step=1.0).solved for k in range(len(vias))]
-    for name, way in ways.items():
+    for name, method in methods.items():
         bent = [np.array([start, via, goal]).T for via in vias]
-        ends = [way(path).path for path in bent]
+        ends = [method(path).path for path in bent]
         free = np.array([bool(check_path(world, path, start, goal)) for path in ends])
         costs = np.where(free, [length(path) for path in ends], np.inf)
         best = costs <= 1.05 * costs.min()
@@ -449,6 +449,6 @@ def optimiser_minima(side: int = 13, points: int = 24, count: int = 16) -> Itera
         panel.series.append(Series("", x, y, "theory", "", marker="o", size=1.0))
         panel.notes = [f"RRT-Connect finds a path with {sum(solved)} of {len(solved)} seeds"]
         if name == "CHOMP":
-            stuck = sum(not check_path(world, way(path, weight=100.0).path) for path in bent)
+            stuck = sum(not check_path(world, method(path, weight=100.0).path) for path in bent)
             panel.notes.append(f"CHOMP with five times the weight: {stuck} collide")
         yield panel

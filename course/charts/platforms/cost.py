@@ -58,10 +58,10 @@ def platform_scaling(
         for label, n in rows:
             smooth = name == "chain"
             jobs.append((here()[label], make(n), 100 if smooth else in_one_call(label)))
-        found = step_costs(jobs, dt, repeats)
-        cost = {row: time.best / steps for row, (time, steps) in zip(rows, found, strict=True)}
+        result = step_costs(jobs, dt, repeats)
+        cost = {row: time.best / steps for row, (time, steps) in zip(rows, result, strict=True)}
         unit = cost["MuJoCo", sizes[0]]
-        busy = max(time.busy for time, _ in found)
+        busy = max(time.busy for time, _ in result)
         panel = Panel(
             f"A step of a {name}",
             "n",
@@ -74,7 +74,7 @@ def platform_scaling(
             y = [cost[label, n] / unit for n in x]
             last = slope(x[-3:], y[-3:])
             beside = [cost[label, n] / cost["MuJoCo", n] for n in x]
-            told = ", ".join(f"{n} {c:.3g}" for n, c in zip(x, beside, strict=True))
+            message = ", ".join(f"{n} {c:.3g}" for n, c in zip(x, beside, strict=True))
             panel.series.append(
                 Series(
                     f"{label}, n^{last:.2f}",
@@ -82,7 +82,7 @@ def platform_scaling(
                     y,
                     label,
                     size=5.0,
-                    note=f"{name}: {label} over MuJoCo by n: {told}; exponent at the end "
+                    note=f"{name}: {label} over MuJoCo by n: {message}; exponent at the end "
                     f"{last:.2f}",
                 )
             )
@@ -100,8 +100,8 @@ def platform_scaling(
     links = [n for n in (1, 4, 16, 64) if n <= most]
     for label, engine in here().items():
         jobs = [(engine, chain(n), steps) for n in links for steps in (1, 100)]
-        found = step_costs(jobs, dt, repeats)
-        each = np.array([time.best / steps for time, steps in found]).reshape(-1, 2)
+        result = step_costs(jobs, dt, repeats)
+        each = np.array([time.best / steps for time, steps in result]).reshape(-1, 2)
         if engine.loop:
             share = np.maximum(1.0 - each[:, 1] / each[:, 0], 0.0)
             words = f"{label}: left out by a loop"
@@ -110,8 +110,8 @@ def platform_scaling(
             (empty, steps) = step_costs([(engine, _nothing(), 100)], dt, repeats)[0]
             share = np.minimum(empty.best / steps / each[:, 1], 1.0)
             words = f"{label}: an empty world's step, paid always"
-        told = ", ".join(f"{n} {100 * s:.0f} %" for n, s in zip(links, share, strict=True))
-        panel.series.append(Series(label, links, share, label, size=5.0, note=f"{words}: {told}"))
+        message = ", ".join(f"{n} {100 * s:.0f} %" for n, s in zip(links, share, strict=True))
+        panel.series.append(Series(label, links, share, label, size=5.0, note=f"{words}: {message}"))
     yield panel
 
 

@@ -19,9 +19,9 @@ def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
     """
     rows = stored_rows() if rows is None else rows
     read = stored_rows("platform_readers")
-    found: dict[str, dict[str, Fact]] = {}
+    result: dict[str, dict[str, Fact]] = {}
     for name in ENGINES:
-        mine = found[name] = {}
+        mine = result[name] = {}
         for scene in TABLE:
             mine[f"{scene} error"] = Fact(errors(rows, scene)[name])
             mine[f"cost of {scene}"] = Fact(costs(rows, scene)[name])
@@ -29,7 +29,7 @@ def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
         mine["faults told"] = Fact(honesty(verdicts))
         mine["comes with make lab"] = Fact(name in ENGINES[:2], source="this course")
         mine.update(dict.fromkeys(UNMEASURED, UNKNOWN))
-    return found
+    return result
 
 
 WORLDS, CAMERAS = Need("thousands of worlds on a GPU"), Need("photorealistic cameras")
@@ -58,12 +58,12 @@ DOCUMENTED = {
 def told(job: str, rows: Rows | None = None) -> tuple[str, str]:
     """The pick for a job, and the rows that decided it; where none could, what is documented."""
     needs, by = JOBS[job]
-    found = choose(facts(rows), needs, by)
-    if found.pick is None:
-        row = next(row for row in found.deciding if row in DOCUMENTED)
+    result = choose(facts(rows), needs, by)
+    if result.pick is None:
+        row = next(row for row in result.deciding if row in DOCUMENTED)
         return "not measured here", f"{row}: unknown of all four. {DOCUMENTED[row]}"
-    why = "decided by " + ", ".join(found.deciding)
-    if found.turn:
-        limit, pick = f"{found.turn.limit:.2g}", found.turn.pick or "none"
-        why += f"; {found.turn.row} {limit} would make it {pick}"
-    return found.pick, why
+    why = "decided by " + ", ".join(result.deciding)
+    if result.turn:
+        limit, pick = f"{result.turn.limit:.2g}", result.turn.pick or "none"
+        why += f"; {result.turn.row} {limit} would make it {pick}"
+    return result.pick, why

@@ -25,10 +25,10 @@ POINTS = FAIR.using(but=("hydroelastic",))
 
 def known(rows: Mapping[str, tuple[str, Settings]]) -> Iterator[tuple[str, str, Engine, Settings]]:
     """Label, engine's name, engine and settings of the rows whose engine is installed."""
-    found = here()
+    result = here()
     for label, (name, settings) in rows.items():
-        if name in found:
-            yield label, name, found[name], settings
+        if name in result:
+            yield label, name, result[name], settings
 
 
 @chart(columns=2)
@@ -52,10 +52,10 @@ def platform_braking(
     for name, engine in here().items():
         x = [dt for dt in steps if name != "own code" or dt >= finest]
         y = [1.0 - stop(engine, 0.0, dt).distance / FULL for dt in x]
-        off = max(abs(s / theory.stopped_short(dt=dt) - 1.0) for s, dt in zip(y, x, strict=True))
-        told = ", ".join(f"{1e3 * dt:g} ms {100 * s:.4f} %" for s, dt in zip(y, x, strict=True))
+        error = max(abs(s / theory.stopped_short(dt=dt) - 1.0) for s, dt in zip(y, x, strict=True))
+        message = ", ".join(f"{1e3 * dt:g} ms {100 * s:.4f} %" for s, dt in zip(y, x, strict=True))
         series = on_one_another(name, name, x, y)
-        series.note = f"{name:<9} {told}; within {100 * off:.2g} % of the law, "
+        series.note = f"{name:<9} {message}; within {100 * error:.2g} % of the law, "
         series.note += f"order {slope(x, y):.3f}"
         if name == "MuJoCo":
             series.theory = lambda dt: theory.stopped_short(dt=dt)
@@ -77,7 +77,7 @@ def platform_braking(
     }
     for label, name, engine, settings in known(rows):
         y = [1.0 - stop(engine, 0.0, dt, settings).distance / FULL for dt in steps]
-        told = ", ".join(f"{1e3 * dt:g} ms {100 * s:.2f} %" for s, dt in zip(y, steps, strict=True))
+        message = ", ".join(f"{1e3 * dt:g} ms {100 * s:.2f} %" for s, dt in zip(y, steps, strict=True))
         panel.series.append(
             Series(
                 label,
@@ -86,7 +86,7 @@ def platform_braking(
                 name,
                 ":" if "sap" in label else "-",
                 size=4.0,
-                note=f"{label}: short by {told}",
+                note=f"{label}: short by {message}",
             )
         )
     yield panel
@@ -116,32 +116,32 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
         ticks=(0, 45, 90),
         footer=FOOTER(),
     )
-    off = Panel("Turned from the heading", "heading [deg]", "[deg]", ticks=(0, 45, 90))
+    deviation = Panel("Turned from the heading", "heading [deg]", "[deg]", ticks=(0, 45, 90))
     degrees = np.linspace(0.0, 90.0, points)
     fine = np.linspace(0.0, 90.0, 181)
     for cone in theory.CONES:
-        way, turn = theory.stop(np.radians(fine), cone)
-        for panel, y in ((far, way / FULL), (off, np.degrees(turn))):
+        distance, turn = theory.stop(np.radians(fine), cone)
+        for panel, y in ((far, distance / FULL), (deviation, np.degrees(turn))):
             style = {"circle": ":", "inscribed": "-", "box": "--"}[cone]
             panel.series.append(Series(f"theory, {cone}", fine, y, "theory", style, marker=""))
     for label, name, engine, settings in known({k: v[:2] for k, v in CONES.items()}):
-        found = [stop(engine, math.radians(at), dt, settings) for at in degrees]
-        ratio = np.array([one.distance for one in found]) / FULL
-        turned = np.degrees([one.turn for one in found])
-        way, turn = theory.stop(np.radians(degrees), CONES[label][2])
-        told = (
-            f"{label}: from theory by {100 * np.max(np.abs(ratio - way / FULL)):.2f} % of the way"
+        result = [stop(engine, math.radians(at), dt, settings) for at in degrees]
+        ratio = np.array([one.distance for one in result]) / FULL
+        turned = np.degrees([one.turn for one in result])
+        distance, turn = theory.stop(np.radians(degrees), CONES[label][2])
+        report = (
+            f"{label}: from theory by {100 * np.max(np.abs(ratio - distance / FULL)):.2f} % of the way"
         )
-        told += f" and {np.max(np.abs(turned - np.degrees(turn))):.2f} deg at most; "
-        told += ", ".join(
+        report += f" and {np.max(np.abs(turned - np.degrees(turn))):.2f} deg at most; "
+        report += ", ".join(
             f"{at:g} deg {r:.4f} {t:+.2f}" for at, r, t in zip(degrees, ratio, turned, strict=True)
         )
-        for panel, y, note in ((far, ratio, told), (off, turned, "")):
+        for panel, y, note in ((far, ratio, report), (deviation, turned, "")):
             series = on_one_another(name, label, degrees.tolist(), y.tolist())
             series.note = note
             panel.series.append(series)
     yield far
-    yield off
+    yield deviation
 
 
 SOFT: dict[str, Any] = {
@@ -189,7 +189,7 @@ def platform_creep(
         for cone, style in (("elliptic", ""), ("pyramidal", "--")):
             soft = AS_SHIPPED.using(**{**SOFT, "cone": cone})
             y = [creep(MuJoCo(), scene, dt, soft.using(impratio=r)) for r in ratios]
-            told = ", ".join(f"{r:g} {1e6 * v:.4g}" for r, v in zip(ratios, y, strict=True))
+            message = ", ".join(f"{r:g} {1e6 * v:.4g}" for r, v in zip(ratios, y, strict=True))
             line = Series(
                 f"MuJoCo, {cone}",
                 ratios,
@@ -198,7 +198,7 @@ def platform_creep(
                 style,
                 size=6.0,
                 hollow=cone == "pyramidal",
-                note=f"{scene.name}, {cone}, um/s by impratio: {told}",
+                note=f"{scene.name}, {cone}, um/s by impratio: {message}",
             )
             if cone == "elliptic":
                 line.theory = law
@@ -250,9 +250,9 @@ def platform_grasp(
             for ratio in ratios:
                 answers.append(squeezed(engine, ratio, dt, settings)[0])
                 held[answers[-1]].append((ratio, 1e3 * dt))
-            told = "".join("x" if good else "." for good in answers)
+            message = "".join("x" if good else "." for good in answers)
             turns = sum(a != b for a, b in itertools.pairwise(answers))
-            panel.notes.append(f"{label:<20} {1e3 * dt:g} ms: {told} ({turns} changes)")
+            panel.notes.append(f"{label:<20} {1e3 * dt:g} ms: {message} ({turns} changes)")
         for good, words in ((True, "held"), (False, "falls")):
             if not held[good]:
                 continue
@@ -303,7 +303,7 @@ def platform_sag(
         x = [n for n in sizes if n <= most.get(name, n)]
         h = 1e-2 if name == "own code" else dt
         y = [max(position_error(engine, tower(n), h, settings), 1e-16) for n in x]
-        told = ", ".join(f"{n} {1e6 * s:.4g}" for n, s in zip(x, y, strict=True))
+        message = ", ".join(f"{n} {1e6 * s:.4g}" for n, s in zip(x, y, strict=True))
         panel.series.append(
             Series(
                 label,
@@ -312,7 +312,7 @@ def platform_sag(
                 name,
                 "--" if "shipped" in label else "-",
                 size=4.0,
-                note=f"{label}, um by cubes: {told}",
+                note=f"{label}, um by cubes: {message}",
             )
         )
         if name == "MuJoCo":

@@ -74,17 +74,17 @@ def path(engine: Engine, scene: Scene, dt: float, settings: Settings) -> tuple[A
     return np.array(rows), error
 
 
-def costs(found: list[Engine], scene: Scene) -> Array:
+def costs(result: list[Engine], scene: Scene) -> Array:
     """Time of a step at 1 ms with both settings, as a multiple of the fair MuJoCo's, (2, E)."""
-    pairs = [(engine, settings) for settings in SETTINGS for engine in found]
+    pairs = [(engine, settings) for settings in SETTINGS for engine in result]
     runs = [platforms.prepared(engine, scene, 1e-3, settings) for engine, settings in pairs]
     times = interleaved([batches(run.run) for run in runs], sample=2e-2, most=2000)
     for run in runs:
         run.close()
-    ratio = np.array([timing.median for timing in times]).reshape(2, len(found))
-    same = [not engine.changes for engine in found]  # both settings are one
+    ratio = np.array([timing.median for timing in times]).reshape(2, len(result))
+    same = [not engine.changes for engine in result]  # both settings are one
     ratio[:, same] = ratio[:, same].mean(axis=0)
-    return ratio / ratio[1, [engine.name for engine in found].index("MuJoCo")]
+    return ratio / ratio[1, [engine.name for engine in result].index("MuJoCo")]
 
 
 # --- five numbers of each simulator, fair settings, from 0 to 1 ----------------------------------
@@ -122,12 +122,12 @@ def equal_cost(errors: Array, cost: float) -> float:
     return float(np.exp(intercept + slope * np.log(1e-3 * cost)))
 
 
-def radar(found: list[Engine], errors: Array, cost: Array, tolerance: Array) -> Array:
+def radar(result: list[Engine], errors: Array, cost: Array, tolerance: Array) -> Array:
     """Lowest over the scenes, middle and highest of each axis, (E, 5, 3)."""
-    rows = np.zeros((len(found), len(AXES), 3))
-    for e, engine in enumerate(found):
-        told = readings(READER.get(engine.name, engine.name))
-        verdicts = {model.name: verdict(model, told[model.name]) for model in MODELS}
+    rows = np.zeros((len(result), len(AXES), 3))
+    for e, engine in enumerate(result):
+        report = readings(READER.get(engine.name, engine.name))
+        verdicts = {model.name: verdict(model, report[model.name]) for model in MODELS}
         values = (
             [equal_cost(errors[s, :, 1, e], cost[s, 1, e]) / tolerance[s] for s in SMOOTH],
             [errors[s, 1, 1, e] / tolerance[s] for s in CONTACT],
@@ -144,9 +144,9 @@ def radar(found: list[Engine], errors: Array, cost: Array, tolerance: Array) -> 
 
 def main() -> None:
     """Record everything."""
-    found, names = list(engines().values()), list(engines())
-    paths = np.zeros((len(shown()), len(STEPS), 2, len(found), SAMPLES, 2))
-    errors, cost = np.zeros(paths.shape[:4]), np.zeros((len(paths), 2, len(found)))
+    result, names = list(engines().values()), list(engines())
+    paths = np.zeros((len(shown()), len(STEPS), 2, len(result), SAMPLES, 2))
+    errors, cost = np.zeros(paths.shape[:4]), np.zeros((len(paths), 2, len(result)))
     truth = np.zeros((len(paths), SAMPLES, 2))
     for s, scene in enumerate(shown()):
         for at, time in enumerate(np.linspace(0.0, scene.duration, SAMPLES)):
@@ -154,9 +154,9 @@ def main() -> None:
             truth[s, at] = place(scene, true, time)
         for t, dt in enumerate(STEPS):
             for k, settings in enumerate(SETTINGS):
-                for e, engine in enumerate(found):
+                for e, engine in enumerate(result):
                     paths[s, t, k, e], errors[s, t, k, e] = path(engine, scene, dt, settings)
-        cost[s] = costs(found, scene)
+        cost[s] = costs(result, scene)
         print(scene.name, errors[s, 1].tolist(), cost[s].tolist(), flush=True)
     tolerance = np.array([scene.tolerance for scene in shown()])
     np.savez_compressed(
@@ -166,11 +166,11 @@ def main() -> None:
         errors=errors,
         costs=cost,
         tolerance=tolerance,
-        radar=radar(found, errors, cost, tolerance),
+        radar=radar(result, errors, cost, tolerance),
         duration=np.array([scene.duration for scene in shown()]),
         steps=np.array(STEPS),
         engines=np.array(names),
-        versions=np.array([engine.version() for engine in found]),
+        versions=np.array([engine.version() for engine in result]),
     )
 
 

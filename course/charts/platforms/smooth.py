@@ -48,7 +48,7 @@ def platform_accuracy(
     Args:
         steps: the largest first [s]; share: of each scene's duration.
     """
-    off: dict[str, list[list[float]]] = {}
+    deviation: dict[str, list[list[float]]] = {}
     for name in ("tumble", "chain", "arm"):
         scene = SCENES[name](duration=share * SCENES[name]().duration)
         panel = Panel(
@@ -63,7 +63,7 @@ def platform_accuracy(
         for label, engine in here().items():
             fair = _errors(engine, scene, steps, FAIR)
             own = own or fair
-            off.setdefault(label, []).append(np.abs(np.divide(fair, own) - 1.0).tolist())
+            deviation.setdefault(label, []).append(np.abs(np.divide(fair, own) - 1.0).tolist())
             shipped = _errors(engine, scene, steps, AS_SHIPPED)
             panel.series += [
                 on_one_another(label, label, steps, fair),
@@ -102,7 +102,7 @@ def platform_accuracy(
                 )
         yield panel
     agree = Panel("How far errors differ from our own", "step [s]", "largest share", scale="log")
-    for label, rows in list(off.items())[1:]:
+    for label, rows in list(deviation.items())[1:]:
         worst = np.max(rows, axis=0)
         note = f"{label}: errors within {worst.max():.1e} of our own"
         agree.series.append(Series(label, steps, np.maximum(worst, 1e-16), label, note=note))
@@ -196,7 +196,7 @@ def platform_precision(
                 for cost, error, dt, _ in mine:
                     if error <= scene.tolerance and (best is None or cost < best[0]):
                         best = cost, error, f"{words}, {1e3 * dt:g} ms"
-                told = "; ".join(f"{1e3 * dt:g} ms {e:.2e} at {c:.3g}" for c, e, dt, _ in mine)
+                message = "; ".join(f"{1e3 * dt:g} ms {e:.2e} at {c:.3g}" for c, e, dt, _ in mine)
                 panel.series.append(
                     Series(
                         words,
@@ -209,15 +209,15 @@ def platform_precision(
                         low=[row[3].best / unit for row in mine],
                         across=True,
                         high=[row[3].high / unit for row in mine],
-                        note=f"{name}: {words}: {told}",
+                        note=f"{name}: {words}: {message}",
                     )
                 )
         if best:
             panel.series.append(
                 Series("", best[:1], best[1:2], "chosen", "", hollow=True, size=13.0, tags=["pick"])
             )
-        found = [y for series in panel.series for y in series.y]
-        panel.ylim = 0.1 * min(found), 10.0 * max(found)
+        result = [y for series in panel.series for y in series.y]
+        panel.ylim = 0.1 * min(result), 10.0 * max(result)
         panel.notes.append(
             f"{name}: pick for {scene.tolerance:g} {scene.unit}: "
             + (f"{best[2]}, cost {best[0]:.3g}" if best else "none")

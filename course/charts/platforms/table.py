@@ -60,8 +60,8 @@ def good(rows: Rows, engine: str, settings: str = "fair") -> set[str]:
 
 def spread(rows: Rows, scene: str, settings: str = "fair") -> float:
     """The largest error of the simulators over the smallest, our own code aside."""
-    found = [e for name, e in errors(rows, scene, settings).items() if name != "own code"]
-    return max(found) / min(found)
+    result = [e for name, e in errors(rows, scene, settings).items() if name != "own code"]
+    return max(result) / min(result)
 
 
 SENTENCES: dict[str, Callable[[Rows], bool]] = {
@@ -164,16 +164,16 @@ def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> I
             if some:
                 panel.series.append(Series(engine_name, x, y, engine_name, "", size=6.0))
         panels.append(panel)
-    told = panels[0].notes
-    told.append(f"a step of {1e3 * dt:g} ms; cost over that of MuJoCo, fair; below tolerance: good")
-    told.append(f"{'scene':<8} {'engine':<9} {'settings':<10} {'error':>10}     {'cost':>8}")
+    report = panels[0].notes
+    report.append(f"a step of {1e3 * dt:g} ms; cost over that of MuJoCo, fair; below tolerance: good")
+    report.append(f"{'scene':<8} {'engine':<9} {'settings':<10} {'error':>10}     {'cost':>8}")
     for row in rows:
-        told.append(
+        report.append(
             f"{row[0]:<8} {row[1]:<9} {row[2]:<10} {row[4]:10.3e} {row[5]:<3} "
             f"{row[7]:8.3g}  {row[8]}"
         )
     if set(scenes) == set(TABLE) and set(here()) == set(ENGINES):
-        told += [sentence for sentence, holds in SENTENCES.items() if holds(rows)]
+        report += [sentence for sentence, holds in SENTENCES.items() if holds(rows)]
     yield from with_rows(panels, rows)
 
 
@@ -243,11 +243,11 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
     rows: list[list[str]] = []
     for reader in readers:
         try:
-            found = readings(reader)
+            result = readings(reader)
         except ImportError:
             continue
-        rows += [[reader, m.name, m.kind, verdict(m, found[m.name])] for m in MODELS]
-    asked = list(dict.fromkeys(row[0] for row in rows))
+        rows += [[reader, m.name, m.kind, verdict(m, result[m.name])] for m in MODELS]
+    requested = list(dict.fromkeys(row[0] for row in rows))
 
     def count(reader: str, kinds: Sequence[str], verdicts: Sequence[str]) -> int:
         return sum(row[0] == reader and row[2] in kinds and row[3] in verdicts for row in rows)
@@ -268,24 +268,24 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
         )
         for label in parts:
             verdicts = label.replace(lost, "swallowed or crashed").split(" or ")
-            many = [count(reader, kinds, verdicts) for reader in asked]
-            panel.series.append(Series(label, many, asked, style="bar"))
+            number = [count(reader, kinds, verdicts) for reader in requested]
+            panel.series.append(Series(label, number, requested, style="bar"))
         panels.append(panel)
-    told = panels[0].notes
-    told.append(f"{'model':<17} " + " ".join(f"{reader:<10}" for reader in asked))
+    report = panels[0].notes
+    report.append(f"{'model':<17} " + " ".join(f"{reader:<10}" for reader in requested))
     for model in MODELS:
         each = [row[3] for row in rows if row[1] == model.name]
-        told.append(f"{model.name:<17} " + " ".join(f"{word:<10}" for word in each))
-    for reader in asked:
+        report.append(f"{model.name:<17} " + " ".join(f"{word:<10}" for word in each))
+    for reader in requested:
         share = honesty({row[1]: row[3] for row in rows if row[0] == reader})
-        told.append(f"{reader}: refuses or warns about {100 * share:.0f} % of the faulty models")
+        report.append(f"{reader}: refuses or warns about {100 * share:.0f} % of the faulty models")
     yield from with_rows(panels, rows)
 
 
 @chart(columns=2)
 def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
     """What an engine costs before its first step, and whether a run can be repeated bit by bit."""
-    found = {name: install(name, processes) for name in here()}
+    result = {name: install(name, processes) for name in here()}
     panels = []
     for title, unit, field_ in (
         ("Size on disk", "MB", "size"),
@@ -293,7 +293,7 @@ def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
         ("A chain of six from its text", "s", "load_time"),
         ("Memory", "MB", "memory"),
     ):
-        sizes = [float(getattr(one, field_)) for one in found.values()]
+        sizes = [float(getattr(one, field_)) for one in result.values()]
         panel = Panel(
             f"{title} [{unit}]",
             unit,
@@ -301,10 +301,10 @@ def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
             footer=machine(0.0, libraries=LIBRARIES),
         )
         tags = [f"{x:.3g}" if x > 1e-5 else "0" for x in sizes]
-        panel.series.append(Series("", sizes, list(found), style="bar", tags=tags))
+        panel.series.append(Series("", sizes, list(result), style="bar", tags=tags))
         panels.append(panel)
     rows: list[list[Any]] = []
-    for name, one in found.items():
+    for name, one in result.items():
         again_ = repeatability(here()[name], brake(), 1e-3, 40 if name == "own code" else steps)
         rows.append(
             [

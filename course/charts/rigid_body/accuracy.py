@@ -58,9 +58,9 @@ def _top_question(problem: Problem) -> Question:
 
 def questions() -> dict[str, tuple[Problem, Question]]:
     """The smooth problems of the chapter and what is asked of each."""
-    found = problems.all_problems()
-    spring, pendulum = found["oscillator"].system, found["pendulum"].system
-    free, double = found["tumble"].system, found["double_pendulum"].system
+    result = problems.all_problems()
+    spring, pendulum = result["oscillator"].system, result["pendulum"].system
+    free, double = result["tumble"].system, result["double_pendulum"].system
     omega, zeta = spring.params.tolist()
     rows = {
         "oscillator": Question(
@@ -92,7 +92,7 @@ def questions() -> dict[str, tuple[Problem, Question]]:
             ),
             lambda q: q[3:],
         ),
-        "heavy_top": _top_question(found["heavy_top"]),
+        "heavy_top": _top_question(result["heavy_top"]),
         "double_pendulum": Question(
             "Where is the double pendulum after 3 s?",
             1e-3,
@@ -109,12 +109,12 @@ def questions() -> dict[str, tuple[Problem, Question]]:
             lambda q: np.array([q[0], q[0] + q[1]]),
         ),
     }
-    return {name: (found[name], question) for name, question in rows.items()}
+    return {name: (result[name], question) for name, question in rows.items()}
 
 
 def _asked(name: str) -> tuple[Problem, Question]:
-    found = questions()
-    return found[one_of("name", name, found)]
+    result = questions()
+    return result[one_of("name", name, result)]
 
 
 # Steps of a run: coarse to fine, a factor of about two apart.
@@ -358,17 +358,17 @@ def table_at(
         repeats: timed rounds, interleaved.
         problems: the smooth ones; the box drop follows.
     """
-    found = questions()
-    asked = [
-        (name, found[name][0].unit, work_precision(name, repeats, (steps,)), steps)
+    outcome = questions()
+    requested = [
+        (name, outcome[name][0].unit, work_precision(name, repeats, (steps,)), steps)
         for name in problems
-        for steps in [round(found[name][0].duration / dt)]
+        for steps in [round(outcome[name][0].duration / dt)]
     ]
     steps = round(BOX_DURATION / dt)
-    asked.append(("box drop", "m", box_work_precision(repeats, (steps,)), steps))
+    requested.append(("box drop", "m", box_work_precision(repeats, (steps,)), steps))
     return [
         Row(name, curve.name, point.error, unit, point.time / steps * 1e9)
-        for name, unit, result, steps in asked
+        for name, unit, result, steps in requested
         for curve in result.curves
         for point in curve.points
     ]

@@ -142,7 +142,7 @@ def _costs() -> tuple[float, float, float]:
         ],
         repeats=15,
     )
-    ours_, flat_, space_ = (found.median / steps for found in timed)
+    ours_, flat_, space_ = (result.median / steps for result in timed)
     return ours_, flat_, space_
 
 

@@ -158,11 +158,11 @@ def symplectic_not_enough(
     trace = np.abs(2.0 - (a + b) ** 2 + (a * b) ** 2)
     theory = np.maximum(1.0, 0.5 * trace + np.sqrt(np.maximum(0.25 * trace**2 - 1.0, 0.0)))
     clear = np.abs(trace - 2.0) > 1e-6  # on the boundary itself rounding decides
-    off = np.max(np.abs(pairs.values - theory)[clear])
+    deviation = np.max(np.abs(pairs.values - theory)[clear])
     left.notes.append(
         "h1, h2 in turn, both below the limit: unstable on "
         f"{np.mean(~pairs.within()):.1%} of the square; measured and theoretical growth differ by "
-        f"{off:.1e} at most"
+        f"{deviation:.1e} at most"
     )
     yield left
 
@@ -187,7 +187,7 @@ def symplectic_not_enough(
             return float(at * by ** (2.0 * (n - half)))
 
         grows = growth > 1.0
-        says = f"x {measured:.5f}, theory {growth:.5f}" if grows else "bounded, theory 1"
+        text = f"x {measured:.5f}, theory {growth:.5f}" if grows else "bounded, theory 1"
         middle.series.append(
             Series(
                 f"omega h = {name}",
@@ -196,7 +196,7 @@ def symplectic_not_enough(
                 marker="",
                 theory=line if grows else None,
                 note=f"omega h = {name:<20} largest {max(pattern):.1f} of the limit 2: amplitude "
-                f"per cycle {says}",
+                f"per cycle {text}",
             )
         )
     yield middle

@@ -91,7 +91,7 @@ class Contender:
 
 def contenders() -> dict[str, Contender]:
     """The course's methods and MuJoCo's, by their keys on a chart."""
-    found = {
+    result = {
         name: Contender(
             functools.partial(oscillator.stepper, name), functools.partial(oscillator.limit, name)
         )
@@ -105,11 +105,11 @@ def contenders() -> dict[str, Contender]:
         ("RK4", "RK4", True),
         ("discrete", "discrete", True),
     ):
-        found[f"MuJoCo {name}"] = Contender(
+        result[f"MuJoCo {name}"] = Contender(
             functools.partial(mujoco_step, integrator, implicit_damping=damping),
             functools.partial(mujoco_theory, integrator=integrator, implicit_damping=damping),
         )
-    return found
+    return result
 
 
 def deviation(measured: float, theory: float) -> float:
@@ -144,20 +144,20 @@ def stability_limits(
     for name, contender in contenders().items():
         if names and name not in names:
             continue
-        found = [contender.limit(z) for z in zetas]
-        endless = math.isinf(found[0])
+        result = [contender.limit(z) for z in zetas]
+        endless = math.isinf(result[0])
         series = Series(
             LABELS.get(name, name) + (f": none up to {NO_LIMIT:g}" if endless else ""),
             zetas,
-            found,
+            result,
             name,
             "",
             contender.theory,
             hollow="MuJoCo" in name,
         )
         (mujocos if "MuJoCo" in name else ours).series.append(series)
-        worst = max(map(deviation, found, series.expected))
-        cells = "".join(f"  {'none' if math.isinf(m) else format(m, '.4f'):<9}" for m in found)
+        worst = max(map(deviation, result, series.expected))
+        cells = "".join(f"  {'none' if math.isinf(m) else format(m, '.4f'):<9}" for m in result)
         lines.append(f"{name:<28}{cells}  {worst:.3%}")
     lines.append(f"none: stable at every omega dt tried, up to {NO_LIMIT:g}; 0: at no step")
     mujocos.notes = lines
@@ -183,15 +183,15 @@ def growth_map(method: str, omega_dt: Array, zeta: Array) -> Map:
     return stability.batch_map(step, omega_dt, zeta)
 
 
-def boundary_error(found: Map, method: str) -> float:
+def boundary_error(result: Map, method: str) -> float:
     """Largest distance of a map's boundary from theory, in cells of the map (0.5 is perfect)."""
-    cell = float(found.x[1] - found.x[0])
+    cell = float(result.x[1] - result.x[0])
     worst = 0.0
-    for edge, zeta in zip(found.boundary(), found.y, strict=True):
+    for edge, zeta in zip(result.boundary(), result.y, strict=True):
         theory = oscillator.limit(method, float(zeta))
-        if theory < found.x[0]:
+        if theory < result.x[0]:
             theory = 0.0
-        if edge != theory and not (math.isinf(edge) and theory >= found.x[-1]):
+        if edge != theory and not (math.isinf(edge) and theory >= result.x[-1]):
             worst = max(worst, abs(edge - theory) / cell)
     return worst
 
@@ -206,13 +206,13 @@ def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
     """Growth per step over step and damping, with the theoretical boundary on the measured one."""
     omega_dt, zeta = np.linspace(0.02, 4.0, nx), np.linspace(0.0, 2.0, ny)
     for method, label in LABELS.items():
-        found = growth_map(method, omega_dt, zeta)
-        panel = Panel(label, "omega dt", "damping ratio", grid=found, xlim=(0.0, 4.0), legend=False)
+        result = growth_map(method, omega_dt, zeta)
+        panel = Panel(label, "omega dt", "damping ratio", grid=result, xlim=(0.0, 4.0), legend=False)
         theory = [oscillator.limit(method, float(z)) for z in zeta]
         panel.series.append(Series("theory", theory, zeta, "theory on a map", "--"))
         panel.notes.append(
-            f"{method:<20} stable on {np.mean(found.within()):6.1%} of the map; boundary within "
-            f"{boundary_error(found, method):.2f} cells"
+            f"{method:<20} stable on {np.mean(result.within()):6.1%} of the map; boundary within "
+            f"{boundary_error(result, method):.2f} cells"
         )
         if method == "rk4":
             panel.notes.append(
@@ -290,12 +290,12 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
             )
         )
     steps = {name: functools.partial(mujoco_step, name) for name in modes}
-    found = {name: measured_limit(step) for name, step in steps.items()}
-    for name, limit in found.items():
+    result = {name: measured_limit(step) for name, step in steps.items()}
+    for name, limit in result.items():
         expected = mujoco_theory(0.0, name)
         text = "none up to 1000" if math.isinf(limit) else f"{limit:.4f}"
-        wanted = "none" if math.isinf(expected) else f"{expected:.4f}"
-        left.notes.append(f"{name:<13} limit of omega dt {text}, theory {wanted}")
+        desired = "none" if math.isinf(expected) else f"{expected:.4f}"
+        left.notes.append(f"{name:<13} limit of omega dt {text}, theory {desired}")
     yield left
 
     middle = Panel(
@@ -341,7 +341,7 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
         "Euler": lambda v: 2.0 * math.asin(0.5 * v) / v - 1.0,
     }
     for name in ("discrete", "Euler", "RK4"):
-        stable = x < found[name]
+        stable = x < result[name]
         phase = np.array([m.phase for m in modes[name]])[stable]
         side = "too low" if phase[phase.size // 3] < 0.0 else "too high"
         right.series.append(

@@ -119,11 +119,11 @@ def swept_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
         return q, -np.abs(v)
 
     through = 0
-    none = np.zeros(0)
+    empty = np.zeros(0)
     for _ in range(samples):
         q, v = np.array([-ratio * (1.0 + rng.random())]), np.array([ratio])
         for _ in range(4):
-            q, v, _ = events.step_with_event(q, v, explicit_euler, free, 1.0, none, gap, bounce)
+            q, v, _ = events.step_with_event(q, v, explicit_euler, free, 1.0, empty, gap, bounce)
         through += bool(q[0] > 0.0)
     return through / samples
 
@@ -483,10 +483,10 @@ def zeno_counts(
     start = np.array([[0.0], [0.1 + height], [0.0], [0.0], [0.0], [0.0]])
     counts = []
     for t in times:
-        _, found = planar.advance_boxes(
+        _, result = planar.advance_boxes(
             start, box, float(t), 1, integrator="velocity_verlet", max_events=1000
         )
-        counts.append(int(found[0, 0]))
+        counts.append(int(result[0, 0]))
     return np.array(counts)
 
 
@@ -546,9 +546,9 @@ def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
 
     height, restitution = 1.0, 0.7
     end = zeno_end(height, restitution)
-    left = np.geomspace(1.0, 1e-6, points)
-    theory = np.searchsorted(problems.bounce_times(height, restitution, 200), end - left)
-    ours, cut = (zeno_counts(end - left, height, restitution, rest) for rest in (0.0, 0.01))
+    remaining = np.geomspace(1.0, 1e-6, points)
+    theory = np.searchsorted(problems.bounce_times(height, restitution, 200), end - remaining)
+    ours, cut = (zeno_counts(end - remaining, height, restitution, rest) for rest in (0.0, 0.01))
     late = np.array([end + 1.0])
     past = [zeno_counts(late, height, restitution, rest)[0] for rest in (0.0, 0.01)]
     bounces = Panel(
@@ -560,9 +560,9 @@ def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
     )
     few = slice(None, None, max(1, points // 30))
     bounces.series = [
-        Series("theory: ln(time left) / ln(e)", left, theory, "theory", "steps", width=1.0),
-        Series("rest speed 0: every impact an event", left[few], ours[few], "", "", size=4.0),
-        Series("rest speed 0.01 m/s", left[few], cut[few], "", "", marker="x"),
+        Series("theory: ln(time left) / ln(e)", remaining, theory, "theory", "steps", width=1.0),
+        Series("rest speed 0: every impact an event", remaining[few], ours[few], "", "", size=4.0),
+        Series("rest speed 0.01 m/s", remaining[few], cut[few], "", "", marker="x"),
     ]
     bounces.notes.append(
         f"bouncing ball, e = {restitution}: all bounces over at {end:.4f} s; "

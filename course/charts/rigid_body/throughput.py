@@ -108,10 +108,10 @@ def body_states(n: int, seed: int = 7) -> tuple[Array, Array]:
 
 def _coarsest(errors: Callable[[float], float], tolerance: float) -> tuple[float, float]:
     """The largest step of the list that meets the tolerance, as does the next finer one."""
-    found = errors(_STEPS[0])
+    result = errors(_STEPS[0])
     for dt, finer in itertools.pairwise(_STEPS):
-        error, found = found, errors(finer)
-        if error <= tolerance and found <= tolerance:
+        error, result = result, errors(finer)
+        if error <= tolerance and result <= tolerance:
             return dt, error
     raise refused("tolerance", tolerance, f"one that a step down to {_STEPS[-1]} s meets")
 
@@ -190,8 +190,8 @@ def body_contenders(
         def error(dt: float) -> float:
             steps = round(DURATION / dt)
             q, _ = engine(*start, DURATION / steps)(steps)
-            off = quaternion.angle_between(quaternion.normalise(q[3:]), fine[3:])
-            return float(np.max(off))
+            error = quaternion.angle_between(quaternion.normalise(q[3:]), fine[3:])
+            return float(np.max(error))
 
         dt, reached = _coarsest(error, BODY_TOLERANCE)
         return Contender(name, key, dt, reached, lambda n: engine(*body_states(n), dt))
@@ -231,10 +231,10 @@ def measure_rates(
             for run, count in zip(runs, steps, strict=True)
         ]
         timed = interleaved(samplers, repeats=repeats, sample=sample)
-        for who, count, found in zip(contenders, steps, timed, strict=True):
+        for name, count, result in zip(contenders, steps, timed, strict=True):
             work = n * count
             rates.append(
-                Rate(who, n, work / found.median, work / found.high, work / found.low, found.busy)
+                Rate(name, n, work / result.median, work / result.high, work / result.low, result.busy)
             )
     return rates
 
@@ -242,8 +242,8 @@ def measure_rates(
 def memory_bandwidth(megabytes: int = 256) -> float:
     """Bytes per second that a plain copy moves, read and written, best of five."""
     source = np.ones(megabytes * 131_072)
-    (found,) = interleaved([calls(np.copyto, np.empty_like(source), source)])
-    return 2.0 * source.nbytes / found.best
+    (result,) = interleaved([calls(np.copyto, np.empty_like(source), source)])
+    return 2.0 * source.nbytes / result.best
 
 
 def ratios(rates: Sequence[Rate], ours: str, theirs: str) -> tuple[float, float]:
@@ -288,10 +288,10 @@ def _table(rates: Sequence[Rate]) -> str:
 def _panel(title: str, y: str, rates: Sequence[Rate], per_step: bool) -> Panel:
     panel = Panel(title, "number of bodies N", y, scale="log")
     panel.footer = machine(max(r.busy for r in rates)) + "; one core"
-    for who in dict.fromkeys(r.who for r in rates):
-        rows = [r for r in rates if r.who == who]
+    for name in dict.fromkeys(r.who for r in rates):
+        rows = [r for r in rates if r.who == name]
         middle, low, high = (
-            [value * (1.0 if per_step else who.dt) for value in values]
+            [value * (1.0 if per_step else name.dt) for value in values]
             for values in (
                 [r.steps_per_second for r in rows],
                 [r.low for r in rows],
@@ -300,11 +300,11 @@ def _panel(title: str, y: str, rates: Sequence[Rate], per_step: bool) -> Panel:
         )
         panel.series.append(
             Series(
-                f"{who.name}, dt = {who.dt * 1e3:g} ms",
+                f"{name.name}, dt = {name.dt * 1e3:g} ms",
                 [r.n for r in rows],
                 middle,
-                who.key,
-                "--" if "mujoco" in who.name else "-",
+                name.key,
+                "--" if "mujoco" in name.name else "-",
                 low=low,
                 high=high,
             )

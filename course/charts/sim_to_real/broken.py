@@ -44,19 +44,19 @@ def break_it(
         runs = [lift(replace(lab, force=x * lab.needed)) for x in forces]
         slid = [1e3 * min(run.slid, 0.2) for run in runs]
         held = [x for x, run in zip(forces, runs, strict=True) if run.held]
-        most = max(held) * lab.needed
-        told = f"friction {mu:g}: holds from {min(held):g} to {max(held):g} of it, {most:.0f} N"
-        panel.series.append(Series(f"friction {mu:g}", forces, slid, note=told))
-    for sim, there in ((0.3, 0.9), (1.2, 0.4)):
-        lab = replace(POLICY, friction=there, force=1.2 * replace(POLICY, friction=sim).needed)
+        largest = max(held) * lab.needed
+        message = f"friction {mu:g}: holds from {min(held):g} to {max(held):g} of it, {largest:.0f} N"
+        panel.series.append(Series(f"friction {mu:g}", forces, slid, note=message))
+    for sim, present in ((0.3, 0.9), (1.2, 0.4)):
+        lab = replace(POLICY, friction=present, force=1.2 * replace(POLICY, friction=sim).needed)
         share = f"{lab.force / lab.needed:.2f} of the force, {trials(lab, n)}/{n} held"
-        panel.notes.append(f"tuned for friction {sim:g}, used at {there:g}: {share}")
+        panel.notes.append(f"tuned for friction {sim:g}, used at {present:g}: {share}")
     yield panel
     panel = Panel("Camera: lost beyond the jaw's free width", "offset [mm]", "held, share")
     for label, opening in (("jaw free by 15 mm", 0.015), ("by 25 mm", 0.025)):
         y = [float(lift(replace(POLICY, opening=opening, offset=1e-3 * x)).held) for x in offsets]
-        most = max(x for x, h in zip(offsets, y, strict=True) if h)
-        panel.series.append(Series(label, offsets, y, note=f"{label}: held to {most:g} mm"))
+        largest = max(x for x, h in zip(offsets, y, strict=True) if h)
+        panel.series.append(Series(label, offsets, y, note=f"{label}: held to {largest:g} mm"))
         panel.lines = [*panel.lines, ("x", 1e3 * opening, f"{1e3 * opening:.0f} mm")]
     yield panel
     stiff = replace(POLICY, solref=(-STIFF, -2.0 * math.sqrt(STIFF)))
@@ -75,17 +75,17 @@ def break_it(
         lines=[("x", contact, "contact"), ("x", servo, "servo")],
     )
     for k, y in rows.items():
-        told = ", ".join(f"{h:g} ms {v:.1f}" for h, v in zip(steps, y, strict=True))
-        panel.series.append(Series(k, steps, y, note=f"{k}: {told}"))
+        message = ", ".join(f"{h:g} ms {v:.1f}" for h, v in zip(steps, y, strict=True))
+        panel.series.append(Series(k, steps, y, note=f"{k}: {message}"))
     yield panel
     runs = [lift(replace(POLICY, dt=1e-3 * h)) for h in steps if h <= 25]
     panel = Panel("A pad sinks, and nothing warns", "step [ms]", "depth [mm]", scale="log")
     at = [h for h in steps if h <= 25]
     warned = sum(len(run.warnings) for run in runs)
     for label, depth in (("closing", [r.sunk for r in runs]), ("up", [r.pressed for r in runs])):
-        told = f"{label}: {1e3 * depth[1]:.2f} mm at {at[1]:g} ms, {1e3 * max(depth):.2f} at most"
+        message = f"{label}: {1e3 * depth[1]:.2f} mm at {at[1]:g} ms, {1e3 * max(depth):.2f} at most"
         panel.series.append(
-            Series(label, at, 1e3 * np.array(depth), note=f"{told}; {warned} warnings")
+            Series(label, at, 1e3 * np.array(depth), note=f"{message}; {warned} warnings")
         )
     yield panel
 
@@ -99,14 +99,14 @@ def shaping_speed(
 ) -> Iterator[Panel]:
     """What a potential does to learning on a grid, and how near a chain comes to the bound."""
     walk, far = grid(n), 2.0 * (n - 1)
-    left = far - (np.arange(n * n) // n + np.arange(n * n) % n)
+    remaining = far - (np.arange(n * n) // n + np.arange(n * n) % n)
     phis = {
-        "none": 0.0 * left,
-        "-distance": -left,
-        f"{far:g} - distance": far - left,
-        "twice the next": 2.0 * (far - left) / far,
-        f"that over {far:g}": (far - left) / far,
-        "a hundredth of it": 0.01 * (far - left) / far,
+        "none": 0.0 * remaining,
+        "-distance": -remaining,
+        f"{far:g} - distance": far - remaining,
+        "twice the next": 2.0 * (far - remaining) / far,
+        f"that over {far:g}": (far - remaining) / far,
+        "a hundredth of it": 0.01 * (far - remaining) / far,
         "true value": value_iteration(walk).value,
     }
     panel = Panel(
@@ -122,9 +122,9 @@ def shaping_speed(
             for s in range(seeds)
         ]
         steps.append(float(np.median(runs)))
-    told = "; ".join(f"{k}: {s:,.0f}" for k, s in zip(phis, steps, strict=True))
+    message = "; ".join(f"{k}: {s:,.0f}" for k, s in zip(phis, steps, strict=True))
     words = [f"{s:,.0f}" for s in steps]
-    panel.series.append(Series("", steps, list(phis), style="bar", tags=words, note=told))
+    panel.series.append(Series("", steps, list(phis), style="bar", tags=words, note=message))
     yield panel
     panel = Panel(
         "The worst chain reaches the bound", "eps", "difference over the bound", scale="log x"
@@ -137,13 +137,13 @@ def shaping_speed(
             e: evaluate_policy(Process(P, pays, gamma, NO_END), [0, 0])[0] for e, P in moves.items()
         }
         y = [(value[0.0] - value[e]) / transfer_bound(gamma, e) for e in epss]
-        told = ", ".join(f"{v:.3f}" for v in y)
+        message = ", ".join(f"{v:.3f}" for v in y)
         panel.series.append(
             Series(
                 f"gamma {gamma:g}",
                 epss,
                 y,
-                note=f"gamma {gamma:g}: {told}",
+                note=f"gamma {gamma:g}: {message}",
                 theory=partial(reached, gamma),
             )
         )

@@ -27,8 +27,8 @@ SEEN, LATE = 41, 0.01  # seed of tasks that no tuning saw; delay of the real arm
 def banded(label: str, x: Sequence[float], rates: Sequence[float], n: int, key: str = "") -> Series:
     """Shares of n trials over x, with Wilson's interval."""
     low, high = wilson(n * np.array(rates), n)
-    told = ", ".join(f"{rate:.2f}" for rate in rates)
-    return Series(label, x, rates, key, low=low, high=high, note=f"{label}: {told}")
+    message = ", ".join(f"{rate:.2f}" for rate in rates)
+    return Series(label, x, rates, key, low=low, high=high, note=f"{label}: {message}")
 
 
 @chart
@@ -42,7 +42,7 @@ def success_over_gap(n: int = 1000, seen: int = 256) -> Iterator[Panel]:
         ("range 1", "range", 10),
     ):
         rows = np.array([rollouts(real(g, LATE), record[kind][k].T, posed).rate for g in GRID])
-        told = ", ".join(f"{rate:.2f}" for rate in rows.mean(axis=1))
+        message = ", ".join(f"{rate:.2f}" for rate in rows.mean(axis=1))
         panel.series.append(
             Series(
                 label,
@@ -50,7 +50,7 @@ def success_over_gap(n: int = 1000, seen: int = 256) -> Iterator[Panel]:
                 rows.mean(axis=1),
                 low=rows.min(axis=1),
                 high=rows.max(axis=1),
-                note=f"{label}: {told}",
+                note=f"{label}: {message}",
             )
         )
     for label, kind in (("identified", "known"), ("identified, range 0.4", "both")):
@@ -81,9 +81,9 @@ def from_log(twin: Twin, seconds: float, seed: int, without: Sequence[str] = ())
     start |= dict.fromkeys(without, 0.0)
     log = twin.log(1.5 * logs.plan("two sines", seconds, plants.DT).T, [0.3, 1.2], seed)
     free = {name: bounds for name, bounds in logs.ALL.items() if name not in without}
-    found = sim_to_real.fit(arm, log, start, free)
+    result = sim_to_real.fit(arm, log, start, free)
     columns = np.zeros((len(plants.ROWS), 1))
-    columns[[plants.ROWS.index(name) for name in found.names], 0] = found.value
+    columns[[plants.ROWS.index(name) for name in result.names], 0] = result.value
     columns[[7, 11], 0] = 1.0, 1e-3
     return columns
 
@@ -110,20 +110,20 @@ def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
         Adaptive(plants.ARM, 10.0, np.diag([4.0, 1.0]), rate, plants.DT, plants.ARM.parameters)
         for _ in range(posed.size)
     ]
-    last, v, way = posed.start, np.zeros(posed.start.shape), posed.reference - posed.start
+    last, v, distance = posed.start, np.zeros(posed.start.shape), posed.reference - posed.start
 
     def law(k: int, seen: Array) -> Array:
         nonlocal last, v
         v, last = v + 0.5 * ((seen - last) / plants.DT - v), seen.copy()
         s, T = min(1.0, k * plants.DT / 0.5), 0.5
         p, dp = s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * (s * (1.0 - s)) ** 2 / T
-        wanted = (
-            posed.start + p * way,
-            dp * way,
-            60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2 * way,
+        desired = (
+            posed.start + p * distance,
+            dp * distance,
+            60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2 * distance,
         )
         return np.array(
-            [one(seen[:, i], v[:, i], *(x[:, i] for x in wanted)) for i, one in enumerate(laws)]
+            [one(seen[:, i], v[:, i], *(x[:, i] for x in desired)) for i, one in enumerate(laws)]
         ).T
 
     angles, _, _ = twin.run(law, posed.start, round(plants.SECONDS / plants.DT), posed.seed)
@@ -174,10 +174,10 @@ def robot_time(
         return sim_to_real.Outcome(*(np.array([getattr(one, x) for one in some]) for x in names))
 
     how: dict[str, Any] = {"start": record[10, 0], "samples": 12, "elites": 3, "spread": 0.3}
-    found = [sim_to_real.improve(trial, np.random.default_rng(0), rounds=r, **how) for r in rounds]
-    rates = [float(twin.rollouts(one.gains, posed).rate) for one in found]
+    result = [sim_to_real.improve(trial, np.random.default_rng(0), rounds=r, **how) for r in rounds]
+    rates = [float(twin.rollouts(one.gains, posed).rate) for one in result]
     panel.series.append(
-        banded("fine-tuned", [plants.SECONDS * f.episodes for f in found], rates, n)
+        banded("fine-tuned", [plants.SECONDS * f.episodes for f in result], rates, n)
     )
     yield panel
 
@@ -196,12 +196,12 @@ FINDINGS = (
 @chart
 def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
     """What mending each parameter of the simulator does to the real arm: all subsets, a trace."""
-    there, posed = real(1.0, LATE), tasks(n, SEEN)
+    other, posed = real(1.0, LATE), tasks(n, SEEN)
 
     def rate(some: frozenset[str]) -> float:
-        home = only(sim_to_real.mended(there, some))
+        home = only(sim_to_real.mended(other, some))
         sets = [tune(home, seed, rounds=rounds).gains for seed in range(seeds)]
-        return float(rollouts(there, np.array(sets).T, posed).rate.mean())
+        return float(rollouts(other, np.array(sets).T, posed).rate.mean())
 
     value = {some: rate(some) for some in sim_to_real.subsets(PARTS)}
     panel = Panel("All 32 partly mended simulators", "parameters mended", "success at gap 1")
@@ -210,8 +210,8 @@ def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
     y, count = np.array([value[some] for some in trace]), n * seeds
     panel.series.append(Series("delay first", range(len(y)), y, tags=["", *ORDER]))
     panel.notes += [
-        "row {}, {:<29} {:.2f} [{:.2f}, {:.2f}] of {}".format(k, said, v, *band, count)
-        for k, (said, v, band) in enumerate(
+        "row {}, {:<29} {:.2f} [{:.2f}, {:.2f}] of {}".format(k, text, v, *band, count)
+        for k, (text, v, band) in enumerate(
             zip(FINDINGS, y, np.transpose(wilson(count * y, count)), strict=True)
         )
     ]
@@ -231,9 +231,9 @@ def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
         lines=[("y", 0.0, "")],
     )
     for part in ORDER:
-        told = ", ".join(f"{change:+.2f}" for change in shares[part])
+        message = ", ".join(f"{change:+.2f}" for change in shares[part])
         panel.series.append(
-            Series(part, (0, 1, 2), shares[part], note=f"{part}: alone, average, last {told}")
+            Series(part, (0, 1, 2), shares[part], note=f"{part}: alone, average, last {message}")
         )
     yield panel
 

@@ -69,10 +69,10 @@ def what_finds_the_numbers(
     at_length = [[ways(record(seed=s, seconds=t)) for s in range(seeds)] for t in lengths]
     for name in at_noise[0][0]:
         some = 2 if name == "mujoco.sysid" else seeds
-        y = [worst([way[name]() for way in row[:some]]) for row in at_noise]
-        told = ", ".join(f"{e:.2g}" for e in y)
-        panel.series.append(Series(name, 1e3 * np.array(noises), y, name, note=f"{name}: {told} %"))
-        errors = [worst([way[name]() for way in row[:some]]) for row in at_length]
+        y = [worst([method[name]() for method in row[:some]]) for row in at_noise]
+        message = ", ".join(f"{e:.2g}" for e in y)
+        panel.series.append(Series(name, 1e3 * np.array(noises), y, name, note=f"{name}: {message} %"))
+        errors = [worst([method[name]() for method in row[:some]]) for row in at_length]
         turns = 3 if name == "mujoco.sysid" else 15
         times = [
             1e3 * interleaved([calls(row[0][name])], repeats=turns)[0].median for row in at_length
@@ -124,19 +124,19 @@ def believed_error_bars(
         ]
         wrong = [worst([f.value for f in row]) for row in fits]
         claim = [max(float((100.0 * f.half_width() / TRUE).max()) for f in row) for row in fits]
-        heard = [float(np.mean([f.white < ALARM for f in row])) for row in fits]
-        first = next((i for i, share in enumerate(heard) if share > 0.5), len(x) - 1)
+        received = [float(np.mean([f.white < ALARM for f in row])) for row in fits]
+        first = next((i for i, share in enumerate(received) if share > 0.5), len(x) - 1)
         at = scale * np.array(x)
-        told = ", ".join(
+        message = ", ".join(
             f"{v:g}: {w:.2g} % wrong, {c:.2g} % claimed, heard in {100 * h:.0f} %"
-            for v, w, c, h in zip(at, wrong, claim, heard, strict=True)
+            for v, w, c, h in zip(at, wrong, claim, received, strict=True)
         )
         yield Panel(
             title,
             unit,
             "of the worst number [%]",
             [
-                Series("error", at, wrong, "no anti-windup", note=f"{title.lower()}, {told}"),
+                Series("error", at, wrong, "no anti-windup", note=f"{title.lower()}, {message}"),
                 Series("half-width claimed", at, claim, "course"),
             ],
             scale="log",
@@ -194,8 +194,8 @@ def learned_model(
 
     def worth(foretold: Callable[[Array, Log], Array], models: Sequence[Array]) -> float:
         """Root mean square error of the angles over 0.6 s [mrad]; infinite above 1 rad."""
-        off = [(foretold(m, log) - log.measured)[:, part] for m in models for log in unseen]
-        error = 1e3 * float(np.sqrt(np.mean(np.square(off))))
+        deviation = [(foretold(m, log) - log.measured)[:, part] for m in models for log in unseen]
+        error = 1e3 * float(np.sqrt(np.mean(np.square(deviation))))
         return error if error < 1e3 else np.inf
 
     panel = Panel(
@@ -208,6 +208,6 @@ def learned_model(
         fits = [[from_log(twin, t, s, out) for s in range(seeds)] for t in short]
         cases[label] = short, [worth(driven, row) for row in fits]
     for label, (x, y) in cases.items():
-        told = ", ".join(f"{v:.3g}" if np.isfinite(v) else "fails" for v in y)
-        panel.series.append(Series(label, x, y, note=f"{label}: {told} mrad"))
+        message = ", ".join(f"{v:.3g}" if np.isfinite(v) else "fails" for v in y)
+        panel.series.append(Series(label, x, y, note=f"{label}: {message} mrad"))
     yield panel

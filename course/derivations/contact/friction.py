@@ -35,24 +35,24 @@ def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
     "load only while it creeps, here at {creep_mm_s:.2f} mm/s on a slope of {slope:.0%} of the "
     "limiting one.",
 )
-def below_the_limit_sticks(found):
+def below_the_limit_sticks(result):
     from course.contact import scenes
 
-    share = found.given("slope", 0.4)
+    share = result.given("slope", 0.4)
 
     def sticks(model, mu, part, **options):
         scene = scenes.block(np.arctan(mu * part), mu)
         moved = scenes.run(scene, model, 0.002, 100, **options)
         return bool(np.abs(moved.v[0, -1]) < 1e-9)
 
-    mus, parts = found.rng.uniform(0.2, 1.2, 8), found.rng.uniform(0.1, 0.95, 8)
+    mus, parts = result.rng.uniform(0.2, 1.2, 8), result.rng.uniform(0.1, 0.95, 8)
     creep = scenes.run(
         scenes.block(np.arctan(0.5) * share, 0.5), "soft", 0.002, 500, cone="elliptic"
     ).v[0, -1]
-    found.figure("creep_mm_s", 1e3 * creep, tolerance=1e-4)
+    result.figure("creep_mm_s", 1e3 * creep, tolerance=1e-4)
     above = [sticks(model, 0.5, 1.05) for model in RIGID]
-    found.statement = f"MuJoCo's model creeps at {1e3 * creep:.3f} mm/s."
-    found.heard(
+    result.statement = f"MuJoCo's model creeps at {1e3 * creep:.3f} mm/s."
+    result.heard(
         abs(creep) < 1e-9,
         only_if="friction is Coulomb's, not regularised and not soft",
         inside=[sticks(m, *draw) for m in RIGID for draw in zip(mus, parts, strict=True)],
@@ -60,7 +60,7 @@ def below_the_limit_sticks(found):
             sticks(m, *draw) for m in ("soft", "penalty") for draw in zip(mus, parts, strict=True)
         ],
     )
-    found.corrected(
+    result.corrected(
         creep > 1e-4,
         not any(above),
         all(sticks(m, a, 1.0) for m in RIGID for a in mus[:4]),
@@ -87,7 +87,7 @@ def below_the_limit_sticks(found):
     ),
     source="MuJoCo 4.0 documentation, Modeling, Preventing slip",
 )
-def mujoco_creeps(found):
+def mujoco_creeps(result):
     import sympy
 
     from course.contact import scenes
@@ -95,9 +95,9 @@ def mujoco_creeps(found):
     from course.oracles.mujoco import contact
 
     R, f, b, v = sympy.symbols("R f b v", positive=True)
-    found.formula = sympy.solve(R * f - b * v, v)[0]
-    angle = found.given("angle_rad", 0.2)
-    creep = found.figure("creep_mm_s", 1e3 * _creep(angle=angle), tolerance=1e-6)
+    result.formula = sympy.solve(R * f - b * v, v)[0]
+    angle = result.given("angle_rad", 0.2)
+    creep = result.figure("creep_mm_s", 1e3 * _creep(angle=angle), tolerance=1e-6)
     runner = contact.block(contact.Options(), angle)
     runner.run(500)
     state = contact.contact_state(runner)
@@ -106,9 +106,9 @@ def mujoco_creeps(found):
     compliance = rows_of(state.problem, contact.Options().softness(state.weight)).compliance[1]
     damping = softness.stiffness(softness.solref, 0.002)[1]
     theory = float(
-        found.formula.subs({R: compliance, f: scenes.GRAVITY * np.sin(angle), b: damping})
+        result.formula.subs({R: compliance, f: scenes.GRAVITY * np.sin(angle), b: damping})
     )
-    mu = found.given("mu", 0.5)
+    mu = result.given("mu", 0.5)
     slippery = 1e3 * _creep(mu=2 * mu, angle=angle)
     tenth = creep / (1e3 * _creep(impratio=10.0, angle=angle))
     shorter = 1e3 * _creep(solref=(0.01, 1.0), angle=angle)
@@ -116,11 +116,11 @@ def mujoco_creeps(found):
     def pyramids(mu):
         return 1e3 * _creep(mu=mu, cone="pyramidal", angle=angle) / creep
 
-    pyramid = found.figure("pyramid", pyramids(mu), tolerance=1e-2)
-    twice = found.figure("pyramid_twice", pyramids(2 * mu), tolerance=1e-2)
-    found.statement = f"Measured {creep:.4f} mm/s, R f / b is {1e3 * theory:.4f} mm/s."
-    found.heard(creep < 1e-6)
-    found.corrected(
+    pyramid = result.figure("pyramid", pyramids(mu), tolerance=1e-2)
+    twice = result.figure("pyramid_twice", pyramids(2 * mu), tolerance=1e-2)
+    result.statement = f"Measured {creep:.4f} mm/s, R f / b is {1e3 * theory:.4f} mm/s."
+    result.heard(creep < 1e-6)
+    result.corrected(
         abs(creep / (1e3 * theory) - 1) < 1e-3,
         abs(slippery / creep - 1) < 1e-6,
         abs(tenth - 10) < 0.05,
@@ -148,15 +148,15 @@ def mujoco_creeps(found):
         },
     ),
 )
-def more_friction_holds_the_glass(found):
+def more_friction_holds_the_glass(result):
     import sympy
 
     from course.contact import scenes
     from course.oracles.mujoco import contact
 
     m, g, F, mu = sympy.symbols("m g F mu", positive=True)
-    found.formula = sympy.solve(2 * mu * F - m * g, mu)[0]
-    needed = float(found.formula.subs({m: 0.2, g: scenes.GRAVITY, F: 5}))
+    result.formula = sympy.solve(2 * mu * F - m * g, mu)[0]
+    needed = float(result.formula.subs({m: 0.2, g: scenes.GRAVITY, F: 5}))
 
     def falls(model, share):
         return scenes.run(scenes.pinch(5.0, share * needed), model, 0.01, 20).v[3, -1] < -1e-3
@@ -165,14 +165,14 @@ def more_friction_holds_the_glass(found):
         options = contact.Options(cone=cone, friction=(times * needed, 0.005, 0.0001))
         return 1e3 * -contact.pinch(options).run(500)[1][3]
 
-    slow = found.figure("creep_mm_s", creep(2.0), tolerance=1e-3)
-    found.figure("needed", needed, tolerance=1e-9)
+    slow = result.figure("creep_mm_s", creep(2.0), tolerance=1e-3)
+    result.figure("needed", needed, tolerance=1e-9)
     two, four, eight = [
-        found.figure(f"pyramid_{n}", creep(n, "pyramidal"), tolerance=1e-2) for n in (2, 4, 8)
+        result.figure(f"pyramid_{n}", creep(n, "pyramidal"), tolerance=1e-2) for n in (2, 4, 8)
     ]
-    found.statement = f"mu of {needed:.4f} is needed; with twice it creeps at {slow:.3f} mm/s."
-    found.heard(slow < 1e-3)
-    found.corrected(
+    result.statement = f"mu of {needed:.4f} is needed; with twice it creeps at {slow:.3f} mm/s."
+    result.heard(slow < 1e-3)
+    result.corrected(
         all(falls(model, 0.999) for model in RIGID),
         not any(falls(model, 1.001) for model in RIGID),
         *[abs(creep(x) / slow - 1) < 1e-2 for x in (1.02, 4.0, 8.0)],
@@ -188,11 +188,11 @@ def more_friction_holds_the_glass(found):
     "off at {degrees:.1f} degrees to an edge, a block goes {stretched:.3f} times as far and stops "
     "at {turned:.1f} degrees.",
 )
-def pyramid_slips(found):
+def pyramid_slips(result):
     from course.charts.contact.models import stopped
     from course.contact import scenes, solve
 
-    degrees = found.given("degrees", 22.5)
+    degrees = result.given("degrees", 22.5)
 
     def slips(angle, load=0.97, model="lcp", **options):
         """Under a load of this share of mu f_n, in this direction."""
@@ -202,26 +202,26 @@ def pyramid_slips(found):
         v = solve(model, replace(base, force=base.force + push).problem(0.01), **options)
         return bool(np.abs(v.velocity[:2]).max() > 1e-9)
 
-    way, direction = stopped("lcp", degrees, 2e-4, 1.0)
-    found.figure("stretched", way, tolerance=1e-3)
-    found.figure("turned", direction, tolerance=1e-3)
-    between = found.rng.uniform(5.0, 85.0, 10)
+    distance, direction = stopped("lcp", degrees, 2e-4, 1.0)
+    result.figure("stretched", distance, tolerance=1e-3)
+    result.figure("turned", direction, tolerance=1e-3)
+    between = result.rng.uniform(5.0, 85.0, 10)
 
     def share(angle):
         return 1.0 / (abs(np.cos(np.radians(angle))) + abs(np.sin(np.radians(angle))))
 
-    found.statement = f"Way {way:.4f}, sqrt(1 + sin^2 2t) = {np.hypot(1, np.sin(np.pi / 4)):.4f}."
-    found.heard(
+    result.statement = f"Way {distance:.4f}, sqrt(1 + sin^2 2t) = {np.hypot(1, np.sin(np.pi / 4)):.4f}."
+    result.heard(
         slips(0.0),
         only_if="the load is above the cone's over |cos t| + |sin t|, t its angle to an edge",
         inside=[slips(angle, 1.001 * share(angle)) for angle in between],
         outside=[slips(angle, 0.999 * share(angle)) for angle in between],
     )
     t = np.radians(degrees)
-    found.corrected(
+    result.corrected(
         not any(slips(angle, model="coulomb") for angle in between),
         slips(45.0, 0.71) and not slips(45.0, 0.70),
-        abs(way - np.sqrt(1 + np.sin(2 * t) ** 2)) < 2e-3,
+        abs(distance - np.sqrt(1 + np.sin(2 * t) ** 2)) < 2e-3,
         abs(direction - np.degrees(np.arctan(np.sin(2 * t)))) < 0.1,
         not slips(45.0, 0.9, edges=16),
     )
@@ -234,27 +234,27 @@ def pyramid_slips(found):
     "in the direction atan(tan(t)^2). At {degrees:.1f} degrees that is {short:.4f} times, at "
     "{turned:.2f} degrees; at {half:.0f} degrees {diagonal:.4f} times.",
 )
-def box_of_limits(found):
+def box_of_limits(result):
     from course.charts.contact.models import stopped
     from course.contact.scenes import GRAVITY
 
-    degrees, half, dt = found.given("degrees", 22.5), found.given("half", 45.0), 2e-3
-    angles = np.array([degrees, half, *found.rng.uniform(0.0, 90.0, 6)])
-    ways, turned = np.array([stopped("lcp", a, dt, around=True) for a in angles]).T
+    degrees, half, dt = result.given("degrees", 22.5), result.given("half", 45.0), 2e-3
+    angles = np.array([degrees, half, *result.rng.uniform(0.0, 90.0, 6)])
+    distances, turned = np.array([stopped("lcp", a, dt, around=True) for a in angles]).T
     # The new velocity moves the block: half a step of the first one is lost on the way.
-    end = ways * np.exp(1j * np.radians(turned)) + 0.5 * dt * GRAVITY * np.exp(
+    end = distances * np.exp(1j * np.radians(turned)) + 0.5 * dt * GRAVITY * np.exp(
         1j * np.radians(angles)
     )
-    ways, turned = np.abs(end), np.degrees(np.angle(end))
-    found.figure("short", ways[0], tolerance=1e-3)
-    found.figure("turned", turned[0], tolerance=1e-3)
-    diagonal = found.figure("diagonal", ways[1], tolerance=1e-3)
+    distances, turned = np.abs(end), np.degrees(np.angle(end))
+    result.figure("short", distances[0], tolerance=1e-3)
+    result.figure("turned", turned[0], tolerance=1e-3)
+    diagonal = result.figure("diagonal", distances[1], tolerance=1e-3)
     t = np.radians(angles)
-    way = np.abs(ways - np.sqrt(1 - np.sin(2 * t) ** 2 / 2)).max()
+    path = np.abs(distances - np.sqrt(1 - np.sin(2 * t) ** 2 / 2)).max()
     turn = np.abs(turned - np.degrees(np.arctan(np.tan(t) ** 2))).max()
-    found.statement = f"They miss theory by {way:.1e} of the way and {turn:.2f} degrees at most."
-    found.heard(abs(diagonal - 1) < 0.05)
-    found.corrected(way < 2e-3, turn < 0.1, abs(diagonal - np.sqrt(0.5)) < 1e-3)
+    result.statement = f"They miss theory by {path:.1e} of the way and {turn:.2f} degrees at most."
+    result.heard(abs(diagonal - 1) < 0.05)
+    result.corrected(path < 2e-3, turn < 0.1, abs(diagonal - np.sqrt(0.5)) < 1e-3)
 
 
 @claim(
@@ -264,11 +264,11 @@ def box_of_limits(found):
     "At twice that, {step_ms:.2f} ms, a block at rest trembles for ever, by {trembles:.1f} times "
     "the slip speed, where its spring would bear {spring_ms:.1f} ms.",
 )
-def friction_has_a_step_limit(found):
+def friction_has_a_step_limit(result):
     from course.charts.contact.models import step_limit
     from course.contact import scenes
 
-    def left(mu, slip, share):
+    def remaining(mu, slip, share):
         """Speed over slip speed after 400 steps of this share of the limit; step, spring's [s]."""
         dt = share * 2 * slip / (mu * scenes.GRAVITY)
         stiffness = 0.02 / dt**2  # its own limit is 14 of these steps
@@ -279,19 +279,19 @@ def friction_has_a_step_limit(found):
         bears = step_limit(0.0, "semi-implicit") / np.sqrt(stiffness)
         return np.abs(v).max() / slip, dt, bears
 
-    trembles, step, bears = left(0.5, 1e-3, 2.0)
-    found.figure("trembles", trembles, tolerance=1e-3)
-    found.figure("step_ms", 1e3 * step, tolerance=1e-9)
-    found.figure("spring_ms", 1e3 * bears, tolerance=1e-9)
-    draws = found.rng.uniform((0.1, 1e-4, 0.05), (1.2, 1e-2, 0.95), (8, 3))
-    found.statement = f"At {1e3 * step:.3f} ms it trembles at {trembles:.3f} times the slip speed."
-    found.heard(
+    trembles, step, bears = remaining(0.5, 1e-3, 2.0)
+    result.figure("trembles", trembles, tolerance=1e-3)
+    result.figure("step_ms", 1e3 * step, tolerance=1e-9)
+    result.figure("spring_ms", 1e3 * bears, tolerance=1e-9)
+    draws = result.rng.uniform((0.1, 1e-4, 0.05), (1.2, 1e-2, 0.95), (8, 3))
+    result.statement = f"At {1e3 * step:.3f} ms it trembles at {trembles:.3f} times the slip speed."
+    result.heard(
         trembles < 1e-3,
         only_if="the step is also below 2 m v_s/(mu f_n)",
-        inside=[left(*draw)[0] < 1e-3 for draw in draws],
-        outside=[left(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws],
+        inside=[remaining(*draw)[0] < 1e-3 for draw in draws],
+        outside=[remaining(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws],
     )
-    found.corrected(left(0.5, 1e-3, 0.98)[0] < 1e-3, left(0.5, 1e-3, 1.02)[0] > 0.1, trembles > 1)
+    result.corrected(remaining(0.5, 1e-3, 0.98)[0] < 1e-3, remaining(0.5, 1e-3, 1.02)[0] > 0.1, trembles > 1)
 
 
 @claim(
@@ -302,12 +302,12 @@ def friction_has_a_step_limit(found):
     "its default is the pyramid: halfway between its edges a block with condim 4 then goes "
     "{stretched:.2f} times as far as with the elliptic cone.",
 )
-def condim_4_is_the_full_cone(found):
+def condim_4_is_the_full_cone(result):
     import mujoco
 
     from course.oracles.mujoco import contact
 
-    def way(cone, condim):
+    def path(cone, condim):
         velocity = (np.sqrt(0.5), np.sqrt(0.5))
         options = contact.Options(cone=cone, condim=condim)
         return np.linalg.norm(contact.block(options, 0.0, velocity, -1e-4).run(200)[0][:2])
@@ -316,11 +316,11 @@ def condim_4_is_the_full_cone(found):
         options = contact.Options(condim=condim, friction=(0.5, 0.05, 0.0001))
         return contact.spinning_disc(options, 10.0).run(200)[1][3]
 
-    stretched = found.figure("stretched", way("pyramidal", 4) / way("elliptic", 4), tolerance=1e-3)
-    same = way("elliptic", 4) / way("elliptic", 3)
-    kept, lost = spin(3), spin(4)
-    found.figure("spin_left_rad_s", kept, tolerance=1e-9)
-    found.statement = f"10 rad/s after 0.4 s: condim 3 {kept:.3f}, condim 4 {lost:.1e} rad/s."
+    stretched = result.figure("stretched", path("pyramidal", 4) / path("elliptic", 4), tolerance=1e-3)
+    same = path("elliptic", 4) / path("elliptic", 3)
+    retained, lost = spin(3), spin(4)
+    result.figure("spin_left_rad_s", retained, tolerance=1e-9)
+    result.statement = f"10 rad/s after 0.4 s: condim 3 {retained:.3f}, condim 4 {lost:.1e} rad/s."
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><geom type="plane" size="9 9 1"/><body pos="0 0 .02"><freejoint/>'
         '<geom type="cylinder" size=".1 .02" condim="3"/></body></worldbody></mujoco>'
@@ -328,11 +328,11 @@ def condim_4_is_the_full_cone(found):
     standing = mujoco.MjData(model)
     standing.qvel[5] = 10.0
     mujoco.mj_step(model, standing, 300)
-    found.heard(abs(stretched - 1) < 0.01)
-    found.corrected(
+    result.heard(abs(stretched - 1) < 0.01)
+    result.corrected(
         stretched > 1.3,
         abs(same - 1) < 1e-6,
-        abs(kept - 10) < 1e-9,
+        abs(retained - 10) < 1e-9,
         abs(lost) < 0.01,
         standing.ncon > 1,
         abs(standing.qvel[5]) < 0.01,
@@ -344,19 +344,19 @@ def condim_4_is_the_full_cone(found):
     "It is, whatever coefficient the geom names: a block sent off keeps its speed to the last "
     "digit.",
 )
-def condim_1_is_frictionless(found):
+def condim_1_is_frictionless(result):
     from course.oracles.mujoco import contact
 
-    def kept(mu, speed):
+    def retained(mu, speed):
         options = contact.Options(condim=1, friction=(mu, 0.005, 0.0001))
         return contact.block(options, 0.0, (speed, 0.0)).run(200)[1][0] == speed
 
-    draws = [kept(*row) for row in found.rng.uniform((0.0, 0.1), (2.0, 3.0), (8, 2))]
+    draws = [retained(*row) for row in result.rng.uniform((0.0, 0.1), (2.0, 3.0), (8, 2))]
     braked = contact.block(contact.Options(), 0.0, (1.0, 0.0)).run(200)[1][0]
-    found.figure("with_condim_3_m_s", braked, tolerance=1e-6)
-    found.statement = f"{sum(draws)} of {len(draws)} blocks keep 200 steps' speed exactly."
-    found.heard(all(draws))
-    found.corrected(abs(braked) < 0.01)
+    result.figure("with_condim_3_m_s", braked, tolerance=1e-6)
+    result.statement = f"{sum(draws)} of {len(draws)} blocks keep 200 steps' speed exactly."
+    result.heard(all(draws))
+    result.corrected(abs(braked) < 0.01)
 
 
 @claim(
@@ -364,7 +364,7 @@ def condim_1_is_frictionless(found):
     "That depends on the simulator: MuJoCo's is {default:.1f}, and of two geoms the larger "
     "one counts, unless one has the higher priority: then that geom's.",
 )
-def default_friction(found):
+def default_friction(result):
     import mujoco
 
     def friction(*words):
@@ -374,12 +374,12 @@ def default_friction(found):
         mujoco.mj_forward(model, data)
         return float(data.contact[0].friction[0])
 
-    default = found.figure("default", friction("", ""))
+    default = result.figure("default", friction("", ""))
     larger = friction('friction="0.3"', 'friction="0.7"')
     ranked = friction('friction="0.3" priority="1"', 'friction="0.7"')
-    found.statement = f"Two spheres without a word: {default}; 0.3 against 0.7: {larger}."
-    found.heard(abs(default - 0.5) < 1e-9)
-    found.corrected(abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9, abs(ranked - 0.3) < 1e-9)
+    result.statement = f"Two spheres without a word: {default}; 0.3 against 0.7: {larger}."
+    result.heard(abs(default - 0.5) < 1e-9)
+    result.corrected(abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9, abs(ranked - 0.3) < 1e-9)
 
 
 def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
@@ -406,22 +406,22 @@ def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
     "what parts them is held back. Clipped at zero the contact lets go at every damping, "
     "critically damped with {left:.3f} of the speed.",
 )
-def damping_makes_things_stick(found):
+def damping_makes_things_stick(result):
     from course.oracles.mujoco.box import spring_restitution
 
-    left = found.figure("left", _hit(1.0, False), tolerance=1e-2)
-    zetas = found.rng.uniform(1.05, 3.0, 8)
-    found.statement = (
-        f"zeta = 1, clipped: {left:.4f} m/s; theory exp(-2) {spring_restitution(1.0):.4f}."
+    remaining = result.figure("left", _hit(1.0, False), tolerance=1e-2)
+    zetas = result.rng.uniform(1.05, 3.0, 8)
+    result.statement = (
+        f"zeta = 1, clipped: {remaining:.4f} m/s; theory exp(-2) {spring_restitution(1.0):.4f}."
     )
-    found.heard(
+    result.heard(
         bool(np.isnan(_hit(1.5, False))),
         only_if="the damper may pull and is at least critical",
         inside=[bool(np.isnan(_hit(z, True))) for z in zetas],
         outside=[bool(np.isnan(_hit(z, False))) for z in zetas]
         + [bool(np.isnan(_hit(z, True))) for z in 0.3 * zetas],
     )
-    found.corrected(abs(left - spring_restitution(1.0)) < 0.01)
+    result.corrected(abs(remaining - spring_restitution(1.0)) < 0.01)
 
 
 @claim(
@@ -430,14 +430,14 @@ def damping_makes_things_stick(found):
     "its speed, at a damping ratio of {zeta:.1f}. It acts against v_rel, the velocity of the body "
     "that is pushed less the other's, along the normal: k d n - b (v_rel . n) n, clipped at zero.",
 )
-def penalty_law_has_a_plus(found):
-    zeta = found.given("zeta", 0.1)
-    gain = found.figure("gain", _hit(zeta, False, sign=1.0), tolerance=1e-2)
+def penalty_law_has_a_plus(result):
+    zeta = result.given("zeta", 0.1)
+    gain = result.figure("gain", _hit(zeta, False, sign=1.0), tolerance=1e-2)
     loss = _hit(zeta, False)
-    zetas = found.rng.uniform(0.05, 0.6, 8)
-    found.statement = f"1 m/s comes back as {gain:.3f} m/s with a plus, {loss:.3f} with a minus."
-    found.heard(gain <= 1.0)
-    found.corrected(gain > 1.0, all(_hit(z, False) < 1.0 for z in zetas))
+    zetas = result.rng.uniform(0.05, 0.6, 8)
+    result.statement = f"1 m/s comes back as {gain:.3f} m/s with a plus, {loss:.3f} with a minus."
+    result.heard(gain <= 1.0)
+    result.corrected(gain > 1.0, all(_hit(z, False) < 1.0 for z in zetas))
 
 
 @claim(
@@ -446,11 +446,11 @@ def penalty_law_has_a_plus(found):
     "2 (sqrt(1 + zeta^2) - zeta)/omega. Past it the damper drives. What slides it leaves alone: a "
     "block at {speed:.0f} m/s along the ground loses none of it to the damper.",
 )
-def damper_damps(found):
+def damper_damps(result):
     from course.charts.contact.models import step_limit
     from course.contact import scenes
 
-    speed = found.given("speed", 1.0)
+    speed = result.given("speed", 1.0)
 
     def swing(ratio, share):
         """Height [m] over which a ball that starts off its rest still swings."""
@@ -459,16 +459,16 @@ def damper_damps(found):
         path = scenes.run(scene, "penalty", h, 600, stiffness=1e4, damping=200.0 * ratio)
         return np.ptp(path.q[0, -100:])
 
-    ratios, shares = found.rng.uniform(0.1, 1.5, 8), found.rng.uniform(0.2, 0.95, 8)
+    ratios, shares = result.rng.uniform(0.1, 1.5, 8), result.rng.uniform(0.2, 0.95, 8)
     scene = scenes.block(0.0, 0.0, (speed, 0.0))
     slid = scenes.run(scene, "penalty", 1e-4, 1000, stiffness=1e4, damping=100.0)
-    kept = found.figure("kept_m_s", slid.v[0, -1], tolerance=1e-9)
-    found.statement = "A ball on a damped spring, steps below and above the limit."
-    found.heard(
+    retained = result.figure("kept_m_s", slid.v[0, -1], tolerance=1e-9)
+    result.statement = "A ball on a damped spring, steps below and above the limit."
+    result.heard(
         swing(1.0, 1.1) < 1e-6,
         only_if="the step is below the scheme's limit",
         inside=[swing(z, s) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
         outside=[swing(z, 1.02 + s / 3) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
     )
     # Past the limit the contact may only rattle, but it leaves rest.
-    found.corrected(abs(kept - speed) < 1e-12, all(swing(z, 1.03) > 1e-6 for z in ratios))
+    result.corrected(abs(retained - speed) < 1e-12, all(swing(z, 1.03) > 1e-6 for z in ratios))

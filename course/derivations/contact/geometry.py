@@ -58,24 +58,24 @@ def _depth_in_mesh(mesh, place):
     "They overlap exactly then. It says little of the shapes inside: of random capsules four times "
     "as long as wide whose boxes overlap, {apart_percent:.0f} % are apart.",
 )
-def aabb_all_axes(found):
+def aabb_all_axes(result):
     from course import contact
     from course.charts.contact.geometry import random_poses
 
     rod = contact.capsule(0.1, 0.3)
-    boxes = contact.bounds(rod, random_poses(found.rng, 400, 1.0))
+    boxes = contact.bounds(rod, random_poses(result.rng, 400, 1.0))
     i, j = contact.overlapping_pairs(boxes)
     # A point that both hold: the middle of the common interval, on every axis.
     low = np.maximum(boxes[0][:, i], boxes[0][:, j])
     high = np.minimum(boxes[1][:, i], boxes[1][:, j])
     missed = contact.brute_force(boxes)[0].shape[1] - i.size
-    poses = random_poses(found.rng, 400, 1.0)
+    poses = random_poses(result.rng, 400, 1.0)
     i, j = contact.overlapping_pairs(contact.bounds(rod, poses))
     apart = contact.distance(rod, poses[:, i], rod, poses[:, j]).distance > 0.0
-    found.figure("apart_percent", 100.0 * apart.mean(), 0.02)
-    found.statement = f"{apart.size} pairs of overlapping boxes among 400 random capsules."
-    found.heard(bool((low <= high).all()))
-    found.corrected(missed == 0, bool(apart.any()), bool((low <= high).all()))
+    result.figure("apart_percent", 100.0 * apart.mean(), 0.02)
+    result.statement = f"{apart.size} pairs of overlapping boxes among 400 random capsules."
+    result.heard(bool((low <= high).all()))
+    result.corrected(missed == 0, bool(apart.any()), bool((low <= high).all()))
 
 
 class _Watched:
@@ -95,7 +95,7 @@ class _Watched:
     "of them. Boxes that are apart take fewer, {mean_comparisons:.1f} on average for random ones, "
     "as the first axis that separates them ends the test.",
 )
-def aabb_six_numbers(found):
+def aabb_six_numbers(result):
     from course.contact import broad
 
     def cost(low, edge):
@@ -104,14 +104,14 @@ def aabb_six_numbers(found):
         return overlap, len(set(watched.read)), len(watched.read) // 2
 
     overlap, numbers, comparisons = cost(np.array([[0.0, 0.5]] * 3), 1.0)
-    found.figure("numbers", numbers)
-    found.figure("comparisons", comparisons)
-    draws = [cost(found.rng.uniform(0.0, 5.0, (3, 2)), 1.0) for _ in range(300)]
+    result.figure("numbers", numbers)
+    result.figure("comparisons", comparisons)
+    draws = [cost(result.rng.uniform(0.0, 5.0, (3, 2)), 1.0) for _ in range(300)]
     counts = [took for together, _, took in draws if not together]
-    mean = found.figure("mean_comparisons", np.mean(counts), 0.02)
-    found.statement = f"The course's own test, counted; {len(counts)} random boxes that are apart."
-    found.heard(numbers == 6)
-    found.corrected(overlap, numbers == 12, comparisons == 6, mean < comparisons, min(counts) == 1)
+    mean = result.figure("mean_comparisons", np.mean(counts), 0.02)
+    result.statement = f"The course's own test, counted; {len(counts)} random boxes that are apart."
+    result.heard(numbers == 6)
+    result.corrected(overlap, numbers == 12, comparisons == 6, mean < comparisons, min(counts) == 1)
 
 
 @claim(
@@ -120,7 +120,7 @@ def aabb_six_numbers(found):
     "It tests two axes. Of random boxes in space that it reports, {false_percent:.0f} % are apart "
     "along z.",
 )
-def aabb_listing_two_axes(found):
+def aabb_listing_two_axes(result):
     from course import contact
 
     def listing(a_min, a_max, b_min, b_max):
@@ -131,8 +131,8 @@ def aabb_listing_two_axes(found):
             and a_max[1] >= b_min[1]
         )
 
-    low = found.rng.uniform(0.0, 4.0, (3, 60))
-    boxes = np.stack((low, low + found.rng.uniform(0.5, 1.0, (3, 60))))
+    low = result.rng.uniform(0.0, 4.0, (3, 60))
+    boxes = np.stack((low, low + result.rng.uniform(0.5, 1.0, (3, 60))))
     reported = {
         (i, j)
         for i in range(60)
@@ -141,10 +141,10 @@ def aabb_listing_two_axes(found):
     }
     true = set(map(tuple, contact.brute_force(boxes)[0].T.tolist()))
     flat = set(map(tuple, contact.brute_force(boxes[:, :2])[0].T.tolist()))
-    found.figure("false_percent", 100.0 * len(reported - true) / len(reported), 0.02)
-    found.statement = f"{len(reported)} pairs reported among 60 boxes, {len(true)} overlap."
-    found.heard(reported == true)
-    found.corrected(reported == flat, true < reported)
+    result.figure("false_percent", 100.0 * len(reported - true) / len(reported), 0.02)
+    result.statement = f"{len(reported)} pairs reported among 60 boxes, {len(true)} overlap."
+    result.heard(reported == true)
+    result.corrected(reported == flat, true < reported)
 
 
 @claim(
@@ -161,23 +161,23 @@ def aabb_listing_two_axes(found):
         },
     ),
 )
-def brute_force_pairs(found):
+def brute_force_pairs(result):
     import sympy
 
     from course import contact
 
     n = sympy.symbols("n", positive=True)
-    found.formula = sympy.factor(
+    result.formula = sympy.factor(
         sympy.summation(n - 1 - sympy.symbols("i"), (sympy.symbols("i"), 0, n - 1))
     )
-    objects = found.given("objects", 100)
+    objects = result.given("objects", 100)
     tests = [contact.brute_force(np.zeros((2, 3, size)))[1] for size in (objects, 2, 57)]
-    found.figure("tests", tests[0])
-    found.statement = "The tests of `brute_force`, counted, and the sum."
-    found.heard(tests[0] == 4950)
-    found.corrected(
+    result.figure("tests", tests[0])
+    result.statement = "The tests of `brute_force`, counted, and the sum."
+    result.heard(tests[0] == 4950)
+    result.corrected(
         *[
-            bool(found.formula.subs(n, size) == count)
+            bool(result.formula.subs(n, size) == count)
             for size, count in zip((objects, 2, 57), tests, strict=True)
         ]
     )
@@ -200,28 +200,28 @@ def _exponent(crowd, sizes=(500, 4000)):
     "in a cube, where theory has 5/3, as N^{settled:.2f} in one layer (3/2), and as "
     "N^{aligned:.2f} where all overlap on the axis; in a row along it as N^{row:.2f}.",
 )
-def sweep_and_prune_n_log_n(found):
+def sweep_and_prune_n_log_n(result):
     from course.contact import broad
 
     crowds = {
-        kind: _exponent(lambda n, kind=kind: broad.crowd(kind, n, found.rng))
+        kind: _exponent(lambda n, kind=kind: broad.crowd(kind, n, result.rng))
         for kind in broad.CROWDS
     }
-    rows = [_exponent(lambda n: _row(found.rng, n)) for _ in range(8)]
-    spread = [_exponent(lambda n: broad.crowd("spread", n, found.rng)) for _ in range(8)]
+    rows = [_exponent(lambda n: _row(result.rng, n)) for _ in range(8)]
+    spread = [_exponent(lambda n: broad.crowd("spread", n, result.rng)) for _ in range(8)]
     for kind, exponent in crowds.items():
-        found.figure(kind, exponent, 0.03)
-    found.figure("row", np.mean(rows), 0.03)
+        result.figure(kind, exponent, 0.03)
+    result.figure("row", np.mean(rows), 0.03)
     # N log N from 500 to 4000 boxes has the exponent 1.14.
-    most = 1.0 + float(np.log(np.log(4000) / np.log(500)) / np.log(8.0))
-    found.statement = "Overlap tests counted at 500 and 4,000 boxes of a metre, one a cubic metre."
-    found.heard(
-        max(crowds.values()) <= most,
+    largest = 1.0 + float(np.log(np.log(4000) / np.log(500)) / np.log(8.0))
+    result.statement = "Overlap tests counted at 500 and 4,000 boxes of a metre, one a cubic metre."
+    result.heard(
+        max(crowds.values()) <= largest,
         only_if="the bodies stand in a row along the axis that is swept",
-        inside=[exponent <= most for exponent in rows],
-        outside=[exponent <= most for exponent in spread],
+        inside=[exponent <= largest for exponent in rows],
+        outside=[exponent <= largest for exponent in spread],
     )
-    found.corrected(
+    result.corrected(
         abs(crowds["spread"] - 5 / 3) < 0.06,
         abs(crowds["settled"] - 3 / 2) < 0.06,
         abs(crowds["aligned"] - 2) < 0.06,
@@ -269,7 +269,7 @@ def _pile(geom, width, shape, count, seed=1):
     "eight times as long as wide {rods:.0f}. Of these {balls_touch:.0f}, {cubes_touch:.0f} and "
     "{rods_touch:.0f} touch.",
 )
-def pile_of_a_hundred(found):
+def pile_of_a_hundred(result):
     from course import contact
 
     scenes = {
@@ -277,25 +277,25 @@ def pile_of_a_hundred(found):
         "cubes": ('<geom type="box" size="0.035 0.035 0.035"/>', contact.box([0.035] * 3)),
         "rods": ('<geom type="capsule" size="0.015 0.105"/>', contact.capsule(0.015, 0.105)),
     }
-    bodies = found.given("bodies", 100)
-    left, speeds = {}, []
+    bodies = result.given("bodies", 100)
+    remaining, speeds = {}, []
     for name, (geom, shape) in scenes.items():
         count, touching, speed = _pile(geom, 0.2, shape, bodies)
-        left[name] = found.figure(name, count, 0.15)
-        found.figure(f"{name}_touch", touching, 0.15)
+        remaining[name] = result.figure(name, count, 0.15)
+        result.figure(f"{name}_touch", touching, 0.15)
         speeds.append(speed)
-    again = found.figure(
+    again = result.figure(
         "cubes_again", _pile(scenes["cubes"][0], 0.2, scenes["cubes"][1], bodies, seed=2)[0], 0.15
     )
-    found.statement = (
+    result.statement = (
         "Dropped by MuJoCo into a bin 0.4 m wide for 1.5 s; median speed at the end at most "
         f"{max(speeds):.3f} m/s; touching is within 1 mm."
     )
-    found.heard(all(150 <= count <= 250 for count in left.values()))
-    found.corrected(
-        left["rods"] > 2 * max(left["balls"], left["cubes"]),
+    result.heard(all(150 <= count <= 250 for count in remaining.values()))
+    result.corrected(
+        remaining["rods"] > 2 * max(remaining["balls"], remaining["cubes"]),
         max(speeds) < 0.1,
-        left["balls"] > max(left["cubes"], again),
+        remaining["balls"] > max(remaining["cubes"], again),
     )
 
 
@@ -307,13 +307,13 @@ def pile_of_a_hundred(found):
     "% are clear of both plates, and by their hull {wrong_percent:.0f} % are clear and said to "
     "touch.",
 )
-def gjk_minkowski(found):
+def gjk_minkowski(result):
     from scipy.spatial import ConvexHull
 
     from course import contact
 
-    clouds = found.rng.normal(size=(2, 60, 3, 8)) * 0.5
-    offsets = found.rng.uniform(-1.0, 1.0, (60, 3))
+    clouds = result.rng.normal(size=(2, 60, 3, 8)) * 0.5
+    offsets = result.rng.uniform(-1.0, 1.0, (60, 3))
     agree, inside = [], []
     for a, b, offset in zip(*clouds, offsets, strict=True):
         difference = (a[:, :, None] - (b + offset[:, None])[:, None, :]).reshape(3, -1)
@@ -323,15 +323,15 @@ def gjk_minkowski(found):
         inside.append(holds)
     plates, corners = _angle()
     ball, place = contact.sphere(0.02), np.tile(_still()[:, None], 200)
-    place[:3] = found.rng.uniform((0.0, -0.4, 0.05), (0.3, 0.4, 0.3), (200, 3)).T
+    place[:3] = result.rng.uniform((0.0, -0.4, 0.05), (0.3, 0.4, 0.3), (200, 3)).T
     clear = np.min([contact.distance(p, at, ball, place).distance for p, at in plates], 0) > 0.0
-    seen = contact.distance(contact.points(corners), _still(), ball, place).distance <= 0.0
-    found.figure("clear_percent", 100.0 * clear.mean(), 0.02)
-    wrong = found.figure("wrong_percent", 100.0 * (seen & clear).mean(), 0.02)
-    found.figure("share_inside", np.mean(inside), 0.02)
-    found.statement = "60 pairs of random hulls against the hull of all differences by Qhull."
-    found.heard(all(agree))
-    found.corrected(all(agree), wrong > 20.0, bool((seen | ~clear).all()), 0 < np.mean(inside) < 1)
+    observed = contact.distance(contact.points(corners), _still(), ball, place).distance <= 0.0
+    result.figure("clear_percent", 100.0 * clear.mean(), 0.02)
+    wrong = result.figure("wrong_percent", 100.0 * (observed & clear).mean(), 0.02)
+    result.figure("share_inside", np.mean(inside), 0.02)
+    result.statement = "60 pairs of random hulls against the hull of all differences by Qhull."
+    result.heard(all(agree))
+    result.corrected(all(agree), wrong > 20.0, bool((observed | ~clear).all()), 0 < np.mean(inside) < 1)
 
 
 # Two cubes with aligned faces, in a process that has asked Coal about nothing, or about a rod at a
@@ -359,7 +359,7 @@ print(coal.Pair(cube, cube, float(sys.argv[2])).distances(still, still + 1.25 * 
     "shows it; the course's distance differs from that by {ours:.0e} of the size.",
     source="Coal 3 source, support_functions: a static factor of 1 + 1e-10 for boxes",
 )
-def coal_is_the_truth(found):
+def coal_is_the_truth(result):
     import subprocess
     import sys
 
@@ -370,22 +370,22 @@ def coal_is_the_truth(found):
     def compared(a, b, qa, qb):
         """Distances by every feature, ours and Coal's with its own tolerances, over the size."""
         truth = contact.enumerated(a, qa, b, qb)
-        off = np.abs(contact.distance(a, qa, b, qb).distance - truth).max() / (a.size + b.size)
-        return truth, off, coal.Pair(a, b, None).distances(qa, qb)
+        error = np.abs(contact.distance(a, qa, b, qb).distance - truth).max() / (a.size + b.size)
+        return truth, error, coal.Pair(a, b, None).distances(qa, qb)
 
-    tight = found.given("tight", 1e-12)
+    tight = result.given("tight", 1e-12)
     n, cube = 500, contact.box([0.5] * 3)
     aligned, beside = (np.tile(_still()[:, None], n) for _ in range(2))
-    beside[0] = 1.0 + 10.0 ** found.rng.uniform(-9.0, -1.0, n)
-    beside[1:3] = found.rng.uniform(-0.4, 0.4, (2, n))
-    found.figure("usual", coal.Pair(cube, cube, None).request.gjk_tolerance, 1e-9)
+    beside[0] = 1.0 + 10.0 ** result.rng.uniform(-9.0, -1.0, n)
+    beside[1:3] = result.rng.uniform(-0.4, 0.4, (2, n))
+    result.figure("usual", coal.Pair(cube, cube, None).request.gjk_tolerance, 1e-9)
     gap, near, coals = compared(cube, cube, aligned, beside)
-    touch = found.figure("touch_um", 1e6 * gap[coals <= 0.0].max(), 0.05)
+    touch = result.figure("touch_um", 1e6 * gap[coals <= 0.0].max(), 0.05)
     big, small = contact.box([500.0] * 3), contact.box([5e-4] * 3)
-    pose = random_poses(found.rng, n, 700.0)
+    pose = random_poses(result.rng, n, 700.0)
     truth, far, other = compared(big, small, aligned, pose)
-    missed = found.figure("far_um", 1e6 * np.abs(other - truth).max(), 0.5)
-    ours = found.figure("ours", max(near, far, 1e-15), 0.5)
+    missed = result.figure("far_um", 1e6 * np.abs(other - truth).max(), 0.5)
+    ours = result.figure("ours", max(near, far, 1e-15), 0.5)
     first, turned = (
         abs(
             float(
@@ -399,11 +399,11 @@ def coal_is_the_truth(found):
         )
         for how in ("aligned", "turned")
     )
-    found.figure("large", first, 0.01)
-    found.figure("plain", turned, 1e-6)
-    found.statement = f"The same two cubes: off by {first:.1e} m, or {turned:.0e} m."
-    found.heard(touch < 1e-3 and missed < 1.0)
-    found.corrected(
+    result.figure("large", first, 0.01)
+    result.figure("plain", turned, 1e-6)
+    result.statement = f"The same two cubes: off by {first:.1e} m, or {turned:.0e} m."
+    result.heard(touch < 1e-3 and missed < 1.0)
+    result.corrected(
         0.5 < touch < 2.0,
         coals[gap > 2e-6].min() > 0.0,
         missed > 1.0,
@@ -420,33 +420,33 @@ def coal_is_the_truth(found):
     "half the wall; beyond, it is pushed out behind. And it is one point: where faces meet, the "
     "contact is a polygon, {corners:.0f} corners for a cube on a cube.",
 )
-def epa_gives_the_contact(found):
+def epa_gives_the_contact(result):
     from course import contact
 
-    radius, wall = found.given("ball_mm", 20.0) / 1000, found.given("wall_mm", 10.0) / 1000
+    radius, wall = result.given("ball_mm", 20.0) / 1000, result.given("wall_mm", 10.0) / 1000
     middle = radius + wall / 2
     ball, slab = contact.sphere(radius), contact.box([1.0, 1.0, wall / 2])
 
     def back(sunk):
-        way = contact.distance(slab, _still(), ball, _still(z=middle - sunk)).normal
-        return bool(way[2] > 0.0)
+        direction = contact.distance(slab, _still(), ball, _still(z=middle - sunk)).normal
+        return bool(direction[2] > 0.0)
 
     low, high = 0.0, 2.0 * middle
     while high - low > 1e-9:
         low, high = ((low + high) / 2, high) if back((low + high) / 2) else (low, (low + high) / 2)
-    found.figure("middle_mm", 1000 * high)
+    result.figure("middle_mm", 1000 * high)
     cube = contact.box([0.5, 0.5, 0.5])
     pair = np.stack((_still(), _still(0.1, 0.2, 0.99)), axis=1)
-    corners = found.figure("corners", contact.contacts([cube, cube], pair).distance.size)
-    found.statement = "A ball is pressed into a wall from above, to random depths."
-    found.heard(
+    corners = result.figure("corners", contact.contacts([cube, cube], pair).distance.size)
+    result.statement = "A ball is pressed into a wall from above, to random depths."
+    result.heard(
         back(1.5 * middle),
         only_if="it is sunk by less than {middle_mm:.1f} mm",
-        inside=[back(share * middle) for share in found.rng.uniform(0.01, 0.999, 12)],
-        outside=[back(share * middle) for share in found.rng.uniform(1.001, 1.9, 12)],
+        inside=[back(share * middle) for share in result.rng.uniform(0.01, 0.999, 12)],
+        outside=[back(share * middle) for share in result.rng.uniform(1.001, 1.9, 12)],
     )
     single = contact.distance(cube, pair[:, 0], cube, pair[:, 1])
-    found.corrected(abs(single.distance + 0.01) < 1e-12, corners == 4, abs(high - middle) < 1e-8)
+    result.corrected(abs(single.distance + 0.01) < 1e-12, corners == 4, abs(high - middle) < 1e-8)
 
 
 @claim(
@@ -455,7 +455,7 @@ def epa_gives_the_contact(found):
     "contact at all, at the deepest overlap there is: {depth_m:g} m here. Any direction is a right "
     "normal then, and one has to be chosen.",
 )
-def circle_test_concentric(found):
+def circle_test_concentric(result):
     from course import contact
 
     def listing(p1, r1, p2, r2):
@@ -465,18 +465,18 @@ def circle_test_concentric(found):
             return (r1 + r2) - dist, diff / dist
         return 0, np.zeros(2)
 
-    places = found.rng.uniform(-1.0, 1.0, (30, 2))
+    places = result.rng.uniform(-1.0, 1.0, (30, 2))
     a, b = contact.sphere(0.7, 2), contact.sphere(0.5, 2)
     ours = [contact.distance(a, (0, 0, 0), b, (*p, 0)).distance for p in places]
     theirs = [listing(np.zeros(2), 0.7, p, 0.5)[0] for p in places]
     depth, normal = listing(np.zeros(2), 0.7, np.zeros(2), 0.5)
     deepest = contact.distance(a, (0, 0, 0), b, (0, 0, 0))
-    found.figure("depth_m", -deepest.distance)
-    found.statement = (
+    result.figure("depth_m", -deepest.distance)
+    result.statement = (
         f"The usual listing at equal centres: depth {depth}, normal {normal.tolist()}."
     )
-    found.heard(depth > 0)
-    found.corrected(
+    result.heard(depth > 0)
+    result.corrected(
         bool(np.allclose(np.maximum(0.0, np.negative(ours)), theirs, atol=1e-12)),
         not normal.any(),
         abs(np.linalg.norm(deepest.normal) - 1.0) < 1e-12,
@@ -490,37 +490,37 @@ def circle_test_concentric(found):
     "sqrt((r1 + r2)^2 - h^2) for a path that passes at h. With steps up to three times as long "
     "{missed_percent:.0f} % of random flights went unseen. The time of impact finds all.",
 )
-def circles_once_a_step(found):
+def circles_once_a_step(result):
     from course import contact
 
     a, b = contact.sphere(0.3, 2), contact.sphere(0.5, 2)
 
     def flights(low, high, n=40):
         """Whether a test a step sees each hit, and whether the time of impact does, at random."""
-        h = found.rng.uniform(0.0, 0.75, n)
-        step = 2.0 * np.sqrt(0.8**2 - h**2) * found.rng.uniform(low, high, n)
-        start = -1.0 - step * found.rng.uniform(0.0, 1.0, n)
-        seen = []
+        h = result.rng.uniform(0.0, 0.75, n)
+        step = 2.0 * np.sqrt(0.8**2 - h**2) * result.rng.uniform(low, high, n)
+        start = -1.0 - step * result.rng.uniform(0.0, 1.0, n)
+        observed = []
         for x, dx, y in zip(start, step, h, strict=True):
             at = np.zeros((3, 2 + int((1.0 - x) / dx)))
             at[0], at[1] = x + dx * np.arange(at.shape[1]), y
-            seen.append(bool((contact.distance(b, (0, 0, 0), a, at).distance <= 0.0).any()))
+            observed.append(bool((contact.distance(b, (0, 0, 0), a, at).distance <= 0.0).any()))
         when = contact.spheres_time_of_impact(
             np.stack((-start, -h)), np.stack((-step, 0.0 * h)), 0.8
         )
-        return seen, bool(np.isfinite(when).all())
+        return observed, bool(np.isfinite(when).all())
 
     inside, all_inside = flights(0.1, 1.0)
     outside, all_outside = flights(1.001, 3.0)
-    found.figure("missed_percent", 100.0 * (1.0 - np.mean(outside)), 0.02)
-    found.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
-    found.heard(
+    result.figure("missed_percent", 100.0 * (1.0 - np.mean(outside)), 0.02)
+    result.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
+    result.heard(
         all(outside),
         only_if="a step is no longer than the way on which the circles overlap",
         inside=inside,
         outside=outside,
     )
-    found.corrected(all(inside), all_inside, all_outside, not all(outside))
+    result.corrected(all(inside), all_inside, all_outside, not all(outside))
 
 
 @claim(
@@ -531,17 +531,17 @@ def circles_once_a_step(found):
     "default from about e (r + w/2) / (dmax timeconst) on, {soft_m_per_s:.2f} m/s, whatever the "
     "step: {smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s measured at three of them.",
 )
-def soft_wall(found):
+def soft_wall(result):
     from course.charts.contact.geometry import RADIUS, WALL, checked, in_mujoco
 
     radius, wall = (
-        found.given("ball_mm", 1e3 * RADIUS) / 1e3,
-        found.given("wall_mm", 1e3 * WALL) / 1e3,
+        result.given("ball_mm", 1e3 * RADIUS) / 1e3,
+        result.given("wall_mm", 1e3 * WALL) / 1e3,
     )
-    dt = found.given("step_ms", 0.5) / 1000
+    dt = result.given("step_ms", 0.5) / 1000
     # Deepest point of a critically damped contact, hit with 1 m/s: w = 1 / (dmax timeconst).
     t = np.linspace(0.0, 0.2, 20_001)
-    soft = found.figure("soft_m_per_s", (radius + wall / 2) / np.max(t * np.exp(-t / 0.019)))
+    soft = result.figure("soft_m_per_s", (radius + wall / 2) / np.max(t * np.exp(-t / 0.019)))
 
     def bisected(passes, low, high):
         while high - low > 0.005 * low:
@@ -556,13 +556,13 @@ def soft_wall(found):
     def through(speed, step):
         return any(in_mujoco(step, speed, phase) for phase in np.arange(3) / 3)
 
-    geometric = found.figure("geometric_m_per_s", bisected(unseen, 50.0, 200.0), 0.02)
+    geometric = result.figure("geometric_m_per_s", bisected(unseen, 50.0, 200.0), 0.02)
     limits = [bisected(lambda v, h=h: through(v, h), 2.0, 6.0) for h in (dt, 2 * dt, 4 * dt)]
-    found.figure("smallest_m_per_s", min(limits), 0.05)
-    found.figure("largest_m_per_s", max(limits), 0.05)
-    found.statement = "Bisected over the speed, the ball's start shifted by thirds of a step."
-    found.heard(limits[0] > 2 * limits[2])
-    found.corrected(
+    result.figure("smallest_m_per_s", min(limits), 0.05)
+    result.figure("largest_m_per_s", max(limits), 0.05)
+    result.statement = "Bisected over the speed, the ball's start shifted by thirds of a step."
+    result.heard(limits[0] > 2 * limits[2])
+    result.corrected(
         *[abs(limit / soft - 1.0) < 0.15 for limit in limits],
         abs(soft / (math.e * (radius + wall / 2) / 0.019) - 1.0) < 1e-6,
         abs(geometric * dt / (2 * radius + wall) - 1.0) < 0.02,
@@ -576,7 +576,7 @@ def soft_wall(found):
     "is the user's work, with another tool.",
     source="MuJoCo 4 documentation, Computation, Convex decomposition",
 )
-def concave_mesh_is_its_hull(found):
+def concave_mesh_is_its_hull(result):
     from course import contact
 
     plates, corners = _angle()
@@ -627,13 +627,13 @@ def concave_mesh_is_its_hull(found):
     depth, _ = _depth_in_mesh(mesh, place[:3])
     free = min(float(contact.distance(plate, at, ball, place).distance) for plate, at in plates)
     hull = contact.distance(contact.points(corners), _still(), ball, place).distance
-    found.figure("free_mm", 1000 * free)
-    found.figure("depth_mm", 1000 * depth, 1e-3)
-    found.statement = (
+    result.figure("free_mm", 1000 * free)
+    result.figure("depth_mm", 1000 * depth, 1e-3)
+    result.statement = (
         f"MuJoCo's contact is {1000 * depth:.2f} mm deep, the hull's {-1000 * hull:.2f}."
     )
-    found.heard(depth == 0.0)
-    found.corrected(free > 0.05, depth > 0.0, abs(depth + hull) < 1e-6)
+    result.heard(depth == 0.0)
+    result.corrected(free > 0.05, depth > 0.0, abs(depth + hull) < 1e-6)
 
 
 @claim(
@@ -644,13 +644,13 @@ def concave_mesh_is_its_hull(found):
     "keeps the same {kept:.0f} corners, and both touch a ball equally deep. What the hull takes "
     "is the inside of the mug: a ball that hangs free in it is {depth_mm:.0f} mm deep.",
 )
-def mug_and_its_hull(found):
+def mug_and_its_hull(result):
     from scipy.spatial import ConvexHull
 
     from course import contact
 
     # Two triangles for each square of its 25 bands, and a fan at each of both ends.
-    around, rings = found.given("triangles", 5200) // 52, 13
+    around, rings = result.given("triangles", 5200) // 52, 13
     angle = 2 * np.pi * np.arange(around) / around
     # Outside from the bottom up, over the rim, inside down again; closed by two middles.
     profile = [(0.04, z) for z in np.linspace(0.0, 0.1, rings)]
@@ -659,22 +659,22 @@ def mug_and_its_hull(found):
         [[r * np.cos(angle), r * np.sin(angle), z + 0 * angle] for r, z in profile]
     )
     hull = ConvexHull(vertices.T)
-    faces = found.figure("faces", len(hull.simplices))
+    faces = result.figure("faces", len(hull.simplices))
 
     place = _still(0.01, 0.003, 0.05)
-    (whole, kept), (reduced, same) = (
+    (whole, retained), (reduced, same) = (
         _depth_in_mesh(f'vertex="{_text(some.T)}"', place[:3])
         for some in (vertices, vertices[:, hull.vertices])
     )
-    found.figure("kept", kept)
+    result.figure("kept", retained)
     inside = contact.distance(
         contact.points(vertices), _still(), contact.sphere(0.02), place
     ).distance
-    found.figure("depth_mm", -1000 * inside, 1e-3)
-    found.statement = (
+    result.figure("depth_mm", -1000 * inside, 1e-3)
+    result.statement = (
         f"MuJoCo: {1000 * whole:.3f} mm deep in the mesh, {1000 * reduced:.3f} in its hull."
     )
-    found.heard(faces < 40)
-    found.corrected(
-        faces > 100, abs(whole - reduced) < 1e-6, whole > 0.0, inside < -0.02, kept == same
+    result.heard(faces < 40)
+    result.corrected(
+        faces > 100, abs(whole - reduced) < 1e-6, whole > 0.0, inside < -0.02, retained == same
     )

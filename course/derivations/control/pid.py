@@ -18,7 +18,7 @@ from course.derivations import claim
     "rad.",
     source="K. J. Astrom, T. Hagglund, Advanced PID Control, 2006, sec. 3.5",
 )
-def integral_clamp(found):
+def integral_clamp(result):
     from course.drills import PID, Joint, closed_loop
 
     class Clamped(PID):
@@ -47,48 +47,48 @@ def integral_clamp(found):
         angles, _ = closed_loop(controller, joint, np.full(steps, target), blocked)
         return np.max(angles) - target, target - angles[-1]
 
-    jam = found.given("blocked_s", 3)
-    kp, ki = found.given("kp", 4), found.given("ki", 1)
-    free = found.figure("overshoot_no_anti_windup_rad", run(np.inf, jam=jam)[0], 1e-3)
-    wide = found.figure("overshoot_wide_clamp_rad", run(20.0, jam=jam)[0], 1e-3)
-    conditional = found.figure("overshoot_conditional_rad", run(jam=jam)[0], 2e-3)
-    left = found.figure("error_left_by_narrow_clamp_rad", run(0.1, jam=0)[1], 0.01)
-    slow_free = found.figure("slow_free_rad", run(np.inf, kp, ki)[0], 1e-3)
-    slow_clamped = found.figure("slow_clamped_rad", run(2.0, kp, ki)[0], 1e-3)
-    short = found.figure("short_jam_rad", run(target=0.3)[0] - run(target=0.3, jam=0)[0], 0.01)
+    jam = result.given("blocked_s", 3)
+    kp, ki = result.given("kp", 4), result.given("ki", 1)
+    free = result.figure("overshoot_no_anti_windup_rad", run(np.inf, jam=jam)[0], 1e-3)
+    wide = result.figure("overshoot_wide_clamp_rad", run(20.0, jam=jam)[0], 1e-3)
+    conditional = result.figure("overshoot_conditional_rad", run(jam=jam)[0], 2e-3)
+    remaining = result.figure("error_left_by_narrow_clamp_rad", run(0.1, jam=0)[1], 0.01)
+    slow_free = result.figure("slow_free_rad", run(np.inf, kp, ki)[0], 1e-3)
+    slow_clamped = result.figure("slow_clamped_rad", run(2.0, kp, ki)[0], 1e-3)
+    short = result.figure("short_jam_rad", run(target=0.3)[0] - run(target=0.3, jam=0)[0], 0.01)
     fitting = run(2.0, jam=jam)[0]
-    found.statement = (
+    result.statement = (
         f"Overshoot after 3 s blocked: {free:.2f} rad without anti-windup, {wide:.2f} with a wide "
         f"clamp, {fitting:.2f} with the actuator's range, {conditional:.2f} with conditional "
-        f"integration. A clamp below the load leaves {left:.3f} rad."
+        f"integration. A clamp below the load leaves {remaining:.3f} rad."
     )
 
     def drawn():
         """Gains, load and time of a jam, with the setpoint far enough to hold the limit."""
         low, high = (3, 1, 0.2, 1, 0.5), (9, 8, 1.2, 4, 1.0)
-        values = found.rng.uniform(low, high)
+        values = result.rng.uniform(low, high)
         return dict(zip(("kp", "ki", "load", "jam", "kd"), values, strict=True))
 
     def cured(share):
         """Whether a clamp at a share of the load adds no overshoot, and leaves no error."""
         case = drawn()
         bound = share * case["load"]
-        overshoot, left = run(bound, **case)
-        return overshoot - max(run(bound, **case | {"jam": 0})[0], 0.0) < 0.05 and left < 0.02
+        overshoot, remaining = run(bound, **case)
+        return overshoot - max(run(bound, **case | {"jam": 0})[0], 0.0) < 0.05 and remaining < 0.02
 
-    found.heard(
+    result.heard(
         wide < 0.5 * free and slow_clamped < 0.5 * slow_free,
         only_if="the range is just what the load needs, a few hundredths above it, and the load "
         "is known and constant",
-        inside=[cured(share) for share in found.rng.uniform(1.0, 1.04, 8)],
+        inside=[cured(share) for share in result.rng.uniform(1.0, 1.04, 8)],
         outside=[cured(share) for share in (0.7, 0.8, 0.9, 2, 3, 4, 5, 6)],
     )
     cases = [drawn() for _ in range(8)]
     added = [run(**case)[0] - max(run(**case | {"jam": 0})[0], 0.0) for case in cases]
-    found.corrected(
+    result.corrected(
         abs(wide - free) < 1e-9,
         conditional < 0.2 * free,
-        left > 0.01,
+        remaining > 0.01,
         slow_clamped > 0.5 * slow_free,
         run(None, kp, ki)[0] < 0,
         max(added) < 0.01,

@@ -17,12 +17,12 @@ SYMBOLS = {
     "{gain:.2f} times cheaper. Where the limit binds from the start on or nowhere both cost the "
     "same to {same:.0e}, and MPC plans {ahead:.0f} samples each time.",
 )
-def mpc_beats_clipping(found):
+def mpc_beats_clipping(result):
     from itertools import pairwise
 
     from course.charts.control import plans
 
-    far, ahead = found.given("far_m", 4.0), found.given("ahead", 40)
+    far, ahead = result.given("far_m", 4.0), result.given("ahead", 40)
 
     def saved(x):
         """What MPC saves, and whether the clipped law meets a limit after it was free of it."""
@@ -34,19 +34,19 @@ def mpc_beats_clipping(found):
             x = plans.A @ x + plans.B @ np.clip(u, -plans.WEAK, plans.WEAK)
         return gain, any(b not in (0, a) for a, b in pairwise(met))
 
-    starts = 10 ** found.rng.uniform(-1.7, 0.2, (30, 1)) * found.rng.normal(size=(30, 2))
+    starts = 10 ** result.rng.uniform(-1.7, 0.2, (30, 1)) * result.rng.normal(size=(30, 2))
     draws = [saved(x) for x in [*starts, np.array([-0.14, 0.3])]]  # the last one brakes too late
-    coming, less = ([s for s, late in draws if late == wanted] for wanted in (True, False))
-    found.figure("gain", 1 + saved(np.array([far, 0.0]))[0], 1e-3)
-    found.figure("same", max(np.abs(less).max(), 1e-12), 0.5)
-    found.statement = "Costs of runs to rest from drawn places and speeds, 2 s ahead."
-    found.heard(
+    coming, less = ([s for s, late in draws if late == desired] for desired in (True, False))
+    result.figure("gain", 1 + saved(np.array([far, 0.0]))[0], 1e-3)
+    result.figure("same", max(np.abs(less).max(), 1e-12), 0.5)
+    result.statement = "Costs of runs to rest from drawn places and speeds, 2 s ahead."
+    result.heard(
         min(s for s, _ in draws) > 1e-9,
         only_if="a limit begins to bind after the start",
         inside=[s > 1e-9 for s in coming],
         outside=[s > 1e-9 for s in less],
     )
-    found.corrected(max(coming) > 0.05, draws[-1][0] > 0.05, np.abs(less).max() < 1e-9)
+    result.corrected(max(coming) > 0.05, draws[-1][0] > 0.05, np.abs(less).max() < 1e-9)
 
 
 @claim(
@@ -56,21 +56,21 @@ def mpc_beats_clipping(found):
     "looking {ahead:.0f} samples ahead; looking {short:.0f} ahead, {many:.0f} tries succeed in "
     "{short_won:.0f}.",
 )
-def samples_find_the_plan(found):
+def samples_find_the_plan(result):
     from course.charts.control import plans
 
-    seeds, few, many = found.given("seeds", 6), found.given("few", 2), found.given("many", 128)
-    ahead, short = found.given("ahead", 20), found.given("short", 4)
+    seeds, few, more = result.given("seeds", 6), result.given("few", 2), result.given("many", 128)
+    ahead, short = result.given("ahead", 20), result.given("short", 4)
 
     def won(samples, ahead):
         return np.sum([plans.swings_up(samples, ahead, 100 + seed) for seed in range(seeds)])
 
-    found.figure("few_won", won(few, ahead), 1e-6)
-    found.figure("many_won", won(many, ahead), 1e-6)
-    found.figure("short_won", won(many, short), 1e-6)
-    found.statement = "A pendulum under MPPI, judged after seven seconds, one seed a run."
-    found.heard(won(many, short) >= seeds / 2)
-    found.corrected(won(many, ahead) > seeds / 2 > won(few, ahead))
+    result.figure("few_won", won(few, ahead), 1e-6)
+    result.figure("many_won", won(more, ahead), 1e-6)
+    result.figure("short_won", won(more, short), 1e-6)
+    result.statement = "A pendulum under MPPI, judged after seven seconds, one seed a run."
+    result.heard(won(more, short) >= seeds / 2)
+    result.corrected(won(more, ahead) > seeds / 2 > won(few, ahead))
 
 
 @claim(
@@ -90,28 +90,28 @@ def samples_find_the_plan(found):
         },
     ),
 )
-def inertia_by_differences(found):
+def inertia_by_differences(result):
     import sympy
 
     from course.charts.control import logs
     from course.control import identify
 
     s, h = sympy.symbols("s h", positive=True)
-    found.formula = sympy.sqrt(sum(w**2 for w in (1, -2, 1))) * s / h**2
-    noise, dt = found.given("noise", 1e-4), 1 / found.given("rate", 500)
-    drawn = np.diff(found.rng.normal(0, noise, 100_000), 2) / dt**2
-    models = [logs.changed(found.rng, "inertia")[1] for _ in range(6)]
+    result.formula = sympy.sqrt(sum(w**2 for w in (1, -2, 1))) * s / h**2
+    noise, dt = result.given("noise", 1e-4), 1 / result.given("rate", 500)
+    drawn = np.diff(result.rng.normal(0, noise, 100_000), 2) / dt**2
+    models = [logs.changed(result.rng, "inertia")[1] for _ in range(6)]
     pairs = list(zip(logs.record(models, dt=dt, noise=noise), models, strict=True))
     diff = np.array([logs.twice_differentiated(log, m) / m.inertia - 1 for log, m in pairs])
-    off = np.array([identify(log).model.inertia / m.inertia - 1 for log, m in pairs])
-    found.figure("worst", float(found.formula.subs({s: noise, h: dt})))
-    found.figure("diff", -np.median(diff), 0.01)
-    found.figure("integral", np.abs(off).max(), 0.05)
-    found.statement = "Inertias out of six drawn joints' logs, friction and gravity known."
-    found.heard(np.abs(diff).max() < 0.05)
-    found.corrected(
-        abs(drawn.std() / float(found.formula.subs({s: noise, h: dt})) - 1) < 0.02,
-        np.abs(off).max() < 0.005,
+    deviation = np.array([identify(log).model.inertia / m.inertia - 1 for log, m in pairs])
+    result.figure("worst", float(result.formula.subs({s: noise, h: dt})))
+    result.figure("diff", -np.median(diff), 0.01)
+    result.figure("integral", np.abs(deviation).max(), 0.05)
+    result.statement = "Inertias out of six drawn joints' logs, friction and gravity known."
+    result.heard(np.abs(diff).max() < 0.05)
+    result.corrected(
+        abs(drawn.std() / float(result.formula.subs({s: noise, h: dt})) - 1) < 0.02,
+        np.abs(deviation).max() < 0.005,
         np.max(diff) < -0.1,
     )
 
@@ -123,29 +123,29 @@ def inertia_by_differences(found):
     "all {flat:.0f} of {flat:.0f}; with gravity or friction each of seven causes is named alone, "
     "in {named:.0f} of {drawn:.0f} logs.",
 )
-def acceleration_means_inertia(found):
+def acceleration_means_inertia(result):
     from dataclasses import replace
 
     from course.charts.control import logs
     from course.control import diagnose
     from course.control.identify import CAUSES
 
-    def told(cases):
+    def report(cases):
         recorded = logs.record([truth for _, truth in cases], seconds=5.0)
         return [
             set(diagnose(log, model).causes)
             for log, (model, _) in zip(recorded, cases, strict=True)
         ]
 
-    changes = [{"inertia": logs.FLAT.inertia * x} for x in found.rng.uniform(1.1, 1.4, 3)]
-    changes += [{"constant": x} for x in found.rng.uniform(0.7, 0.9, 3)]
-    flat = told([(logs.FLAT, replace(logs.FLAT, **change)) for change in changes])
+    changes = [{"inertia": logs.FLAT.inertia * x} for x in result.rng.uniform(1.1, 1.4, 3)]
+    changes += [{"constant": x} for x in result.rng.uniform(0.7, 0.9, 3)]
+    flat = report([(logs.FLAT, replace(logs.FLAT, **change)) for change in changes])
     names = [cause for cause in CAUSES for _ in range(2)]
-    cases = told([logs.changed(found.rng, cause) for cause in names])
+    cases = report([logs.changed(result.rng, cause) for cause in names])
     named = [found_out == {cause} for found_out, cause in zip(cases, names, strict=True)]
-    found.figure("flat", np.sum([both == {"inertia", "constant"} for both in flat]), 1e-6)
-    found.figure("named", np.sum(named), 1e-6)
-    found.figure("drawn", len(cases) + 0 * np.sum(named))
-    found.statement = "Logs of drawn joints, one number other than believed, 0.03 mrad of noise."
-    found.heard(all(causes == {"inertia"} for causes in flat))
-    found.corrected(all(both == {"inertia", "constant"} for both in flat), np.mean(named) > 0.9)
+    result.figure("flat", np.sum([both == {"inertia", "constant"} for both in flat]), 1e-6)
+    result.figure("named", np.sum(named), 1e-6)
+    result.figure("drawn", len(cases) + 0 * np.sum(named))
+    result.statement = "Logs of drawn joints, one number other than believed, 0.03 mrad of noise."
+    result.heard(all(causes == {"inertia"} for causes in flat))
+    result.corrected(all(both == {"inertia", "constant"} for both in flat), np.mean(named) > 0.9)

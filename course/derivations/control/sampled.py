@@ -49,36 +49,36 @@ def _edge(kp, kd, **loop):
     ),
     source="G. F. Franklin, J. D. Powell, M. L. Workman, Digital Control, 1998, sec. 4.3",
 )
-def p_at_any_gain(found):
+def p_at_any_gain(result):
     import sympy
 
     from course.control import sampled
 
     J, b, w = sympy.symbols("J b w", positive=True)
     # K e^(-i w T) = J w^2 - i b w: its size is the gain, its angle the delay
-    found.formula = sympy.simplify(sympy.sqrt((J * w**2) ** 2 + (b * w) ** 2))
-    inertia, damping = found.given("inertia", 0.5), found.given("damping", 0.5)
-    dt, late = 1 / found.given("rate_hz", 1000), found.given("delay_ms", 10) / 1000
+    result.formula = sympy.simplify(sympy.sqrt((J * w**2) ** 2 + (b * w) ** 2))
+    inertia, damping = result.given("inertia", 0.5), result.given("damping", 0.5)
+    dt, late = 1 / result.given("rate_hz", 1000), result.given("delay_ms", 10) / 1000
     system = sampled.joint_system(inertia, damping)
     gains = {D: sampled.ultimate_gain(*system, dt, D) for D in (0.0, dt, 3.7 * dt, late, 100 * dt)}
-    found.figure("held_n_m_per_rad", gains[0.0][0])
-    found.figure("late_n_m_per_rad", gains[late][0])
+    result.figure("held_n_m_per_rad", gains[0.0][0])
+    result.figure("late_n_m_per_rad", gains[late][0])
     theory = {D: sampled.delay_limit(inertia, damping, D + dt / 2) for D in gains}
-    found.figure("worst", max(abs(gains[D][0] / theory[D][0] - 1) for D in gains), 0.01)
+    result.figure("worst", max(abs(gains[D][0] / theory[D][0] - 1) for D in gains), 0.01)
     coarse = sampled.ultimate_gain(*sampled.joint_system(1.0, 1.0), 1.0)[0]
-    found.figure("coarse", coarse / sampled.delay_limit(1.0, 1.0, 0.5)[0] - 1, 0.01)
+    result.figure("coarse", coarse / sampled.delay_limit(1.0, 1.0, 0.5)[0] - 1, 0.01)
     edges = [
         _edge(gains[D][0], 0.0, dt=dt, delay=D, inertia=inertia, damping=damping) for D in gains
     ]
-    found.statement = "Ultimate gain of the exact sampled joint at five delays."
-    found.heard(_growth(1e5, 0.0, dt=dt, inertia=inertia, damping=damping) <= 1)
-    found.corrected(
+    result.statement = "Ultimate gain of the exact sampled joint at five delays."
+    result.heard(_growth(1e5, 0.0, dt=dt, inertia=inertia, damping=damping) <= 1)
+    result.corrected(
         all(edges),
         max(abs(gains[D][0] / theory[D][0] - 1) for D in gains) < 1e-4,
         all(
             abs(
                 theory[D][0]
-                / float(found.formula.subs({J: inertia, b: damping, w: 2 * np.pi / theory[D][1]}))
+                / float(result.formula.subs({J: inertia, b: damping, w: 2 * np.pi / theory[D][1]}))
                 - 1
             )
             < 1e-9
@@ -120,7 +120,7 @@ def _held_inertia():
         },
     ),
 )
-def pd_exact_rate(found):
+def pd_exact_rate(result):
     import sympy
 
     from course.control import sampled
@@ -129,13 +129,13 @@ def pd_exact_rate(found):
     _, angle, speed = _held_inertia()
     product, middle, _ = _coefficients(kp * angle + V * speed)
     limit = sympy.solve(sympy.Eq(product, 1), kp)[0]  # in units of J / dt^2
-    found.formula = limit.subs(V, kd * h / J) * J / h**2
-    draws = found.rng.uniform(0.05, 1.95, 20)
+    result.formula = limit.subs(V, kd * h / J) * J / h**2
+    draws = result.rng.uniform(0.05, 1.95, 20)
     highest = sympy.solve(sympy.Eq(1 - middle + product, 0), V)[0]
-    found.figure("tip", limit.subs(V, highest))
-    found.statement = "Jury's conditions, and the loop's matrix at twenty gains on both sides."
-    found.heard(max(_growth(3 * V, V) for V in draws) <= 1)
-    found.corrected(
+    result.figure("tip", limit.subs(V, highest))
+    result.statement = "Jury's conditions, and the loop's matrix at twenty gains on both sides."
+    result.heard(max(_growth(3 * V, V) for V in draws) <= 1)
+    result.corrected(
         all(_edge(sampled.pd_limit(V, 1, 1), V) for V in draws),
         all(abs(sampled.pd_limit(v, 1, 1) - float(limit.subs(V, v))) < 1e-12 for v in draws),
         _growth(1e-3, float(highest) + 1e-3) > 1,
@@ -158,7 +158,7 @@ def pd_exact_rate(found):
         },
     ),
 )
-def pd_difference(found):
+def pd_difference(result):
     import sympy
 
     from course.control import sampled
@@ -167,15 +167,15 @@ def pd_difference(found):
     z, angle, _ = _held_inertia()
     a0, a1, a2, _ = _coefficients(2 * (p + c * (z - 1) / z) * angle)
     limit = sympy.solve(sympy.Eq(1 - a0**2, a1 - a0 * a2), p)[0]
-    found.formula = sympy.factor(limit)
+    result.formula = sympy.factor(limit)
     best = sympy.solve(sympy.diff(limit, c), c)
     tip = max(float(2 * limit.subs(c, x)) for x in best if x > 0)
-    found.figure("tip", tip)
-    found.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
-    draws = found.rng.uniform(0.05, 1.95, 20)
-    found.statement = "Jury's last condition, and the loop's matrix on both sides of it."
-    found.heard(all(_edge(2 * V, V, rate="filtered") for V in draws))
-    found.corrected(
+    result.figure("tip", tip)
+    result.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
+    draws = result.rng.uniform(0.05, 1.95, 20)
+    result.statement = "Jury's last condition, and the loop's matrix on both sides of it."
+    result.heard(all(_edge(2 * V, V, rate="filtered") for V in draws))
+    result.corrected(
         all(_edge(sampled.pd_limit(V, 1, 1, "difference"), V, rate="filtered") for V in draws),
         all(
             abs(sampled.pd_limit(2 * x, 1, 1, "difference") - 2 * float(limit.subs(c, x))) < 1e-12
@@ -201,7 +201,7 @@ def pd_difference(found):
         },
     ),
 )
-def pd_sample_late(found):
+def pd_sample_late(result):
     import sympy
 
     from course.control import sampled
@@ -211,16 +211,16 @@ def pd_sample_late(found):
     a0, a1, a2, _ = _coefficients((2 * P * angle + V * speed) / z)
     roots = sympy.solve(sympy.Eq(1 - a0**2, a1 - a0 * a2), P)  # Jury's last condition
     limit = max(roots, key=lambda r: float(r.subs(V, sympy.Rational(1, 2))))
-    found.formula = limit
-    draws = found.rng.uniform(0.02, 0.98, 20)
-    found.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
-    found.figure("tip", sampled.pd_limit(0.625, 1, 1, "late"))
+    result.formula = limit
+    draws = result.rng.uniform(0.02, 0.98, 20)
+    result.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
+    result.figure("tip", sampled.pd_limit(0.625, 1, 1, "late"))
     grid = np.linspace(0.3, 0.6, 61)
     both = max(_most(lambda k, v=v: _growth(k, v, delay=1.0, rate="filtered"), 1.0) for v in grid)
-    found.figure("both", both, 1e-3)
-    found.statement = "Jury's last condition, and the loop's matrix on both sides of it."
-    found.heard(sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2)
-    found.corrected(
+    result.figure("both", both, 1e-3)
+    result.statement = "Jury's last condition, and the loop's matrix on both sides of it."
+    result.heard(sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2)
+    result.corrected(
         all(_edge(sampled.pd_limit(V, 1, 1, "late"), V, delay=1.0) for V in draws),
         all(
             _edge(1e6 * sampled.pd_limit(V, 1, 1, "late"), 1e3 * V, dt=1e-3, delay=1e-3)
@@ -246,8 +246,8 @@ def _most(growth, high, low=0.0):
     "much gain and the second {second:.1%}. On P it is within {slow:.1e} where friction is small, "
     "so that the swing is slow, and allows {heavy:.0%} too much where friction is large.",
 )
-def pade_is_enough(found):
-    delay, turned = 1.0, found.given("turned", 1.55)
+def pade_is_enough(result):
+    delay, turned = 1.0, result.given("turned", 1.55)
     ratio = np.tan(turned) / turned  # kd / kp with which the loop swings at w = turned / delay
 
     def pade(order, kp, kd, damping=0.0):
@@ -267,13 +267,13 @@ def pade_is_enough(found):
         - 1
         for b in (0.05, 50.0)
     )
-    found.figure("first", first, 0.02)
-    found.figure("second", second, 0.05)
-    found.figure("slow", abs(slow), 0.3)
-    found.figure("heavy", heavy, 0.02)
-    found.statement = "The loop's matrix at 60 samples a delay against the approximations' roots."
-    found.heard(first < 0.05)
-    found.corrected(first > 0.2, 0.0 < second < 0.02, abs(slow) < 0.005, heavy > 0.2)
+    result.figure("first", first, 0.02)
+    result.figure("second", second, 0.05)
+    result.figure("slow", abs(slow), 0.3)
+    result.figure("heavy", heavy, 0.02)
+    result.statement = "The loop's matrix at 60 samples a delay against the approximations' roots."
+    result.heard(first < 0.05)
+    result.corrected(first > 0.2, 0.0 < second < 0.02, abs(slow) < 0.005, heavy > 0.2)
 
 
 @claim(
@@ -282,11 +282,11 @@ def pade_is_enough(found):
     "{fast_s:.2f} s. Then it shakes: with the plain difference and {late_ms:g} ms of delay the "
     "loop is unstable above a kd of {edge:.0f} N m s/rad, at {hertz:.0f} Hz.",
 )
-def too_much_d(found):
+def too_much_d(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
 
-    joint, dt, late = Joint(0.5, 0.5), 0.001, found.given("late_ms", 2) / 1000
-    heavy, light = found.given("heavy", 60), found.given("light", 4)
+    joint, dt, late = Joint(0.5, 0.5), 0.001, result.given("late_ms", 2) / 1000
+    heavy, light = result.given("heavy", 60), result.given("light", 4)
 
     def run(kd, seconds=20.0):
         record = run_joint(
@@ -301,19 +301,19 @@ def too_much_d(found):
     )
     swing = run(1.02 * edge, 1.0)[0].v[500:]
     turns = np.count_nonzero(np.diff(np.sign(swing))) / 2 / (swing.size * dt)
-    found.figure("slow_s", slow)
-    found.figure("fast_s", fast)
-    found.figure("edge", edge)
-    found.figure("hertz", turns, 0.02)
-    found.statement = "A step of 1 rad with kp = 20, and the loop's matrix."
-    found.heard(
+    result.figure("slow_s", slow)
+    result.figure("fast_s", fast)
+    result.figure("edge", edge)
+    result.figure("hertz", turns, 0.02)
+    result.statement = "A step of 1 rad with kp = 20, and the loop's matrix."
+    result.heard(
         max(
             _growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5, damping=0.5)
             for kd in (2 * edge, 10 * edge)
         )
         <= 1
     )
-    found.corrected(
+    result.corrected(
         slow > 4 * fast,
         run(0.98 * edge, 2.0)[1].overshoot < 1,
         run(1.05 * edge)[1].settling > 19,
@@ -328,11 +328,11 @@ def too_much_d(found):
     "difference at {rate_hz:.0f} Hz and kd = {kd:g}; a joint at rest shows {measured_n_m:.2f}, "
     "and {filtered_n_m:.3f} with a filter of {tau_ms:.0f} ms.",
 )
-def encoder_ripple(found):
+def encoder_ripple(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint
 
-    dt, kp, kd = 1 / found.given("rate_hz", 1000), 20.0, found.given("kd", 2.0)
-    bits = int(found.given("bits", 12))
+    dt, kp, kd = 1 / result.given("rate_hz", 1000), 20.0, result.given("kd", 2.0)
+    bits = int(result.given("bits", 12))
     line = Encoder(bits).line
 
     def ripple(tau, kd=kd, target=0.3, bits=bits):
@@ -348,24 +348,24 @@ def encoder_ripple(found):
         )
         return np.ptp(run.command[2000:]), np.ptp(run.measured[2000:]) < 1.5 * line
 
-    tau = found.given("tau_ms", 10) / 1000
-    plain, soft = found.figure("measured_n_m", ripple(0.0)[0], 0.02), ripple(tau)[0]
-    found.figure("bound_n_m", 2 * kd * line / dt)
-    found.figure("filtered_n_m", soft, 0.02)
+    tau = result.given("tau_ms", 10) / 1000
+    plain, soft = result.figure("measured_n_m", ripple(0.0)[0], 0.02), ripple(tau)[0]
+    result.figure("bound_n_m", 2 * kd * line / dt)
+    result.figure("filtered_n_m", soft, 0.02)
     draws = [
         (line * (2 * kd / (tau + dt) + kp), *ripple(tau, kd, target))
         for tau, kd, target in zip(
-            found.rng.uniform(0, 0.02, 8),
-            found.rng.uniform(0.5, 3, 8),
-            found.rng.uniform(0.1, 1, 8),
+            result.rng.uniform(0, 0.02, 8),
+            result.rng.uniform(0.5, 3, 8),
+            result.rng.uniform(0.1, 1, 8),
             strict=True,
         )
     ]
-    found.statement = (
+    result.statement = (
         "The last second of a step with a load, the encoder's noise a fifth of a line."
     )
-    found.heard(plain < 3 * kp * line)
-    found.corrected(
+    result.heard(plain < 3 * kp * line)
+    result.corrected(
         all(size <= bound * (1 + 1e-9) for bound, size, flickers in draws if flickers),
         sum(flickers for *_, flickers in draws) > 3,
         plain > kd * line / dt,

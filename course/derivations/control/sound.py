@@ -19,24 +19,24 @@ SYMBOLS = {
     "away where the swing turns by {turn:g} rad a sample, the worst of {draws:.0f} drawn joints. "
     "At {fast:g} rad a sample, near the fastest swing there is, it is {fast_rad:.1f} rad.",
 )
-def hold_is_half_a_sample(found):
+def hold_is_half_a_sample(result):
     from course.control import sampled
 
-    turn, draws = found.given("turn", 1), int(found.given("draws", 20))
+    turn, draws = result.given("turn", 1), int(result.given("draws", 20))
 
-    def off(inertia, damping, dt, turn=turn):
+    def deviation(inertia, damping, dt, turn=turn):
         """Phase of the held joint, against the continuous one half a sample late [rad]."""
         system, w = sampled.joint_system(inertia, damping), turn / dt
         held = sampled.open_loop(sampled.held(*system, dt), sampled.pid_law(1.0, dt=dt), [w])[0]
         late = np.exp(-0.5j * w * dt) / (1j * w * (1j * w * inertia + damping))
         return abs(np.angle(held / late))
 
-    worst = max(off(*10 ** found.rng.uniform([-2, -2, -4], [1, 0, -2])) for _ in range(draws))
-    found.figure("off_rad", worst, 0.01)
-    found.figure("fast_rad", off(1.0, 1.0, 1.0, found.given("fast", 3)), 0.01)
-    found.statement = "Phase of the held loop, against the continuous one times a delay."
-    found.heard(worst < 0.05 * turn)
-    found.corrected(off(1.0, 0.0, 1e-3) < 1e-9, worst > 1e-6)
+    worst = max(deviation(*10 ** result.rng.uniform([-2, -2, -4], [1, 0, -2])) for _ in range(draws))
+    result.figure("off_rad", worst, 0.01)
+    result.figure("fast_rad", deviation(1.0, 1.0, 1.0, result.given("fast", 3)), 0.01)
+    result.statement = "Phase of the held loop, against the continuous one times a delay."
+    result.heard(worst < 0.05 * turn)
+    result.corrected(deviation(1.0, 0.0, 1e-3) < 1e-9, worst > 1e-6)
 
 
 @claim(
@@ -45,24 +45,24 @@ def hold_is_half_a_sample(found):
     "{tau_ms:g} ms at {rate_hz:.0f} Hz. A tracking observer with that time constant is late by "
     "{observer_ms:.2f} ms, and passes {share:.0%} of the filter's noise.",
 )
-def filtered_rate_is_late(found):
+def filtered_rate_is_late(result):
     from course.control.pid import rates
 
-    dt, tau = 1 / found.given("rate_hz", 1000), found.given("tau_ms", 10) / 1000
+    dt, tau = 1 / result.given("rate_hz", 1000), result.given("tau_ms", 10) / 1000
     t = dt * np.arange(4000)
-    noise = found.rng.standard_normal(40_000)
+    noise = result.rng.standard_normal(40_000)
 
     def lag(kind, tau):
         return t[-1] - rates(0.5 * t**2, dt, kind, tau)[-1]
 
-    found.figure("filtered_ms", 1000 * lag("filtered", tau))
-    found.figure("observer_ms", 1000 * lag("observer", tau))
-    left = [np.std(rates(noise, dt, kind, tau)[4000:]) for kind in ("observer", "filtered")]
-    found.figure("share", left[0] / left[1], 0.05)
-    taus = found.rng.uniform(10 * dt, 0.1, 8)
-    found.statement = "Lag under a steady acceleration, and what white noise becomes."
-    found.heard(all(abs(lag("filtered", x) / x - 1) < 0.06 for x in taus))
-    found.corrected(
+    result.figure("filtered_ms", 1000 * lag("filtered", tau))
+    result.figure("observer_ms", 1000 * lag("observer", tau))
+    remaining = [np.std(rates(noise, dt, kind, tau)[4000:]) for kind in ("observer", "filtered")]
+    result.figure("share", remaining[0] / remaining[1], 0.05)
+    taus = result.rng.uniform(10 * dt, 0.1, 8)
+    result.statement = "Lag under a steady acceleration, and what white noise becomes."
+    result.heard(all(abs(lag("filtered", x) / x - 1) < 0.06 for x in taus))
+    result.corrected(
         all(abs(lag("filtered", x) - x - dt / 2) < 1e-9 for x in taus / 20),
         lag("observer", tau) > 1.9 * lag("filtered", tau),
     )
@@ -73,19 +73,19 @@ def filtered_rate_is_late(found):
     "And little else: over delays of {low:g} to {high:g} times J/b the phase margin is "
     "{phase_deg:.0f} degrees at its least, and a step overshoots by {least:.0%} to {most:.0%}.",
 )
-def half_the_ultimate_gain(found):
+def half_the_ultimate_gain(result):
     from course.charts.control.limits import ziegler_nichols
 
-    shares = np.geomspace(found.given("low", 0.01), found.given("high", 10), 5)
+    shares = np.geomspace(result.given("low", 0.01), result.given("high", 10), 5)
     rows = [ziegler_nichols("P", x) for x in shares]
-    left = [row.margins() for row in rows]
+    remaining = [row.margins() for row in rows]
     over = [row.overshoot for row in rows]
-    found.figure("phase_deg", np.degrees(min(m.phase for m in left)), 1e-3)
-    found.figure("least", min(over), 1e-3)
-    found.figure("most", max(over), 1e-3)
-    found.statement = "Margins of the row for P at five delays, and its steps."
-    found.heard(all(abs(m.gain - 2) < 1e-3 for m in left))
-    found.corrected(min(m.phase for m in left) < 0.1, max(over) > 0.5)
+    result.figure("phase_deg", np.degrees(min(m.phase for m in remaining)), 1e-3)
+    result.figure("least", min(over), 1e-3)
+    result.figure("most", max(over), 1e-3)
+    result.statement = "Margins of the row for P at five delays, and its steps."
+    result.heard(all(abs(m.gain - 2) < 1e-3 for m in remaining))
+    result.corrected(min(m.phase for m in remaining) < 0.1, max(over) > 0.5)
 
 
 @claim(
@@ -103,26 +103,26 @@ def half_the_ultimate_gain(found):
         },
     ),
 )
-def friction_leaves_an_error(found):
+def friction_leaves_an_error(result):
     import sympy
 
     from course.control import Actuator, Encoder, Gains, Joint, run_joint
 
     F, kp, e = sympy.symbols("F kp e", positive=True)
-    found.formula = sympy.solve(kp * e - F, e)[0]
+    result.formula = sympy.solve(kp * e - F, e)[0]
     share = []
-    for _ in range(int(found.given("runs", 40))):
-        friction, gain, ratio, target = found.rng.uniform([0.1, 5, 0.1, 0.2], [1, 60, 1.5, 1.5])
+    for _ in range(int(result.given("runs", 40))):
+        friction, gain, ratio, target = result.rng.uniform([0.1, 5, 0.1, 0.2], [1, 60, 1.5, 1.5])
         gains = Gains(gain, 0.0, 2 * ratio * np.sqrt(0.5 * gain), rate="exact")
         joint = Joint(0.5, 0.1, 0.0, friction)
         run = run_joint(joint, Actuator(), Encoder(), gains, target, 1e-3, 12.0)
-        allowed = float(found.formula.subs({F: friction, kp: gain}))
+        allowed = float(result.formula.subs({F: friction, kp: gain}))
         share.append(abs(target - run.q[-1]) / allowed)
-    found.figure("worst", max(share), 1e-3)
-    found.figure("median", np.median(share), 0.02)
-    found.statement = "Steps of drawn joints and gains, with exact sticking."
-    found.heard(max(share) <= 1 + 1e-3)
-    found.corrected(max(share) > 0.9)
+    result.figure("worst", max(share), 1e-3)
+    result.figure("median", np.median(share), 0.02)
+    result.statement = "Steps of drawn joints and gains, with exact sticking."
+    result.heard(max(share) <= 1 + 1e-3)
+    result.corrected(max(share) > 0.9)
 
 
 @claim(
@@ -141,14 +141,14 @@ def friction_leaves_an_error(found):
         },
     ),
 )
-def wall_in_series(found):
+def wall_in_series(result):
     import sympy
 
     from course.control import Probe, TouchLaw, run_touch
 
     d, K, ke, x = sympy.symbols("d K ke x", positive=True)
-    found.formula = sympy.factor(ke * sympy.solve(K * (d - x) - ke * x, x)[0])
-    deep, wall = found.given("deep_mm", 20) / 1000, found.given("ke", 1e4)
+    result.formula = sympy.factor(ke * sympy.solve(K * (d - x) - ke * x, x)[0])
+    deep, wall = result.given("deep_mm", 20) / 1000, result.given("ke", 1e4)
 
     def pressed(stiffness, wall, deep):
         law = TouchLaw(stiffness, 2 * np.sqrt(stiffness * 4.0))
@@ -156,13 +156,13 @@ def wall_in_series(found):
         return run_touch(probe, law, deep, 1e-3, 12.0, delay=1e-3).torque[-1]
 
     def theory(stiffness, wall, deep):
-        return float(found.formula.subs({d: deep, K: stiffness, ke: wall}))
+        return float(result.formula.subs({d: deep, K: stiffness, ke: wall}))
 
-    found.figure("soft_n", pressed(found.given("soft", 500), wall, deep), 1e-3)
-    found.figure("stiff_n", pressed(found.given("stiff", 4000), wall, deep), 1e-3)
-    draws = np.exp(found.rng.uniform(*np.log([[50, 500, 1e-3], [5e3, 5e4, 0.05]]), (12, 3)))
-    off = [abs(pressed(*row) / theory(*row) - 1) for row in draws]
-    found.figure("worst", max(max(off), 1e-9), 0.5)
-    found.statement = "Steady forces of the exact probe at drawn stiffnesses and depths."
-    found.heard(max(off) < 0.01)
-    found.corrected(max(off) < 1e-4)
+    result.figure("soft_n", pressed(result.given("soft", 500), wall, deep), 1e-3)
+    result.figure("stiff_n", pressed(result.given("stiff", 4000), wall, deep), 1e-3)
+    draws = np.exp(result.rng.uniform(*np.log([[50, 500, 1e-3], [5e3, 5e4, 0.05]]), (12, 3)))
+    error = [abs(pressed(*row) / theory(*row) - 1) for row in draws]
+    result.figure("worst", max(max(error), 1e-9), 0.5)
+    result.statement = "Steady forces of the exact probe at drawn stiffnesses and depths."
+    result.heard(max(error) < 0.01)
+    result.corrected(max(error) < 1e-4)

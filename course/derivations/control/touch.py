@@ -47,7 +47,7 @@ def _damping_ratio(stiffness, damping, wall, mass=4.0):
         },
     ),
 )
-def force_gain_is_free(found):
+def force_gain_is_free(result):
     import sympy
 
     from course.charts.control import touch
@@ -56,19 +56,19 @@ def force_gain_is_free(found):
     b, ke, D, h, g, w, T = sympy.symbols("b ke D h g w T", positive=True)
     # the swing's imaginary part: b w = g ke sin(w T), with w T small
     balance = b * w - g * ke * sympy.series(sympy.sin(w * T), w, 0, 2).removeO()
-    found.formula = sympy.solve(balance, g)[0].subs(T, D + h / 2)
-    late, wall = found.given("delay_ms", 2) / 1000, found.given("ke", 1e5)
-    friction = found.given("b", 20)
+    result.formula = sympy.solve(balance, g)[0].subs(T, D + h / 2)
+    late, wall = result.given("delay_ms", 2) / 1000, result.given("ke", 1e5)
+    friction = result.given("b", 20)
     assert friction == touch.ARM.damping
     theory = [sampled.force_limit(friction, k, late + touch.DT / 2) for k in WALLS[:7]]
     exact = [touch.force_edge(k, late) for k in WALLS[:7]]
-    found.figure("hard", touch.force_edge(wall, late))
-    stiff = found.given("stiff", 1e6)
+    result.figure("hard", touch.force_edge(wall, late))
+    stiff = result.given("stiff", 1e6)
     fast = sampled.force_limit(friction, stiff, late + touch.DT / 2) / touch.force_edge(stiff, late)
-    found.figure("off", 1 - fast, 1e-2)
-    found.statement = "Largest gain by the loop's matrix, at walls of 100 N/m to 100 kN/m."
-    found.heard(min(exact) > 0.5)
-    found.corrected(
+    result.figure("off", 1 - fast, 1e-2)
+    result.statement = "Largest gain by the loop's matrix, at walls of 100 N/m to 100 kN/m."
+    result.heard(min(exact) > 0.5)
+    result.corrected(
         all(-1e-6 < x / t - 1 < 0.05 for x, t in zip(exact, theory, strict=True)),
         exact[0] > 100 * exact[-1],
     )
@@ -92,29 +92,29 @@ def force_gain_is_free(found):
     ),
     source="J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems, 1997",
 )
-def stiffness_depends_on_the_wall(found):
+def stiffness_depends_on_the_wall(result):
     import sympy
 
     from course.charts.control import touch
     from course.control import sampled
 
     b, D, h, K = sympy.symbols("b D h K", positive=True)
-    found.formula = sympy.together(sympy.solve(K * (D + h / 2) - b, K)[0])
-    friction = found.given("b", 20)
-    dt, late = 1 / found.given("rate_hz", 1000), found.given("delay_ms", 2) / 1000
+    result.formula = sympy.together(sympy.solve(K * (D + h / 2) - b, K)[0])
+    friction = result.given("b", 20)
+    dt, late = 1 / result.given("rate_hz", 1000), result.given("delay_ms", 2) / 1000
     assert (friction, dt) == (touch.ARM.damping, touch.DT)
-    found.figure("bound", sampled.passive_stiffness(friction, dt))
-    found.figure("late", sampled.passive_stiffness(friction, dt, late))
+    result.figure("bound", sampled.passive_stiffness(friction, dt))
+    result.figure("late", sampled.passive_stiffness(friction, dt, late))
     limits = {D: np.array([touch.stiffest(k, D) for k in WALLS]) for D in (0.0, late)}
     bounds = {D: sampled.passive_stiffness(friction, dt, D) for D in limits}
-    found.figure("spread", np.ptp(limits[0.0]) / bounds[0.0], 0.05)
-    found.statement = "Largest stiffness by the loop's matrix at nine walls."
-    found.heard(np.ptp(limits[0.0]) > 0.5 * bounds[0.0])
-    found.corrected(
+    result.figure("spread", np.ptp(limits[0.0]) / bounds[0.0], 0.05)
+    result.statement = "Largest stiffness by the loop's matrix at nine walls."
+    result.heard(np.ptp(limits[0.0]) > 0.5 * bounds[0.0])
+    result.corrected(
         all(np.all(limits[D] > bounds[D]) for D in limits),
         all(np.max(limits[D][:5]) < 1.05 * bounds[D] for D in limits),
         all(
-            abs(float(found.formula.subs({b: friction, h: dt, D: x})) / bounds[x] - 1) < 1e-9
+            abs(float(result.formula.subs({b: friction, h: dt, D: x})) / bounds[x] - 1) < 1e-9
             for x in bounds
         ),
     )
@@ -127,11 +127,11 @@ def stiffness_depends_on_the_wall(found):
     "{soft:.0e} N/m and {late_hard:.1e} at {hard:.0e}, and a damping of {too_much:.0f} N s/m is "
     "unstable at any stiffness.",
 )
-def damping_is_safe(found):
+def damping_is_safe(result):
     from course.charts.control import touch
 
-    late = found.given("delay_ms", 2) / 1000
-    soft, hard = found.given("soft", 1e2), found.given("hard", 1e6)
+    late = result.given("delay_ms", 2) / 1000
+    soft, hard = result.given("soft", 1e2), result.given("hard", 1e6)
     own, active = touch.stiffest(soft, 0.0), touch.stiffest_damped(soft, 0.0)
     late_soft, late_hard = (touch.stiffest_damped(k, late) for k in (soft, hard))
 
@@ -139,14 +139,14 @@ def damping_is_safe(found):
         return touch.growth(touch.TouchLaw(1.0, damping), 1e4, late) <= 1 + 1e-9
 
     edge = next(d for d in np.geomspace(100, 1e5, 400) if not held(d))
-    found.figure("own", own)
-    found.figure("active", active, 0.01)
-    found.figure("late_soft", late_soft, 0.01)
-    found.figure("late_hard", late_hard, 0.01)
-    found.figure("too_much", edge, 0.02)
-    found.statement = "Largest stiffness by the loop's matrix, the damping varied."
-    found.heard(all(held(d) for d in np.geomspace(20, 1e5, 30)))
-    found.corrected(
+    result.figure("own", own)
+    result.figure("active", active, 0.01)
+    result.figure("late_soft", late_soft, 0.01)
+    result.figure("late_hard", late_hard, 0.01)
+    result.figure("too_much", edge, 0.02)
+    result.statement = "Largest stiffness by the loop's matrix, the damping varied."
+    result.heard(all(held(d) for d in np.geomspace(20, 1e5, 30)))
+    result.corrected(
         active > 50 * own, late_hard < late_soft / 3, not held(2 * edge), held(0.5 * edge)
     )
 
@@ -159,20 +159,20 @@ def damping_is_safe(found):
     "damping, which a hand feels as well, makes that {damped:.1f}. Impedance has it the other way "
     "round: soft is easy, stiff is not.",
 )
-def admittance_is_light(found):
+def admittance_is_light(result):
     from course.charts.control import touch
 
     names = ("soft_wall", "middle_wall", "hard_wall")
-    walls = [found.given(n, k) for n, k in zip(names, (1e2, 1e3, 1e5), strict=True)]
+    walls = [result.given(n, k) for n, k in zip(names, (1e2, 1e3, 1e5), strict=True)]
     soft, middle, hard = (touch.lightest(k) for k in walls)
-    found.figure("soft", soft, 0.02)
-    found.figure("middle", middle, 0.02)
-    found.figure("hard", hard, 0.02)
-    damped = found.figure("damped", touch.lightest(walls[2], damping=10.0), 0.02)
-    found.figure("own", touch.ARM.mass * float(np.sign(hard)))
-    found.statement = "Least stable virtual mass by the loop's matrix, over a stiff inner loop."
-    found.heard(hard < 0.1)
-    found.corrected(
+    result.figure("soft", soft, 0.02)
+    result.figure("middle", middle, 0.02)
+    result.figure("hard", hard, 0.02)
+    damped = result.figure("damped", touch.lightest(walls[2], damping=10.0), 0.02)
+    result.figure("own", touch.ARM.mass * float(np.sign(hard)))
+    result.statement = "Least stable virtual mass by the loop's matrix, over a stiff inner loop."
+    result.heard(hard < 0.1)
+    result.corrected(
         soft < 0.01 < middle < 1 < hard < touch.ARM.mass,
         damped < hard / 2,
         np.all(np.diff([touch.lightest(k) for k in WALLS[2:]]) > 0),
@@ -185,7 +185,7 @@ def admittance_is_light(found):
     "inner one. A force loop vibrates by its gain on the force, which a lower stiffness does not "
     "touch, and admittance by too little virtual mass as well.",
 )
-def vibration_needs_softness(found):
+def vibration_needs_softness(result):
     from course.charts.control import touch
     from course.control import TouchLaw
 
@@ -202,26 +202,26 @@ def vibration_needs_softness(found):
 
     force = TouchLaw(200.0, 0.0, force_gain=gain)
     give = TouchLaw(4e4, 800.0, mass=light, give=1.0, hold=2000.0)
-    found.figure("growth_force", touch.growth(force, 1e4))
-    found.figure("growth_admittance", touch.growth(give, 1e4))
-    found.figure("growth_impedance", touch.growth(TouchLaw(edge), 1e4))
-    found.statement = (
+    result.figure("growth_force", touch.growth(force, 1e4))
+    result.figure("growth_admittance", touch.growth(give, 1e4))
+    result.figure("growth_impedance", touch.growth(TouchLaw(edge), 1e4))
+    result.statement = (
         "Growth per sample at a wall of 10 kN/m, and with a twentieth of the stiffness."
     )
-    found.heard(
+    result.heard(
         calmed(force) and calmed(give),
         only_if="what is too high is the stiffness, an impedance's or an inner loop's",
         inside=[
             calmed(TouchLaw(x * edge), k)
-            for x, k in zip(found.rng.uniform(1, 5, 8), found.rng.uniform(1e3, 1e5, 8), strict=True)
+            for x, k in zip(result.rng.uniform(1, 5, 8), result.rng.uniform(1e3, 1e5, 8), strict=True)
         ]
         + [
-            calmed(TouchLaw(x, 800.0, mass=8.0, give=400.0)) for x in found.rng.uniform(4e5, 8e5, 8)
+            calmed(TouchLaw(x, 800.0, mass=8.0, give=400.0)) for x in result.rng.uniform(4e5, 8e5, 8)
         ],
         outside=[calmed(force), calmed(give)]
-        + [calmed(TouchLaw(100.0, 0.0, force_gain=x * gain)) for x in found.rng.uniform(1, 4, 6)],
+        + [calmed(TouchLaw(100.0, 0.0, force_gain=x * gain)) for x in result.rng.uniform(1, 4, 6)],
     )
-    found.corrected(
+    result.corrected(
         touch.growth(force, 1e4) > 1,
         touch.growth(give, 1e4) > 1,
         touch.growth(TouchLaw(0.0, 0.0, force_gain=gain), 1e4) > 1,
@@ -243,23 +243,23 @@ def vibration_needs_softness(found):
         },
     ),
 )
-def critical_in_contact(found):
+def critical_in_contact(result):
     import sympy
 
     M, K, ke = sympy.symbols("M K ke", positive=True)
-    found.formula = sympy.simplify(2 * sympy.sqrt(K * M) / (2 * sympy.sqrt((K + ke) * M)))
-    stiff, wall, mass = found.given("K", 100.0), found.given("ke", 1e4), 4.0
-    said, needed = (2 * float(sympy.sqrt(x * mass)) for x in (stiff, stiff + wall))
-    found.figure("ratio", _damping_ratio(stiff, said, wall), 1e-3)
-    found.figure("needed", needed)
-    found.figure("said", said)
-    draws = 10 ** found.rng.uniform([1.5, 2], [3.5, 6], (8, 2))
+    result.formula = sympy.simplify(2 * sympy.sqrt(K * M) / (2 * sympy.sqrt((K + ke) * M)))
+    stiff, wall, mass = result.given("K", 100.0), result.given("ke", 1e4), 4.0
+    text, needed = (2 * float(sympy.sqrt(x * mass)) for x in (stiff, stiff + wall))
+    result.figure("ratio", _damping_ratio(stiff, text, wall), 1e-3)
+    result.figure("needed", needed)
+    result.figure("said", text)
+    draws = 10 ** result.rng.uniform([1.5, 2], [3.5, 6], (8, 2))
     ratios = [_damping_ratio(k, 2 * np.sqrt(k * mass), w) for k, w in draws]
-    found.statement = "Poles of the law and the wall at a megahertz, eight drawn pairs."
-    found.heard(min(ratios) > 0.9)
-    found.corrected(
+    result.statement = "Poles of the law and the wall at a megahertz, eight drawn pairs."
+    result.heard(min(ratios) > 0.9)
+    result.corrected(
         all(
-            abs(r / float(found.formula.subs({K: k, ke: w})) - 1) < 5e-3
+            abs(r / float(result.formula.subs({K: k, ke: w})) - 1) < 5e-3
             for r, (k, w) in zip(ratios, draws, strict=True)
         ),
         abs(_damping_ratio(stiff, needed, wall) - 1) < 0.01,
@@ -285,14 +285,14 @@ def critical_in_contact(found):
     ),
     source="S. Haddadin, A. Albu-Schaeffer, G. Hirzinger, Requirements for safe robots, 2009",
 )
-def stiff_control_hurts(found):
+def stiff_control_hurts(result):
     import sympy
 
     from course.control import Probe, TouchLaw, run_touch
 
     m, ke, v, F = sympy.symbols("m ke v F", positive=True)
-    found.formula = sympy.solve(m * v**2 / 2 - F**2 / (2 * ke), F)[0]
-    mass, speed, wall = found.given("mass", 4.0), found.given("speed", 0.5), found.given("ke", 1e5)
+    result.formula = sympy.solve(m * v**2 / 2 - F**2 / (2 * ke), F)[0]
+    mass, speed, wall = result.given("mass", 4.0), result.given("speed", 0.5), result.given("ke", 1e5)
 
     def run(stiffness, wall=wall):
         """(first peak, force held) while the set-point goes 2 cm into the wall [N]."""
@@ -302,17 +302,17 @@ def stiff_control_hurts(found):
         force = run_touch(probe, law, aim, 1e-3, 12.0, start=(0.0, speed)).torque
         return force[np.argmax(np.diff(force) < 0)], np.mean(force[-500:])
 
-    stiff, soft = run(found.given("stiff_k", 2000.0)), run(found.given("soft_k", 20.0))
+    stiff, soft = run(result.given("stiff_k", 2000.0)), run(result.given("soft_k", 20.0))
     hard = run(2e4, 1e4)[0] / run(20.0, 1e4)[0] - 1
-    theory = float(found.formula.subs({m: mass, ke: wall, v: speed}))
-    found.figure("peak_n", theory)
-    found.figure("change", abs(stiff[0] / soft[0] - 1), 0.05)
-    found.figure("harder", hard, 0.02)
-    found.figure("held_stiff", stiff[1], 0.02)
-    found.figure("held_soft", soft[1], 0.05)
-    found.statement = "The exact probe at 1 kHz, a law of 2000 and of 20 N/m."
-    found.heard(soft[0] < 0.5 * stiff[0])
-    found.corrected(
+    theory = float(result.formula.subs({m: mass, ke: wall, v: speed}))
+    result.figure("peak_n", theory)
+    result.figure("change", abs(stiff[0] / soft[0] - 1), 0.05)
+    result.figure("harder", hard, 0.02)
+    result.figure("held_stiff", stiff[1], 0.02)
+    result.figure("held_soft", soft[1], 0.05)
+    result.statement = "The exact probe at 1 kHz, a law of 2000 and of 20 N/m."
+    result.heard(soft[0] < 0.5 * stiff[0])
+    result.corrected(
         abs(soft[0] / theory - 1) < 0.1,
         abs(stiff[0] / theory - 1) < 0.1,
         soft[1] < stiff[1] / 20,
@@ -326,7 +326,7 @@ def stiff_control_hurts(found):
     "arm's command is its negative: as printed the stiffness pushes away from x0 and the loop "
     "grows {wrong:.4f} times a sample, with the sign turned it decays, {right:.4f}.",
 )
-def impedance_sign(found):
+def impedance_sign(result):
     from course.control import sampled
 
     def growth(sign, K, B):
@@ -335,9 +335,9 @@ def impedance_sign(found):
         law = sampled.Law(law.A, law.B, law.C, sign * np.array([K, B]))
         return sampled.growth(sampled.loop_matrix(plant, law))
 
-    found.figure("wrong", growth(1, 200.0, 50.0))
-    found.figure("right", growth(-1, 200.0, 50.0))
-    draws = found.rng.uniform([50, 10], [2000, 200], (8, 2))
-    found.statement = "Growth per sample in free space with both signs, at drawn gains."
-    found.heard(growth(1, 200.0, 50.0) < 1)
-    found.corrected(all(growth(1, K, B) > 1 > growth(-1, K, B) for K, B in draws))
+    result.figure("wrong", growth(1, 200.0, 50.0))
+    result.figure("right", growth(-1, 200.0, 50.0))
+    draws = result.rng.uniform([50, 10], [2000, 200], (8, 2))
+    result.statement = "Growth per sample in free space with both signs, at drawn gains."
+    result.heard(growth(1, 200.0, 50.0) < 1)
+    result.corrected(all(growth(1, K, B) > 1 > growth(-1, K, B) for K, B in draws))

@@ -18,26 +18,26 @@ SYMBOLS = {
     "gains inside M; a hold takes that away. With the gains outside, the error of one joint moves "
     "the others: {outside:.0%} of its own acceleration in the median arm.",
 )
-def computed_torque_law(found):
+def computed_torque_law(result):
     from course.control import computed_torque, pd
     from course.kinematics import forward_dynamics, random_chain
 
     inside, outside = [], []
     for _ in range(12):
-        arm = random_chain(int(found.rng.integers(2, 7)), found.rng)
-        q, v, q_ref, v_ref, a_ref = found.rng.normal(size=(5, arm.n))
+        arm = random_chain(int(result.rng.integers(2, 7)), result.rng)
+        q, v, q_ref, v_ref, a_ref = result.rng.normal(size=(5, arm.n))
         tau = computed_torque(arm, q, v, q_ref, v_ref, a_ref, 100.0, 20.0)
-        asked = a_ref + 20 * (v_ref - v) + 100 * (q_ref - q)
-        off = forward_dynamics(arm, q, v, tau) - asked
-        inside.append(np.abs(off).max() / np.abs(asked).max())
-        off = q + np.eye(arm.n)[0]  # an error of the first joint alone
-        tau = computed_torque(arm, q, v, off, v, a_ref, 0.0, 0.0) + pd(q, v, off, v, 100.0, 20.0)
+        requested = a_ref + 20 * (v_ref - v) + 100 * (q_ref - q)
+        deviation = forward_dynamics(arm, q, v, tau) - requested
+        inside.append(np.abs(deviation).max() / np.abs(requested).max())
+        deviation = q + np.eye(arm.n)[0]  # an error of the first joint alone
+        tau = computed_torque(arm, q, v, deviation, v, a_ref, 0.0, 0.0) + pd(q, v, deviation, v, 100.0, 20.0)
         a = forward_dynamics(arm, q, v, tau) - a_ref
         outside.append(np.abs(a[1:]).max() / np.abs(a[0]))
-    found.figure("outside", np.median(outside), 1e-6)
-    found.statement = "Accelerations of twelve drawn arms under the law, against those asked for."
-    found.heard(max(inside) < 1e-9)
-    found.corrected(np.median(outside) > 0.1)
+    result.figure("outside", np.median(outside), 1e-6)
+    result.statement = "Accelerations of twelve drawn arms under the law, against those asked for."
+    result.heard(max(inside) < 1e-9)
+    result.corrected(np.median(outside) > 0.1)
 
 
 @claim(
@@ -46,28 +46,28 @@ def computed_torque_law(found):
     " at {rate:.0f} Hz on the chapter's motion, of first order in dt. Model and reference taken "
     "half a sample ahead leave {ahead:.1e}, of second order.",
 )
-def perfect_model_perfect_tracking(found):
+def perfect_model_perfect_tracking(result):
     from course.charts.control import tracking
 
     law = tracking.LAWS
-    rate = found.given("rate", 1000)
+    rate = result.given("rate", 1000)
 
     def errors(name, **how):
         return [
             tracking.error(law[name](tracking.ARM, dt), dt, **how) for dt in (4 / rate, 2 / rate)
         ]
 
-    draws = [{"size": s, "speed": w} for s, w in found.rng.uniform([0.3, 0.5], [1.3, 1.5], (8, 2))]
+    draws = [{"size": s, "speed": w} for s, w in result.rng.uniform([0.3, 0.5], [1.3, 1.5], (8, 2))]
     plain, ahead = (
         np.array([errors(name, **how) for how in draws])
         for name in ("computed torque", "half-sample preview")
     )
     for name, key in (("plain", "computed torque"), ("ahead", "half-sample preview")):
-        found.figure(name, tracking.error(law[key](tracking.ARM, 1 / rate), 1 / rate), 1e-3)
-    found.statement = "Largest error at the samples, at two sample times and eight drawn motions."
-    found.heard(np.max(plain) < 1e-6)
+        result.figure(name, tracking.error(law[key](tracking.ARM, 1 / rate), 1 / rate), 1e-3)
+    result.statement = "Largest error at the samples, at two sample times and eight drawn motions."
+    result.heard(np.max(plain) < 1e-6)
     orders = [np.log2(x[:, 0] / x[:, 1]) for x in (plain, ahead)]
-    found.corrected(
+    result.corrected(
         np.abs(orders[0] - 1).max() < 0.1,
         np.abs(orders[1] - 2).max() < 0.2,
         (ahead < plain / 20).all(),
@@ -91,7 +91,7 @@ def perfect_model_perfect_tracking(found):
         },
     ),
 )
-def error_follows_acceleration(found):
+def error_follows_acceleration(result):
     from dataclasses import replace
 
     import sympy
@@ -101,8 +101,8 @@ def error_follows_acceleration(found):
 
     r, p, w = sympy.symbols("r p w", positive=True)
     answer = (r - 1) / (p**2 - w**2 + 2 * sympy.I * p * w)
-    found.formula = sympy.simplify(sympy.re(sympy.expand_complex(answer)))
-    fast, pole = found.given("w", 4.0), found.given("p", 10.0)
+    result.formula = sympy.simplify(sympy.re(sympy.expand_complex(answer)))
+    fast, pole = result.given("w", 4.0), result.given("p", 10.0)
     one = TwoLink(masses=(1.0, 1e-6), damping=(0.0, 0.0))  # next to nothing on the second joint
 
     def share(ratio, rate, pole, dt=2e-3):
@@ -120,23 +120,23 @@ def error_follows_acceleration(found):
         q, e = run.q[0, :-1][last], (run.setpoint[0] - run.q[0, :-1])[last]
         return -(e @ q) / (rate**2 * (q @ q)) / ((ratio - 1) / pole**2)
 
-    found.figure("share", share(1.2, fast, pole), 0.01)
-    draws = found.rng.uniform([0.75, 5], [1.3, 15], (8, 2))
+    result.figure("share", share(1.2, fast, pole), 0.01)
+    draws = result.rng.uniform([0.75, 5], [1.3, 15], (8, 2))
     slow = [
-        share(a, s * b, b) for (a, b), s in zip(draws, found.rng.uniform(0.02, 0.1, 8), strict=True)
+        share(a, s * b, b) for (a, b), s in zip(draws, result.rng.uniform(0.02, 0.1, 8), strict=True)
     ]
     quick = [
-        share(a, s * b, b) for (a, b), s in zip(draws, found.rng.uniform(0.3, 0.9, 8), strict=True)
+        share(a, s * b, b) for (a, b), s in zip(draws, result.rng.uniform(0.3, 0.9, 8), strict=True)
     ]
-    theory = float(found.formula.subs({r: 1.2, p: pole, w: fast})) / (0.2 / pole**2)
-    found.statement = "A joint whose model is wrong, followed over a period; slopes of eight draws."
-    found.heard(
+    theory = float(result.formula.subs({r: 1.2, p: pole, w: fast})) / (0.2 / pole**2)
+    result.statement = "A joint whose model is wrong, followed over a period; slopes of eight draws."
+    result.heard(
         abs(share(1.2, fast, pole) - 1) < 0.1,
         only_if="the motion is ten times slower than the poles",
         inside=[abs(x - 1) < 0.1 for x in slow],
         outside=[abs(x - 1) < 0.1 for x in quick],
     )
-    found.corrected(abs(share(1.2, fast, pole) / theory - 1) < 0.03)
+    result.corrected(abs(share(1.2, fast, pole) / theory - 1) < 0.03)
 
 
 @claim(
@@ -146,27 +146,27 @@ def error_follows_acceleration(found):
     "motion the error is down to {error_mrad:.1f} mrad, of {fixed_mrad:.0f} with the same start "
     "and no adaptation, and they are {moving:.0%} off.",
 )
-def adaptive_finds_parameters(found):
+def adaptive_finds_parameters(result):
     from course.charts.control import tracking
     from course.control import track
 
-    seconds, truth = found.given("seconds", 20.0), tracking.ARM.parameters
+    seconds, truth = result.given("seconds", 20.0), tracking.ARM.parameters
 
     def run(motion, rate=5.0, dt=5e-3):
         law = tracking.adaptive(tracking.WRONG, dt, rate)
         done = track(tracking.ARM, law, motion, dt, seconds)
-        off = np.linalg.norm(law.estimate - truth) / np.linalg.norm(truth)
-        return off, 1e3 * np.abs(done.q[:, :-1] - done.setpoint)[:, -500:].max()
+        error = np.linalg.norm(law.estimate - truth) / np.linalg.norm(truth)
+        return error, 1e3 * np.abs(done.q[:, :-1] - done.setpoint)[:, -500:].max()
 
     still = run(lambda t: [x * (k == 0) for k, x in enumerate(tracking.motion(0 * t))])
     moving, fixed = run(tracking.motion), run(tracking.motion, 1e-9)
-    found.figure("still", still[0], 0.02)
-    found.figure("moving", moving[0], 0.02)
-    found.figure("error_mrad", moving[1], 0.02)
-    found.figure("fixed_mrad", fixed[1], 0.02)
-    found.statement = "Estimates and errors at the end, from the numbers of a lighter arm on."
-    found.heard(still[0] < 0.05 and moving[0] < 0.05)
-    found.corrected(still[1] < 1e-3, still[0] > 0.1, moving[0] > 0.1, moving[1] < fixed[1] / 20)
+    result.figure("still", still[0], 0.02)
+    result.figure("moving", moving[0], 0.02)
+    result.figure("error_mrad", moving[1], 0.02)
+    result.figure("fixed_mrad", fixed[1], 0.02)
+    result.statement = "Estimates and errors at the end, from the numbers of a lighter arm on."
+    result.heard(still[0] < 0.05 and moving[0] < 0.05)
+    result.corrected(still[1] < 1e-3, still[0] > 0.1, moving[0] > 0.1, moving[1] < fixed[1] / 20)
 
 
 @claim(
@@ -175,7 +175,7 @@ def adaptive_finds_parameters(found):
     "{seconds:.0f} s of a motion, {seen:.1%} of the torque is left there and {later:.0%} in its "
     "next seconds; with the acceleration {whole:.1%}.",
 )
-def residual_of_the_state(found):
+def residual_of_the_state(result):
     from course.charts.control import tracking
     from course.control import track
     from course.control.residual import fit, lacking
@@ -190,23 +190,23 @@ def residual_of_the_state(found):
             tracking.WRONG, track(tracking.ARM, law, lambda t: motion(t + start), dt, seconds)
         )
 
-    end = found.given("seconds", 8.0)
+    end = result.given("seconds", 8.0)
     logs = {"seen": log(0.0, end), "later": log(end, 4.0)}
 
-    def left(rows, tried):
+    def remaining(rows, tried):
         """Shares of the torque of a log that are left, with five draws of the waves."""
         x, torque = logs["seen"]
         waves = [fit(x[:rows], torque, np.random.default_rng(seed)) for seed in range(5)]
         x, torque = logs[tried]
         return [np.std(torque - w.weights @ w.waves(x[:rows])) / np.std(torque) for w in waves]
 
-    seen, later, whole = left(4, "seen"), left(4, "later"), left(6, "later")
-    found.figure("seen", np.median(seen), 0.1)
-    found.figure("later", np.median(later), 0.1)
-    found.figure("whole", np.median(whole), 0.1)
-    found.statement = "Torques that a lighter model lacks, fitted by 200 waves, five draws of them."
-    found.heard(max(later) < 0.1)
-    found.corrected(max(seen) < 0.05, min(later) > 3 * max(whole))
+    observed, later, whole = remaining(4, "seen"), remaining(4, "later"), remaining(6, "later")
+    result.figure("seen", np.median(observed), 0.1)
+    result.figure("later", np.median(later), 0.1)
+    result.figure("whole", np.median(whole), 0.1)
+    result.statement = "Torques that a lighter model lacks, fitted by 200 waves, five draws of them."
+    result.heard(max(later) < 0.1)
+    result.corrected(max(observed) < 0.05, min(later) > 3 * max(whole))
 
 
 @claim(
@@ -217,24 +217,24 @@ def residual_of_the_state(found):
     "shows the motion. That is what the model brings: once shown the motion, the whole torque "
     "takes at most {shown:.0f}.",
 )
-def residual_learning_is_faster(found):
+def residual_learning_is_faster(result):
     from dataclasses import replace
 
     from course.charts.control import tracking
 
-    bar, draws, rounds = found.given("bar", 0.02), found.given("draws", 2), found.given("rounds", 4)
-    none = replace(tracking.WRONG, masses=(1e-6, 1e-6), damping=(0.0, 0.0))
+    bar, draws, rounds = result.given("bar", 0.02), result.given("draws", 2), result.given("rounds", 4)
+    empty = replace(tracking.WRONG, masses=(1e-6, 1e-6), damping=(0.0, 0.0))
 
     def needed(model, most=rounds, shown=None):
         return [tracking.rounds_until(bar, model, seed, most, shown) for seed in range(draws)]
 
-    near, alone = needed(tracking.WRONG), needed(none)
-    told = needed(none, rounds + 1, tracking.WRONG)
-    found.figure("near", np.max(near), 1e-6)
-    found.figure("shown", np.max(told), 1e-6)
-    found.statement = "Rounds of collecting and fitting, with each draw of the waves."
-    found.heard(np.max(near) < np.min(alone))
-    found.corrected(np.isinf(alone).all(), np.isfinite(near).all(), np.max(told) <= rounds)
+    near, alone = needed(tracking.WRONG), needed(empty)
+    report = needed(empty, rounds + 1, tracking.WRONG)
+    result.figure("near", np.max(near), 1e-6)
+    result.figure("shown", np.max(report), 1e-6)
+    result.statement = "Rounds of collecting and fitting, with each draw of the waves."
+    result.heard(np.max(near) < np.min(alone))
+    result.corrected(np.isinf(alone).all(), np.isfinite(near).all(), np.max(report) <= rounds)
 
 
 @claim(
@@ -244,36 +244,36 @@ def residual_learning_is_faster(found):
     "chosen both come out as asked to {right:.0e}. Swapped, the push is off by {swapped:.0f} N "
     "and none of what was asked along the tangent is a motion.",
 )
-def axes_of_a_surface(found):
+def axes_of_a_surface(result):
     from course.control import hybrid
     from course.kinematics import bias, jacobian, jacobian_rate, mass_matrix, planar, tip
 
     arm, push = planar([0.5, 0.4, 0.3], damping=0.1), 12.0
 
-    def off(swapped):
+    def deviation(swapped):
         """Errors of push [N] and of the acceleration along a drawn hard surface [m/s^2]."""
-        angle, q = found.rng.uniform(-3, 3), found.rng.uniform([-1, 0.5, 0.5], [1, 1.2, 1.2])
+        angle, q = result.rng.uniform(-3, 3), result.rng.uniform([-1, 0.5, 0.5], [1, 1.2, 1.2])
         c, s = np.cos(angle), np.sin(angle)
         frame, n, along = np.array([[c, -s], [s, c]]), np.array([c, s]), np.array([-s, c])
         J, M = jacobian(arm, q)[:2], mass_matrix(arm, q)
-        v = found.rng.normal(size=3)
+        v = result.rng.normal(size=3)
         v -= np.linalg.pinv(J) @ n * (n @ J @ v)  # it slides
-        drift, goal = (jacobian_rate(arm, q, v) @ v)[:2], found.rng.normal(size=3)
+        drift, goal = (jacobian_rate(arm, q, v) @ v)[:2], result.rng.normal(size=3)
         forced = np.array([not swapped, swapped])
         tau = hybrid(
             arm, q, v, goal, 0.0, 0.0, 100.0, 20.0, push * forced, 0.0, frame, forced, rows=(0, 1)
         )
         K = np.block([[M, -(n @ J)[:, None]], [(n @ J)[None], np.zeros((1, 1))]])
         a = np.linalg.solve(K, np.append(tau - bias(arm, q, v), -(n @ drift)))
-        asked = 100 * (goal - tip(arm, q)[:3])[:2] - 20 * (J @ v)
-        return abs(-a[3] - push), abs(along @ (J @ a[:3] + drift - asked))
+        requested = 100 * (goal - tip(arm, q)[:3])[:2] - 20 * (J @ v)
+        return abs(-a[3] - push), abs(along @ (J @ a[:3] + drift - requested))
 
-    right, swapped = (np.array([off(s) for _ in range(12)]) for s in (False, True))
-    found.figure("right", max(np.max(right), 1e-9))
-    found.figure("swapped", np.median(swapped[:, 0]), 1e-6)
-    found.statement = "Reaction and acceleration of a hard, smooth surface at twelve drawn angles."
-    found.heard(np.max(swapped) < 1e-6)
-    found.corrected(np.max(right) < 1e-7, np.min(swapped) > 0.1)
+    right, swapped = (np.array([deviation(s) for _ in range(12)]) for s in (False, True))
+    result.figure("right", max(np.max(right), 1e-9))
+    result.figure("swapped", np.median(swapped[:, 0]), 1e-6)
+    result.statement = "Reaction and acceleration of a hard, smooth surface at twelve drawn angles."
+    result.heard(np.max(swapped) < 1e-6)
+    result.corrected(np.max(right) < 1e-7, np.min(swapped) > 0.1)
 
 
 @claim(
@@ -282,26 +282,26 @@ def axes_of_a_surface(found):
     "{soft:+.1f} N with K = {K:g} N/m and {stiff:+.1f} N with {K_stiff:g}, as two springs do; "
     "a force loop and admittance are off by {loop:.0e} N at most.",
 )
-def impedance_holds_a_force(found):
+def impedance_holds_a_force(result):
     from course.charts.control import touch
     from course.control import TouchLaw
 
-    off = found.given("off_mm", 2.0) / 1000
+    deviation = result.given("off_mm", 2.0) / 1000
     soft, stiff = (touch.REGIMES[name] for name in ("soft impedance", "stiff position"))
-    found.figure("K", soft.stiffness + 0 * off)
-    found.figure("K_stiff", stiff.stiffness + 0 * off)
-    found.figure("soft", touch.surface_error(soft, off), 1e-3)
-    found.figure("stiff", touch.surface_error(stiff, off), 1e-3)
-    loops = [abs(touch.surface_error(touch.REGIMES[n], off)) for n in ("force", "admittance")]
-    found.figure("loop", np.max(loops) // 1e-3 * 1e-3 + 1e-3)
-    draws = 10 ** found.rng.uniform(1.7, 3.6, 8)
+    result.figure("K", soft.stiffness + 0 * deviation)
+    result.figure("K_stiff", stiff.stiffness + 0 * deviation)
+    result.figure("soft", touch.surface_error(soft, deviation), 1e-3)
+    result.figure("stiff", touch.surface_error(stiff, deviation), 1e-3)
+    loops = [abs(touch.surface_error(touch.REGIMES[n], deviation)) for n in ("force", "admittance")]
+    result.figure("loop", np.max(loops) // 1e-3 * 1e-3 + 1e-3)
+    draws = 10 ** result.rng.uniform(1.7, 3.6, 8)
     laws = [TouchLaw(k, 2 * np.sqrt(k * touch.ARM.mass)) for k in draws]
-    found.statement = "Steady forces of the exact probe, its surface moved, at drawn stiffnesses."
-    found.heard(abs(touch.surface_error(soft, off)) < 0.01)
-    found.corrected(
+    result.statement = "Steady forces of the exact probe, its surface moved, at drawn stiffnesses."
+    result.heard(abs(touch.surface_error(soft, deviation)) < 0.01)
+    result.corrected(
         all(
-            abs(touch.surface_error(law, off) / touch.series_stiffness(law, off) - 1) < 1e-3
+            abs(touch.surface_error(law, deviation) / touch.series_stiffness(law, deviation) - 1) < 1e-3
             for law in laws
         ),
-        np.max(loops) < 0.1 * touch.surface_error(soft, off),
+        np.max(loops) < 0.1 * touch.surface_error(soft, deviation),
     )

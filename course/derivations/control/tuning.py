@@ -58,34 +58,34 @@ def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
         },
     ),
 )
-def p_alone_overshoots(found):
+def p_alone_overshoots(result):
     import sympy
 
     from course.control import Joint
 
     s, kp, inertia, friction = sympy.symbols("s kp J b", positive=True)
     bare = sympy.discriminant(inertia * s**2 + friction * s + kp, s)
-    found.formula = sympy.solve(bare, kp)[0]
+    result.formula = sympy.solve(bare, kp)[0]
 
     def over(J, b, share):
-        kp = share * float(found.formula.subs({inertia: J, friction: b}))
+        kp = share * float(result.formula.subs({inertia: J, friction: b}))
         joint, slow = Joint(J, b), J / b
         return _overshoot(kp, 0, 0, joint=joint, dt=2e-3 * slow, seconds=60 * slow)
 
-    mine, own = found.given("inertia", J), found.given("damping", B)
-    found.figure("low_n_m_per_rad", found.formula.subs({inertia: mine, friction: own}))
-    high = found.given("high", 20)
-    found.figure("over", _overshoot(high, 0, 0))
-    found.statement = "Steps of the exact joint at gains on both sides of critical damping."
-    draws = found.rng.uniform([0.1, 0.1], [2, 2], (8, 2))
+    mine, own = result.given("inertia", J), result.given("damping", B)
+    result.figure("low_n_m_per_rad", result.formula.subs({inertia: mine, friction: own}))
+    high = result.given("high", 20)
+    result.figure("over", _overshoot(high, 0, 0))
+    result.statement = "Steps of the exact joint at gains on both sides of critical damping."
+    draws = result.rng.uniform([0.1, 0.1], [2, 2], (8, 2))
     above, below = (1.6, 1.8, 2, 4, 8, 20, 50, 90), np.linspace(0.2, 0.98, 8)
-    found.heard(
+    result.heard(
         over(J, B, 0.9) > 0,
         only_if="kp is above b^2/(4*J)",
         inside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, above, strict=True)],
         outside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, below, strict=True)],
     )
-    found.corrected(over(mine, own, 0.99) < 1e-12, over(mine, own, 2.0) > 1e-3)
+    result.corrected(over(mine, own, 0.99) < 1e-12, over(mine, own, 2.0) > 1e-3)
 
 
 @claim(
@@ -95,7 +95,7 @@ def p_alone_overshoots(found):
     "{ramp:.3f} rad, one above the torque limit {limited:.2f} rad, and dry friction makes it hunt "
     "by {hunting:.3f} rad where static friction is twice Coulomb's.",
 )
-def integral_removes_the_error(found):
+def integral_removes_the_error(result):
     from dataclasses import replace
 
     from course.control import Gains, Joint
@@ -103,37 +103,37 @@ def integral_removes_the_error(found):
     gains = Gains(20, 20, 6, rate="exact")
     held = Joint(J, B, -2.0)
 
-    def left(gains=gains, joint=held, **more):
+    def remaining(gains=gains, joint=held, **more):
         return abs(_step(gains, joint=joint, seconds=30.0, dt=2e-3, **more)[1].error)
 
     n = 15_000
     sticky = Joint(0.05, 0.05, 0.0, 0.1, 0.2)
     swing = _step(Gains(6.4, 25.6, 0.7, 0.005), joint=sticky, target=0.5, seconds=40.0)[0].q
-    found.figure("left_with_p", left(Gains(20, 0, 6, rate="exact")))
-    found.figure("left_with_i", left(), 0.5)
-    found.figure("ramp", left(extra=-0.1 * 2e-3 * np.arange(n)), 1e-3)
-    found.figure(
+    result.figure("left_with_p", remaining(Gains(20, 0, 6, rate="exact")))
+    result.figure("left_with_i", remaining(), 0.5)
+    result.figure("ramp", remaining(extra=-0.1 * 2e-3 * np.arange(n)), 1e-3)
+    result.figure(
         "limited",
-        left(Gains(20, 20, 6, rate="exact", u_min=-1.5, u_max=1.5), joint=Joint(J, B, -2.0, 0.0)),
+        remaining(Gains(20, 20, 6, rate="exact", u_min=-1.5, u_max=1.5), joint=Joint(J, B, -2.0, 0.0)),
         1e-3,
     )
-    found.figure("hunting", np.ptp(swing[-15_000:]), 0.05)
-    found.statement = "Steps of 1 rad, 30 s long; hunting over the last 15 of 40 s."
-    loads = found.rng.uniform(-3, 3, 8)
+    result.figure("hunting", np.ptp(swing[-15_000:]), 0.05)
+    result.statement = "Steps of 1 rad, 30 s long; hunting over the last 15 of 40 s."
+    loads = result.rng.uniform(-3, 3, 8)
     sets = [
         Gains(kp, share * (B + kd) * kp / J, kd, rate="exact")
-        for kp, kd, share in found.rng.uniform([10, 2, 0.2], [40, 8, 0.5], (8, 3))
+        for kp, kd, share in result.rng.uniform([10, 2, 0.2], [40, 8, 0.5], (8, 3))
     ]
-    found.heard(
-        left(extra=-0.1 * 2e-3 * np.arange(n)) < 1e-3,
+    result.heard(
+        remaining(extra=-0.1 * 2e-3 * np.arange(n)) < 1e-3,
         only_if="the loop is stable, load and set-point stay constant, the command has room, "
         "and friction is viscous",
-        inside=[left(g, Joint(J, B, x)) < 1e-4 for g, x in zip(sets, loads, strict=True)],
-        outside=[left(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads]
-        + [left(replace(g, ki=3 * g.ki / 0.5)) < 1e-4 for g in sets[:3]],
+        inside=[remaining(g, Joint(J, B, x)) < 1e-4 for g, x in zip(sets, loads, strict=True)],
+        outside=[remaining(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads]
+        + [remaining(replace(g, ki=3 * g.ki / 0.5)) < 1e-4 for g in sets[:3]],
     )
-    found.corrected(
-        left(Gains(20, 0, 6, rate="exact")) > 0.05, left() < 1e-6, np.ptp(swing[-15_000:]) > 0.01
+    result.corrected(
+        remaining(Gains(20, 0, 6, rate="exact")) > 0.05, remaining() < 1e-6, np.ptp(swing[-15_000:]) > 0.01
     )
 
 
@@ -165,10 +165,10 @@ def _as_printed(seconds, steps=1000):
     "N m s/rad for J = {inertia:g}. A joint with it follows the listing to {same:.0e} rad; one "
     "with the number itself is {off:.3f} rad away.",
 )
-def listing_friction(found):
+def listing_friction(result):
     from course.control import sampled
 
-    inertia = found.given("inertia", 0.5)
+    inertia = result.given("inertia", 0.5)
     times, angles, sent, _ = _as_printed(1.0)
 
     def distance(damping):
@@ -181,12 +181,12 @@ def listing_friction(found):
         return worst
 
     trial = np.linspace(0.1, 0.6, 501)
-    found.figure("friction", trial[np.argmin([distance(b) for b in trial])], 0.02)
-    found.figure("same", distance(0.5 * inertia), 0.2)
-    found.figure("off", distance(0.5), 1e-3)
-    found.statement = "The exact joint under the same commands, friction varied."
-    found.heard(distance(0.5) < distance(0.5 * inertia))
-    found.corrected(distance(0.5) > 20 * distance(0.5 * inertia))
+    result.figure("friction", trial[np.argmin([distance(b) for b in trial])], 0.02)
+    result.figure("same", distance(0.5 * inertia), 0.2)
+    result.figure("off", distance(0.5), 1e-3)
+    result.statement = "The exact joint under the same commands, friction varied."
+    result.heard(distance(0.5) < distance(0.5 * inertia))
+    result.corrected(distance(0.5) > 20 * distance(0.5 * inertia))
 
 
 @claim(
@@ -195,7 +195,7 @@ def listing_friction(found):
     "{slow_s:.1f} s, and a fiftieth of the step is reached {settled}. The first command is "
     "{first_n_m:.0f} N m, the limit, from the derivative of the error.",
 )
-def listing_settles(found):
+def listing_settles(result):
     from course.control import step_metrics
 
     _, angles, sent, _ = _as_printed(3.0)
@@ -203,15 +203,15 @@ def listing_settles(found):
     metrics = step_metrics(long[0], long[1], 1.0)
     roots = np.roots([0.5, 0.25 + 8, 20, 5])
     error = 1.0 - angles[-1]
-    found.figure("error_mrad", 1000 * abs(error), 1e-3)
-    found.figure("side", "short of" if error > 0 else "past")
-    found.figure("slow_s", -1 / np.max(roots.real))
-    found.figure("first_n_m", sent[0])
+    result.figure("error_mrad", 1000 * abs(error), 1e-3)
+    result.figure("side", "short of" if error > 0 else "past")
+    result.figure("slow_s", -1 / np.max(roots.real))
+    result.figure("first_n_m", sent[0])
     late = metrics.settling > 3.0
-    found.figure("settled", f"after {metrics.settling:.1f} s" if late else "within them")
-    found.statement = "The listing's own arithmetic, 3 s and 60 s; its roots without sampling."
-    found.heard(abs(error) < 1e-3)
-    found.corrected(
+    result.figure("settled", f"after {metrics.settling:.1f} s" if late else "within them")
+    result.statement = "The listing's own arithmetic, 3 s and 60 s; its roots without sampling."
+    result.heard(abs(error) < 1e-3)
+    result.corrected(
         abs(error) > 1e-3, -1 / np.max(roots.real) > 2, sent[0] > 49, abs(long[1][-1] - 1) < 1e-6
     )
 
@@ -222,23 +222,23 @@ def listing_settles(found):
     "{kick_n_m:.0f} N m for kd = {kd:g} at {rate_hz:.0f} Hz without a filter; of the measurement, "
     "{none_n_m:.0f}.",
 )
-def error_derivative_kick(found):
+def error_derivative_kick(result):
     from course.control import Controller, Gains
 
-    dt = 1 / found.given("rate_hz", 1000)
+    dt = 1 / result.given("rate_hz", 1000)
 
     def kick(kd, tau, step, weight):
         controller = Controller(Gains(2.0, 0, kd, tau, rate_weight=weight), dt)
         controller.update(0.0, 0.0)
         return controller.update(step, 0.0) - 2.0 * step
 
-    kd = found.given("kd", 8)
-    found.figure("kick_n_m", kick(kd, 0.0, 1.0, 1.0))
-    found.figure("none_n_m", kick(kd, 0.0, 1.0, 0.0), 1e-9)
-    draws = found.rng.uniform([0.1, 0, 0.1], [9, 0.1, 2], (9, 3))
-    found.statement = "First command after a step, at drawn gains, filters and steps."
-    found.heard(abs(kick(kd, 0.0, 1.0, 1.0)) < abs(kick(kd, 0.0, 1.0, 0.0)))
-    found.corrected(
+    kd = result.given("kd", 8)
+    result.figure("kick_n_m", kick(kd, 0.0, 1.0, 1.0))
+    result.figure("none_n_m", kick(kd, 0.0, 1.0, 0.0), 1e-9)
+    draws = result.rng.uniform([0.1, 0, 0.1], [9, 0.1, 2], (9, 3))
+    result.statement = "First command after a step, at drawn gains, filters and steps."
+    result.heard(abs(kick(kd, 0.0, 1.0, 1.0)) < abs(kick(kd, 0.0, 1.0, 0.0)))
+    result.corrected(
         all(abs(kick(d[0], d[1], d[2], 1.0) - d[0] * d[2] / (d[1] + dt)) < 1e-9 for d in draws),
         all(abs(kick(d[0], d[1], d[2], 0.0)) < 1e-12 for d in draws),
     )
@@ -251,16 +251,16 @@ def error_derivative_kick(found):
     "the first with set-point weight 0 {weighted:.0%}. Where the delay limits kd, more D makes it "
     "worse.",
 )
-def overshoot_means_p(found):
+def overshoot_means_p(result):
     from course.control import Gains
 
     ki, kd, limits = 30.0, 4.0, (1, 2, 4, 8, 16, np.inf, np.inf, np.inf)
-    low, high = found.given("p_low", 12), found.given("p_high", 60)
-    found.figure("low_p", _overshoot(low, ki, kd), 1e-3)
-    found.figure("high_p", _overshoot(high, ki, kd), 1e-3)
+    low, high = result.given("p_low", 12), result.given("p_high", 60)
+    result.figure("low_p", _overshoot(low, ki, kd), 1e-3)
+    result.figure("high_p", _overshoot(high, ki, kd), 1e-3)
 
     gentle = Gains(low, ki, kd, rate="exact", weight=0.0)
-    found.figure("weighted", _step(gentle)[1].overshoot, 1e-3)
+    result.figure("weighted", _step(gentle)[1].overshoot, 1e-3)
 
     def mended(kp, ki, kd, delay=0.0, most=np.inf):
         """Whether a fifth less P and a fifth more D both lower a loop's overshoot."""
@@ -269,16 +269,16 @@ def overshoot_means_p(found):
             for p, d in ((kp, kd), (0.8 * kp, kd), (kp, 1.2 * kd)))  # fmt: skip
         return less < now and more < now
 
-    draws = found.rng.uniform([20, 0.5], [80, 3], (8, 2))
-    found.statement = "Steps of the joint with the exact rate."
-    found.heard(
+    draws = result.rng.uniform([20, 0.5], [80, 3], (8, 2))
+    result.statement = "Steps of the joint with the exact rate."
+    result.heard(
         mended(low, ki, kd),
         only_if="there is no integral, and delay is far from limiting kd",
         inside=[mended(kp, 0, kd, most=x) for (kp, kd), x in zip(draws, limits, strict=True)],
         outside=[mended(0.4 * kp, 1.2 * kp, kd + 1) for kp, kd in draws]
         + [mended(kp, 0, 5.0, 0.1) for kp, _ in draws[:3]],
     )
-    found.corrected(_overshoot(low, ki, kd) > 1.5 * _overshoot(high, ki, kd))
+    result.corrected(_overshoot(low, ki, kd) > 1.5 * _overshoot(high, ki, kd))
 
 
 @claim(
@@ -296,16 +296,16 @@ def overshoot_means_p(found):
         },
     ),
 )
-def tenth_of_p(found):
+def tenth_of_p(result):
     import sympy
 
     from course.control import sampled
 
     s, J_, b, kp, kd, zeta, w = sympy.symbols("s J b kp kd zeta w", positive=True)
-    wanted = sympy.Poly(s**2 + 2 * zeta * w * s + w**2, s).all_coeffs()
+    desired = sympy.Poly(s**2 + 2 * zeta * w * s + w**2, s).all_coeffs()
     got = sympy.Poly(s**2 + (b + kd) / J_ * s + kp / J_, s).all_coeffs()
-    speed = sympy.solve(wanted[2] - got[2], w)[0]
-    found.formula = sympy.solve((wanted[1] - got[1]).subs(w, speed), kd)[0]
+    speed = sympy.solve(desired[2] - got[2], w)[0]
+    result.formula = sympy.solve((desired[1] - got[1]).subs(w, speed), kd)[0]
 
     def ratio(kp, kd):
         """Damping ratio, from the eigenvalue of the sampled loop."""
@@ -317,16 +317,16 @@ def tenth_of_p(found):
         return float(-np.sum(poles.real) / 2 / np.sqrt(np.abs(np.prod(poles))))
 
     stiffness = [
-        found.given(f"p_{n}", p) for n, p in (("soft", 5), ("middle", 70), ("stiff", 2000))
+        result.given(f"p_{n}", p) for n, p in (("soft", 5), ("middle", 70), ("stiff", 2000))
     ]
     for name, kp_ in zip(("soft", "middle", "stiff"), stiffness, strict=True):
-        found.figure(name, ratio(kp_, 0.1 * kp_), 1e-3)
-    found.statement = "Poles of the loop at a megahertz, where sampling no longer shows."
-    found.heard(all(0.4 < ratio(p, 0.1 * p) < 1.2 for p in stiffness))
+        result.figure(name, ratio(kp_, 0.1 * kp_), 1e-3)
+    result.statement = "Poles of the loop at a megahertz, where sampling no longer shows."
+    result.heard(all(0.4 < ratio(p, 0.1 * p) < 1.2 for p in stiffness))
     numbers = {J_: J, b: B, zeta: 0.7}
-    found.corrected(
+    result.corrected(
         all(
-            abs(ratio(p, float(found.formula.subs(numbers).subs(kp, p))) - 0.7) < 1e-3
+            abs(ratio(p, float(result.formula.subs(numbers).subs(kp, p))) - 0.7) < 1e-3
             for p in stiffness
         ),
     )
@@ -337,10 +337,10 @@ def tenth_of_p(found):
     "To a band, slightly less damping does: within {band_percent:.0f} % of a step it is fastest at "
     "zeta = {best:.3f}, in {share:.0%} of the time of critical damping.",
 )
-def critical_settles_fastest(found):
+def critical_settles_fastest(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
 
-    band = found.given("band_percent", 2) / 100
+    band = result.given("band_percent", 2) / 100
 
     def settling(zeta):
         """In units of 1/omega: J = 1, kp = 1."""
@@ -357,11 +357,11 @@ def critical_settles_fastest(found):
 
     ratios = np.linspace(0.6, 1.2, 601)
     times = np.array([settling(z) for z in ratios])
-    found.figure("best", ratios[np.argmin(times)], 5e-3)
-    found.figure("share", times.min() / settling(1.0), 0.01)
-    found.statement = "Settling time over the damping ratio, every thousandth."
-    found.heard(settling(1.0) <= times.min() + 0.01)
-    found.corrected(0.5 < times.min() / settling(1.0) < 0.8, settling(1.2) > settling(1.0))
+    result.figure("best", ratios[np.argmin(times)], 5e-3)
+    result.figure("share", times.min() / settling(1.0), 0.01)
+    result.statement = "Settling time over the damping ratio, every thousandth."
+    result.heard(settling(1.0) <= times.min() + 0.01)
+    result.corrected(0.5 < times.min() / settling(1.0) < 0.8, settling(1.2) > settling(1.0))
 
 
 @claim(
@@ -370,10 +370,10 @@ def critical_settles_fastest(found):
     "the same cure ends in oscillation: a loop with kd dt/J = {V:.1f}, one sample late, is "
     "sluggish at P = {low:g} and unstable at {high:g}, in units of J/dt^2.",
 )
-def overdamped_cure(found):
+def overdamped_cure(result):
     from course.control import Gains, sampled
 
-    V, low, high = found.given("V", 0.85), found.given("low", 0.02), found.given("high", 0.3)
+    V, low, high = result.given("V", 0.85), result.given("low", 0.02), result.given("high", 0.3)
     unit = J / 1e-3**2
 
     def settling(kp, kd, delay=0.0, seconds=6.0):
@@ -391,19 +391,19 @@ def overdamped_cure(found):
             < now
         )
 
-    found.figure("slow_samples", -1 / np.log(growth(low)))
-    found.figure("growth_high", growth(high))
-    found.statement = "Growth per sample of PD on an inertia, one sample late, and steps without."
-    slow = found.rng.uniform([20, 1.5], [80, 2.0], (8, 2))
-    found.heard(
+    result.figure("slow_samples", -1 / np.log(growth(low)))
+    result.figure("growth_high", growth(high))
+    result.statement = "Growth per sample of PD on an inertia, one sample late, and steps without."
+    slow = result.rng.uniform([20, 1.5], [80, 2.0], (8, 2))
+    result.heard(
         cured(0.24 * unit, V * J / 1e-3, 1e-3, 0.2),
         only_if="the loop is far from the limits that sampling and delay set",
         inside=[cured(kp, 2 * z * np.sqrt(kp * J)) for kp, z in slow],
         outside=[
-            cured(P * unit, V * J / 1e-3, 1e-3, 0.2) for P in found.rng.uniform(0.22, 0.32, 8)
+            cured(P * unit, V * J / 1e-3, 1e-3, 0.2) for P in result.rng.uniform(0.22, 0.32, 8)
         ],
     )
-    found.corrected(growth(low) < 1 < growth(high))
+    result.corrected(growth(low) < 1 < growth(high))
 
 
 @claim(
@@ -414,13 +414,13 @@ def overdamped_cure(found):
     "constant, in time, at twice and ten times that gain as well, so a constant amplitude does "
     "not say that the gain is the ultimate one.",
 )
-def every_joint_has_ku(found):
+def every_joint_has_ku(result):
     from course.control import Gains, sampled
 
-    dt = 1 / found.given("rate_hz", 1000)
+    dt = 1 / result.given("rate_hz", 1000)
     gain, period = sampled.ultimate_gain(*sampled.joint_system(J, B), dt)
-    found.figure("gain", gain)
-    found.figure("period_s", period)
+    result.figure("gain", gain)
+    result.figure("period_s", period)
 
     def swing(factor):
         run = _step(Gains(factor * gain, u_min=-5, u_max=5), dt=dt, seconds=20.0, target=0.05)[0]
@@ -429,9 +429,9 @@ def every_joint_has_ku(found):
 
     steady = [swing(f) for f in (2, 10)]
     fast = [sampled.ultimate_gain(*sampled.joint_system(J, B), x)[0] for x in (1e-3, 1e-4, 1e-5)]
-    found.statement = "Exact ultimate gains at three rates; swings under a limited torque."
-    found.heard(_growth(1e-3, 0, 0) < 1 and abs(fast[2] / fast[0] - 1) < 0.1)
-    found.corrected(max(steady) < 0.05, fast[2] > 90 * fast[0], _growth(0.99 * gain, 0, 0) < 1)
+    result.statement = "Exact ultimate gains at three rates; swings under a limited torque."
+    result.heard(_growth(1e-3, 0, 0) < 1 and abs(fast[2] / fast[0] - 1) < 0.1)
+    result.corrected(max(steady) < 0.05, fast[2] > 90 * fast[0], _growth(0.99 * gain, 0, 0) < 1)
 
 
 @claim(
@@ -440,24 +440,24 @@ def every_joint_has_ku(found):
     "{late_ms:.1f} ms, and a period of {said_s:.2f} s belongs to a gain of {gain:.0f}. At a "
     "kilohertz without further delay it is {held:.0f} and {held_s:.2f} s.",
 )
-def quoted_ku_tu(found):
+def quoted_ku_tu(result):
     from course.control import sampled
 
-    said, said_s = found.given("said", 45), found.given("said_s", 0.45)
+    text, said_s = result.given("said", 45), result.given("said_s", 0.45)
     lateness = np.geomspace(3e-4, 1, 4000)
     table = np.array([sampled.delay_limit(J, B, T) for T in lateness])
-    i = int(np.argmin(np.abs(table[:, 0] - said)))
+    i = int(np.argmin(np.abs(table[:, 0] - text)))
     k = int(np.argmin(np.abs(table[:, 1] - said_s)))
-    found.figure("period", table[i, 1], 2e-3)
-    found.figure("late_ms", 1000 * lateness[i], 2e-3)
-    found.figure("gain", table[k, 0], 2e-3)
+    result.figure("period", table[i, 1], 2e-3)
+    result.figure("late_ms", 1000 * lateness[i], 2e-3)
+    result.figure("gain", table[k, 0], 2e-3)
     held, held_s = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3)
-    found.figure("held", held)
-    found.figure("held_s", held_s)
-    off = np.min(np.abs(np.log(table / [said, said_s])).max(axis=1))
-    found.statement = "Gain and period at 4000 delays, and the exact loop."
-    found.heard(off < 0.02)
-    found.corrected(off > 0.15, abs(held - said) > 900)
+    result.figure("held", held)
+    result.figure("held_s", held_s)
+    error = np.min(np.abs(np.log(table / [text, said_s])).max(axis=1))
+    result.statement = "Gain and period at 4000 delays, and the exact loop."
+    result.heard(error < 0.02)
+    result.corrected(error > 0.15, abs(held - text) > 900)
 
 
 @claim(
@@ -467,28 +467,28 @@ def quoted_ku_tu(found):
     "delay, and {delayed:.1f} times with the {late_ms:.0f} ms that make the ultimate gain "
     "{said:.0f}.",
 )
-def quoted_gains_overshoot(found):
+def quoted_gains_overshoot(result):
     from course.control import Gains, sampled
 
-    late, said = found.given("late_ms", 10.64) / 1000, found.given("said", 45)
-    kp, ki, kd = (found.given(n, v) for n, v in (("kp", 27.0), ("ki", 120.0), ("kd", 1.5)))
+    late, text = result.given("late_ms", 10.64) / 1000, result.given("said", 45)
+    kp, ki, kd = (result.given(n, v) for n, v in (("kp", 27.0), ("ki", 120.0), ("kd", 1.5)))
 
     def per_second(delay=0.0, dt=1e-3):
         return _growth(kp, ki, kd, delay, dt) ** (1 / dt)
 
     roots = np.roots([J, B + kd, kp, ki])
-    found.figure("left", (B + kd) * kp * float(np.sign(per_second())))
-    found.figure("right", J * ki * float(np.sign(per_second())))
-    found.figure("factor", per_second(dt=1e-5), 1e-3)
-    found.figure("delayed", per_second(late), 1e-3)
+    result.figure("left", (B + kd) * kp * float(np.sign(per_second())))
+    result.figure("right", J * ki * float(np.sign(per_second())))
+    result.figure("factor", per_second(dt=1e-5), 1e-3)
+    result.figure("delayed", per_second(late), 1e-3)
     gain = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3, late)[0]
-    found.statement = "Routh's condition, and the loop's matrix."
-    found.heard(_step(Gains(kp, ki, kd), delay=late, seconds=20.0)[1].settling < 20)
-    found.corrected(
+    result.statement = "Routh's condition, and the loop's matrix."
+    result.heard(_step(Gains(kp, ki, kd), delay=late, seconds=20.0)[1].settling < 20)
+    result.corrected(
         np.max(roots.real) > 0,
         per_second(late) > 1,
         all(_growth(kp, ki, kd, dt=dt) > 1 for dt in np.geomspace(1e-5, 1, 30)),
-        abs(gain / said - 1) < 0.02,
+        abs(gain / text - 1) < 0.02,
     )
 
 
@@ -500,22 +500,22 @@ def quoted_gains_overshoot(found):
     "as it was and the same D the loop decays both ways, {late_kept:.2f} and {kept:.2f} times a "
     "second.",
 )
-def safer_set(found):
-    kp, ki, kd = (found.given(n, v) for n, v in (("kp", 19.0), ("ki", 120.0), ("kd", 2.3)))
-    late = found.given("late_ms", 10.64) / 1000
+def safer_set(result):
+    kp, ki, kd = (result.given(n, v) for n, v in (("kp", 19.0), ("ki", 120.0), ("kd", 2.3)))
+    late = result.given("late_ms", 10.64) / 1000
 
     def grown(name, delay, dt=1e-4):
         """Growth a second of the set, of the one before, and with that one's kp."""
         sets = (kp, ki, kd), (27, 120, 1.5), (27, ki, kd)
         found_out = [_growth(p, i, d, delay, dt) ** (1 / dt) for p, i, d in sets]
         for word, value in zip(("factor", "before", "kept"), found_out, strict=True):
-            found.figure(name + word, value, 1e-3)
+            result.figure(name + word, value, 1e-3)
         return found_out
 
     now, then = grown("", 0.0), grown("late_", late)
-    found.statement = "Growth of both sets by the loop's matrix, without further delay and with it."
-    found.heard(max(now[0], then[0]) < 1)
-    found.corrected(now[0] > now[1] > 1 > now[2], then[1] > then[0] > 1 > then[2])
+    result.statement = "Growth of both sets by the loop's matrix, without further delay and with it."
+    result.heard(max(now[0], then[0]) < 1)
+    result.corrected(now[0] > now[1] > 1 > now[2], then[1] > then[0] > 1 > then[2])
 
 
 @claim(
@@ -526,22 +526,22 @@ def safer_set(found):
     "{over_low:.0%} or more. Poles placed with the stated delay overshoot by {placed:.0%}.",
     source="J. G. Ziegler, N. B. Nichols, Optimum settings for automatic controllers, 1942",
 )
-def ziegler_nichols_is_safe(found):
+def ziegler_nichols_is_safe(result):
     from course.charts.control.limits import ROWS, placed, ziegler_nichols
 
-    low, high = found.given("low", 0.01), found.given("high", 10)
+    low, high = result.given("low", 0.01), result.given("high", 10)
     shares = np.geomspace(low, high, 25)
     rows = {name: [ziegler_nichols(name, x) for x in shares] for name in ROWS}
     stable = {name: np.mean([r.growth < 1 for r in row]) for name, row in rows.items()}
-    found.figure("pid_ok", stable["PID"], 0.05)
-    found.figure("pi_ok", stable["PI"], 0.05)
+    result.figure("pid_ok", stable["PID"], 0.05)
+    result.figure("pi_ok", stable["PI"], 0.05)
     over = min(r.overshoot for r in rows["PID"] if r.growth < 1)
-    found.figure("over_low", over, 0.02)
+    result.figure("over_low", over, 0.02)
     mine = [placed(x) for x in shares]
-    found.figure("placed", max(r.overshoot for r in mine), 0.05)
-    found.statement = "Every row at 25 delays: growth, margins and a step."
-    found.heard(min(stable.values()) == 1 and over < 0.2)
-    found.corrected(
+    result.figure("placed", max(r.overshoot for r in mine), 0.05)
+    result.statement = "Every row at 25 delays: growth, margins and a step."
+    result.heard(min(stable.values()) == 1 and over < 0.2)
+    result.corrected(
         over > 0.2, all(r.growth < 1 for r in mine), max(r.overshoot for r in mine) < over
     )
 
@@ -552,7 +552,7 @@ def ziegler_nichols_is_safe(found):
     "a PID loop a fifth more I adds {i_over:.1%} of overshoot, a fifth more P takes {p_over:.1%} "
     "away, and of {draws:.0f} drawn loops more P settles later in {p_later:.0%}.",
 )
-def one_gain_one_symptom(found):
+def one_gain_one_symptom(result):
     from course.control import Gains, Joint
 
     def metrics(kp, ki, kd, load=0.0):
@@ -560,14 +560,14 @@ def one_gain_one_symptom(found):
 
     now, more_d = metrics(20, 30, 4), metrics(20, 30, 4.8)
     alone = [metrics(kp, 0, kd, -2.0).error for kp, kd in ((20, 4), (24, 4), (20, 4.8))]
-    found.figure("i_over", metrics(20, 36, 4).overshoot - now.overshoot, 1e-2)
-    found.figure("p_over", now.overshoot - metrics(24, 30, 4).overshoot, 1e-2)
-    draws = found.rng.uniform([15, 5, 2], [60, 60, 8], (int(found.given("draws", 40)), 3))
+    result.figure("i_over", metrics(20, 36, 4).overshoot - now.overshoot, 1e-2)
+    result.figure("p_over", now.overshoot - metrics(24, 30, 4).overshoot, 1e-2)
+    draws = result.rng.uniform([15, 5, 2], [60, 60, 8], (int(result.given("draws", 40)), 3))
     later = [metrics(1.2 * a, b, c).settling > metrics(a, b, c).settling for a, b, c in draws]
-    found.figure("p_later", np.mean(later), 0.05)
-    found.statement = "Steps of the joint, one gain changed by a fifth at a time."
-    found.heard(np.mean(later) == 0 and metrics(20, 36, 4).overshoot <= now.overshoot)
-    found.corrected(
+    result.figure("p_later", np.mean(later), 0.05)
+    result.statement = "Steps of the joint, one gain changed by a fifth at a time."
+    result.heard(np.mean(later) == 0 and metrics(20, 36, 4).overshoot <= now.overshoot)
+    result.corrected(
         0.05 < np.mean(later),
         metrics(20, 36, 4).overshoot > now.overshoot,
         metrics(24, 30, 4).overshoot < now.overshoot,
@@ -596,22 +596,22 @@ def one_gain_one_symptom(found):
         },
     ),
 )
-def high_gain_catches(found):
+def high_gain_catches(result):
     import sympy
 
     from course.charts.control.limits import caught, edge_of_rest
 
     u, m, g, length = sympy.symbols("u m g l", positive=True)
     sine = sympy.Symbol("sine")  # of the angle at which gravity's torque is all of the motor's
-    found.formula = sympy.asin(sympy.solve(u - m * g * length * sine, sine)[0])
-    share = found.given("share", 0.5)
+    result.formula = sympy.asin(sympy.solve(u - m * g * length * sine, sine)[0])
+    share = result.given("share", 0.5)
 
     edges = [edge_of_rest(share, gain) for gain in (3.0, 10.0, 30.0)]
-    theory = float(found.formula.subs({u: share, m: 1, g: 1, length: 1}))
-    found.figure("edge_rad", edges[1], 1e-6)
-    found.statement = "Saturated feedback at three gains, the limit by bisection."
-    found.heard(caught(1.2, 0.0, share, 30.0).all())
-    found.corrected(
+    theory = float(result.formula.subs({u: share, m: 1, g: 1, length: 1}))
+    result.figure("edge_rad", edges[1], 1e-6)
+    result.statement = "Saturated feedback at three gains, the limit by bisection."
+    result.heard(caught(1.2, 0.0, share, 30.0).all())
+    result.corrected(
         all(abs(x / theory - 1) < 1e-3 for x in edges),
         abs(edge_of_rest(share, linear=True) / share - 1) < 1e-3,
     )

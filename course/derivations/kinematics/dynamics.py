@@ -33,7 +33,7 @@ SYMBOLS = {
     ),
     source="Spong, Hutchinson and Vidyasagar, Robot Modeling and Control (2006), sec. 7.3",
 )
-def two_link_mass_matrix(found):
+def two_link_mass_matrix(result):
     import sympy
 
     from course.kinematics import TwoLink
@@ -66,10 +66,10 @@ def two_link_mass_matrix(found):
     names = [*q, *v, *(w.diff(t) for w in v)]
     torque = torque.subs(list(zip(names, plain, strict=True))[::-1])
     M = torque.jacobian(plain[4:]).applyfunc(lambda x: sympy.trigsimp(sympy.expand(x)))
-    found.formula = M[0, 1]
+    result.formula = M[0, 1]
     numeric = sympy.lambdify((m1, m2, l1, l2, g, *plain), [torque, M])
 
-    def off(draw: np.ndarray) -> float:
+    def deviation(draw: np.ndarray) -> float:
         """Largest difference to the closed form of the course, torques and mass matrix."""
         (a, b, c, d), state = draw[:4], draw[4:].reshape(3, 2)
         arm = TwoLink(lengths=(c, d), masses=(a, b), damping=(0.0, 0.0), gravity=9.81)
@@ -77,21 +77,21 @@ def two_link_mass_matrix(found):
         apart = np.abs(np.ravel(tau) - arm.inverse_dynamics(*state)).max()
         return max(float(apart), float(np.abs(matrix - arm.mass_matrix(state[0])).max()))
 
-    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
-    masses = found.given("m1_kg", 1.0), found.given("m2_kg", 0.8)
+    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
+    masses = result.given("m1_kg", 1.0), result.given("m2_kg", 0.8)
     arm = TwoLink(lengths=lengths, masses=masses)
     swing = arm.mass_matrix(np.array([np.zeros(721), np.linspace(0, np.pi, 721)]))
-    found.figure("ratio", swing[0, 0, 0] / swing[0, 0, -1], 1e-6)
-    found.figure("m12_stretched", swing[0, 1, 0])
-    draws = found.rng.uniform((0.2,) * 4 + (-3,) * 6, (2,) * 4 + (3,) * 6, (30, 10))
+    result.figure("ratio", swing[0, 0, 0] / swing[0, 0, -1], 1e-6)
+    result.figure("m12_stretched", swing[0, 1, 0])
+    draws = result.rng.uniform((0.2,) * 4 + (-3,) * 6, (2,) * 4 + (3,) * 6, (30, 10))
     turn = np.arccos(-2 * lengths[1] / (3 * lengths[0]))
-    found.statement = (
+    result.statement = (
         "Lagrange's equations of two rods with gravity, by algebra, against the course's closed "
         "form at 30 random arms and states."
     )
-    found.heard(np.ptp(swing[0, 0]) < 1e-9 and np.abs(swing[0, 1]).max() < 1e-9)
-    found.corrected(
-        max(off(draw) for draw in draws) < 1e-10,
+    result.heard(np.ptp(swing[0, 0]) < 1e-9 and np.abs(swing[0, 1]).max() < 1e-9)
+    result.corrected(
+        max(deviation(draw) for draw in draws) < 1e-10,
         M == M.T,
         swing[0, 0, 0] > swing[0, 0, -1],
         abs(arm.mass_matrix([0.0, turn])[0, 1]) < 1e-12,
@@ -112,9 +112,9 @@ def exact_accelerations(
         M, rest, square = mp.zeros(len(q)), mp.matrix(tau), np.cumsum(spin) ** 2
         for k in range(len(q)):
             # Of the centre of rod k, as complex numbers: way from the joints, and acceleration.
-            way = np.append(links[:k], links[k] / 2)
-            J = 1j * np.cumsum(way[::-1])[::-1]
-            pull = 1j * gravity - np.sum(square[: k + 1] * way)
+            path = np.append(links[:k], links[k] / 2)
+            J = 1j * np.cumsum(path[::-1])[::-1]
+            pull = 1j * gravity - np.sum(square[: k + 1] * path)
             for i in range(k + 1):
                 rest[i] -= m[k] * (mp.conj(J[i]) * pull).real
                 for j in range(k + 1):
@@ -132,7 +132,7 @@ def exact_accelerations(
     "one about {lost:.0f} digits.",
     source="Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7 and 10",
 )
-def articulated_bodies_lose_fewer_digits(found):
+def articulated_bodies_lose_fewer_digits(result):
     from scipy.linalg import cho_factor, cho_solve
 
     from course.kinematics import forward_dynamics, mass_matrix, planar
@@ -144,9 +144,9 @@ def articulated_bodies_lose_fewer_digits(found):
         """Median relative errors of articulated bodies and of Cholesky's factors."""
         measured = []
         for _ in range(postures):
-            lengths, masses = found.rng.uniform(0.3, 1, n), found.rng.uniform(0.5, 2, n)
+            lengths, masses = result.rng.uniform(0.3, 1, n), result.rng.uniform(0.5, 2, n)
             masses[-1] *= factor
-            q, tau = found.rng.uniform(-3, 3, n), found.rng.normal(size=n)
+            q, tau = result.rng.uniform(-3, 3, n), result.rng.normal(size=n)
             arm = planar(lengths, masses)
             truth = exact_accelerations(lengths, masses, q, 0 * q, tau)
             ours = forward_dynamics(arm, q, 0 * q, tau, gravity=(0, 0, 0))
@@ -155,34 +155,34 @@ def articulated_bodies_lose_fewer_digits(found):
             measured.append(np.linalg.norm(both - truth, axis=1) / np.linalg.norm(truth))
         return np.median(np.maximum(measured, unit), axis=0)
 
-    few, many = found.given("few", 2), found.given("many", 8)
-    factor = found.given("factor", 1e6)
-    short, long, loaded = errors(few, 1, 400), errors(many, 1, 40), errors(many, factor, 40)
+    few, more = result.given("few", 2), result.given("many", 8)
+    factor = result.given("factor", 1e6)
+    short, long, loaded = errors(few, 1, 400), errors(more, 1, 40), errors(more, factor, 40)
     # Errors at the level of rounding depend on the CPU, so the figures are coarse on purpose: whole
     # digits, and the ratio to the nearest half.
-    found.figure("digits", np.round(np.log10(long[1] / long[0])))
-    found.figure("digits_heavy", np.round(np.log10(loaded[1] / loaded[0])))
-    found.figure("lost", np.round(np.log10(loaded[0] / long[0])))
-    found.figure("ratio", np.round(2.0 * short[1] / short[0]) / 2.0)
-    found.statement = (
+    result.figure("digits", np.round(np.log10(long[1] / long[0])))
+    result.figure("digits_heavy", np.round(np.log10(loaded[1] / loaded[0])))
+    result.figure("lost", np.round(np.log10(loaded[0] / long[0])))
+    result.figure("ratio", np.round(2.0 * short[1] / short[0]) / 2.0)
+    result.statement = (
         "Median errors over 400 arms and postures with two links and 40 with more. The truth is a "
         "solution with 60 digits."
     )
-    clear = found.given("clear", 5)
+    clear = result.given("clear", 5)
 
     def better(n: int, load: float) -> bool:
         ours, other = errors(n, load, 30)
         return bool(other > clear * ours)
 
-    draws = list(zip(found.rng.integers(8, 11, 8), 10 ** found.rng.uniform(0, 6, 8), strict=True))
-    found.heard(
+    draws = list(zip(result.rng.integers(8, 11, 8), 10 ** result.rng.uniform(0, 6, 8), strict=True))
+    result.heard(
         short[1] > clear * short[0] and long[1] > clear * long[0],
         only_if="the arm is long and its tip not light: with {many:g} planar links or more, the "
         "last as heavy as the others or heavier, by more than a factor of {clear:g} in the median",
         inside=[better(int(n), load) for n, load in draws],
         outside=[better(2, load) for _, load in draws] + [better(8, 1e-6) for _ in draws],
     )
-    found.corrected(
+    result.corrected(
         0.4 < short[1] / short[0] < 2.5,
         long[1] > 5 * long[0],
         loaded[1] > 20 * loaded[0],
@@ -197,12 +197,12 @@ def articulated_bodies_lose_fewer_digits(found):
     "numbers never act, and mass can be moved between links without a trace. Fit the combinations.",
     source="Atkeson, An and Hollerbach, Estimation of inertial parameters (1986)",
 )
-def torques_tell_ten_numbers(found):
+def torques_tell_ten_numbers(result):
     from course.kinematics import inertial_parameters, inverse_dynamics, regressor
 
     def motions(count: int) -> tuple[Any, Any, Any, Any]:
-        arm, q = panda_postures(found.rng, count)
-        return arm, q, found.rng.normal(size=q.shape), found.rng.normal(size=q.shape)
+        arm, q = panda_postures(result.rng, count)
+        return arm, q, result.rng.normal(size=q.shape), result.rng.normal(size=q.shape)
 
     def rows(count: int) -> np.ndarray:
         return regressor(*motions(count)).transpose(2, 0, 1).reshape(-1, 70)
@@ -212,20 +212,20 @@ def torques_tell_ten_numbers(found):
         return int(np.sum(s > 1e-9 * s[0]))
 
     matrix = rows(60)
-    numbers = found.figure("numbers", matrix.shape[1])
-    seen = found.figure("seen", rank(matrix))
+    numbers = result.figure("numbers", matrix.shape[1])
+    observed = result.figure("seen", rank(matrix))
     # Numbers that differ along the unseen directions give the same torques elsewhere.
-    unseen = np.linalg.svd(matrix)[2][seen:]
+    unseen = np.linalg.svd(matrix)[2][observed:]
     arm, q, v, a = motions(20)
-    other = inertial_parameters(arm) + found.rng.normal(size=len(unseen)) @ unseen
+    other = inertial_parameters(arm) + result.rng.normal(size=len(unseen)) @ unseen
     torques = np.einsum("ijk,j->ik", regressor(arm, q, v, a), other)
     torques += arm.armature[:, None] * a + arm.damping[:, None] * v
     more = rank(rows(90))
-    found.statement = f"Rank of the regressor over 60 random motions; with 90 it is {more}."
-    found.heard(seen == numbers)
-    found.corrected(
+    result.statement = f"Rank of the regressor over 60 random motions; with 90 it is {more}."
+    result.heard(observed == numbers)
+    result.corrected(
         np.allclose(torques, inverse_dynamics(arm, q, v, a), atol=1e-9),
-        seen < numbers,
-        more == seen,
+        observed < numbers,
+        more == observed,
         rank(matrix[:, :10]) < 10,
     )

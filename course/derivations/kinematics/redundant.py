@@ -26,10 +26,10 @@ def _null_vectors(J: np.ndarray) -> np.ndarray:
     "Where J has full rank. With q2 = q5 = 0 and q3 a right angle its rank is 5: two independent "
     "motions leave the hand where it is, and one motion of the hand is lost.",
 )
-def one_joint_to_spare(found):
+def one_joint_to_spare(result):
     from course.kinematics import jacobian, null_space
 
-    arm, q = panda_postures(found.rng, 60)
+    arm, q = panda_postures(result.rng, 60)
     lost = q.copy()
     lost[[1, 4]], lost[2] = 0, np.pi / 2
 
@@ -37,16 +37,16 @@ def one_joint_to_spare(found):
         N = null_space(jacobian(arm, postures))
         return np.round(np.trace(N), 6)
 
-    found.figure("spare_usual", np.median(spare(q)))
-    found.figure("spare_singular", np.median(spare(lost)))
-    found.statement = "Trace of the projector at 60 random postures, and at 60 singular ones."
-    found.heard(
+    result.figure("spare_usual", np.median(spare(q)))
+    result.figure("spare_singular", np.median(spare(lost)))
+    result.statement = "Trace of the projector at 60 random postures, and at 60 singular ones."
+    result.heard(
         (spare(lost) == 1).all(),
         only_if="J has full rank there",
         inside=spare(q) == 1,
         outside=spare(lost) == 1,
     )
-    found.corrected((spare(lost) == 2).all(), (spare(q) == 1).all())
+    result.corrected((spare(lost) == 2).all(), (spare(q) == 1).all())
 
 
 @claim(
@@ -67,12 +67,12 @@ def one_joint_to_spare(found):
         },
     ),
 )
-def null_motion_leaves_the_tip(found):
+def null_motion_leaves_the_tip(result):
     import sympy
 
     from course.kinematics import jacobian, jacobian_rate, pose_error, singular_values, tip
 
-    arm, q = panda_postures(found.rng, 200)
+    arm, q = panda_postures(result.rng, 200)
     q = q[:, singular_values(jacobian(arm, q))[-1] > 0.05]  # one vector spans the null space there
     v, home = _null_vectors(jacobian(arm, q)), tip(arm, q)
 
@@ -86,19 +86,19 @@ def null_motion_leaves_the_tip(found):
     acceleration = np.einsum("ijk,jk->ik", jacobian_rate(arm, q, v), v)[:3]
     c = np.linalg.norm(acceleration, axis=0) / 2
     a, h, t = sympy.symbols("a h t", positive=True)
-    found.formula = sympy.integrate(sympy.integrate(a, (t, 0, t)), (t, 0, h))
+    result.formula = sympy.integrate(sympy.integrate(a, (t, 0, t)), (t, 0, h))
     steps = np.array([0.2, 0.1, 0.05])
-    drift, left = np.median([sizes(x) for x in steps], axis=2).T
-    orders = [np.polyfit(np.log(steps), np.log(x), 1)[0] for x in (drift, left)]
-    step = found.given("step_rad", 0.1)
-    found.figure("c_m", np.median(c), 1e-3)
-    found.figure("drift_mm", 1000 * np.median(sizes(step)[0]), 1e-3)
-    found.figure("left_um", 1e6 * np.median(sizes(step)[1]), 1e-2)
-    found.figure("order_before", orders[0], 1e-2)
-    found.figure("order_after", orders[1], 1e-2)
-    found.statement = f"{q.shape[1]} random postures with no singular value below 0.05."
-    found.heard(drift.max() < 1e-9)
-    found.corrected(
+    drift, remaining = np.median([sizes(x) for x in steps], axis=2).T
+    orders = [np.polyfit(np.log(steps), np.log(x), 1)[0] for x in (drift, remaining)]
+    step = result.given("step_rad", 0.1)
+    result.figure("c_m", np.median(c), 1e-3)
+    result.figure("drift_mm", 1000 * np.median(sizes(step)[0]), 1e-3)
+    result.figure("left_um", 1e6 * np.median(sizes(step)[1]), 1e-2)
+    result.figure("order_before", orders[0], 1e-2)
+    result.figure("order_after", orders[1], 1e-2)
+    result.statement = f"{q.shape[1]} random postures with no singular value below 0.05."
+    result.heard(drift.max() < 1e-9)
+    result.corrected(
         np.allclose(sizes(1e-3)[0], c * 1e-6, rtol=0.05, atol=1e-9),
         abs(orders[0] - 2) < 0.05,
         abs(orders[1] - 4) < 0.2,
@@ -121,7 +121,7 @@ def null_motion_leaves_the_tip(found):
         },
     ),
 )
-def projector_of_the_null_space(found):
+def projector_of_the_null_space(result):
     import sympy
 
     from course.kinematics import jacobian, null_space
@@ -129,8 +129,8 @@ def projector_of_the_null_space(found):
     s, lam = sympy.symbols("s lambda", positive=True)
     leak = s * lam**2 / (s**2 + lam**2)
     (worst,) = sympy.solve(sympy.diff(leak, s), s)
-    found.formula = leak.subs(s, worst)
-    arm, q = panda_postures(found.rng, 500)
+    result.formula = leak.subs(s, worst)
+    arm, q = panda_postures(result.rng, 500)
     rows = jacobian(arm, q)[:3]  # of the position alone: one unit
     J, N = (np.moveaxis(x, 2, 0) for x in (rows, null_space(rows)))
 
@@ -139,18 +139,18 @@ def projector_of_the_null_space(found):
         damped = np.eye(7) - damped_inverse(rows, value) @ J
         return np.linalg.norm(J @ damped, 2, axis=(1, 2))
 
-    value = found.given("damping", 0.1)
-    found.figure("leak_mm", 1000 * float(found.formula.subs(lam, value)))
-    found.figure("seen_mm", 1000 * leaks(value).max(), 1e-3)
+    value = result.given("damping", 0.1)
+    result.figure("leak_mm", 1000 * float(result.formula.subs(lam, value)))
+    result.figure("seen_mm", 1000 * leaks(value).max(), 1e-3)
     exact = np.abs(J @ N).max(axis=(1, 2)) < 1e-12
-    found.statement = "500 random postures of the 7-R arm, the three rows of position."
-    found.heard(
+    result.statement = "500 random postures of the 7-R arm, the three rows of position."
+    result.heard(
         (leaks(value) < 1e-9).all(),
         only_if="J^+ is the exact pseudo-inverse, not a damped one",
         inside=exact[:40],
         outside=leaks(value)[:40] < 1e-9,
     )
-    found.corrected(
+    result.corrected(
         exact.all(),
         np.abs(N - N.transpose(0, 2, 1)).max() < 1e-12,
         np.abs(N @ N - N).max() < 1e-12,
@@ -177,36 +177,36 @@ def projector_of_the_null_space(found):
     ),
     source="Liegeois (1977); Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.5",
 )
-def second_task(found):
+def second_task(result):
     import sympy
 
     from course.kinematics import jacobian, null_space, tip
 
-    arm, q = panda_postures(found.rng, 3000)
-    J, wish = jacobian(arm, q), found.rng.normal(size=q.shape)
+    arm, q = panda_postures(result.rng, 3000)
+    J, wish = jacobian(arm, q), result.rng.normal(size=q.shape)
     wish /= np.linalg.norm(wish, axis=0)
 
-    def kept(rows: int) -> float:
+    def selected(rows: int) -> float:
         N = null_space(J[:rows])
         return float(np.mean(np.sum(np.einsum("ijk,jk->ik", N, wish) ** 2, axis=0)))
 
     # E |N z|^2 = trace(N) / n for a unit z in a random direction, and trace(N) = n - rank.
     n, r = sympy.symbols("n r", positive=True)
-    found.formula = (n - r) / n
-    law = sympy.lambdify((n, r), found.formula)
-    step = found.given("step_rad", 0.2)
+    result.formula = (n - r) / n
+    law = sympy.lambdify((n, r), result.formula)
+    step = result.given("step_rad", 0.2)
     second = np.einsum("ijk,jk->ik", null_space(J), wish)
     first = np.linalg.norm(np.einsum("ijk,jk->ik", J, second), axis=0)
     second *= step / np.linalg.norm(second, axis=0)
-    gone = np.linalg.norm((tip(arm, q + second) - tip(arm, q))[:3], axis=0)
-    found.figure("disturbed_mm", 1000 * np.median(gone), 0.01)
-    found.figure("kept_percent", 100 * kept(6), 0.05)
-    found.statement = "3000 random postures with a random wish each; ranks 3 and 6."
-    found.heard(gone.max() < 1e-9)
-    found.corrected(
+    missing = np.linalg.norm((tip(arm, q + second) - tip(arm, q))[:3], axis=0)
+    result.figure("disturbed_mm", 1000 * np.median(missing), 0.01)
+    result.figure("kept_percent", 100 * selected(6), 0.05)
+    result.statement = "3000 random postures with a random wish each; ranks 3 and 6."
+    result.heard(missing.max() < 1e-9)
+    result.corrected(
         first.max() < 1e-9,
-        np.median(gone) > 1e-4,
-        all(abs(kept(rows) - law(7, rows)) < 0.01 for rows in (3, 6)),
+        np.median(missing) > 1e-4,
+        all(abs(selected(rows) - law(7, rows)) < 0.01 for rows in (3, 6)),
     )
 
 
@@ -219,37 +219,37 @@ def second_task(found):
     "from a target at {r_m} m by {strays_m:.1f} m or more: min(l1 + l2 - r, r - |l1 - l2|).",
     source="Ames, Morgan and Konidaris, IKFlow, IEEE Robotics and Automation Letters 7 (2022)",
 )
-def flow_samples_all(found):
+def flow_samples_all(result):
     from course.kinematics import two_link_ik
 
-    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
-    mm, deg = found.given("mm", 10), found.given("deg", 2)
+    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
+    mm, deg = result.given("mm", 10), result.given("deg", 2)
     t = np.linspace(0, 1, 401)
 
     def strays(arm: Any, r: float, wiggle: np.ndarray, turn: int) -> float:
         """Farthest from the target on a continuous way between both answers [m]."""
         target = np.array([r, 0.0])
         ends = two_link_ik(arm, target).q
-        way = ends[:, :1] * (1 - t) + (ends[:, 1:] + 2 * np.pi * turn * np.array([[0], [1]])) * t
-        way = way + wiggle * np.sin(np.pi * np.arange(1, 4)[:, None] * t).sum(axis=0)[None]
-        return float(np.hypot(*(planar_tip(arm, way) - target[:, None])).max())
+        path = ends[:, :1] * (1 - t) + (ends[:, 1:] + 2 * np.pi * turn * np.array([[0], [1]])) * t
+        path = path + wiggle * np.sin(np.pi * np.arange(1, 4)[:, None] * t).sum(axis=0)[None]
+        return float(np.hypot(*(planar_tip(arm, path) - target[:, None])).max())
 
     def least(arm: Any, r: float) -> float:
         return min(sum(arm) - r, r - abs(arm[0] - arm[1]))
 
-    r = found.given("r_m", 1.2)
-    arms = found.rng.uniform(0.3, 1.5, (100, 2))
-    reach = abs(arms[:, 0] - arms[:, 1]) + 2 * arms.min(axis=1) * found.rng.uniform(0.05, 0.95, 100)
+    r = result.given("r_m", 1.2)
+    arms = result.rng.uniform(0.3, 1.5, (100, 2))
+    reach = abs(arms[:, 0] - arms[:, 1]) + 2 * arms.min(axis=1) * result.rng.uniform(0.05, 0.95, 100)
     ratios = [
-        strays(arm, x, found.rng.normal(0, 1, (2, 1)), k % 2) / least(arm, x)
+        strays(arm, x, result.rng.normal(0, 1, (2, 1)), k % 2) / least(arm, x)
         for k, (arm, x) in enumerate(zip(arms, reach, strict=True))
     ]
     best = min(strays(lengths, r, np.zeros((2, 1)), k) for k in (0, 1))
-    found.figure("strays_m", best, 1e-3)
-    found.figure("least_ratio", min(ratios), 0.01)
-    found.statement = (
+    result.figure("strays_m", best, 1e-3)
+    result.figure("least_ratio", min(ratios), 0.01)
+    result.statement = (
         f"{len(ratios)} ways between the branches of random arms, elbow through 0 or pi; none "
         f"strays less than the bound. Accuracy ({mm} mm, {deg} degrees) is the paper's abstract."
     )
-    found.heard(min(ratios) < 1e-6)
-    found.corrected(min(ratios) >= 0.999, best >= least(lengths, r) - 1e-3, best < 1.5)
+    result.heard(min(ratios) < 1e-6)
+    result.corrected(min(ratios) >= 0.999, best >= least(lengths, r) - 1e-3, best < 1.5)

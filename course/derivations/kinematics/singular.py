@@ -71,7 +71,7 @@ def _around(rng: np.random.Generator, low: float, high: float, count: int = 2000
         },
     ),
 )
-def pseudo_inverse_beside(found):
+def pseudo_inverse_beside(result):
     import sympy
 
     e, delta = sympy.symbols("e delta", positive=True)
@@ -79,24 +79,24 @@ def pseudo_inverse_beside(found):
     J = J.subs({q1: 0, q2: delta})
     step = J.adjugate() * sympy.Matrix([e, 0]) / sympy.simplify(J.det())
     square = sympy.limit(sympy.simplify(step.dot(step) * delta**2), delta, 0)
-    found.formula = sympy.sqrt(sympy.factor(square)) / delta
-    law = sympy.lambdify((l1, l2, e, delta), found.formula)
+    result.formula = sympy.sqrt(sympy.factor(square)) / delta
+    law = sympy.lambdify((l1, l2, e, delta), result.formula)
 
-    def asked(lengths: Any, beside: float, error: float) -> float:
+    def requested(lengths: Any, beside: float, error: float) -> float:
         J = planar_jacobian(lengths, [0.0, beside])
         return float(np.linalg.norm(np.linalg.pinv(J, rcond=1e-12) @ [-error, 0.0]))
 
-    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
-    beside = found.given("delta_rad", 1e-6)
-    found.figure("step_rad", asked(lengths, beside, 0.01), 1e-5)
-    found.figure("at_it_rad", asked(lengths, 0.0, 0.01))
-    draws = found.rng.uniform((0.3, 0.3, 0.001, -6), (1.5, 1.5, 0.1, -4), (40, 4))
-    ratios = [asked(d[:2], 10 ** d[3], d[2]) / law(*d[:3], 10 ** d[3]) for d in draws]
-    found.statement = "Two-link Jacobian by algebra; pinv of NumPy at 40 random arms and angles."
-    found.heard(not asked(lengths, 0.0, 0.01) < 1e6)
-    found.corrected(
-        asked(lengths, 0.0, 0.01) == 0,
-        asked(lengths, beside, 0.01) > 1e4,
+    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
+    beside = result.given("delta_rad", 1e-6)
+    result.figure("step_rad", requested(lengths, beside, 0.01), 1e-5)
+    result.figure("at_it_rad", requested(lengths, 0.0, 0.01))
+    draws = result.rng.uniform((0.3, 0.3, 0.001, -6), (1.5, 1.5, 0.1, -4), (40, 4))
+    ratios = [requested(d[:2], 10 ** d[3], d[2]) / law(*d[:3], 10 ** d[3]) for d in draws]
+    result.statement = "Two-link Jacobian by algebra; pinv of NumPy at 40 random arms and angles."
+    result.heard(not requested(lengths, 0.0, 0.01) < 1e6)
+    result.corrected(
+        requested(lengths, 0.0, 0.01) == 0,
+        requested(lengths, beside, 0.01) > 1e4,
         np.allclose(ratios, 1, atol=1e-3),
     )
 
@@ -118,25 +118,25 @@ def pseudo_inverse_beside(found):
     ),
     source="Nakamura and Hanafusa (1986); Wampler (1986)",
 )
-def damped_gain(found):
+def damped_gain(result):
     import sympy
 
     s, damping = sympy.symbols("s lambda", positive=True)
     gain = s / (s**2 + damping**2)
     (best,) = sympy.solve(sympy.diff(gain, s), s)
-    found.formula = sympy.simplify(gain.subs(s, best))
-    lam = found.given("damping", 0.1)
-    q = found.rng.uniform(-np.pi, np.pi, (2, 4000))
-    q[1, ::2] *= 10 ** found.rng.uniform(-6, 0, 2000)  # half of them near stretched
+    result.formula = sympy.simplify(gain.subs(s, best))
+    lam = result.given("damping", 0.1)
+    q = result.rng.uniform(-np.pi, np.pi, (2, 4000))
+    q[1, ::2] *= 10 ** result.rng.uniform(-6, 0, 2000)  # half of them near stretched
     J, gains = planar_jacobian(ARM, q), {}
     for value in (0.01, lam, 1.0):
         gains[value] = 2 * value * np.linalg.norm(damped_inverse(J, value), 2, axis=(1, 2))
-    found.figure("step_rad", gains[lam].max() / (2 * lam), 1e-3)
+    result.figure("step_rad", gains[lam].max() / (2 * lam), 1e-3)
     values = np.linalg.svd(np.moveaxis(J, 2, 0))[1] / lam
     law = (2 * values / (values**2 + 1)).max(axis=1)
-    found.statement = "Norm of the damped inverse at 4000 postures, half of them near stretched."
-    found.heard(all(x.max() <= 1 + 1e-9 for x in gains.values()))
-    found.corrected(
+    result.statement = "Norm of the damped inverse at 4000 postures, half of them near stretched."
+    result.heard(all(x.max() <= 1 + 1e-9 for x in gains.values()))
+    result.corrected(
         best == damping,
         gains[lam].max() > 0.999,
         np.abs(gains[lam] - law).max() < 1e-9,
@@ -160,31 +160,31 @@ def damped_gain(found):
         },
     ),
 )
-def damping_is_free(found):
+def damping_is_free(result):
     import sympy
 
     s, lam = sympy.symbols("s lambda", positive=True)
-    found.formula = sympy.simplify(1 - s * s / (s**2 + lam**2))
-    law = sympy.lambdify((s, lam), found.formula)
-    damping = found.given("damping", 0.1)
-    lengths = found.given("l1_m", ARM[0]), found.given("l2_m", ARM[1])
-    q = found.rng.uniform(-np.pi, np.pi, (2, 2000))
+    result.formula = sympy.simplify(1 - s * s / (s**2 + lam**2))
+    law = sympy.lambdify((s, lam), result.formula)
+    damping = result.given("damping", 0.1)
+    lengths = result.given("l1_m", ARM[0]), result.given("l2_m", ARM[1])
+    q = result.rng.uniform(-np.pi, np.pi, (2, 2000))
     J = planar_jacobian(lengths, q)
     stack = np.moveaxis(J, 2, 0)
     U, values, _ = np.linalg.svd(stack)
 
-    def left(i: int, value: float) -> np.ndarray:
+    def remaining(i: int, value: float) -> np.ndarray:
         """Share of an error along singular direction i that a step leaves, for all postures."""
         along = U[:, :, i : i + 1]
         return np.linalg.norm(along - stack @ (damped_inverse(J, value) @ along), axis=(1, 2))
 
-    off = [np.abs(left(i, v) - law(values[:, i], v)).max() for i in (0, 1) for v in (0.01, 0.1, 1)]
-    found.figure("left_percent", 100 * np.median(left(1, damping)), 1e-3)
-    found.statement = (
-        f"2000 random postures, both directions, three dampings: law to {max(off):.0e}."
+    error = [np.abs(remaining(i, v) - law(values[:, i], v)).max() for i in (0, 1) for v in (0.01, 0.1, 1)]
+    result.figure("left_percent", 100 * np.median(remaining(1, damping)), 1e-3)
+    result.statement = (
+        f"2000 random postures, both directions, three dampings: law to {max(error):.0e}."
     )
-    found.heard(np.max(left(1, damping)) < 1e-3)
-    found.corrected(max(off) < 1e-9, np.median(left(1, damping)) > 0.01)
+    result.heard(np.max(remaining(1, damping)) < 1e-3)
+    result.corrected(max(error) < 1e-9, np.median(remaining(1, damping)) > 0.01)
 
 
 @claim(
@@ -195,25 +195,25 @@ def damping_is_free(found):
     "slowly the larger lambda: {steps_edge:.0f} steps for {steps_inside:.0f} inside with "
     "{damping} m/rad, {steps_more:.0f} with {more} m/rad.",
 )
-def rank_loss_is_failure(found):
+def rank_loss_is_failure(result):
     from course.kinematics import two_link_ik
 
-    edge, inside = _around(found.rng, 1.8, 1.8, 500), _around(found.rng, 0.5, 1.5, 500)
-    start = found.rng.uniform(-np.pi, np.pi, (2, 500))
+    edge, inside = _around(result.rng, 1.8, 1.8, 500), _around(result.rng, 0.5, 1.5, 500)
+    start = result.rng.uniform(-np.pi, np.pi, (2, 500))
     answer = two_link_ik(ARM, edge)
     closed = np.hypot(*(planar_tip(ARM, answer.q[:, 0]) - edge))
-    damping, more = found.given("damping", 0.03), found.given("more", 0.1)
-    (_, left, slow), (_, _, quick) = (_listing(x, start, damping, 3000) for x in (edge, inside))
+    damping, more = result.given("damping", 0.03), result.given("more", 0.1)
+    (_, remaining, slow), (_, _, quick) = (_listing(x, start, damping, 3000) for x in (edge, inside))
     _, also, slower = _listing(edge, start, more, 3000)
     rank = [np.linalg.matrix_rank(planar_jacobian(ARM, q), 1e-6) for q in answer.q[:, 0].T[:50]]
-    found.figure("steps_edge", np.median(slow), 0.05)
-    found.figure("steps_inside", np.median(quick), 0.05)
-    found.figure("steps_more", np.median(slower), 0.05)
-    found.statement = f"500 targets; at most {left.max():.1e} m are left on the edge."
-    found.heard(left.max() > 1e-3 or closed.max() > 1e-3)
-    found.corrected(
+    result.figure("steps_edge", np.median(slow), 0.05)
+    result.figure("steps_inside", np.median(quick), 0.05)
+    result.figure("steps_more", np.median(slower), 0.05)
+    result.statement = f"500 targets; at most {remaining.max():.1e} m are left on the edge."
+    result.heard(remaining.max() > 1e-3 or closed.max() > 1e-3)
+    result.corrected(
         closed.max() < 1e-12,
-        (left < 1e-4).all(),
+        (remaining < 1e-4).all(),
         (also < 1e-4).all(),
         max(rank) == 1,
         np.median(slower) > 3 * np.median(slow),
@@ -229,16 +229,16 @@ def rank_loss_is_failure(found):
     "the elbow grows {growth:.0f}-fold in the first full step here, so bend it by a hair (where "
     "the arm points elsewhere than along x, rounding may do it).",
 )
-def singular_start(found):
+def singular_start(result):
     import sympy
 
     from course.kinematics import ik, planar
     from course.kinematics.inverse import METHODS
 
-    away, damping = found.given("away_m", 0.5), 0.1
-    steps = found.given("steps", 100)
+    away, damping = result.given("away_m", 0.5), 0.1
+    steps = result.given("steps", 100)
 
-    def left(bend: float, error: float, value: float = damping) -> float:
+    def remaining(bend: float, error: float, value: float = damping) -> float:
         return float(_listing([sum(ARM) - error, 0.0], [0.0, bend], value, steps)[1][0])
 
     def growth(bend: float, error: float, value: float) -> float:
@@ -255,17 +255,17 @@ def singular_start(found):
     step = J.T * inner.adjugate() * error / inner.det()
     law = sympy.lambdify((e, value), 1 + sympy.diff(step[1], bend).subs(bend, 0))
 
-    draws = found.rng.uniform((0.01, 0.03), (1.0, 0.5), (30, 2))
+    draws = result.rng.uniform((0.01, 0.03), (1.0, 0.5), (30, 2))
     arm, goal, options = planar(ARM), [sum(ARM) - away, 0, 0], {"restarts": 0, "iterations": steps}
     stuck = [ik(arm, goal, [0.0, 0.0], method=method, **options).q for method in METHODS]
-    found.figure("growth", growth(1e-5, away, damping), 1e-4)
+    result.figure("growth", growth(1e-5, away, damping), 1e-4)
     stretched = planar_jacobian(ARM, [0.0, 0.0])
     still = [stretched.T @ [-away, 0.0], np.linalg.pinv(stretched) @ [-away, 0.0]]
-    bent = found.figure("left_bent_m", left(1e-9, away), 0.5)
-    found.statement = f"Started with the elbow at 0 and at 1e-9 rad, which ends {bent:.0e} m off."
-    found.heard(left(0.0, away) < 1e-3)
-    found.corrected(
-        all(left(0.0, e, value) == abs(sum(ARM) - (sum(ARM) - e)) for e, value in draws),
+    bent = result.figure("left_bent_m", remaining(1e-9, away), 0.5)
+    result.statement = f"Started with the elbow at 0 and at 1e-9 rad, which ends {bent:.0e} m off."
+    result.heard(remaining(0.0, away) < 1e-3)
+    result.corrected(
+        all(remaining(0.0, e, value) == abs(sum(ARM) - (sum(ARM) - e)) for e, value in draws),
         all(abs(growth(1e-5, *d) / law(*d) - 1) < 1e-4 for d in draws),
         bent < 1e-4,
         not np.any(still),
@@ -281,25 +281,25 @@ def singular_start(found):
     "millimetre is left. Which of the two answers it finds is the start's affair: the elbow ends "
     "on the side on which it began from {same_percent:.0f} % of the random ones.",
 )
-def listing_reaches_its_target(found):
+def listing_reaches_its_target(result):
     from course.kinematics import two_link_ik
 
     target = np.array([1.2, 0.5])
-    _, left, steps = _listing(target, [found.given("start_rad", 0.5)] * 2)
-    starts = found.rng.uniform(-np.pi, np.pi, (2, 1000))
+    _, remaining, steps = _listing(target, [result.given("start_rad", 0.5)] * 2)
+    starts = result.rng.uniform(-np.pi, np.pi, (2, 1000))
     spread, away, _ = _listing(np.tile(target[:, None], 1000), starts)
     answers = two_link_ik(ARM, target).q
     gap = np.angle(np.exp(1j * (spread[:, None] - answers[:, :, None])))
-    found.figure("steps", steps[0])
-    found.figure("left_mm", 1000 * left[0], 1e-4)
-    found.figure("share_percent", 100 * np.mean(away < 1e-4), 2e-3)
+    result.figure("steps", steps[0])
+    result.figure("left_mm", 1000 * remaining[0], 1e-4)
+    result.figure("share_percent", 100 * np.mean(away < 1e-4), 2e-3)
     same = np.sin(spread[1]) * np.sin(starts[1]) > 0
-    found.figure("same_percent", 100 * same.mean(), 0.05)
-    found.statement = "The listing from its own start and from 1000 random ones."
-    found.heard(left[0] < 1e-4)
-    found.corrected(
+    result.figure("same_percent", 100 * same.mean(), 0.05)
+    result.statement = "The listing from its own start and from 1000 random ones."
+    result.heard(remaining[0] < 1e-4)
+    result.corrected(
         np.mean(away < 1e-4) > 0.98,
-        left[0] > 1e-6,
+        remaining[0] > 1e-6,
         0.55 < same.mean() < 0.75,
         (np.abs(gap[:, :, away < 1e-4]).max(axis=0).min(axis=0) < 1e-2).all(),
     )
@@ -314,22 +314,22 @@ def listing_reaches_its_target(found):
     "direction shrinks with s / (s^2 + lambda^2), and lambda is what shrinks it. Beyond the "
     "annulus it returns joint angles like any others, and no word that it failed.",
 )
-def listing_converges(found):
+def listing_converges(result):
     def reached(low: float, high: float, damping: float = 0.1, steps: int = 100) -> float:
-        start = found.rng.uniform(-np.pi, np.pi, (2, 1000))
+        start = result.rng.uniform(-np.pi, np.pi, (2, 1000))
         return 100 * np.mean(
-            _listing(_around(found.rng, low, high, 1000), start, damping, steps)[1] < 1e-4
+            _listing(_around(result.rng, low, high, 1000), start, damping, steps)[1] < 1e-4
         )
 
-    outer = found.figure("outer_percent", reached(1.79, 1.8), 0.02)
-    edge = found.figure("edge_percent", reached(1.7999, 1.8), 0.5)
-    more = found.figure("more_percent", reached(1.79, 1.8, 0.3), 0.5)
-    less = found.figure("less_percent", reached(1.79, 1.8, 0.1 / 3), 0.02)
+    outer = result.figure("outer_percent", reached(1.79, 1.8), 0.02)
+    edge = result.figure("edge_percent", reached(1.7999, 1.8), 0.5)
+    more = result.figure("more_percent", reached(1.79, 1.8, 0.3), 0.5)
+    less = result.figure("less_percent", reached(1.79, 1.8, 0.1 / 3), 0.02)
     inside, beyond = reached(0.4, 1.6), reached(1.801, 3.0)
-    found.figure("inside_percent", inside, 0.01)
-    found.statement = f"1000 random targets and starts each; inside {inside:.1f} %."
-    found.heard(edge > 90 and more > outer)
-    found.corrected(inside > 98, edge < 5, more < 5, 80 < outer < less, beyond == 0)
+    result.figure("inside_percent", inside, 0.01)
+    result.statement = f"1000 random targets and starts each; inside {inside:.1f} %."
+    result.heard(edge > 90 and more > outer)
+    result.corrected(inside > 98, edge < 5, more < 5, 80 < outer < less, beyond == 0)
 
 
 @claim(
@@ -339,26 +339,26 @@ def listing_converges(found):
     "shrinks with the arm: made ten times smaller in the same posture, its determinant is "
     "{shrunk:g} times as large, its condition number the same.",
 )
-def condition_is_a_product(found):
+def condition_is_a_product(result):
     from course.kinematics import manipulability, singular_values
 
-    q = found.rng.uniform(-np.pi, np.pi, (2, 300))
+    q = result.rng.uniform(-np.pi, np.pi, (2, 300))
     q[1] = np.where(np.abs(np.sin(q[1])) < 0.02, 1.0, q[1])
     large, small = (planar_jacobian(np.array(ARM) * scale, q) for scale in (1.0, 0.1))
     (top, low), ours = singular_values(large), np.linalg.cond(np.moveaxis(large, 2, 0))
     ratio = manipulability(small) / manipulability(large)
     # The joint steps that unit motions of the tip ask for, by direction.
     around, inverse = np.linspace(0, np.pi, 721), np.linalg.inv(np.moveaxis(large, 2, 0))
-    asked = np.linalg.norm(inverse @ [np.cos(around), np.sin(around)], axis=1)
-    found.figure("shrunk", np.median(ratio))
-    found.figure("ratio_at_right_angle", np.linalg.cond(planar_jacobian(ARM, [0.0, np.pi / 2])))
-    found.statement = "300 random postures of two links, and the same arm a tenth as long."
-    found.heard(np.allclose(ours, top * low))
-    found.corrected(
+    requested = np.linalg.norm(inverse @ [np.cos(around), np.sin(around)], axis=1)
+    result.figure("shrunk", np.median(ratio))
+    result.figure("ratio_at_right_angle", np.linalg.cond(planar_jacobian(ARM, [0.0, np.pi / 2])))
+    result.statement = "300 random postures of two links, and the same arm a tenth as long."
+    result.heard(np.allclose(ours, top * low))
+    result.corrected(
         np.allclose(ours, top / low),
         np.allclose(top * low, manipulability(large)),
         np.allclose(manipulability(large), np.abs(np.linalg.det(np.moveaxis(large, 2, 0)))),
-        np.allclose(asked.max(axis=1) / asked.min(axis=1), ours, rtol=1e-2),
+        np.allclose(requested.max(axis=1) / requested.min(axis=1), ours, rtol=1e-2),
         np.allclose(ours, np.linalg.cond(np.moveaxis(small, 2, 0))),
         np.ptp(ratio) < 1e-9,
     )
@@ -373,27 +373,27 @@ def condition_is_a_product(found):
     "of position in metres, {percent_mm:.0f} % in millimetres. Watch s_min against your own speed "
     "limits: the joints turn up to 1 / s_min times as fast as the tip moves.",
 )
-def condition_above_hundred(found):
+def condition_above_hundred(result):
     from course.kinematics import condition_number, jacobian
     from course.measure.stability import limit
 
-    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
-    short = found.given("short", 120)
+    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
+    short = result.given("short", 120)
 
     def cond(bend: float, arm: Any = lengths) -> float:
         return float(np.linalg.cond(planar_jacobian(arm, [0.0, bend])))
 
     beside = limit(lambda bend: cond(np.pi / 2 - bend) < 100, 0.0, np.pi / 2 - 1e-6)
     stubby = [cond(bend, (1.0, 1.0 / short)) for bend in np.linspace(0.01, np.pi - 0.01, 400)]
-    J = jacobian(*panda_postures(found.rng, 4000))
+    J = jacobian(*panda_postures(result.rng, 4000))
     above = {unit: 100 * np.mean(condition_number(J, unit) > 100) for unit in (1.0, 0.001)}
-    found.figure("beside_deg", np.degrees(np.pi / 2 - beside), 1e-3)
-    found.figure("least_of_the_stubby", min(stubby), 1e-3)
-    found.figure("percent_m", above[1.0], 0.02)
-    found.figure("percent_mm", above[0.001], 0.02)
-    found.statement = "Sweeps of the elbow, and 4000 random postures of the 7-R arm."
-    found.heard(min(stubby) < 100 and above[0.001] < 50)
-    found.corrected(min(stubby) > 100, above[1.0] < 20, above[0.001] > 99, cond(0.5) < 100)
+    result.figure("beside_deg", np.degrees(np.pi / 2 - beside), 1e-3)
+    result.figure("least_of_the_stubby", min(stubby), 1e-3)
+    result.figure("percent_m", above[1.0], 0.02)
+    result.figure("percent_mm", above[0.001], 0.02)
+    result.statement = "Sweeps of the elbow, and 4000 random postures of the 7-R arm."
+    result.heard(min(stubby) < 100 and above[0.001] < 50)
+    result.corrected(min(stubby) > 100, above[1.0] < 20, above[0.001] > 99, cond(0.5) < 100)
 
 
 @claim(
@@ -403,18 +403,18 @@ def condition_above_hundred(found):
     "{factor:.0f} times the number in the median, from {least:.0f} to {most:.0f} times over nine "
     "of ten. Say by which length the rows were divided; without rotation no length is needed.",
 )
-def condition_needs_a_length(found):
+def condition_needs_a_length(result):
     from course.kinematics import condition_number, jacobian
 
-    J = jacobian(*panda_postures(found.rng, 4000))
+    J = jacobian(*panda_postures(result.rng, 4000))
     factor = condition_number(J, 0.001) / condition_number(J, 1.0)
-    found.figure("factor", np.median(factor), 0.02)
-    found.figure("least", np.percentile(factor, 5), 0.05)
-    found.figure("most", np.percentile(factor, 95), 0.05)
+    result.figure("factor", np.median(factor), 0.02)
+    result.figure("least", np.percentile(factor, 5), 0.05)
+    result.figure("most", np.percentile(factor, 95), 0.05)
     position = np.moveaxis(J[:3], 2, 0)
-    found.statement = "4000 random postures; rows of position divided by 1 m and by 1 mm."
-    found.heard(np.allclose(factor, 1))
-    found.corrected(
+    result.statement = "4000 random postures; rows of position divided by 1 m and by 1 mm."
+    result.heard(np.allclose(factor, 1))
+    result.corrected(
         np.median(factor) > 50,
         np.allclose(np.linalg.cond(position), np.linalg.cond(1e3 * position)),
     )
@@ -427,29 +427,29 @@ def condition_needs_a_length(found):
     "Jacobian to yaw, pitch and roll has {factor:.0f} times the condition number, in the median "
     "of random postures of the 7-R arm.",
 )
-def euler_jacobian_locks(found):
+def euler_jacobian_locks(result):
     from dataclasses import replace
 
     from course.kinematics import analytic_jacobian, condition_number, jacobian, tip
     from course.rigid_body import quaternion
 
-    arm, draws = panda_postures(found.rng, 60)
-    near, lock = found.given("near_deg", 1), found.given("lock_deg", 90)
+    arm, draws = panda_postures(result.rng, 60)
+    near, lock = result.given("near_deg", 1), result.given("lock_deg", 90)
 
     def painted(q: np.ndarray, pitch: float) -> tuple[float, float]:
         """Conditions (geometric, analytic) with the hand's frame turned to a pitch [deg]."""
-        wanted = quaternion.from_euler_zyx(0.3, np.radians(pitch), 0.4)
-        turn = quaternion.product(quaternion.conjugate(tip(arm, q)[3:]), wanted)
+        desired = quaternion.from_euler_zyx(0.3, np.radians(pitch), 0.4)
+        turn = quaternion.product(quaternion.conjugate(tip(arm, q)[3:]), desired)
         tool = np.concatenate([arm.tool[:3], quaternion.product(arm.tool[3:], turn)])
         other = replace(arm, tool=tool)
         return tuple(condition_number(f(other, q), 1.0) for f in (jacobian, analytic_jacobian))
 
     flat, locked = (np.array([painted(q, x) for q in draws.T]) for x in (0, lock - near))
-    found.figure("factor", np.median(locked[:, 1] / locked[:, 0]), 1e-3)
-    found.figure("factor_at_pitch_0", np.median(flat[:, 1] / flat[:, 0]), 1e-3)
-    found.statement = "60 random postures, each with the hand's frame turned two ways."
-    found.heard(np.allclose(locked[:, 1], locked[:, 0], rtol=1))
-    found.corrected(
+    result.figure("factor", np.median(locked[:, 1] / locked[:, 0]), 1e-3)
+    result.figure("factor_at_pitch_0", np.median(flat[:, 1] / flat[:, 0]), 1e-3)
+    result.statement = "60 random postures, each with the hand's frame turned two ways."
+    result.heard(np.allclose(locked[:, 1], locked[:, 0], rtol=1))
+    result.corrected(
         np.allclose(flat[:, 0], locked[:, 0]),
         (locked[:, 1] > 5 * locked[:, 0]).mean() > 0.9,
         np.median(flat[:, 1] / flat[:, 0]) < 2,
@@ -463,25 +463,25 @@ def euler_jacobian_locks(found):
     "of the 7-R arm and ends within the limits on {within_percent:.0f} %. Hold the limits in every "
     "step, and start again where that gets stuck: then {ours_percent:.1f} % are solved.",
 )
-def converged_within_limits(found):
+def converged_within_limits(result):
     from course.kinematics import ik, tip, within
     from course.oracles.pinocchio import Arm
 
-    count = found.given("poses", 400)
-    arm, q = panda_postures(found.rng, count)
-    poses, (_, starts), loop = tip(arm, q), panda_postures(found.rng, count), Arm(arm)
+    count = result.given("poses", 400)
+    arm, q = panda_postures(result.rng, count)
+    poses, (_, starts), loop = tip(arm, q), panda_postures(result.rng, count), Arm(arm)
     ends = [loop.usual_ik(pose, start[None]) for pose, start in zip(poses.T, starts.T, strict=True)]
-    there, last = np.array([end[1] for end in ends]), np.array([end[0] for end in ends]).T
-    kept, off = there & within(arm, last), np.abs((tip(arm, last) - poses)[:3, there])
+    other, last = np.array([end[1] for end in ends]), np.array([end[0] for end in ends]).T
+    selected, error = other & within(arm, last), np.abs((tip(arm, last) - poses)[:3, other])
     ours = ik(arm, poses)
-    found.figure("there_percent", 100 * there.mean(), 0.01)
-    found.figure("within_percent", 100 * kept.mean(), 0.3)
-    found.figure("ours_percent", 100 * np.mean(ours.success & within(arm, ours.q)), 0.02)
-    found.statement = f"{count} reachable poses, Pinocchio's functions in the loop of its example."
-    found.heard(kept.sum() == there.sum())
-    found.corrected(
-        there.mean() > 0.8,
-        kept.mean() < 0.4,
-        off.max() < 1e-5,
+    result.figure("there_percent", 100 * other.mean(), 0.01)
+    result.figure("within_percent", 100 * selected.mean(), 0.3)
+    result.figure("ours_percent", 100 * np.mean(ours.success & within(arm, ours.q)), 0.02)
+    result.statement = f"{count} reachable poses, Pinocchio's functions in the loop of its example."
+    result.heard(selected.sum() == other.sum())
+    result.corrected(
+        other.mean() > 0.8,
+        selected.mean() < 0.4,
+        error.max() < 1e-5,
         np.mean(ours.success & within(arm, ours.q)) > 0.98,
     )

@@ -36,7 +36,7 @@ def _ring(rng: np.random.Generator, lengths: Any, count: int, low: float = 0, hi
     "write it: the course multiplies quaternions and agrees to rounding.",
     source="Denavit and Hartenberg, A kinematic notation for lower-pair mechanisms (1955)",
 )
-def fk_is_a_product(found):
+def fk_is_a_product(result):
     from course.kinematics import random_chain, tip
     from course.rigid_body import quaternion
 
@@ -54,17 +54,17 @@ def fk_is_a_product(found):
             factors.append(np.vstack([rows, [0, 0, 0, 1]]))
         return np.linalg.multi_dot(factors[::-1] if backwards else factors)[:3, 3]
 
-    joints, apart, off = found.given("joints", 7), [], []
+    joints, apart, deviation = result.given("joints", 7), [], []
     for k in range(60):
-        arm = random_chain(joints, found.rng, tree=k % 2 == 1)
-        q = found.rng.uniform(-3, 3, joints)
-        there = tip(arm, q)[:3]
-        off.append(np.abs(product(arm, q, False) - there).max())
-        apart.append(np.linalg.norm(product(arm, q, True) - there))
-    found.figure("reversed_m", np.median(apart), 1e-3)
-    found.statement = "60 random chains and trees with both kinds of joints, as 4 x 4 matrices."
-    found.heard(max(off) < 1e-12)
-    found.corrected(min(apart[::2]) > 1e-3, max(off) < 1e-12)
+        arm = random_chain(joints, result.rng, tree=k % 2 == 1)
+        q = result.rng.uniform(-3, 3, joints)
+        other = tip(arm, q)[:3]
+        deviation.append(np.abs(product(arm, q, False) - other).max())
+        apart.append(np.linalg.norm(product(arm, q, True) - other))
+    result.figure("reversed_m", np.median(apart), 1e-3)
+    result.statement = "60 random chains and trees with both kinds of joints, as 4 x 4 matrices."
+    result.heard(max(deviation) < 1e-12)
+    result.corrected(min(apart[::2]) > 1e-3, max(deviation) < 1e-12)
 
 
 @claim(
@@ -73,32 +73,32 @@ def fk_is_a_product(found):
     "the base measure them, the sum goes: taken for one another they put the tip of links of "
     "{l1_m} m and {l2_m} m up to {worst_m:.2f} m off.",
 )
-def two_link_position(found):
-    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
+def two_link_position(result):
+    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
 
-    def off(lengths: Any, q: np.ndarray, absolute: bool = False) -> float:
+    def deviation(lengths: Any, q: np.ndarray, absolute: bool = False) -> float:
         """Distance between the quoted formula and the course's arm [m]."""
         (l1, l2), (a, b) = lengths, q
         quoted = [l1 * f(a) + l2 * f(a + b) for f in (np.cos, np.sin)]
         joints = np.array([a, b - a]) if absolute else q
         return float(np.linalg.norm(planar_tip(lengths, joints) - quoted))
 
-    draws = found.rng.uniform(-np.pi, np.pi, (40, 2))
-    arms = _lengths(found.rng, 40)
-    grid = [off(lengths, np.array([a, 0.3]), absolute=True) for a in np.linspace(-3.1, 3.1, 63)]
-    found.figure("worst_m", max(grid), 1e-3)
+    draws = result.rng.uniform(-np.pi, np.pi, (40, 2))
+    arms = _lengths(result.rng, 40)
+    grid = [deviation(lengths, np.array([a, 0.3]), absolute=True) for a in np.linspace(-3.1, 3.1, 63)]
+    result.figure("worst_m", max(grid), 1e-3)
     plain, absolute = (
-        [off(arm, q, way) < 1e-12 for arm, q in zip(arms, draws, strict=True)]
-        for way in (False, True)
+        [deviation(arm, q, direction) < 1e-12 for arm, q in zip(arms, draws, strict=True)]
+        for direction in (False, True)
     )
-    found.statement = "40 random arms and postures, against the product of transforms."
-    found.heard(
+    result.statement = "40 random arms and postures, against the product of transforms."
+    result.heard(
         all(plain) and max(grid) < 1e-12,
         only_if="q2 is measured from the first link",
         inside=plain,
         outside=absolute,
     )
-    found.corrected(max(grid) > lengths[1], max(grid) <= 2 * lengths[1] + 1e-12)
+    result.corrected(max(grid) > lengths[1], max(grid) <= 2 * lengths[1] + 1e-12)
 
 
 @claim(
@@ -117,7 +117,7 @@ def two_link_position(found):
         },
     ),
 )
-def two_link_jacobian(found):
+def two_link_jacobian(result):
     import sympy
 
     (l1, l2), (q1, q2), derived = two_links()
@@ -125,21 +125,21 @@ def two_link_jacobian(found):
     quoted = sympy.Matrix(
         [[-l1 * sympy.sin(q1) - l2 * s12, -l2 * s12], [l1 * sympy.cos(q1) + l2 * c12, l2 * c12]]
     )
-    found.formula = sympy.simplify(derived.det())
-    arms, draws = _lengths(found.rng, 50), found.rng.uniform(-np.pi, np.pi, (50, 2))
+    result.formula = sympy.simplify(derived.det())
+    arms, draws = _lengths(result.rng, 50), result.rng.uniform(-np.pi, np.pi, (50, 2))
     numeric = sympy.lambdify((l1, l2, q1, q2), quoted)
-    off = [
+    deviation = [
         np.abs(numeric(*a, *q) - planar_jacobian(a, q)).max()
         for a, q in zip(arms, draws, strict=True)
     ]
-    found.figure("det_at_right_angle", np.linalg.det(planar_jacobian((1.0, 0.8), [0.3, np.pi / 2])))
-    found.statement = (
+    result.figure("det_at_right_angle", np.linalg.det(planar_jacobian((1.0, 0.8), [0.3, np.pi / 2])))
+    result.statement = (
         "The formulas of the tip differentiated by algebra, and 50 random arms and postures of "
         "the course's geometric Jacobian."
     )
-    found.heard(sympy.simplify(derived - quoted) == sympy.zeros(2) and max(off) < 1e-12)
-    found.corrected(
-        sympy.diff(found.formula, q1) == 0,
+    result.heard(sympy.simplify(derived - quoted) == sympy.zeros(2) and max(deviation) < 1e-12)
+    result.corrected(
+        sympy.diff(result.formula, q1) == 0,
         all(
             abs(np.linalg.det(planar_jacobian(a, q)) - a[0] * a[1] * np.sin(q[1])) < 1e-12
             for a, q in zip(arms, draws, strict=True)
@@ -155,36 +155,36 @@ def two_link_jacobian(found):
     "{reach_percent:.0f} % of its reach.",
     source="Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.3",
 )
-def singular_stretched_or_folded(found):
+def singular_stretched_or_folded(result):
     from course.kinematics import jacobian, panda, singular_values, tip
 
     arm = panda()
-    half = np.radians(found.given("q3_deg", 90))
+    half = np.radians(result.given("q3_deg", 90))
 
     def rank(J: np.ndarray) -> int:
         s = singular_values(J)
         return int(np.sum(s > 1e-9 * s[0]))
 
     def shoulder() -> np.ndarray:
-        q = found.rng.uniform(arm.lower, arm.upper)
-        q[1], q[2], q[4] = 0.0, half * found.rng.choice([-1, 1]), 0.0
+        q = result.rng.uniform(arm.lower, arm.upper)
+        q[1], q[2], q[4] = 0.0, half * result.rng.choice([-1, 1]), 0.0
         return q
 
     bent = [shoulder() for _ in range(30)]
-    usual = [found.rng.uniform(arm.lower, arm.upper) for _ in range(30)]
+    usual = [result.rng.uniform(arm.lower, arm.upper) for _ in range(30)]
     shown = np.array([0.0, 0.0, half, -1.8, 0.0, 1.5, 0.0])
     reach = np.linalg.norm(tip(arm, shown)[:3] - [0, 0, arm.placement[2, 0]]) / arm.reach[1]
-    found.figure("rank_bent", rank(jacobian(arm, shown)))
-    found.figure("reach_percent", 100 * reach, 1e-3)
-    arms, ends = _lengths(found.rng, 20), np.array([0.0, np.pi, -np.pi])
-    turns = found.rng.uniform(-3, 3, (20, 2))
+    result.figure("rank_bent", rank(jacobian(arm, shown)))
+    result.figure("reach_percent", 100 * reach, 1e-3)
+    arms, ends = _lengths(result.rng, 20), np.array([0.0, np.pi, -np.pi])
+    turns = result.rng.uniform(-3, 3, (20, 2))
     straight = [
         rank(planar_jacobian(a, [q[0], end])) == 1
         for a, q in zip(arms, turns, strict=True)
         for end in ends
     ]
-    found.statement = "Singular values of 20 random two-link arms and 60 postures of the 7-R arm."
-    found.heard(
+    result.statement = "Singular values of 20 random two-link arms and 60 postures of the 7-R arm."
+    result.heard(
         all(rank(jacobian(arm, q)) == 6 for q in bent),
         only_if="it has two links in a plane (or its joints are such that nothing else lines up)",
         inside=[rank(planar_jacobian(a, q)) == 2 for a, q in zip(arms, turns, strict=True)]
@@ -192,7 +192,7 @@ def singular_stretched_or_folded(found):
         outside=[rank(jacobian(arm, q)) == 6 for q in bent],
         cases=True,
     )
-    found.corrected(
+    result.corrected(
         all(rank(jacobian(arm, q)) == 5 for q in bent),
         all(rank(jacobian(arm, q)) == 6 for q in usual),
         0.3 < reach < 0.9,
@@ -216,7 +216,7 @@ def singular_stretched_or_folded(found):
         symbols={"beta": Symbol("largest |q2| [rad]", 0.1, 3.0)},
     ),
 )
-def reachable_annulus(found):
+def reachable_annulus(result):
     import sympy
 
     from course.kinematics import two_link_ik
@@ -224,10 +224,10 @@ def reachable_annulus(found):
     def right(lengths: Any, beta: float, points: np.ndarray) -> bool:
         """Whether the annulus says of every point whether the arm gets there."""
         answer = two_link_ik(lengths, points)
-        off = np.linalg.norm(
+        error = np.linalg.norm(
             [planar_tip(lengths, answer.q[:, k]) - points for k in (0, 1)], axis=1
         )  # branch, point
-        gets = ((off < 1e-6) & (np.abs(answer.q[1]) <= beta)).any(axis=0)
+        gets = ((error < 1e-6) & (np.abs(answer.q[1]) <= beta)).any(axis=0)
         r = np.hypot(*points)
         inside = (r >= abs(lengths[0] - lengths[1])) & (r <= sum(lengths))
         return bool((gets == inside).all())
@@ -240,23 +240,23 @@ def reachable_annulus(found):
     l1, l2 = sympy.symbols("l1 l2", positive=True)
     beta = sympy.Symbol("beta", positive=True)
     folded = sympy.Matrix([l1 + l2 * sympy.cos(beta), l2 * sympy.sin(beta)])
-    found.formula = sympy.sqrt(sympy.trigsimp(sympy.expand(folded.dot(folded))))
-    law = sympy.lambdify((l1, l2, beta), found.formula)
-    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
-    stop = found.given("beta_rad", 2.5)
-    found.figure("hole_m", hole(lengths, stop))
-    found.figure("free_m", hole(lengths, np.pi))
-    found.statement = "Closed form and product of transforms at 200 points for each of 24 arms."
-    arms = _lengths(found.rng, 24)
-    clouds = [found.rng.uniform(-1, 1, (2, 200)) * 1.2 * a.sum() for a in arms]
-    stops = found.rng.uniform(0.5, 2.8, 24)
-    found.heard(
+    result.formula = sympy.sqrt(sympy.trigsimp(sympy.expand(folded.dot(folded))))
+    law = sympy.lambdify((l1, l2, beta), result.formula)
+    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
+    stop = result.given("beta_rad", 2.5)
+    result.figure("hole_m", hole(lengths, stop))
+    result.figure("free_m", hole(lengths, np.pi))
+    result.statement = "Closed form and product of transforms at 200 points for each of 24 arms."
+    arms = _lengths(result.rng, 24)
+    clouds = [result.rng.uniform(-1, 1, (2, 200)) * 1.2 * a.sum() for a in arms]
+    stops = result.rng.uniform(0.5, 2.8, 24)
+    result.heard(
         all(right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)),
         only_if="no joint stops on the way round",
         inside=[right(a, np.pi, p) for a, p in zip(arms, clouds, strict=True)],
         outside=[right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)],
     )
-    found.corrected(
+    result.corrected(
         all(abs(hole(a, b) - law(*a, b)) < 1e-9 for a, b in zip(arms, stops, strict=True)),
         hole(lengths, stop) > 1.5 * hole(lengths, np.pi),
     )
@@ -271,44 +271,44 @@ def reachable_annulus(found):
     "they reach folded in any direction.",
     source="Raghavan and Roth, Inverse kinematics of the general 6R manipulator (1993)",
 )
-def number_of_solutions(found):
+def number_of_solutions(result):
     from course.kinematics import jacobian, null_space, planar, two_link_ik
 
-    def ways(lengths: Any, target: np.ndarray) -> int:
+    def paths(lengths: Any, target: np.ndarray) -> int:
         """Different postures of the closed form whose tip is at the target."""
         q = two_link_ik(lengths, target).q
-        there = [bool(np.linalg.norm(planar_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]
+        other = [bool(np.linalg.norm(planar_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]
         apart = np.abs(np.exp(1j * q[:, 0]) - np.exp(1j * q[:, 1])).max() > 1e-6
-        return there.count(True) if apart else int(there[0])
+        return other.count(True) if apart else int(other[0])
 
     def free(links: int) -> float:
         """Dimension of the answers around a random posture that places the tip."""
-        arm, q = planar(found.rng.uniform(0.3, 1, links)), found.rng.uniform(-3, 3, links)
+        arm, q = planar(result.rng.uniform(0.3, 1, links)), result.rng.uniform(-3, 3, links)
         return float(np.trace(null_space(jacobian(arm, q)[:2])))
 
     def heading_ways(lengths: np.ndarray, q: np.ndarray) -> int:
         """Three links with a heading: two links to the wrist."""
         heading = np.array([np.cos(q.sum()), np.sin(q.sum())])
-        return ways(lengths[:2], planar_tip(lengths, q) - lengths[2] * heading)
+        return paths(lengths[:2], planar_tip(lengths, q) - lengths[2] * heading)
 
-    arms = _lengths(found.rng, 40)
+    arms = _lengths(result.rng, 40)
     inner, edge, outer = (
-        [ways(a, _ring(found.rng, a, 1, *band)[:, 0]) for a in arms]
+        [paths(a, _ring(result.rng, a, 1, *band)[:, 0]) for a in arms]
         for band in ((0.02, 0.98), (1, 1), (1.01, 2))
     )
-    thirds = found.rng.uniform(0.2, 1.0, (40, 3))
-    headed = [heading_ways(a, found.rng.uniform(-3, 3, 3)) for a in thirds]
+    thirds = result.rng.uniform(0.2, 1.0, (40, 3))
+    headed = [heading_ways(a, result.rng.uniform(-3, 3, 3)) for a in thirds]
     for name, ways_of in (("inside", inner), ("edge", edge), ("beyond", outer)):
-        found.figure(name, np.median(ways_of))
-    found.figure("heading", max(headed))
-    found.figure("free_3_links", round(free(3), 9))
-    found.statement = (
+        result.figure(name, np.median(ways_of))
+    result.figure("heading", max(headed))
+    result.figure("free_3_links", round(free(3), 9))
+    result.statement = (
         "40 random arms each, answers put through the product of transforms; the number for 6-R "
         "is the source's."
     )
-    folded = planar_tip((1.0, 1.0), np.array([found.rng.uniform(-3, 3, 9), np.full(9, np.pi)]))
-    found.heard(all(count != 2 for count in inner))
-    found.corrected(
+    folded = planar_tip((1.0, 1.0), np.array([result.rng.uniform(-3, 3, 9), np.full(9, np.pi)]))
+    result.heard(all(count != 2 for count in inner))
+    result.corrected(
         np.abs(folded).max() < 1e-12,
         set(inner) == {2},
         set(edge) == {1},
@@ -326,12 +326,12 @@ def number_of_solutions(found):
     "somewhere. A straight line of joint angles stays reachable as long as the joints may turn: "
     "planners of arms plan there.",
 )
-def tip_plans_need_joints(found):
+def tip_plans_need_joints(result):
     from course.kinematics import singular_values, two_link_ik
 
-    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
+    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
     t = np.linspace(0, 1, 201)
-    a, b = (_ring(found.rng, lengths, 1000)[:, :, None] for _ in (0, 1))
+    a, b = (_ring(result.rng, lengths, 1000)[:, :, None] for _ in (0, 1))
     lines = a * (1 - t) + b * t
     answer = two_link_ik(lengths, lines.reshape(2, -1))
     reached = answer.reached.reshape(lines.shape[1:]).all(axis=1)
@@ -339,17 +339,17 @@ def tip_plans_need_joints(found):
     with np.errstate(divide="ignore"):
         rates = 1 / singular_values(planar_jacobian(lengths, answer.q[:, 0]))[-1]
     worst = rates.reshape(lines.shape[1:]).max(axis=1)[stays]
-    found.figure("hole_percent", 100 * (1 - stays.mean()), 1e-3)
-    found.figure("rate", np.percentile(worst, 90), 1e-3)
-    turned = np.hypot(*planar_tip(lengths, found.rng.uniform(-np.pi, np.pi, (2, 4000))))
-    found.statement = "1000 lines between random points of the annulus, 201 points on each."
-    found.heard(
+    result.figure("hole_percent", 100 * (1 - stays.mean()), 1e-3)
+    result.figure("rate", np.percentile(worst, 90), 1e-3)
+    turned = np.hypot(*planar_tip(lengths, result.rng.uniform(-np.pi, np.pi, (2, 4000))))
+    result.statement = "1000 lines between random points of the annulus, 201 points on each."
+    result.heard(
         reached.all(),
         only_if="the straight way between them stays in the annulus",
         inside=reached[stays],
         outside=reached[~stays],
     )
-    found.corrected(
+    result.corrected(
         0.05 < 1 - stays.mean() < 0.5,
         np.percentile(worst, 90) > 4,
         (turned > lengths[0] - lengths[1] - 1e-9).all(),

@@ -76,24 +76,24 @@ def two_modes():
         },
     ),
 )
-def cloning_averages(found):
+def cloning_averages(result):
     import sympy
 
     p, w, x = sympy.symbols("p w x", positive=True)
     error = p * (x - w) ** 2 + (1 - p) * (x + w) ** 2
-    found.formula = sympy.factor(sympy.solve(sympy.diff(error, x), x)[0])
-    mean, *others = (found.figure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
-    found.statement = "2,000 first chunks of 8 steps each, from policies of 100 demonstrations."
+    result.formula = sympy.factor(sympy.solve(sympy.diff(error, x), x)[0])
+    mean, *others = (result.figure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
+    result.statement = "2,000 first chunks of 8 steps each, from policies of 100 demonstrations."
     averages = [mean > 0.5, *(share > 0.5 for share in others)]
-    found.heard(
+    result.heard(
         all(averages),
         only_if="it is fitted by squared error",
         inside=averages[:1],
         outside=averages[1:],
         cases=True,
     )
-    shown = policy("nearest")(np.zeros((1, 2)), found.rng)
-    found.corrected(mean > 0.95, max(others) < 0.01, shown.shape == (1, 8, 2))
+    shown = policy("nearest")(np.zeros((1, 2)), result.rng)
+    result.corrected(mean > 0.95, max(others) < 0.01, shown.shape == (1, 8, 2))
 
 
 @claim(
@@ -112,32 +112,32 @@ def cloning_averages(found):
         },
     ),
 )
-def held_out_error(found):
+def held_out_error(result):
     import sympy
 
     from course.learning import Commit, TwoWays
 
     p, w = sympy.symbols("p w", positive=True)
     sides = ((p, w), (1 - p, -w))
-    found.formula = sum(a * b * (x - y) ** 2 for a, x in sides for b, y in sides)
+    result.formula = sum(a * b * (x - y) ** 2 for a, x in sides for b, y in sides)
     held = TwoWays().demonstrate(1000, 77)
 
     def error(name):
-        off = policy(name)(held.states[:, 0], np.random.default_rng(1)) - held.actions[:, :8]
-        return np.sqrt(np.mean(off**2))
+        deviation = policy(name)(held.states[:, 0], np.random.default_rng(1)) - held.actions[:, :8]
+        return np.sqrt(np.mean(deviation**2))
 
     low, high = (
-        found.figure("low", error("mean"), 0.05),
-        found.figure("high", error("mixture"), 0.05),
+        result.figure("low", error("mean"), 0.05),
+        result.figure("high", error("mixture"), 0.05),
     )
     mean, mixture = (
-        found.figure(n, passed(Commit(policy(n), 8)), 0.5 if n == "mean" else 0.05)
+        result.figure(n, passed(Commit(policy(n), 8)), 0.5 if n == "mean" else 0.05)
         for n in ("mean", "mixture")
     )
-    ratio = found.figure("ratio", (high / low) ** 2, 0.1)
-    found.statement = "1,000 held-out demonstrations at their start, where the ways part [m]."
-    found.heard((low < high) == (mean > mixture))
-    found.corrected(low < high, mean < 0.1, mixture > 0.8, abs(ratio - 2.0) < 0.2)
+    ratio = result.figure("ratio", (high / low) ** 2, 0.1)
+    result.statement = "1,000 held-out demonstrations at their start, where the ways part [m]."
+    result.heard((low < high) == (mean > mixture))
+    result.corrected(low < high, mean < 0.1, mixture > 0.8, abs(ratio - 2.0) < 0.2)
 
 
 @claim(
@@ -147,20 +147,20 @@ def held_out_error(found):
     "with {most:.0f}; of a mixture, which picks, {mixture:.1%}. Left goes {left:.0%}, as shown "
     "{shown:.0%}.",
 )
-def diffusion_between(found):
+def diffusion_between(result):
     from course.learning import TwoWays
 
-    most = int(found.given("most", 50))
+    largest = int(result.given("most", 50))
     ten, fifty = (
-        found.figure(name, between("diffusion", steps=n), 0.2)
-        for name, n in (("ten", 10), ("fifty", most))
+        result.figure(name, between("diffusion", steps=n), 0.2)
+        for name, n in (("ten", 10), ("fifty", largest))
     )
-    mixture = found.figure("mixture", between("mixture"))
-    left = found.figure("left", np.mean(aside("diffusion", steps=most) > 0.0), 0.05)
-    shown = found.figure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
-    found.statement = "2,000 first chunks by DDIM, weights on record, 64 wide."
-    found.heard(fifty == 0.0)
-    found.corrected(ten > fifty, fifty > mixture, abs(left - shown) < 0.1)
+    mixture = result.figure("mixture", between("mixture"))
+    remaining = result.figure("left", np.mean(aside("diffusion", steps=largest) > 0.0), 0.05)
+    shown = result.figure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
+    result.statement = "2,000 first chunks by DDIM, weights on record, 64 wide."
+    result.heard(fifty == 0.0)
+    result.corrected(ten > fifty, fifty > mixture, abs(remaining - shown) < 0.1)
 
 
 @claim(
@@ -181,17 +181,17 @@ def diffusion_between(found):
         },
     ),
 )
-def one_euler_step(found):
+def one_euler_step(result):
     import sympy
 
     from course.learning import Mixture, integrate
 
     z, m, h = sympy.symbols("z m h")
-    found.formula = z + h * (m - z)
+    result.formula = z + h * (m - z)
 
-    def off(parts, size):
+    def deviation(parts, size):
         """How far from their mean single steps end, for a drawn mixture."""
-        rng = found.rng
+        rng = result.rng
         made = Mixture(
             rng.dirichlet(np.ones(parts)),
             rng.normal(0, 2, (parts, size)),
@@ -206,22 +206,22 @@ def one_euler_step(found):
         end = integrate(two_modes().velocity, start, steps, "euler")
         return end[end > 0.0].std()
 
-    two, ten, exact = (found.figure(name, spread(n), 1e-3)
+    two, ten, exact = (result.figure(name, spread(n), 1e-3)
                        for name, n in (("two", 2), ("ten", 10), ("exact", 160)))  # fmt: skip
-    worst = max(off(*found.rng.integers(1, 5, 2)) for _ in range(20))
+    worst = max(deviation(*result.rng.integers(1, 5, 2)) for _ in range(20))
     half = integrate(two_modes().velocity, start, 2, "euler")  # its first step is 1/2 of a step
     first = 0.5 * start + 0.5 * two_modes().velocity(0.5 * start, 0.5)
-    found.statement = "20 drawn mixtures with exact fields, two modes of width 0.1, a flow net."
-    net = found.figure("net", between("flow", steps=1), 0.15)
-    mean = found.figure("mean", between("mean"), 0.15)
-    found.heard(
+    result.statement = "20 drawn mixtures with exact fields, two modes of width 0.1, a flow net."
+    net = result.figure("net", between("flow", steps=1), 0.15)
+    mean = result.figure("mean", between("mean"), 0.15)
+    result.heard(
         net > 0.9,
         only_if="the field is the exact one",
         cases=True,
         inside=[worst < 1e-9],
         outside=[net > 0.9],
     )
-    found.corrected(
+    result.corrected(
         np.allclose(half, first), two > 2.0 * exact, ten < 0.9 * exact, net < 0.9 * mean
     )
 
@@ -232,7 +232,7 @@ def one_euler_step(found):
     "beside the modes; from two to four steps, to narrow modes, Euler gains {few:.1f}. Heun, at "
     "twice the cost of a step, gains {heun:.2f}, Runge and Kutta's fourth {rk4:.1f}.",
 )
-def sampler_orders(found):
+def sampler_orders(result):
     from course.learning import Mixture, denoise, integrate
 
     noise = np.linspace(-2.0, 2.0, 41)[:, None]
@@ -242,7 +242,7 @@ def sampler_orders(found):
         made, ends = Mixture(weights, means, deviations), []
         for steps in (n, 2 * n):
             if solver == "ddim":
-                ends.append(denoise(made.clean, noise, steps, found.rng))
+                ends.append(denoise(made.clean, noise, steps, result.rng))
             else:
                 ends.append(integrate(made.velocity, noise, steps, solver))
         exact = integrate(made.velocity, noise, max(4 * n, 100), "rk4")
@@ -250,28 +250,28 @@ def sampler_orders(found):
 
     first = (np.array([0.3, 0.7]), np.array([[-1.0], [1.0]]), np.array([0.4, 0.5]))
     euler, ddim, heun, rk4 = (
-        found.figure(x, gain(x, *first, 20 if x == "rk4" else 80), 0.02)
+        result.figure(x, gain(x, *first, 20 if x == "rk4" else 80), 0.02)
         for x in ("euler", "ddim", "heun", "rk4")
     )
-    rng = found.rng
+    rng = result.rng
     drawn = [
         (rng.dirichlet([3, 3]), rng.normal(0.0, 1.5, (2, 1)), rng.uniform(0.3, 1.0, 2))
         for _ in range(8)
     ]
     narrow = (np.full(2, 0.5), first[1], np.full(2, 0.1))
-    few = found.figure("few", gain("euler", *narrow, 2), 0.02)
+    few = result.figure("few", gain("euler", *narrow, 2), 0.02)
     inside, outside = (
         [abs(gain(x, *made) - 2.0) < 0.1 for made in drawn] for x in ("euler", "heun")
     )
     outside.append(abs(few - 2.0) < 0.1)
-    found.statement = "Mixtures of two in a line, exact fields, 80 steps and 160."
-    found.heard(
+    result.statement = "Mixtures of two in a line, exact fields, 80 steps and 160."
+    result.heard(
         all(outside),
         only_if="the sampler is of first order, its steps are short",
         inside=inside,
         outside=outside,
     )
-    found.corrected(
+    result.corrected(
         abs(euler - 2.0) < 0.1,
         abs(ddim - 2.0) < 0.1,
         abs(heun - 4.0) < 0.4,
@@ -285,25 +285,25 @@ def sampler_orders(found):
     "That depends on what may fall between the ways. Of two narrow modes DDIM with the exact means "
     "leaves {five:.1%} there after five steps, {ten:.2%} after ten.",
 )
-def ten_denoising_steps(found):
+def ten_denoising_steps(result):
     from course.learning import denoise
 
     noise = np.random.default_rng(1).standard_normal((20_000, 1))
 
-    def left(steps):
-        return np.mean(np.abs(denoise(two_modes().clean, noise, steps, found.rng)) < 0.5)
+    def remaining(steps):
+        return np.mean(np.abs(denoise(two_modes().clean, noise, steps, result.rng)) < 0.5)
 
-    five, ten = found.figure("five", left(5), 0.05), found.figure("ten", left(10), 0.1)
-    nine = left(9)
-    found.statement = "20,000 samples, modes at -1 and 1 of width 0.1; between is within 0.5."
+    five, ten = result.figure("five", remaining(5), 0.05), result.figure("ten", remaining(10), 0.1)
+    nine = remaining(9)
+    result.statement = "20,000 samples, modes at -1 and 1 of width 0.1; between is within 0.5."
     inside, outside = (
-        [bool(nine > share) for share in found.rng.uniform(*some, 8)]
+        [bool(nine > share) for share in result.rng.uniform(*some, 8)]
         for some in ((0.2 * ten, ten), (five, 2.0 * five))
     )
-    found.heard(
+    result.heard(
         nine > five, only_if="less than {ten:.2%} may fall between", inside=inside, outside=outside
     )
-    found.corrected(five > 5.0 * ten, ten < 0.005)
+    result.corrected(five > 5.0 * ten, ten < 0.005)
 
 
 @claim(
@@ -322,13 +322,13 @@ def ten_denoising_steps(found):
         },
     ),
 )
-def ensembling_averages(found):
+def ensembling_averages(result):
     import sympy
 
     from course.learning import Commit, Ensemble
 
     w, K = sympy.symbols("w K", positive=True)
-    found.formula = sympy.sqrt(K * w**2) / K
+    result.formula = sympy.sqrt(K * w**2) / K
     part = np.linspace(0.0, 1.0, 17)
 
     def coin(states, rng):
@@ -344,18 +344,18 @@ def ensembling_averages(found):
         "coin": Ensemble(coin, 0.0),
         "whole": Commit(coin, 16),
     }
-    mixture, _, tossed, whole = (found.figure(n, passed(a), 0.2) for n, a in acts.items())
-    found.statement = "400 runs each of two ways, no noise."
-    kept = [passed(Ensemble(policy(n))) > 0.7 for n in ("flow", "diffusion", "mixture")]
-    found.heard(
+    mixture, _, tossed, whole = (result.figure(n, passed(a), 0.2) for n, a in acts.items())
+    result.statement = "400 runs each of two ways, no noise."
+    selected = [passed(Ensemble(policy(n))) > 0.7 for n in ("flow", "diffusion", "mixture")]
+    result.heard(
         mixture < 0.2,
         only_if="the chunks don't follow what was begun",
         inside=[tossed < 0.2],
-        outside=[not x for x in kept],
+        outside=[not x for x in selected],
         cases=True,
     )
-    mean = np.mean(found.rng.choice([-1.0, 1.0], (20_000, 8)), axis=1)
-    found.corrected(all(kept), whole > 0.95, abs(mean.std() * np.sqrt(8) - 1) < 0.03)
+    mean = np.mean(result.rng.choice([-1.0, 1.0], (20_000, 8)), axis=1)
+    result.corrected(all(selected), whole > 0.95, abs(mean.std() * np.sqrt(8) - 1) < 0.03)
 
 
 @claim(
@@ -375,21 +375,21 @@ def ensembling_averages(found):
         },
     ),
 )
-def react_less(found):
+def react_less(result):
     import sympy
 
     from course.learning import Commit, TwoWays, roll
 
     s, k = sympy.symbols("s k", positive=True)
-    found.formula = sympy.sqrt(k * s**2)
-    size = found.given("size", 0.05)
+    result.formula = sympy.sqrt(k * s**2)
+    size = result.given("size", 0.05)
     steps = {"two": 2, "eight": 8}
     two, eight = (
-        found.figure(n, passed(Commit(policy("mixture"), k), size), 0.15) for n, k in steps.items()
+        result.figure(n, passed(Commit(policy("mixture"), k), size), 0.15) for n, k in steps.items()
     )
     for name, each in steps.items():
-        found.figure(f"quiet_{name}", passed(Commit(policy("mixture"), each)), 0.05)
-    found.figure("each", passed(Commit(policy("mixture"), 1), size), 0.15)
+        result.figure(f"quiet_{name}", passed(Commit(policy("mixture"), each)), 0.05)
+    result.figure("each", passed(Commit(policy("mixture"), 1), size), 0.15)
     heads = ("mixture", "flow", "diffusion", "nearest")
     less = [
         np.mean([passed(Commit(policy(n), 8), size, x) for x in (3, 4)])
@@ -398,10 +398,10 @@ def react_less(found):
     ]
     task, rng = TwoWays(noise=size), np.random.default_rng(2)
     still = roll(task, lambda states, rng: 0.0 * states, np.zeros((4000, 2)), 8, rng).states
-    off = still[:, 8, 0].std() / float(found.formula.subs({s: size, k: 8}))
-    found.statement = "400 runs each; the four heads on record, twice 400 runs."
-    found.heard(all(less))
-    found.corrected(abs(off - 1.0) < 0.05, eight < two - 0.04)
+    deviation = still[:, 8, 0].std() / float(result.formula.subs({s: size, k: 8}))
+    result.statement = "400 runs each; the four heads on record, twice 400 runs."
+    result.heard(all(less))
+    result.corrected(abs(deviation - 1.0) < 0.05, eight < two - 0.04)
 
 
 @claim(
@@ -411,7 +411,7 @@ def react_less(found):
     "steps of a chunk ({stuck:.0%} stuck) and gets through with one more ({through:.0%}). Who "
     "draws among all that was shown there leaves some time later ({drawn:.0%}).",
 )
-def pauses(found):
+def pauses(result):
     from course.learning import Commit, TwoWays, nearest, roll, windows
 
     def drawing(states, chunks):
@@ -430,18 +430,18 @@ def pauses(found):
         ran = roll(TwoWays(), act, shown.states[:, 0], 60, np.random.default_rng(0))
         return np.mean(ran.states[:, :, 0].max(axis=1) < 0.9)
 
-    pause = int(found.given("pause", 4))
-    within = found.figure("stuck", stuck(pause, pause, 0))
-    over = found.figure("through", stuck(pause, pause + 1, 0))
-    drawn = found.figure("drawn", stuck(pause, 1, 0, drawing))
-    pairs = [(found.rng.integers(1, 8), found.rng.random()) for _ in range(8)]
-    found.statement = "30 demonstrations, chunks of 8 steps, 60 steps of time."
+    pause = int(result.given("pause", 4))
+    within = result.figure("stuck", stuck(pause, pause, 0))
+    over = result.figure("through", stuck(pause, pause + 1, 0))
+    drawn = result.figure("drawn", stuck(pause, 1, 0, drawing))
+    pairs = [(result.rng.integers(1, 8), result.rng.random()) for _ in range(8)]
+    result.statement = "30 demonstrations, chunks of 8 steps, 60 steps of time."
     inside = [stuck(n, 1 + int(part * n), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside = [stuck(n, n + 1 + int(part * (8 - n)), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside.append(drawn == 1.0)
     only_if = "it draws nothing, and carries out no more steps than a pause has"
-    found.heard(over == 1.0, only_if=only_if, inside=inside, outside=outside)
-    found.corrected(within == 1.0, over == 0.0, drawn < 0.1, not any(outside))
+    result.heard(over == 1.0, only_if=only_if, inside=inside, outside=outside)
+    result.corrected(within == 1.0, over == 0.0, drawn < 0.1, not any(outside))
 
 
 @claim(
@@ -460,37 +460,37 @@ def pauses(found):
         },
     ),
 )
-def ways_missed(found):
+def ways_missed(result):
     import sympy
 
     from course.learning import TwoWays
 
     p = sympy.Symbol("p", positive=True)
-    found.formula = p**5 + (1 - p) ** 5
+    result.formula = p**5 + (1 - p) ** 5
 
     def missed(share, number, sets, seed):
         """Share of sets of demonstrations in which nobody went left, and one side only."""
         ends = TwoWays().demonstrate(number * sets, seed, left=share).states[:, 8, 1]
-        left = (ends.reshape(sets, number) > 0.0).sum(axis=1)
-        return np.mean(left == 0), np.mean((left == 0) | (left == number))
+        remaining = (ends.reshape(sets, number) > 0.0).sum(axis=1)
+        return np.mean(remaining == 0), np.mean((remaining == 0) | (remaining == number))
 
-    n, share = int(found.given("n", 50)), found.given("share", 0.02)
-    rare = found.figure("rare", missed(share, n, 1000, 0)[0], 0.1)
-    found.statement = "1,000 sets of demonstrations, then 300 of drawn shares."
+    n, share = int(result.given("n", 50)), result.given("share", 0.02)
+    rare = result.figure("rare", missed(share, n, 1000, 0)[0], 0.1)
+    result.statement = "1,000 sets of demonstrations, then 300 of drawn shares."
     limit = 1.0 - 0.01 ** (1.0 / n)
     inside, outside = (
-        [bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(found.rng.uniform(*some, 8))]
+        [bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(result.rng.uniform(*some, 8))]
         for some in ((limit, 0.5), (0.1 * limit, 0.5 * limit))
     )
-    found.heard(
+    result.heard(
         rare < 0.03,
         only_if="it is taken by a share above 1 - (1/100)^(1/n)",
         inside=inside,
         outside=outside,
     )
     five = missed(0.3, 5, 4000, 1)[1]
-    found.corrected(
-        abs(rare - (1.0 - share) ** n) < 0.05, abs(five - float(found.formula.subs(p, 0.3))) < 0.03
+    result.corrected(
+        abs(rare - (1.0 - share) ** n) < 0.05, abs(five - float(result.formula.subs(p, 0.3))) < 0.03
     )
 
 
@@ -500,13 +500,13 @@ def ways_missed(found):
     "here, with a drawn code {drawn:.0%}; of a mixture {mixture:.0%}.",
     source="T. Zhao et al., Learning fine-grained bimanual manipulation, 2023",
 )
-def code_of_zero(found):
+def code_of_zero(result):
     zero, drawn, _ = (
-        found.figure(n, between(name), 0.15)
+        result.figure(n, between(name), 0.15)
         for n, name in (("zero", "zero"), ("drawn", "autoencoder"), ("mixture", "mixture"))
     )
     same = policy("zero")(np.zeros((100, 2)), np.random.default_rng(0))
     free = policy("autoencoder")(np.zeros((100, 2)), np.random.default_rng(0))
-    found.statement = "The recorded autoencoder, a code of one number."
-    found.heard(same.std(axis=0).max() < 1e-9)
-    found.corrected(same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn)
+    result.statement = "The recorded autoencoder, a code of one number."
+    result.heard(same.std(axis=0).max() < 1e-9)
+    result.corrected(same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn)

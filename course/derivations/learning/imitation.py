@@ -53,41 +53,41 @@ def regulator(rng):
     ),
     source="S. Ross and D. Bagnell, Efficient reductions for imitation learning, 2010",
 )
-def errors_compound(found):
+def errors_compound(result):
     import sympy
 
     from course.learning import context_costs, expected_cost
 
     eps = sympy.Symbol("eps", positive=True)
-    found.formula = sympy.expand(sum(1 - (1 - eps) ** t for t in (1, 2, 3)))
+    result.formula = sympy.expand(sum(1 - (1 - eps) ** t for t in (1, 2, 3)))
     steps = np.array([5, 10, 20, 40, 80])
 
     def exponent(share, recovers):
         """Of 20,000 episodes that are played, with a thousand contexts."""
         wrong = np.arange(1000) < 1000 * share
-        played = [context_costs(wrong, T, 20_000, found.rng, recovers=recovers) for T in steps]
+        played = [context_costs(wrong, T, 20_000, result.rng, recovers=recovers) for T in steps]
         return np.polyfit(np.log(steps), np.log([c.mean() for c in played]), 1)[0]
 
     def square(share, T):
         return bool(np.divide(*expected_cost(share, [2 * T, T], recovers=False)) > 3.4)
 
-    alone = found.figure("alone", exponent(0.001, False), 0.04)
-    mended = found.figure("mended", exponent(0.001, True), 0.08)
-    lost = found.figure("lost", exponent(0.3, False), 0.04)
-    found.statement = "20,000 episodes each of a table of contexts; doubled times by the formula."
-    drawn = list(found.rng.integers(20, 200, 10))
+    alone = result.figure("alone", exponent(0.001, False), 0.04)
+    mended = result.figure("mended", exponent(0.001, True), 0.08)
+    lost = result.figure("lost", exponent(0.3, False), 0.04)
+    result.statement = "20,000 episodes each of a table of contexts; doubled times by the formula."
+    drawn = list(result.rng.integers(20, 200, 10))
     inside, outside = (
-        [square(x / T, T) for x, T in zip(found.rng.uniform(*some, 10), drawn, strict=True)]
+        [square(x / T, T) for x, T in zip(result.rng.uniform(*some, 10), drawn, strict=True)]
         for some in ((0.01, 0.3), (0.7, 3.0))
     )
-    found.heard(
+    result.heard(
         square(0.1, 80),
         only_if="nothing leads back, and eps T is below a third",
         inside=inside,
         outside=outside,
     )
-    three = expected_cost(0.2, 3.0, recovers=False) - found.formula.subs(eps, 0.2)
-    found.corrected(1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12)
+    three = expected_cost(0.2, 3.0, recovers=False) - result.formula.subs(eps, 0.2)
+    result.corrected(1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12)
 
 
 @claim(
@@ -105,7 +105,7 @@ def errors_compound(found):
         },
     ),
 )
-def clone_error_grows(found):
+def clone_error_grows(result):
     import sympy
 
     from course.learning import accumulated
@@ -114,7 +114,7 @@ def clone_error_grows(found):
     x = [e]
     for _ in range(2):
         x.append(sympy.expand(a * x[-1] + e))
-    found.formula = sum(x)
+    result.formula = sum(x)
 
     def exponent(factor, steps=2000):
         """Of the second half of so many steps."""
@@ -125,20 +125,20 @@ def clone_error_grows(found):
         total = accumulated(factor, 0.01, 600)
         return bool(total[599] > 100.0 * total[299])
 
-    low = found.given("low", 0.9)
-    below, one = found.figure("below", exponent(low)), found.figure("one", exponent(1.0))
-    found.statement = "2,000 steps from rest with the same error in each."
+    low = result.given("low", 0.9)
+    below, one = result.figure("below", exponent(low)), result.figure("one", exponent(1.0))
+    result.statement = "2,000 steps from rest with the same error in each."
     inside, outside = (
-        [explodes(x) for x in found.rng.uniform(*some, 10)] for some in ((1.05, 1.5), (0.5, 1.0))
+        [explodes(x) for x in result.rng.uniform(*some, 10)] for some in ((1.05, 1.5), (0.5, 1.0))
     )
-    found.heard(
+    result.heard(
         explodes(low),
         only_if="a deviation grows by itself, |a| above 1",
         inside=inside,
         outside=outside,
     )
-    three = float(found.formula.subs({a: low, e: 0.01}))
-    found.corrected(
+    three = float(result.formula.subs({a: low, e: 0.01}))
+    result.corrected(
         abs(below - 1.0) < 0.02,
         abs(one - 2.0) < 0.01,
         abs(accumulated(low, 0.01, 3)[-1] - three) < 1e-12,
@@ -161,29 +161,29 @@ def clone_error_grows(found):
         },
     ),
 )
-def perfect_fit(found):
+def perfect_fit(result):
     import sympy
 
     from course.learning import Regulator, linear, roll
 
     K1, K2, c, s = sympy.symbols("K1 K2 c s", positive=True)
-    seen = sympy.Matrix([[c, s], [2 * c, 2 * s]])
-    found.formula = sympy.simplify((seen.pinv() @ (seen @ sympy.Matrix([K1, K2])))[0])
+    observed = sympy.Matrix([[c, s], [2 * c, 2 * s]])
+    result.formula = sympy.simplify((observed.pinv() @ (observed @ sympy.Matrix([K1, K2])))[0])
     task = Regulator()
-    ran = roll(task, task.expert, task.starts(20, found.rng), 40, found.rng)
+    ran = roll(task, task.expert, task.starts(20, result.rng), 40, result.rng)
     states, labels = ran.states[:, :-1].reshape(-1, 2), ran.actions.reshape(-1, 1)
     law = linear(states, labels)
-    missed = np.abs(law(states, found.rng) - labels).max()
-    found.figure("expert", task.radius(task.K))
-    copy = found.figure("copy", task.radius(law.gain[0]))
+    missed = np.abs(law(states, result.rng) - labels).max()
+    result.figure("expert", task.radius(task.K))
+    copy = result.figure("copy", task.radius(law.gain[0]))
 
     def as_good(plant, injected):
         return bool(law_of(1, plant, rounds=0, injected=injected) < plant.radius(plant.K) + 1e-6)
 
-    plants = [regulator(found.rng) for _ in range(10)]
-    found.statement = "20 runs of 40 steps, then drawn plants, each with states on a line or not."
+    plants = [regulator(result.rng) for _ in range(10)]
+    result.statement = "20 runs of 40 steps, then drawn plants, each with states on a line or not."
     inside, outside = ([as_good(plant, x) for plant in plants] for x in (0.01, 0.0))
-    found.heard(
+    result.heard(
         copy < 1.0,
         only_if="the states it was shown span all directions",
         inside=inside,
@@ -191,11 +191,11 @@ def perfect_fit(found):
     )
     mode = task.slow_mode()
     values = dict(zip((K1, K2, c, s), (*task.K, *mode), strict=True))
-    found.corrected(
+    result.corrected(
         missed < 1e-9,
         law.rank == 1,
         copy > 1.1,
-        abs(float(found.formula.subs(values)) - law.gain[0, 0]) < 1e-6,
+        abs(float(result.formula.subs(values)) - law.gain[0, 0]) < 1e-6,
     )
 
 
@@ -207,29 +207,29 @@ def perfect_fit(found):
     "{n:.0f} seeds. Pushes of {size} on the expert mend it without any round, {pushed:.3f}.",
     source="S. Ross et al., DAgger, 2011; M. Laskey et al., DART, 2017",
 )
-def dagger_fixes_drift(found):
+def dagger_fixes_drift(result):
     from course.learning import Regulator
 
-    task, rounds, size = Regulator(), int(found.given("rounds", 5)), found.given("size", 0.01)
-    n, least = int(found.given("n", 30)), found.given("least", 1e-6)
-    quiet = found.figure("quiet", law_of(0, task, rounds=rounds), 1e-3)
+    task, rounds, size = Regulator(), int(result.given("rounds", 5)), result.given("size", 0.01)
+    n, least = int(result.given("n", 30)), result.given("least", 1e-6)
+    quiet = result.figure("quiet", law_of(0, task, rounds=rounds), 1e-3)
     two, one = ([law_of(k, task, rounds=r, label_noise=least) for k in range(n)] for r in (2, 1))
-    mended, worst = found.figure("mended", max(two), 1e-2), found.figure("worst", max(one), 0.1)
-    pushed = found.figure("pushed", law_of(0, task, rounds=0, injected=size))
-    sizes = 10.0 ** found.rng.uniform(-6.0, -1.5, 10)
-    found.statement = "Ten runs of 40 steps a round, a linear learner."
+    mended, worst = result.figure("mended", max(two), 1e-2), result.figure("worst", max(one), 0.1)
+    pushed = result.figure("pushed", law_of(0, task, rounds=0, injected=size))
+    sizes = 10.0 ** result.rng.uniform(-6.0, -1.5, 10)
+    result.statement = "Ten runs of 40 steps a round, a linear learner."
     inside, outside = (
         [law_of(k, task, rounds=2, label_noise=x) < 1.0 for k, x in enumerate(some)]
         for some in (sizes, 0.0 * sizes)
     )
-    found.heard(
+    result.heard(
         quiet < 1.0,
         only_if="something takes the learner off the line that was shown",
         inside=inside,
         outside=outside,
     )
     expert = task.radius(task.K)
-    found.corrected(
+    result.corrected(
         quiet > 1.1,
         abs(mended - expert) < 0.01,
         worst > 1.3,
@@ -246,7 +246,7 @@ def dagger_fixes_drift(found):
     "spreads thin over three times the data: from {short_clone:.1f} to {short_dagger:.1f}, and "
     "worse in {worse:.0f} of {n:.0f} seeds.",
 )
-def dagger_needs_room(found):
+def dagger_needs_room(result):
     from course.learning import Circle, clone, dagger, roll
 
     task = Circle()
@@ -259,27 +259,27 @@ def dagger_needs_room(found):
         ran = [roll(task, r.policy, task.starts(100, rng), 160, rng).states for r in each[::2]]
         return [np.cumsum(task.cost(states[:, 1:]).mean(axis=0)) for states in ran]
 
-    long, short = int(found.given("long", 600)), int(found.given("short", 150))
-    n = int(found.given("n", 6))
+    long, short = int(result.given("long", 600)), int(result.given("short", 150))
+    n = int(result.given("n", 6))
     runs = [costs(long, 0), costs(long, 1), *(costs(short, seed) for seed in range(n))]
     T = np.array([10, 20, 40, 80, 160])
     grown = [np.polyfit(np.log(T), np.log(first[T - 1]), 1)[0] for first, _ in runs]
-    found.figure("exponent", max(grown), 0.1)
+    result.figure("exponent", max(grown), 0.1)
     ends = np.array([[first[-1], last[-1]] for first, last in runs])
     for name, some in (("long", ends[:2]), ("short", ends[2:])):
-        found.figure(f"{name}_clone", np.median(some[:, 0]), 0.2)
-        found.figure(f"{name}_dagger", np.median(some[:, 1]), 0.4)
+        result.figure(f"{name}_clone", np.median(some[:, 0]), 0.2)
+        result.figure(f"{name}_dagger", np.median(some[:, 1]), 0.4)
     lower = [bool(last < first) for first, last in ends]
-    worse = found.figure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
-    found.statement = "20 laps of 40 steps a round, 32 units a layer, medians of all seeds."
-    found.heard(
+    worse = result.figure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
+    result.statement = "20 laps of 40 steps a round, 32 units a layer, medians of all seeds."
+    result.heard(
         all(lower),
         only_if="it is trained long enough to fit the new states",
         inside=lower[:2],
         outside=lower[2:],
         cases=True,
     )
-    found.corrected(max(grown) < 1.35, min(grown) > 0.7, worse > 0.5 * n)
+    result.corrected(max(grown) < 1.35, min(grown) > 0.7, worse > 0.5 * n)
 
 
 @claim(
@@ -289,7 +289,7 @@ def dagger_needs_room(found):
     "farther off than they began; shown the way back by pushes of {size}, {taught:.0%}. A tenth of "
     "these mends a linear law, as above, but not this net: {little:.0%}.",
 )
-def diffusion_mends_drift(found):
+def diffusion_mends_drift(result):
     from course.learning import Regulator, diffusion_policy, roll
 
     task = Regulator()
@@ -305,10 +305,10 @@ def diffusion_mends_drift(found):
         far = np.abs(roll(task, policy, task.starts(100, rng), 100, rng).states).max(axis=2)
         return np.mean(far[:, -1] > 10.0 * far[:, 0])
 
-    size = found.given("size", 1.0)
-    plain, taught = found.figure("lost", lost(0.0), 0.1), found.figure("taught", lost(size), 0.03)
-    little = found.figure("little", lost(0.1 * size), 0.3)
-    found.statement = "Trained on 100 runs of 40 steps, driven for 100 steps without noise."
-    found.heard(plain < 0.1)
+    size = result.given("size", 1.0)
+    plain, taught = result.figure("lost", lost(0.0), 0.1), result.figure("taught", lost(size), 0.03)
+    little = result.figure("little", lost(0.1 * size), 0.3)
+    result.statement = "Trained on 100 runs of 40 steps, driven for 100 steps without noise."
+    result.heard(plain < 0.1)
     law = law_of(0, task, rounds=0, injected=0.1 * size)
-    found.corrected(plain > 0.85, taught < 0.05, little > 0.5, law < 1.0)
+    result.corrected(plain > 0.85, taught < 0.05, little > 0.5, law < 1.0)

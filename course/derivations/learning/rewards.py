@@ -51,7 +51,7 @@ def drawn(rng, cut=0.0, T=40):
     ),
     source="J. Schulman et al., High-dimensional continuous control, 2016",
 )
-def lambda_mixes(found):
+def lambda_mixes(result):
     import sympy
 
     from course.learning import gae
@@ -60,7 +60,7 @@ def lambda_mixes(found):
     g, lam = sympy.symbols("gamma lam")
     ahead = [sum(g**i * d[i] for i in range(n)) for n in (1, 2, 3)]  # of one, two, three steps
     mixed = (1 - lam) * (ahead[0] + lam * ahead[1]) + lam**2 * ahead[2]
-    found.formula = sympy.expand(mixed)
+    result.formula = sympy.expand(mixed)
     gamma, trace = 0.97, 0.9
 
     def double(rewards, values, after, ended, late):
@@ -78,14 +78,14 @@ def lambda_mixes(found):
                 weight, n = weight * trace, n + 1
         return each
 
-    off = [
+    deviation = [
         gae(a, b, c, e, f, gamma, trace) - double(a, b, c, e, f)
-        for a, b, c, e, f, _ in (drawn(found.rng, 0.1) for _ in range(20))
+        for a, b, c, e, f, _ in (drawn(result.rng, 0.1) for _ in range(20))
     ]
-    found.figure("worst", np.abs(off).max(), 0.5)
-    found.statement = "20 drawn runs of 40 steps."
-    found.heard(np.abs(off).max() < 1e-12)
-    found.corrected(np.abs(off).max() < 1e-12)
+    result.figure("worst", np.abs(deviation).max(), 0.5)
+    result.statement = "20 drawn runs of 40 steps."
+    result.heard(np.abs(deviation).max() < 1e-12)
+    result.corrected(np.abs(deviation).max() < 1e-12)
 
 
 @claim(
@@ -95,7 +95,7 @@ def lambda_mixes(found):
     "values have a deviation of 1. Where the reset takes a step of its own, the next row is right, "
     "and the row after it is none to learn from.",
 )
-def next_row(found):
+def next_row(result):
     from course.learning import gae
     from course.vector_env import PointReachVector
 
@@ -104,26 +104,26 @@ def next_row(found):
         envs = PointReachVector(8, max_steps=5, autoreset_mode=mode)
         before, late = envs.reset(seed=0)[0], np.zeros(8, bool)
         while not late.any():
-            last, (seen, _, _, late, _) = before, envs.step(np.zeros((8, 2), np.float32))
-            before = seen
-        return bool(np.array_equal(seen, last))  # nobody pushes: a point stays where it is
+            last, (observed, _, _, late, _) = before, envs.step(np.zeros((8, 2), np.float32))
+            before = observed
+        return bool(np.array_equal(observed, last))  # nobody pushes: a point stays where it is
 
-    def off(cut):
-        rewards, values, after, ended, late, row = drawn(found.rng, cut)
+    def deviation(cut):
+        rewards, values, after, ended, late, row = drawn(result.rng, cut)
         right = gae(rewards, values, after, ended, late)
         return np.abs(gae(rewards, values, row, ended, late) - right).max()
 
-    ended, cut = ([off(c) for _ in range(10)] for c in (0.0, 0.1))
-    found.figure("worst", max(cut))
-    found.statement = "Drawn runs of 40 steps, a tenth of them ends; without or with cuts."
+    ended, cut = ([deviation(c) for _ in range(10)] for c in (0.0, 0.1))
+    result.figure("worst", max(cut))
+    result.statement = "Drawn runs of 40 steps, a tenth of them ends; without or with cuts."
     inside, outside = ([x < 1e-12 for x in some] for some in (ended, cut))
-    found.heard(
+    result.heard(
         all(outside),
         inside=inside,
         outside=outside,
         only_if="no episode is cut off and reset within the step",
     )
-    found.corrected(
+    result.corrected(
         min(cut) > 1e-3, max(ended) < 1e-12, follows("NextStep"), not follows("SameStep")
     )
 
@@ -143,35 +143,35 @@ def next_row(found):
     ),
     source="J. Schulman et al., Proximal policy optimization algorithms, 2017",
 )
-def beyond_the_clip(found):
+def beyond_the_clip(result):
     import sympy
 
     from course.learning import objective
 
     r, A, clip = sympy.symbols("r A clip", real=True)
     both, beyond = (r * A, (1 + clip) * A), {r: 1.5, A: -1, clip: 0.2}
-    found.formula = min(both, key=lambda x: x.subs(beyond))
+    result.formula = min(both, key=lambda x: x.subs(beyond))
 
     def flat(ratio, advantage):
         """Whether a small change of the ratio changes nothing, and the slope says so."""
         value, slope = objective(np.array([ratio, ratio + 1e-6]), np.full(2, advantage))
         return bool(abs(value[1] - value[0]) < 1e-12 and slope[0] == 0.0)
 
-    size, over = found.rng.uniform(0.1, 3.0, 10), found.rng.uniform(0.21, 0.9, 10)
+    size, over = result.rng.uniform(0.1, 3.0, 10), result.rng.uniform(0.21, 0.9, 10)
     signs = np.resize([1.0, -1.0], 10)
-    found.figure("slope", objective(np.array([1.5]), np.array([-1.0]))[1][0])
-    found.statement = "Finite differences of the objective, clip 0.2, at drawn ratios."
+    result.figure("slope", objective(np.array([1.5]), np.array([-1.0]))[1][0])
+    result.statement = "Finite differences of the objective, clip 0.2, at drawn ratios."
     inside, outside = (
         [flat(1.0 + s * k * x, s * y) for s, x, y in zip(signs, over, size, strict=True)]
         for k in (1.0, -1.0)
     )
-    found.heard(
+    result.heard(
         all(outside),
         only_if="it has moved the way its advantage pushes",
         inside=inside,
         outside=outside,
     )
-    found.corrected(
+    result.corrected(
         not any(outside),
         abs(objective(np.array([1.5]), np.array([-2.0]))[0][0] + 3.0) < 1e-12,
         not flat(1.1, 1.0),
@@ -185,22 +185,22 @@ def beyond_the_clip(found):
     "{share:.0%} of the actions have ratios beyond it, a mean divergence of {kl:.3f}. The first "
     "step of a batch, where all ratios are 1, is the plain policy gradient's.",
 )
-def clip_keeps(found):
+def clip_keeps(result):
     from course.learning import Settings, objective, ppo
     from course.vector_env import PointReachVector
 
     envs = PointReachVector(64, "potential", autoreset_mode="SameStep")
     settings = Settings(hidden=(16, 16), rate=1e-3, anneal=False)
-    told = list(ppo(envs, settings, steps=64 * 32 * 3, seed=0))
-    share = found.figure("share", np.mean([x.clipped for x in told]), 0.5)
-    found.figure("kl", np.mean([x.kl for x in told]), 0.5)
-    found.statement = (
+    report = list(ppo(envs, settings, steps=64 * 32 * 3, seed=0))
+    share = result.figure("share", np.mean([x.clipped for x in report]), 0.5)
+    result.figure("kl", np.mean([x.kl for x in report]), 0.5)
+    result.statement = (
         "Three iterations of 2,048 steps, five epochs, two layers 16 wide, rate 0.001, clip 0.2."
     )
-    advantage = found.rng.normal(size=100)
+    advantage = result.rng.normal(size=100)
     first = objective(np.ones(100), advantage)[1]
-    found.heard(share == 0.0)
-    found.corrected(share > 0.02, np.array_equal(first, advantage))
+    result.heard(share == 0.0)
+    result.corrected(share > 0.02, np.array_equal(first, advantage))
 
 
 @claim(
@@ -219,7 +219,7 @@ def clip_keeps(found):
         },
     ),
 )
-def first_to_finish(found):
+def first_to_finish(result):
     import sympy
 
     from course.learning import evaluate, first_finished
@@ -227,7 +227,7 @@ def first_to_finish(found):
     from course.vector_env.point import plan
 
     p, x = sympy.symbols("p x")
-    found.formula = sympy.solve(sympy.Eq(x, p * (1 + x)), x)[0]  # one success, then as before
+    result.formula = sympy.solve(sympy.Eq(x, p * (1 + x)), x)[0]  # one success, then as before
 
     def played(edge, N=128, clock=100, always=False):
         """Truth and reading of a policy that stands still if the goal is too far to the left."""
@@ -246,31 +246,31 @@ def first_to_finish(found):
         ("true_more", more),
         ("read_more", read_more),
     ):
-        found.figure(name, value, 0.05)
+        result.figure(name, value, 0.05)
 
-    def tells(share, slow):
+    def shows(share, slow):
         """A longer game in whole steps: successes take one step, failures `slow` steps."""
-        seen: list[bool] = []
-        left = np.zeros(2000, dtype=int)
+        observed: list[bool] = []
+        remaining = np.zeros(2000, dtype=int)
         wins = np.zeros(2000, dtype=bool)
-        while len(seen) < 2000:
-            new = left == 0
-            wins[new] = found.rng.random(new.sum()) < share
-            left[new] = np.where(wins[new], 1, slow)
-            left -= 1
-            seen += wins[left == 0].tolist()
-        return abs(np.mean(seen[:2000]) - share) < 0.05
+        while len(observed) < 2000:
+            new = remaining == 0
+            wins[new] = result.rng.random(new.sum()) < share
+            remaining[new] = np.where(wins[new], 1, slow)
+            remaining -= 1
+            observed += wins[remaining == 0].tolist()
+        return abs(np.mean(observed[:2000]) - share) < 0.05
 
-    found.statement = "128 environments, 100 steps at most; then games of drawn shares."
-    inside, outside = ([tells(s, n) for s in found.rng.uniform(0.2, 0.8, 8)] for n in (1, 30))
-    found.heard(
+    result.statement = "128 environments, 100 steps at most; then games of drawn shares."
+    inside, outside = ([shows(s, n) for s in result.rng.uniform(0.2, 0.8, 8)] for n in (1, 30))
+    result.heard(
         abs(read_more - more) < 0.05,
         only_if="failures take as long as successes",
         inside=inside,
         outside=outside,
     )
-    law = float(found.formula.subs(p, true))
-    found.corrected(abs(read - law) < 0.1, read_more == 1.0, more < 0.8)
+    law = float(result.formula.subs(p, true))
+    result.corrected(abs(read - law) < 0.1, read_more == 1.0, more < 0.8)
 
 
 @claim(
@@ -279,32 +279,32 @@ def first_to_finish(found):
     "episode each an own normaliser turns the sign of the way to the next goal in {own:.0%} of "
     "environments, after {n:.0f} in {later:.0%}; a shared one in {shared:.0%}.",
 )
-def own_normaliser(found):
+def own_normaliser(result):
     from course.learning import Normaliser
     from course.vector_env import PointReachVector
 
-    n = int(found.given("n", 4))
+    n = int(result.given("n", 4))
 
     def turned(episodes, shared, N=512):
         """Share of environments in which the way along x to a new goal has the wrong sign."""
         envs, rows = PointReachVector(N, autoreset_mode="SameStep"), []
-        seen, _ = envs.reset(seed=0)
+        observed, _ = envs.reset(seed=0)
         for _ in range(100 * episodes):
-            rows.append(seen)
-            push = np.clip(found.rng.standard_normal((N, 2)), -1.0, 1.0).astype(np.float32)
-            seen = envs.step(push)[0]
+            rows.append(observed)
+            push = np.clip(result.rng.standard_normal((N, 2)), -1.0, 1.0).astype(np.float32)
+            observed = envs.step(push)[0]
         table = np.array(rows).reshape(-1, 4 if shared else 4 * N)
         normaliser = Normaliser.blank(table.shape[1])
         normaliser.update(table)
         new, _ = envs.reset(seed=9000)
-        told = normaliser(new.reshape(-1, table.shape[1])).reshape(N, 4)
-        return np.mean(told[:, 0] * new[:, 0] < 0.0)
+        report = normaliser(new.reshape(-1, table.shape[1])).reshape(N, 4)
+        return np.mean(report[:, 0] * new[:, 0] < 0.0)
 
-    own, later = (found.figure(x, turned(k, False), 0.1) for x, k in (("own", 1), ("later", n)))
-    shared = found.figure("shared", turned(1, True), 0.5)
-    found.statement = "512 points pushed at random, new goals for all."
-    found.heard(own < 0.05)
-    found.corrected(own > later + 0.03, later > shared + 0.05, shared < 0.05)
+    own, later = (result.figure(x, turned(k, False), 0.1) for x, k in (("own", 1), ("later", n)))
+    shared = result.figure("shared", turned(1, True), 0.5)
+    result.statement = "512 points pushed at random, new goals for all."
+    result.heard(own < 0.05)
+    result.corrected(own > later + 0.03, later > shared + 0.05, shared < 0.05)
 
 
 @claim(
@@ -323,47 +323,47 @@ def own_normaliser(found):
         },
     ),
 )
-def sparse_chance(found):
+def sparse_chance(result):
     import sympy
 
     from course.learning import evaluate
     from course.vector_env import PointReachVector
 
     R, L, S = sympy.symbols("R L S", positive=True)
-    found.formula = sympy.integrate(2 * R, (sympy.Symbol("x"), 0, L)) / S
+    result.formula = sympy.integrate(2 * R, (sympy.Symbol("x"), 0, L)) / S
     N, rng = 2000, np.random.default_rng(1)
 
     def pushes(*shape):
         return np.clip(rng.standard_normal((*shape, 2)), -1.0, 1.0).astype(np.float32)
 
     speed = 0.05 * np.cumsum(pushes(N, 100), axis=1)
-    way, lengths = 0.05 * np.cumsum(speed, axis=1), 0.05 * np.hypot(*np.moveaxis(speed, 2, 0))
-    dense = np.prod(np.clip(2.0 - np.abs(way), 0.0, None), axis=2) / 16.0  # of goals there, 1/S
+    path, lengths = 0.05 * np.cumsum(speed, axis=1), 0.05 * np.hypot(*np.moveaxis(speed, 2, 0))
+    dense = np.prod(np.clip(2.0 - np.abs(path), 0.0, None), axis=2) / 16.0  # of goals there, 1/S
 
     def law(radius):
         """The swept share, where goals are dense and where they are not, and the start's disc."""
-        swept = float(found.formula.subs({R: radius, L: 1, S: 1})) * np.sum(lengths * dense, 1)
+        swept = float(result.formula.subs({R: radius, L: 1, S: 1})) * np.sum(lengths * dense, 1)
         return swept.mean() + np.pi * radius**2 / 4.0
 
     def measured(radius):
         envs = PointReachVector(N, radius=radius)
-        return evaluate(lambda seen: pushes(N), envs, 0).success.mean()
+        return evaluate(lambda observed: pushes(N), envs, 0).success.mean()
 
-    told = found.figure("law", law(0.05), 0.05)
-    seen = found.figure("measured", measured(0.05), 0.1)
-    found.figure("small", measured(0.0125), 0.2)
-    found.statement = "2,000 episodes of 100 steps each."
+    report = result.figure("law", law(0.05), 0.05)
+    observed = result.figure("measured", measured(0.05), 0.1)
+    result.figure("small", measured(0.0125), 0.2)
+    result.statement = "2,000 episodes of 100 steps each."
     inside, outside = (
-        [bool(measured(x) < 0.01) for x in found.rng.uniform(*some, 8)]
+        [bool(measured(x) < 0.01) for x in result.rng.uniform(*some, 8)]
         for some in ((0.001, 0.015), (0.03, 0.2))
     )
-    found.heard(
-        seen < 0.01,
+    result.heard(
+        observed < 0.01,
         only_if="{formula}, taken where goals are dense, is below 1/100",
         inside=inside,
         outside=outside,
     )
-    found.corrected(abs(told / seen - 1.0) < 0.3, abs(measured(0.1) / law(0.1) - 1.0) < 0.3)
+    result.corrected(abs(report / observed - 1.0) < 0.3, abs(measured(0.1) / law(0.1) - 1.0) < 0.3)
 
 
 @claim(
@@ -371,30 +371,30 @@ def sparse_chance(found):
     "It pays for being near on the way. Of {n:.0f} drawn tasks with two ways the best one differs "
     "in {plain:.0f}; with the difference of the potential, minus the distance, in {potential:.0f}.",
 )
-def minus_distance(found):
+def minus_distance(result):
     from course.sim_to_real import Process, evaluate_policy, shaped, value_iteration
 
     def tried(n=12):
         """Two ways of drawn lengths and distances: do these rewards keep the best one?"""
-        last, ends = found.rng.integers(1, n - 2), np.arange(n) == n - 1
+        last, ends = result.rng.integers(1, n - 2), np.arange(n) == n - 1
         P = np.repeat(np.eye(n, k=1)[:, None], 2, axis=1)
         P[0, 1], P[last], P[-1] = np.eye(n)[last + 1], np.eye(n)[-1], np.eye(n)[-1]
-        near, far = found.rng.uniform(0.1, 2.0, 2)
-        off = np.where(np.arange(n) <= last, near, far) * ~ends
+        near, far = result.rng.uniform(0.1, 2.0, 2)
+        deviation = np.where(np.arange(n) <= last, near, far) * ~ends
         prize = np.zeros((n, 2, n))
         prize[:-1, :, -1] = 1.0
-        sparse, dense = (Process(P, x, 0.95, ends) for x in (prize, prize - off[:, None, None]))
-        policies = (value_iteration(x).policy for x in (sparse, dense, shaped(sparse, -off)))
+        sparse, dense = (Process(P, x, 0.95, ends) for x in (prize, prize - deviation[:, None, None]))
+        policies = (value_iteration(x).policy for x in (sparse, dense, shaped(sparse, -deviation)))
         best, *others = (evaluate_policy(sparse, policy)[0] for policy in policies)
         return np.isclose(others, best)
 
-    n = int(found.given("n", 60))
-    kept = np.array([tried() for _ in range(n)])
-    plain = found.figure("plain", np.sum(~kept[:, 0]))
-    potential = found.figure("potential", np.sum(~kept[:, 1]), 0.0)
-    found.statement = "Two ways of up to ten steps to one end with a prize, solved exactly."
-    found.heard(plain == 0)
-    found.corrected(plain > 0.05 * n, potential == 0)
+    n = int(result.given("n", 60))
+    retained = np.array([tried() for _ in range(n)])
+    plain = result.figure("plain", np.sum(~retained[:, 0]))
+    potential = result.figure("potential", np.sum(~retained[:, 1]), 0.0)
+    result.statement = "Two ways of up to ten steps to one end with a prize, solved exactly."
+    result.heard(plain == 0)
+    result.corrected(plain > 0.05 * n, potential == 0)
 
 
 @claim(
@@ -413,41 +413,41 @@ def minus_distance(found):
         },
     ),
 )
-def hovering(found):
+def hovering(result):
     import sympy
 
     from course.sim_to_real import Process, value_iteration
     from course.vector_env import PointReachVector
 
     gamma, P, b = sympy.symbols("gamma P b", positive=True)
-    found.formula = sympy.solve(sympy.Eq(b + P, b + gamma * (b + P)), b)[0]
+    result.formula = sympy.solve(sympy.Eq(b + P, b + gamma * (b + P)), b)[0]
 
     def hovers(share, discount, prize):
         """Near (0) or over (1): wait or go, solved exactly."""
-        bonus = share * float(found.formula.subs({gamma: discount, P: prize}))
+        bonus = share * float(result.formula.subs({gamma: discount, P: prize}))
         moves = np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.0, 1.0], [0.0, 1.0]]])
         pays = np.array([[[bonus, 0.0], [0.0, bonus + prize]], np.zeros((2, 2))])
         return bool(
             value_iteration(Process(moves, pays, discount, np.array([False, True]))).policy[0] == 0
         )
 
-    steps = int(found.given("steps", 30))
+    steps = int(result.given("steps", 30))
     envs = PointReachVector(1, "hover", bonus=1.0)
     envs.reset(seed=0)
     still = np.zeros((1, 2), np.float32)
-    found.figure("paid", np.sum([envs.step(still)[1][0] for _ in range(steps)]), 0.0)
+    result.figure("paid", np.sum([envs.step(still)[1][0] for _ in range(steps)]), 0.0)
     tasks = list(
-        zip(found.rng.uniform(0.6, 0.98, 10), found.rng.uniform(0.5, 20.0, 10), strict=True)
+        zip(result.rng.uniform(0.6, 0.98, 10), result.rng.uniform(0.5, 20.0, 10), strict=True)
     )
-    found.statement = "Two states with drawn discounts and prizes; a point that rests near."
+    result.statement = "Two states with drawn discounts and prizes; a point that rests near."
     inside, outside = ([hovers(x, *task) for task in tasks] for x in (1.05, 0.95))
-    found.heard(
+    result.heard(
         all(outside),
         only_if="the bonus is above (1 - gamma) / gamma of the prize",
         inside=inside,
         outside=outside,
     )
-    found.corrected(not any(outside), found.figures["paid"] == steps)
+    result.corrected(not any(outside), result.figures["paid"] == steps)
 
 
 @claim(
@@ -455,7 +455,7 @@ def hovering(found):
     "A discount is one: at {discount} a step a slow law is worth {slow:.2f}, a fast one "
     "{fast:.2f}. Without it both are worth the same as long as the clock leaves them time.",
 )
-def no_time_penalty(found):
+def no_time_penalty(result):
     from course.learning import evaluate
     from course.vector_env import PointReachVector
 
@@ -467,20 +467,20 @@ def no_time_penalty(found):
         envs = PointReachVector(64, max_steps=1000)
         return evaluate(act, envs, 0, discount=gamma).returns.mean()
 
-    discount = found.given("discount", 0.99)
+    discount = result.given("discount", 0.99)
     slow, fast = (
-        found.figure(x, worth(gain, discount), 1e-3) for x, gain in (("slow", 0.3), ("fast", 2.0))
+        result.figure(x, worth(gain, discount), 1e-3) for x, gain in (("slow", 0.3), ("fast", 2.0))
     )
     same = [bool(abs(worth(0.3, x) - worth(2.0, x)) < 1e-9) for x in (1.0, 0.999, 0.95)]
-    found.statement = "64 starts, up to 1,000 steps, critically damped laws of 0.3 / s and 2 / s."
-    found.heard(
+    result.statement = "64 starts, up to 1,000 steps, critically damped laws of 0.3 / s and 2 / s."
+    result.heard(
         all(same[1:]),
         only_if="nothing is discounted and no clock runs out",
         inside=same[:1],
         outside=same[1:],
         cases=True,
     )
-    found.corrected(fast > slow + 0.1, not any(same[1:]))
+    result.corrected(fast > slow + 0.1, not any(same[1:]))
 
 
 @claim(
@@ -489,7 +489,7 @@ def no_time_penalty(found):
     "{share:.0%} of the exact optimum, {least:.0%} in the worst of {n:.0f} such searches; one took "
     "{steps:.0f} steps, {hours:.1f} h on a robot.",
 )
-def two_gains(found):
+def two_gains(result):
     from course.learning import evaluate
     from course.vector_env import PointReachVector
     from course.vector_env.point import optimum
@@ -506,7 +506,7 @@ def two_gains(found):
         episodes = evaluate(act, PointReachVector(len(each)), seeds)
         return episodes.returns.reshape(len(gains), n).mean(axis=1), episodes.steps.sum()
 
-    laws, n = int(found.given("laws", 24)), int(found.given("n", 10))
+    laws, n = int(result.given("laws", 24)), int(result.given("n", 10))
     best, each = [], []
     for seed in range(n):
         some = np.random.default_rng(seed).uniform(0.0, 5.0, (laws, 2))
@@ -515,12 +515,12 @@ def two_gains(found):
         each.append(steps)
     starts, _ = PointReachVector(500).reset(seed=9000)
     shares = played(np.array(best), 9000, 500)[0] / optimum(starts).mean()
-    share = found.figure("share", np.median(shares), 0.02)
-    least = found.figure("least", shares.min(), 0.02)
-    hours = found.figure("hours", found.figure("steps", np.median(each), 0.02) * 0.05 / 3600, 0.02)
-    found.statement = "32 starts a law, tested on 500 others, steps of 0.05 s; medians."
-    found.heard(share < 0.5 and hours == 0.0)
-    found.corrected(share > 0.8, least > 0.7, hours > 0.2)
+    share = result.figure("share", np.median(shares), 0.02)
+    least = result.figure("least", shares.min(), 0.02)
+    hours = result.figure("hours", result.figure("steps", np.median(each), 0.02) * 0.05 / 3600, 0.02)
+    result.statement = "32 starts a law, tested on 500 others, steps of 0.05 s; medians."
+    result.heard(share < 0.5 and hours == 0.0)
+    result.corrected(share > 0.8, least > 0.7, hours > 0.2)
 
 
 @claim(
@@ -539,7 +539,7 @@ def two_gains(found):
         },
     ),
 )
-def gradient_cost(found):
+def gradient_cost(result):
     import sympy
     from torch.utils._python_dispatch import TorchDispatchMode
     from torch.utils.flop_counter import FlopCounterMode
@@ -548,7 +548,7 @@ def gradient_cost(found):
 
     d, h, m = sympy.symbols("d h m", positive=True)
     layers = (d * h, h * h, h * m)
-    found.formula = sympy.expand(2 * sum(layers) - layers[0])  # by weights, by what comes in
+    result.formula = sympy.expand(2 * sum(layers) - layers[0])  # by weights, by what comes in
 
     class Calls(TorchDispatchMode):
         """Counts operators."""
@@ -561,21 +561,21 @@ def gradient_cost(found):
 
     def counted(width, rows=256):
         """Products a row, forward and backward, and calls of both."""
-        net, seen = network((4, width, width, 2), 0), tensor(np.ones((rows, 4)))
+        net, observed = network((4, width, width, 2), 0), tensor(np.ones((rows, 4)))
         with FlopCounterMode(display=False) as forward:
-            out = net(seen).square().mean()
+            out = net(observed).square().mean()
         with FlopCounterMode(display=False) as backward:
             out.backward()
         with Calls() as calls:
-            net(seen).square().mean().backward()
+            net(observed).square().mean().backward()
         return *(x.get_total_flops() / (2 * rows) for x in (forward, backward)), calls.number
 
-    width, widths = int(found.given("width", 64)), (8, 64, 256)
+    width, widths = int(result.given("width", 64)), (8, 64, 256)
     forward, back, calls = counted(width)
-    found.figure("ratio", back / forward)
-    found.figure("calls", calls, 0.3)
+    result.figure("ratio", back / forward)
+    result.figure("calls", calls, 0.3)
     each = [counted(x) for x in widths]
-    law = [float(found.formula.subs({d: 4, h: x, m: 2})) for x in widths]
-    found.statement = "PyTorch's own count of products and calls, 4 inputs and 2 outputs."
-    found.heard(all(b <= 2.0 * f for f, b, _ in each))
-    found.corrected(np.allclose([b for _, b, _ in each], law), len({c for *_, c in each}) == 1)
+    law = [float(result.formula.subs({d: 4, h: x, m: 2})) for x in widths]
+    result.statement = "PyTorch's own count of products and calls, 4 inputs and 2 outputs."
+    result.heard(all(b <= 2.0 * f for f, b, _ in each))
+    result.corrected(np.allclose([b for _, b, _ in each], law), len({c for *_, c in each}) == 1)

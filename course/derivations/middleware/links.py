@@ -46,32 +46,32 @@ def lossy(reliability, packets, loss, messages, rate=float("inf")):
         },
     ),
 )
-def picture_lost_like_packet(found):
+def picture_lost_like_packet(result):
     import sympy
 
     from course.middleware.bus import Link
 
     p = sympy.Symbol("p", positive=True)
     through = sympy.prod([1 - p] * 12)
-    found.formula = 1 - through
-    n, loss = int(found.given("n", Link().fragments(640 * 480 * 3))), found.given("p", 1e-3)
-    twelve = int(found.given("twelve", 12))
+    result.formula = 1 - through
+    n, loss = int(result.given("n", Link().fragments(640 * 480 * 3))), result.given("p", 1e-3)
+    twelve = int(result.given("twelve", 12))
 
     def share(packets, loss, messages=4000):
         return lossy("best_effort", packets, loss, messages)[0].lost / messages
 
-    lost = found.figure("lost", share(n, loss), 0.1)
-    few = found.figure("few", share(twelve, loss, 20_000), 0.3)
-    drawn = found.rng.uniform(0.01, 0.3, 6)
+    lost = result.figure("lost", share(n, loss), 0.1)
+    few = result.figure("few", share(twelve, loss, 20_000), 0.3)
+    drawn = result.rng.uniform(0.01, 0.3, 6)
     # As many losses, in rows of ten.
-    rows = found.rng.random((4000, n)) < loss / 10
+    rows = result.rng.random((4000, n)) < loss / 10
     rows = np.logical_or.reduce([np.roll(rows, k) for k in range(10)])
-    found.statement = "Messages on the bus, each packet drawn; losses in rows of ten by themselves."
-    found.heard(lost < 2.0 * loss)
-    found.corrected(
+    result.statement = "Messages on the bus, each packet drawn; losses in rows of ten by themselves."
+    result.heard(lost < 2.0 * loss)
+    result.corrected(
         abs(lost - (1.0 - (1.0 - loss) ** n)) < 0.03,
-        abs(few - float(found.formula.subs(p, loss))) < 0.004,
-        all(abs(share(12, float(x)) - float(found.formula.subs(p, x))) < 0.04 for x in drawn),
+        abs(few - float(result.formula.subs(p, loss))) < 0.004,
+        all(abs(share(12, float(x)) - float(result.formula.subs(p, x))) < 0.04 for x in drawn),
         abs(rows.mean() / loss - 1.0) < 0.1,
         rows.any(axis=1).mean() < 0.3 * lost,
     )
@@ -112,12 +112,12 @@ def forgets(packets, loss, messages=1000):
         },
     ),
 )
-def reliable_resends_all(found):
+def reliable_resends_all(result):
     import sympy
 
     n, p, k = sympy.symbols("n p k", positive=True)
-    found.formula = sympy.simplify(n * (1 + (sympy.Sum(p**k, (k, 1, sympy.oo)).doit().args[0][0])))
-    size, loss = int(found.given("n", 627)), found.given("p", 1e-3)
+    result.formula = sympy.simplify(n * (1 + (sympy.Sum(p**k, (k, 1, sympy.oo)).doit().args[0][0])))
+    size, loss = int(result.given("n", 627)), result.given("p", 1e-3)
 
     def packets(size, loss, messages=300, rate=1e9):
         """Of each message in the mean, and rounds: the wire never rests before all is through."""
@@ -126,16 +126,16 @@ def reliable_resends_all(found):
         return sent / messages, 1.0 + reader.rounds / messages
 
     sent, rounds = packets(size, loss, 3000)
-    found.figure("more", sent / size - 1.0, 0.2)
-    found.figure("rounds", rounds, 0.03)
+    result.figure("more", sent / size - 1.0, 0.2)
+    result.figure("rounds", rounds, 0.03)
     alone = lossy("best_effort", size, loss, 4000)[0]
-    whole = found.figure("whole", 4000 / alone.received, 0.1)
-    drawn = [(int(a), float(b)) for a, b in found.rng.uniform((5, 0.05), (200, 0.5), (5, 2))]
-    seen = [(packets(a, b)[0], float(found.formula.subs({n: a, p: b}))) for a, b in drawn]
-    found.statement = "Bytes on the bus's wire; what asks for them is not lost and not counted."
-    found.heard(bool(abs(rounds / whole - 1.0) < 0.1))
-    found.corrected(
-        all(abs(a / b - 1.0) < 0.03 for a, b in seen),
+    whole = result.figure("whole", 4000 / alone.received, 0.1)
+    drawn = [(int(a), float(b)) for a, b in result.rng.uniform((5, 0.05), (200, 0.5), (5, 2))]
+    observed = [(packets(a, b)[0], float(result.formula.subs({n: a, p: b}))) for a, b in drawn]
+    result.statement = "Bytes on the bus's wire; what asks for them is not lost and not counted."
+    result.heard(bool(abs(rounds / whole - 1.0) < 0.1))
+    result.corrected(
+        all(abs(a / b - 1.0) < 0.03 for a, b in observed),
         rounds < whole - 0.2,
         sent < 1.01 * size,
         forgets(size, loss),
@@ -159,41 +159,41 @@ def reliable_resends_all(found):
         },
     ),
 )
-def gigabit_is_enough(found):
+def gigabit_is_enough(result):
     import sympy
 
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
     w, h, c, f, k = sympy.symbols("w h c f k", positive=True)
-    found.formula = sympy.summation(sympy.summation(c, (k, 1, w)), (k, 1, h)) * f
+    result.formula = sympy.summation(sympy.summation(c, (k, 1, w)), (k, 1, h)) * f
 
     def rate(*of):
-        return float(found.formula.subs(dict(zip((w, h, c, f), of, strict=True))))
+        return float(result.formula.subs(dict(zip((w, h, c, f), of, strict=True))))
 
     def slope(size, wire, hz=30.0, seconds=10.0):
         """By how much pictures get older in each second [s/s], their age when it ends [s]."""
-        bus, seen = Bus(), list[tuple[float, float]]()
+        bus, observed = Bus(), list[tuple[float, float]]()
         out = bus.node("camera").writer("image", QoS(history="keep_all"))
         bus.node("eye").reader(
             "image",
-            lambda s: seen.append((s.stamp, bus.now - s.stamp)),
+            lambda s: observed.append((s.stamp, bus.now - s.stamp)),
             QoS(history="keep_all"),
             Link(rate=wire),
         )
         bus.node("shutter").timer(1.0 / hz, lambda: (out.publish(0, size), None)[1])
         bus.run(seconds)
-        stamp, old = np.transpose(seen)
+        stamp, old = np.transpose(observed)
         return float(np.polyfit(stamp, old, 1)[0])
 
-    wire = 1e6 * found.given("cable", 125)
-    camera = found.figure("camera", rate(1280, 720, 5, 30) / 1e6)
-    vga = found.figure("vga", rate(640, 480, 3, 30) / 1e6)
-    packets = found.figure("packets", Link().fragments(int(rate(640, 480, 3, 1))))
-    grows = found.figure("slope_ms", 1e3 * slope(int(rate(1280, 720, 5, 1)), wire), 0.01)
-    found.statement = "Arithmetic, and pictures on a wire of that many bytes a second, no headers."
-    found.heard(grows < 1.0)
-    found.corrected(
+    wire = 1e6 * result.given("cable", 125)
+    camera = result.figure("camera", rate(1280, 720, 5, 30) / 1e6)
+    vga = result.figure("vga", rate(640, 480, 3, 30) / 1e6)
+    packets = result.figure("packets", Link().fragments(int(rate(640, 480, 3, 1))))
+    grows = result.figure("slope_ms", 1e3 * slope(int(rate(1280, 720, 5, 1)), wire), 0.01)
+    result.statement = "Arithmetic, and pictures on a wire of that many bytes a second, no headers."
+    result.heard(grows < 1.0)
+    result.corrected(
         camera > 125.0,
         abs(grows / (1e3 * (camera / 125.0 - 1.0)) - 1.0) < 0.01,
         abs(slope(int(rate(640, 480, 3, 1)), wire)) < 1e-6,
@@ -210,12 +210,12 @@ def gigabit_is_enough(found):
     "{alone_ms:.3f} ms, and beside a writer that spreads its packets over {spread_ms:.0f} ms "
     "{paced_ms:.3f} ms.",
 )
-def command_waits_for_picture(found):
+def command_waits_for_picture(result):
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
-    speed, size = 1e6 * found.given("mb_s", 125), 1e6 * found.given("mb", 0.9)
-    period = 1.0 / found.given("hz", 1000)
+    speed, size = 1e6 * result.given("mb_s", 125), 1e6 * result.given("mb", 0.9)
+    period = 1.0 / result.given("hz", 1000)
 
     def waited(reliability, shared, phase=0.37, spread=0.0):
         bus, late, wire = Bus(), list[float](), Link(rate=speed)
@@ -240,17 +240,17 @@ def command_waits_for_picture(found):
         return 1e3 * max(late)
 
     kinds = ("reliable", "best_effort")
-    keeps = found.figure(
+    keeps = result.figure(
         "keeps_ms", 1e3 * Link(rate=speed).fragments(int(size)) * 1472 / speed, 0.01
     )
-    most = found.figure("waited_ms", max(waited(kind, True) for kind in kinds), 0.05)
-    alone = found.figure("alone_ms", waited("reliable", False), 0.05)
-    spread = 1e-3 * found.given("spread_ms", 20)
-    paced = found.figure("paced_ms", waited("reliable", True, spread=spread), 0.1)
-    drawn = [waited(kind, True, x) for kind in kinds for x in found.rng.uniform(0.1, 0.9, 4)]
-    found.statement = "Pictures and commands on one wire of the bus, in ten phases."
-    found.heard(all(x > 0.8 * keeps for x in drawn))
-    found.corrected(max(most, *drawn) < 1.01 * keeps, alone < 0.01, paced < 0.02)
+    largest = result.figure("waited_ms", max(waited(kind, True) for kind in kinds), 0.05)
+    alone = result.figure("alone_ms", waited("reliable", False), 0.05)
+    spread = 1e-3 * result.given("spread_ms", 20)
+    paced = result.figure("paced_ms", waited("reliable", True, spread=spread), 0.1)
+    drawn = [waited(kind, True, x) for kind in kinds for x in result.rng.uniform(0.1, 0.9, 4)]
+    result.statement = "Pictures and commands on one wire of the bus, in ten phases."
+    result.heard(all(x > 0.8 * keeps for x in drawn))
+    result.corrected(max(largest, *drawn) < 1.01 * keeps, alone < 0.01, paced < 0.02)
 
 
 def newest(reliability, loss, repair, seconds=5.0):
@@ -283,14 +283,14 @@ def newest(reliability, loss, repair, seconds=5.0):
     "reliable makes it {quick:.2f} ms. What is said once, a goal or a change of mode, needs "
     "reliable.",
 )
-def joint_states_reliable(found):
-    loss, kinds = found.given("loss", 0.1), ("best_effort", "reliable")
-    slow, quick = (1e-3 * found.given(*x) for x in (("slow_ms", 3), ("quick_ms", 0.3)))
+def joint_states_reliable(result):
+    loss, kinds = result.given("loss", 0.1), ("best_effort", "reliable")
+    slow, quick = (1e-3 * result.given(*x) for x in (("slow_ms", 3), ("quick_ms", 0.3)))
     best, sure = (newest(kind, loss, slow) for kind in kinds)
     for name, some in (("best", best), ("sure", sure)):
-        found.figure(f"{name}_ms", some.mean(), 0.1)
-        found.figure(f"{name}_tail", np.quantile(some, 0.99), 0.2)
-    again = found.figure("quick", newest("reliable", loss, quick).mean(), 0.1)
+        result.figure(f"{name}_ms", some.mean(), 0.1)
+        result.figure(f"{name}_tail", np.quantile(some, 0.99), 0.2)
+    again = result.figure("quick", newest("reliable", loss, quick).mean(), 0.1)
     fair = [newest(kind, 0.0, slow).mean() for kind in kinds]
 
     def fresher(loss, repair):
@@ -298,17 +298,17 @@ def joint_states_reliable(found):
         return bool(other < one)
 
     within, after = (
-        found.rng.uniform((0.1, 2e-4), (0.3, 7e-4), (8, 2)),
-        found.rng.uniform((0.1, 1.3e-3), (0.3, 4e-3), (8, 2)),
+        result.rng.uniform((0.1, 2e-4), (0.3, 7e-4), (8, 2)),
+        result.rng.uniform((0.1, 1.3e-3), (0.3, 4e-3), (8, 2)),
     )
-    found.statement = "Joint states on the bus, 5 s each, looked at in all phases."
-    found.heard(
+    result.statement = "Joint states on the bus, 5 s each, looked at in all phases."
+    result.heard(
         bool(sure.mean() < best.mean()),
         only_if="what was lost is there again before the next state",
         inside=[fresher(*x) for x in within],
         outside=[fresher(*x) for x in after],
     )
-    found.corrected(
+    result.corrected(
         bool(again < best.mean()),
         abs(fair[0] / fair[1] - 1.0) < 1e-6,
         bool(np.quantile(sure, 0.99) > np.quantile(best, 0.99)),
@@ -324,15 +324,15 @@ def joint_states_reliable(found):
     "was told that anything is wrong. DDS can make a topic exclusive, where the stronger one "
     "alone is obeyed; ROS 2's profiles have no word for that.",
 )
-def topics_many_to_many(found):
+def topics_many_to_many(result):
     from course.middleware.qos import QoS
     from course.oracles.cyclonedds import Topic, participant, take
 
-    many, others = int(found.given("writers", 3)), int(found.given("readers", 4))
-    turns = int(found.given("turns", 10))
+    count, others = int(result.given("writers", 3)), int(result.given("readers", 4))
+    turns = int(result.given("turns", 10))
     with participant() as member:
         topic, second = Topic(member), Topic(member)
-        writers = [topic.writer(QoS()) for _ in range(many)]
+        writers = [topic.writer(QoS()) for _ in range(count)]
         readers = [topic.reader(QoS()) for _ in range(others)]
         for k, writer in enumerate(writers):
             topic.write(writer, k)
@@ -341,7 +341,7 @@ def topics_many_to_many(found):
         for k in range(turns):
             second.write(pair[k % 2], k % 2)
         obeyed = take(drive)
-        told = sum(one.get_offered_incompatible_qos_status().total_count for one in pair)
+        report = sum(one.get_offered_incompatible_qos_status().total_count for one in pair)
         third, sole = Topic(member), QoS(ownership="exclusive", depth=100)
         weak, strong = (third.writer(sole, strength=k) for k in (1, 2))
         drive = third.reader(sole)
@@ -349,11 +349,11 @@ def topics_many_to_many(found):
         for k in range(turns):
             third.write((weak, strong)[k % 2], k % 2)
         alone = take(drive)
-    found.figure("all", sum(map(len, got)))
-    changes = found.figure("changes", int(np.count_nonzero(np.diff(obeyed))))
-    found.statement = "Writers and readers on Cyclone DDS."
-    found.heard(got == [list(range(many))] * others)
-    found.corrected(changes == turns - 1, told == 0, set(alone) == {1})
+    result.figure("all", sum(map(len, got)))
+    changes = result.figure("changes", int(np.count_nonzero(np.diff(obeyed))))
+    result.statement = "Writers and readers on Cyclone DDS."
+    result.heard(got == [list(range(count))] * others)
+    result.corrected(changes == turns - 1, report == 0, set(alone) == {1})
 
 
 def answered(work, busy=0.0, phase=0.0, clients=1):
@@ -361,7 +361,7 @@ def answered(work, busy=0.0, phase=0.0, clients=1):
     from course.middleware.bus import Bus, Group
     from course.middleware.executor import Executor
 
-    bus, seen = Bus(), list[tuple[float, bool]]()
+    bus, observed = Bus(), list[tuple[float, bool]]()
     server = bus.node("server", Executor(bus))
 
     def serve(x):
@@ -374,7 +374,7 @@ def answered(work, busy=0.0, phase=0.0, clients=1):
     def ask(client, x, start=0.0):
         start = bus.now
         answer = yield client.call(x)
-        seen.append((bus.now - start, answer == 2 * x))
+        observed.append((bus.now - start, answer == 2 * x))
 
     server.service("double", serve)
     if busy:
@@ -384,7 +384,7 @@ def answered(work, busy=0.0, phase=0.0, clients=1):
         client = node.client("double", Group("answers"))
         node.timer(1.0, lambda client=client, k=k: ask(client, k), 0.1 + phase)
     bus.run(1.0)
-    return seen
+    return observed
 
 
 @claim(
@@ -396,25 +396,25 @@ def answered(work, busy=0.0, phase=0.0, clients=1):
     "queue of depth {depth:.0f}: of {many:.0f} at once {heard:.0f} were answered, and the others "
     "wait for ever.",
 )
-def service_takes_five(found):
+def service_takes_five(result):
     from course.middleware.qos import QoS
 
-    work = 1e-3 * found.given("work_ms", 2)
-    busy = 1e-3 * found.given("busy_ms", 40)
+    work = 1e-3 * result.given("work_ms", 2)
+    busy = 1e-3 * result.given("busy_ms", 40)
     phases = np.linspace(-0.05, 0.05, 41)
-    seen = [1e3 * answered(work, busy, float(x))[0][0] for x in phases]
-    least = found.figure("least_ms", min(seen), 0.01)
-    most = found.figure("most_ms", max(seen), 0.05)
-    crowd = answered(work, clients=int(found.given("clients", 5)))
-    last = found.figure("last_ms", 1e3 * max(x for x, _ in crowd), 0.01)
-    depth = found.figure("depth", QoS().depth)
-    heard = found.figure("heard", len(answered(work, clients=int(found.given("many", 20)))))
-    found.statement = "A server with a second callback on the bus, and clients that ask at once."
-    found.heard(len(crowd) < 2 or most < 1.5 * least)
-    found.corrected(
+    observed = [1e3 * answered(work, busy, float(x))[0][0] for x in phases]
+    least = result.figure("least_ms", min(observed), 0.01)
+    largest = result.figure("most_ms", max(observed), 0.05)
+    crowd = answered(work, clients=int(result.given("clients", 5)))
+    last = result.figure("last_ms", 1e3 * max(x for x, _ in crowd), 0.01)
+    depth = result.figure("depth", QoS().depth)
+    received = result.figure("heard", len(answered(work, clients=int(result.given("many", 20)))))
+    result.statement = "A server with a second callback on the bus, and clients that ask at once."
+    result.heard(len(crowd) < 2 or largest < 1.5 * least)
+    result.corrected(
         all(right for _, right in crowd),
         len(crowd) == 5,
-        most > 10.0 * least,
+        largest > 10.0 * least,
         abs(last - 5e3 * work) < 0.1,
-        heard == depth,
+        received == depth,
     )

@@ -41,29 +41,29 @@ def through(offered, requested, link, messages=2000, apart=1e-3):
     "effort: on a link that loses {loss:.0%} nothing was sent again and {lost:.0%} was missing.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.14",
 )
-def reliability_both_ways(found):
+def reliability_both_ways(result):
     from course.middleware.bus import Link
     from course.middleware.qos import ORDERS, QoS, compatible
     from course.oracles.cyclonedds import verdicts
 
     kinds = ORDERS["reliability"]
     pairs = [(QoS(a), QoS(b)) for a in kinds for b in kinds]
-    heard = {
+    received = {
         (a.reliability, b.reliability): one.delivered == 1
         for (a, b), one in zip(pairs, verdicts(pairs), strict=True)
     }
-    silent = [pair for pair, one in heard.items() if not one]
-    found.figure("silent", len(silent))
-    reader = through(QoS(), QoS("best_effort"), Link(loss=found.given("loss", 0.2)))
-    lost = found.figure("lost", reader.lost / 2000, 0.2)
-    found.statement = "All pairs on Cyclone DDS; a link with losses on the bus."
-    found.heard(not heard["reliable", "best_effort"] and not heard["best_effort", "reliable"])
-    found.corrected(
+    silent = [pair for pair, one in received.items() if not one]
+    result.figure("silent", len(silent))
+    reader = through(QoS(), QoS("best_effort"), Link(loss=result.given("loss", 0.2)))
+    lost = result.figure("lost", reader.lost / 2000, 0.2)
+    result.statement = "All pairs on Cyclone DDS; a link with losses on the bus."
+    result.heard(not received["reliable", "best_effort"] and not received["best_effort", "reliable"])
+    result.corrected(
         silent == [tuple(kinds)],
         reader.rounds == 0,
         bool(abs(lost - 0.2) < 0.05),
         all(
-            one == (not compatible(*pair)) for pair, one in zip(pairs, heard.values(), strict=True)
+            one == (not compatible(*pair)) for pair, one in zip(pairs, received.values(), strict=True)
         ),
     )
 
@@ -74,25 +74,25 @@ def reliability_both_ways(found):
     "they don't fit and that {policy} fails. What is late, waited in a queue, on a link or for an "
     "executor, or bears the stamp of another clock.",
 )
-def mismatch_is_late(found):
+def mismatch_is_late(result):
     from course.middleware.bus import Link
     from course.middleware.qos import QoS
     from course.oracles.cyclonedds import verdicts
     from course.oracles.qos_matrix import history
 
     pair = QoS("best_effort"), QoS()
-    (told,) = verdicts([pair])
-    sent = int(found.given("sent", 20))
-    came = found.figure("came", len(history(*pair, sent)))
-    found.figure("policy", told.writer)
+    (report,) = verdicts([pair])
+    sent = int(result.given("sent", 20))
+    came = result.figure("came", len(history(*pair, sent)))
+    result.figure("policy", report.writer)
     events = through(*pair, Link(), 3).bus.events
-    found.statement = "On Cyclone DDS, and the events of the bus."
-    found.heard(came > 0)
-    found.corrected(
+    result.statement = "On Cyclone DDS, and the events of the bus."
+    result.heard(came > 0)
+    result.corrected(
         came == 0,
-        told.writer == told.reader == "reliability",
+        report.writer == report.reader == "reliability",
         [one.end for one in events] == ["writer", "reader"],
-        all(one.detail == (told.reader,) for one in events),
+        all(one.detail == (report.reader,) for one in events),
     )
 
 
@@ -108,8 +108,8 @@ def drawn(rng, least=None):
         return str(rng.choice(ORDERS[name][low:]))
 
     def seconds(name):
-        most = min(getattr(least, name), 1e3) if least else 30.0
-        return float(rng.uniform(0.05, most)) if least or rng.random() < 0.7 else math.inf
+        largest = min(getattr(least, name), 1e3) if least else 30.0
+        return float(rng.uniform(0.05, largest)) if least or rng.random() < 0.7 else math.inf
 
     times = ("deadline", "liveliness_lease_duration")
     return QoS(**{name: kind(name) for name in ORDERS}, **{name: seconds(name) for name in times})
@@ -122,25 +122,25 @@ def drawn(rng, least=None):
     "kept and how long is no part of it.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3",
 )
-def stronger_offer(found):
+def stronger_offer(result):
     from course.middleware.qos import ORDERS, QoS, compatible
     from course.oracles.cyclonedds import verdicts
 
-    requests = [drawn(found.rng) for _ in range(int(found.given("tried", 24)))]
+    requests = [drawn(result.rng) for _ in range(int(result.given("tried", 24)))]
     offers = [
-        replace(drawn(found.rng, least=one), depth=int(found.rng.integers(1, 20)))
+        replace(drawn(result.rng, least=one), depth=int(result.rng.integers(1, 20)))
         for one in requests
     ]
-    seen = verdicts(list(zip(offers, requests, strict=True)))
+    observed = verdicts(list(zip(offers, requests, strict=True)))
     ends: list[dict[str, Any]] = [{n: k[at] for n, k in ORDERS.items()} for at in (0, -1)]
-    found.figure("ordered", len(compatible(QoS(**ends[0]), QoS(**ends[1], deadline=0.1))))
+    result.figure("ordered", len(compatible(QoS(**ends[0]), QoS(**ends[1], deadline=0.1))))
     unlike = [QoS(ownership=kind) for kind in ("shared", "exclusive")]
     mixed = verdicts([(unlike[0], unlike[1]), (unlike[1], unlike[0])])
     # The other way round a pair is silent as soon as one policy is really stronger.
     back = [bool(compatible(a, b)) for a, b in zip(requests, offers, strict=True)]
-    found.statement = "Pairs by chance on Cyclone DDS."
-    found.heard(all(one.delivered == 1 for one in seen))
-    found.corrected(
+    result.statement = "Pairs by chance on Cyclone DDS."
+    result.heard(all(one.delivered == 1 for one in observed))
+    result.corrected(
         not any(compatible(*pair) for pair in zip(offers, requests, strict=True)),
         not any(one.matched for one in mixed),
         all(back),
@@ -153,16 +153,16 @@ def stronger_offer(found):
     "that were written while both were there {came:.0f} came. The other way round all {back:.0f} "
     "came.",
 )
-def volatile_is_no_past(found):
+def volatile_is_no_past(result):
     from course.middleware.qos import QoS, compatible
     from course.oracles.qos_matrix import history
 
-    sent = int(found.given("sent", 8))
-    came = found.figure("came", len(history(QoS(), late(), sent)))
-    back = found.figure("back", len(history(late(), QoS(), sent)))
-    found.statement = "On Cyclone DDS."
-    found.heard(came == sent)
-    found.corrected(came == 0, back == sent, compatible(QoS(), late()) == ("durability",))
+    sent = int(result.given("sent", 8))
+    came = result.figure("came", len(history(QoS(), late(), sent)))
+    back = result.figure("back", len(history(late(), QoS(), sent)))
+    result.statement = "On Cyclone DDS."
+    result.heard(came == sent)
+    result.corrected(came == 0, back == sent, compatible(QoS(), late()) == ("durability",))
 
 
 @claim(
@@ -171,34 +171,34 @@ def volatile_is_no_past(found):
     "offer. No deadline is an infinite one: it met {met:.0f} of {asked:.0f} requests for a "
     "finite one. The lease of liveliness is compared in the same way.",
 )
-def deadline_for_deadline(found):
+def deadline_for_deadline(result):
     from course.middleware.qos import QoS
     from course.oracles.cyclonedds import verdicts
 
-    asked = found.rng.uniform(0.05, 20.0, int(found.given("asked", 10)))
+    requested = result.rng.uniform(0.05, 20.0, int(result.given("asked", 10)))
     name = {"deadline": "deadline", "lease": "liveliness_lease_duration"}
 
-    def heard(policy, factors):
+    def received(policy, factors):
         def one(period: float) -> QoS:
             wish: dict[str, Any] = {name[policy]: float(period)}
             return QoS(**wish)
 
-        pairs = [(one(f * t), one(t)) for f, t in zip(factors, asked, strict=True)]
+        pairs = [(one(f * t), one(t)) for f, t in zip(factors, requested, strict=True)]
         return [one.delivered == 1 for one in verdicts(pairs)]
 
-    below, above = found.rng.uniform(0.3, 1.0, asked.size), found.rng.uniform(1.001, 1.1, 10)
+    below, above = result.rng.uniform(0.3, 1.0, requested.size), result.rng.uniform(1.001, 1.1, 10)
     below[0] = 1.0
-    inside, outside = heard("deadline", below), heard("deadline", above)
-    met = found.figure("met", sum(heard("deadline", np.full(asked.size, math.inf))))
-    found.statement = "Deadlines and leases by chance on Cyclone DDS."
-    found.heard(
+    inside, outside = received("deadline", below), received("deadline", above)
+    met = result.figure("met", sum(received("deadline", np.full(requested.size, math.inf))))
+    result.statement = "Deadlines and leases by chance on Cyclone DDS."
+    result.heard(
         all(outside),
         only_if="the writer's is at most as long as the reader's",
         inside=inside,
         outside=outside,
     )
-    found.corrected(
-        met == 0, all(heard("lease", below)), not any(heard("lease", above)), not any(outside)
+    result.corrected(
+        met == 0, all(received("lease", below)), not any(received("lease", above)), not any(outside)
     )
 
 
@@ -207,7 +207,7 @@ def deadline_for_deadline(found):
     "Of {failing:.0f} that failed Cyclone DDS named {named:.0f}, the same at both ends. Who mends "
     "it meets the next; comparing the two profiles names all.",
 )
-def event_names_all(found):
+def event_names_all(result):
     from course.middleware.qos import QoS, compatible
     from course.oracles.cyclonedds import verdicts
 
@@ -215,16 +215,16 @@ def event_names_all(found):
     requested = QoS(durability="transient_local", deadline=0.1, liveliness="manual_by_topic")
     failing, named = compatible(offered, requested), []
     while compatible(offered, requested):
-        (told,) = verdicts([(offered, requested)])
-        named.append({told.reader, told.writer})
-        if told.writer != told.reader or told.delivered:
+        (report,) = verdicts([(offered, requested)])
+        named.append({report.reader, report.writer})
+        if report.writer != report.reader or report.delivered:
             break
-        offered = replace(offered, **{told.reader: getattr(requested, told.reader)})
-    found.figure("failing", len(failing))
-    one = found.figure("named", len(named[0]))
-    found.statement = "On Cyclone DDS, mended policy by policy."
-    found.heard(len(failing) == one)
-    found.corrected(len(named) == len(failing), set().union(*named) == set(failing))
+        offered = replace(offered, **{report.reader: getattr(requested, report.reader)})
+    result.figure("failing", len(failing))
+    one = result.figure("named", len(named[0]))
+    result.statement = "On Cyclone DDS, mended policy by policy."
+    result.heard(len(failing) == one)
+    result.corrected(len(named) == len(failing), set().union(*named) == set(failing))
 
 
 @claim(
@@ -235,41 +235,41 @@ def event_names_all(found):
     "longer than its period, and none where it was quicker; one that keeps all lost none.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.18",
 )
-def reliable_arrives(found):
+def reliable_arrives(result):
     from course.middleware.bus import Link
     from course.middleware.qos import QoS
     from course.oracles.qos_matrix import history
 
-    burst, depth = int(found.given("burst", 8)), int(found.given("depth", 3))
-    kept = found.figure("kept", len(history(QoS(), QoS(depth=depth), burst)))
+    burst, depth = int(result.given("burst", 8)), int(result.given("depth", 3))
+    retained = result.figure("kept", len(history(QoS(), QoS(depth=depth), burst)))
     best = history(QoS("best_effort"), QoS("best_effort", depth=depth), burst)
-    link = Link(delay=0.01, loss=found.given("loss", 0.2))
+    link = Link(delay=0.01, loss=result.given("loss", 0.2))
     short, long = (
         through(replace(QoS(depth=1), history=kind), QoS(history="keep_all"), link)
         for kind in ("keep_last", "keep_all")
     )
-    gone = found.figure("gone", short.lost / 2000, 0.2)
+    missing = result.figure("gone", short.lost / 2000, 0.2)
     quick = through(QoS(depth=1), QoS(history="keep_all"), replace(link, delay=1e-4))
 
     def all_of(n, writer, reader):
         return history(QoS(depth=int(writer)), QoS(depth=int(reader)), int(n)) == list(range(n))
 
-    n = found.rng.integers(2, 15, 8)
+    n = result.rng.integers(2, 15, 8)
     inside = [
         all_of(k, k + a, k + b)
-        for k, (a, b) in zip(n, found.rng.integers(0, 3, (8, 2)), strict=True)
+        for k, (a, b) in zip(n, result.rng.integers(0, 3, (8, 2)), strict=True)
     ]
     outside = [all_of(k, k, k - 1) for k in n]
-    found.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
-    found.heard(
-        kept == burst,
+    result.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
+    result.heard(
+        retained == burst,
         only_if="the two have met, neither end's history overruns, no lifespan ends and "
         "the writer lives on",
         inside=[*inside, long.lost == 0],
         outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]],
     )
-    found.corrected(
-        len(best) == kept == depth, gone > 0.1, not any(outside), long.rounds > 0, quick.lost == 0
+    result.corrected(
+        len(best) == retained == depth, missing > 0.1, not any(outside), long.rounds > 0, quick.lost == 0
     )
 
 
@@ -278,19 +278,19 @@ def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
     from course.middleware.bus import Bus
     from course.middleware.qos import QoS
 
-    bus, seen = Bus(), list[float]()
+    bus, observed = Bus(), list[float]()
     qos = QoS(reliability, depth=depth)
     out = bus.node("writer").writer("x", qos)
     reader = bus.node("reader").reader("x", None, qos)
 
-    def look():
+    def view():
         if sample := reader.take():
-            seen.append((bus.now - sample.stamp) / apart)
+            observed.append((bus.now - sample.stamp) / apart)
 
     bus.node("clock").timer(apart, lambda: (out.publish(0), None)[1])
-    bus.node("other clock").timer(ratio * apart, look, phase=0.5)
+    bus.node("other clock").timer(ratio * apart, view, phase=0.5)
     bus.run(reads * ratio * apart)
-    return np.array(seen)[3 * depth :]
+    return np.array(observed)[3 * depth :]
 
 
 @claim(
@@ -311,26 +311,26 @@ def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
         },
     ),
 )
-def best_effort_is_fresh(found):
+def best_effort_is_fresh(result):
     import sympy
 
     from course.middleware.qos import ORDERS
     from course.oracles.slow_reader import queue_ages
 
     d, T, w = sympy.symbols("d T w", positive=True)
-    found.formula = sympy.factor(sympy.integrate((d - 1) * T + w, (w, 0, T)) / T)
-    depth = int(found.given("depth", 10))
-    deep = found.figure("deep", queue_ages(depth, 3, 20, "best_effort").ages[-1])
-    newest = found.figure("newest", queue_ages(1, 3, 20, "reliable").ages[-1])
-    drawn = zip(found.rng.integers(1, 12, 6), found.rng.uniform(1.3, 4.0, 6), strict=True)
-    seen = [(int(k), ages(int(k), float(r), ORDERS["reliability"][int(k) % 2])) for k, r in drawn]
-    found.statement = "On Cyclone DDS in turns, and on the bus with clocks of their own."
-    found.heard(deep == 0)
-    found.corrected(
+    result.formula = sympy.factor(sympy.integrate((d - 1) * T + w, (w, 0, T)) / T)
+    depth = int(result.given("depth", 10))
+    deep = result.figure("deep", queue_ages(depth, 3, 20, "best_effort").ages[-1])
+    newest = result.figure("newest", queue_ages(1, 3, 20, "reliable").ages[-1])
+    drawn = zip(result.rng.integers(1, 12, 6), result.rng.uniform(1.3, 4.0, 6), strict=True)
+    observed = [(int(k), ages(int(k), float(r), ORDERS["reliability"][int(k) % 2])) for k, r in drawn]
+    result.statement = "On Cyclone DDS in turns, and on the bus with clocks of their own."
+    result.heard(deep == 0)
+    result.corrected(
         deep == depth - 1,
         newest == 0,
-        all(k - 1 - 1e-6 < a.min() and a.max() < k + 1e-6 for k, a in seen),
-        all(abs(a.mean() - float(found.formula.subs({d: k, T: 1}))) < 0.1 for k, a in seen),
+        all(k - 1 - 1e-6 < a.min() and a.max() < k + 1e-6 for k, a in observed),
+        all(abs(a.mean() - float(result.formula.subs({d: k, T: 1}))) < 0.1 for k, a in observed),
     )
 
 
@@ -355,7 +355,7 @@ def still_there(lifespan=math.inf, dies=False):
     "pairs of durabilities handed the past on, and {reliable:.0f} of those of reliabilities. A "
     "sample that outlived its lifespan, or its writer, is gone.",
 )
-def late_joiner_gets_the_last(found):
+def late_joiner_gets_the_last(result):
     from course.middleware.qos import ORDERS
     from course.oracles.qos_matrix import history
 
@@ -368,10 +368,10 @@ def late_joiner_gets_the_last(found):
         name: [gets(late(**{"depth": 1, name: a}), late(**{name: b})) for a in some for b in some]
         for name, some in kinds.items()
     }
-    found.figure("given", sum(given["durability"]))
-    found.figure("reliable", sum(given["reliability"]))
-    found.statement = "Pairs on Cyclone DDS; lifespan and the writer's end on the bus."
-    found.heard(
+    result.figure("given", sum(given["durability"]))
+    result.figure("reliable", sum(given["reliability"]))
+    result.statement = "Pairs on Cyclone DDS; lifespan and the writer's end on the bus."
+    result.heard(
         all(given["reliability"]),
         cases=True,
         only_if="both ends are transient-local and reliable, its lifespan lasts and its writer "
@@ -384,7 +384,7 @@ def late_joiner_gets_the_last(found):
             still_there(dies=True),
         ],
     )
-    found.corrected(
+    result.corrected(
         sum(given["durability"]) == 1,
         sum(given["reliability"]) == 1,
         not still_there(lifespan=0.5),
@@ -400,7 +400,7 @@ def late_joiner_gets_the_last(found):
     source="Eclipse Cyclone DDS, issues 1616 and 1782; rmw_cyclonedds_cpp, rmw_node.cpp, Foxy 2020 "
     "and later",
 )
-def late_joiner_depth(found):
+def late_joiner_depth(result):
     from course.oracles.qos_matrix import history
 
     def handed(depth, service, reader=20):
@@ -414,18 +414,18 @@ def late_joiner_depth(found):
             )
         )
 
-    depth = int(found.given("depth", 3))
-    plain = found.figure("plain", handed(depth, 0))
-    depths = found.rng.integers(2, 10, 8)
-    found.statement = "Late readers on Cyclone DDS, after 12 samples."
-    found.heard(
+    depth = int(result.given("depth", 3))
+    plain = result.figure("plain", handed(depth, 0))
+    depths = result.rng.integers(2, 10, 8)
+    result.statement = "Late readers on Cyclone DDS, after 12 samples."
+    result.heard(
         plain == depth,
         only_if="its durability service has the depth d as well, and the reader no less",
         inside=[handed(k, k) == k for k in depths],
         outside=[handed(k, k - 1) == k for k in depths]
         + [handed(k, k, int(k) - 1) == k for k in depths],
     )
-    found.corrected(plain == 1, handed(5, 5, reader=2) == 2)
+    result.corrected(plain == 1, handed(5, 5, reader=2) == 2)
 
 
 def usable(lifespan, delay, seconds):
@@ -450,24 +450,24 @@ def usable(lifespan, delay, seconds):
     "{sent:.0f} came. Who needs a bound on age reads the stamp.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.16; Eclipse Cyclone DDS 11",
 )
-def lifespan_bounds_age(found):
+def lifespan_bounds_age(result):
     import time
 
     from course.middleware.qos import QoS
     from course.oracles.cyclonedds import Topic, participant, take
 
-    life, link = (1e-3 * found.given(*x) for x in (("life_ms", 100), ("link_ms", 60)))
+    life, link = (1e-3 * result.given(*x) for x in (("life_ms", 100), ("link_ms", 60)))
     waits = [1e-3 * k for k in range(120) if usable(life, link, 1e-3 * k)]
-    left = found.figure("left_ms", 1e3 * max(waits), 0.05)
-    ago, lasts = found.given("ago_s", 60), found.given("life_s", 30)
+    remaining = result.figure("left_ms", 1e3 * max(waits), 0.05)
+    ago, lasts = result.given("ago_s", 60), result.given("life_s", 30)
     with participant() as member:
         topic = Topic(member)
         writer, reader = topic.writer(QoS(lifespan=lasts)), topic.reader(QoS())
-        topic.write(writer, *range(int(found.given("sent", 3))), stamp=time.time() - ago)
-        came = found.figure("came", len(take(reader)))
-    found.statement = "Times of taking on the bus; early stamps on Cyclone DDS, in one process."
-    found.heard(came == 0)
-    found.corrected(came == 3, 1e3 * (life - link) - 1.5 < left < 1e3 * (life - link))
+        topic.write(writer, *range(int(result.given("sent", 3))), stamp=time.time() - ago)
+        came = result.figure("came", len(take(reader)))
+    result.statement = "Times of taking on the bus; early stamps on Cyclone DDS, in one process."
+    result.heard(came == 0)
+    result.corrected(came == 3, 1e3 * (life - link) - 1.5 < remaining < 1e3 * (life - link))
 
 
 def missed_on_the_bus(gap, deadline):
@@ -491,7 +491,7 @@ def missed_on_the_bus(gap, deadline):
     "Cyclone DDS knows that the writer is gone: one that never wrote raised {never:.0f}, one that "
     "was closed {closed:.0f}.",
 )
-def deadline_is_one_event(found):
+def deadline_is_one_event(result):
     import gc
     import time
 
@@ -499,27 +499,27 @@ def deadline_is_one_event(found):
     from course.oracles.cyclonedds import Topic, participant
     from course.oracles.qos_matrix import missed
 
-    gap = 1e-3 * found.given("gap_ms", 120)
-    deadline = 1e-3 * found.given("deadline_ms", 50)
+    gap = 1e-3 * result.given("gap_ms", 120)
+    deadline = 1e-3 * result.given("deadline_ms", 50)
 
-    events = found.figure("events", missed_on_the_bus(gap, deadline)[1])
+    events = result.figure("events", missed_on_the_bus(gap, deadline)[1])
     with participant() as member:
         topic = Topic(member)
         _, reader = topic.writer(QoS(deadline=0.02)), topic.reader(QoS(deadline=0.02))
         time.sleep(0.1)
-        never = found.figure("never", reader.get_requested_deadline_missed_status().total_count)
+        never = result.figure("never", reader.get_requested_deadline_missed_status().total_count)
         topic = Topic(member)
         writer, reader = topic.writer(QoS(deadline=0.02)), topic.reader(QoS(deadline=0.02))
         topic.write(writer, 1)
         del writer
         gc.collect()
         time.sleep(0.1)
-        closed = found.figure("closed", reader.get_requested_deadline_missed_status().total_count)
+        closed = result.figure("closed", reader.get_requested_deadline_missed_status().total_count)
     real = missed(deadline, gap, 2)
-    draws = found.rng.uniform((0.05, 0.01), (0.5, 0.049), (20, 2))
-    found.statement = "Gaps on the bus, and those that there really were on Cyclone DDS."
-    found.heard(events == 1)
-    found.corrected(
+    draws = result.rng.uniform((0.05, 0.01), (0.5, 0.049), (20, 2))
+    result.statement = "Gaps on the bus, and those that there really were on Cyclone DDS."
+    result.heard(events == 1)
+    result.corrected(
         all(missed_on_the_bus(float(g), float(d)) == [math.floor(g / d)] * 2 for g, d in draws),
         never == closed == 0,
         real.least <= real.offered <= real.most,

@@ -22,7 +22,7 @@ SYMBOLS = {
     "here {nodes:.0f} nodes worked in {processes:.0f} process. In ROS 2 that is composition.",
     source="ROS 2 documentation, Composing multiple nodes in a single process, Humble 2022",
 )
-def node_is_a_process(found):
+def node_is_a_process(result):
     import os
 
     from course.middleware import launch
@@ -33,14 +33,14 @@ def node_is_a_process(found):
         node = bus.node(name)
         node.timer(0.1, lambda name=name: at.__setitem__(name, os.getpid()))
     bus.run(0.5)
-    nodes = found.figure("nodes", len(at))
-    processes = found.figure("processes", len(set(at.values())))
+    nodes = result.figure("nodes", len(at))
+    processes = result.figure("processes", len(set(at.values())))
     listed = launch.nodes(launch.USUAL)
-    written = found.figure("written", len(listed))
-    started = found.figure("started", len({(x.package, x.executable) for x in listed}))
-    found.statement = "Process numbers seen by the callbacks of a stack; a launch file, run."
-    found.heard(processes == nodes)
-    found.corrected(processes == 1, nodes == 5, started == written)
+    written = result.figure("written", len(listed))
+    started = result.figure("started", len({(x.package, x.executable) for x in listed}))
+    result.statement = "Process numbers seen by the callbacks of a stack; a launch file, run."
+    result.heard(processes == nodes)
+    result.corrected(processes == 1, nodes == 5, started == written)
 
 
 CRASH = """
@@ -82,7 +82,7 @@ def told_of_a_crash(lease):
     "seconds later), and who waits for an answer waits on. That the arm then holds its place has "
     "to be programmed.",
 )
-def processes_isolate(found):
+def processes_isolate(result):
     import subprocess
     import sys
 
@@ -97,15 +97,15 @@ def processes_isolate(found):
 
     other = python("input(); print('alive')")
     crashed = python(CRASH)
-    said = crashed.communicate()[0]  # over, before the other one is asked
+    text = crashed.communicate()[0]  # over, before the other one is asked
     answer = other.communicate("are you?\n")[0]
     silent, done = told_of_a_crash(float("inf"))
     noticed, _ = told_of_a_crash(0.1)
-    found.figure("events", len(silent))
-    told = found.figure("told", len(noticed))
-    found.statement = "A process with two threads, one of which reads address 0; leases on the bus."
-    found.heard(answer.strip() == "alive" and crashed.returncode != 0)
-    found.corrected(said == "", silent == [], told == 1 and noticed == ["not alive"], not done)
+    result.figure("events", len(silent))
+    report = result.figure("told", len(noticed))
+    result.statement = "A process with two threads, one of which reads address 0; leases on the bus."
+    result.heard(answer.strip() == "alive" and crashed.returncode != 0)
+    result.corrected(text == "", silent == [], report == 1 and noticed == ["not alive"], not done)
 
 
 @claim(
@@ -115,7 +115,7 @@ def processes_isolate(found):
     "taken {busy_ms:.0f} ms, as deep as its queue. A loop of its own keeps its rate and sees how "
     "old its state is.",
 )
-def callback_sets_the_rate(found):
+def callback_sets_the_rate(result):
     from course.middleware.bus import Bus
     from course.middleware.executor import Executor
     from course.middleware.qos import QoS
@@ -138,14 +138,14 @@ def callback_sets_the_rate(found):
         bus.run(0.9999)
         return np.array(sent)
 
-    hz = found.given("hz", 200)
-    sent = found.figure("sent", commands(hz).size)
-    times = commands(hz, busy=1e-3 * found.given("busy_ms", 200))
-    burst = found.figure("burst", int(np.unique(times, return_counts=True)[1].max()))
+    hz = result.given("hz", 200)
+    sent = result.figure("sent", commands(hz).size)
+    times = commands(hz, busy=1e-3 * result.given("busy_ms", 200))
+    burst = result.figure("burst", int(np.unique(times, return_counts=True)[1].max()))
     late = commands(hz, stops=0.5)
-    found.statement = "Joint states at some rates on the bus, one second each."
-    found.heard(sent > 900)
-    found.corrected(
+    result.statement = "Joint states at some rates on the bus, one second each."
+    result.heard(sent > 900)
+    result.corrected(
         all(commands(float(x)).size == np.ceil(0.9999 * x) for x in (50, 333, 1000)),
         sent == hz,
         bool(late.max() < 0.5),
@@ -163,7 +163,7 @@ def callback_sets_the_rate(found):
     source="sensor_msgs/JointState, ROS 2 Jazzy 2024; ros2_control documentation, Jazzy 2024",
     needs=("a C++ compiler",),
 )
-def any_joint_message(found):
+def any_joint_message(result):
     import tempfile
     from pathlib import Path
 
@@ -171,26 +171,26 @@ def any_joint_message(found):
 
     targets, six = [[0.5] * 6], [6, *[0.1] * 6, 6, *[0.2] * 6]
     wrong = [[7, *[0.1] * 7, 7, *[0.2] * 7], [6, *[0.1] * 6, 0]]
-    settings = found.rng.uniform(0.1, 5.0, (4, 6))
-    rows = found.rng.normal(0.0, 2.0, (int(found.given("updates", 100)), 12))
+    settings = result.rng.uniform(0.1, 5.0, (4, 6))
+    rows = result.rng.normal(0.0, 2.0, (int(result.given("updates", 100)), 12))
     with tempfile.TemporaryDirectory() as folder:
         program = controller.build(Path(folder))
         fine = controller.drive(program, "callback", targets, [six, six])
         failed = [controller.drive(program, "callback", targets, [row]) for row in wrong]
         ours = controller.drive(program, "update", settings, rows)
-    found.figure("bad", len(failed))
-    stopped = found.figure("stopped", sum(bool(one.report) for one in failed))
-    made = found.figure("made", min(fine.allocations), 0.5)
-    none = found.figure("none", sum(ours.allocations))
-    told = [controller.torques(row[:6], row[6:], *settings) for row in rows]
-    found.statement = "Both in C++ under the address sanitizer, and the same law in Python."
-    found.heard(all(one.code == 0 for one in failed))
-    found.corrected(
+    result.figure("bad", len(failed))
+    stopped = result.figure("stopped", sum(bool(one.report) for one in failed))
+    made = result.figure("made", min(fine.allocations), 0.5)
+    empty = result.figure("none", sum(ours.allocations))
+    report = [controller.torques(row[:6], row[6:], *settings) for row in rows]
+    result.statement = "Both in C++ under the address sanitizer, and the same law in Python."
+    result.heard(all(one.code == 0 for one in failed))
+    result.corrected(
         stopped == len(wrong),
         fine.code == 0 and made >= 2,
-        none == 0,
+        empty == 0,
         all(ours.good),
-        bool(np.abs(np.array(ours.torque) - told).max() <= 1e-15),
+        bool(np.abs(np.array(ours.torque) - report).max() <= 1e-15),
     )
 
 
@@ -203,23 +203,23 @@ def any_joint_message(found):
     source="rclcpp, qos_overriding_options.hpp, Galactic 2021 and later; ros2_control "
     "documentation, Controller Manager, Jazzy 2024",
 )
-def launch_comments(found):
+def launch_comments(result):
     from course.middleware import launch
 
     def ends(text):
         return sum(len(launch.overrides(node.parameters)) for node in launch.nodes(text))
 
-    usual, ours = found.figure("usual", ends(launch.USUAL)), found.figure("ours", ends(launch.OURS))
+    usual, ours = result.figure("usual", ends(launch.USUAL)), result.figure("ours", ends(launch.OURS))
     (control,) = (x for x in launch.nodes(launch.USUAL) if "rate" in x.parameters)
     node = launch.Parameters(control.parameters)
-    left = found.figure("left", node.declare("update_rate", int(found.given("default", 100))))
-    asked = control.parameters["rate"]
-    found.statement = "Both files run against stand-ins of launch, their parameters read by name."
-    found.heard(usual > 0)
-    found.corrected(
+    remaining = result.figure("left", node.declare("update_rate", int(result.given("default", 100))))
+    requested = control.parameters["rate"]
+    result.statement = "Both files run against stand-ins of launch, their parameters read by name."
+    result.heard(usual > 0)
+    result.corrected(
         usual == 0,
         ours > 4,
-        left != asked,
+        remaining != requested,
         "rate" not in node.value,
         not launch.silent(launch.nodes(launch.OURS)),
     )
@@ -234,7 +234,7 @@ def launch_comments(found):
     "documentation.",
     source="ROS 2 documentation, Parameters, and ros2_control, Controller Manager, Jazzy 2024",
 )
-def parameters_are_tunable(found):
+def parameters_are_tunable(result):
     from course.middleware import launch
 
     def stiffness(way, start, new):
@@ -250,19 +250,19 @@ def parameters_are_tunable(found):
             return start
         return node.value["stiffness"] if way == "read" else used["now"]
 
-    ways = ("read", "told", "copied", "undeclared")
-    drawn = found.rng.uniform(1.0, 100.0, (8, 2))
-    works = {way: [stiffness(way, float(a), float(b)) == b for a, b in drawn] for way in ways}
-    found.figure("kinds", len(works))
-    tuned = found.figure("tuned", sum(all(one) for one in works.values()))
-    found.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."
-    found.heard(
+    paths = ("read", "told", "copied", "undeclared")
+    drawn = result.rng.uniform(1.0, 100.0, (8, 2))
+    works = {method: [stiffness(method, float(a), float(b)) == b for a, b in drawn] for method in paths}
+    result.figure("kinds", len(works))
+    tuned = result.figure("tuned", sum(all(one) for one in works.values()))
+    result.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."
+    result.heard(
         all(works["copied"]),
         only_if="it is declared, not read-only, and read anew or followed by a callback",
         inside=works["read"] + works["told"],
         outside=works["copied"] + works["undeclared"],
     )
-    found.corrected(tuned == 2, not any(works["copied"]), not any(works["undeclared"]))
+    result.corrected(tuned == 2, not any(works["copied"]), not any(works["undeclared"]))
 
 
 @claim(
@@ -285,13 +285,13 @@ def parameters_are_tunable(found):
         },
     ),
 )
-def seven_billion_on_board(found):
+def seven_billion_on_board(result):
     import sympy
 
     from course.role import Stage, age
 
     n, b, f, k, t = sympy.symbols("n b f k t", positive=True)
-    found.formula = sympy.diff(n * b * (f * t / k), t)
+    result.formula = sympy.diff(n * b * (f * t / k), t)
 
     def read(layers, width, actions, a_pass):
         """Bytes of weights that a network reads for so many actions, counted matrix by matrix."""
@@ -306,31 +306,31 @@ def seven_billion_on_board(found):
 
     def traffic(size, actions=1.0, rate=10.0, model=7e9):
         values = {n: model, b: float(size), f: rate, k: float(actions)}
-        return float(found.formula.subs(values)) / 1e9
+        return float(result.formula.subs(values)) / 1e9
 
-    pc, chunk = found.given("pc", 89.6), found.given("chunk", 8)
-    each = found.figure("each", traffic(2))
-    found.figure("few", traffic(2, chunk))
-    link = 1e-3 * found.given("link_ms", 40)
+    pc, chunk = result.given("pc", 89.6), result.given("chunk", 8)
+    each = result.figure("each", traffic(2))
+    result.figure("few", traffic(2, chunk))
+    link = 1e-3 * result.given("link_ms", 40)
     stages = [Stage("camera", 0.01, 1 / 30), Stage("policy", 0.09, 0.1), Stage("drive", 1e-4, 1e-3)]
     near = age(stages).mean
     far = age([stages[0], Stage("link", link, overload="pipelined"), *stages[1:]]).mean
-    found.figure("near_ms", 1e3 * near)
-    found.figure("far_ms", 1e3 * far)
-    sizes, few = found.rng.uniform(1.4, 4.0, 8), found.rng.uniform(2.0, 16.0, 8)
-    found.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
-    found.heard(
+    result.figure("near_ms", 1e3 * near)
+    result.figure("far_ms", 1e3 * far)
+    sizes, few = result.rng.uniform(1.4, 4.0, 8), result.rng.uniform(2.0, 16.0, 8)
+    result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
+    result.heard(
         bool(traffic(2, chunk) > pc),
         only_if="each action takes a pass of its own, the memory beside the processor is "
         "too slow for that, and no link to another computer is quick enough",
         inside=[traffic(x) > pc for x in sizes],
         outside=[traffic(min(x, 2.5), a) > pc for x, a in zip(sizes, few, strict=True)],
     )
-    found.corrected(
+    result.corrected(
         each > pc,
         abs(far - near - link) < 1e-9,
         all(
-            abs(bytes_ / float(found.formula.subs({n: size, b: 2, f: 24, k: x})) - 1.0) < 1e-9
+            abs(bytes_ / float(result.formula.subs({n: size, b: 2, f: 24, k: x})) - 1.0) < 1e-9
             for bytes_, size, x in counted
         ),
     )
@@ -355,35 +355,35 @@ def seven_billion_on_board(found):
         },
     ),
 )
-def chunks_hide_latency(found):
+def chunks_hide_latency(result):
     import sympy
 
     from course.middleware.executor import run_chain
     from course.role import Stage
 
     C, H, T, x = sympy.symbols("C H T x", positive=True)
-    found.formula = C + sympy.integrate(1, (x, 0, H * T))
-    a_pass, action = (1e-3 * found.given(*x) for x in (("pass_ms", 100), ("action_ms", 20)))
-    played = int(found.given("played", 25))
+    result.formula = C + sympy.integrate(1, (x, 0, H * T))
+    a_pass, action = (1e-3 * result.given(*x) for x in (("pass_ms", 100), ("action_ms", 20)))
+    played = int(result.given("played", 25))
 
     def ages(a_pass, chunk):
         """Ages behind the motion on the bus [s]: a pass as each chunk is to end [s]."""
         run = run_chain([Stage("policy", a_pass, chunk)], [0.3], 0, 60.0 * chunk)
-        return run.age(found.rng.uniform(5.0 * chunk, 58.0 * chunk, 4000))
+        return run.age(result.rng.uniform(5.0 * chunk, 58.0 * chunk, 4000))
 
-    seen, short = ages(a_pass, played * action), ages(a_pass, a_pass)
-    worst = found.figure("worst_ms", 1e3 * seen.max(), 0.01)
-    mean = found.figure("mean_ms", 1e3 * seen.mean(), 0.03)
-    found.figure("short_ms", 1e3 * short.max(), 0.01)
-    drawn = [(float(a), float(h)) for a, h in found.rng.uniform((0.02, 0.1), (0.1, 0.6), (5, 2))]
-    found.statement = "A policy as a stage of chapter 0 on the bus, ages at drawn moments."
-    found.heard(worst < 1.1e3 * a_pass)
-    found.corrected(
+    observed, short = ages(a_pass, played * action), ages(a_pass, a_pass)
+    worst = result.figure("worst_ms", 1e3 * observed.max(), 0.01)
+    mean = result.figure("mean_ms", 1e3 * observed.mean(), 0.03)
+    result.figure("short_ms", 1e3 * short.max(), 0.01)
+    drawn = [(float(a), float(h)) for a, h in result.rng.uniform((0.02, 0.1), (0.1, 0.6), (5, 2))]
+    result.statement = "A policy as a stage of chapter 0 on the bus, ages at drawn moments."
+    result.heard(worst < 1.1e3 * a_pass)
+    result.corrected(
         all(
-            abs(ages(a, h).max() / float(found.formula.subs({C: a, H: 1, T: h})) - 1.0) < 0.01
+            abs(ages(a, h).max() / float(result.formula.subs({C: a, H: 1, T: h})) - 1.0) < 0.01
             for a, h in drawn
         ),
-        bool(seen.min() > 0.99 * a_pass),
+        bool(observed.min() > 0.99 * a_pass),
         bool(abs(mean / (1e3 * (a_pass + 0.5 * played * action)) - 1.0) < 0.03),
         bool(abs(short.max() / (2.0 * a_pass) - 1.0) < 0.01),
     )

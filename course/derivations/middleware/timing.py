@@ -36,19 +36,19 @@ SYMBOLS = {
     ),
     source="Liu and Layland, 1973; Bini, Buttazzo and Buttazzo, A hyperbolic bound, 2001",
 )
-def liu_layland_says_no(found):
+def liu_layland_says_no(result):
     import sympy
 
     from course.middleware.executor import Work, respond
     from course.middleware.schedule import breakdown, liu_layland, random_sets, response_times
 
     u, x = sympy.symbols("u x", positive=True)
-    found.formula = sympy.factor(sympy.solve(sympy.Eq((u + 1) * (x + 1), 2), x)[0])
-    n, sets = int(found.given("n", 4)), int(found.given("sets", 1000))
-    load = found.given("load", 0.85)
-    bound = found.figure("bound", liu_layland(n))
-    C, T = random_sets(n, load, sets, found.rng)
-    meet = found.figure("meet", np.isfinite(response_times(C, T)).all(axis=0).mean(), 0.15)
+    result.formula = sympy.factor(sympy.solve(sympy.Eq((u + 1) * (x + 1), 2), x)[0])
+    n, sets = int(result.given("n", 4)), int(result.given("sets", 1000))
+    load = result.given("load", 0.85)
+    bound = result.figure("bound", liu_layland(n))
+    C, T = random_sets(n, load, sets, result.rng)
+    meet = result.figure("meet", np.isfinite(response_times(C, T)).all(axis=0).mean(), 0.15)
 
     def safe(share, other, ratios):
         """Whether two tasks are in time at all these ratios of periods, either the quicker one."""
@@ -58,22 +58,22 @@ def liu_layland_says_no(found):
         ]
         return all(np.isfinite(response_times(a[:, None] * t, t)).all() for a, t in pairs)
 
-    ratios, shares = np.linspace(1.0, 3.0, 801), found.rng.uniform(0.05, 0.9, 12)
-    told = [(float(a), float(found.formula.subs(u, a))) for a in shares]
+    ratios, shares = np.linspace(1.0, 3.0, 801), result.rng.uniform(0.05, 0.9, 12)
+    report = [(float(a), float(result.formula.subs(u, a))) for a in shares]
     # The worst ratio of periods of all: there a little more is too much.
-    worst = [np.append(ratios, [1.0 + a, 1.0 + b]) for a, b in told]
+    worst = [np.append(ratios, [1.0 + a, 1.0 + b]) for a, b in report]
     short, long = Work("control", 1e-3, 0.02), Work("camera", 0.025, 1 / 30, "subscription")
-    two = found.figure("two", sum(w.execution / w.period for w in (short, long)))
+    two = result.figure("two", sum(w.execution / w.period for w in (short, long)))
     waits = respond([short, long], "timers first", 1, (0.1, 0.0), 0.2)["control"].max()
-    found.statement = "Exact response times of random sets, and of pairs at 800 ratios of periods."
-    found.heard(meet < 0.01)
-    found.corrected(
+    result.statement = "Exact response times of random sets, and of pairs at 800 ratios of periods."
+    result.heard(meet < 0.01)
+    result.corrected(
         meet > 0.5,
         load > bound,
         two < liu_layland(2),
         bool(waits > short.period),
-        all(safe(a, b * 0.999, r) for (a, b), r in zip(told, worst, strict=True)),
-        not any(safe(a, b * 1.01, r) for (a, b), r in zip(told, worst, strict=True)),
+        all(safe(a, b * 0.999, r) for (a, b), r in zip(report, worst, strict=True)),
+        not any(safe(a, b * 1.01, r) for (a, b), r in zip(report, worst, strict=True)),
         abs(float(breakdown([0.1, 0.2, 0.4], [1.0, 2.0, 4.0])) - 1.0) < 1e-6,
     )
 
@@ -86,31 +86,31 @@ def liu_layland_says_no(found):
     "release the terms for blocking and jitter come on top.",
     source="Liu and Layland, 1973; Audsley and others, 1993",
 )
-def critical_instant(found):
+def critical_instant(result):
     from course.middleware.schedule import random_sets, response_times, run
 
-    sets = int(found.given("sets", 400))
-    C, T = random_sets(4, 0.85, sets, found.rng)
-    said = response_times(C, T)
-    meets = np.isfinite(said)
+    sets = int(result.given("sets", 400))
+    C, T = random_sets(4, 0.85, sets, result.rng)
+    text = response_times(C, T)
+    meets = np.isfinite(text)
     first = run(C, T, 2.0)
-    equal = np.abs(first.longest - said)[meets].max() < 1e-9
-    phases = [run(C, T, 2.0, phase=found.rng.random(T.shape) * T).longest for _ in range(5)]
-    later = [np.any((seen > first.longest + 1e-9) & meets, axis=0).sum() for seen in phases]
-    found.figure("later", sum(later))
-    found.figure("tried", sum(seen.shape[1] for seen in phases))
+    equal = np.abs(first.longest - text)[meets].max() < 1e-9
+    phases = [run(C, T, 2.0, phase=result.rng.random(T.shape) * T).longest for _ in range(5)]
+    later = [np.any((observed > first.longest + 1e-9) & meets, axis=0).sum() for observed in phases]
+    result.figure("later", sum(later))
+    result.figure("tried", sum(observed.shape[1] for observed in phases))
     held = response_times(C, T, 1e-3)
-    found.statement = "The analysis, runs from the critical instant, and runs with other phases."
-    found.heard(sum(later) == 0)
+    result.statement = "The analysis, runs from the critical instant, and runs with other phases."
+    result.heard(sum(later) == 0)
     late = np.zeros_like(T)
     late[0] = 0.5 * T[0]
-    told, ran = response_times(C, T, jitter=late), run(C, T, 2.0, jitter=late).longest
-    found.corrected(
+    output, ran = response_times(C, T, jitter=late), run(C, T, 2.0, jitter=late).longest
+    result.corrected(
         bool(equal),
         bool(np.array_equal(first.late == 0, meets)),
         bool(np.any((ran > first.longest + 1e-9)[1:] & meets[1:])),
-        not np.any((ran > told + 1e-9) & np.isfinite(told)),
-        bool(np.all(held >= said)),
+        not np.any((ran > output + 1e-9) & np.isfinite(output)),
+        bool(np.all(held >= text)),
         meets.mean() > 0.5,
     )
 
@@ -123,24 +123,24 @@ def critical_instant(found):
     "{wrong:.0%} of them were. Deadlines shorter than periods want the shorter deadline first.",
     source="Liu and Layland, 1973; Leung and Whitehead, 1982",
 )
-def by_rate_is_best(found):
+def by_rate_is_best(result):
     from course.middleware.schedule import random_sets, response_times
 
-    C, T = random_sets(4, 0.85, int(found.given("sets", 400)), found.rng, ratio=20.0)
+    C, T = random_sets(4, 0.85, int(result.given("sets", 400)), result.rng, ratio=20.0)
     orders = [list(order) for order in permutations(range(4))]
     good = np.array([np.isfinite(response_times(C[o], T[o])).all(axis=0) for o in orders])
     some = good.any(axis=0)
-    found.figure("some", some.sum(), 0.1)
-    wrong = found.figure("wrong", good[:, some].mean(), 0.2)
+    result.figure("some", some.sum(), 0.1)
+    wrong = result.figure("wrong", good[:, some].mean(), 0.2)
     # A slow task with an early deadline is in time in front of a quicker one, and not behind it.
     late = response_times([0.3, 0.2], [1.0, 2.0])[1], response_times([0.2, 0.3], [2.0, 1.0])
-    J = T * np.where(found.rng.random(T.shape) < 0.3, 0.6, 0.0)
+    J = T * np.where(result.rng.random(T.shape) < 0.3, 0.6, 0.0)
     jitter = np.array(
         [np.isfinite(response_times(0.8 * C[o], T[o], 0.0, J[o])).all(axis=0) for o in orders]
     )
-    found.statement = "Exact response times in all 24 orders of priority."
-    found.heard(bool(np.array_equal(good[0], some)))
-    found.corrected(
+    result.statement = "Exact response times in all 24 orders of priority."
+    result.heard(bool(np.array_equal(good[0], some)))
+    result.corrected(
         wrong < 0.8,
         some.sum() > 100,
         jitter[0].sum() < jitter.any(axis=0).sum(),
@@ -155,7 +155,7 @@ def high_waits(protocol, section, middle, between):
     from course.middleware.schedule import run
 
     n = between + 2
-    seen = run(
+    observed = run(
         [0.01] + [middle] * between + [section],
         [60.0] * n,
         60.0,
@@ -164,7 +164,7 @@ def high_waits(protocol, section, middle, between):
         lock=[0] + [-1] * between + [0],
         protocol=protocol,
     )
-    return float(seen.longest[0]) - 0.01
+    return float(observed.longest[0]) - 0.01
 
 
 @claim(
@@ -176,10 +176,10 @@ def high_waits(protocol, section, middle, between):
     "Python's locks and std::mutex have neither.",
     source="Sha, Rajkumar and Lehoczky, Priority inheritance protocols, 1990",
 )
-def inversion_is_bounded(found):
+def inversion_is_bounded(result):
     from course.middleware.schedule import run
 
-    section, middle = (1e-3 * found.given(*x) for x in (("section_ms", 20), ("middle_ms", 100)))
+    section, middle = (1e-3 * result.given(*x) for x in (("section_ms", 20), ("middle_ms", 100)))
 
     def bounded(protocol, hold, between, many):
         return high_waits(protocol, float(hold), float(between), int(many)) < hold + 1e-6
@@ -187,9 +187,9 @@ def inversion_is_bounded(found):
     one, five = (high_waits("none", section, middle, n) for n in (1, 5))
     kinds = ("inheritance", "ceiling")
     held = [high_waits(kind, section, middle, 5) for kind in kinds]
-    found.figure("one_ms", 1e3 * one, 1e-3)
-    found.figure("five_ms", 1e3 * five, 1e-3)
-    found.figure("held_ms", 1e3 * max(held), 1e-3)
+    result.figure("one_ms", 1e3 * one, 1e-3)
+    result.figure("five_ms", 1e3 * five, 1e-3)
+    result.figure("held_ms", 1e3 * max(held), 1e-3)
     top = [
         run(
             [middle, 0.01, section],
@@ -203,17 +203,17 @@ def inversion_is_bounded(found):
         - 0.01
         for kind in kinds
     ]
-    found.figure("top_ms", 1e3 * max(top), 1e-3)
-    drawn = found.rng.uniform((0.001, 0.01, 1.0), (0.1, 0.5, 6.99), (8, 3))
-    found.statement = "Three to eight tasks and a lock on one simulated core."
-    found.heard(
+    result.figure("top_ms", 1e3 * max(top), 1e-3)
+    drawn = result.rng.uniform((0.001, 0.01, 1.0), (0.1, 0.5, 6.99), (8, 3))
+    result.statement = "Three to eight tasks and a lock on one simulated core."
+    result.heard(
         one < section + 1e-6,
         only_if="the lock hands on the priority of who waits, or has a ceiling, its "
         "holder waits for no other, and nobody is above",
         inside=[bounded(kind, *x) for x in drawn for kind in kinds],
         outside=[bounded("none", *x) for x in drawn] + [bool(x < section + 1e-6) for x in top],
     )
-    found.corrected(
+    result.corrected(
         abs(one - section - middle) < 1e-4,
         abs(five - section - 5 * middle) < 1e-4,
         all(x < section + 1e-6 for x in held),
@@ -229,14 +229,14 @@ def inversion_is_bounded(found):
     "and memory that is locked.",
     source="Casini and others, ECRTS 2019; ROS 2 documentation, About executors, Jazzy 2024",
 )
-def not_real_time_by_default(found):
+def not_real_time_by_default(result):
     from course.middleware.executor import ORDERS, Work, bounds, respond
 
-    short, long = (1e-3 * found.given(*x) for x in (("control_ms", 1), ("camera_ms", 25)))
+    short, long = (1e-3 * result.given(*x) for x in (("control_ms", 1), ("camera_ms", 25)))
     works = [Work("control", short, 0.05), Work("camera", long, 1 / 30, "subscription")]
     apart = [works[0], Work("camera", long, 1 / 30, "subscription", "own")]
     phases = np.linspace(0.0, 1 / 3, 40)
-    seen = {
+    observed = {
         order: max(
             respond(works, order, phases=(x, 0.0), seconds=0.2)["control"].max() for x in phases
         )
@@ -247,15 +247,15 @@ def not_real_time_by_default(found):
         for x in phases[:10]
         for order in ORDERS
     )
-    worst = found.figure("worst_ms", 1e3 * max(seen.values()), 0.02)
-    found.figure("own_ms", 1e3 * own, 0.01)
-    told = [1e3 * bounds(works, order)["control"] for order in ORDERS]
-    found.statement = "Three orders of an executor on the bus, 40 phases, and their bounds."
-    found.heard(all(x > 0.9 * (short + long) for x in seen.values()))
-    found.corrected(
-        all(worst <= x + 1e-6 for x in told),
+    worst = result.figure("worst_ms", 1e3 * max(observed.values()), 0.02)
+    result.figure("own_ms", 1e3 * own, 0.01)
+    report = [1e3 * bounds(works, order)["control"] for order in ORDERS]
+    result.statement = "Three orders of an executor on the bus, 40 phases, and their bounds."
+    result.heard(all(x > 0.9 * (short + long) for x in observed.values()))
+    result.corrected(
+        all(worst <= x + 1e-6 for x in report),
         bool(own < 1.01 * short),
-        max(told) < 1e3 * (short + long) + 1e-6,
+        max(report) < 1e3 * (short + long) + 1e-6,
     )
 
 
@@ -307,36 +307,36 @@ def looped(late, work, periods=1000, relative=False, period=1e-3):
     ),
     source="J. W. S. Liu, Real-Time Systems, 2000",
 )
-def relative_sleep(found):
+def relative_sleep(result):
     import sympy
 
     T, C, L, k = sympy.symbols("T C L k", positive=True)
-    found.formula = 1 / sympy.simplify(sympy.diff(k * (T + C + L), k))
-    work, wake = (1e-6 * found.given(*x) for x in (("work_us", 100), ("wake_us", 15)))
-    asked = found.given("asked", 1000)
+    result.formula = 1 / sympy.simplify(sympy.diff(k * (T + C + L), k))
+    work, wake = (1e-6 * result.given(*x) for x in (("work_us", 100), ("wake_us", 15)))
+    requested = result.given("asked", 1000)
 
     def rate(work, wake, period, relative=True):
         begun = looped(lambda: wake, work, 1000, relative, period)[0][1:]
         return (begun.size - 1) / (begun[-1] - begun[0])
 
     begun, record = looped(lambda: wake, work, relative=True)
-    found.figure("hz", rate(work, wake, 1.0 / asked), 1e-3)
-    found.figure("drift_us", 1e6 * np.diff(record.lateness)[1:].mean(), 1e-3)
+    result.figure("hz", rate(work, wake, 1.0 / requested), 1e-3)
+    result.figure("drift_us", 1e6 * np.diff(record.lateness)[1:].mean(), 1e-3)
     held = looped(lambda: wake, work)[1]
-    late = found.figure("held_us", 1e6 * held.lateness.max(), 1e-3)
-    drawn = found.rng.uniform((1e-4, 1e-6, 1e-3), (2e-3, 2e-4, 1e-2), (8, 3))
-    found.statement = "The chapter's loop on a clock that only sleep and work move."
-    found.heard(abs(rate(work, wake, 1e-3) / asked - 1.0) < 1e-3)
-    found.corrected(
+    late = result.figure("held_us", 1e6 * held.lateness.max(), 1e-3)
+    drawn = result.rng.uniform((1e-4, 1e-6, 1e-3), (2e-3, 2e-4, 1e-2), (8, 3))
+    result.statement = "The chapter's loop on a clock that only sleep and work move."
+    result.heard(abs(rate(work, wake, 1e-3) / requested - 1.0) < 1e-3)
+    result.corrected(
         all(
-            abs(rate(*map(float, x)) / float(found.formula.subs({C: x[0], L: x[1], T: x[2]})) - 1.0)
+            abs(rate(*map(float, x)) / float(result.formula.subs({C: x[0], L: x[1], T: x[2]})) - 1.0)
             < 1e-4
             for x in drawn
         ),
         late < 1e6 * wake + 1e-3,
         held.skipped == 0,
         begun.size == 1000,
-        abs(rate(work, wake, 1e-3, relative=False) / asked - 1.0) < 1e-4,
+        abs(rate(work, wake, 1e-3, relative=False) / requested - 1.0) < 1e-4,
     )
 
 
@@ -360,34 +360,34 @@ def relative_sleep(found):
         },
     ),
 )
-def jitter_below_a_period(found):
+def jitter_below_a_period(result):
     import sympy
 
     T, J, v, x, y = sympy.symbols("T J v x y", positive=True)
     square = sympy.integrate(sympy.integrate((x - y) ** 2, (x, 0, J)), (y, 0, J)) / J**2
-    found.formula = sympy.simplify(v * sympy.sqrt(square) / T)
-    good = 1e-6 * found.given("good_us", 20)
+    result.formula = sympy.simplify(v * sympy.sqrt(square) / T)
+    good = 1e-6 * result.given("good_us", 20)
 
     def error(jitter, period=1e-3, periods=20_000, late=None):
         """Of a velocity of 1 rad/s over the nominal period; intervals [s]; periods skipped."""
-        late = late or (lambda: found.rng.uniform(0.0, jitter))
+        late = late or (lambda: result.rng.uniform(0.0, jitter))
         begun, record = looped(late, 0.0, periods, period=period)
         apart = np.diff(begun[1:])
         return np.sqrt(np.mean((apart / period - 1.0) ** 2)), apart, record.skipped
 
     wrong, apart, skipped = error(0.99e-3)
     other = cycle((0.0, 0.99e-3))
-    turns = found.figure("turns", error(0.0, late=lambda: next(other))[0], 0.01)
-    found.figure("wrong", wrong, 0.05)
-    fair = found.figure("fair", error(good)[0], 0.1)
-    found.figure("least_us", 1e6 * apart.min(), 0.5)
-    found.figure("most_us", 1e6 * apart.max(), 0.05)
-    drawn = [(float(a), float(b)) for a, b in found.rng.uniform((1e-4, 1e-3), (9e-4, 5e-3), (4, 2))]
-    found.statement = "The chapter's loop on a clock whose wake-ups are late by chance."
-    found.heard(bool(wrong < 0.05))
-    found.corrected(
+    turns = result.figure("turns", error(0.0, late=lambda: next(other))[0], 0.01)
+    result.figure("wrong", wrong, 0.05)
+    fair = result.figure("fair", error(good)[0], 0.1)
+    result.figure("least_us", 1e6 * apart.min(), 0.5)
+    result.figure("most_us", 1e6 * apart.max(), 0.05)
+    drawn = [(float(a), float(b)) for a, b in result.rng.uniform((1e-4, 1e-3), (9e-4, 5e-3), (4, 2))]
+    result.statement = "The chapter's loop on a clock whose wake-ups are late by chance."
+    result.heard(bool(wrong < 0.05))
+    result.corrected(
         all(
-            abs(error(j, t)[0] / float(found.formula.subs({J: j, T: t, v: 1})) - 1.0) < 0.03
+            abs(error(j, t)[0] / float(result.formula.subs({J: j, T: t, v: 1})) - 1.0) < 0.03
             for j, t in drawn
         ),
         bool(fair < 0.02),
@@ -424,27 +424,27 @@ def control_misses(callback, start, own=False, many=1):
     "row of {short_ms:.1f} ms each did {missed:.0f} of {tried:.0f} times, one never. The sum of "
     "all that may stand in front of the loop counts, and the loop itself.",
 )
-def callback_over_a_period(found):
-    drawn = found.rng.uniform((1.02e-3, 9e-4), (5e-3, 9.9e-4), (10, 2))
+def callback_over_a_period(result):
+    drawn = result.rng.uniform((1.02e-3, 9e-4), (5e-3, 9.9e-4), (10, 2))
     inside, outside = (
         [control_misses(float(a), float(b), own) for a, b in drawn] for own in (False, True)
     )
-    short, several = 1e-3 * found.given("short_ms", 0.5), int(found.given("several", 3))
-    starts = found.rng.uniform(6e-4, 9.9e-4, int(found.given("tried", 8)))
-    missed = found.figure("missed", sum(control_misses(short, x, many=several) for x in starts))
+    short, several = 1e-3 * result.given("short_ms", 0.5), int(result.given("several", 3))
+    starts = result.rng.uniform(6e-4, 9.9e-4, int(result.given("tried", 8)))
+    missed = result.figure("missed", sum(control_misses(short, x, many=several) for x in starts))
     alone = [control_misses(short, x) for x in starts]
-    long, phases = 1e-3 * found.given("long_ms", 1.2), np.linspace(0.0, 1e-3, 50, endpoint=False)
-    share = found.figure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
-    early = found.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
-    found.statement = "An executor on the bus, the callback just in front of a release of the loop."
+    long, phases = 1e-3 * result.given("long_ms", 1.2), np.linspace(0.0, 1e-3, 50, endpoint=False)
+    share = result.figure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
+    early = result.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
+    result.statement = "An executor on the bus, the callback just in front of a release of the loop."
     outside += [control_misses(float(a), float(b)) for a, b in early]
-    found.heard(
+    result.heard(
         all(outside),
         only_if="both wait for the same thread and it begins just before the loop is due",
         inside=inside,
         outside=outside,
     )
-    found.corrected(missed == starts.size, not any(alone), not any(outside), share < 0.5)
+    result.corrected(missed == starts.size, not any(alone), not any(outside), share < 0.5)
 
 
 def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, callers=1):
@@ -495,20 +495,20 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
     "any.",
     source="ROS 2 documentation, Using callback groups, Humble 2022",
 )
-def threads_cure_deadlock(found):
-    threads = int(found.given("threads", 8))
+def threads_cure_deadlock(result):
+    threads = int(result.given("threads", 8))
     answers, stuck, _ = calling(threads)
-    found.figure("answers", answers)
+    result.figure("answers", answers)
     enough = min(n for n in range(1, 5) if calling(n, own=True)[0] > 2)
-    found.figure("enough", enough)
+    result.figure("enough", enough)
     # Two that wait hold two threads, and both hang.
     three = min(n for n in range(1, 6) if calling(n, own=True, callers=2, work=0.01)[0] > 2)
-    found.figure("three", three)
+    result.figure("three", three)
     reentrant = min(n for n in range(1, 5) if calling(n, own="reentrant")[0] > 2)
     free = calling(1, waits=False)
-    found.statement = "A timer's callback that asks a service, on the bus; who waits for whom."
-    found.heard(answers > 0)
-    found.corrected(
+    result.statement = "A timer's callback that asks a service, on the bus; who waits for whom."
+    result.heard(answers > 0)
+    result.corrected(
         len(stuck) == 1,
         enough == 2,
         three == 3,
@@ -527,11 +527,11 @@ def threads_cure_deadlock(found):
     "thread of its own {apart:.0f} times. Served in the same node it ran {served:.0f} times, "
     "though nobody waited.",
 )
-def service_blocks(found):
+def service_blocks(result):
     from course.middleware.bus import Bus
     from course.middleware.executor import Executor
 
-    work = 1e-3 * found.given("work_ms", 800)
+    work = 1e-3 * result.given("work_ms", 800)
 
     def held(waits, work, apart=False):
         return calling(2, True, waits, float(work), 9.95, apart)[2]
@@ -552,21 +552,21 @@ def service_blocks(found):
         bus.run(9.95)
         return len(ticks)
 
-    due = found.figure("due", held(False, 0.001))
-    ran = found.figure("held", held(True, work), 0.05)
-    free = found.figure("free", held(False, work), 0.05)
-    aside = found.figure("apart", held(True, work, True), 0.05)
-    found.figure("served", served(work), 0.05)
-    drawn = found.rng.uniform(0.25, 0.9, 8)
-    found.statement = "A node with two timers on the bus, ten seconds."
-    found.heard(
+    due = result.figure("due", held(False, 0.001))
+    ran = result.figure("held", held(True, work), 0.05)
+    free = result.figure("free", held(False, work), 0.05)
+    aside = result.figure("apart", held(True, work, True), 0.05)
+    result.figure("served", served(work), 0.05)
+    drawn = result.rng.uniform(0.25, 0.9, 8)
+    result.statement = "A node with two timers on the bus, ten seconds."
+    result.heard(
         free < 0.9 * due,
         only_if="they share group or thread with what waits for the answer or makes it",
         inside=[held(True, x) < 0.9 * due for x in drawn] + [served(x) < due for x in drawn],
         outside=[held(False, x) < 0.9 * due for x in drawn]
         + [held(True, x, apart=True) < 0.9 * due for x in drawn],
     )
-    found.corrected(ran < 0.5 * due, free == due == aside)
+    result.corrected(ran < 0.5 * due, free == due == aside)
 
 
 def burdened(periods, litter, pages=0, **asked):
@@ -582,15 +582,15 @@ def burdened(periods, litter, pages=0, **asked):
 
     from course.middleware import loop
 
-    kept, before, clock = [], gc.get_threshold(), Clock(lambda: 0.0)
+    retained, before, clock = [], gc.get_threshold(), Clock(lambda: 0.0)
 
     def work(_):
         for _ in range(litter):
             ring: list = []
             ring.append(ring)
         if pages:
-            kept.append(mmap.mmap(-1, 4096 * pages))
-            kept[-1][::4096] = bytes(pages)
+            retained.append(mmap.mmap(-1, 4096 * pages))
+            retained[-1][::4096] = bytes(pages)
 
     try:
         gc.set_threshold(700, 10, 10)
@@ -598,7 +598,7 @@ def burdened(periods, litter, pages=0, **asked):
             return loop.run(work, 1e-3, periods, now=clock.now, sleep=clock.sleep)
     finally:
         gc.set_threshold(*before)
-        for one in kept:
+        for one in retained:
             one.close()
 
 
@@ -610,20 +610,20 @@ def burdened(periods, litter, pages=0, **asked):
     "times; memory has to be taken and locked before the loop. And the priority is asked for: who "
     "may not have it runs without.",
 )
-def fifo_makes_real_time(found):
+def fifo_makes_real_time(result):
     from course.middleware import loop
 
-    periods, litter = int(found.given("periods", 200)), int(found.given("litter", 100))
+    periods, litter = int(result.given("periods", 200)), int(result.given("litter", 100))
     noisy = burdened(periods, litter, quiet=False)
     quiet = burdened(periods, litter, quiet=True)
-    runs = found.figure("runs", noisy.collections, 0.3)
-    found.figure("quiet", quiet.collections)
+    runs = result.figure("runs", noisy.collections, 0.3)
+    result.figure("quiet", quiet.collections)
     fresh = burdened(20, 0, pages=64, quiet=True)
     with loop.urgent(core=100_000, lock=False, scheduler="other") as granted:
-        refused = list(granted.refused)
-    found.statement = "Under SCHED_FIFO where the system grants it; collections and faults counted."
-    found.heard(noisy.collections == 0)
-    found.corrected(runs > 10, quiet.collections == 0, fresh.faults > 10, refused == ["core"])
+        rejected = list(granted.refused)
+    result.statement = "Under SCHED_FIFO where the system grants it; collections and faults counted."
+    result.heard(noisy.collections == 0)
+    result.corrected(runs > 10, quiet.collections == 0, fresh.faults > 10, rejected == ["core"])
 
 
 @claim(
@@ -632,7 +632,7 @@ def fifo_makes_real_time(found):
     "as many in another process it counted {there:.0f}. What it shares with other processes is the "
     "core, and for that there are priorities.",
 )
-def gc_hits_the_loop(found):
+def gc_hits_the_loop(result):
     import subprocess
     import sys
 
@@ -659,15 +659,15 @@ def gc_hits_the_loop(found):
             record = loop.run(work, 1e-3, times, now=clock.now, sleep=clock.sleep)
         return record.collections, sum(theirs)
 
-    here = found.figure("here", collections(False, 3)[0])
-    there, theirs = collections(True, 3)
-    found.figure("there", there)
-    found.statement = "Collections counted by the chapter's loop, in its process and in another."
-    found.heard(
-        there > 0,
+    here = result.figure("here", collections(False, 3)[0])
+    other, theirs = collections(True, 3)
+    result.figure("there", other)
+    result.statement = "Collections counted by the chapter's loop, in its process and in another."
+    result.heard(
+        other > 0,
         only_if="both are in one interpreter of Python",
         cases=True,
         inside=[collections(False, n)[0] == n for n in (1, 5)],
-        outside=[there > 0],
+        outside=[other > 0],
     )
-    found.corrected(there == 0, theirs >= 3, here == 3)
+    result.corrected(other == 0, theirs >= 3, here == 3)

@@ -18,24 +18,24 @@ SYMBOLS = {
     "{side_mm:.0f} mm at {far:.0f} m has {pixels:.0f} pixels of a picture {wide:.0f} wide, at half "
     "of the distance {near:.0f}. A tilt takes its cosine off.",
 )
-def small_parts_have_few_pixels(found):
+def small_parts_have_few_pixels(result):
     from course.perception import Camera, render, shape
 
-    eye = Camera.symmetric(int(found.given("wide", 640)), 480, 1.0)
+    eye = Camera.symmetric(int(result.given("wide", 640)), 480, 1.0)
 
     def counted(side, z, tilt=0.0):
         turn = np.cos(tilt / 2), np.sin(tilt / 2), 0, 0
         tile = shape("box", 0.5 * side, 0.5 * side, 1e-4, pose=(0, 0, z + 1e-4, *turn))
         return np.count_nonzero(render(tile, eye)[0])
 
-    side, far = found.given("side_mm", 10) / 1000, found.given("far", 1.0)
-    few = found.figure("pixels", counted(side, far))
-    found.figure("near", counted(side, far / 2))
-    tilts = [(counted(0.05, 1.0, x), np.cos(x)) for x in found.rng.uniform(0.2, 1.2, 8)]
-    draws = found.rng.uniform([0.005, 0.2], [0.05, 2.0], (40, 2))
-    found.statement = "Pixels of square tiles in exact pictures, and 40 random ones."
-    found.heard(few < 1e-3 * eye.width * eye.height)
-    found.corrected(
+    side, far = result.given("side_mm", 10) / 1000, result.given("far", 1.0)
+    few = result.figure("pixels", counted(side, far))
+    result.figure("near", counted(side, far / 2))
+    tilts = [(counted(0.05, 1.0, x), np.cos(x)) for x in result.rng.uniform(0.2, 1.2, 8)]
+    draws = result.rng.uniform([0.005, 0.2], [0.05, 2.0], (40, 2))
+    result.statement = "Pixels of square tiles in exact pictures, and 40 random ones."
+    result.heard(few < 1e-3 * eye.width * eye.height)
+    result.corrected(
         all(abs(np.sqrt(counted(a, z)) - eye.fx * a / z) <= 1 for a, z in draws),
         all(abs(n / counted(0.05, 1.0) / c - 1) < 0.12 for n, c in tilts),
     )
@@ -48,28 +48,28 @@ def small_parts_have_few_pixels(found):
     "And a mean is of all in its cell: of cubes of {low:.0f} mm on a table the highest stood at "
     "{high:.0%} of their height in one of ten, which a tolerance then takes for the table.",
 )
-def voxels_remove_small_parts(found):
+def voxels_remove_small_parts(result):
     from course.perception import dbscan, voxel_mean
 
-    sides = found.rng.uniform(0.002, 0.01, int(found.given("parts", 200)))
-    parts = [found.rng.uniform(-x, x, (3, 60)) / 2 + found.rng.uniform(0, 1, (3, 1)) for x in sides]
+    sides = result.rng.uniform(0.002, 0.01, int(result.given("parts", 200)))
+    parts = [result.rng.uniform(-x, x, (3, 60)) / 2 + result.rng.uniform(0, 1, (3, 1)) for x in sides]
     means = [voxel_mean(part, 0.01, [-1.0] * 3)[0] for part in parts]
     counts = np.array([x.shape[1] for x in means])
 
     def stands(side):
         """The highest mean over a cube on a table, seen from above, over the cube's height."""
-        x, y = found.rng.uniform(-0.04, 0.04, (2, 6000))
+        x, y = result.rng.uniform(-0.04, 0.04, (2, 6000))
         top = np.where(np.maximum(np.abs(x), np.abs(y)) < side / 2, 1.0, 0.0)
-        origin = -1 - found.rng.uniform(0, 0.01, 3)
+        origin = -1 - result.rng.uniform(0, 0.01, 3)
         return voxel_mean([x, y, side * top], 0.01, origin)[0][2].max() / side
 
-    low = found.given("low", 4) / 1000
-    high = found.figure("high", np.quantile([stands(low) for _ in range(60)], 0.1), 0.4)
+    low = result.given("low", 4) / 1000
+    high = result.figure("high", np.quantile([stands(low) for _ in range(60)], 0.1), 0.4)
     whole = min(stands(0.02) for _ in range(8))  # a cube as large as two voxels has one of its own
-    found.figure("left", np.median(counts))
-    found.statement = "Clouds of small cubes at random places on a grid of 10 mm."
-    found.heard(counts.min() == 0)
-    found.corrected(
+    result.figure("left", np.median(counts))
+    result.statement = "Clouds of small cubes at random places on a grid of 10 mm."
+    result.heard(counts.min() == 0)
+    result.corrected(
         all(dbscan(x, 0.02, 10)[0].max() < 0 for x in means),
         all(dbscan(x, 0.02, 10)[0].min() == 0 for x in parts),
         counts.min() > 0,
@@ -93,39 +93,39 @@ def voxels_remove_small_parts(found):
         },
     ),
 )
-def fifty_neighbours(found):
+def fifty_neighbours(result):
     import sympy
 
     from course.perception import dbscan, radius_search, voxel_mean
 
     r, v, x = sympy.symbols("r v x", positive=True)
-    found.formula = sympy.integrate(2 * sympy.pi * x / v**2, (x, 0, r))
+    result.formula = sympy.integrate(2 * sympy.pi * x / v**2, (x, 0, r))
 
     def face(side, tilt=0.0, count=60_000):
-        x, y = found.rng.uniform(0, side, (2, count))
+        x, y = result.rng.uniform(0, side, (2, count))
         z = y * np.sin(tilt) + 0.0017
         return voxel_mean([x, y * np.cos(tilt), z], 0.005, [-1e-9] * 3)[0]
 
-    def kept(cloud, least=50):
+    def retained(cloud, least=50):
         return np.mean(dbscan(cloud, 0.02, least)[0] >= 0)
 
-    side, part = found.given("large_mm", 200) / 1000, found.given("small_mm", 30) / 1000
+    side, part = result.given("large_mm", 200) / 1000, result.given("small_mm", 30) / 1000
     large, tilted = face(side), face(side, 0.6)
     counts = [np.median(np.diff(radius_search(x, x, 0.02)[0])) for x in (large, tilted)]
-    flat = found.figure("flat", counts[0])
-    found.figure("tilted", counts[1], 0.05)
-    share = found.figure("kept", kept(large), 0.3)
-    dense = found.figure("dense", kept(face(side, count=240_000)), 0.3)
-    law = float(found.formula.subs({r: 0.02, v: 0.005}))
-    found.statement = "Voxels of square faces with 60,000 points each, and one with 240,000."
-    found.heard(share == 1)
-    third = [kept(x, int(law / 3)) == 1 for x in (large, face(part))]
-    found.corrected(
+    flat = result.figure("flat", counts[0])
+    result.figure("tilted", counts[1], 0.05)
+    share = result.figure("kept", retained(large), 0.3)
+    dense = result.figure("dense", retained(face(side, count=240_000)), 0.3)
+    law = float(result.formula.subs({r: 0.02, v: 0.005}))
+    result.statement = "Voxels of square faces with 60,000 points each, and one with 240,000."
+    result.heard(share == 1)
+    third = [retained(x, int(law / 3)) == 1 for x in (large, face(part))]
+    result.corrected(
         abs(flat / law - 1) < 0.1,
         dense < 0.5 * share,
-        kept(tilted) == 1,
+        retained(tilted) == 1,
         all(third),
-        kept(face(part)) == 0,
+        retained(face(part)) == 0,
     )
 
 
@@ -134,22 +134,22 @@ def fifty_neighbours(found):
     "It separates what is farther apart than eps: two boxes with {gap_mm:.0f} mm between them are "
     "{joined:.0f} cluster at an eps of {eps_mm:.0f} mm. Objects that touch are one at any eps.",
 )
-def dbscan_separates(found):
+def dbscan_separates(result):
     from course.perception import dbscan, voxel_mean
 
-    eps = found.given("eps_mm", 20) / 1000
+    eps = result.given("eps_mm", 20) / 1000
 
     def clusters(gap, turn=0.0, voxel=0.004):
-        x = found.rng.uniform(-0.03, 0.03, (3, 8000)) * [[1], [1], [0]]
+        x = result.rng.uniform(-0.03, 0.03, (3, 8000)) * [[1], [1], [0]]
         x[0] += np.where(np.arange(8000) < 4000, 1, -1) * (0.03 + 0.5 * gap)
         c, s = np.cos(turn), np.sin(turn)
         means, _ = voxel_mean(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ x, voxel)
         return dbscan(means, eps, 10)[0].max() + 1
 
-    joined = found.figure("joined", clusters(found.given("gap_mm", 12) / 1000))
-    draws = found.rng.uniform((0, 0), (1, np.pi), (12, 2))
-    found.statement = "Two faces of 60 mm at random turns, on voxels of 4 mm."
-    found.heard(
+    joined = result.figure("joined", clusters(result.given("gap_mm", 12) / 1000))
+    draws = result.rng.uniform((0, 0), (1, np.pi), (12, 2))
+    result.statement = "Two faces of 60 mm at random turns, on voxels of 4 mm."
+    result.heard(
         joined == 2,
         only_if="the gaps are wider than eps, and eps three voxels or more",
         inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws],
@@ -158,7 +158,7 @@ def dbscan_separates(found):
             *(clusters(2 * eps, t, eps * (0.7 + x)) == 2 for x, t in draws),
         ],
     )
-    found.corrected(joined == 1, clusters(0.0) == 1)
+    result.corrected(joined == 1, clusters(0.0) == 1)
 
 
 @claim(
@@ -178,29 +178,29 @@ def dbscan_separates(found):
     ),
     source="M. A. Fischler, R. C. Bolles, Random sample consensus, 1981",
 )
-def draws_find_the_plane(found):
+def draws_find_the_plane(result):
     import sympy
 
     from course.charts.perception.clouds import share_found
     from course.perception import draws_needed
 
     P, w, n = sympy.symbols("P w n", positive=True)
-    found.formula = sympy.solve(sympy.log(1 - P) - n * sympy.log(1 - w**3), n)[0]
-    most = round(draws_needed(0.5, found.given("asked", 0.9)))
-    drawn = found.figure("drawn", share_found(None, 0, 2000, 200, most), 0.03)
-    tolerance = found.given("sigmas", 2.5)
-    plain, again = (share_found(tolerance, k, 600, 200, most) for k in (0, 1))
-    found.figure("found_it", plain, 0.1)
-    found.figure("refitted", again, 0.06)
-    found.statement = (
-        f"600 to 2,000 runs of {most} draws from 200 points, half of them a plane's; a run "
+    result.formula = sympy.solve(sympy.log(1 - P) - n * sympy.log(1 - w**3), n)[0]
+    largest = round(draws_needed(0.5, result.given("asked", 0.9)))
+    drawn = result.figure("drawn", share_found(None, 0, 2000, 200, largest), 0.03)
+    tolerance = result.given("sigmas", 2.5)
+    plain, again = (share_found(tolerance, k, 600, 200, largest) for k in (0, 1))
+    result.figure("found_it", plain, 0.1)
+    result.figure("refitted", again, 0.06)
+    result.statement = (
+        f"600 to 2,000 runs of {largest} draws from 200 points, half of them a plane's; a run "
         "that finds nine of ten of these has it."
     )
-    found.heard(plain > 0.85)
-    found.corrected(
+    result.heard(plain > 0.85)
+    result.corrected(
         abs(drawn - 0.9) < 0.03,
         again > plain + 0.2,
-        most == round(float(found.formula.subs({P: 0.9, w: 0.5}))),
+        largest == round(float(result.formula.subs({P: 0.9, w: 0.5}))),
     )
 
 
@@ -211,39 +211,39 @@ def draws_find_the_plane(found):
     "even in 1 / z, and without the offset of {offset_mm:.2f} mm that the points have. Of a table "
     "that one faces both tell the same, and noise even in z turns it round: {other:.2f}.",
 )
-def inverse_depth_is_better(found):
+def inverse_depth_is_better(result):
     from course import perception as see
     from course.rigid_body.quaternion import exp, rotate
 
-    eye, sensor = see.Camera.symmetric(160, 120, 1.0), see.Sensor(0.05, found.given("noise", 0.3))
+    eye, sensor = see.Camera.symmetric(160, 120, 1.0), see.Sensor(0.05, result.given("noise", 0.3))
 
     def times(sensor, tilts, even=0.0):
         """The points' error of the angle over the linear fit's, and both mean offsets [m]."""
-        off = []
+        deviation = []
         for tilt in tilts:
             turn = exp(np.array([np.pi - tilt, 0.0, 0.0]))
             exact, _ = see.render(see.shape("plane", pose=(0, 0, 0.8, *turn)), eye)
-            z = see.sense(exact, eye, sensor, found.rng)
+            z = see.sense(exact, eye, sensor, result.rng)
             if even:
-                z = exact + even * found.rng.standard_normal(exact.shape)
+                z = exact + even * result.rng.standard_normal(exact.shape)
             planes = see.inverse_depth_plane(z, eye), see.fit_plane(see.back_project(z, eye)[0])
             normal = rotate(turn, np.array([0.0, 0, 1]))
-            off.append(
+            deviation.append(
                 [(np.linalg.norm(np.cross(p[:3], normal)), 0.8 * p[2] + p[3]) for p in planes]
             )
-        own, points = np.sqrt(np.mean(np.square(off), axis=0))[:, 0]
-        return points / own, np.mean(off, axis=0)[:, 1]
+        own, points = np.sqrt(np.mean(np.square(deviation), axis=0))[:, 0]
+        return points / own, np.mean(deviation, axis=0)[:, 1]
 
-    ratio, mean = times(sensor, found.rng.uniform(0.4, 0.9, 40))
-    found.figure("ratio", ratio, 0.25)
-    other = found.figure("other", times(sensor, found.rng.uniform(0.4, 0.9, 40), 1e-3)[0], 0.2)
-    offset = found.figure("offset_mm", 1000 * abs(mean[1]), 0.3)
-    draws = found.rng.uniform((0.4, 0.1), (0.9, 0.3), (8, 2))
+    ratio, mean = times(sensor, result.rng.uniform(0.4, 0.9, 40))
+    result.figure("ratio", ratio, 0.25)
+    other = result.figure("other", times(sensor, result.rng.uniform(0.4, 0.9, 40), 1e-3)[0], 0.2)
+    offset = result.figure("offset_mm", 1000 * abs(mean[1]), 0.3)
+    draws = result.rng.uniform((0.4, 0.1), (0.9, 0.3), (8, 2))
     facing = times(sensor, [0.0] * 30)[0]
-    found.statement = (
+    result.statement = (
         "Tables with tilts of 0.4 to 0.9 rad, 0.8 m away, ten pictures or more of each."
     )
-    found.heard(min(times(see.Sensor(0.05, s), [t] * 10)[0] for t, s in draws) > 1)
-    found.corrected(
+    result.heard(min(times(see.Sensor(0.05, s), [t] * 10)[0] for t, s in draws) > 1)
+    result.corrected(
         ratio > 1.5, 1000 * abs(mean[0]) < 0.3 * offset, other < 1, abs(facing - 1) < 0.1
     )

@@ -33,19 +33,19 @@ SYMBOLS = {
         },
     ),
 )
-def depth_bias(found):
+def depth_bias(result):
     import sympy
 
     z, f, B, s, d = sympy.symbols("z f B s d", positive=True)
-    found.formula = (sympy.diff(f * B / d, d, 2) / 2 * s**2).subs(d, f * B / z)
-    far, noise = found.given("far", 3.0), found.given("noise", 0.5)
-    seen = walls(far, found.rng, 60, noise=noise)
-    bias = found.figure("bias_mm", 1000 * (np.mean(seen) - far), 0.1)
-    law = 1000 * float(found.formula.subs({z: far, f: 600, B: 0.05, s: noise}))
-    left = 1000 * abs(1 / np.mean(1 / seen) - far)
-    found.statement = "The mean over 1,176,000 pixels of a wall."
-    found.heard(abs(bias) < 1.0)
-    found.corrected(abs(bias / law - 1) < 0.1, left < 0.1 * bias)
+    result.formula = (sympy.diff(f * B / d, d, 2) / 2 * s**2).subs(d, f * B / z)
+    far, noise = result.given("far", 3.0), result.given("noise", 0.5)
+    observed = walls(far, result.rng, 60, noise=noise)
+    bias = result.figure("bias_mm", 1000 * (np.mean(observed) - far), 0.1)
+    law = 1000 * float(result.formula.subs({z: far, f: 600, B: 0.05, s: noise}))
+    remaining = 1000 * abs(1 / np.mean(1 / observed) - far)
+    result.statement = "The mean over 1,176,000 pixels of a wall."
+    result.heard(abs(bias) < 1.0)
+    result.corrected(abs(bias / law - 1) < 0.1, remaining < 0.1 * bias)
 
 
 @claim(
@@ -63,31 +63,31 @@ def depth_bias(found):
         },
     ),
 )
-def farthest_part(found):
+def farthest_part(result):
     import sympy
 
     from course.perception import Camera, Sensor, sense
 
     h, f, B, k, s, z = sympy.symbols("h f B k s z", positive=True)
-    found.formula = sympy.solve(sympy.Eq(z**2 * s / (f * B), h / k), z)[0]
+    result.formula = sympy.solve(sympy.Eq(z**2 * s / (f * B), h / k), z)[0]
     eye = Camera(140, 140, 600.0, 600.0, 69.5, 69.5)
-    sensor = Sensor(0.05, 0.1, far=found.given("range", 10.0))
-    height, sigmas = found.given("height_mm", 10) / 1000, found.given("k", 4)
+    sensor = Sensor(0.05, 0.1, far=result.given("range", 10.0))
+    height, sigmas = result.given("height_mm", 10) / 1000, result.given("k", 4)
 
     def above(z):
         """Share of the pixels of the part's top that are so much higher than the table."""
-        top = sense(np.full((140, 140), z - height), eye, sensor, found.rng)
+        top = sense(np.full((140, 140), z - height), eye, sensor, result.rng)
         return np.mean(z - top > sigmas * sensor.sigma(z, eye))
 
     near, far = 0.2, 5.0
     for _ in range(12):
         middle = 0.5 * (near + far)
         near, far = (middle, far) if above(middle) > 0.5 else (near, middle)
-    limit = found.figure("far", near, 0.02)
-    law = float(found.formula.subs({h: height, f: 600, B: 0.05, k: sigmas, s: 0.1}))
-    found.statement = "Where half of a part's pixels are higher, by halving over the distance."
-    found.heard(limit > sensor.far)
-    found.corrected(abs(limit / law - 1) < 0.03)
+    limit = result.figure("far", near, 0.02)
+    law = float(result.formula.subs({h: height, f: 600, B: 0.05, k: sigmas, s: 0.1}))
+    result.statement = "Where half of a part's pixels are higher, by halving over the distance."
+    result.heard(limit > sensor.far)
+    result.corrected(abs(limit / law - 1) < 0.03)
 
 
 @claim(
@@ -105,27 +105,27 @@ def farthest_part(found):
         },
     ),
 )
-def fit_residual(found):
+def fit_residual(result):
     import sympy
 
     from course.perception import rigid_fit
 
     sigma, N = sympy.symbols("sigma N", positive=True)
-    found.formula = sigma * sympy.sqrt((3 * N - 6) / (3 * N))
+    result.formula = sigma * sympy.sqrt((3 * N - 6) / (3 * N))
 
     def residual(n):
         squares = []
         for _ in range(12_000 // (3 * n - 6)):
-            a = found.rng.uniform(-1, 1, (3, n))
-            b = a + 1e-3 * found.rng.standard_normal((3, n))
+            a = result.rng.uniform(-1, 1, (3, n))
+            b = a + 1e-3 * result.rng.standard_normal((3, n))
             R, p = rigid_fit(a, b)
             squares.append(np.mean((R @ a + p[:, None] - b) ** 2))
         return 1000 * np.sqrt(np.mean(squares))
 
-    counts = int(found.given("n", 4)), 10, int(found.given("most", 40))
-    seen = [residual(n) for n in counts]
-    law = [float(found.formula.subs({sigma: 1, N: n})) for n in counts]
-    few, many = found.figure("few", seen[0], 0.03), found.figure("many", seen[2], 0.03)
-    found.statement = "2,000, 500 and 105 fits to 4, 10 and 40 points: of each 12,000 free errors."
-    found.heard(many < few)
-    found.corrected(np.allclose(seen, law, rtol=0.03), few < many < 1.0)
+    counts = int(result.given("n", 4)), 10, int(result.given("most", 40))
+    observed = [residual(n) for n in counts]
+    law = [float(result.formula.subs({sigma: 1, N: n})) for n in counts]
+    few, more = result.figure("few", observed[0], 0.03), result.figure("many", observed[2], 0.03)
+    result.statement = "2,000, 500 and 105 fits to 4, 10 and 40 points: of each 12,000 free errors."
+    result.heard(more < few)
+    result.corrected(np.allclose(observed, law, rtol=0.03), few < more < 1.0)

@@ -13,7 +13,7 @@ from course.derivations.perception import seen
     "rotation, always.",
     source="W. Kabsch, 1978; S. Umeyama, 1991",
 )
-def kabsch_without_determinant(found):
+def kabsch_without_determinant(result):
     from scipy.spatial.transform import Rotation
 
     from course.perception import rigid_fit
@@ -23,8 +23,8 @@ def kabsch_without_determinant(found):
         """The share of reflections without the determinant, and whether with it all are best."""
         mirrored, best = 0, True
         for _ in range(runs):
-            a = found.rng.uniform(-1.7, 1.7, (3, count)) * [[1], [1], [0.1 * thick]]
-            b = to_matrix(exp(found.rng.normal(size=3))) @ a + 0.1 * found.rng.normal(size=a.shape)
+            a = result.rng.uniform(-1.7, 1.7, (3, count)) * [[1], [1], [0.1 * thick]]
+            b = to_matrix(exp(result.rng.normal(size=3))) @ a + 0.1 * result.rng.normal(size=a.shape)
             c, d = a - a.mean(axis=1, keepdims=True), b - b.mean(axis=1, keepdims=True)
             U, _, V = np.linalg.svd(d @ c.T)
             mirrored += int(np.linalg.det(U @ V) < 0)
@@ -32,11 +32,11 @@ def kabsch_without_determinant(found):
             best = best and np.linalg.det(R) > 0.999 and np.linalg.norm(R @ c - d) < least + 1e-7
         return mirrored / runs, best
 
-    flat = found.figure("flat", fits(found.given("thin", 0.1), 400)[0], 0.15)
-    least = found.given("least", 2)
-    draws = found.rng.uniform(0, 1, (2, 10))
-    found.statement = "Fits of 12 noisy points, and of 4, flat and thick, beside SciPy's."
-    found.heard(
+    flat = result.figure("flat", fits(result.given("thin", 0.1), 400)[0], 0.15)
+    least = result.given("least", 2)
+    draws = result.rng.uniform(0, 1, (2, 10))
+    result.statement = "Fits of 12 noisy points, and of 4, flat and thick, beside SciPy's."
+    result.heard(
         flat == 0,
         only_if="the points are a dozen or more, and their thinnest spread is "
         "{least:.0f} times the noise or more",
@@ -46,7 +46,7 @@ def kabsch_without_determinant(found):
             *(fits(least * (1 + x), 25, 4)[0] == 0 for x in draws[1]),
         ],
     )
-    found.corrected(0.2 < flat < 0.7, all(fits(x)[1] for x in (0.0, 0.3, 3.0)))
+    result.corrected(0.2 < flat < 0.7, all(fits(x)[1] for x in (0.0, 0.3, 3.0)))
 
 
 @claim(
@@ -56,11 +56,11 @@ def kabsch_without_determinant(found):
     "it comes home from both. A test that draws its picture from the model's points, and starts "
     "nearby, proves nothing.",
 )
-def own_points_come_home(found):
+def own_points_come_home(result):
     from course.charts.perception.poses import BOX, STILL, turned_by
     from course.perception import Cloud, icp
 
-    half, grid, faces = BOX.sizes[:, 0], found.given("grid_mm", 4) / 1000, []
+    half, grid, faces = BOX.sizes[:, 0], result.given("grid_mm", 4) / 1000, []
     for k in range(3):
         line = [np.arange(-h, h + 1e-9, grid) for h in half]
         for sign in (-1.0, 1.0):
@@ -70,20 +70,20 @@ def own_points_come_home(found):
     points, normals = (np.hstack(both) for both in zip(*faces, strict=True))
     model = Cloud.of(points, normals)
 
-    def left(degrees, method="point"):
+    def remaining(degrees, method="point"):
         start = turned_by(STILL, 0, 0, 0, 0, 0, np.radians(degrees))
         fit = icp(points, model, start, method=method, iterations=200)
         return abs(np.degrees(np.arctan2(fit.R[1, 0], fit.R[0, 0])))
 
-    start, near = found.given("start", 4), found.given("near", 1)
-    stall = found.figure("stall", left(start), 0.01)
-    ends = [left(x) for x in found.rng.uniform(start, 10, 6)]
-    found.statement = "A box of 4 mm points registered to itself, turned by up to ten degrees."
-    found.heard(stall < 0.1)
-    found.corrected(
+    start, near = result.given("start", 4), result.given("near", 1)
+    stall = result.figure("stall", remaining(start), 0.01)
+    ends = [remaining(x) for x in result.rng.uniform(start, 10, 6)]
+    result.statement = "A box of 4 mm points registered to itself, turned by up to ten degrees."
+    result.heard(stall < 0.1)
+    result.corrected(
         np.allclose(ends, stall, atol=0.01),
-        left(near) < 1e-6,
-        max(left(x, "plane") for x in (near, start, 9)) < 1e-3,
+        remaining(near) < 1e-6,
+        max(remaining(x, "plane") for x in (near, start, 9)) < 1e-3,
     )
 
 
@@ -92,29 +92,29 @@ def own_points_come_home(found):
     "The errors of all steps add up: after {pictures:.0f} pictures point-to-point from picture to "
     "picture is {pairs_mm:.1f} mm off, and a fit of each to the model {model_mm:.2f} mm.",
 )
-def picture_to_picture(found):
+def picture_to_picture(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
     from course.kinematics.chain import compose
     from course.perception import Cloud, apart, back_project, icp, render, sense
 
-    pictures = int(found.given("pictures", 32))
-    first = seen(BOX, 0.0, 0.5, found.rng)[1]
-    pairs, model, before, off = first, first, None, []
+    pictures = int(result.given("pictures", 32))
+    first = seen(BOX, 0.0, 0.5, result.rng)[1]
+    pairs, model, before, deviation = first, first, None, []
     for k in range(pictures + 1):
         true = turned_by(first, 0.001 * k, 0, 0, 0, 0, 0.008 * k)
-        depth = sense(render(BOX.moved(true), EYE)[0], EYE, SENSOR, found.rng)
+        depth = sense(render(BOX.moved(true), EYE)[0], EYE, SENSOR, result.rng)
         cloud = np.ascontiguousarray(back_project(depth, EYE)[0][:, ::4])
         model = icp(cloud, BOX, model, gate=0.01, sigma=SENSOR.sigma(cloud[2], EYE)).pose
         if before is not None:
             step = icp(cloud, Cloud.of(before), method="point", gate=0.01).pose
             pairs = compose(step[:, None], pairs[:, None])[:, 0]
         before = cloud
-        off.append([1000 * apart(BOX, true, pose)[0] for pose in (pairs, model)])
-    last = found.figure("pairs_mm", off[-1][0], 0.1)
-    worst = found.figure("model_mm", max(row[1] for row in off[1:]), 0.3)
-    found.statement = "A box that moves by 1 mm and 0.5 degrees from picture to picture."
-    found.heard(last < 2 * off[1][0])
-    found.corrected(last > 3 * off[len(off) // 4][0] / 2, worst < 0.5, last > 10 * worst)
+        deviation.append([1000 * apart(BOX, true, pose)[0] for pose in (pairs, model)])
+    last = result.figure("pairs_mm", deviation[-1][0], 0.1)
+    worst = result.figure("model_mm", max(row[1] for row in deviation[1:]), 0.3)
+    result.statement = "A box that moves by 1 mm and 0.5 degrees from picture to picture."
+    result.heard(last < 2 * deviation[1][0])
+    result.corrected(last > 3 * deviation[len(deviation) // 4][0] / 2, worst < 0.5, last > 10 * worst)
 
 
 @claim(
@@ -124,31 +124,31 @@ def picture_to_picture(found):
     "tells: it agrees with {agrees:.0%} of the block, and with {alone:.0%} or more where it stands "
     "alone. Below {least:.0%} it is not called found, and neither is one with a shift not seen.",
 )
-def not_looked_through_is_right(found):
+def not_looked_through_is_right(result):
     from course.charts.perception.bins import picture_of
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
     from course.perception import apart, locate
 
     def first(cause, yaw):
         """Error to the nearer of part and twin, what is looked through, agrees, and is said."""
-        depth, _, pose = picture_of(cause, yaw, found.rng)
+        depth, _, pose = picture_of(cause, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
         beside = turned_by(pose, 0.0, 0.1 * (cause != "as it is"), 0.0, 0.0, 0.0, 0.0)
         near = 1000 * min(apart(BOX, pose, one.pose)[0], apart(BOX, beside, one.pose)[0])
         return near, one.see_through, one.agrees, one.status == "found", *one.unobserved[:1]
 
     twins, alone = (
-        [first(cause, x) for x in found.rng.uniform(0.2, 3.0, 12)]
+        [first(cause, x) for x in result.rng.uniform(0.2, 3.0, 12)]
         for cause in ("its twin beside it", "as it is")
     )
-    off, through, agrees = zip(*(run[:3] for run in twins), strict=True)
-    worst = found.figure("off_mm", max(off), 0.1)
-    looked = found.figure("through", through[int(np.argmax(off))], 0.5)
-    share, least = found.figure("agrees", np.median(agrees), 0.1), found.given("least", 0.9)
-    own = found.figure("alone", min(run[2] for run in alone), 0.02)
-    found.statement = "Twelve pictures each of a box alone and beside its twin."
-    found.heard(worst < 2 or looked > 0.1)
-    found.corrected(
+    deviation, through, agrees = zip(*(run[:3] for run in twins), strict=True)
+    worst = result.figure("off_mm", max(deviation), 0.1)
+    observed = result.figure("through", through[int(np.argmax(deviation))], 0.5)
+    share, least = result.figure("agrees", np.median(agrees), 0.1), result.given("least", 0.9)
+    own = result.figure("alone", min(run[2] for run in alone), 0.02)
+    result.statement = "Twelve pictures each of a box alone and beside its twin."
+    result.heard(worst < 2 or observed > 0.1)
+    result.corrected(
         share < max(agrees) < least < own,
         not any(run[3] for run in twins),
         all(run[3] != (len(run) > 4) for run in alone),
@@ -161,23 +161,23 @@ def not_looked_through_is_right(found):
     "as right as its half turn; counted up to symmetry they differ by {up_to:.2f}, which is what "
     "the covariance says.",
 )
-def spread_of_symmetric_poses(found):
+def spread_of_symmetric_poses(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR
     from course.perception import apart, locate, shape, together
 
     alone = together([BOX, shape("sphere", 0.001)])  # of several shapes no symmetry is assumed
-    turns, raw, told = [], [], []
-    for yaw in found.rng.uniform(-3, 3, 10):
-        depth, pose = seen(BOX, 0.0, yaw, found.rng)
+    turns, raw, report = [], [], []
+    for yaw in result.rng.uniform(-3, 3, 10):
+        depth, pose = seen(BOX, 0.0, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
         turns.append(apart(BOX, pose, one.pose)[1])
         raw.append(apart(alone, pose, one.pose)[1])
-        told.append(one.covariance[5, 5])
-    far = found.figure("raw", np.degrees(max(raw)), 0.02)
-    near = found.figure("up_to", np.degrees(np.sqrt(np.mean(np.square(turns)))), 0.3)
-    found.statement = "Ten pictures of a box on a table, at random turns."
-    found.heard(far < 10 * near)
-    found.corrected(min(raw) < 0.02, far > 170, near < 4 * np.degrees(np.sqrt(np.mean(told))))
+        report.append(one.covariance[5, 5])
+    far = result.figure("raw", np.degrees(max(raw)), 0.02)
+    near = result.figure("up_to", np.degrees(np.sqrt(np.mean(np.square(turns)))), 0.3)
+    result.statement = "Ten pictures of a box on a table, at random turns."
+    result.heard(far < 10 * near)
+    result.corrected(min(raw) < 0.02, far > 170, near < 4 * np.degrees(np.sqrt(np.mean(report))))
 
 
 @claim(
@@ -187,7 +187,7 @@ def spread_of_symmetric_poses(found):
     "{moved:.0%} of the trials. Given to its nearest core point, as here, it stays.",
     source="M. Ester et al., A density-based algorithm, 1996",
 )
-def dbscan_has_no_order(found):
+def dbscan_has_no_order(result):
     from course.oracles import open3d
     from course.perception import dbscan
 
@@ -196,30 +196,30 @@ def dbscan_has_no_order(found):
 
     def moves(cluster):
         """Whether the point between two rows goes elsewhere in another order of the points."""
-        ends = np.concatenate(([0.9, 0.93, 0.95], found.rng.uniform(1.05, 1.9, 9)))
-        x = np.concatenate((-ends, ends * found.rng.uniform(0.99, 1.01), [0.0]))
-        points, order = np.stack((x, 0 * x, 0 * x)), found.rng.permutation(25)
+        ends = np.concatenate(([0.9, 0.93, 0.95], result.rng.uniform(1.05, 1.9, 9)))
+        x = np.concatenate((-ends, ends * result.rng.uniform(0.99, 1.01), [0.0]))
+        points, order = np.stack((x, 0 * x, 0 * x)), result.rng.permutation(25)
         labels, other = cluster(points), np.empty(25, np.int64)
         other[order] = cluster(np.ascontiguousarray(points[:, order]))
         return (labels[24] == labels[0]) != (other[24] == other[0]), labels[0] != labels[12]
 
     theirs, own = (
-        np.array([moves(way) for _ in range(100)])
-        for way in (by_open3d, lambda points: dbscan(points, 1.0, 8)[0])
+        np.array([moves(path) for _ in range(100)])
+        for path in (by_open3d, lambda points: dbscan(points, 1.0, 8)[0])
     )
-    moved = found.figure("moved", np.mean(theirs[:, 0]), 0.3)
-    kept = []
+    moved = result.figure("moved", np.mean(theirs[:, 0]), 0.3)
+    retained = []
     for _ in range(20):  # who is noise, and which core points are together
-        cloud, order = found.rng.normal(scale=2.5, size=(3, 200)), found.rng.permutation(200)
+        cloud, order = result.rng.normal(scale=2.5, size=(3, 200)), result.rng.permutation(200)
         apart = np.linalg.norm(cloud[:, :, None] - cloud[:, None], axis=0)
         core, a, b = (apart <= 1.0).sum(axis=1) >= 8, by_open3d(cloud), np.empty(200, np.int64)
         b[order] = by_open3d(np.ascontiguousarray(cloud[:, order]))
         same = [x[core][:, None] == x[core] for x in (a, b)]
-        kept.append(np.array_equal(a < 0, b < 0) and np.array_equal(*same))
-    found.statement = "100 times two rows of points with one between, each in two orders."
-    found.heard(moved == 0)
-    found.corrected(
-        moved > 0.2, not own[:, 0].any(), theirs[:, 1].all(), own[:, 1].all(), all(kept)
+        retained.append(np.array_equal(a < 0, b < 0) and np.array_equal(*same))
+    result.statement = "100 times two rows of points with one between, each in two orders."
+    result.heard(moved == 0)
+    result.corrected(
+        moved > 0.2, not own[:, 0].any(), theirs[:, 1].all(), own[:, 1].all(), all(retained)
     )
 
 
@@ -228,22 +228,22 @@ def dbscan_has_no_order(found):
     "It says nothing: to the mirror image of its part it gives a turn as it does to its own. After "
     "ICP the picture looks through {refuted:.0%} of these poses, and through {own:.0%} of its own.",
 )
-def network_knows_its_part(found):
+def network_knows_its_part(result):
     from course.charts.perception import learned
     from course.charts.perception.poses import EYE, SENSOR, TABLE
     from course.perception import yaw_net
 
     net = yaw_net.train(EYE, SENSOR, TABLE, pictures=200, steps=150)
-    way = learned.ways(net, found.rng)["network"]
+    path = learned.ways(net, result.rng)["network"]
 
     def through(part):
-        looks = [yaw_net.picture(EYE, SENSOR, TABLE, found.rng, part)[0] for _ in range(20)]
-        answers = [learned.laid(depth, SENSOR, way) for depth in looks]
+        looks = [yaw_net.picture(EYE, SENSOR, TABLE, result.rng, part)[0] for _ in range(20)]
+        answers = [learned.laid(depth, SENSOR, path) for depth in looks]
         return np.mean([share > 0.1 for _, _, share in answers]), np.isfinite(answers[0][0]).all()
 
-    (own, _), (other, said) = through(yaw_net.L_PART), through(learned.MIRRORED)
-    found.figure("own", own, 0.5)
-    refuted = found.figure("refuted", other, 0.15)
-    found.statement = "A network after a short training, 20 pictures each of part and image."
-    found.heard(not said)
-    found.corrected(refuted > 0.7, own < 0.1)
+    (own, _), (other, text) = through(yaw_net.L_PART), through(learned.MIRRORED)
+    result.figure("own", own, 0.5)
+    refuted = result.figure("refuted", other, 0.15)
+    result.statement = "A network after a short training, 20 pictures each of part and image."
+    result.heard(not text)
+    result.corrected(refuted > 0.7, own < 0.1)

@@ -21,7 +21,7 @@ SYMBOLS = {
     "points, and fails at the plane. A depth picture has to be made points of first.",
     source="Open3D 0.20 itself",
 )
-def tutorial_runs(found):
+def tutorial_runs(result):
     import tempfile
     from pathlib import Path
 
@@ -43,26 +43,26 @@ def tutorial_runs(found):
         except RuntimeError:
             return len(o3d.io.read_point_cloud(file).points) == 0
 
-    boxes = int(found.given("boxes", 3))
+    boxes = int(result.given("boxes", 3))
     places = [
-        (x, 0.0, yaw) for x, yaw in zip((-0.25, 0.0, 0.25), found.rng.uniform(0, 1, 3), strict=True)
+        (x, 0.0, yaw) for x, yaw in zip((-0.25, 0.0, 0.25), result.rng.uniform(0, 1, 3), strict=True)
     ]
     things = [BOX.moved(on_table(BOX, *place)) for place in places[:boxes]]
     depth, _ = render(together([shape("plane").moved(TABLE), *things]), EYE)
-    there = str(Path(folder.name) / "scene.ply")
-    o3d.io.write_point_cloud(there, Picture(sense(depth, EYE, SENSOR, found.rng), EYE).cloud())
-    count = found.figure("there", clusters(there))
-    none = str(Path(folder.name) / "none.pcd")  # a reader that says nothing by itself
-    found.figure("empty", len(o3d.io.read_point_cloud(none).points))
-    found.statement = "The steps with the tutorial's numbers, with a file and without."
-    found.heard(
-        fails(there),
+    other = str(Path(folder.name) / "scene.ply")
+    o3d.io.write_point_cloud(other, Picture(sense(depth, EYE, SENSOR, result.rng), EYE).cloud())
+    count = result.figure("there", clusters(other))
+    empty = str(Path(folder.name) / "none.pcd")  # a reader that says nothing by itself
+    result.figure("empty", len(o3d.io.read_point_cloud(empty).points))
+    result.statement = "The steps with the tutorial's numbers, with a file and without."
+    result.heard(
+        fails(other),
         only_if="a file of points is there",
         inside=[count == boxes],
-        outside=[not fails(none)],
+        outside=[not fails(empty)],
         cases=True,
     )
-    found.corrected(count == boxes, fails(none))
+    result.corrected(count == boxes, fails(empty))
 
 
 @claim(
@@ -72,7 +72,7 @@ def tutorial_runs(found):
     "two or three tolerances high, tilts the plane by {tilt:.1f} degrees: one that slants through "
     "both is larger than either.",
 )
-def ransac_takes_the_table(found):
+def ransac_takes_the_table(result):
     from course.charts.perception.poses import EYE, SENSOR, TABLE
     from course.perception import (
         back_project,
@@ -89,8 +89,8 @@ def ransac_takes_the_table(found):
         board = shape("box", side, side, 0.05)
         top = np.append(TABLE[:3] + rotate(TABLE[3:], np.array([0, 0, 0.05])), TABLE[3:])
         depth, ids = render(together([shape("plane").moved(TABLE), board.moved(top)]), EYE)
-        points, _ = back_project(sense(depth, EYE, SENSOR, found.rng), EYE)
-        plane, _, _ = ransac_plane(points, 0.006, found.rng)
+        points, _ = back_project(sense(depth, EYE, SENSOR, result.rng), EYE)
+        plane, _, _ = ransac_plane(points, 0.006, result.rng)
         return abs(plane[:3] @ TABLE[:3] + plane[3]) < 0.02, np.sum(ids == 1) / np.sum(ids == 0)
 
     def slant(side, height):
@@ -98,27 +98,27 @@ def ransac_takes_the_table(found):
         plate, at = shape("box", 0.5, 0.5, 0.5 * height), np.array([side, 0.0, 0.5 * height])
         low = np.append(TABLE[:3] + rotate(TABLE[3:], at + [0.5, 0.0, 0.0]), TABLE[3:])
         depth, ids = render(together([shape("plane").moved(TABLE), plate.moved(low)]), EYE)
-        points, _ = back_project(sense(depth, EYE, SENSOR, found.rng), EYE)
-        plane, _, _ = ransac_plane(points, 0.006, found.rng)
+        points, _ = back_project(sense(depth, EYE, SENSOR, result.rng), EYE)
+        plane, _, _ = ransac_plane(points, 0.006, result.rng)
         up = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
         tilt, share = np.arccos(min(1.0, plane[:3] @ up)), np.sum(ids == 1) / np.sum(ids == 0)
         return tilt, share, tilt < 0.005
 
-    small = [table_found(x) for x in found.rng.uniform(0.03, 0.15, 8)]
-    large = [table_found(x) for x in found.rng.uniform(0.27, 0.3, 8)]
-    found.figure("more", min(share for _, share in large), 0.1)
-    plates = [slant(x, 0.006 * h) for x, h in found.rng.uniform((0.02, 2), (0.1, 3), (8, 2))]
-    found.figure("share", max(share for _, share, _ in plates), 0.1)
-    tilt = found.figure("tilt", np.degrees(np.median([tilt for tilt, _, _ in plates])), 0.3)
-    found.statement = "Square boards of 60 to 600 mm, 100 mm high, and low plates, on a table."
-    found.heard(
+    small = [table_found(x) for x in result.rng.uniform(0.03, 0.15, 8)]
+    large = [table_found(x) for x in result.rng.uniform(0.27, 0.3, 8)]
+    result.figure("more", min(share for _, share in large), 0.1)
+    plates = [slant(x, 0.006 * h) for x, h in result.rng.uniform((0.02, 2), (0.1, 3), (8, 2))]
+    result.figure("share", max(share for _, share, _ in plates), 0.1)
+    tilt = result.figure("tilt", np.degrees(np.median([tilt for tilt, _, _ in plates])), 0.3)
+    result.statement = "Square boards of 60 to 600 mm, 100 mm high, and low plates, on a table."
+    result.heard(
         all(ok for ok, _ in large),
         only_if="nothing flat shows more than the table, or is "
         "as large and only a few tolerances higher",
         inside=[ok for ok, _ in small],
         outside=[ok for ok, _ in large] + [ok for _, _, ok in plates],
     )
-    found.corrected(
+    result.corrected(
         tilt > 0.5,
         max(share for _, share, _ in plates) < 1,
         not any(ok for ok, _ in large),
@@ -141,7 +141,7 @@ def ransac_takes_the_table(found):
         },
     ),
 )
-def extent_is_size(found):
+def extent_is_size(result):
     import sympy
 
     from course.charts.perception.poses import BOX, EYE, TABLE
@@ -152,22 +152,22 @@ def extent_is_size(found):
 
     L, W, phi = sympy.symbols("L W phi", positive=True)
     turn = sympy.Matrix([[sympy.cos(phi), -sympy.sin(phi)], [sympy.sin(phi), sympy.cos(phi)]])
-    found.formula = sympy.expand(2 * (turn * sympy.Matrix([L / 2, -W / 2]))[0])
+    result.formula = sympy.expand(2 * (turn * sympy.Matrix([L / 2, -W / 2]))[0])
     long, wide = 2000 * BOX.sizes[:2, 0]
-    found.figure("long", long)
-    found.figure("wide", wide)
+    result.figure("long", long)
+    result.figure("wide", wide)
 
     def extent(yaw):
         points, _ = back_project(render(BOX.moved(on_table(BOX, 0.0, 0.0, yaw)), EYE)[0], EYE)
         back = invert(TABLE[:, None])[:, 0]
         return 1000 * np.ptp(rotate(back[3:], points)[0])
 
-    turns = [found.given("turn", 0.6), *found.rng.uniform(0.1, 1.4, 6)]
-    law = [float(found.formula.subs({L: long, W: wide, phi: x})) for x in turns]
-    measured = found.figure("measured", extent(turns[0]), 0.02)
-    found.statement = "Extents along the table's x of exact pictures of a box at seven turns."
-    found.heard(abs(measured - long) < 5)
-    found.corrected(np.allclose([extent(x) for x in turns], law, atol=5.0), measured > long + 10)
+    turns = [result.given("turn", 0.6), *result.rng.uniform(0.1, 1.4, 6)]
+    law = [float(result.formula.subs({L: long, W: wide, phi: x})) for x in turns]
+    measured = result.figure("measured", extent(turns[0]), 0.02)
+    result.statement = "Extents along the table's x of exact pictures of a box at seven turns."
+    result.heard(abs(measured - long) < 5)
+    result.corrected(np.allclose([extent(x) for x in turns], law, atol=5.0), measured > long + 10)
 
 
 @claim(
@@ -176,30 +176,30 @@ def extent_is_size(found):
     "each as old: at {speed:.0f} mm/s the part is {late_mm:.0f} mm on. A prediction to the time "
     "of use, not a faster rate, takes that away: {left_mm:.1f} mm are left.",
 )
-def pipeline_keeps_up(found):
+def pipeline_keeps_up(result):
     from course.perception import Tracker
     from course.role import Stage, age
 
-    camera, work = found.given("camera", 30), found.given("work_ms", 100) / 1000
+    camera, work = result.given("camera", 30), result.given("work_ms", 100) / 1000
     alone = Stage("pipeline", work, overload="skip")
     turns = Stage("pipeline", work, overload="pipelined")
-    rate = found.figure("rate", 1 / alone.interval(1 / camera))
-    speed = found.given("speed", 200) / 1000
+    rate = result.figure("rate", 1 / alone.interval(1 / camera))
+    speed = result.given("speed", 200) / 1000
     stages = [age([Stage("camera", 1e-6, 1 / camera), one]).least for one in (alone, turns)]
-    late = found.figure("late_mm", 1000 * speed * stages[1], 1e-3)
+    late = result.figure("late_mm", 1000 * speed * stages[1], 1e-3)
     tracker, noise = Tracker(), 2e-4
     for k in range(30):
-        z = np.array([speed * k / camera, 0, 0]) + noise * found.rng.standard_normal(3)
+        z = np.array([speed * k / camera, 0, 0]) + noise * result.rng.standard_normal(3)
         tracker.update(k / camera, z, noise**2 * np.eye(3))
     ahead = tracker.predict(29 / camera + work)[0][0] - speed * (29 / camera + work)
-    left = found.figure("left_mm", 1000 * abs(ahead), 0.1)
-    found.statement = "Chapter 0's chain of a camera and one stage; a filter on 30 pictures."
-    found.heard(rate >= camera)
-    found.corrected(
+    remaining = result.figure("left_mm", 1000 * abs(ahead), 0.1)
+    result.statement = "Chapter 0's chain of a camera and one stage; a filter on 30 pictures."
+    result.heard(rate >= camera)
+    result.corrected(
         rate < camera,
         abs(1 / turns.interval(1 / camera) - camera) < 1e-6,
         min(stages) > 0.99 * work,
-        left < 0.2 * late,
+        remaining < 0.2 * late,
     )
 
 
@@ -219,16 +219,16 @@ def pipeline_keeps_up(found):
         },
     ),
 )
-def two_millimetres_will_do(found):
+def two_millimetres_will_do(result):
     import sympy
 
     from course.contact import box, distance
 
     W, b, e, t, y = sympy.symbols("W b e t y", positive=True)
     side = sympy.solve(-sympy.sin(t) * b / 2 + sympy.cos(t) * (y - e) - W / 2, y)[0]
-    found.formula = sympy.simplify(side - W / 2)
-    width, error = 0.05, found.given("error_mm", 2) / 1000
-    play, turn = found.given("play", 2.5) / 1000, np.radians(found.given("turn_deg", 2))
+    result.formula = sympy.simplify(side - W / 2)
+    width, error = 0.05, result.given("error_mm", 2) / 1000
+    play, turn = result.given("play", 2.5) / 1000, np.radians(result.given("turn_deg", 2))
 
     def gap(finger, shift=error, angle=turn):
         """Least distance of a finger from the turned part, of one on each side."""
@@ -245,17 +245,17 @@ def two_millimetres_will_do(found):
             for s in (-1, 1)
         )
 
-    law = sympy.lambdify((W, b, e, t), found.formula)
-    most = (play - error - width * (1 / np.cos(turn) - 1) / 2) * 2 / np.tan(turn)
-    narrow, wide = found.figure("narrow", 700 * most), found.figure("wide", 1300 * most)
-    draws = found.rng.uniform(0, 1, (2, 8))
-    found.statement = "Chapter 2's distances between a turned part and two fingers."
-    found.heard(
+    law = sympy.lambdify((W, b, e, t), result.formula)
+    largest = (play - error - width * (1 / np.cos(turn) - 1) / 2) * 2 / np.tan(turn)
+    narrow, wide = result.figure("narrow", 700 * largest), result.figure("wide", 1300 * largest)
+    draws = result.rng.uniform(0, 1, (2, 8))
+    result.statement = "Chapter 2's distances between a turned part and two fingers."
+    result.heard(
         gap(wide / 1000) > 0,
         only_if="the fingers are narrow",
-        inside=[gap(0.98 * x * most) > 0 for x in draws[0]],
-        outside=[gap((1.02 + x) * most) > 0 for x in draws[1]],
+        inside=[gap(0.98 * x * largest) > 0 for x in draws[0]],
+        outside=[gap((1.02 + x) * largest) > 0 for x in draws[1]],
     )
-    found.corrected(
-        gap(narrow / 1000) > 0 > gap(wide / 1000), abs(law(width, most, error, turn) - play) < 1e-9
+    result.corrected(
+        gap(narrow / 1000) > 0 > gap(wide / 1000), abs(law(width, largest, error, turn) - play) < 1e-9
     )

@@ -29,19 +29,19 @@ SYMBOLS = {
         },
     ),
 )
-def noise_is_one_number(found):
+def noise_is_one_number(result):
     import sympy
 
     z, f, B, s, d = sympy.symbols("z f B s d", positive=True)
-    found.formula = (-s * sympy.diff(f * B / d, d)).subs(d, f * B / z)
-    places = [found.given("near", 0.3), found.given("mid", 0.7), found.given("far", 3.0)]
-    spread = [np.std(walls(x, found.rng)) for x in places]
+    result.formula = (-s * sympy.diff(f * B / d, d)).subs(d, f * B / z)
+    places = [result.given("near", 0.3), result.given("mid", 0.7), result.given("far", 3.0)]
+    spread = [np.std(walls(x, result.rng)) for x in places]
     for k, name in enumerate(("low", "middle", "high")):
-        found.figure(name, 1000 * spread[k], 0.03)
-    law = [float(found.formula.subs({z: x, f: 600, B: 0.05, s: 0.1})) for x in places]
-    found.statement = "The spread over 19,600 pixels of a wall at three distances."
-    found.heard(max(spread) < 1e-3 or all(1e-3 <= x <= 3e-3 for x in spread))
-    found.corrected(np.allclose(spread, law, rtol=0.02))
+        result.figure(name, 1000 * spread[k], 0.03)
+    law = [float(result.formula.subs({z: x, f: 600, B: 0.05, s: 0.1})) for x in places]
+    result.statement = "The spread over 19,600 pixels of a wall at three distances."
+    result.heard(max(spread) < 1e-3 or all(1e-3 <= x <= 3e-3 for x in spread))
+    result.corrected(np.allclose(spread, law, rtol=0.02))
 
 
 @claim(
@@ -51,25 +51,25 @@ def noise_is_one_number(found):
     "{third:.3f}. Some noise makes an average better.",
     source="B. Widrow, I. Kollar, Quantization Noise, 2008, ch. 4",
 )
-def averaging_removes_all(found):
-    def left(share, between=0.25, step=0.25):
+def averaging_removes_all(result):
+    def remaining(share, between=0.25, step=0.25):
         """The error of the mean disparity of six pictures, over a step."""
         z = 30.0 / ((40 + between) * step)
-        seen = 30.0 / walls(z, found.rng, 6, noise=share * step, step=step)
-        return abs(np.mean(seen) / step - 40 - between)
+        observed = 30.0 / walls(z, result.rng, 6, noise=share * step, step=step)
+        return abs(np.mean(observed) / step - 40 - between)
 
-    place = found.given("between", 0.25)  # where noise leaves most; without it the middle is worst
-    silent = found.figure("silent", left(0.0, place))
-    third = found.figure("third", left(1 / 3, place), 0.15)
-    least, draws = found.given("least", 0.45), found.rng.uniform(size=(2, 12))
-    found.statement = "117,600 pixels of a wall between two steps, over noise and place."
-    found.heard(
+    place = result.given("between", 0.25)  # where noise leaves most; without it the middle is worst
+    silent = result.figure("silent", remaining(0.0, place))
+    third = result.figure("third", remaining(1 / 3, place), 0.15)
+    least, draws = result.given("least", 0.45), result.rng.uniform(size=(2, 12))
+    result.statement = "117,600 pixels of a wall between two steps, over noise and place."
+    result.heard(
         silent < 0.01,
         only_if="the noise is above {least} of a step; a hundredth of a step is left then",
-        inside=[left(least + x, y) < 0.01 for x, y in draws.T],
-        outside=[left(0.7 * least * x, y) < 0.01 for x, y in draws.T],
+        inside=[remaining(least + x, y) < 0.01 for x, y in draws.T],
+        outside=[remaining(0.7 * least * x, y) < 0.01 for x, y in draws.T],
     )
-    found.corrected(silent > 0.2, abs(third - np.exp(-2 * np.pi**2 / 9) / np.pi) < 0.005)
+    result.corrected(silent > 0.2, abs(third - np.exp(-2 * np.pi**2 / 9) / np.pi) < 0.005)
 
 
 @claim(
@@ -78,22 +78,22 @@ def averaging_removes_all(found):
     "matching window of {window:.0f} the mean is {ratio:.1f} times as noisy as that says. A "
     "covariance that forgets it is too small by nearly window^2.",
 )
-def pixels_are_independent(found):
+def pixels_are_independent(result):
     def ratio(n, window, count=150):
-        means = (30.0 / walls(1.0, found.rng, count, n, window=window)).mean(axis=(1, 2))
+        means = (30.0 / walls(1.0, result.rng, count, n, window=window)).mean(axis=(1, 2))
         return np.std(means) / 0.1 * n
 
-    side, window = int(found.given("side", 48)), int(found.given("window", 5))
-    much = found.figure("ratio", ratio(side, window, 600), 0.1)
-    sides = found.rng.integers(8, 49, 10)
-    found.statement = "The spread of the mean over 150 to 600 pictures of a wall."
-    found.heard(
-        abs(much - 1.0) < 0.3,
+    side, window = int(result.given("side", 48)), int(result.given("window", 5))
+    amount = result.figure("ratio", ratio(side, window, 600), 0.1)
+    sides = result.rng.integers(8, 49, 10)
+    result.statement = "The spread of the mean over 150 to 600 pictures of a wall."
+    result.heard(
+        abs(amount - 1.0) < 0.3,
         only_if="the noise is white: the window is one pixel",
         inside=[abs(ratio(n, 1) - 1.0) < 0.3 for n in sides],
         outside=[abs(ratio(n, w) - 1.0) < 0.3 for n in sides for w in (2, 7)],
     )
-    found.corrected(0.9 * window < much < 1.1 * window)
+    result.corrected(0.9 * window < amount < 1.1 * window)
 
 
 @claim(
@@ -111,7 +111,7 @@ def pixels_are_independent(found):
         },
     ),
 )
-def half_a_pixel(found):
+def half_a_pixel(result):
     from dataclasses import replace
 
     import sympy
@@ -120,18 +120,18 @@ def half_a_pixel(found):
     from course.perception import locate
 
     z, f, c, u = sympy.symbols("z f c u", positive=True)
-    found.formula = sympy.expand(z * (u - c) / f - z * (u - c - sympy.Rational(1, 2)) / f)
-    depth, _ = seen(BOX, 0.0, 0.5, found.rng)
-    right, off = (
+    result.formula = sympy.expand(z * (u - c) / f - z * (u - c - sympy.Rational(1, 2)) / f)
+    depth, _ = seen(BOX, 0.0, 0.5, result.rng)
+    right, deviation = (
         locate(depth, eye, SENSOR, BOX)[0] for eye in (EYE, replace(EYE, cx=EYE.cx + 0.5))
     )
-    shift = found.figure("shift_mm", 1000 * abs(off.p[0] - right.p[0]), 0.03)
-    same = found.figure("same", off.residual / right.residual, 1e-3)
-    told = found.figure("told_mm", 1000 * np.sqrt(off.covariance[:3, :3].max()), 0.03)
-    law = 1000 * float(found.formula.subs({z: found.figure("far", right.p[2], 1e-3), f: EYE.fx}))
-    found.statement = "One picture of a box on a table, located with both principal points."
-    found.heard(shift < 3 * told)
-    found.corrected(abs(same - 1) < 0.01, off.status == "found", abs(shift / law - 1) < 0.05)
+    shift = result.figure("shift_mm", 1000 * abs(deviation.p[0] - right.p[0]), 0.03)
+    same = result.figure("same", deviation.residual / right.residual, 1e-3)
+    report = result.figure("told_mm", 1000 * np.sqrt(deviation.covariance[:3, :3].max()), 0.03)
+    law = 1000 * float(result.formula.subs({z: result.figure("far", right.p[2], 1e-3), f: EYE.fx}))
+    result.statement = "One picture of a box on a table, located with both principal points."
+    result.heard(shift < 3 * report)
+    result.corrected(abs(same - 1) < 0.01, deviation.status == "found", abs(shift / law - 1) < 0.05)
 
 
 @claim(
@@ -152,38 +152,38 @@ def half_a_pixel(found):
     ),
     source="Fitzpatrick, West, Maurer, Predicting error in point-based registration, 1998",
 )
-def calibration_residual(found):
+def calibration_residual(result):
     import sympy
 
     from course.perception import rigid_fit, target_error
 
     sigma, N = sympy.symbols("sigma N", positive=True)
-    found.formula = sympy.sqrt(3 * sigma**2 * N / N**2)  # of a mean of N, three coordinates
-    at, seen_at, told = np.array([[0, 0], [0, 0], [0, found.given("away", 0.6)]]), [], []
-    wide = found.given("wide", 0.3)
+    result.formula = sympy.sqrt(3 * sigma**2 * N / N**2)  # of a mean of N, three coordinates
+    at, seen_at, report = np.array([[0, 0], [0, 0], [0, result.given("away", 0.6)]]), [], []
+    wide = result.given("wide", 0.3)
     for n in (3, 30):
-        points = found.rng.uniform(-0.5, 0.5, (3, n)) * [[wide], [0.7 * wide], [0.1 * wide]]
+        points = result.rng.uniform(-0.5, 0.5, (3, n)) * [[wide], [0.7 * wide], [0.1 * wide]]
         if n == 3:  # a thin triangle, drawn by chance, has any error
             points = wide * np.array([[-0.5, 0.5, 0.0], [-0.35, -0.35, 0.35], [0.0, 0.0, 0.0]])
         points -= points.mean(axis=1, keepdims=True)
         both, squares = np.hstack((points, at)), np.zeros(n + 2)
         for _ in range(1000):
-            wrong = 1e-3 * found.rng.standard_normal((3, n))
+            wrong = 1e-3 * result.rng.standard_normal((3, n))
             R, p = rigid_fit(points, points + wrong)
             shown = np.hstack((wrong, np.zeros((3, 2))))
             squares += np.sum((R @ both + p[:, None] - both - shown) ** 2, axis=0) / 1000
         seen_at.append(np.sqrt([np.mean(squares[:n]), *squares[n:]]))
-        middle = float(found.formula.subs({sigma: 1e-3, N: n}))
-        told.append([*target_error(points, at, 1e-3), middle])
-    (three, near, far), (many, _, less) = 1000 * np.array(seen_at)
-    found.figure("three_mm", three, 0.05)
-    found.figure("far_mm", far, 0.05)
-    found.statement = "1,000 fits to 3 and to 30 points with 1 mm of noise."
-    found.heard(far < 2 * three)
-    found.corrected(
-        np.allclose([x[[1, 2, 1]] for x in seen_at], told, rtol=0.1),
+        middle = float(result.formula.subs({sigma: 1e-3, N: n}))
+        report.append([*target_error(points, at, 1e-3), middle])
+    (three, near, far), (count, _, less) = 1000 * np.array(seen_at)
+    result.figure("three_mm", three, 0.05)
+    result.figure("far_mm", far, 0.05)
+    result.statement = "1,000 fits to 3 and to 30 points with 1 mm of noise."
+    result.heard(far < 2 * three)
+    result.corrected(
+        np.allclose([x[[1, 2, 1]] for x in seen_at], report, rtol=0.1),
         near < far,
-        many > three,
+        count > three,
         less < 0.5 * far,
     )
 
@@ -195,26 +195,26 @@ def calibration_residual(found):
     "shift along the axis then comes out as zero, here {off_mm:.0f} mm off: nothing tells it.",
     source="F. C. Park, B. J. Martin, Robot sensor calibration, 1994",
 )
-def motions_calibrate_any_arm(found):
+def motions_calibrate_any_arm(result):
     from course.kinematics.chain import compose, invert
     from course.perception import hand_eye
     from course.rigid_body.quaternion import exp
 
     X = np.array([0.05, 0.02, 0.12, *exp(np.array([0.4, 0.3, -0.5]))])
-    noise = found.given("noise", 1e-3)
+    noise = result.given("noise", 1e-3)
 
     def solved(count, tilt):
         """The answer where the axes of the turns are z, but for a share `tilt` of others."""
-        turns = 0.7 * found.rng.standard_normal((3, count)) * [[tilt], [tilt], [1.0]]
-        shifts = 0.2 * tilt * found.rng.standard_normal((3, count))
+        turns = 0.7 * result.rng.standard_normal((3, count)) * [[tilt], [tilt], [1.0]]
+        shifts = 0.2 * tilt * result.rng.standard_normal((3, count))
         A, by = np.concatenate((shifts, exp(turns))), np.tile(X[:, None], count)
-        wrong = np.concatenate((0 * shifts, exp(noise * found.rng.standard_normal((3, count)))))
+        wrong = np.concatenate((0 * shifts, exp(noise * result.rng.standard_normal((3, count)))))
         return hand_eye(A, compose(compose(compose(invert(by), A), by), wrong))
 
-    flat = solved(int(found.given("many", 200)), 0.0)
-    rank = found.figure("rank", flat.rank)
-    off = found.figure("off_mm", 1000 * abs(flat.pose[2] - X[2]), 0.1)
-    free = [solved(20, x).pose[2] - X[2] for x in found.rng.uniform(0.2, 1.0, 10)]
-    found.statement = "Motions of a hand at random, in a plane and in space."
-    found.heard(rank == 3)
-    found.corrected(rank == 2, off > 20.0, abs(flat.pose[2]) < 1e-3 < 0.01 > np.abs(free).max())
+    flat = solved(int(result.given("many", 200)), 0.0)
+    rank = result.figure("rank", flat.rank)
+    error = result.figure("off_mm", 1000 * abs(flat.pose[2] - X[2]), 0.1)
+    free = [solved(20, x).pose[2] - X[2] for x in result.rng.uniform(0.2, 1.0, 10)]
+    result.statement = "Motions of a hand at random, in a plane and in space."
+    result.heard(rank == 3)
+    result.corrected(rank == 2, error > 20.0, abs(flat.pose[2]) < 1e-3 < 0.01 > np.abs(free).max())

@@ -11,12 +11,12 @@ from course.derivations.perception import seen
     "A prism of n sides that is turned by more than pi/n ends as the next of its equal poses, at a "
     "residual of {same:.2f} times that of the right one.",
 )
-def icp_comes_home(found):
+def icp_comes_home(result):
     from course.charts.perception.poses import STILL, prism, turned_by
     from course.perception import Cloud, icp
 
-    targets = {n: Cloud.of(*prism(n, 4800, found.rng)) for n in (3, 4, 6)}
-    points = {n: prism(n, 1200, found.rng)[0] for n in targets}
+    targets = {n: Cloud.of(*prism(n, 4800, result.rng)) for n in (3, 4, 6)}
+    points = {n: prism(n, 1200, result.rng)[0] for n in targets}
 
     def laid(n, share):
         start = turned_by(STILL, 0, 0, 0, 0, 0, share * np.pi / n)
@@ -25,16 +25,16 @@ def icp_comes_home(found):
     def home(n, share):
         return abs(np.arctan2(*laid(n, share).R[1::-1, 0])) < 0.02
 
-    draws = [(n, x) for n in targets for x in found.rng.uniform(0, 1, 4)]
-    same = found.figure("same", laid(4, 1.3).residual / laid(4, 0.3).residual, 0.05)
-    found.statement = "Prisms of 3, 4 and 6 sides, 1,200 points on one of 4,800."
-    found.heard(
+    draws = [(n, x) for n in targets for x in result.rng.uniform(0, 1, 4)]
+    same = result.figure("same", laid(4, 1.3).residual / laid(4, 0.3).residual, 0.05)
+    result.statement = "Prisms of 3, 4 and 6 sides, 1,200 points on one of 4,800."
+    result.heard(
         home(4, 1.3),
         only_if="a regular prism starts in place, turned by up to nine tenths of pi/n",
         inside=[home(n, 0.9 * x) for n, x in draws],
         outside=[home(n, 1.1 + 0.5 * x) for n, x in draws],
     )
-    found.corrected(abs(same - 1) < 0.1)
+    result.corrected(abs(same - 1) < 0.1)
 
 
 @claim(
@@ -42,7 +42,7 @@ def icp_comes_home(found):
     "That direction has {can:.0f} eigenvalue of zero, a ball three turns, a lone face two shifts "
     "and a turn. An honest covariance is infinite there, and says so by name.",
 )
-def what_is_not_seen(found):
+def what_is_not_seen(result):
     from course.charts.perception.poses import EYE
     from course.perception import back_project, icp, render, shape
     from course.rigid_body.quaternion import exp
@@ -52,11 +52,11 @@ def what_is_not_seen(found):
         points, _ = back_project(render(part.moved(pose), EYE)[0], EYE)
         return icp(points, part, pose, sigma=1e-3, gate=0.01).unobserved
 
-    cans = [blind(shape("cylinder", 0.04, 0.05), x) for x in found.rng.uniform(0.3, 1.2, 10)]
-    found.figure("can", max(len(x) for x in cans))
-    found.statement = "Exact pictures of a can at ten tilts, of a ball, and of a box from above."
-    found.heard(all(x == ("turn z",) for x in cans))
-    found.corrected(
+    cans = [blind(shape("cylinder", 0.04, 0.05), x) for x in result.rng.uniform(0.3, 1.2, 10)]
+    result.figure("can", max(len(x) for x in cans))
+    result.statement = "Exact pictures of a can at ten tilts, of a ball, and of a box from above."
+    result.heard(all(x == ("turn z",) for x in cans))
+    result.corrected(
         blind(shape("sphere", 0.04), 0.5) == ("turn x", "turn y", "turn z"),
         blind(shape("box", 0.08, 0.05, 0.03), 0.0) == ("x", "y", "turn z"),
     )
@@ -68,24 +68,24 @@ def what_is_not_seen(found):
     "right pose, and a depth scale {scale_off:.0%} off moves one by {scale_mm:.1f} mm. What "
     "is looked through, or the edge, tells of the first; only an outside length of the second.",
 )
-def a_residual_tells(found):
+def a_residual_tells(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR
     from course.perception import apart, locate
 
     def first(x, yaw, scale=1.0):
-        depth, pose = seen(BOX, x, yaw, found.rng)
+        depth, pose = seen(BOX, x, yaw, result.rng)
         one = locate(scale * depth, EYE, SENSOR, BOX)[0]
         return 1000 * apart(BOX, pose, one.pose)[0], one
 
     right, cut = ([first(x, yaw) for yaw in np.linspace(0.2, 2.9, 6)] for x in (0.0, 0.45))
-    scaled, scale = first(0.0, 0.6, 1.0 + found.given("scale_off", 0.01))
+    scaled, scale = first(0.0, 0.6, 1.0 + result.given("scale_off", 0.01))
     worst, one = max(cut, key=lambda run: run[0])
-    found.figure("cut_mm", worst, 0.2)
-    ratio = found.figure("ratio", one.residual / np.mean([r.residual for _, r in right]), 0.2)
-    found.figure("scale_mm", scaled, 0.05)
-    found.statement = "The whole chain on 13 pictures of one box on a table."
-    found.heard(worst < 2)
-    found.corrected(
+    result.figure("cut_mm", worst, 0.2)
+    ratio = result.figure("ratio", one.residual / np.mean([r.residual for _, r in right]), 0.2)
+    result.figure("scale_mm", scaled, 0.05)
+    result.statement = "The whole chain on 13 pictures of one box on a table."
+    result.heard(worst < 2)
+    result.corrected(
         max(far for far, _ in right) < 1,
         ratio < 1.3,
         one.matched > 0.95,
@@ -104,28 +104,28 @@ def a_residual_tells(found):
     "are looked through, at {scaled:.0%}; and a nearly square box is not told from its quarter "
     "turn ({square:.1%}), and is ambiguous.",
 )
-def looked_through_is_wrong(found):
+def looked_through_is_wrong(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
     from course.perception import locate, see_through, shape
 
     def through(part, turn, scale=1.0):
         shares = []
-        for yaw in found.rng.uniform(-3, 3, 20):
-            depth, pose = seen(part, 0.0, yaw, found.rng)
+        for yaw in result.rng.uniform(-3, 3, 20):
+            depth, pose = seen(part, 0.0, yaw, result.rng)
             posed = turned_by(pose, 0, 0, 0, 0, 0, turn)
             shares.append(see_through(scale * depth, EYE, SENSOR, part.moved(posed)))
         return max(shares), min(shares)
 
     square = shape("box", 0.05, 0.0499, 0.03)
-    right = found.figure("right", through(BOX, 0.0)[0], 0.03)
-    scaled = found.figure("scaled", through(BOX, 0.0, 1.0 + found.given("off", 0.01))[1], 0.2)
-    wrong = found.figure("wrong", through(BOX, 0.5 * np.pi)[1], 0.1)
-    same = found.figure("square", through(square, 0.5 * np.pi)[0], 0.4)
-    depths = [seen(square, 0.0, yaw, found.rng)[0] for yaw in (-2, 0.3, 1)]
-    says = [locate(depth, EYE, SENSOR, square)[0].status for depth in depths]
-    found.statement = "Twenty pictures each of a box on a table, and of a nearly square one."
-    found.heard(10 * right < wrong)
-    found.corrected(scaled > 0.5, same < 0.1 < wrong, all(word == "ambiguous" for word in says))
+    right = result.figure("right", through(BOX, 0.0)[0], 0.03)
+    scaled = result.figure("scaled", through(BOX, 0.0, 1.0 + result.given("off", 0.01))[1], 0.2)
+    wrong = result.figure("wrong", through(BOX, 0.5 * np.pi)[1], 0.1)
+    same = result.figure("square", through(square, 0.5 * np.pi)[0], 0.4)
+    depths = [seen(square, 0.0, yaw, result.rng)[0] for yaw in (-2, 0.3, 1)]
+    text = [locate(depth, EYE, SENSOR, square)[0].status for depth in depths]
+    result.statement = "Twenty pictures each of a box on a table, and of a nearly square one."
+    result.heard(10 * right < wrong)
+    result.corrected(scaled > 0.5, same < 0.1 < wrong, all(word == "ambiguous" for word in text))
 
 
 @claim(
@@ -134,23 +134,23 @@ def looked_through_is_wrong(found):
     "is {closest:.0f} times what it says, as noise near an edge is closest to a side that no ray "
     "met. Points compared along their own rays, and white noise, give {rays:.2f}.",
 )
-def normal_matrix_is_covariance(found):
+def normal_matrix_is_covariance(result):
     from course.charts.perception.poses import BOX, laid_again
 
     def honest(tilt, window, along):
         return 0.6 < laid_again(BOX, 0.0, tilt, window, along, 30)[0] < 1.6
 
-    closest = found.figure("closest", laid_again(BOX, 0.0, 0.0, 1, False, 30)[0], 0.4)
-    rays = found.figure("rays", laid_again(BOX, 0.0, 0.0, 1, True, 30)[0], 0.3)
-    found.statement = "30 noisy pictures of each view; squares per direction that is told."
-    found.heard(
+    closest = result.figure("closest", laid_again(BOX, 0.0, 0.0, 1, False, 30)[0], 0.4)
+    rays = result.figure("rays", laid_again(BOX, 0.0, 0.0, 1, True, 30)[0], 0.3)
+    result.statement = "30 noisy pictures of each view; squares per direction that is told."
+    result.heard(
         0.6 < closest < 1.6,
         only_if="points are compared along their rays, and the noise is white",
         inside=[honest(x, 1, True) for x in (0.0, 0.7)],
         outside=[honest(0.0, 1, False), honest(0.7, 3, True)],
         cases=True,
     )
-    found.corrected(0.6 < rays < 1.6, closest > 2)
+    result.corrected(0.6 < rays < 1.6, closest > 2)
 
 
 @claim(
@@ -159,28 +159,28 @@ def normal_matrix_is_covariance(found):
     "mean lags (k - 1) T v / 2 behind: five pictures, {period_ms:.0f} ms apart and each good to "
     "{sigma_mm:.0f} mm, are worse than one from {speed:.0f} mm/s on.",
 )
-def averaging_pictures_helps(found):
+def averaging_pictures_helps(result):
     from course.perception import averaged_error
 
-    period, sigma = found.given("period_ms", 33) / 1000, found.given("sigma_mm", 1)
-    limit = found.figure("speed", 2 * sigma / np.sqrt(5 * 4) / period)
+    period, sigma = result.given("period_ms", 33) / 1000, result.given("sigma_mm", 1)
+    limit = result.figure("speed", 2 * sigma / np.sqrt(5 * 4) / period)
 
     def better(k, share, common=0.0):
         """At a share of that speed, and with a share of the variance that all pictures have."""
         moved = share * 2 * sigma / np.sqrt(k * (k - 1)) * np.arange(1 - k, 1)
-        own, same = found.rng.standard_normal((20_000, k)), found.rng.standard_normal((20_000, 1))
+        own, same = result.rng.standard_normal((20_000, k)), result.rng.standard_normal((20_000, 1))
         z = sigma * (np.sqrt(1 - common) * own + np.sqrt(common) * same) + moved
         return np.mean(z.mean(axis=1) ** 2) < np.mean(z[:, -1] ** 2)
 
-    draws = [(k, x) for k in (3, 4, 5) for x in found.rng.uniform(0, 1, 4)]
-    found.statement = "20,000 draws for each of 24 speeds."
-    found.heard(
+    draws = [(k, x) for k in (3, 4, 5) for x in result.rng.uniform(0, 1, 4)]
+    result.statement = "20,000 draws for each of 24 speeds."
+    result.heard(
         better(5, 1.5),
         only_if="the errors are independent, and it moves by less than "
         "2 sigma / sqrt(k (k - 1)) between two pictures",
         inside=[better(k, 0.95 * x) for k, x in draws],
         outside=[better(k, 1.05 + x) for k, x in draws],
     )
-    found.corrected(
+    result.corrected(
         not better(5, 0.9, 0.5), abs(averaged_error(5, sigma, period, limit) / sigma - 1) < 1e-12
     )

@@ -22,28 +22,28 @@ SYMBOLS = {
     "works, {same:.0f}.",
     source="E. B. Wilson, 1927; Fleiss, Levin and Paik, Statistical methods for rates, 2003",
 )
-def ninety_or_ninety_five(found):
+def ninety_or_ninety_five(result):
     from course.measure.success import wilson
     from course.sim_to_real import trials
 
-    n, worked = int(found.given("n", 100)), int(found.given("worked", 90))
-    low, high = (float(end) for end in wilson(worked, n))
-    found.figure("low", low)
-    found.figure("high", high)
-    own = int(found.figure("own", trials(0.9, 0.95), 0.0))
-    same = int(found.figure("same", trials(0.9, 0.95, together=0.9), 0.0))
+    n, answer = int(result.given("n", 100)), int(result.given("worked", 90))
+    low, high = (float(end) for end in wilson(answer, n))
+    result.figure("low", low)
+    result.figure("high", high)
+    own = int(result.figure("own", trials(0.9, 0.95), 0.0))
+    same = int(result.figure("same", trials(0.9, 0.95, together=0.9), 0.0))
 
-    def seen(first, second, n):
+    def observed(first, second, n):
         middle = 0.5 * (first + second)
         return np.abs(second - first) / np.sqrt(2.0 * middle * (1.0 - middle) / n) > 1.96
 
-    first, second = (found.rng.binomial(own, rate, 20_000) / own for rate in (0.9, 0.95))
-    power = seen(first, second, own)
+    first, second = (result.rng.binomial(own, rate, 20_000) / own for rate in (0.9, 0.95))
+    power = observed(first, second, own)
     # On the same seeds only those count that one wins and the other loses: here none is lost.
-    paired = 2.0 * 0.5 ** found.rng.binomial(same, 0.05, 20_000) < 0.05
-    found.statement = "Wilson's interval, and 20,000 experiments of each kind, tested at 5 %."
-    found.heard(bool(seen(worked / n, 0.95, n)))
-    found.corrected(
+    paired = 2.0 * 0.5 ** result.rng.binomial(same, 0.05, 20_000) < 0.05
+    result.statement = "Wilson's interval, and 20,000 experiments of each kind, tested at 5 %."
+    result.heard(bool(observed(answer / n, 0.95, n)))
+    result.corrected(
         low < 0.85,
         high < 0.95,
         bool(abs(power.mean() - 0.8) < 0.02),
@@ -57,20 +57,20 @@ def ninety_or_ninety_five(found):
     "Often, but a late camera and a lag point the same way behind a target that moves: of "
     "{n:.0f} such runs {pairs:.0f} needed two stages mended, after {runs:.0f} replays.",
 )
-def one_repair_cures(found):
+def one_repair_cures(result):
     from course.pipeline import STAGES, Scenario
     from course.pipeline.blame import CASE, FAULTS, Fault, confusion
 
     late = Fault("late", "age", disturb=lambda f, s: replace(f, arrived=f.arrived + 500_000))
     case = Scenario(velocity=(-0.04, 0.03)), replace(CASE[1], kd=12.0)
-    n = found.given("n", 5)
-    said, taken, _ = confusion(n, (late,), case)
-    pairs = found.figure("pairs", said[0, len(STAGES)], 0.3)
-    found.figure("runs", np.mean(taken[0]), 0.3)
+    n = result.given("n", 5)
+    text, taken, _ = confusion(n, (late,), case)
+    pairs = result.figure("pairs", text[0, len(STAGES)], 0.3)
+    result.figure("runs", np.mean(taken[0]), 0.3)
     single, *_ = confusion(2, (FAULTS[0],))
-    found.statement = "Frames half a second late, Kd 12, a target of 50 mm/s; replays of each run."
-    found.heard(said[0, : len(STAGES)].sum() == n)
-    found.corrected(pairs >= 3, single[0, 0] == 2)
+    result.statement = "Frames half a second late, Kd 12, a target of 50 mm/s; replays of each run."
+    result.heard(text[0, : len(STAGES)].sum() == n)
+    result.corrected(pairs >= 3, single[0, 0] == 2)
 
 
 @claim(
@@ -78,17 +78,17 @@ def one_repair_cures(found):
     "Errors are handed on: that names {last:.0%} of ten kinds of faults rightly. Contracts at the "
     "interfaces, upstream first, then replays with one stage ideal, name {ours:.0%}.",
 )
-def last_error_blames(found):
+def last_error_blames(result):
     from course.pipeline import STAGES
     from course.pipeline.blame import FAULTS, confusion
 
-    said, _, last = confusion(1)
+    text, _, last = confusion(1)
     right = np.arange(len(FAULTS)), [STAGES.index(fault.stage) for fault in FAULTS]
-    ours = found.figure("ours", said[right].sum() / said.sum(), 0.05)
-    theirs = found.figure("last", last[right].sum() / last.sum(), 0.2)
-    found.statement = "One failing run of each of ten injected faults."
-    found.heard(theirs > 0.9)
-    found.corrected(ours > 0.8, theirs < 0.7)
+    ours = result.figure("ours", text[right].sum() / text.sum(), 0.05)
+    theirs = result.figure("last", last[right].sum() / last.sum(), 0.2)
+    result.statement = "One failing run of each of ten injected faults."
+    result.heard(theirs > 0.9)
+    result.corrected(ours > 0.8, theirs < 0.7)
 
 
 WORST: dict[str, dict[str, Any]] = {
@@ -107,7 +107,7 @@ WORST: dict[str, dict[str, Any]] = {
     "but sliders turned back one by one, in any order, and left there {kept:.1f}: with five stages "
     "contracts save little besides the thought of which.",
 )
-def contracts_before_sliders(found):
+def contracts_before_sliders(result):
     from course.pipeline import Scenario, Settings, run
     from course.pipeline.blame import contracts
 
@@ -116,8 +116,8 @@ def contracts_before_sliders(found):
     @functools.cache
     def tried(good, seed):
         worst = [value for stage, value in WORST.items() if stage not in good]
-        told = {name: x for value in worst for name, x in value.items()}
-        return run(scene, replace(agreed, **told), seed=seed)
+        report = {name: x for value in worst for name, x in value.items()}
+        return run(scene, replace(agreed, **report), seed=seed)
 
     def by_contracts(seed):
         good: frozenset[str] = frozenset()
@@ -131,10 +131,10 @@ def contracts_before_sliders(found):
         return next(i for i, some in enumerate(choices) if tried(frozenset(some), seed).success) + 1
 
     seeds = range(3)
-    ours = found.figure("contracts", np.mean([by_contracts(seed) for seed in seeds]), 0.2)
+    ours = result.figure("contracts", np.mean([by_contracts(seed) for seed in seeds]), 0.2)
     every = [some for n in range(6) for some in combinations(WORST, n)]
-    theirs = found.figure("sliders", np.mean([first_that_works(every, k) for k in seeds]), 0.4)
-    kept = found.figure(
+    theirs = result.figure("sliders", np.mean([first_that_works(every, k) for k in seeds]), 0.4)
+    retained = result.figure(
         "kept",
         np.mean(
             [
@@ -145,12 +145,12 @@ def contracts_before_sliders(found):
         ),
         0.2,
     )
-    found.statement = "Five stages at their worst, three seeds."
-    found.heard(ours < min(kept, theirs))
-    found.corrected(
+    result.statement = "Five stages at their worst, three seeds."
+    result.heard(ours < min(retained, theirs))
+    result.corrected(
         ours <= len(WORST) + 1,
         theirs > 1.5 * ours,
-        kept < 1.4 * ours,
+        retained < 1.4 * ours,
         not any(tried(frozenset([one]), k).success for one in WORST for k in seeds),
     )
 
@@ -172,7 +172,7 @@ def contracts_before_sliders(found):
     ),
     source="K. Doya, Reinforcement learning in continuous time and space, 2000",
 )
-def reward_by_the_step(found):
+def reward_by_the_step(result):
     import sympy
 
     from course.pipeline.timestep import Way, chain, prefers
@@ -181,19 +181,19 @@ def reward_by_the_step(found):
     # What is kept over one step of a decay at the rate 1 / H.
     f = sympy.Function("f")
     decay = sympy.dsolve(sympy.Eq(f(a).diff(a), -f(a) / H), f(a), ics={f(0): 1})
-    found.formula = decay.rhs.subs(a, dt)
-    way, old, new = Way(), 0.01, 0.001
-    kept = float(found.formula.subs({dt: old, H: way.horizon}))
-    paid = way.horizon * (1.0 - kept)
-    before = prefers(chain(way, old))
-    after = prefers(chain(way, new, gamma=kept, per_step=paid))
-    half = prefers(chain(way, new, per_step=paid))
-    mended = prefers(chain(way, new))
+    result.formula = decay.rhs.subs(a, dt)
+    path, old, new = Way(), 0.01, 0.001
+    retained = float(result.formula.subs({dt: old, H: path.horizon}))
+    paid = path.horizon * (1.0 - retained)
+    before = prefers(chain(path, old))
+    after = prefers(chain(path, new, gamma=retained, per_step=paid))
+    half = prefers(chain(path, new, per_step=paid))
+    mended = prefers(chain(path, new))
     for name, value in (("before", before), ("after", after), ("half", half), ("mended", mended)):
-        found.figure(name, value[0])
-    found.statement = "A walker's chain of 20 and of 200 steps, solved exactly."
-    found.heard(after[0] == before[0])
-    found.corrected(
+        result.figure(name, value[0])
+    result.statement = "A walker's chain of 20 and of 200 steps, solved exactly."
+    result.heard(after[0] == before[0])
+    result.corrected(
         mended[0] == before[0], after[0] != before[0], abs(mended[1] / before[1] - 1.0) < 0.1
     )
 
@@ -204,25 +204,25 @@ def reward_by_the_step(found):
     "{moved:.1%}: arrival is paid some short steps later. The price is a policy that reacts no "
     "sooner than before.",
 )
-def repeated_actions(found):
+def repeated_actions(result):
     from course.pipeline.timestep import Way, chain, prefers, repeated
 
-    way = Way()
-    old, new = chain(way, 0.01), repeated(chain(way, 0.001), 10)
-    found.figure("best", prefers(new)[0])
-    kept = float(
+    path = Way()
+    old, new = chain(path, 0.01), repeated(chain(path, 0.001), 10)
+    result.figure("best", prefers(new)[0])
+    retained = float(
         np.abs(new.transition[0:200:10, 0][:, 0:200:10] - old.transition[:20, 0, :20]).max()
     )
-    found.figure("moved", abs(prefers(new)[1] / prefers(old)[1] - 1.0), 0.5)
+    result.figure("moved", abs(prefers(new)[1] / prefers(old)[1] - 1.0), 0.5)
     draws = [
         Way(cost=float(c), fall=float(f), effort=float(e))
-        for c, f, e in found.rng.uniform((20.0, 0.5, 30.0), (150.0, 3.0, 90.0), (2, 3))
+        for c, f, e in result.rng.uniform((20.0, 0.5, 30.0), (150.0, 3.0, 90.0), (2, 3))
     ]
     pairs = [(prefers(chain(w, 0.01)), prefers(repeated(chain(w, 0.001), 10))) for w in draws]
-    found.statement = "The walker's chain at 10 ms, and at 1 ms with each action ten times."
-    found.heard(all(abs(a[1] - b[1]) < 2.0 for a, b in pairs))
-    found.corrected(
-        prefers(new)[0] == prefers(old)[0], kept < 1e-9, abs(new.gamma / old.gamma - 1.0) < 1e-9
+    result.statement = "The walker's chain at 10 ms, and at 1 ms with each action ten times."
+    result.heard(all(abs(a[1] - b[1]) < 2.0 for a, b in pairs))
+    result.corrected(
+        prefers(new)[0] == prefers(old)[0], retained < 1e-9, abs(new.gamma / old.gamma - 1.0) < 1e-9
     )
 
 
@@ -232,24 +232,24 @@ def repeated_actions(found):
     "sphere's rows for the solver, a hull of {few:.0f} points {hull:.1f} times. From {some:.0f} to "
     "{many:.0f} points rows grow by {more:.0%}, and collision takes {search:.1f} times as long.",
 )
-def mesh_cost(found):
+def mesh_cost(result):
     from course.oracles.mujoco.heap import Heap
 
-    few, some, many = (found.given(*x) for x in (("few", 20), ("some", 200), ("many", 2000)))
+    few, some, several = (result.given(*x) for x in (("few", 20), ("some", 200), ("many", 2000)))
 
     def cost(points):
         heap = Heap(int(points), 8)
         costs = [heap.measure(40) for _ in range(5)]
         return np.mean([x.rows for x in costs]), min(x.collision for x in costs)
 
-    sphere, box, hull, fine, finest = (cost(points) for points in (0, 1, few, some, many))
-    boxes = found.figure("box", box[0] / sphere[0], 0.3)
-    hulls = found.figure("hull", hull[0] / sphere[0], 0.3)
-    more = found.figure("more", finest[0] / fine[0] - 1.0, 0.5)
-    search = found.figure("search", finest[1] / fine[1], 0.5)
-    found.statement = "Eight bodies in MuJoCo on one core, by its own counts and timers; no GPU."
-    found.heard(boxes < 1.2)
-    found.corrected(boxes > 1.5, hulls > 1.5, more < 0.5, search > 1.0 + 2.0 * more)
+    sphere, box, hull, fine, finest = (cost(points) for points in (0, 1, few, some, several))
+    boxes = result.figure("box", box[0] / sphere[0], 0.3)
+    hulls = result.figure("hull", hull[0] / sphere[0], 0.3)
+    more = result.figure("more", finest[0] / fine[0] - 1.0, 0.5)
+    search = result.figure("search", finest[1] / fine[1], 0.5)
+    result.statement = "Eight bodies in MuJoCo on one core, by its own counts and timers; no GPU."
+    result.heard(boxes < 1.2)
+    result.corrected(boxes > 1.5, hulls > 1.5, more < 0.5, search > 1.0 + 2.0 * more)
 
 
 @claim(
@@ -260,12 +260,12 @@ def mesh_cost(found):
     "Repeats show it; effective number and weights do not.",
     source="Rubinstein and Kroese, The cross-entropy method, 2004",
 )
-def rare_and_sure(found):
+def rare_and_sure(result):
     from scipy.stats import norm
 
     from course.pipeline.rare import cross_entropy
 
-    share, n = 4.9e-4, int(found.given("n", 60))
+    share, n = 4.9e-4, int(result.given("n", 60))
     edge, far = norm.isf(share), norm.isf(0.5 * share)
 
     def one_side(x):
@@ -283,9 +283,9 @@ def rare_and_sure(found):
         [one for one in some if one.share + 3.0 * one.error < share]
         for some in (narrow, wide, both)
     )
-    found.figure("low", len(low), 0.5)
-    found.figure("wide", len(fair), 0.5)
-    found.figure("sides", len(half), 0.3)
+    result.figure("low", len(low), 0.5)
+    result.figure("wide", len(fair), 0.5)
+    result.figure("sides", len(half), 0.3)
 
     def typical(some, name):
         return float(np.median([getattr(one, name) for one in some]))
@@ -293,9 +293,9 @@ def rare_and_sure(found):
     apart = [
         np.std([one.share for one in some]) / typical(some, "error") for some in (narrow, both)
     ]
-    found.statement = "Half-spaces of known probability in six dimensions, 2,500 runs a repeat."
-    found.heard(len(low) <= 0.01 * n)
-    found.corrected(
+    result.statement = "Half-spaces of known probability in six dimensions, 2,500 runs a repeat."
+    result.heard(len(low) <= 0.01 * n)
+    result.corrected(
         len(low) > 3 * len(fair),
         len(half) > 0.3 * n,
         min(apart) > 1.5,

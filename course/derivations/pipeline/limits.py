@@ -35,13 +35,13 @@ def swung(q, kp, kd, dt, steps, offset):
     from course.kinematics.two_link import TwoLink, acceleration
 
     column = np.repeat(TwoLink().column(), q.shape[1], axis=1)
-    at, v, seen = q + offset, np.zeros(q.shape), np.empty((steps, *q.shape))
+    at, v, observed = q + offset, np.zeros(q.shape), np.empty((steps, *q.shape))
     for i in range(steps):
         column[11:] = kp * (q - at) - kd * v
         v = v + dt * acceleration(at, v, column)
         at = at + dt * v
-        seen[i] = at
-    return seen
+        observed[i] = at
+    return observed
 
 
 def drawn(rng, n=12):
@@ -61,8 +61,8 @@ def limits(q, kp, kd):
 def leaves(q, kp, kd, dt):
     """Which of the arms swing far away from where they begin, 2e-6 rad beside."""
     with np.errstate(over="ignore", invalid="ignore"):
-        seen = swung(q, kp, kd, dt, 800, np.array([[1e-6], [-2e-6]]))
-        return np.nanmax(np.abs(seen - q), axis=(0, 1)) > 3e-5
+        observed = swung(q, kp, kd, dt, 800, np.array([[1e-6], [-2e-6]]))
+        return np.nanmax(np.abs(observed - q), axis=(0, 1)) > 3e-5
 
 
 @claim(
@@ -81,23 +81,23 @@ def leaves(q, kp, kd, dt):
         },
     ),
 )
-def step_by_posture(found):
+def step_by_posture(result):
     import sympy
 
     h, k, d = sympy.symbols("h k d", positive=True)
     step = sympy.Matrix([[1 - h * h * k, h - h * h * d], [-h * k, 1 - h * d]])
     edge = (step + sympy.eye(2)).det()  # the first eigenvalue to leave is -1
-    found.formula = sympy.solve(sympy.expand(edge), h)[0]
+    result.formula = sympy.solve(sympy.expand(edge), h)[0]
     both = np.array([[0.3, 0.3], [0.0, 2.9]])
     gains = np.full(2, 25.0), np.full(2, 8.0)
     far, near = 1e3 * limits(both, *gains)
-    found.figure("stretched", far)
-    found.figure("folded", near)
-    q, kp, kd = drawn(found.rng)
+    result.figure("stretched", far)
+    result.figure("folded", near)
+    q, kp, kd = drawn(result.rng)
     at = limits(q, kp, kd)
-    found.statement = "The arm itself, from 1e-6 rad, 3 % to both sides of twelve limits."
-    found.heard(not leaves(both, *gains, 1e-3 * np.sqrt(far * near)).any())
-    found.corrected(
+    result.statement = "The arm itself, from 1e-6 rad, 3 % to both sides of twelve limits."
+    result.heard(not leaves(both, *gains, 1e-3 * np.sqrt(far * near)).any())
+    result.corrected(
         bool(leaves(q, kp, kd, 1.03 * at).all()),
         not leaves(q, kp, kd, 0.97 * at).any(),
         near > 2.0 * far,
@@ -110,15 +110,15 @@ def step_by_posture(found):
     "limit falls from {none:.1f} ms without Kd to {much:.1f} with {kd:.0f}: what overshoots is the "
     "torque of the damping. Damping that is taken at the new velocity does not lower it.",
 )
-def damping_and_step(found):
+def damping_and_step(result):
     from course.kinematics import TwoLink
     from course.pipeline import theory
 
-    kp, kd = found.given("kp", 25.0), found.given("kd", 8.0)
-    none, much = (1e3 * theory.step_limit(TwoLink(), (0.3, 0.0), kp, x) for x in (0.0, kd))
-    found.figure("none", none)
-    found.figure("much", much)
-    q, springs, dampers = drawn(found.rng)
+    kp, kd = result.given("kp", 25.0), result.given("kd", 8.0)
+    empty, amount = (1e3 * theory.step_limit(TwoLink(), (0.3, 0.0), kp, x) for x in (0.0, kd))
+    result.figure("none", empty)
+    result.figure("much", amount)
+    q, springs, dampers = drawn(result.rng)
     less, more = limits(q, springs, dampers), limits(q, springs, 1.2 * dampers)
     between = np.sqrt(less * more)
 
@@ -130,10 +130,10 @@ def damping_and_step(found):
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     new = [implicit(*x) for x in zip(springs, dampers, strict=True)]
-    found.statement = "Twelve arms with drawn gains, and the same with a fifth more damping."
-    found.heard(bool(np.all(more < less)))
-    found.corrected(
-        much < 0.5 * none,
+    result.statement = "Twelve arms with drawn gains, and the same with a fifth more damping."
+    result.heard(bool(np.all(more < less)))
+    result.corrected(
+        amount < 0.5 * empty,
         max(new) < 1.0,
         bool(leaves(q, springs, 1.2 * dampers, between).sum() >= 6),
         not leaves(q, springs, dampers, 0.97 * less).any(),
@@ -147,33 +147,33 @@ def damping_and_step(found):
     "{step:.0f} ms {share:.0%} of the runs still succeed, while the energy won rises from "
     "{calm:.3f} to {wild:.3f} of the most there was.",
 )
-def largest_step(found):
+def largest_step(result):
     from course.pipeline import Scenario, Settings, many, successes, theory
     from course.pipeline.blame import gained
 
-    scene, step = Scenario(), found.given("step", 15.0)
+    scene, step = Scenario(), result.given("step", 15.0)
     settings = replace(Settings(), noise=5e-3)
     goal = many(scene, settings, [0])[0].log[-1, :2]
-    reach = found.figure("reach", 1e3 * theory.step_limit(scene.arm, goal, 25.0, 8.0), 0.02)
-    found.figure("stretched", 1e3 * theory.step_limit(scene.arm, (0.3, 0.0), 25.0, 8.0))
+    reach = result.figure("reach", 1e3 * theory.step_limit(scene.arm, goal, 25.0, 8.0), 0.02)
+    result.figure("stretched", 1e3 * theory.step_limit(scene.arm, (0.3, 0.0), 25.0, 8.0))
     runs = [
         many(scene, replace(settings, physics=1e-3 * h, control=1e-3 * h), range(8))
         for h in (2.0, step)
     ]
     calm, wild = (float(np.mean([gained(one, 25.0, 8.0) for one in some])) for some in runs)
-    found.figure("calm", calm, 0.01)
-    found.figure("wild", wild, 0.2)
-    share = found.figure("share", successes(runs[1]).mean(), 0.2)
-    q, kp, kd = drawn(found.rng)
+    result.figure("calm", calm, 0.01)
+    result.figure("wild", wild, 0.2)
+    share = result.figure("share", successes(runs[1]).mean(), 0.2)
+    q, kp, kd = drawn(result.rng)
     at = limits(q, kp, kd)
-    found.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
-    found.heard(
+    result.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
+    result.heard(
         bool(leaves(q, kp, kd, 0.9 * at).all()),
         only_if="the step is above (sqrt(d^2 + 4 k) - d) / k in the posture that it is in",
         inside=leaves(q, kp, kd, 1.03 * at).tolist(),
         outside=leaves(q, kp, kd, 0.97 * at).tolist(),
     )
-    found.corrected(step > reach, share > 0.7, wild > 10.0 * max(calm, 1e-3))
+    result.corrected(step > reach, share > 0.7, wild > 10.0 * max(calm, 1e-3))
 
 
 @claim(
@@ -181,7 +181,7 @@ def largest_step(found):
     "By {high:.0%} of a step at Kp {much:.0f}. At {little:.0f} it is {low:.0%} already: what is "
     "missing is the Kd, and with {kd:.0f} of it the step ends without.",
 )
-def high_gain_overshoots(found):
+def high_gain_overshoots(result):
     from course.kinematics import TwoLink
     from course.pipeline import theory
 
@@ -191,19 +191,19 @@ def high_gain_overshoots(found):
         shapes = np.linalg.eigh(np.linalg.inv(TwoLink().mass_matrix(np.array(q))))[1]
         dt = 0.004 / float(modes.omega[0])
         away = 1e-5 * shapes[:, :1]
-        seen = swung(np.array(q)[:, None], kp, kd, dt, 1000, away)[:, :, 0] - q
-        return max(0.0, float(-(seen @ shapes[:, 0]).min()) / 1e-5), float(modes.overshoot[0])
+        observed = swung(np.array(q)[:, None], kp, kd, dt, 1000, away)[:, :, 0] - q
+        return max(0.0, float(-(observed @ shapes[:, 0]).min()) / 1e-5), float(modes.overshoot[0])
 
     bent = (0.624, 1.64)
-    much, little, kd = (found.given(*x) for x in (("much", 400.0), ("little", 25.0), ("kd", 8.0)))
-    high, told = beyond(much, 0.0, bent)
-    low = found.figure("low", beyond(little, 0.0, bent)[0], 0.02)
-    found.figure("high", high, 0.02)
+    amount, little, kd = (result.given(*x) for x in (("much", 400.0), ("little", 25.0), ("kd", 8.0)))
+    high, report = beyond(amount, 0.0, bent)
+    low = result.figure("low", beyond(little, 0.0, bent)[0], 0.02)
+    result.figure("high", high, 0.02)
     calm = beyond(little, kd, bent)[0]
-    draws = zip(found.rng.uniform(100.0, 1000.0, 6), found.rng.uniform(0.0, 3.0, 6), strict=True)
-    found.statement = "Small steps of the slow mode, in drawn postures."
-    found.heard(all(beyond(kp, 0.0, (0.3, q2))[0] > 0.5 for kp, q2 in draws))
-    found.corrected(abs(high / told - 1.0) < 0.02, low > 0.8, calm < 1e-3)
+    draws = zip(result.rng.uniform(100.0, 1000.0, 6), result.rng.uniform(0.0, 3.0, 6), strict=True)
+    result.statement = "Small steps of the slow mode, in drawn postures."
+    result.heard(all(beyond(kp, 0.0, (0.3, q2))[0] > 0.5 for kp, q2 in draws))
+    result.corrected(abs(high / report - 1.0) < 0.02, low > 0.8, calm < 1e-3)
 
 
 @claim(
@@ -223,7 +223,7 @@ def high_gain_overshoots(found):
         },
     ),
 )
-def swings_die(found):
+def swings_die(result):
     import sympy
 
     from course.kinematics import TwoLink
@@ -231,27 +231,27 @@ def swings_die(found):
 
     kp, kd, c, m, x = sympy.symbols("kp kd c m x", positive=True)
     root = sympy.solve(x**2 + m * (kd + c) * x + m * kp, x)[0]
-    found.formula = sympy.simplify(-1 / sum(part for part in root.args if not part.has(kp)))
+    result.formula = sympy.simplify(-1 / sum(part for part in root.args if not part.has(kp)))
     bent = (0.624, 1.64)
     value, shapes = np.linalg.eigh(np.linalg.inv(TwoLink().mass_matrix(np.array(bent))))
-    soft, stiff = found.given("soft", 25.0), found.given("stiff", 250.0)
+    soft, stiff = result.given("soft", 25.0), result.given("stiff", 250.0)
 
     def rate(kp):
         """Of decay, from the largest swings of the first and of the last third [1/s]."""
         dt = 0.02 / np.sqrt(kp * value[0])
         away = 1e-5 * shapes[:, :1]
-        seen = swung(np.array(bent)[:, None], kp, 0.0, dt, 3000, away)[:, :, 0] - bent
-        y = np.abs(seen @ shapes[:, 0])
+        observed = swung(np.array(bent)[:, None], kp, 0.0, dt, 3000, away)[:, :, 0] - bent
+        y = np.abs(observed @ shapes[:, 0])
         peaks = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] > y[2:])) + 1
         return float(np.polyfit(dt * peaks, -np.log(y[peaks]), 1)[0])
 
     slow, fast = rate(soft), rate(stiff)
-    law = float(1 / found.formula.subs({kd: 0, c: 0.2, m: value[0]}))
+    law = float(1 / result.formula.subs({kd: 0, c: 0.2, m: value[0]}))
     ring = [theory.modes(TwoLink(), bent, x, 0.0).ring[0] for x in (soft, stiff)]
-    found.figure("off", abs(fast / slow - 1.0), 0.5)
-    found.statement = "Peaks of a swing of 1e-5 rad without Kd."
-    found.heard(fast < 1.02 * slow)
-    found.corrected(
+    result.figure("off", abs(fast / slow - 1.0), 0.5)
+    result.statement = "Peaks of a swing of 1e-5 rad without Kd."
+    result.heard(fast < 1.02 * slow)
+    result.corrected(
         abs(slow / law - 1.0) < 0.03,
         abs(fast / law - 1.0) < 0.03,
         bool(abs(ring[0] / ring[1] - 1.0) < 1e-9),
@@ -282,7 +282,7 @@ def wanders(gain, late):
         },
     ),
 )
-def look_and_move_limit(found):
+def look_and_move_limit(result):
     import sympy
 
     from course.pipeline import theory
@@ -290,22 +290,22 @@ def look_and_move_limit(found):
     n, w = sympy.symbols("n w", positive=True)
     # z^n (z - 1) = -g on the circle: the angles n w + w / 2 + pi / 2 = pi, the sizes 2 sin(w / 2).
     angle = sympy.solve(sympy.Eq(n * w + w / 2 + sympy.pi / 2, sympy.pi), w)[0]
-    found.formula = 2 * sympy.sin(sympy.simplify(angle / 2))
-    found.figure("one", theory.look_limit(1))
-    four = found.figure("four", theory.look_limit(4))
-    late = [int(x) for x in found.rng.integers(0, 9, 12)]
+    result.formula = 2 * sympy.sin(sympy.simplify(angle / 2))
+    result.figure("one", theory.look_limit(1))
+    four = result.figure("four", theory.look_limit(4))
+    late = [int(x) for x in result.rng.integers(0, 9, 12)]
     inside, outside = (
         [not wanders(x * theory.look_limit(k), k) for k in late] for x in (0.98, 1.02)
     )
-    exact = [float(found.formula.subs(n, k)) / theory.look_limit(k) for k in late]
-    found.statement = "The loop itself, 2 % to both sides of the limits of 0 to 8 late frames."
-    found.heard(
+    exact = [float(result.formula.subs(n, k)) / theory.look_limit(k) for k in late]
+    result.statement = "The loop itself, 2 % to both sides of the limits of 0 to 8 late frames."
+    result.heard(
         not any(wanders(x, 4) for x in (0.2, 0.5, 1.0)),
         inside=inside,
         outside=outside,
         only_if="the gain is below 2 sin(pi / (2 (2 n + 1)))",
     )
-    found.corrected(
+    result.corrected(
         all(abs(x - 1.0) < 1e-9 for x in exact), not any(outside), four < 0.5, not wanders(0.9, 0)
     )
 
@@ -326,33 +326,33 @@ def look_and_move_limit(found):
         },
     ),
 )
-def look_and_move_noise(found):
+def look_and_move_noise(result):
     import sympy
 
     from course.pipeline import theory
 
     g, V = sympy.symbols("g V", positive=True)
-    found.formula = sympy.simplify(sympy.solve(sympy.Eq(V, (1 - g) ** 2 * V + g**2), V)[0])
-    gain, late = found.given("gain", 0.3), int(found.given("late", 2))
+    result.formula = sympy.simplify(sympy.solve(sympy.Eq(V, (1 - g) ** 2 * V + g**2), V)[0])
+    gain, late = result.given("gain", 0.3), int(result.given("late", 2))
 
     def measured(gain, late):
         """Variance over that of a picture, of 400 places after 400 frames each."""
         past = list(np.zeros((late + 1, 2000)))
         for _ in range(200):
-            past.append(past[-1] - gain * (past[-1 - late] + found.rng.standard_normal(2000)))
+            past.append(past[-1] - gain * (past[-1 - late] + result.rng.standard_normal(2000)))
         return float(np.var(past[-60:]))
 
-    part = found.figure("part", theory.look_noise(gain, 0))
-    more = found.figure("more", theory.look_noise(gain, late))
-    seen = measured(gain, 0), measured(gain, late), measured(1.0, 0)
-    found.statement = "2,000 loops with white noise, beside the formula."
-    found.heard(seen[2] < 0.1)
-    found.corrected(
-        abs(seen[0] / part - 1) < 0.05,
-        abs(seen[1] / more - 1) < 0.05,
+    part = result.figure("part", theory.look_noise(gain, 0))
+    more = result.figure("more", theory.look_noise(gain, late))
+    observed = measured(gain, 0), measured(gain, late), measured(1.0, 0)
+    result.statement = "2,000 loops with white noise, beside the formula."
+    result.heard(observed[2] < 0.1)
+    result.corrected(
+        abs(observed[0] / part - 1) < 0.05,
+        abs(observed[1] / more - 1) < 0.05,
         more > part,
-        abs(float(found.formula.subs(g, gain)) / part - 1.0) < 1e-9,
-        abs(seen[2] - 1.0) < 0.05,
+        abs(float(result.formula.subs(g, gain)) / part - 1.0) < 1e-9,
+        abs(observed[2] - 1.0) < 0.05,
     )
 
 
@@ -374,44 +374,44 @@ def look_and_move_noise(found):
         },
     ),
 )
-def clearance_and_noise(found):
+def clearance_and_noise(result):
     import sympy
 
     from course.pipeline import theory
 
     t, b, s, x, angle = sympy.symbols("t b s x angle", positive=True)
     density = x / (2 * sympy.pi * s**2) * sympy.exp(-(x**2) / (2 * s**2))
-    found.formula = sympy.integrate(density, (x, b, sympy.oo), (angle, 0, t))
+    result.formula = sympy.integrate(density, (x, b, sympy.oo), (angle, 0, t))
     wall = float(theory.collision_share(2.0, np.eye(2), (1.0, 0.0)))
     bends = {"wall": 0.0, "bent": 0.5 * np.pi, "round": np.pi}
     law = {
-        name: wall + float(found.formula.subs({t: turn, b: 2, s: 1}))
+        name: wall + float(result.formula.subs({t: turn, b: 2, s: 1}))
         for name, turn in bends.items()
     }
     for name, value in law.items():
-        found.figure(name, value)
-    off = found.rng.standard_normal((2, 80_000))  # of the disc, in standard deviations
+        result.figure(name, value)
+    error = result.rng.standard_normal((2, 80_000))  # of the disc, in standard deviations
 
     def touched(turn, radius=4.0):
         """Share of places at which a disc touches a path about it, an arc with straight ends."""
         angles, far = np.linspace(-0.5, 0.5, 41) * turn, np.linspace(0.0, 7.0, 36)
         arc = (radius + 2.0) * np.exp(1j * angles)
         ends = [arc[i] + 1j * sign * far * np.exp(1j * angles[i]) for i, sign in ((0, -1), (-1, 1))]
-        away = np.full(off.shape[1], np.inf)
+        away = np.full(error.shape[1], np.inf)
         for x in np.concatenate((arc, *ends)):
-            away = np.minimum(away, np.abs(off[0] + 1j * off[1] - x))
+            away = np.minimum(away, np.abs(error[0] + 1j * error[1] - x))
         return float(np.mean(away < radius))
 
-    found.statement = "80,000 places of a disc that was seen with noise, and paths about it."
-    straight = [touched(0.0, x) < 1.0 / 40.0 for x in found.rng.uniform(3.0, 20.0, 8)]
-    sharp = [touched(x) < 1.0 / 40.0 for x in found.rng.uniform(0.4, np.pi, 8)]
-    found.heard(
+    result.statement = "80,000 places of a disc that was seen with noise, and paths about it."
+    straight = [touched(0.0, x) < 1.0 / 40.0 for x in result.rng.uniform(3.0, 20.0, 8)]
+    sharp = [touched(x) < 1.0 / 40.0 for x in result.rng.uniform(0.4, np.pi, 8)]
+    result.heard(
         all(straight) and all(sharp),
         only_if="the path passes it straight",
         inside=straight,
         outside=sharp,
     )
-    found.corrected(
+    result.corrected(
         all(abs(touched(turn) / law[name] - 1.0) < 0.05 for name, turn in bends.items())
     )
 
@@ -423,10 +423,10 @@ def clearance_and_noise(found):
     "{slow:.1f} s in place of {quick:.1f}. {paid:.0%} of the runs succeed, and with checks that "
     "cost nothing {free:.0%}.",
 )
-def planner_step(found):
+def planner_step(result):
     from course.pipeline import Scenario, Settings, many, successes
 
-    cost = found.given("cost_us", 20.0)
+    cost = result.given("cost_us", 20.0)
     near = replace(Settings(), noise=1e-4)
 
     def runs(step, cost, n=12):
@@ -443,10 +443,10 @@ def planner_step(found):
     )
     rows = {"paid": paid, "free": free, "wait_ms": wait, "slow": slow, "quick": quick}
     for name, value in (rows | {"corners": corners, "few": few}).items():
-        found.figure(name, value, 0.3)
-    found.statement = "12 runs with steps of 0.3 and 0.002 rad, nearly without noise."
-    found.heard(free > 0.9)
-    found.corrected(paid < 0.6, paid < free < 0.9 < fine, slow > 1.2 * quick, corners > few)
+        result.figure(name, value, 0.3)
+    result.statement = "12 runs with steps of 0.3 and 0.002 rad, nearly without noise."
+    result.heard(free > 0.9)
+    result.corrected(paid < 0.6, paid < free < 0.9 < fine, slow > 1.2 * quick, corners > few)
 
 
 @claim(
@@ -466,14 +466,14 @@ def planner_step(found):
         },
     ),
 )
-def overrun_ages(found):
+def overrun_ages(result):
     import sympy
 
     from course.pipeline import Scenario, Settings, repair, run
 
     L, t = sympy.symbols("L t", positive=True)
-    found.formula = sympy.integrate(L + t, (t, 0, L)) / L
-    seconds = found.given("seconds", 3.0)
+    result.formula = sympy.integrate(L + t, (t, 0, L)) / L
+    seconds = result.given("seconds", 3.0)
     scene = Scenario(velocity=(-0.02, 0.015), seconds=seconds)
     u = np.array(scene.velocity)
     plain = replace(Settings(), noise=0.0, bias=(0.0, 0.0), filtered=False)
@@ -483,18 +483,18 @@ def overrun_ages(found):
         cycle = {"drop": period * np.ceil(late / period), "block": late, "queue": period}[rule]
         aimed = []
         for phase in (seconds - late - cycle * (np.arange(8) + 0.5) / 8) % cycle:
-            told = replace(plain, overrun=rule, latency=late, frame=period, phase=float(phase))
-            aimed.append(-run(scene, repair(told, "plan", "control")).error @ u / (u @ u))
+            report = replace(plain, overrun=rule, latency=late, frame=period, phase=float(phase))
+            aimed.append(-run(scene, repair(report, "plan", "control")).error @ u / (u @ u))
         return float(np.mean(aimed))
 
     block, drop, queue = (age(rule, 0.25, 0.1) for rule in ("block", "drop", "queue"))
     for name, value in (("block_ms", block), ("drop_ms", drop), ("queue_ms", queue)):
-        found.figure(name, 1e3 * value, 0.03)
-    law = float(found.formula.subs(L, 0.25))
+        result.figure(name, 1e3 * value, 0.03)
+    law = float(result.formula.subs(L, 0.25))
     others = [(age("block", late, 0.1), age("drop", late, 0.1)) for late in (0.11, 0.19)]
-    found.statement = "Runs with eight phases of a camera at 10 Hz whose pictures take 250 ms."
-    found.heard(block > drop)
-    found.corrected(
+    result.statement = "Runs with eight phases of a camera at 10 Hz whose pictures take 250 ms."
+    result.heard(block > drop)
+    result.corrected(
         abs(block / law - 1.0) < 0.03, all(a < b for a, b in others), queue > 3.0 * drop
     )
 
@@ -515,35 +515,35 @@ def overrun_ages(found):
         },
     ),
 )
-def raw_estimate_replans(found):
+def raw_estimate_replans(result):
     import sympy
 
     from course.pipeline import Scenario, Settings, many
 
     r, s, x = sympy.symbols("r s x", positive=True)
     density = x / (2 * s**2) * sympy.exp(-(x**2) / (4 * s**2))
-    found.formula = sympy.integrate(density, (x, r, sympy.oo))
+    result.formula = sympy.integrate(density, (x, r, sympy.oo))
     scene, settings = Scenario(seconds=1.5), Settings()
-    sigma = found.given("sigma", settings.noise)
+    sigma = result.given("sigma", settings.noise)
 
     def plans(noise, filtered, seeds=range(4)):
-        told = replace(settings, noise=float(noise), filtered=filtered)
-        return np.mean([len(record.plans) for record in many(scene, told, seeds)])
+        report = replace(settings, noise=float(noise), filtered=filtered)
+        return np.mean([len(record.plans) for record in many(scene, report, seeds)])
 
-    raw = found.figure("raw", plans(sigma, False), 0.3)
-    calm = found.figure("calm", plans(sigma, True, range(8)), 0.3)
-    jumps = np.hypot(*(sigma * found.rng.standard_normal((2, 2, 50_000)).sum(axis=0)))
+    raw = result.figure("raw", plans(sigma, False), 0.3)
+    calm = result.figure("calm", plans(sigma, True, range(8)), 0.3)
+    jumps = np.hypot(*(sigma * result.rng.standard_normal((2, 2, 50_000)).sum(axis=0)))
     far = float(np.mean(jumps > settings.replan))
-    law = float(found.formula.subs({r: settings.replan, s: sigma}))
-    third, draws = settings.replan / 3.0, found.rng.uniform(0.0, 1.0, 8)
-    found.statement = "Runs of 1.5 s with raw and filtered estimates."
-    found.heard(
+    law = float(result.formula.subs({r: settings.replan, s: sigma}))
+    third, draws = settings.replan / 3.0, result.rng.uniform(0.0, 1.0, 8)
+    result.statement = "Runs of 1.5 s with raw and filtered estimates."
+    result.heard(
         calm > 6.0,
         only_if="they come raw, with a third of that distance on each axis or more",
         inside=[bool(plans((1.15 + 0.5 * x) * third, False) > 6.0) for x in draws],
         outside=[bool(plans((0.85 - 0.5 * x) * third, False) > 6.0) for x in draws],
     )
-    found.corrected(raw > 5.0 * calm, bool(abs(far / law - 1.0) < 0.05))
+    result.corrected(raw > 5.0 * calm, bool(abs(far / law - 1.0) < 0.05))
 
 
 @claim(
@@ -552,20 +552,20 @@ def raw_estimate_replans(found):
     "the camera {pictures:.0f}, the planner {plans:.0f}: a plan takes {periods:.1f} periods of the "
     "law, a picture {ages:.0f}.",
 )
-def every_stage_its_clock(found):
+def every_stage_its_clock(result):
     from course.pipeline import Scenario, Settings, run
 
     scene, settings = Scenario(), Settings()
-    seconds = found.given("seconds", scene.seconds)
+    seconds = result.given("seconds", scene.seconds)
     record = run(replace(scene, seconds=seconds), settings)
-    laws = found.figure("laws", len(record.log) - 1)
-    pictures = found.figure("pictures", len(record.timetable.captured))
-    plans = found.figure("plans", len(record.plans))
+    laws = result.figure("laws", len(record.log) - 1)
+    pictures = result.figure("pictures", len(record.timetable.captured))
+    plans = result.figure("plans", len(record.plans))
     control = 1e6 * settings.control
     periods = (record.plans[0].arrived - record.asked[0]) / control
-    found.figure("periods", periods, 0.3)
+    result.figure("periods", periods, 0.3)
     first = record.pictures[0]
-    ages = found.figure("ages", (first.arrived - first.captured) / control)
-    found.statement = "Counted in one run with the settings of the chapter."
-    found.heard(laws == pictures == plans)
-    found.corrected(plans < pictures < laws, periods > 1.0, ages > 10.0)
+    ages = result.figure("ages", (first.arrived - first.captured) / control)
+    result.statement = "Counted in one run with the settings of the chapter."
+    result.heard(laws == pictures == plans)
+    result.corrected(plans < pictures < laws, periods > 1.0, ages > 10.0)

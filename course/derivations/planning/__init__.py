@@ -12,13 +12,13 @@ def runs(scene: str, method: str, seeds: int, *place: float, **options: Any) -> 
     another claim has asked for are not made again."""
     from course.planning import plan, scenes
 
-    asked = getattr(scenes, scene)(*place)
-    usual = {"budget": 200_000} | ({"step": asked.step} if "rrt" in method else {})
+    requested = getattr(scenes, scene)(*place)
+    usual = {"budget": 200_000} | ({"step": requested.step} if "rrt" in method else {})
     options = usual | ({"goal_bias": 0.05} if method == "rrt" else {}) | options
-    kept = _KEPT.setdefault((scene, place, method, *sorted(options.items())), [])
-    for seed in range(len(kept), seeds):
-        kept.append(plan(asked.world, asked.start, asked.goal, method=method, rng=seed, **options))
-    return kept[:seeds]
+    retained = _KEPT.setdefault((scene, place, method, *sorted(options.items())), [])
+    for seed in range(len(retained), seeds):
+        retained.append(plan(requested.world, requested.start, requested.goal, method=method, rng=seed, **options))
+    return retained[:seeds]
 
 
 def samples(*question: Any, **options: Any) -> np.ndarray:
@@ -30,6 +30,6 @@ def through_gap(share: float, thickness: float) -> float:
     """Shortest path of `scenes.gap`: around both near corners of the opening [m]."""
     from course.planning import scenes
 
-    asked = scenes.gap(share, thickness)
+    requested = scenes.gap(share, thickness)
     corner = np.array([5.0 - 0.5 * thickness, 5.0 - 5.0 * share])
-    return float(2.0 * np.linalg.norm(corner - asked.start) + thickness)
+    return float(2.0 * np.linalg.norm(corner - requested.start) + thickness)

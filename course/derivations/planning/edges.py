@@ -32,15 +32,15 @@ SYMBOLS = {
         },
     ),
 )
-def edge_by_ten_points(found):
+def edge_by_ten_points(result):
     import sympy
 
     from course.drills import edge_is_free
 
     r, s, d = sympy.symbols("r s d", positive=True)
     chord = sympy.sqrt(r**2 - (r - d) ** 2)  # half of it, of depth d
-    found.formula = min(sympy.solve(4 * chord**2 - s**2, d), key=lambda x: x.subs({r: 2, s: 1}))
-    edge = found.given("edge_m", 1.0)
+    result.formula = min(sympy.solve(4 * chord**2 - s**2, d), key=lambda x: x.subs({r: 2, s: 1}))
+    edge = result.given("edge_m", 1.0)
     gap, tried = edge / 11, np.linspace(0.0, edge, 12)  # ten and the ends
 
     def unseen(discs, growth=0.0):
@@ -50,36 +50,36 @@ def edge_by_ten_points(found):
 
     def hit(radius, count):
         """Discs that the edge hits, and how deep it cuts into each."""
-        centres = found.rng.uniform((-radius, -radius), (edge + radius, radius), (count, 2))
+        centres = result.rng.uniform((-radius, -radius), (edge + radius, radius), (count, 2))
         outside = centres[:, 0] - np.clip(centres[:, 0], 0.0, edge)
         depth = radius - np.hypot(outside, centres[:, 1])
         return np.column_stack((centres, np.full(count, radius)))[depth >= 0], depth[depth >= 0]
 
-    large, small = found.given("large_m", 0.1), found.given("small_m", 0.03)
+    large, small = result.given("large_m", 0.1), result.given("small_m", 0.03)
     (wide, deep), (narrow, _) = hit(large, 100_000), hit(small, 100_000)
-    share = found.figure("large_share", np.mean(unseen(wide)), tolerance=0.02)
-    found.figure("small_share", np.mean(unseen(narrow)), tolerance=0.02)
-    deepest = 1e-3 * found.figure("deepest_mm", 1000 * deep[unseen(wide)].max(), tolerance=0.05)
+    share = result.figure("large_share", np.mean(unseen(wide)), tolerance=0.02)
+    result.figure("small_share", np.mean(unseen(narrow)), tolerance=0.02)
+    deepest = 1e-3 * result.figure("deepest_mm", 1000 * deep[unseen(wide)].max(), tolerance=0.05)
     middles = np.array([[4.5 * gap, 0.0, x * gap / 2] for x in (0.999, 1.001)])
     sample = [*wide[unseen(wide)][:300], *narrow[:300], middles[0]]
     wrong = sum(edge_is_free(np.zeros(2), np.array([edge, 0.0]), disc[None]) for disc in sample)
-    found.statement = f"100,000 discs of each size; by the closed form {wrong} of {len(sample)}."
+    result.statement = f"100,000 discs of each size; by the closed form {wrong} of {len(sample)}."
 
     def none_missed(growth):
-        return not np.any(unseen(hit(10 ** found.rng.uniform(-2, 0.5), 20_000)[0], growth))
+        return not np.any(unseen(hit(10 ** result.rng.uniform(-2, 0.5), 20_000)[0], growth))
 
-    found.heard(
+    result.heard(
         share == 0.0,
         only_if="every disc is grown to the radius sqrt(r^2 + s^2 / 4), s being the distance of "
         "two points tried",
         inside=[none_missed(1.0) for _ in range(10)],
         outside=[none_missed(0.9) for _ in range(10)],
     )
-    found.corrected(
+    result.corrected(
         wrong == 0,
         bool(unseen(middles)[0]),
         not unseen(middles)[1],
-        deepest <= float(found.formula.subs({r: large, s: gap})),
+        deepest <= float(result.formula.subs({r: large, s: gap})),
     )
 
 
@@ -103,16 +103,16 @@ def edge_by_ten_points(found):
         },
     ),
 )
-def thin_wall_missed(found):
+def thin_wall_missed(result):
     import sympy
 
     from course import planning
     from course.oracles import ompl
 
     w, s, x = sympy.symbols("w s x", positive=True)
-    found.formula = sympy.expand(sympy.integrate(1 / s, (x, w, s)))  # x: from point to wall's end
-    spacing, wall = found.given("spacing_m", 0.14), found.given("wall_m", 0.05)
-    angle = np.deg2rad(found.given("angle_deg", 30))
+    result.formula = sympy.expand(sympy.integrate(1 / s, (x, w, s)))  # x: from point to wall's end
+    spacing, wall = result.given("spacing_m", 0.14), result.given("wall_m", 0.05)
+    angle = np.deg2rad(result.given("angle_deg", 30))
 
     def missed(width, many, turn=0.0):
         """Share of edges, twenty spacings long, that are passed though they cross the wall."""
@@ -123,51 +123,51 @@ def thin_wall_missed(found):
         tried = planning.from_function(valid, [[-2.0, -2.0], [2.0, 2.0]], spacing)
         exact = planning.plane(tried.bounds, boxes=[[0.0, -2.0, width, 2.0]])
         along = 20 * spacing * np.array([np.cos(turn), np.sin(turn)])
-        starts = -along * found.rng.uniform(0.3, 0.7, (many, 1))
+        starts = -along * result.rng.uniform(0.3, 0.7, (many, 1))
         assert not any(planning.edge_free(exact, a, a + along) for a in starts)
         return np.mean([planning.edge_free(tried, a, a + along) for a in starts])
 
     def law(width):
-        return max(0.0, float(found.formula.subs({w: width, s: spacing})))
+        return max(0.0, float(result.formula.subs({w: width, s: spacing})))
 
-    share = found.figure("missed", missed(wall, 1500, angle), 0.03)
+    share = result.figure("missed", missed(wall, 1500, angle), 0.03)
     resolution = ompl.defaults()["resolution"]
 
     def through(opening, name):
-        asked = planning.scenes.gap(opening, wall)
+        requested = planning.scenes.gap(opening, wall)
         paths = [
             ompl.solve(
-                asked.world.bounds,
-                asked.start,
-                asked.goal,
+                requested.world.bounds,
+                requested.start,
+                requested.goal,
                 "rrt_connect",
                 2.8,
                 5000,
                 seed,
-                ompl.tests(asked.world)[0],
+                ompl.tests(requested.world)[0],
                 None,
                 resolution=resolution,
             ).path
             for seed in range(1, 41)
         ]
-        bad = [not planning.check_path(asked.world, path.T) for path in paths if path is not None]
-        return found.figure(name, np.mean(bad), 0.3)
+        bad = [not planning.check_path(requested.world, path.T) for path in paths if path is not None]
+        return result.figure(name, np.mean(bad), 0.3)
 
-    found.figure("ompl_m", resolution * planning.scenes.empty().world.extent)
-    slit = through(found.given("open", 0.02), "refused")
-    half = through(found.given("half", 0.5), "refused_half")
-    found.statement = "1500 edges across a wall; 40 seeds of OMPL's RRT-Connect at each."
-    found.heard(
+    result.figure("ompl_m", resolution * planning.scenes.empty().world.extent)
+    slit = through(result.given("open", 0.02), "refused")
+    half = through(result.given("half", 0.5), "refused_half")
+    result.statement = "1500 edges across a wall; 40 seeds of OMPL's RRT-Connect at each."
+    result.heard(
         share == 0.0,
         only_if="the points are closer than the wall is thick, and it is crossed from side to side",
-        inside=[missed(spacing * x, 60) == 0.0 for x in found.rng.uniform(1.001, 2.0, 8)],
-        outside=[missed(spacing * x, 60) == 0.0 for x in found.rng.uniform(0.5, 0.9, 8)],
+        inside=[missed(spacing * x, 60) == 0.0 for x in result.rng.uniform(1.001, 2.0, 8)],
+        outside=[missed(spacing * x, 60) == 0.0 for x in result.rng.uniform(0.5, 0.9, 8)],
     )
     block = planning.plane([[-2, -2], [2, 2]], boxes=[[-1, -1, 0, 0]])
     fine = planning.from_function(lambda q: planning.state_free(block, q), block.bounds, 0.001)
     cut = np.array([-1.0, 1.0002]), np.array([1.0002, -1.0])  # to the diagonal side of a corner
     cuts = [(a - 0.0004, b - 0.0004 + x) for x in np.linspace(0, 1e-3, 9) for a, b in [cut]]
-    found.corrected(
+    result.corrected(
         any(planning.edge_free(fine, *c) > planning.edge_free(block, *c) for c in cuts),
         abs(share - law(wall / np.cos(angle))) < 0.03,
         slit > 0.8,
@@ -183,41 +183,41 @@ def thin_wall_missed(found):
     "side: with the goal {behind_m} m behind a wall, the first node within a step is so in "
     "{across:.0%} of the runs. The last edge has to be there, and be checked.",
 )
-def near_the_goal(found):
+def near_the_goal(result):
     from course import planning
     from course.planning import scenes
 
-    asked, step = scenes.discs(), found.given("step_m", 1.0)
+    requested, step = scenes.discs(), result.given("step_m", 1.0)
 
     def first_near(answer, goal):
         away = np.linalg.norm(answer.nodes - goal[:, None], axis=0)
         return answer.nodes[:, np.flatnonzero(away < step)[0]]
 
-    ends = np.array([first_near(answer, asked.goal) for answer in runs("discs", "rrt", 100)])
-    found.figure("short_m", np.median(np.linalg.norm(ends - asked.goal, axis=1)), 0.02)
+    ends = np.array([first_near(answer, requested.goal) for answer in runs("discs", "rrt", 100)])
+    result.figure("short_m", np.median(np.linalg.norm(ends - requested.goal, axis=1)), 0.02)
     wall = scenes.gap(0.1, 0.05)
-    goal = np.array([5.025 + found.given("behind_m", 0.3), 2.0])
+    goal = np.array([5.025 + result.given("behind_m", 0.3), 2.0])
     ask = {"world": wall.world, "start": wall.start, "goal": goal, "method": "rrt", "step": step}
     firsts = [first_near(planning.plan(**ask, rng=seed), goal) for seed in range(100)]
     across = np.mean([not planning.edge_free(wall.world, first, goal) for first in firsts])
-    found.figure("across", across, 0.05)
+    result.figure("across", across, 0.05)
 
     def joined(low, high):
         """Whether all free states within so many clearances of a goal can be joined to it."""
-        here = scenes.discs(int(found.rng.integers(1000))).world
-        aim = scenes.free_state(here, found.rng)
-        away = found.rng.uniform(low, high) * planning.clearance(here, aim)
-        turns = found.rng.uniform(0, 2 * np.pi, 100)
-        around = away * np.sqrt(found.rng.uniform(size=100)) * [np.cos(turns), np.sin(turns)]
+        here = scenes.discs(int(result.rng.integers(1000))).world
+        aim = scenes.free_state(here, result.rng)
+        away = result.rng.uniform(low, high) * planning.clearance(here, aim)
+        turns = result.rng.uniform(0, 2 * np.pi, 100)
+        around = away * np.sqrt(result.rng.uniform(size=100)) * [np.cos(turns), np.sin(turns)]
         free = [q for q in aim + around.T if planning.state_free(here, q)]
         return all(planning.edge_free(here, q, aim) for q in free)
 
-    found.statement = "100 seeds each; random goals among discs, 100 states around each."
-    found.heard(
+    result.statement = "100 seeds each; random goals among discs, 100 states around each."
+    result.heard(
         across == 0.0,
         only_if="that node is joined to it, and the step is below the goal's clearance",
         inside=[joined(0.5, 0.999) for _ in range(12)],
         outside=[joined(1.2, 3.0) for _ in range(12)],
     )
-    verdicts = [planning.check_path(asked.world, end[:, None], end, asked.goal) for end in ends]
-    found.corrected(across > 0.1, not any(bool(verdict) for verdict in verdicts))
+    verdicts = [planning.check_path(requested.world, end[:, None], end, requested.goal) for end in ends]
+    result.corrected(across > 0.1, not any(bool(verdict) for verdict in verdicts))

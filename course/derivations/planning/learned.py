@@ -22,9 +22,9 @@ def said(words: str) -> list[float]:
     """The numbers in a line of the chart's table."""
     from course.charts import read
 
-    found = re.search(f"^{words}", read(CHART), re.MULTILINE)
-    assert found is not None
-    return [float(x) for x in found.groups()]
+    result = re.search(f"^{words}", read(CHART), re.MULTILINE)
+    assert result is not None
+    return [float(x) for x in result.groups()]
 
 
 def within(panel: int, name: str, share: float) -> float:
@@ -45,7 +45,7 @@ def within(panel: int, name: str, share: float) -> float:
     "{turned_uniform:.0f}: there only the uniform share still helps.",
     source="Ichter, Harrison and Pavone, Learning sampling distributions, ICRA 2018",
 )
-def learned_sampler_speeds_up(found):
+def learned_sampler_speeds_up(result):
     from course.charts.planning.learned import sampled
     from course.planning import learned
 
@@ -57,27 +57,27 @@ def learned_sampler_speeds_up(found):
         ("turned", "turned: learned"),
         ("turned_uniform", "turned: uniform"),
     ):
-        costs[name] = found.figure(name, *said(rf"{label} +median +(\d+) checks"))
-    worlds = [learned.slits(found.rng) for _ in range(40)]
-    picture = found.figure("picture", learned.picture(worlds[0])[0].size)
+        costs[name] = result.figure(name, *said(rf"{label} +median +(\d+) checks"))
+    worlds = [learned.slits(result.rng) for _ in range(40)]
+    picture = result.figure("picture", learned.picture(worlds[0])[0].size)
     # What needs no training is asked again, in other worlds.
     untrained = sampled([None], worlds, "uniform", "search of the picture")
     again = {x.name: x.budget()[0] for x in untrained}
-    found.statement = "200 held-out worlds, three networks; what needs none again in 40 others."
+    result.statement = "200 held-out worlds, three networks; what needs none again in 40 others."
 
     def fewer(panel):
         """Whether the learned one asks less, at several shares of the worlds."""
         some = (0.25, 0.5, 0.75, 0.9)
         return [within(panel, "learned", x) < within(panel, "uniform", x) for x in some]
 
-    found.heard(
+    result.heard(
         all(fewer(1) + fewer(2)),
         only_if="the world is of the family that it has learned, and its picture costs nothing",
         inside=fewer(1),
         outside=fewer(2),
         cases=True,
     )
-    found.corrected(
+    result.corrected(
         2 * costs["learned"] < costs["uniform"],
         costs["turned"] > 1.3 * costs["turned_uniform"],
         costs["learned"] < costs["search"] < costs["uniform"],
@@ -96,7 +96,7 @@ def learned_sampler_speeds_up(found):
     "them in {times:.1f} times less.",
     source="Janner and others, Planning with diffusion, ICML 2022",
 )
-def diffusion_is_collision_free(found):
+def diffusion_is_collision_free(result):
     from course.charts.planning import learned as chart
     from course.planning import check_path, learned, scenes
 
@@ -107,20 +107,20 @@ def diffusion_is_collision_free(found):
     )
     shares = {"raw": raw, "bare": bare, "raw_pushed": raw_pushed, "bare_pushed": bare_pushed}
     for name, share in shares.items():
-        found.figure(name, share)
+        result.figure(name, share)
     curves = _panels()[3]
-    solved = found.figure("solved", max(curves["noise, checked"].y), 0.1)
-    ways = [said(rf"{name}.* median ([\d.]+) ms")[0] for name in ("noise, checked", "RRT-Connect")]
-    times = found.figure("times", ways[0] / ways[1])
+    solved = result.figure("solved", max(curves["noise, checked"].y), 0.1)
+    paths = [said(rf"{name}.* median ([\d.]+) ms")[0] for name in ("noise, checked", "RRT-Connect")]
+    times = result.figure("times", paths[0] / paths[1])
     world = scenes.discs(count=chart.DISCS).world
-    asked = learned.questions(learned.grown(world), 40, found.rng)
-    lines = [scenes.Scene("discs", world, q.start, q.goal, 1.0) for q in asked]
-    first = [(q, chart.bent(q, 2, found.rng)[0]) for q in lines]
+    requested = learned.questions(learned.grown(world), 40, result.rng)
+    lines = [scenes.Scene("discs", world, q.start, q.goal, 1.0) for q in requested]
+    first = [(q, chart.bent(q, 2, result.rng)[0]) for q in lines]
     again = np.mean([not check_path(world, path) for _, path in first])
     pushed = np.mean([not check_path(world, chart.pushed(q, path)) for q, path in first[:20]])
-    found.statement = "100 held-out questions, three networks; lines again, for 40 other questions."
-    found.heard(raw == 0.0)
-    found.corrected(
+    result.statement = "100 held-out questions, three networks; lines again, for 40 other questions."
+    result.heard(raw == 0.0)
+    result.corrected(
         raw > 0.4,
         raw < bare,
         raw_pushed < bare_pushed < 0.5 * bare,

@@ -18,10 +18,10 @@ from course.derivations.planning import samples
     "planner: in a bug trap the longest makes RRT's {cage_middle:.0f} samples {cage_long:.0f}, "
     "and RRT-Connect's {trap_middle:.0f} {trap_long:.0f}.",
 )
-def step_through_a_passage(found):
+def step_through_a_passage(result):
     steps = {"short": 0.1, "middle": 1.0, "long": 10.0}
-    steps = {name: found.given(name, step) for name, step in steps.items()}
-    slit, middles = found.given("slit", 0.02), {}
+    steps = {name: result.given(name, step) for name, step in steps.items()}
+    slit, middles = result.given("slit", 0.02), {}
     for place, method, *at in (
         ("gap", "rrt", slit, 0.5),
         ("discs", "rrt"),
@@ -35,10 +35,10 @@ def step_through_a_passage(found):
             drawn = np.median(
                 samples(place, method, 40 if size == "short" else 150, *at, step=step)
             )
-            middles[name, size] = found.figure(f"{name}_{size}", drawn, 0.1)
-    found.statement = "Medians of 150 seeds, with the short step 40; a square of ten metres."
-    found.heard(middles["slit", "short"] < middles["slit", "middle"])
-    found.corrected(
+            middles[name, size] = result.figure(f"{name}_{size}", drawn, 0.1)
+    result.statement = "Medians of 150 seeds, with the short step 40; a square of ten metres."
+    result.heard(middles["slit", "short"] < middles["slit", "middle"])
+    result.corrected(
         middles["slit", "long"] < middles["slit", "short"],
         middles["discs", "short"] > 5.0 * middles["discs", "middle"],
         middles["trap", "long"] > 4.0 * middles["trap", "middle"],
@@ -53,30 +53,30 @@ def step_through_a_passage(found):
     "{budget:.0f} samples, {grown:.0f} nodes, as it only measures how far it is from a goal, and "
     "RRT-Connect waits for another goal until its budget is spent. Ask both ends yourself.",
 )
-def blocked_ends_are_named(found):
+def blocked_ends_are_named(result):
     from course.oracles import ompl
     from course.planning import METHODS, build_roadmap, plan, scenes
 
-    asked, inside = scenes.gap(0.1), np.array([5.0, 1.0])
-    ends = {"start": (inside, asked.goal), "goal": (asked.start, inside)}
-    cached: dict[str, dict[str, Any]] = {"roadmap": {"roadmap": build_roadmap(asked.world, 50, 0)}}
+    requested, inside = scenes.gap(0.1), np.array([5.0, 1.0])
+    ends = {"start": (inside, requested.goal), "goal": (requested.start, inside)}
+    cached: dict[str, dict[str, Any]] = {"roadmap": {"roadmap": build_roadmap(requested.world, 50, 0)}}
     ours = {
-        end: [plan(asked.world, *pair, method=x, **cached.get(x, {})) for x in METHODS]
+        end: [plan(requested.world, *pair, method=x, **cached.get(x, {})) for x in METHODS]
         for end, pair in ends.items()
     }
-    budget = found.given("budget", 300)
+    budget = result.given("budget", 300)
     theirs = {
-        (end, x): ompl.solve(asked.world.bounds, *pair, x, 1.0, budget, 1, *ompl.tests(asked.world))
+        (end, x): ompl.solve(requested.world.bounds, *pair, x, 1.0, budget, 1, *ompl.tests(requested.world))
         for end, pair in ends.items()
         for x in ("rrt", "rrt_connect")
     }
-    found.figure("methods", len(ours["start"]))
+    result.figure("methods", len(ours["start"]))
     named = all(x.status == f"{end} in collision" for end, some in ours.items() for x in some)
     spent = {x: theirs["goal", x].samples for x in ("rrt", "rrt_connect")}
-    grown = found.figure("grown", len(theirs["goal", "rrt"].nodes), 0.3)
-    found.statement = "Each method of `plan`, and OMPL's RRT and RRT-Connect, in front of a wall."
-    found.heard(named and max(spent.values()) < budget)
-    found.corrected(
+    grown = result.figure("grown", len(theirs["goal", "rrt"].nodes), 0.3)
+    result.statement = "Each method of `plan`, and OMPL's RRT and RRT-Connect, in front of a wall."
+    result.heard(named and max(spent.values()) < budget)
+    result.corrected(
         named,
         not any(x.samples or x.nodes.size for some in ours.values() for x in some),
         all(theirs["start", x].samples == 0 for x in ("rrt", "rrt_connect")),
@@ -92,12 +92,12 @@ def _tight():
     """The tight shelf, 36 queries, and samples of RRT-Connect with 5 seeds each, (36, 5)."""
     from course.planning import plan, shelf
 
-    asked, rng = shelf("tight"), np.random.default_rng(0)
-    queries = [asked.query(rng) for _ in range(36)]
+    requested, rng = shelf("tight"), np.random.default_rng(0)
+    queries = [requested.query(rng) for _ in range(36)]
     plans = [
-        [plan(asked.world, *q, rng=k, step=1.0, budget=50_000) for k in range(5)] for q in queries
+        [plan(requested.world, *q, rng=k, step=1.0, budget=50_000) for k in range(5)] for q in queries
     ]
-    return asked, queries, np.array([[x.samples if x.solved else np.inf for x in p] for p in plans])
+    return requested, queries, np.array([[x.samples if x.solved else np.inf for x in p] for p in plans])
 
 
 @claim(
@@ -110,38 +110,38 @@ def _tight():
     "questions with the smaller share take {hard:.0f} samples in the median, the others "
     "{easy:.0f}.",
 )
-def slow_plans_are_slow_questions(found):
+def slow_plans_are_slow_questions(result):
     from scipy import stats
 
     from course.planning import clearance, edge_free
 
-    asked, queries, spent = _tight()
-    targets = found.rng.uniform(*asked.world.bounds, (100, 7))
+    requested, queries, spent = _tight()
+    targets = result.rng.uniform(*requested.world.bounds, (100, 7))
 
     def way_out(q):
         along = targets - q
         along /= np.maximum(np.linalg.norm(along, axis=1), 1.0)[:, None]
-        return np.mean([edge_free(asked.world, q, q + step) for step in along])
+        return np.mean([edge_free(requested.world, q, q + step) for step in along])
 
     share = np.array([min(way_out(q) for q in ends) for ends in queries])
-    gaps = [min(clearance(asked.world, q) for q in ends) for ends in queries]
+    gaps = [min(clearance(requested.world, q) for q in ends) for ends in queries]
     middles, logs = np.median(spent, axis=1), np.log(spent)
     # What the scatter of five seeds adds to the means of questions is taken off.
     within = logs.var(axis=1, ddof=1).mean()
     between = logs.mean(axis=1).var(ddof=1) - within / spent.shape[1]
-    part = found.figure("between", between / (between + within), 0.1)
-    out = found.figure("out", stats.spearmanr(share, middles).statistic, 0.1)
-    clear = found.figure("clear", stats.spearmanr(gaps, middles).statistic, 0.3)
+    part = result.figure("between", between / (between + within), 0.1)
+    out = result.figure("out", stats.spearmanr(share, middles).statistic, 0.1)
+    clear = result.figure("clear", stats.spearmanr(gaps, middles).statistic, 0.3)
     narrow = share <= np.median(share)
-    hard = found.figure("hard", np.median(middles[narrow]), 0.2)
-    easy = found.figure("easy", np.median(middles[~narrow]), 0.2)
+    hard = result.figure("hard", np.median(middles[narrow]), 0.2)
+    easy = result.figure("easy", np.median(middles[~narrow]), 0.2)
     tail = spent[:, 0] >= np.percentile(spent[:, 0], 90)
-    slow = found.figure("slow", np.median(spent[tail, 0]), 0.2)
-    again = found.figure("again", np.median(spent[tail, 1:]), 0.2)
-    usual = found.figure("all", np.median(spent), 0.2)
-    found.statement = "36 questions of the 7-R arm, five seeds each."
-    found.heard(part > 0.5)
-    found.corrected(
+    slow = result.figure("slow", np.median(spent[tail, 0]), 0.2)
+    again = result.figure("again", np.median(spent[tail, 1:]), 0.2)
+    usual = result.figure("all", np.median(spent), 0.2)
+    result.statement = "36 questions of the 7-R arm, five seeds each."
+    result.heard(part > 0.5)
+    result.corrected(
         out < -0.6, abs(clear) < abs(out), hard > 2.0 * easy, 3.0 * usual < again < slow
     )
 
@@ -153,7 +153,7 @@ def slow_plans_are_slow_questions(found):
     "shelf {open:.1%} of {asked:.0f} paths touch, at the tight one {tight:.1%}, up to "
     "{deep_mm:.0f} mm deep. Ask a path about it before it is driven.",
 )
-def limits_keep_an_arm_from_itself(found):
+def limits_keep_an_arm_from_itself(result):
     from course import contact
     from course.kinematics import compose, frames, panda, tip, turn_to
     from course.oracles import coal
@@ -178,8 +178,8 @@ def limits_keep_an_arm_from_itself(found):
         apart = [x.loop(poses[i], poses[j]) for x, (i, j) in zip(tests, pairs, strict=True)]
         return np.min(apart, axis=0)
 
-    states = found.rng.uniform(arm.lower, arm.upper, (500, 7)).T
-    number, share, deepest = found.given("asked", 60), {}, 0.0
+    states = result.rng.uniform(arm.lower, arm.upper, (500, 7)).T
+    number, share, deepest = result.given("asked", 60), {}, 0.0
     for name, limit in (("open", 0.05), ("tight", 0.5)):  # of a record of 0 it is absolute
         place, rng = shelf(name), np.random.default_rng(0)
         touching = []
@@ -188,10 +188,10 @@ def limits_keep_an_arm_from_itself(found):
             assert path is not None
             edges = [np.linspace(a, b, 8) for a, b in itertools.pairwise(path.T)]
             touching.append(gaps(np.vstack(edges).T).min())
-        share[name] = found.figure(name, np.mean(np.array(touching) < 0.0), limit)
+        share[name] = result.figure(name, np.mean(np.array(touching) < 0.0), limit)
         deepest = min(deepest, *touching)
-    found.figure("deep_mm", -1000.0 * deepest, 0.3)
-    hits = found.figure("uniform", np.mean(gaps(states) < 0.0), 0.1)
-    found.statement = "500 postures; paths of RRT-Connect at each shelf, at eight places an edge."
-    found.heard(hits == 0.0)
-    found.corrected(hits > 0.1, share["tight"] < 0.5 * hits, share["open"] < 0.5 * hits)
+    result.figure("deep_mm", -1000.0 * deepest, 0.3)
+    hits = result.figure("uniform", np.mean(gaps(states) < 0.0), 0.1)
+    result.statement = "500 postures; paths of RRT-Connect at each shelf, at eight places an edge."
+    result.heard(hits == 0.0)
+    result.corrected(hits > 0.1, share["tight"] < 0.5 * hits, share["open"] < 0.5 * hits)

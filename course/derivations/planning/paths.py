@@ -32,24 +32,24 @@ def _past_disc(radius, method, budget, seed):
     source="Karaman and Frazzoli, Sampling-based algorithms, 2011, theorem 38; a gap in its proof: "
     "Solovey and others, Revisiting the asymptotic optimality of RRT*, ICRA 2020",
 )
-def rrt_star_converges(found):
-    few, many = found.given("few", 1000), found.given("many", 20_000)
-    late = [_past_disc(2.0, "rrt_star", many, seed) for seed in range(10)]
+def rrt_star_converges(result):
+    few, more = result.given("few", 1000), result.given("many", 20_000)
+    late = [_past_disc(2.0, "rrt_star", more, seed) for seed in range(10)]
     early = [_past_disc(2.0, "rrt_star", few, seed) for seed in range(10)]
     ratios = np.array([[x.cost / best for x, best in some] for some in (early, late)]).T
-    found.figure("early", np.median(ratios[:, 0]), 0.01)
-    found.figure("late", np.median(ratios[:, 1]), 2e-3)
+    result.figure("early", np.median(ratios[:, 0]), 0.01)
+    result.figure("late", np.median(ratios[:, 1]), 2e-3)
     errors = []
     for answer, _ in late:
         edges = np.linalg.norm(answer.nodes[:, 1:] - answer.nodes[:, answer.parents[1:]], axis=0)
         errors.append(np.abs(answer.costs[1:] - answer.costs[answer.parents[1:]] - edges).max())
-    found.figure("error", max(errors), 0.5)
-    found.statement = "Ten seeds past a disc of 2 m, its shortest path in closed form."
-    found.heard(
+    result.figure("error", max(errors), 0.5)
+    result.statement = "Ten seeds past a disc of 2 m, its shortest path in closed form."
+    result.heard(
         all((np.diff(answer.history[2]) <= 0).all() for answer, _ in late)
         and np.median(ratios[:, 1]) - 1 < 0.3 * (np.median(ratios[:, 0]) - 1)
     )
-    found.corrected(ratios.min() >= 1.0, max(errors) < 1e-12, np.median(ratios[:, 1]) < 1.01)
+    result.corrected(ratios.min() >= 1.0, max(errors) < 1e-12, np.median(ratios[:, 1]) < 1.01)
 
 
 @claim(
@@ -59,8 +59,8 @@ def rrt_star_converges(found):
     "{budget:.0f} samples, RRT* {star:.2%}.",
     source="Gammell, Srinivasa and Barfoot, Informed RRT*, IROS 2014",
 )
-def informed_rrt_star(found):
-    budget = found.given("budget", 3000)
+def informed_rrt_star(result):
+    budget = result.given("budget", 3000)
 
     def pair(seed, radius=2.0, many=budget):
         return [_past_disc(radius, x, many, seed) for x in ("rrt_star", "informed_rrt_star")]
@@ -78,22 +78,22 @@ def informed_rrt_star(found):
     pairs = [pair(seed) for seed in range(10)]
     over = np.array([[answer.cost / best - 1 for answer, best in row] for row in pairs])
     star, informed = np.median(over, axis=0)
-    found.figure("star", star, 0.1)
-    found.figure("informed", informed, 0.1)
-    draws = zip(found.rng.uniform(0.3, 1.6, 10), found.rng.integers(1000, 4000, 10), strict=True)
-    inside = [pair(k, radius, int(many)) for k, (radius, many) in enumerate(draws)]
-    found.statement = "Ten seeds past a disc of 2 m, ten discs of other sizes, eight bug traps."
+    result.figure("star", star, 0.1)
+    result.figure("informed", informed, 0.1)
+    draws = zip(result.rng.uniform(0.3, 1.6, 10), result.rng.integers(1000, 4000, 10), strict=True)
+    inside = [pair(k, radius, int(count)) for k, (radius, count) in enumerate(draws)]
+    result.statement = "Ten seeds past a disc of 2 m, ten discs of other sizes, eight bug traps."
     outside = [shorter("bug_trap", seed) for seed in range(8)]
     before = [runs("gap", x, 50, 0.02, 0.5, budget=200) for x in ("rrt_star", "informed_rrt_star")]
     unsolved = [pair for pair in zip(*before, strict=True) if not pair[0].solved]
-    found.heard(
+    result.heard(
         all(outside),
         only_if="a path is known, the shortest has an ellipse below a quarter of the square, "
         "and a thousand samples or more are drawn",
         inside=[b[0].cost < a[0].cost and ellipse(a[1]) < 0.25 for a, b in inside],
         outside=outside,
     )
-    found.corrected(
+    result.corrected(
         all(np.array_equal(a.nodes, b.nodes) for a, b in unsolved),
         len(unsolved) > 10,
         informed < 0.6 * star,
@@ -118,37 +118,37 @@ def informed_rrt_star(found):
     ),
     source="Gammell, Srinivasa and Barfoot, Informed RRT*, IROS 2014",
 )
-def informed_area(found):
+def informed_area(result):
     import sympy
 
     from course.planning import scenes
 
     c, d, x = sympy.symbols("c d x", positive=True)
     height = sympy.sqrt((c**2 - d**2) / 4) * sympy.sqrt(1 - x**2)  # over x in halves of c
-    found.formula = sympy.simplify(sympy.integrate(2 * height, (x, -1, 1)) * c / 2)
-    area = sympy.lambdify((c, d), found.formula)
+    result.formula = sympy.simplify(sympy.integrate(2 * height, (x, -1, 1)) * c / 2)
+    area = sympy.lambdify((c, d), result.formula)
 
     def share(start, goal, length, low, high):
         """Share of uniform states by which a path of that length could pass."""
-        q = found.rng.uniform(low, high, (200_000, 2))
+        q = result.rng.uniform(low, high, (200_000, 2))
         return np.mean(
             np.linalg.norm(q - start, axis=1) + np.linalg.norm(q - goal, axis=1) < length
         )
 
     low, high = np.asarray(scenes.SQUARE)
-    apart = found.figure("d_m", np.linalg.norm(scenes.GOAL - scenes.START))
-    times = found.given("near", 1.02), found.given("far", 2.0)
+    apart = result.figure("d_m", np.linalg.norm(scenes.GOAL - scenes.START))
+    times = result.given("near", 1.02), result.given("far", 2.0)
     tight, loose = (share(scenes.START, scenes.GOAL, k * apart, low, high) for k in times)
-    found.figure("tight", tight, 0.03)
-    found.figure("loose", loose, 0.03)
+    result.figure("tight", tight, 0.03)
+    result.figure("loose", loose, 0.03)
     errors = []
-    for length in found.rng.uniform(1.0, 4.0, 20):
+    for length in result.rng.uniform(1.0, 4.0, 20):
         p = share(np.array([-0.5, 0.0]), np.array([0.5, 0.0]), length, -length, length)
         truth = area(length, 1.0) / (2 * length) ** 2
         errors.append((p - truth) / np.sqrt(truth * (1 - truth) / 200_000))
-    found.statement = "200,000 uniform states a length; twenty lengths from 1 to 4 times d."
-    found.heard(loose < 0.3)
-    found.corrected(np.abs(errors).max() < 4.0, tight < 0.3, loose > 0.9)
+    result.statement = "200,000 uniform states a length; twenty lengths from 1 to 4 times d."
+    result.heard(loose < 0.3)
+    result.corrected(np.abs(errors).max() < 4.0, tight < 0.3, loose > 0.9)
 
 
 SCENES = {"empty": (), "gap": (0.02, 0.5), "bug_trap": (), "discs": (), "arm": ()}
@@ -173,19 +173,19 @@ def _cut(scene, method, kind="partial"):
     "arc length: over the number of the waypoint {longer:.0%} of the cuts lengthen the path.",
     source="Geraerts and Overmars, Creating high-quality paths for motion planning, 2007",
 )
-def shortcut_never_lengthens(found):
+def shortcut_never_lengthens(result):
     from course.planning import check_path, length
 
-    kept = []
+    retained = []
     for scene in SCENES:
         for kind in ("vertex", "partial"):
             paths, cuts, world = _cut(scene, "rrt", kind)
-            kept += [
+            retained += [
                 length(b) < length(a) * (1 + 1e-12) and check_path(world, b, *a.T[[0, -1]]).free
                 for a, b in zip(paths, cuts, strict=True)
             ]
-    found.figure("paths", len(kept))
-    walks = found.rng.uniform(0.0, 1.0, (2000, 4, 3)).cumsum(axis=2)  # one joint is straightened
+    result.figure("paths", len(retained))
+    walks = result.rng.uniform(0.0, 1.0, (2000, 4, 3)).cumsum(axis=2)  # one joint is straightened
     walks = walks[:, :2] - walks[:, 2:]
 
     def longer(walk, place):
@@ -195,10 +195,10 @@ def shortcut_never_lengthens(found):
     arcs = np.insert(np.linalg.norm(np.diff(walks), axis=1).cumsum(axis=1), 0, 0.0, axis=1)
     by_arc = [longer(walk, arc) for walk, arc in zip(walks, arcs, strict=True)]
     by_number = [longer(walk, np.arange(3.0)) for walk in walks]
-    found.figure("longer", np.mean(by_number), 0.1)
-    found.statement = "Paths of RRT before and after; 2000 random corners of two joints."
-    found.heard(all(kept))
-    found.corrected(not any(by_arc), any(by_number))
+    result.figure("longer", np.mean(by_number), 0.1)
+    result.statement = "Paths of RRT before and after; 2000 random corners of two joints."
+    result.heard(all(retained))
+    result.corrected(not any(by_arc), any(by_number))
 
 
 @claim(
@@ -209,7 +209,7 @@ def shortcut_never_lengthens(found):
     "waypoints {discs_points:.0f} among discs, {gap_points:.0f} through a slit, {after_points:.0f}"
     " and {after_gap:.0f} after.",
 )
-def shortcut_share(found):
+def shortcut_share(result):
     from course.planning import length, scenes
 
     shares, points, edges = {}, {}, {}
@@ -227,18 +227,18 @@ def shortcut_share(found):
         ("rrt_least", ("rrt", "empty")),
         ("rrt_most", ("rrt", "arm")),
     ):
-        found.figure(name, shares[key], 0.1)
+        result.figure(name, shares[key], 0.1)
     for name, scene, k in (
         ("discs_points", "discs", 0),
         ("gap_points", "gap", 0),
         ("after_points", "discs", 1),
         ("after_gap", "gap", 1),
     ):
-        found.figure(name, points[scene][k], 0.1)
-    found.figure("edges", max(edges.values()), 0.1)
-    found.statement = "Medians of 12 seeds, up to 200 rounds of partial shortcuts."
-    found.heard(all(0.3 <= share <= 0.5 for share in shares.values()))
-    found.corrected(
+        result.figure(name, points[scene][k], 0.1)
+    result.figure("edges", max(edges.values()), 0.1)
+    result.statement = "Medians of 12 seeds, up to 200 rounds of partial shortcuts."
+    result.heard(all(0.3 <= share <= 0.5 for share in shares.values()))
+    result.corrected(
         shares["rrt_connect", "empty"] == min(shares.values()),
         shares["rrt", "arm"] > 0.5,
         shares["rrt_connect", "empty"] < 0.02,
@@ -256,31 +256,31 @@ def shortcut_share(found):
     "ends, which stays free in both: what comes back has to be checked.",
     source="Zucker et al., CHOMP, 2013; Schulman et al., 2014",
 )
-def optimisers_get_stuck(found):
+def optimisers_get_stuck(result):
     from course.planning import check_path, covariant_gradient, plan, scenes, sequential_convex
 
-    asked = scenes.discs()
-    planned = plan(asked.world, asked.start, asked.goal, rng=3, step=1.0).path
+    requested = scenes.discs()
+    planned = plan(requested.world, requested.start, requested.goal, rng=3, step=1.0).path
     assert planned is not None
-    vias = found.rng.uniform(0.5, 9.5, (found.given("starts", 20), 2))
+    vias = result.rng.uniform(0.5, 9.5, (result.given("starts", 20), 2))
     free, known, worse = {}, [], []
     for name, optimise, options in (  # steps so small that the descent settles
         ("chomp", covariant_gradient, {"iterations": 600, "weight": 100.0, "rate": 0.005}),
         ("trajopt", sequential_convex, {"iterations": 40}),
     ):
         ends = [
-            optimise(path, asked.world, margin=0.1, points=20, **options)
-            for path in (planned, *(np.column_stack((asked.start, x, asked.goal)) for x in vias))
+            optimise(path, requested.world, margin=0.1, points=20, **options)
+            for path in (planned, *(np.column_stack((requested.start, x, requested.goal)) for x in vias))
         ]
-        passed = np.array([bool(check_path(asked.world, end.path)) for end in ends])
+        passed = np.array([bool(check_path(requested.world, end.path)) for end in ends])
         free[name], costs = passed[1:], np.array([end.costs[-1] for end in ends])
         known.append(passed[0])
         worse.append(np.median(costs[1:][~free[name]]) / costs[0])
-        found.figure(name, 1 - free[name].mean(), 0.15)
-    found.figure("worse", min(worse), 0.1)
-    found.statement = "One world of discs that RRT-Connect solves from every seed."
-    found.heard(not all(x.all() for x in free.values()))
-    found.corrected(
+        result.figure(name, 1 - free[name].mean(), 0.15)
+    result.figure("worse", min(worse), 0.1)
+    result.statement = "One world of discs that RRT-Connect solves from every seed."
+    result.heard(not all(x.all() for x in free.values()))
+    result.corrected(
         all(x.any() and not x.all() for x in free.values()),
         all(known),
         min(worse) > 1.3,
@@ -295,7 +295,7 @@ def optimisers_get_stuck(found):
     "own largest third difference is {third_mm:.0f} mm.",
     source="Schulman et al., Motion planning with sequential convex optimization, 2014, sec. II",
 )
-def trajopt_minimises_jerk(found):
+def trajopt_minimises_jerk(result):
     from course.planning import check_path, length, plane, scenes, sequential_convex
 
     world, margin = plane(scenes.SQUARE, [[5.0, 5.0, 2.0]]), 0.1
@@ -304,13 +304,13 @@ def trajopt_minimises_jerk(found):
     shaped = sequential_convex(arch, world, margin=margin, points=30).path
     third = [np.linalg.norm(np.diff(path, 3), axis=0).max() for path in (arch, shaped)]
     keeps = [np.linalg.norm(path - 5.0, axis=0).min() - 2.0 for path in (arch, shaped)]
-    found.figure("shorter", 1 - length(shaped) / length(arch), 0.05)
-    found.figure("third_mm", 1000 * third[1], 0.2)
+    result.figure("shorter", 1 - length(shaped) / length(arch), 0.05)
+    result.figure("third_mm", 1000 * third[1], 0.2)
     free = plane(scenes.SQUARE, [[0.5, 0.5, 0.1]])
     steps = sequential_convex(arch, free, margin=margin, points=30).path
-    found.statement = "30 waypoints past a disc of 2 m; then nothing near."
-    found.heard(third[1] <= third[0])
-    found.corrected(
+    result.statement = "30 waypoints past a disc of 2 m; then nothing near."
+    result.heard(third[1] <= third[0])
+    result.corrected(
         third[0] < 1e-12 < 1e-3 < third[1],
         min(keeps) > 0.99 * margin,
         length(shaped) < length(arch),
@@ -332,7 +332,7 @@ def _turns(path):
     "an infinite acceleration. Three subdivisions towards a B-spline leave {round:.0f}, where no "
     "obstacle forbids it {bare:.0f}: corners at an obstacle stay.",
 )
-def shortcut_leaves_corners(found):
+def shortcut_leaves_corners(result):
     from course.planning import plane, scenes, smooth, time_parameterise
 
     paths, cuts, world = _cut("discs", "rrt")
@@ -342,15 +342,15 @@ def shortcut_leaves_corners(found):
         np.median([_turns(x).max() for x in some]) for some in (paths, cuts, rounded, nothing)
     ]
     for name, value in zip(("sharp", "kept", "round", "bare"), sharpest, strict=True):
-        found.figure(name, value, 0.1)
+        result.figure(name, value, 0.1)
     for name, some in (("before", paths), ("after", cuts)):
-        found.figure(name, np.median([x.shape[1] - 2 for x in some]), 0.1)
+        result.figure(name, np.median([x.shape[1] - 2 for x in some]), 0.1)
     stops = [
         int((np.abs(time_parameterise(x, (1.0, 1.0)).speeds[1:-1]) < 1e-9).sum()) for x in cuts
     ]
-    found.statement = "12 seeds; speeds by the time parameterisation without rounding."
-    found.heard(sharpest[1] < 1.0)
-    found.corrected(
+    result.statement = "12 seeds; speeds by the time parameterisation without rounding."
+    result.heard(sharpest[1] < 1.0)
+    result.corrected(
         stops == [x.shape[1] - 2 for x in cuts],
         sharpest[1] > 0.2 * sharpest[0],
         1.0 < sharpest[2] < sharpest[1],
@@ -366,11 +366,11 @@ def shortcut_leaves_corners(found):
     "{both:.4f} of the limit at any of {times:.0f} times.",
     source="Pham and Pham, A new approach to time-optimal path parameterization (TOPP-RA), 2018",
 )
-def limits_between_grid_points(found):
+def limits_between_grid_points(result):
     from course.planning import time_parameterise
 
     path = np.array([[0.0, 1.0, 1.2, 0.3, 2.0], [0.0, 0.2, 1.0, 1.5, 2.0]])
-    times = np.linspace(0.0, 1.0, found.given("times", 20_001))
+    times = np.linspace(0.0, 1.0, result.given("times", 20_001))
 
     def peaks(grid):
         """Largest acceleration, limit 1, of the chapter's motion, and with one end constrained."""
@@ -388,8 +388,8 @@ def limits_between_grid_points(found):
             low, high = 0.0, 81.0
             for _ in range(50):
                 x[i] = 0.5 * (low + high)
-                least, most = pushes(i, x[i], x[i + 1])
-                low, high = (x[i], high) if least <= most else (low, x[i])
+                least, largest = pushes(i, x[i], x[i + 1])
+                low, high = (x[i], high) if least <= largest else (low, x[i])
             x[i] = low
         x[0] = 0.0
         for i in range(len(h)):
@@ -398,11 +398,11 @@ def limits_between_grid_points(found):
             worst = max(worst, np.abs((f[i] + h[i] * c[i]) * u + c[i] * x[i + 1]).max())
         return np.abs(motion(times * motion.duration)[2]).max(), worst
 
-    coarse = peaks(found.given("coarse", 16))
-    fine = peaks(found.given("fine", 128))
-    found.figure("over", coarse[1] - 1, 0.05)
-    found.figure("over_fine", fine[1] - 1, 0.05)
-    found.figure("both", max(coarse[0], fine[0]), 1e-4)
-    found.statement = "Two joints, three rounded corners; acceleration at both ends of an interval."
-    found.heard(fine[1] < 1 + 1e-6)
-    found.corrected(max(coarse[0], fine[0]) < 1 + 1e-9, 1 < fine[1] < coarse[1])
+    coarse = peaks(result.given("coarse", 16))
+    fine = peaks(result.given("fine", 128))
+    result.figure("over", coarse[1] - 1, 0.05)
+    result.figure("over_fine", fine[1] - 1, 0.05)
+    result.figure("both", max(coarse[0], fine[0]), 1e-4)
+    result.statement = "Two joints, three rounded corners; acceleration at both ends of an interval."
+    result.heard(fine[1] < 1 + 1e-6)
+    result.corrected(max(coarse[0], fine[0]) < 1 + 1e-9, 1 < fine[1] < coarse[1])

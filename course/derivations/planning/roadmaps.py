@@ -16,26 +16,26 @@ from course.derivations.planning import runs
     "price is a search of the graph for each.",
     source="Bohlin and Kavraki, Path planning using lazy PRM, ICRA 2000",
 )
-def lazy_tests_the_final_path(found):
+def lazy_tests_the_final_path(result):
     def edges(scene, method, *place):
         return np.array([x.edge_checks for x in runs(scene, method, 40, *place, budget=20_000)])
 
     lazy, eager = edges("discs", "lazy_prm"), edges("discs", "prm")
     final = np.array([x.path.shape[1] - 1 for x in runs("discs", "lazy_prm", 40, budget=20_000)])
-    found.figure("lazy", np.median(lazy), 0.15)
-    found.figure("path", np.median(final), 0.2)
-    found.figure("eager", np.median(eager), 0.15)
-    found.figure("slit", np.median(edges("gap", "lazy_prm", 0.02, 0.5)), 0.3)
-    found.statement = "40 seeds, ten neighbours a state as in OMPL's PRM; its lazy one has five."
+    result.figure("lazy", np.median(lazy), 0.15)
+    result.figure("path", np.median(final), 0.2)
+    result.figure("eager", np.median(eager), 0.15)
+    result.figure("slit", np.median(edges("gap", "lazy_prm", 0.02, 0.5)), 0.3)
+    result.statement = "40 seeds, ten neighbours a state as in OMPL's PRM; its lazy one has five."
     open_ones = runs("empty", "lazy_prm", 40, budget=20_000)
-    found.heard(
+    result.heard(
         all(lazy == final),
         only_if="the first path proposed is free, as where nothing is in the way",
         inside=[x.edge_checks == x.path.shape[1] - 1 for x in open_ones],
         outside=(lazy == final).tolist(),
     )
     middle = np.median(lazy)
-    found.corrected(all(lazy >= final), 3 * np.median(final) < middle < 0.8 * np.median(eager))
+    result.corrected(all(lazy >= final), 3 * np.median(final) < middle < 0.8 * np.median(eager))
 
 
 @functools.cache
@@ -43,8 +43,8 @@ def _bay_to_bay():
     """The 7-R arm at the open shelf, and 30 queries from one bay to another."""
     from course.planning import shelf
 
-    asked, rng = shelf("open"), np.random.default_rng(0)
-    return asked.world, [asked.query(rng) for _ in range(30)]
+    requested, rng = shelf("open"), np.random.default_rng(0)
+    return requested.world, [requested.query(rng) for _ in range(30)]
 
 
 @claim(
@@ -55,27 +55,27 @@ def _bay_to_bay():
     " solves {rrt_long:.0f}, the median after {middle_rrt:.0f}, RRT-Connect's after "
     "{middle_long:.0f}.",
 )
-def both_ends_first(found):
+def both_ends_first(result):
     from course.planning import plan
 
     world, queries = _bay_to_bay()
-    budget, some = found.given("budget", 2000), queries[: found.given("asked", 20)]
-    steps, solved, middle = (found.given("short", 1.0), found.given("long", 5.0)), {}, {}
+    budget, some = result.given("budget", 2000), queries[: result.given("asked", 20)]
+    steps, solved, middle = (result.given("short", 1.0), result.given("long", 5.0)), {}, {}
     for method in ("rrt", "rrt_connect"):
         for step in steps:
             x = [plan(world, *q, method=method, rng=1, budget=budget, step=step) for q in some]
             solved[method, step] = sum(answer.solved for answer in x)
             middle[method, step] = np.median([answer.samples for answer in x])
     short, long = steps
-    found.figure("rrt", solved["rrt", short], 0.3)
-    found.figure("connect", solved["rrt_connect", short], 0.1)
-    found.figure("middle", middle["rrt_connect", short], 0.2)
-    found.figure("rrt_long", solved["rrt", long], 0.1)
-    found.figure("middle_rrt", middle["rrt", long], 0.3)
-    found.figure("middle_long", middle["rrt_connect", long], 0.3)
-    found.statement = "20 queries of the 7-R arm; the chart of the ladder has the times."
-    found.heard(solved["rrt", short] == len(some))
-    found.corrected(
+    result.figure("rrt", solved["rrt", short], 0.3)
+    result.figure("connect", solved["rrt_connect", short], 0.1)
+    result.figure("middle", middle["rrt_connect", short], 0.2)
+    result.figure("rrt_long", solved["rrt", long], 0.1)
+    result.figure("middle_rrt", middle["rrt", long], 0.3)
+    result.figure("middle_long", middle["rrt_connect", long], 0.3)
+    result.statement = "20 queries of the 7-R arm; the chart of the ladder has the times."
+    result.heard(solved["rrt", short] == len(some))
+    result.corrected(
         solved["rrt", short] < 0.7 * len(some),
         solved["rrt", long] > 0.9 * len(some),
         all(solved["rrt_connect", step] == len(some) for step in steps),
@@ -90,32 +90,32 @@ def both_ends_first(found):
     "roadmap knows what it has sampled: of ten with {few:.0f} states {joined:.0f} have a way "
     "through a slit of {slit:.0%}, with {many:.0f} all.",
 )
-def cached_roadmap(found):
+def cached_roadmap(result):
     from course.planning import build_roadmap, plan, scenes
 
     world, queries = _bay_to_bay()
     cached = build_roadmap(world, 500, 0)
     answers = [plan(world, *q, method="roadmap", roadmap=cached, rng=1, step=1.0) for q in queries]
-    asked = np.array([x.edge_checks for x in answers])
-    found.figure("median", np.median(asked), 0.3)
-    found.figure("tail", np.percentile(asked, 90), 0.4)
-    slit = found.given("slit", 0.02)
+    requested = np.array([x.edge_checks for x in answers])
+    result.figure("median", np.median(requested), 0.3)
+    result.figure("tail", np.percentile(requested, 90), 0.4)
+    slit = result.given("slit", 0.02)
 
     def joined(samples, seed):
         scene = scenes.gap(slit)
         graph = build_roadmap(scene.world, samples, seed)
-        left = graph.nodes[:, 0] < 5.0
-        crossing = left[graph.pairs[:, 0]] != left[graph.pairs[:, 1]]
+        remaining = graph.nodes[:, 0] < 5.0
+        crossing = remaining[graph.pairs[:, 0]] != remaining[graph.pairs[:, 1]]
         return bool((graph.status[crossing] == 1).any())
 
-    sizes = found.given("few", 100), found.given("many", 2000)
+    sizes = result.given("few", 100), result.given("many", 2000)
     counts = [sum(joined(size, seed) for seed in range(10)) for size in sizes]
-    found.figure("joined", counts[0], 0.4)
-    found.statement = "30 queries; states drawn uniformly, seeds 0 to 9."
-    found.heard(np.percentile(asked, 90) == 0 and counts[0] == 10)
-    found.corrected(
-        asked.min() > 0,
-        np.percentile(asked, 90) > 4 * np.median(asked),
+    result.figure("joined", counts[0], 0.4)
+    result.statement = "30 queries; states drawn uniformly, seeds 0 to 9."
+    result.heard(np.percentile(requested, 90) == 0 and counts[0] == 10)
+    result.corrected(
+        requested.min() > 0,
+        np.percentile(requested, 90) > 4 * np.median(requested),
         counts[0] < 10,
         counts[1] == 10,
         all(x.solved for x in answers),
@@ -131,13 +131,13 @@ def cached_roadmap(found):
     "in the median; a Gaussian state is {near_m:.2f} m from it.",
     source="Hsu, Jiang, Reif and Sun, The bridge test, ICRA 2003",
 )
-def bridge_test(found):
+def bridge_test(result):
     from course.planning import clearance, plan, plane, scenes
     from course.planning.samplers import TRIES
 
-    scene, disc = scenes.gap(found.given("gap", 0.05), 4.0), plane(scenes.SQUARE, [[5, 5, 2]])
+    scene, disc = scenes.gap(result.given("gap", 0.05), 4.0), plane(scenes.SQUARE, [[5, 5, 2]])
 
-    spread, little = found.given("spread", 0.5), found.given("little", 0.2)
+    spread, little = result.given("spread", 0.5), result.given("little", 0.2)
 
     def drawn(world, sampler, spread=spread):
         answer = plan(
@@ -155,16 +155,16 @@ def bridge_test(found):
     inside = {}
     for name in ("bridge", "gaussian", "uniform"):
         inside[name] = np.mean(np.abs(drawn(scene.world, name)[0][:, 0] - 5.0) < 2.0)
-        found.figure(name, inside[name], 0.3)
+        result.figure(name, inside[name], 0.3)
     short = np.mean(np.abs(drawn(scene.world, "bridge", little)[0][:, 0] - 5.0) < 2.0)
-    found.figure("short", short, 0.3)
+    result.figure("short", short, 0.3)
     by_disc = {name: drawn(disc, name) for name in ("gaussian", "bridge", "uniform")}
     away = [np.median([clearance(disc, q) for q in states]) for states, _ in by_disc.values()]
-    found.figure("near_m", away[0], 0.1)
-    found.figure("far_m", away[1], 0.1)
-    found.statement = "2000 samples each; the bridge test gives up after 100 tries of two states."
-    found.heard(away[1] < 2 * away[0])
-    found.corrected(
+    result.figure("near_m", away[0], 0.1)
+    result.figure("far_m", away[1], 0.1)
+    result.statement = "2000 samples each; the bridge test gives up after 100 tries of two states."
+    result.heard(away[1] < 2 * away[0])
+    result.corrected(
         inside["bridge"] > 1.2 * inside["gaussian"],
         inside["gaussian"] > 4 * inside["uniform"],
         away[1] > 0.5 * away[2],
@@ -180,20 +180,20 @@ def bridge_test(found):
     "RRT says {said} with an end {short:.1f} sides of the square off. Ask for an exact solution.",
     source="OMPL, SelfConfig::getDefaultPlanner and PlannerStatus",
 )
-def ompl_defaults(found):
+def ompl_defaults(result):
     from importlib.metadata import version
 
     from course.oracles import ompl as oracle
 
     chosen = {oracle.defaults(dim)["planner"] for dim in (2, 3, 7)}
-    said, exact, short = oracle.approximate()
-    found.figure("version", version("ompl"))
-    found.figure("planner", " or ".join(sorted(chosen)))
-    found.figure("said", str(said).lower())
-    found.figure("short", short, 0.05)
-    found.statement = "Asked in 2, 3 and 7 dimensions; an RRT of OMPL's with a budget of 200."
-    found.heard(chosen == {"RRTConnect"} and not said)
-    found.corrected("RRTConnect" not in chosen, said, not exact, short > 0.49)
+    text, exact, short = oracle.approximate()
+    result.figure("version", version("ompl"))
+    result.figure("planner", " or ".join(sorted(chosen)))
+    result.figure("said", str(text).lower())
+    result.figure("short", short, 0.05)
+    result.statement = "Asked in 2, 3 and 7 dimensions; an RRT of OMPL's with a budget of 200."
+    result.heard(chosen == {"RRTConnect"} and not text)
+    result.corrected("RRTConnect" not in chosen, text, not exact, short > 0.49)
 
 
 @claim(
@@ -203,19 +203,19 @@ def ompl_defaults(found):
     "and a planner that takes its angles for numbers goes {way_deg:.0f} degrees from {from_deg} to"
     " {to_deg}.",
 )
-def one_dimension_a_joint(found):
+def one_dimension_a_joint(result):
     from course import planning
     from course.kinematics import panda
 
     dims = [planning.planar_arm(np.ones(n)).dim for n in range(1, 9)]
-    found.figure("six", dims[5])
-    found.figure("seven", panda().n)
-    ends = found.given("from_deg", 170), found.given("to_deg", -170)
+    result.figure("six", dims[5])
+    result.figure("seven", panda().n)
+    ends = result.given("from_deg", 170), result.given("to_deg", -170)
     answer = planning.plan(planning.planar_arm([1.0]), *np.radians([ends]).T)
-    found.figure("way_deg", np.degrees(answer.cost))
-    found.statement = "Arms of one to eight links; one joint among nothing."
-    found.heard(dims[5] == 6)
-    found.corrected(dims == list(range(1, 9)), np.degrees(answer.cost) > 300)
+    result.figure("way_deg", np.degrees(answer.cost))
+    result.statement = "Arms of one to eight links; one joint among nothing."
+    result.heard(dims[5] == 6)
+    result.corrected(dims == list(range(1, 9)), np.degrees(answer.cost) > 300)
 
 
 def _tip_world(rng, radius):
@@ -237,7 +237,7 @@ def _tip_world(rng, radius):
     "answers and whose straight tip path is free, {one:.0%} can follow that path with one elbow "
     "only, {neither:.0%} with neither.",
 )
-def tip_path_then_ik(found):
+def tip_path_then_ik(result):
     from course.kinematics import planar, tip, two_link_ik
     from course.planning import edge_free, plan, scenes, state_free
 
@@ -245,34 +245,34 @@ def tip_path_then_ik(found):
     chain = planar(lengths)
 
     def hits(radius):
-        arm, point = _tip_world(found.rng, radius)
-        q = found.rng.uniform(-np.pi, np.pi, (200, 2))
+        arm, point = _tip_world(result.rng, radius)
+        q = result.rng.uniform(-np.pi, np.pi, (200, 2))
         free = [x for x, p in zip(q, tip(chain, q.T)[:2].T, strict=True) if state_free(point, p)]
         return np.mean([not state_free(arm, x) for x in free])
 
-    radius = found.given("radius_m", 0.05)
+    radius = result.given("radius_m", 0.05)
     thin, thick = (np.mean([hits(x) for _ in range(10)]) for x in (0.0, radius))
-    found.figure("thin", thin, 0.1)
-    found.figure("thick", thick, 0.1)
+    result.figure("thin", thin, 0.1)
+    result.figure("thick", thick, 0.1)
     blocked: list[list[bool]] = []
     while len(blocked) < 100:
-        arm, point = _tip_world(found.rng, 0.0)
-        ends = [scenes.free_state(arm, found.rng) for _ in range(2)]
+        arm, point = _tip_world(result.rng, 0.0)
+        ends = [scenes.free_state(arm, result.rng) for _ in range(2)]
         a, b = (tip(chain, q)[:2] for q in ends)
         line = a[:, None] + (b - a)[:, None] * np.linspace(0, 1, 60)
         near = np.linalg.norm(line, axis=0).min()  # around the base is out of reach
         if near < 0.25 or not edge_free(point, a, b) or not plan(arm, *ends, budget=3000).solved:
             continue
-        ways = np.unwrap(np.moveaxis(two_link_ik(lengths, line).q, 2, 0), axis=0)
+        paths = np.unwrap(np.moveaxis(two_link_ik(lengths, line).q, 2, 0), axis=0)
         blocked.append(
             [
-                not all(edge_free(arm, p, q) for p, q in itertools.pairwise(way))
-                for way in np.moveaxis(ways, 2, 0)
+                not all(edge_free(arm, p, q) for p, q in itertools.pairwise(path))
+                for path in np.moveaxis(paths, 2, 0)
             ]
         )
     neither, one = np.all(blocked, axis=1), np.sum(blocked, axis=1) == 1
-    found.figure("neither", neither.mean(), 0.3)
-    found.figure("one", one.mean(), 0.2)
-    found.statement = "Two links among five random discs; 100 such questions."
-    found.heard(thin == 0.0 and not neither.any())
-    found.corrected(thin > 0.1, thick < 2 * thin, neither.mean() > 0.01, one.mean() > 0.1)
+    result.figure("neither", neither.mean(), 0.3)
+    result.figure("one", one.mean(), 0.2)
+    result.statement = "Two links among five random discs; 100 such questions."
+    result.heard(thin == 0.0 and not neither.any())
+    result.corrected(thin > 0.1, thick < 2 * thin, neither.mean() > 0.01, one.mean() > 0.1)

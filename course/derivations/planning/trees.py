@@ -18,18 +18,18 @@ GAPS = {"wide": 0.5, "narrow": 0.1, "slit": 0.02}  # share of the wall that is o
     "new node, so {short:.0%} of the edges are shorter; and the goal needs a free edge of its own.",
     source="LaValle, Rapidly-exploring random trees, 1998",
 )
-def rrt_loop(found):
+def rrt_loop(result):
     from course.drills import rrt
     from course.planning import plan, scenes
 
     same, nodes, edges = [], 0, []
-    for seed in range(found.given("worlds", 20)):
-        asked = scenes.discs(seed)
-        world, discs = asked.world, asked.world.obstacles[:, 1:4]
+    for seed in range(result.given("worlds", 20)):
+        requested = scenes.discs(seed)
+        world, discs = requested.world, requested.world.obstacles[:, 1:4]
         ours = plan(
             world,
-            asked.start,
-            asked.goal,
+            requested.start,
+            requested.goal,
             method="rrt",
             budget=500,
             rng=seed,
@@ -37,15 +37,15 @@ def rrt_loop(found):
             goal_bias=0.1,
         )
         rng = np.random.default_rng(seed)
-        _, tree, parents, _ = rrt(asked.start, asked.goal, discs, world.bounds, 1.0, 500, rng)
+        _, tree, parents, _ = rrt(requested.start, requested.goal, discs, world.bounds, 1.0, 500, rng)
         same.append(np.array_equal(parents, ours.parents) and np.allclose(tree.T, ours.nodes))
         nodes += len(tree)
         edges.append(np.linalg.norm(tree[1:] - tree[parents[1:]], axis=1))
-    found.figure("nodes", nodes, 0.02)
-    found.figure("short", np.mean(np.concatenate(edges) < 1.0 - 1e-9), 0.05)
-    found.statement = "The loop in plain Python against the compiled planner, with the same draws."
-    found.heard(all(same))
-    found.corrected(
+    result.figure("nodes", nodes, 0.02)
+    result.figure("short", np.mean(np.concatenate(edges) < 1.0 - 1e-9), 0.05)
+    result.statement = "The loop in plain Python against the compiled planner, with the same draws."
+    result.heard(all(same))
+    result.corrected(
         all(same),
         any((x < 1.0 - 1e-9).any() for x in edges),
         max(x.max() for x in edges) < 1.0 + 1e-9,
@@ -60,16 +60,16 @@ def rrt_loop(found):
     " in the same words as {failed:.0%} of the runs through the slit with {budget:.0f} samples.",
     source="LaValle and Kuffner, Randomized kinodynamic planning, 2001, theorem 3",
 )
-def rrt_complete(found):
+def rrt_complete(result):
     from course import planning
     from course.planning import plan, plane, scenes
 
-    slit, budget = found.given("slit", 0.02), found.given("budget", 500)
+    slit, budget = result.given("slit", 0.02), result.given("budget", 500)
     spent = samples("gap", "rrt", 300, slit, 0.5)
-    found.figure("half", np.median(spent), 0.1)
-    found.figure("late", np.percentile(spent, 95), 0.2)
+    result.figure("half", np.median(spent), 0.1)
+    result.figure("late", np.percentile(spent, 95), 0.2)
     early = runs("gap", "rrt", 200, slit, 0.5, budget=budget)
-    found.figure("failed", np.mean([not x.solved for x in early]), 0.1)
+    result.figure("failed", np.mean([not x.solved for x in early]), 0.1)
     ring = [[8, 8, 10, 8.2], [8, 9.8, 10, 10], [8, 8, 8.2, 10], [9.8, 8, 10, 10]]
     ends = plane(scenes.SQUARE, boxes=ring), scenes.START, scenes.GOAL
     # A way without any width: one line through the wall.
@@ -83,21 +83,21 @@ def rrt_complete(found):
     walled = [plan(*ends, method=x, budget=5000).status for x in ("rrt", "rrt_connect", "prm")]
 
     def solved(bias, most):
-        asked = scenes.gap(found.rng.uniform(0.05, 0.6), found.rng.uniform(0.05, 3.0))
-        ends, step = (asked.start, asked.goal), found.rng.uniform(0.3, 3)
+        requested = scenes.gap(result.rng.uniform(0.05, 0.6), result.rng.uniform(0.05, 3.0))
+        ends, step = (requested.start, requested.goal), result.rng.uniform(0.3, 3)
         tree = plan(
-            asked.world, *ends, method="rrt", budget=most, rng=found.rng, step=step, goal_bias=bias
+            requested.world, *ends, method="rrt", budget=most, rng=result.rng, step=step, goal_bias=bias
         )
         return tree.solved
 
-    found.statement = "300 seeds through the slit; random gaps, steps and biases."
-    found.heard(
+    result.statement = "300 seeds through the slit; random gaps, steps and biases."
+    result.heard(
         solved(1.0, 5000),
         only_if="a path keeps clear, and targets come from everywhere: a goal bias below 1",
-        inside=[solved(bias, 300_000) for bias in found.rng.uniform(0.0, 0.8, 20)],
+        inside=[solved(bias, 300_000) for bias in result.rng.uniform(0.0, 0.8, 20)],
         outside=[solved(1.0, 5000) for _ in range(16)] + by_line,
     )
-    found.corrected(
+    result.corrected(
         all(x.solved for x in runs("gap", "rrt", 300, slit, 0.5)),
         {x.status for x in early if not x.solved} == set(walled),
         not any(by_line),
@@ -113,24 +113,24 @@ def rrt_complete(found):
     "of them, here {least:.0f}. One sample adds {added:.0f} nodes.",
     source="Kuffner and LaValle, RRT-Connect, ICRA 2000",
 )
-def connect_is_two_rrts(found):
+def connect_is_two_rrts(result):
     from course.planning import plan, scenes
 
     empty = scenes.empty()
-    questions = found.rng.uniform(*empty.world.bounds, (found.given("questions", 200), 2, 2))
+    questions = result.rng.uniform(*empty.world.bounds, (result.given("questions", 200), 2, 2))
     one = [
-        plan(empty.world, a, b, rng=k, step=found.rng.uniform(0.05, 3.0)).samples == 1
+        plan(empty.world, a, b, rng=k, step=result.rng.uniform(0.05, 3.0)).samples == 1
         for k, (a, b) in enumerate(questions)
     ]
     least = np.ceil(np.linalg.norm(empty.goal - empty.start) / (2 * empty.step))
-    found.figure("open", sum(one))
-    found.figure("least", least)
+    result.figure("open", sum(one))
+    result.figure("least", least)
     # The two roots are there before, and the state where the trees meet is in both.
     added = [x.nodes.shape[1] - 3 for x in runs("empty", "rrt_connect", 200)]
-    found.figure("added", np.median(added), 0.1)
-    found.statement = "200 random questions in an empty square, 200 seeds of one."
-    found.heard(min(samples("empty", "rrt_connect", 200)) >= least)
-    found.corrected(all(one), least > 1, np.median(added) > 2)
+    result.figure("added", np.median(added), 0.1)
+    result.statement = "200 random questions in an empty square, 200 seeds of one."
+    result.heard(min(samples("empty", "rrt_connect", 200)) >= least)
+    result.corrected(all(one), least > 1, np.median(added) > 2)
 
 
 @claim(
@@ -146,34 +146,34 @@ def connect_is_two_rrts(found):
     "{connect_wide_length:.2f}, {connect_narrow_length:.2f} and {connect_slit_length:.2f}, all of "
     "it waste: after shortcutting the slit's are within {after:.1%}.",
 )
-def gap_table(found):
+def gap_table(result):
     from course.planning import length, scenes, shortcut
 
-    wall, short = found.given("wall_m", 0.5), found.given("short_m", 0.1)
+    wall, short = result.given("wall_m", 0.5), result.given("short_m", 0.1)
     scene = scenes.gap(0.02, wall)
-    found.figure("side_m", scene.world.bounds[1, 0])
-    found.figure("step_m", scene.step)
-    told = {"rrt": (80, 2500, 60_000), "rrt_connect": (30, 400, 8000)}
+    result.figure("side_m", scene.world.bounds[1, 0])
+    result.figure("step_m", scene.step)
+    report = {"rrt": (80, 2500, 60_000), "rrt_connect": (30, 400, 8000)}
     ratios, over, after = [], {}, []
     for method in BOTH:
         tag = method.split("_")[-1]
-        for (name, share), number in zip(GAPS.items(), told[method], strict=True):
+        for (name, share), number in zip(GAPS.items(), report[method], strict=True):
             answers, best = runs("gap", method, 300, share, wall), through_gap(share, wall)
             middle = np.median([x.samples for x in answers])
-            ratios.append(found.figure(f"{tag}_{name}", middle, 0.1) / number)
+            ratios.append(result.figure(f"{tag}_{name}", middle, 0.1) / number)
             over[tag, name] = np.median([x.cost for x in answers]) / best
-            found.figure(f"{tag}_{name}_length", over[tag, name], 0.02)
-        after += [length(shortcut(x.path, scene.world, found.rng)) / best for x in answers[:25]]
-    found.figure("after", np.median(after) - 1, 0.3)
+            result.figure(f"{tag}_{name}_length", over[tag, name], 0.02)
+        after += [length(shortcut(x.path, scene.world, result.rng)) / best for x in answers[:25]]
+    result.figure("after", np.median(after) - 1, 0.3)
     low, high = np.percentile(samples("gap", "rrt", 300, 0.02, wall), (25, 75))
-    found.figure("low", low, 0.2)
-    found.figure("high", high, 0.2)
-    shorter = found.figure(
+    result.figure("low", low, 0.2)
+    result.figure("high", high, 0.2)
+    shorter = result.figure(
         "short_wide", np.median(samples("gap", "rrt", 60, 0.5, wall, step=short)), 0.1
     )
-    found.statement = "300 seeds of each; the shortest path goes around two corners of the gap."
-    found.heard(all(0.5 < ratio < 2.0 for ratio in ratios))
-    found.corrected(
+    result.statement = "300 seeds of each; the shortest path goes around two corners of the gap."
+    result.heard(all(0.5 < ratio < 2.0 for ratio in ratios))
+    result.corrected(
         all(ratio < 0.5 for ratio in ratios),
         high > 3 * low,
         min(after) > 1 - 1e-9,
@@ -193,11 +193,11 @@ def gap_table(found):
     "with a step of {step_m:.0f} m; with {long_m:.0f} m one tree sees as far, and in the trap RRT "
     "takes {trap_long:.0%} of RRT-Connect's samples.",
 )
-def connect_in_narrow_passages(found):
+def connect_in_narrow_passages(result):
     from course.planning import scenes
 
-    seeds = found.given("seeds", 300)
-    walls = found.given("thin_m", 0.05), found.given("thick_m", 6.0)
+    seeds = result.given("seeds", 300)
+    walls = result.given("thin_m", 0.05), result.given("thick_m", 6.0)
 
     def gain(*place, scene="gap", what="samples", many=seeds, **options):
         rrt, connect = (
@@ -206,23 +206,23 @@ def connect_in_narrow_passages(found):
         )
         return rrt / connect
 
-    gains = {name: found.figure(name, gain(share, 0.5), 0.1) for name, share in GAPS.items()}
-    edges = found.figure("edges", gain(0.02, 0.5, what="edge_checks"), 0.1)
-    trap = found.figure("trap", gain(scene="bug_trap"), 0.15)
-    empty = found.figure("empty", gain(scene="empty"), 0.15)
-    thin = found.figure("thin", gain(0.1, walls[0]), 0.1)
-    thick = found.figure("thick", gain(0.1, walls[1]), 0.1)
-    found.figure("step_m", scenes.bug_trap().step)
-    far = {"many": 100, "step": found.given("long_m", 10.0)}
-    trap_long = found.figure("trap_long", gain(scene="bug_trap", **far), 0.3)
+    gains = {name: result.figure(name, gain(share, 0.5), 0.1) for name, share in GAPS.items()}
+    edges = result.figure("edges", gain(0.02, 0.5, what="edge_checks"), 0.1)
+    trap = result.figure("trap", gain(scene="bug_trap"), 0.15)
+    empty = result.figure("empty", gain(scene="empty"), 0.15)
+    thin = result.figure("thin", gain(0.1, walls[0]), 0.1)
+    thick = result.figure("thick", gain(0.1, walls[1]), 0.1)
+    result.figure("step_m", scenes.bug_trap().step)
+    far = {"many": 100, "step": result.given("long_m", 10.0)}
+    trap_long = result.figure("trap_long", gain(scene="bug_trap", **far), 0.3)
     # With other steps a passage a hundred times as long gains a little, not a multiple.
     others = [
         gain(0.1, walls[1], many=100, step=x) / gain(0.1, walls[0], many=100, step=x)
         for x in (0.3, 3.0)
     ]
-    found.statement = "RRT with a goal bias of 5 %, a step of a tenth of the square."
-    found.heard(all(3.0 <= gains[name] <= 8.0 for name in ("narrow", "slit")))
-    found.corrected(
+    result.statement = "RRT with a goal bias of 5 %, a step of a tenth of the square."
+    result.heard(all(3.0 <= gains[name] <= 8.0 for name in ("narrow", "slit")))
+    result.corrected(
         gains["slit"] < gains["narrow"] < gains["wide"],
         gains["slit"] < 3.0,
         edges < gains["slit"],
@@ -240,8 +240,8 @@ def connect_in_narrow_passages(found):
     "{slit_5:.0f} become {slit_20:.0f}, in a bug trap {trap_5:.0f} {trap_20:.0f}, and at "
     "{most:.0%} {trap_most:.0f}: what is drawn at the goal is not drawn at the way out.",
 )
-def goal_bias_in_passages(found):
-    most, middles = found.given("most", 0.5), {}
+def goal_bias_in_passages(result):
+    largest, middles = result.given("most", 0.5), {}
     places = {
         "empty": ("empty",),
         "tenth": ("gap", 0.1, 0.5),
@@ -250,14 +250,14 @@ def goal_bias_in_passages(found):
     }
     needed = {}  # samples that are not the goal, in the mean
     for name, (scene, *place) in places.items():
-        for bias, tag in ((0.05, "5"), (0.2, "20"), (most, "most"))[: 3 if name == "trap" else 2]:
+        for bias, tag in ((0.05, "5"), (0.2, "20"), (largest, "most"))[: 3 if name == "trap" else 2]:
             runs_of = samples(scene, "rrt", 300, *place, goal_bias=bias)
             needed[name, tag] = (1.0 - bias) * runs_of.mean()
             middles[name, tag] = np.median(runs_of)
-            found.figure(f"{name}_{tag}", middles[name, tag], 0.1)
-    found.statement = "Medians of 300 seeds."
-    found.heard(all(middles[name, "20"] < middles[name, "5"] for name in ("slit", "trap")))
-    found.corrected(
+            result.figure(f"{name}_{tag}", middles[name, tag], 0.1)
+    result.statement = "Medians of 300 seeds."
+    result.heard(all(middles[name, "20"] < middles[name, "5"] for name in ("slit", "trap")))
+    result.corrected(
         all(middles[x, "20"] < middles[x, "5"] for x in ("empty", "tenth")),
         all(
             abs(drawn / needed[x, "5"] - 1) < 0.25
@@ -287,7 +287,7 @@ def goal_bias_in_passages(found):
         },
     ),
 )
-def passage_in_more_dimensions(found):
+def passage_in_more_dimensions(result):
     import sympy
 
     from course.planning import edge_free, scenes
@@ -295,31 +295,31 @@ def passage_in_more_dimensions(found):
     w, n, r = sympy.symbols("w n r", positive=True)
     # The wall parts the segment as r to 1, r uniform; the middle then has the density 1 + r.
     tube = w ** (n - 1) * sympy.integrate((1 + r) ** (n - 1), (r, 0, 1))
-    found.formula = tube.subs(n, 3)
-    width = found.given("width", 0.1)
+    result.formula = tube.subs(n, 3)
+    width = result.given("width", 0.1)
 
-    def seen(dim, narrow, share=width, pairs=400_000):
+    def observed(dim, narrow, share=width, pairs=400_000):
         """Share of random pairs whose segment crosses the middle of the wall in the opening."""
-        ends = found.rng.uniform(-0.5, 0.5, (2, dim, pairs))
+        ends = result.rng.uniform(-0.5, 0.5, (2, dim, pairs))
         a, b = np.abs(ends[:, -1])
         cross = (ends[0, :-1] * b + ends[1, :-1] * a) / (a + b)
         return np.mean((np.abs(cross[:narrow]) < share / 2).all(axis=0))
 
-    tubes = {k: found.figure(f"tube_{k}", seen(k, k - 1), 0.1) for k in (2, 3, 4)}
-    slabs = {k: found.figure(f"slab_{k}", seen(k, 1), 0.05) for k in (2, 6)}
+    tubes = {k: result.figure(f"tube_{k}", observed(k, k - 1), 0.1) for k in (2, 3, 4)}
+    slabs = {k: result.figure(f"slab_{k}", observed(k, 1), 0.05) for k in (2, 6)}
     world = scenes.gap(width, 1e-6).world
-    low, high = found.rng.uniform((0, 0), (5, 10), (2, 20_000, 2))
+    low, high = result.rng.uniform((0, 0), (5, 10), (2, 20_000, 2))
     ours = np.mean([edge_free(world, a, b + [5, 0]) for a, b in zip(low, high, strict=True)])
     law = {k: float(tube.subs({w: width, n: k})) for k in tubes}
-    found.statement = f"400,000 pairs each; the chapter's edge test in the plane: {ours:.3f}."
-    draws = list(zip(found.rng.integers(2, 4, 8), found.rng.uniform(0.1, 0.3, 8), strict=True))
-    found.heard(
+    result.statement = f"400,000 pairs each; the chapter's edge test in the plane: {ours:.3f}."
+    draws = list(zip(result.rng.integers(2, 4, 8), result.rng.uniform(0.1, 0.3, 8), strict=True))
+    result.heard(
         slabs[6] < 0.9 * slabs[2],
         only_if="it is narrow in the directions that come with them: a tube, not a slab",
-        inside=[seen(k + 1, k, x) < 0.9 * seen(k, k - 1, x) for k, x in draws],
-        outside=[seen(k + 1, 1, x) < 0.9 * seen(k, 1, x) for k, x in draws],
+        inside=[observed(k + 1, k, x) < 0.9 * observed(k, k - 1, x) for k, x in draws],
+        outside=[observed(k + 1, 1, x) < 0.9 * observed(k, 1, x) for k, x in draws],
     )
-    found.corrected(
+    result.corrected(
         abs(ours - law[2]) < 0.01,
         all(abs(tubes[k] / law[k] - 1) < 0.12 for k in tubes),
         abs(slabs[6] / slabs[2] - 1) < 0.05,

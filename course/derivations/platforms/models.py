@@ -37,10 +37,10 @@ def compiled(joint, more="", links=1):
     "elsewhere. With a damping of {damping:.1f} N m s/rad and limits it got {calm:.2f} turns, and "
     "{near:.2f} degrees.",
 )
-def hello_world_winds(found):
+def hello_world_winds(result):
     import mujoco
 
-    seconds, damping = found.given("seconds", 2.0), found.given("damping", 0.5)
+    seconds, damping = result.given("seconds", 2.0), result.given("damping", 0.5)
     motors = '<motor joint="j0"/><motor joint="j1"/>'
 
     def moved(joint, torques=(0.5, -0.3), dt=0.002):
@@ -48,22 +48,22 @@ def hello_world_winds(found):
         model, data = compiled(joint, motors, links=2)
         model.opt.timestep = dt
         data.ctrl[:] = torques
-        most = 0.0
+        largest = 0.0
         for _ in range(round(seconds / 0.01)):
             mujoco.mj_step(model, data, round(0.01 / dt))
-            most = max(most, np.abs(data.qpos).max())
-        return most / (2.0 * np.pi), np.degrees(data.qpos[1])
+            largest = max(largest, np.abs(data.qpos).max())
+        return largest / (2.0 * np.pi), np.degrees(data.qpos[1])
 
     limited = f'damping="{damping}" range="-150 150"'
-    (most, free), (little, held) = moved(""), moved(limited)
-    turns = found.figure("turns", most, 0.02)
-    found.figure("calm", little, 0.02)
-    apart = found.figure("apart", abs(moved("", dt=0.001)[1] - free), 0.1)
-    near = found.figure("near", abs(moved(limited, dt=0.001)[1] - held), 0.2)
-    draws = found.rng.uniform((0.2, -0.5), (0.7, -0.2), (8, 2))
-    found.statement = "MuJoCo at 2 and at 1 ms; the same at eight random pairs of torques."
-    found.heard(turns < 0.5)
-    found.corrected(
+    (largest, free), (little, held) = moved(""), moved(limited)
+    turns = result.figure("turns", largest, 0.02)
+    result.figure("calm", little, 0.02)
+    apart = result.figure("apart", abs(moved("", dt=0.001)[1] - free), 0.1)
+    near = result.figure("near", abs(moved(limited, dt=0.001)[1] - held), 0.2)
+    draws = result.rng.uniform((0.2, -0.5), (0.7, -0.2), (8, 2))
+    result.statement = "MuJoCo at 2 and at 1 ms; the same at eight random pairs of torques."
+    result.heard(turns < 0.5)
+    result.corrected(
         turns > 2.0,
         all(moved("", x)[0] > 1.0 for x in draws),
         apart > 10.0 * near,
@@ -79,7 +79,7 @@ def hello_world_winds(found):
     "that the file doesn't name.",
     source="MuJoCo 4.0 manual, 2026, XML reference, actuator/general, motor, position",
 )
-def motor_is_torque(found):
+def motor_is_torque(result):
     import mujoco
 
     def torque(kind, ctrl, angle=0.0):
@@ -88,16 +88,16 @@ def motor_is_torque(found):
         mujoco.mj_forward(model, data)
         return float(data.qfrc_actuator[0])
 
-    ctrl = found.given("ctrl", 0.7)
-    found.figure("torque", torque("general", ctrl))
-    kp = found.figure("kp", torque("position", 1.0))
-    draws = found.rng.uniform(-2.0, 2.0, (8, 2))
+    ctrl = result.given("ctrl", 0.7)
+    result.figure("torque", torque("general", ctrl))
+    kp = result.figure("kp", torque("position", 1.0))
+    draws = result.rng.uniform(-2.0, 2.0, (8, 2))
     direct = [
         abs(torque(kind, x, y) - x) < 1e-12 for x, y in draws for kind in ("motor", "general")
     ]
-    found.statement = "What MuJoCo says that it applies, at random controls and angles."
-    found.heard(all(direct))
-    found.corrected(
+    result.statement = "What MuJoCo says that it applies, at random controls and angles."
+    result.heard(all(direct))
+    result.corrected(
         all(abs(torque("position", x, y) - kp * (x - y)) < 1e-12 for x, y in draws),
         compiled("")[0].nu == 0,
     )
@@ -108,11 +108,11 @@ def motor_is_torque(found):
     "Against a robot of {much:.1f} N m s/rad it takes the error of a swing to {better:.0%}, "
     "against one of {little:.2f} to {worse:.0%}. A value is worth what it was measured with.",
 )
-def damping_realism(found):
+def damping_realism(result):
     import mujoco
 
-    added = found.given("added", 0.1)
-    much, little = found.given("much", 0.2), found.given("little", 0.02)
+    added = result.given("added", 0.1)
+    amount, little = result.given("much", 0.2), result.given("little", 0.02)
 
     def swing(damping):
         model, data = compiled(f'damping="{damping}"')
@@ -122,26 +122,26 @@ def damping_realism(found):
             angles.append(float(data.qpos[0]))
         return np.array(angles)
 
-    def left(robot, added):
+    def remaining(robot, added):
         """Error of the model with the damping over that of the one without."""
         true = swing(robot)
         return float(np.linalg.norm(swing(added) - true) / np.linalg.norm(swing(0.0) - true))
 
-    better = found.figure("better", left(much, added), 0.02)
-    worse = found.figure("worse", left(little, added), 0.02)
-    robots = found.rng.uniform(0.002, 0.01, 8)
+    better = result.figure("better", remaining(amount, added), 0.02)
+    worse = result.figure("worse", remaining(little, added), 0.02)
+    robots = result.rng.uniform(0.002, 0.01, 8)
     inside, outside = (
-        [left(x, x * share) < 1.0 for x, share in zip(robots, shares, strict=True)]
-        for shares in (found.rng.uniform(0.1, 1.9, 8), found.rng.uniform(2.2, 4.0, 8))
+        [remaining(x, x * share) < 1.0 for x, share in zip(robots, shares, strict=True)]
+        for shares in (result.rng.uniform(0.1, 1.9, 8), result.rng.uniform(2.2, 4.0, 8))
     )
-    found.statement = "Two seconds of a hanging link that was let go at half a radian."
-    found.heard(
+    result.statement = "Two seconds of a hanging link that was let go at half a radian."
+    result.heard(
         worse < 1.0,
         only_if="it is less than twice the robot's own, and both are weak",
         inside=inside,
         outside=outside,
     )
-    found.corrected(better < 1.0, worse > 1.0)
+    result.corrected(better < 1.0, worse > 1.0)
 
 
 @claim(
@@ -162,12 +162,12 @@ def damping_realism(found):
     ),
     source="MuJoCo 4.0 manual, 2026, XML reference, actuator/position",
 )
-def servo_droops(found):
+def servo_droops(result):
     import mujoco
     import sympy
 
     kp, m, g, d, e = sympy.symbols("kp m g d e", positive=True)
-    found.formula = sympy.solve(sympy.Eq(kp * e, m * g * d), e)[0]
+    result.formula = sympy.solve(sympy.Eq(kp * e, m * g * d), e)[0]
 
     def droop(gain=""):
         """(Angle below level [rad], gain) at rest."""
@@ -176,16 +176,16 @@ def servo_droops(found):
         mujoco.mj_step(model, data, 5000)
         return data.qpos[0] - 0.5 * np.pi, model.actuator_gainprm[0, 0]
 
-    stiff = found.given("stiff", 200.0)
+    stiff = result.given("stiff", 200.0)
     (low, plain), (little, _) = droop(), droop(f'kp="{stiff}"')
-    found.figure("kp", plain)
-    found.figure("default", np.degrees(low), 0.01)
-    found.figure("droop", np.degrees(little), 0.01)
-    gains = found.rng.uniform(60.0, 400.0, 4)
-    law = [float(found.formula.subs({kp: k, m: 1, g: 9.81, d: 0.15})) for k in gains]
-    found.statement = "A link of 1 kg whose centre is 0.15 m out, after 10 s."
-    found.heard(bool(np.degrees(low) < 1.0))
-    found.corrected(
+    result.figure("kp", plain)
+    result.figure("default", np.degrees(low), 0.01)
+    result.figure("droop", np.degrees(little), 0.01)
+    gains = result.rng.uniform(60.0, 400.0, 4)
+    law = [float(result.formula.subs({kp: k, m: 1, g: 9.81, d: 0.15})) for k in gains]
+    result.statement = "A link of 1 kg whose centre is 0.15 m out, after 10 s."
+    result.heard(bool(np.degrees(low) < 1.0))
+    result.corrected(
         *(
             bool(abs(droop(f'kp="{k}"')[0] / x - 1.0) < 0.01)
             for k, x in zip(gains, law, strict=True)
@@ -201,20 +201,20 @@ def servo_droops(found):
     "these wheels; other versions have others.",
     needs=("Drake", "PyBullet"),
 )
-def lightest_install(found):
+def lightest_install(result):
     from importlib.metadata import files
 
     from course.oracles.installs import size_of
 
     simulators(MUJOCO, DRAKE, PYBULLET)
-    bullet = found.figure("bullet", size_of(PYBULLET), 0.3)
-    drake = found.figure("drake", size_of(DRAKE), 0.3)
-    mujoco = found.figure("mujoco", size_of(MUJOCO), 0.4)
+    bullet = result.figure("bullet", size_of(PYBULLET), 0.3)
+    drake = result.figure("drake", size_of(DRAKE), 0.3)
+    mujoco = result.figure("mujoco", size_of(MUJOCO), 0.4)
     examples = [x.size or 0 for x in files("pybullet") or [] if "pybullet_data" in str(x)]
-    data = found.figure("data", sum(examples) / 1e6, 0.3)
-    found.statement = "Sizes in the packages' own metadata."
-    found.heard(bullet < min(drake, mujoco))
-    found.corrected(bullet > drake > mujoco, data > 0.3 * bullet)
+    data = result.figure("data", sum(examples) / 1e6, 0.3)
+    result.statement = "Sizes in the packages' own metadata."
+    result.heard(bullet < min(drake, mujoco))
+    result.corrected(bullet > drake > mujoco, data > 0.3 * bullet)
 
 
 def read_by(reader, texts):
@@ -237,21 +237,21 @@ def read_by(reader, texts):
         words, facts, printed = "", None, io.StringIO()
         log = logging.StreamHandler(printed)
         logging.getLogger().addHandler(log)
-        with quiet() as said, redirect_stdout(printed), redirect_stderr(printed):
+        with quiet() as output, redirect_stdout(printed), redirect_stderr(printed):
             try:
                 facts = read(text)
             except (Exception, SystemExit) as error:
                 words = f"{type(error).__name__}: {error}"
         logging.getLogger().removeHandler(log)
-        return words, (said[0] + printed.getvalue()).strip(), facts
+        return words, (output[0] + printed.getvalue()).strip(), facts
 
     usual = reading(GOOD)[1]
-    found = {}
+    result = {}
     for model in texts:
-        words, said, facts = reading(model.text)
-        found[model.name] = verdict(model, Reading(words, False, said * (said != usual), facts))
+        words, message, facts = reading(model.text)
+        result[model.name] = verdict(model, Reading(words, False, message * (message != usual), facts))
     mujoco.set_mju_user_warning(None)
-    return found
+    return result
 
 
 @claim(
@@ -262,32 +262,32 @@ def read_by(reader, texts):
     source="URDF, ROS wiki, XML specification, 2022",
     needs=("Drake", "PyBullet"),
 )
-def loaded_is_not_sound(found):
+def loaded_is_not_sound(result):
     from course.platforms.models import MODELS
 
     texts = [model for model in MODELS if model.kind == "impossible"]
-    n = found.figure("n", len(texts) and sum(model.kind == "impossible" for model in MODELS), 0.0)
+    n = result.figure("n", len(texts) and sum(model.kind == "impossible" for model in MODELS), 0.0)
     simulators(DRAKE, PYBULLET)
-    told = {
+    report = {
         name: read_by(name, texts) for name in ("chapter 4", "Pinocchio", MUJOCO, DRAKE, PYBULLET)
     }
     silent = {
         name: sum(v in ("swallowed", "repaired") for v in rows.values())
-        for name, rows in told.items()
+        for name, rows in report.items()
     }
-    bullet = found.figure("bullet", silent[PYBULLET], 0.0)
-    found.figure("pinocchio", silent["Pinocchio"], 0.4)
-    mujoco = found.figure("mujoco", silent[MUJOCO], 0.4)
-    drake = found.figure("drake", silent[DRAKE], 0.4)
-    refused = found.figure("refused", list(told["chapter 4"].values()).count("refused"), 0.0)
-    found.statement = "Each reader with each text; what it printed about the sound one is no word."
-    found.heard(max(bullet, mujoco, drake) == 0)
-    found.corrected(
-        refused == n,
-        told[PYBULLET]["NaN mass"] == "swallowed",
+    bullet = result.figure("bullet", silent[PYBULLET], 0.0)
+    result.figure("pinocchio", silent["Pinocchio"], 0.4)
+    mujoco = result.figure("mujoco", silent[MUJOCO], 0.4)
+    drake = result.figure("drake", silent[DRAKE], 0.4)
+    rejected = result.figure("refused", list(report["chapter 4"].values()).count("refused"), 0.0)
+    result.statement = "Each reader with each text; what it printed about the sound one is no word."
+    result.heard(max(bullet, mujoco, drake) == 0)
+    result.corrected(
+        rejected == n,
+        report[PYBULLET]["NaN mass"] == "swallowed",
         bullet > n / 2,
         mujoco < n / 2,
-        told[MUJOCO]["NaN mass"] == "refused",
+        report[MUJOCO]["NaN mass"] == "refused",
     )
 
 
@@ -300,18 +300,18 @@ def loaded_is_not_sound(found):
     "support, joint dynamics",
     needs=("Drake", "PyBullet"),
 )
-def friction_of_a_urdf(found):
+def friction_of_a_urdf(result):
     from course.platforms.models import MODELS
 
     simulators(DRAKE, PYBULLET)
     texts = [model for model in MODELS if model.name in ("friction", "damping")]
     rows = {name: read_by(name, texts) for name in (MUJOCO, DRAKE, PYBULLET)}
     for name, short in ((MUJOCO, "mujoco"), (DRAKE, "drake"), (PYBULLET, "bullet")):
-        found.figure(f"{short}_damping", rows[name]["damping"])
-        found.figure(short, rows[name]["friction"])
-    found.statement = "A two-link arm with both in its elbow, read by each."
-    found.heard(all(set(row.values()) == {"kept"} for row in rows.values()))
-    found.corrected(
+        result.figure(f"{short}_damping", rows[name]["damping"])
+        result.figure(short, rows[name]["friction"])
+    result.statement = "A two-link arm with both in its elbow, read by each."
+    result.heard(all(set(row.values()) == {"kept"} for row in rows.values()))
+    result.corrected(
         rows[PYBULLET]["friction"] == "swallowed",
         rows[DRAKE]["friction"] == "warned",
         set(rows[MUJOCO].values()) == {"kept"},
@@ -325,21 +325,21 @@ def friction_of_a_urdf(found):
     "off: its motors hold the joints.",
     needs=("Drake", "PyBullet"),
 )
-def controller_moves(found):
+def controller_moves(result):
     from course.platforms import AS_SHIPPED, FAIR, measures
 
     every = simulators(MUJOCO, DRAKE, PYBULLET)
     fair = [measures.reach(engine, 2e-3, FAIR) for engine in every]
     shipped = [measures.reach(engine, 2e-3, AS_SHIPPED) for engine in every]
     alone = measures.reach(every[2], 2e-3, AS_SHIPPED.using(but=("motors",)))
-    found.figure("fair", 1e3 * max(one.error for one in fair), 0.3)
-    off = found.figure("shipped", 1e3 * shipped[2].error, 0.1)
-    found.statement = "A reach of the 7-R arm in 1.5 s: within 5 mm, slower than 5 cm/s."
-    found.heard(
+    result.figure("fair", 1e3 * max(one.error for one in fair), 0.3)
+    error = result.figure("shipped", 1e3 * shipped[2].error, 0.1)
+    result.statement = "A reach of the 7-R arm in 1.5 s: within 5 mm, slower than 5 cm/s."
+    result.heard(
         all(one.success for one in shipped),
         only_if="nothing acts that the model doesn't know",
         inside=[one.success for one in fair],
         outside=[one.success for one in shipped],
         cases=True,
     )
-    found.corrected(off > 50.0, alone.error < 0.5 * shipped[2].error)
+    result.corrected(error > 50.0, alone.error < 0.5 * shipped[2].error)

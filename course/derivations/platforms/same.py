@@ -16,19 +16,19 @@ def simulators(*names):
     """
     from course.oracles.engines import engines
 
-    found = [engines()[name] for name in names]
-    for engine in found:
+    result = [engines()[name] for name in names]
+    for engine in result:
         if missing := engine.missing():
             raise ImportError(missing)
-    return found
+    return result
 
 
 def errors(names, scene, dt, **settings):
     """Error of a scene at its end in each engine with its fair settings [m or rad]."""
     from course.platforms import FAIR, measures
 
-    told = FAIR.using(**settings)
-    return np.array([measures.position_error(e, scene, dt, told) for e in simulators(*names)])
+    report = FAIR.using(**settings)
+    return np.array([measures.position_error(e, scene, dt, report) for e in simulators(*names)])
 
 
 @claim(
@@ -41,23 +41,23 @@ def errors(names, scene, dt, **settings):
     "compares engines at equal cost",
     needs=("Drake", "PyBullet"),
 )
-def engines_agree(found):
+def engines_agree(result):
     from course.platforms import scenes
 
-    short, long = found.given("short", 0.3), found.given("long", 2.0)
+    short, long = result.given("short", 0.3), result.given("long", 2.0)
     tumble = errors(FOUR, scenes.tumble(1.0), 1e-3)
     arm = errors(FOUR, scenes.arm(0.2), 1e-3)
-    found.figure("tumble", 1e3 * tumble.mean(), 1e-3)
-    found.figure("arm", 1e3 * arm.mean(), 1e-3)
+    result.figure("tumble", 1e3 * tumble.mean(), 1e-3)
+    result.figure("arm", 1e3 * arm.mean(), 1e-3)
     tried = [tumble, arm, errors(FOUR, scenes.chain(3, 0.3), 1e-3)]
-    for dt in 1e-3 * found.rng.uniform(short, long, 4):
+    for dt in 1e-3 * result.rng.uniform(short, long, 4):
         tried += [errors(FOUR, scenes.tumble(0.5), dt), errors(FOUR, scenes.arm(0.1), dt)]
     brake = errors((MUJOCO, DRAKE, PYBULLET), scenes.brake(0.3), 1e-3)
-    touch = found.figure("touch", np.ptp(brake) / brake.min(), 0.2)
-    spread = found.figure("spread", max(np.ptp(row) / row.min() for row in tried), 0.3)
-    found.statement = "All four with fair settings, beside a truth that is tighter."
-    found.heard(any(row[2] < 0.9 * row[1] < 0.81 * row[3] for row in tried))
-    found.corrected(spread < 0.01, touch > 0.1, min(row.min() for row in tried) > 1e-6)
+    touch = result.figure("touch", np.ptp(brake) / brake.min(), 0.2)
+    spread = result.figure("spread", max(np.ptp(row) / row.min() for row in tried), 0.3)
+    result.statement = "All four with fair settings, beside a truth that is tighter."
+    result.heard(any(row[2] < 0.9 * row[1] < 0.81 * row[3] for row in tried))
+    result.corrected(spread < 0.01, touch > 0.1, min(row.min() for row in tried) > 1e-6)
 
 
 @claim(
@@ -68,21 +68,21 @@ def engines_agree(found):
     source="PyBullet Quickstart Guide, 2023: changeDynamics, setJointMotorControl2, loadURDF",
     needs=("Drake", "PyBullet"),
 )
-def defaults_differ(found):
+def defaults_differ(result):
     from course.platforms import measures, scenes
 
     (bullet,) = simulators(PYBULLET)
     cases = {"tumble": scenes.tumble(1.0), "chain": scenes.chain(6, 0.5), "arm": scenes.arm(0.2)}
     found_by = {name: measures.effects(bullet, scene, 1e-3) for name, scene in cases.items()}
     for name, rows in found_by.items():
-        found.figure(name, rows[0].shipped / rows[0].fair, 0.05)
+        result.figure(name, rows[0].shipped / rows[0].fair, 0.05)
     without = {row.key: row.without / row.fair for row in found_by["arm"]}
     damped = {row.key: row.without / row.fair for row in found_by["tumble"]}
     others = simulators(MUJOCO, DRAKE)
     settled = [measures.effects(e, scenes.arm(0.2), 1e-3) for e in others]
-    found.statement = "Errors at 1 ms, all changes made, none, and all but one."
-    found.heard(all(rows[0].shipped < 1.1 * rows[0].fair for rows in found_by.values()))
-    found.corrected(
+    result.statement = "Errors at 1 ms, all changes made, none, and all but one."
+    result.heard(all(rows[0].shipped < 1.1 * rows[0].fair for rows in found_by.values()))
+    result.corrected(
         damped["damping"] > 10,
         without["motors"] > 10,
         without["inertia"] > 10,
@@ -96,7 +96,7 @@ def defaults_differ(found):
     "{highest:.3f}. MuJoCo's other one, RK4, is of order {rk4:.1f}.",
     needs=("Drake", "PyBullet"),
 )
-def halving_halves(found):
+def halving_halves(result):
     from course.platforms import scenes
 
     def orders(scene, dt, **settings):
@@ -105,15 +105,15 @@ def halving_halves(found):
         return np.log2(whole / half)
 
     tried = np.array(
-        [orders(scenes.tumble(0.5), 1e-3 * dt) for dt in found.rng.uniform(0.5, 2.0, 3)]
+        [orders(scenes.tumble(0.5), 1e-3 * dt) for dt in result.rng.uniform(0.5, 2.0, 3)]
         + [orders(scenes.arm(0.16), 1e-3)]
     )
-    found.figure("lowest", tried.min(), 0.02)
-    found.figure("highest", tried.max(), 0.02)
-    rk4 = found.figure("rk4", orders(scenes.tumble(1.0), 0.02, scheme="RK4")[0], 0.02)
-    found.statement = "Tumble at three random steps and the arm, each against half the step."
-    found.heard(bool(np.all(np.abs(tried - 1.0) < 0.1)))
-    found.corrected(bool(np.all(np.abs(tried - 1.0) < 0.1)), abs(rk4 - 4.0) < 0.2)
+    result.figure("lowest", tried.min(), 0.02)
+    result.figure("highest", tried.max(), 0.02)
+    rk4 = result.figure("rk4", orders(scenes.tumble(1.0), 0.02, scheme="RK4")[0], 0.02)
+    result.statement = "Tumble at three random steps and the arm, each against half the step."
+    result.heard(bool(np.all(np.abs(tried - 1.0) < 0.1)))
+    result.corrected(bool(np.all(np.abs(tried - 1.0) < 0.1)), abs(rk4 - 4.0) < 0.2)
 
 
 @claim(
@@ -122,31 +122,31 @@ def halving_halves(found):
     "its speed to contact forces that change within a step: of {n:.0f} such runs RK4 was worse in "
     "{worse:.0f}, each step at four times the forces.",
 )
-def rk4_and_contact(found):
+def rk4_and_contact(result):
     from course.platforms import scenes
 
     def both(scene, dt):
         return [errors((MUJOCO,), scene, dt, scheme=name)[0] for name in ("Euler", "RK4")]
 
-    ms = found.given("ms", 1.0)
+    ms = result.given("ms", 1.0)
     plain, better = both(scenes.chain(2, 0.5), 1e-3 * ms)
-    smooth = found.figure("smooth", np.log10(plain / better), 0.1)
-    n = int(found.given("n", 16))
+    smooth = result.figure("smooth", np.log10(plain / better), 0.1)
+    n = int(result.given("n", 16))
     draws = [
         (scenes.brake(float(a), float(v)), 1e-3 * dt)
-        for a, v, dt in found.rng.uniform((0.1, 1.0, 0.5), (0.7, 3.0, 2.0), (n, 3))
+        for a, v, dt in result.rng.uniform((0.1, 1.0, 0.5), (0.7, 3.0, 2.0), (n, 3))
     ]
     touching = [both(scene, dt) for scene, dt in draws]
-    worse = found.figure("worse", sum(b > a for a, b in touching), 0.4)
-    free = [both(scenes.tumble(0.5), 1e-3 * dt) for dt in found.rng.uniform(0.5, 5.0, 8)]
-    found.statement = "Tumbles at random steps; blocks at random speeds, headings and steps."
-    found.heard(
+    worse = result.figure("worse", sum(b > a for a, b in touching), 0.4)
+    free = [both(scenes.tumble(0.5), 1e-3 * dt) for dt in result.rng.uniform(0.5, 5.0, 8)]
+    result.statement = "Tumbles at random steps; blocks at random speeds, headings and steps."
+    result.heard(
         worse == 0,
         only_if="nothing touches",
         inside=[b < a for a, b in free],
         outside=[b < a for a, b in touching],
     )
-    found.corrected(smooth > 3, worse >= 2, all(b < 1e-3 * a for a, b in free))
+    result.corrected(smooth > 3, worse >= 2, all(b < 1e-3 * a for a, b in free))
 
 
 @claim(
@@ -155,19 +155,19 @@ def rk4_and_contact(found):
     "was saved and put back: over {n:.0f} scenes and steps the largest difference was {most:.0f}.",
     needs=("Drake", "PyBullet"),
 )
-def fresh_worlds_repeat(found):
+def fresh_worlds_repeat(result):
     from course.platforms import measures, scenes
 
-    draws = found.rng.uniform((0.0, 1.0), (1.5, 3.0), (2, 2))
+    draws = result.rng.uniform((0.0, 1.0), (1.5, 3.0), (2, 2))
     cases = [(scenes.brake(float(a)), 1e-3 * dt) for a, dt in draws] + [(scenes.chain(3), 1e-3)]
     rows = [
         measures.repeatability(e, scene, dt, 40) for scene, dt in cases for e in simulators(*FOUR)
     ]
-    found.figure("n", len(rows), 0.0)
-    most = found.figure("most", max(max(row.fresh, row.saved) for row in rows), 0.0)
-    found.statement = "Two worlds built alike and a saved state, compared bit by bit."
-    found.heard(most == 0.0)
-    found.corrected(all(row.fresh == 0.0 == row.saved for row in rows))
+    result.figure("n", len(rows), 0.0)
+    largest = result.figure("most", max(max(row.fresh, row.saved) for row in rows), 0.0)
+    result.statement = "Two worlds built alike and a saved state, compared bit by bit."
+    result.heard(largest == 0.0)
+    result.corrected(all(row.fresh == 0.0 == row.saved for row in rows))
 
 
 @claim(
@@ -178,7 +178,7 @@ def fresh_worlds_repeat(found):
     source="PyBullet Quickstart Guide, 2023: resetSimulation, saveState",
     needs=("Drake", "PyBullet"),
 )
-def reset_world(found):
+def reset_world(result):
     from course.oracles.pybullet import library
     from course.platforms import measures, scenes
 
@@ -188,11 +188,11 @@ def reset_world(found):
 
     cases = [
         (scenes.brake(float(a)), 1e-3 * dt)
-        for a, dt in found.rng.uniform((0.0, 1.0), (1.5, 2.0), (3, 2))
+        for a, dt in result.rng.uniform((0.0, 1.0), (1.5, 2.0), (3, 2))
     ]
     bullet = [same(PYBULLET, *case) for case in cases]
     others = [same(name, *case) for name in (MUJOCO, DRAKE) for case in cases]
-    off = found.figure("off", 1e6 * same(PYBULLET, scenes.brake(0.0), 1e-3), 0.5)
+    deviation = result.figure("off", 1e6 * same(PYBULLET, scenes.brake(0.0), 1e-3), 0.5)
     (engine,) = simulators(PYBULLET)
     run = engine.build(scenes.brake(0.0), 1e-3)
     run.run(200)
@@ -203,12 +203,12 @@ def reset_world(found):
     library().performCollisionDetection(physicsClientId=run.client)
     run.reset()
     run.run(200)
-    found.statement = "Braking blocks, 200 steps, then the same after a reset, bit by bit."
-    found.heard(
+    result.statement = "Braking blocks, 200 steps, then the same after a reset, bit by bit."
+    result.heard(
         max(bullet) == 0.0,
         only_if="the reset covers all that the engine keeps between steps, as in MuJoCo and Drake",
         inside=[x == 0.0 for x in others],
         outside=[x == 0.0 for x in bullet],
         cases=True,
     )
-    found.corrected(off > 0.0, max(others) == 0.0, run.state().same(first))
+    result.corrected(deviation > 0.0, max(others) == 0.0, run.state().same(first))

@@ -51,26 +51,26 @@ def stops(name, headings, dt, settings=None):
     ),
     needs=("Drake", "PyBullet"),
 )
-def braking_short(found):
+def braking_short(result):
     import sympy
 
     mu, g, dt, v, n = sympy.symbols("mu g dt v n", positive=True)
     places = sympy.summation(dt * (v - n * mu * g * dt), (n, 1, v / (mu * g * dt)))
-    found.formula = sympy.simplify(1 - places / (v**2 / (2 * mu * g)))
-    ms = found.given("ms", 2.0)
-    law = float(found.formula.subs({mu: 0.5, g: 9.81, dt: 1e-3 * ms, v: 2}))
-    found.figure("theory", law)
+    result.formula = sympy.simplify(1 - places / (v**2 / (2 * mu * g)))
+    ms = result.given("ms", 2.0)
+    law = float(result.formula.subs({mu: 0.5, g: 9.81, dt: 1e-3 * ms, v: 2}))
+    result.figure("theory", law)
 
     def missing(ms):
         return np.array([1.0 - stops(x, 0.0, 1e-3 * ms)[0][0] for x in (MUJOCO, DRAKE, PYBULLET)])
 
     short = missing(ms)
-    found.figure("lowest", short.min(), 0.02)
-    found.figure("highest", short.max(), 0.02)
+    result.figure("lowest", short.min(), 0.02)
+    result.figure("highest", short.max(), 0.02)
     others = [missing(x) - law * x / ms for x in (3.0,)]
-    found.statement = "A block of 1 kg sent off at 2 m/s along an axis, friction 0.5."
-    found.heard(bool(np.ptp(short) < 3e-4))
-    found.corrected(
+    result.statement = "A block of 1 kg sent off at 2 m/s along an axis, friction 0.5."
+    result.heard(bool(np.ptp(short) < 3e-4))
+    result.corrected(
         bool(np.all(np.abs(short / law - 1.0) < 0.03)), bool(np.all(np.abs(others) < 3e-4))
     )
 
@@ -92,7 +92,7 @@ def braking_short(found):
         },
     ),
 )
-def pyramid_inscribed(found):
+def pyramid_inscribed(result):
     import sympy
 
     from course.platforms import AS_SHIPPED, FAIR, theory
@@ -102,19 +102,19 @@ def pyramid_inscribed(found):
     c, s = sympy.cos(phi), sympy.sin(phi)
     x = (c**2 - s**2) / 2 + s**2
     y = s * (c - s) + s**2
-    found.formula = D * sympy.sqrt(sympy.simplify(4 * x**2) + sympy.simplify(4 * y**2))
-    degrees, between = found.given("degrees", 45.0), found.given("between", 22.5)
+    result.formula = D * sympy.sqrt(sympy.simplify(4 * x**2) + sympy.simplify(4 * y**2))
+    degrees, between = result.given("degrees", 45.0), result.given("between", 22.5)
     far, _ = stops(MUJOCO, np.radians(degrees), 1e-3, AS_SHIPPED)
     _, turn = stops(MUJOCO, np.radians(between), 1e-3, AS_SHIPPED)
     _, fair = stops(MUJOCO, np.radians(between), 1e-3)
-    found.figure("measured", far[0] - 1.0, 0.02)
-    found.figure("turn", np.degrees(turn[0]), 0.02)
-    headings = found.rng.uniform(0.0, 0.25 * np.pi, 8)
+    result.figure("measured", far[0] - 1.0, 0.02)
+    result.figure("turn", np.degrees(turn[0]), 0.02)
+    headings = result.rng.uniform(0.0, 0.25 * np.pi, 8)
     length, steered = stops(MUJOCO, headings, 1e-3, FAIR.using(cone="pyramidal"))
-    law = np.array([float(found.formula.subs({D: 1, phi: a})) for a in headings])
-    found.statement = "MuJoCo's block at eight random headings up to 45 degrees beside the law."
-    found.heard(far[0] < 1.05)
-    found.corrected(
+    law = np.array([float(result.formula.subs({D: 1, phi: a})) for a in headings])
+    result.statement = "MuJoCo's block at eight random headings up to 45 degrees beside the law."
+    result.heard(far[0] < 1.05)
+    result.corrected(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
         bool(np.all(np.abs(steered - theory.stop(headings, "inscribed")[1]) < 0.02)),
         abs(far[0] / np.sqrt(2.0) - 1.0) < 0.01,
@@ -140,34 +140,34 @@ def pyramid_inscribed(found):
     ),
     needs=("PyBullet",),
 )
-def pyramid_box(found):
+def pyramid_box(result):
     import sympy
 
     from course.platforms import FAIR, theory
 
     D, phi, t = sympy.symbols("D phi t", positive=True)
     # Each axis loses speed at the rate mu g until it has none: the square of its share, over 2.
-    ways = [sympy.integrate(u - t, (t, 0, u)) for u in (sympy.cos(phi), sympy.sin(phi))]
-    found.formula = D * sympy.sqrt(sum((2 * way) ** 2 for way in ways))
-    degrees, between = found.given("degrees", 45.0), found.given("between", 22.5)
+    paths = [sympy.integrate(u - t, (t, 0, u)) for u in (sympy.cos(phi), sympy.sin(phi))]
+    result.formula = D * sympy.sqrt(sum((2 * method) ** 2 for method in paths))
+    degrees, between = result.given("degrees", 45.0), result.given("between", 22.5)
     box = FAIR.using(enableConeFriction=0)
     near, _ = stops(PYBULLET, np.radians(degrees), 1e-3, box)
     _, turn = stops(PYBULLET, np.radians(between), 1e-3, box)
     cone, straight = stops(PYBULLET, np.radians(between), 1e-3)
-    found.figure("measured", near[0], 0.02)
-    found.figure("turn", -np.degrees(turn[0]), 0.02)
-    headings = found.rng.uniform(0.0, 0.25 * np.pi, 8)
+    result.figure("measured", near[0], 0.02)
+    result.figure("turn", -np.degrees(turn[0]), 0.02)
+    headings = result.rng.uniform(0.0, 0.25 * np.pi, 8)
     length, steered = stops(PYBULLET, headings, 1e-3, box)
-    law = np.array([float(found.formula.subs({D: 1, phi: a})) for a in headings])
+    law = np.array([float(result.formula.subs({D: 1, phi: a})) for a in headings])
     pyramid, _ = stops(MUJOCO, headings.clip(0.1), 1e-3, FAIR.using(cone="pyramidal"))
-    found.statement = "PyBullet's block at eight random headings up to 45 degrees beside the law."
-    found.heard(
+    result.statement = "PyBullet's block at eight random headings up to 45 degrees beside the law."
+    result.heard(
         near[0] > 1.0,
         only_if="it lies inside the cone, and the heading off its axes",
         inside=[x > 1.01 for x in pyramid],
         outside=[x > 1.01 for x in length],
     )
-    found.corrected(
+    result.corrected(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
         bool(np.all(np.abs(steered - theory.stop(headings, "box")[1]) < 0.02)),
         abs(cone[0] - 1.0) < 0.005,
@@ -194,20 +194,20 @@ def pyramid_box(found):
     source="MuJoCo 4.0 manual, 2026, Computation, Constraint model; issue 3328 of "
     "google-deepmind/mujoco, 2026: a pinched part that sinks",
 )
-def creep_not_friction(found):
+def creep_not_friction(result):
     import sympy
 
     from course.platforms import FAIR, measures, prepared, scenes, theory
 
     d, w, f, b, r, v = sympy.symbols("d w f b r v", positive=True)
-    found.formula = sympy.solve(sympy.Eq(f * (1 - d) * w / (d * r), b * v), v)[0]
+    result.formula = sympy.solve(sympy.Eq(f * (1 - d) * w / (d * r), b * v), v)[0]
     (mujoco,) = simulators(MUJOCO)
-    ratio = found.given("ratio", 10.0)
+    ratio = result.given("ratio", 10.0)
 
     def creeps(angle=0.1, friction=0.5, impratio=1.0, dt=2e-3):
         """Speed, and that of the law fed with the contacts that the engine reports [m/s]."""
-        scene, told = scenes.slope(angle, friction, 0.5), FAIR.using(impratio=impratio)
-        run = prepared(mujoco, scene, dt, told)
+        scene, message = scenes.slope(angle, friction, 0.5), FAIR.using(impratio=impratio)
+        run = prepared(mujoco, scene, dt, message)
         run.run(200)
         report = run.contacts()
         load = np.linalg.norm(report.tangential_force, axis=0)
@@ -225,19 +225,19 @@ def creep_not_friction(found):
             )
             for t, gap in zip(load, report.gap, strict=True)
         ]
-        return measures.creep(mujoco, scene, dt, told), float(np.mean(law))
+        return measures.creep(mujoco, scene, dt, message), float(np.mean(law))
 
-    low, high = found.given("low", 0.5), found.given("high", 2.5)
+    low, high = result.given("low", 0.5), result.given("high", 2.5)
     plain, rough, hard = creeps(friction=low), creeps(friction=high), creeps(impratio=ratio)
-    found.figure("speed", 1e6 * plain[0], 0.01)
-    found.figure("stiff", plain[0] / hard[0], 0.01)
+    result.figure("speed", 1e6 * plain[0], 0.01)
+    result.figure("stiff", plain[0] / hard[0], 0.01)
     tried = [
         creeps(*map(float, x))
-        for x in found.rng.uniform((0.03, 0.5, 1.0), (0.15, 2.0, 30.0), (4, 3))
+        for x in result.rng.uniform((0.03, 0.5, 1.0), (0.15, 2.0, 30.0), (4, 3))
     ]
-    found.statement = "A block that rests on gentle slopes, beside the law fed with its contacts."
-    found.heard(rough[0] < 0.5 * plain[0])
-    found.corrected(
+    result.statement = "A block that rests on gentle slopes, beside the law fed with its contacts."
+    result.heard(rough[0] < 0.5 * plain[0])
+    result.corrected(
         all(abs(a / b - 1.0) < 0.01 for a, b in (plain, rough, hard, *tried)),
         abs(rough[0] / plain[0] - 1.0) < 1e-3,
     )
@@ -260,14 +260,14 @@ def creep_not_friction(found):
     ),
     needs=("PyBullet",),
 )
-def grasp_threshold(found):
+def grasp_threshold(result):
     import sympy
 
     from course.platforms import measures, prepared, scenes, theory
 
     m, g, mu, F = sympy.symbols("m g mu F", positive=True)
-    found.formula = sympy.solve(sympy.Eq(2 * mu * F, m * g), F)[0]
-    ratio = found.given("ratio", 1.3)
+    result.formula = sympy.solve(sympy.Eq(2 * mu * F, m * g), F)[0]
+    ratio = result.given("ratio", 1.3)
     mujoco, bullet = simulators(MUJOCO, PYBULLET)
 
     def sinks(engine, share, friction=0.5):
@@ -281,18 +281,18 @@ def grasp_threshold(found):
         load = report.only((report.bodies == 1).any(axis=0)).normal_force
         return float(load.max() / load.sum())
 
-    deep = found.figure("pybullet", sinks(bullet, ratio), 0.5)
-    held = found.figure("mujoco", sinks(mujoco, ratio), 0.05)
-    share = found.figure("corner", corner(bullet), 0.2)
-    draws = found.rng.uniform((1.02, 0.3), (2.0, 1.0), (8, 2))
-    found.statement = "A part of 0.2 kg for 0.5 s, held if it sinks by less than a millimetre."
-    found.heard(
+    deep = result.figure("pybullet", sinks(bullet, ratio), 0.5)
+    held = result.figure("mujoco", sinks(mujoco, ratio), 0.05)
+    share = result.figure("corner", corner(bullet), 0.2)
+    draws = result.rng.uniform((1.02, 0.3), (2.0, 1.0), (8, 2))
+    result.statement = "A part of 0.2 kg for 0.5 s, held if it sinks by less than a millimetre."
+    result.heard(
         max(deep, held) < 1.0,
         only_if="pads share their load, as in MuJoCo",
         inside=[sinks(mujoco, *map(float, x)) < 1.0 for x in draws],
         outside=[sinks(bullet, *map(float, x)) < 1.0 for x in draws],
     )
-    found.corrected(
+    result.corrected(
         all(sinks(mujoco, float(x), float(y)) > 1.0 for x, y in draws * [0.48, 1.0]),
         share > 0.6,
         corner(mujoco) < 0.3,
@@ -309,7 +309,7 @@ def grasp_threshold(found):
     "CoulombFriction; PhysX 5 documentation, 2025: the average unless another combine mode is set",
     needs=("PyBullet",),
 )
-def friction_rules(found):
+def friction_rules(result):
     from course.oracles import drake, pybullet
     from course.platforms import prepared, scenes
 
@@ -339,18 +339,18 @@ def friction_rules(found):
         pair = (plant.CoulombFriction(x, x) for x in (a, b))
         return plant.CalcContactFrictionFromSurfaceProperties(*pair).dynamic_friction()
 
-    a, b, same = found.given("a", 0.2), found.given("b", 0.8), found.given("same", 0.5)
+    a, b, same = result.given("a", 0.2), result.given("b", 0.8), result.given("same", 0.5)
     rules: list[Any] = [(in_mujoco, max), (in_drake, lambda x, y: 2 * x * y / (x + y)),
              (in_pybullet, lambda x, y: x * y)]  # fmt: skip
     made = [rule(a, b) for rule, _ in rules]
     for name, value in zip(("mujoco", "drake", "pybullet"), made, strict=True):
-        found.figure(name, value, 0.02)
-    twice = found.figure("twice", in_pybullet(same, same), 0.02)
-    draws = found.rng.uniform(0.1, 0.9, (4, 2)).tolist()
-    off = [rule(*pair) / told(*pair) - 1.0 for pair in draws for rule, told in rules]
-    found.statement = "MuJoCo's contact, Drake's own function, a block that slows down in PyBullet."
-    found.heard(max(made) < 1.05 * min(made))
-    found.corrected(bool(np.max(np.abs(off)) < 0.03), abs(twice / same**2 - 1.0) < 0.03)
+        result.figure(name, value, 0.02)
+    twice = result.figure("twice", in_pybullet(same, same), 0.02)
+    draws = result.rng.uniform(0.1, 0.9, (4, 2)).tolist()
+    deviation = [rule(*pair) / report(*pair) - 1.0 for pair in draws for rule, report in rules]
+    result.statement = "MuJoCo's contact, Drake's own function, a block that slows down in PyBullet."
+    result.heard(max(made) < 1.05 * min(made))
+    result.corrected(bool(np.max(np.abs(deviation)) < 0.03), abs(twice / same**2 - 1.0) < 0.03)
 
 
 @claim(
@@ -361,23 +361,23 @@ def friction_rules(found):
     source="Drake 1.51, 2026, Hydroelastic Contact User Guide",
     needs=("Drake",),
 )
-def drake_hydroelastic(found):
+def drake_hydroelastic(result):
     from course.platforms import AS_SHIPPED, FAIR, prepared, scenes
 
     (drake,) = simulators(DRAKE)
     tower = scenes.tower(2)
-    low, patch = (1e3 * _fallen(drake, tower, told) for told in (AS_SHIPPED, FAIR))
+    low, patch = (1e3 * _fallen(drake, tower, report) for report in (AS_SHIPPED, FAIR))
     run = prepared(drake, tower, 2e-3, AS_SHIPPED)
     run.run(50)
-    points = found.figure("point", run.contacts().gap.size, 0.0)
-    found.figure("sunk", low, 0.3)
-    found.figure("patch", patch, 0.05)
+    points = result.figure("point", run.contacts().gap.size, 0.0)
+    result.figure("sunk", low, 0.3)
+    result.figure("patch", patch, 0.05)
 
     def stays(n, told):
         return _fallen(drake, scenes.tower(n), told) < 1e-3
 
-    found.statement = "Towers of cubes at 2 ms, shapes as they come and with a modulus of 1 MPa."
-    found.heard(
+    result.statement = "Towers of cubes at 2 ms, shapes as they come and with a modulus of 1 MPa."
+    result.heard(
         stays(2, AS_SHIPPED),
         only_if="the shapes were given hydroelastic properties",
         inside=[stays(n, FAIR) for n in (1, 2)],
@@ -387,7 +387,7 @@ def drake_hydroelastic(found):
     from pydrake.multibody.plant import MultibodyPlantConfig
 
     first = MultibodyPlantConfig().contact_model
-    found.corrected(first == "hydroelastic_with_fallback", points == 2, low > 30.0 * patch)
+    result.corrected(first == "hydroelastic_with_fallback", points == 2, low > 30.0 * patch)
 
 
 def _fallen(engine, scene, settings):
@@ -404,22 +404,22 @@ def _fallen(engine, scene, settings):
     "PyBullet gives {pybullet:.1f} and follows no power.",
     needs=("Drake", "PyBullet"),
 )
-def tower_by_engine(found):
+def tower_by_engine(result):
     from course.platforms import scenes, theory
 
-    n = int(found.given("n", 3))
+    n = int(result.given("n", 3))
 
     def grown(name, n):
-        one, many = (errors((name,), scenes.tower(k), 2e-3)[0] for k in (1, n))
-        return float(many / one)
+        one, more = (errors((name,), scenes.tower(k), 2e-3)[0] for k in (1, n))
+        return float(more / one)
 
-    mujoco = found.figure("mujoco", grown(MUJOCO, n), 0.02)
-    drake = found.figure("drake", grown(DRAKE, n), 0.02)
-    bullet = found.figure("pybullet", grown(PYBULLET, n), 0.2)
+    mujoco = result.figure("mujoco", grown(MUJOCO, n), 0.02)
+    drake = result.figure("drake", grown(DRAKE, n), 0.02)
+    bullet = result.figure("pybullet", grown(PYBULLET, n), 0.2)
     more = [grown(MUJOCO, k) / theory.sag_growth(k, "inverse mass") for k in (2, 4, 5)]
-    found.statement = "How deep the top is at rest, over that of one cube, fair settings, 2 ms."
-    found.heard(all(abs(x / theory.sag_growth(n) - 1.0) < 0.05 for x in (mujoco, drake, bullet)))
-    found.corrected(
+    result.statement = "How deep the top is at rest, over that of one cube, fair settings, 2 ms."
+    result.heard(all(abs(x / theory.sag_growth(n) - 1.0) < 0.05 for x in (mujoco, drake, bullet)))
+    result.corrected(
         all(abs(x - 1.0) < 0.02 for x in more),
         abs(mujoco / n**2 - 1.0) < 0.02,
         abs(drake / n**2 - 1.0) < 0.02,
@@ -435,7 +435,7 @@ def tower_by_engine(found):
     "slides {brake:.0f} mm too far.",
     needs=("PyBullet",),
 )
-def bullet_less_accurate(found):
+def bullet_less_accurate(result):
     from course.platforms import AS_SHIPPED, FAIR, measures, scenes
 
     both = simulators(MUJOCO, PYBULLET)
@@ -447,17 +447,17 @@ def bullet_less_accurate(found):
     slide = scenes.slope(0.5, 0.2)
     kinds = (scenes.slope(), slide, scenes.brake(), scenes.tower(3), scenes.drop())
     ratios = np.array([over(scene) for scene in kinds])
-    grasp = found.figure("grasp", over(scenes.grasp(3.0)), 0.5)
-    most = found.figure("most", ratios.max(), 0.2)
-    level = found.figure("slide", over(slide), 0.1)
-    tower = found.figure("tower", 1.0 / over(scenes.tower(3), AS_SHIPPED), 0.2)
+    grasp = result.figure("grasp", over(scenes.grasp(3.0)), 0.5)
+    largest = result.figure("most", ratios.max(), 0.2)
+    level = result.figure("slide", over(slide), 0.1)
+    tower = result.figure("tower", 1.0 / over(scenes.tower(3), AS_SHIPPED), 0.2)
     brake = measures.position_error(both[1], scenes.brake(), 1e-3, AS_SHIPPED)
-    found.figure("brake", 1e3 * brake, 0.02)
-    found.statement = "Errors of PyBullet over those of MuJoCo at 1 ms."
-    found.heard(bool(np.all(ratios > 1.1)))
-    found.corrected(
+    result.figure("brake", 1e3 * brake, 0.02)
+    result.statement = "Errors of PyBullet over those of MuJoCo at 1 ms."
+    result.heard(bool(np.all(ratios > 1.1)))
+    result.corrected(
         grasp > 50.0,
-        1.0 / ratios.min() < most < 6.0,
+        1.0 / ratios.min() < largest < 6.0,
         abs(level - 1.0) < 0.15,
         tower > 1.5,
         brake > 0.1,

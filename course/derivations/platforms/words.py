@@ -19,13 +19,13 @@ SYMBOLS = {
 
 def seconds(call, repeats):
     """Least processor time of one of so many calls, five times tried [s]."""
-    found = []
+    result = []
     for _ in range(5):
         start = time.process_time()
         for _ in range(repeats):
             call()
-        found.append((time.process_time() - start) / repeats)
-    return min(found)
+        result.append((time.process_time() - start) / repeats)
+    return min(result)
 
 
 @claim(
@@ -37,20 +37,20 @@ def seconds(call, repeats):
     "Isaac Sim documentation, 2026); both are backends of Isaac Lab 3.0 (2026)",
     needs=("Drake", "PyBullet"),
 )
-def built_on(found):
+def built_on(result):
     from course.platforms import AS_SHIPPED, FAIR, measures
 
     def length(name, heading=0.0, told=FAIR):
         return measures.stop(simulators(name)[0], heading, 2e-3, told).distance
 
     fair = [length(name) for name in (MUJOCO, DRAKE, PYBULLET)]
-    shipped = found.figure("shipped", length(PYBULLET, told=AS_SHIPPED) / fair[2] - 1.0, 0.02)
-    spread = found.figure("spread", max(fair) / min(fair) - 1.0, 0.5)
-    headings = found.rng.uniform(0.0, 1.5, 3)
+    shipped = result.figure("shipped", length(PYBULLET, told=AS_SHIPPED) / fair[2] - 1.0, 0.02)
+    spread = result.figure("spread", max(fair) / min(fair) - 1.0, 0.5)
+    headings = result.rng.uniform(0.0, 1.5, 3)
     others = [length(PYBULLET, x, AS_SHIPPED) / length(PYBULLET, x) for x in headings]
-    found.statement = "A block sent off at 2 m/s with friction 0.5; step 2 ms."
-    found.heard(abs(shipped) < 0.02)
-    found.corrected(spread < 0.005, min(others) > 1.3)
+    result.statement = "A block sent off at 2 m/s with friction 0.5; step 2 ms."
+    result.heard(abs(shipped) < 0.02)
+    result.corrected(spread < 0.005, min(others) > 1.3)
 
 
 @claim(
@@ -60,23 +60,23 @@ def built_on(found):
     "list, and no one's use.",
     source="Gymnasium's registry, as installed",
 )
-def default_of_learning(found):
+def default_of_learning(result):
     import gymnasium
 
     specs = gymnasium.registry.values()
     modules = [str(spec.entry_point).split(":")[0].split(".") for spec in specs]
     families = [m[2] for m in modules if m[:2] == ["gymnasium", "envs"]]
-    mujoco = found.figure("mujoco", families.count("mujoco"), 0.3)
-    everything = found.figure("all", len(families), 0.3)
-    found.statement = "Entry points of the registry, by the package that they name."
-    found.heard(
+    mujoco = result.figure("mujoco", families.count("mujoco"), 0.3)
+    everything = result.figure("all", len(families), 0.3)
+    result.statement = "Entry points of the registry, by the package that they name."
+    result.heard(
         mujoco == everything,
         only_if="Gymnasium's Ant, Hopper and Humanoid are meant",
         inside=["mujoco" in m for m in modules if m[-1].startswith(("ant", "hopper", "humanoid"))],
         outside=["mujoco" in m for m in modules if m[:2] == ["gymnasium", "envs"]],
         cases=True,
     )
-    found.corrected(0.2 < mujoco / everything < 0.8)
+    result.corrected(0.2 < mujoco / everything < 0.8)
 
 
 @claim(
@@ -87,8 +87,8 @@ def default_of_learning(found):
     "Optimization, 2004, section 4.2.2",
     needs=("Drake",),
 )
-def drake_guarantees(found):
-    n = int(found.given("n", 5))
+def drake_guarantees(outcome):
+    n = int(outcome.given("n", 5))
 
     def costs(bend, tilt):
         """What SNOPT ends with from several starts for (x^2 - bend)^2 + tilt x."""
@@ -106,17 +106,17 @@ def drake_guarantees(found):
 
     simulators(DRAKE)
     both = costs(1.0, 0.3)
-    found.figure("best", both.min(), 1e-3)
-    found.figure("worst", both.max(), 1e-3)
-    draws = found.rng.uniform((0.3, 0.05), (1.5, 0.3), (8, 2))
-    found.statement = "A quartic in one variable; it is convex where its bend is not positive."
-    found.heard(
+    outcome.figure("best", both.min(), 1e-3)
+    outcome.figure("worst", both.max(), 1e-3)
+    draws = outcome.rng.uniform((0.3, 0.05), (1.5, 0.3), (8, 2))
+    outcome.statement = "A quartic in one variable; it is convex where its bend is not positive."
+    outcome.heard(
         np.ptp(both) < 1e-4,
         only_if="the problem is convex",
         inside=[np.ptp(costs(-b, t)) < 1e-4 for b, t in draws],
         outside=[np.ptp(costs(b, t)) < 1e-4 for b, t in draws],
     )
-    found.corrected(both.max() - both.min() > 0.1)
+    outcome.corrected(both.max() - both.min() > 0.1)
 
 
 @claim(
@@ -129,7 +129,7 @@ def drake_guarantees(found):
     "systems/controllers/linear_model_predictive_controller.h",
     needs=("Drake",),
 )
-def drake_planners(found):
+def drake_planners(result):
     simulators(DRAKE)
     import pydrake.planning
     import pydrake.solvers
@@ -138,17 +138,17 @@ def drake_planners(found):
 
     A, B = np.array([[0.0, 1.0], [2.0, -0.1]]), np.array([[0.0], [1.0]])
     gain, _ = controllers.LinearQuadraticRegulator(A, B, np.eye(2), np.eye(1))
-    off = np.abs(gain / (B.T @ solve_continuous_are(A, B, np.eye(2), np.eye(1))) - 1.0).max()
+    error = np.abs(gain / (B.T @ solve_continuous_are(A, B, np.eye(2), np.eye(1))) - 1.0).max()
     names = [name for name in dir(controllers) if name[0].isupper() and "_" not in name]
-    mpc = found.figure("mpc", sum("Predictive" in name or "Mpc" in name for name in names), 0.0)
-    found.figure("n", len(names), 0.5)
+    mpc = result.figure("mpc", sum("Predictive" in name or "Mpc" in name for name in names), 0.0)
+    result.figure("n", len(names), 0.5)
     plans = [getattr(pydrake.planning, x) for x in dir(pydrake.planning) if "TrajectoryOpt" in x]
-    found.figure("plans", sum(isinstance(plan, type) for plan in plans), 0.5)
-    digits = found.figure("digits", np.floor(-np.log10(max(off, 1e-10))), 0.3)
+    result.figure("plans", sum(isinstance(plan, type) for plan in plans), 0.5)
+    digits = result.figure("digits", np.floor(-np.log10(max(error, 1e-10))), 0.3)
     solvers = [getattr(pydrake.solvers, name)() for name in ("SnoptSolver", "IpoptSolver")]
-    found.statement = "Names of the module, and the gain of an unstable second-order plant."
-    found.heard(mpc > 0)
-    found.corrected(
+    result.statement = "Names of the module, and the gain of an unstable second-order plant."
+    result.heard(mpc > 0)
+    result.corrected(
         digits >= 7,
         len(plans) > 0,
         *(s.available() and s.enabled() for s in solvers),
@@ -165,8 +165,8 @@ def drake_planners(found):
     "RegionOfAttraction",
     needs=("Drake",),
 )
-def proof_never_falls(found):
-    more, share = found.given("more", 0.1), found.given("start", 0.98)
+def proof_never_falls(result):
+    more, share = result.given("more", 0.1), result.given("start", 0.98)
     simulators(DRAKE)
     from pydrake.symbolic import Variable
     from pydrake.systems.analysis import RegionOfAttraction, Simulator
@@ -191,17 +191,17 @@ def proof_never_falls(found):
     level = RegionOfAttraction(system, system.CreateDefaultContext())
     (variable,) = level.GetVariables()
     at = level.Evaluate({variable: 1.0})
-    edge = found.figure("edge", np.sqrt(1.0 / at), 1e-3)
-    gone = not stands(share * edge, 1.0 + more)
-    draws = found.rng.uniform((0.5, 0.0), (0.98, 0.2), (8, 2))
-    found.statement = "Sums of squares for the set, Drake's own simulator for the runs."
-    found.heard(
-        not gone,
+    edge = result.figure("edge", np.sqrt(1.0 / at), 1e-3)
+    missing = not stands(share * edge, 1.0 + more)
+    draws = result.rng.uniform((0.5, 0.0), (0.98, 0.2), (8, 2))
+    result.statement = "Sums of squares for the set, Drake's own simulator for the runs."
+    result.heard(
+        not missing,
         only_if="the model is right and the start is in the set that was proved",
         inside=[stands(x * edge, 1.0) for x, _ in draws],
         outside=[stands(0.98 * edge, 1.02 + y) for _, y in draws],
     )
-    found.corrected(abs(edge - 1.0) < 1e-3, gone, not stands(1.02 * edge, 1.0))
+    result.corrected(abs(edge - 1.0) < 1e-3, missing, not stands(1.02 * edge, 1.0))
 
 
 @claim(
@@ -213,11 +213,11 @@ def proof_never_falls(found):
     "window, --enable_cameras renders without one; since 3.0 (2026) it is --viz none",
     needs=("PyBullet",),
 )
-def headless_renders(found):
+def headless_renders(result):
     from course.oracles.pybullet import library
     from course.platforms import FAIR, scenes
 
-    side = int(found.given("side", 64))
+    side = int(result.given("side", 64))
     (bullet,) = simulators(PYBULLET)
     lib, run = library(), bullet.build(scenes.field(4), 1e-3, FAIR)
     view = lib.computeViewMatrix([1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
@@ -230,13 +230,13 @@ def headless_renders(found):
 
     run.run(50)
     cost = seconds(picture, 5) / seconds(lambda: run.run(50), 4) * 50.0
-    steps = found.figure("steps", np.log10(cost), 0.25)
+    steps = result.figure("steps", np.log10(cost), 0.25)
     windows = lib.getConnectionInfo(run.client)["connectionMethod"] != lib.DIRECT
-    seen = np.unique(np.reshape(picture()[4], -1)).size
+    observed = np.unique(np.reshape(picture()[4], -1)).size
     run.close()
-    found.statement = "Four cubes; the pixels' own numbers of bodies, and times of one process."
-    found.heard(seen < 2)
-    found.corrected(not windows, seen >= 4, steps > 0.5)
+    result.statement = "Four cubes; the pixels' own numbers of bodies, and times of one process."
+    result.heard(observed < 2)
+    result.corrected(not windows, observed >= 4, steps > 0.5)
 
 
 @claim(
@@ -245,7 +245,7 @@ def headless_renders(found):
     "the same name in Python. The bindings came with version {first}, not with the third.",
     source="MuJoCo 4.0 manual, 2026, Python and Changelog",
 )
-def python_first(found):
+def python_first(result):
     import re
     from pathlib import Path
 
@@ -254,15 +254,15 @@ def python_first(found):
     folder = Path(mujoco.__file__).parent
     header = (folder / "include" / "mujoco" / "mujoco.h").read_text(encoding="utf-8")
     names = set(re.findall(r"MJAPI [\w\s*]*?\b(mj\w*_\w+)\(", header))
-    n = found.figure("n", len(names), 0.3)
-    same = found.figure("same", sum(hasattr(mujoco, name) for name in names), 0.3)
+    n = result.figure("n", len(names), 0.3)
+    same = result.figure("same", sum(hasattr(mujoco, name) for name in names), 0.3)
     log = (folder / "doc" / "changelog.rst").read_text(encoding="utf-8")
     news = log[: log.index("Added new :doc:`Python bindings")]
-    first = found.figure("first", re.findall(r"^Version ([\d.]+)", news, re.M)[-1])
-    found.statement = "The header, the manual and the changelog that are installed with it."
-    found.heard(int(first.split(".")[0]) >= 3)
+    first = result.figure("first", re.findall(r"^Version ([\d.]+)", news, re.M)[-1])
+    result.statement = "The header, the manual and the changelog that are installed with it."
+    result.heard(int(first.split(".")[0]) >= 3)
     page = (folder / "doc" / "python.rst").read_text(encoding="utf-8")
-    found.corrected(same > 0.4 * n, "consistent with the underlying C API" in page)
+    result.corrected(same > 0.4 * n, "consistent with the underlying C API" in page)
 
 
 @claim(
@@ -272,7 +272,7 @@ def python_first(found):
     source="MuJoCo 4.0 manual, 2026, Changelog, versions 2.1.0 (2021) and 2.2.0 (2022); Google "
     "DeepMind, Opening up a physics simulator for robotics, 2021",
 )
-def opened(found):
+def opened(result):
     import re
     from importlib.metadata import metadata
     from pathlib import Path
@@ -287,12 +287,12 @@ def opened(found):
         month, year = row
         return 12 * int(year) + months.index(month) // 3
 
-    gap = found.figure("months", dated("2.2.0") - dated("2.1.0"), 0.0)
-    licence = found.figure("licence", metadata("mujoco")["License-Expression"])
+    gap = result.figure("months", dated("2.2.0") - dated("2.1.0"), 0.0)
+    licence = result.figure("licence", metadata("mujoco")["License-Expression"])
     opening = log[log.index("Version 2.2.0") :][:200]
-    found.statement = "Dates and words of the installed changelog, licence of the package."
-    found.heard("Open Sourcing" in opening and licence == "Apache-2.0")
-    found.corrected("Open Sourcing" in opening, 0 < gap < 12)
+    result.statement = "Dates and words of the installed changelog, licence of the package."
+    result.heard("Open Sourcing" in opening and licence == "Apache-2.0")
+    result.corrected("Open Sourcing" in opening, 0 < gap < 12)
 
 
 @claim(
@@ -303,17 +303,17 @@ def opened(found):
     "and Bai, PyBullet, 2016 to 2021",
     needs=("PyBullet",),
 )
-def bullet_on_gpu(found):
+def bullet_on_gpu(result):
     from course.oracles.pybullet import library
 
     names = [name.lower() for name in dir(library()) if not name.startswith("_")]
-    found.figure("n", len(names), 0.2)
+    result.figure("n", len(names), 0.2)
     on_gpu = [name for name in names if any(word in name for word in ("gpu", "cuda", "opencl"))]
-    gpu = found.figure("gpu", len(on_gpu), 0.0)
-    gl = found.figure("gl", sum("opengl" in name for name in names), 0.5)
-    found.statement = "Names of the installed module."
-    found.heard(gpu == 0)
-    found.corrected(gl > 0, "stepsimulation" in names)
+    gpu = result.figure("gpu", len(on_gpu), 0.0)
+    gl = result.figure("gl", sum("opengl" in name for name in names), 0.5)
+    result.statement = "Names of the installed module."
+    result.heard(gpu == 0)
+    result.corrected(gl > 0, "stepsimulation" in names)
 
 
 @claim(
@@ -334,27 +334,27 @@ def bullet_on_gpu(found):
     ),
     source="Documented, not measured here: Isaac Lab, Performance benchmarks, 2025",
 )
-def fewer_environments(found):
+def fewer_environments(result):
     import sympy
 
     from course import kinematics
 
     a, b, N = sympy.symbols("a b N", positive=True)
     rate = N / (a + b * N)
-    found.formula = sympy.solve(sympy.Eq(rate, sympy.limit(rate, N, sympy.oo) / 2), N)[0]
-    arm, many = kinematics.panda(), int(found.given("many", 256))
+    result.formula = sympy.solve(sympy.Eq(rate, sympy.limit(rate, N, sympy.oo) / 2), N)[0]
+    arm, count = kinematics.panda(), int(result.given("many", 256))
 
     def cost(n):
-        q = found.rng.uniform(-1.0, 1.0, (arm.n, n))
+        q = result.rng.uniform(-1.0, 1.0, (arm.n, n))
         still = np.zeros_like(q)
         kinematics.forward_dynamics(arm, q, still, still)
         return seconds(lambda: kinematics.forward_dynamics(arm, q, still, still), 1000 // n + 2)
 
-    one, some, lots = (cost(n) for n in (1, 16, many))
-    gain = found.figure("gain", np.log10(many * one / lots), 0.3)
-    found.statement = "Forward dynamics of the 7-R arm, vectorised, in processor time."
-    found.heard(1.0 / one > many / lots)
-    found.corrected(gain > 0.3, one < some < lots, 16 / some > 1 / one)
+    one, some, lots = (cost(n) for n in (1, 16, count))
+    gain = result.figure("gain", np.log10(count * one / lots), 0.3)
+    result.statement = "Forward dynamics of the 7-R arm, vectorised, in processor time."
+    result.heard(1.0 / one > count / lots)
+    result.corrected(gain > 0.3, one < some < lots, 16 / some > 1 / one)
 
 
 @claim(
@@ -366,7 +366,7 @@ def fewer_environments(found):
     "robot that moved and could touch itself; DeepMind, MuJoCo XLA, 2023: millions of steps on "
     "accelerators, in batches",
 )
-def steps_per_second(found):
+def steps_per_second(result):
     import mujoco
 
     from course.platforms import FAIR, prepared, scenes
@@ -379,15 +379,15 @@ def steps_per_second(found):
         run.run(100)
         return seconds(lambda: run.run(steps), 1) / steps
 
-    n = int(found.given("n", 16))
+    n = int(result.given("n", 16))
     pendulum = cost(scenes.chain(1), 20_000)
-    short = found.figure("short", np.log10(1e7 * pendulum), 0.3)
+    short = result.figure("short", np.log10(1e7 * pendulum), 0.3)
     cubes = scenes.field(n)
     more = cost(cubes, 300) / cost(cubes, 1000, free=True)
-    ground = found.figure("ground", np.log10(more), 0.3)
-    found.statement = "Processor time of steps in MuJoCo's own loop, fair settings."
-    found.heard(short <= 0.0)
-    found.corrected(short > 0.3, ground > 0.5)
+    ground = result.figure("ground", np.log10(more), 0.3)
+    result.statement = "Processor time of steps in MuJoCo's own loop, fair settings."
+    result.heard(short <= 0.0)
+    result.corrected(short > 0.3, ground > 0.5)
 
 
 @claim(
@@ -406,14 +406,14 @@ def steps_per_second(found):
         },
     ),
 )
-def radar_area(found):
+def radar_area(result):
     import itertools
 
     import sympy
 
     n, r = sympy.symbols("n r", positive=True)
     corner = sympy.Matrix([r * sympy.cos(2 * sympy.pi / n), r * sympy.sin(2 * sympy.pi / n)])
-    found.formula = n * sympy.Matrix.hstack(sympy.Matrix([r, 0]), corner).det() / 2
+    result.formula = n * sympy.Matrix.hstack(sympy.Matrix([r, 0]), corner).det() / 2
     orders = [(0, *rest) for rest in itertools.permutations(range(1, 5)) if rest[0] < rest[-1]]
 
     def areas(values):
@@ -421,14 +421,14 @@ def radar_area(found):
         return 0.5 * np.sin(0.4 * np.pi) * np.sum(turned * np.roll(turned, 1, axis=-1), axis=-1)
 
     figures = areas([1.0, 0.9, 0.2, 0.1, 0.8])
-    most = found.figure("most", figures.max() / figures.min(), 1e-6)
-    pairs = areas(found.rng.uniform(0.1, 1.0, (int(found.given("n", 2000)), 2, 5)))
+    largest = result.figure("most", figures.max() / figures.min(), 1e-6)
+    pairs = areas(result.rng.uniform(0.1, 1.0, (int(result.given("n", 2000)), 2, 5)))
     first = pairs[:, 0] > pairs[:, 1]
-    turned = found.figure("turned", np.mean(first.any(axis=1) & ~first.all(axis=1)), 0.1)
-    found.statement = "All twelve orders of five axes."
-    found.heard(turned == 0.0)
-    found.corrected(
-        most > 1.3,
+    turned = result.figure("turned", np.mean(first.any(axis=1) & ~first.all(axis=1)), 0.1)
+    result.statement = "All twelve orders of five axes."
+    result.heard(turned == 0.0)
+    result.corrected(
+        largest > 1.3,
         turned > 0.1,
-        bool(abs(areas([1.0] * 5)[0] / float(found.formula.subs({n: 5, r: 1})) - 1) < 1e-9),
+        bool(abs(areas([1.0] * 5)[0] / float(result.formula.subs({n: 5, r: 1})) - 1) < 1e-9),
     )

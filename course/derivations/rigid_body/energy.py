@@ -85,17 +85,17 @@ def _energy_ratio(name: str) -> Any:
         },
     ),
 )
-def explicit_energy_factor(found):
+def explicit_energy_factor(result):
     import sympy
 
     _, h, omega = _matrix("explicit_euler")
     ratio = _energy_ratio("explicit_euler")
-    found.formula = sympy.expand(ratio[0, 0])
-    value = found.formula.subs({omega: 2 * sympy.pi, h: sympy.Rational(1, 100)})
-    found.figure("factor_1_hz_10_ms", value)
-    found.statement = f"A^T E A = ({ratio[0, 0]}) E for the matrix A of the step."
-    found.heard(float(value) > 1)
-    found.corrected(ratio == ratio[0, 0] * sympy.eye(2))
+    result.formula = sympy.expand(ratio[0, 0])
+    value = result.formula.subs({omega: 2 * sympy.pi, h: sympy.Rational(1, 100)})
+    result.figure("factor_1_hz_10_ms", value)
+    result.statement = f"A^T E A = ({ratio[0, 0]}) E for the matrix A of the step."
+    result.heard(float(value) > 1)
+    result.corrected(ratio == ratio[0, 0] * sympy.eye(2))
 
 
 @claim(
@@ -114,7 +114,7 @@ def explicit_energy_factor(found):
         },
     ),
 )
-def explicit_growth_per_second(found):
+def explicit_growth_per_second(result):
     import sympy
 
     from course.rigid_body import problems
@@ -129,21 +129,21 @@ def explicit_growth_per_second(found):
 
     _, h, omega = _matrix("explicit_euler")
     per_step = np.log2(np.expm1(growth(2e-4, 1)) / np.expm1(growth(1e-4, 1)))
-    small = found.given("small", 0.05)
-    found.figure("power_of_dt_per_step", per_step, 1e-3)
-    found.figure("power_of_dt_per_second", power(1e-4), 1e-3)
-    found.figure("per_second_1_hz_1_ms", np.exp(growth(1e-3, 1000)), 1e-3)
-    found.formula = sympy.exp(sympy.series(sympy.log(1 + omega**2 * h**2) / h, h, 0, 3).removeO())
-    found.statement = (
+    small = result.given("small", 0.05)
+    result.figure("power_of_dt_per_step", per_step, 1e-3)
+    result.figure("power_of_dt_per_second", power(1e-4), 1e-3)
+    result.figure("per_second_1_hz_1_ms", np.exp(growth(1e-3, 1000)), 1e-3)
+    result.formula = sympy.exp(sympy.series(sympy.log(1 + omega**2 * h**2) / h, h, 0, 3).removeO())
+    result.statement = (
         "Growth of an oscillator's energy at dt and 2 dt, over a step and over a time."
     )
-    found.heard(
+    result.heard(
         abs(per_step - 1) < 0.1,
         only_if="it is the growth of ln E per second, and omega dt stays below {small}",
-        inside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in found.rng.uniform(0.01, 1, 12) * small],
-        outside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in found.rng.uniform(1, 4, 12) * small],
+        inside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in result.rng.uniform(0.01, 1, 12) * small],
+        outside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in result.rng.uniform(1, 4, 12) * small],
     )
-    found.corrected(abs(per_step - 2) < 0.01)
+    result.corrected(abs(per_step - 2) < 0.01)
 
 
 @claim(
@@ -152,7 +152,7 @@ def explicit_growth_per_second(found):
     "second order. A pendulum that swings over the top loses energy there, because V'' is "
     "negative.",
 )
-def explicit_adds_always(found):
+def explicit_adds_always(result):
     from course.rigid_body import problems
 
     g_over_l, h = _pendulum()[1][0], 1e-4
@@ -162,14 +162,14 @@ def explicit_adds_always(found):
         start, end = (problems.pendulum_energy(*s, _pendulum()[1]) for s in zip(q, v, strict=True))
         return (end - start) / h**2
 
-    draws = found.rng.uniform((-np.pi, -5.0), (np.pi, 5.0), (200, 2)).T
+    draws = result.rng.uniform((-np.pi, -5.0), (np.pi, 5.0), (200, 2)).T
     law = (g_over_l * np.cos(draws[0]) * draws[1] ** 2 + (g_over_l * np.sin(draws[0])) ** 2) / 2
     bottom, top = float(change(0.3, 2.0)), float(change(np.pi - 0.1, 2.0))
-    found.figure("bottom_over_h2", bottom, 1e-3)
-    found.figure("top_over_h2", top, 1e-3)
-    found.statement = "Change of a pendulum's energy in one step, near the bottom and near the top."
-    found.heard(bottom > 0 and top > 0)
-    found.corrected(top < 0, np.abs(change(*draws) - law).max() < 1e-3 * np.abs(law).max())
+    result.figure("bottom_over_h2", bottom, 1e-3)
+    result.figure("top_over_h2", top, 1e-3)
+    result.statement = "Change of a pendulum's energy in one step, near the bottom and near the top."
+    result.heard(bottom > 0 and top > 0)
+    result.corrected(top < 0, np.abs(change(*draws) - law).max() < 1e-3 * np.abs(law).max())
 
 
 @claim(
@@ -180,13 +180,13 @@ def explicit_adds_always(found):
     "computes the same rates. At {rate_rad_per_s:.2g} rad/s and {step_ms:g} ms the moments 1 : 2 : "
     "3 gain {gain_percent:.1f} % in {seconds:g} s.",
 )
-def explicit_adds_without_forces(found):
+def explicit_adds_without_forces(result):
     from course.rigid_body import problems, quaternion
     from course.rigid_body.spatial import free_flight_acceleration as flight
 
-    n, h, names = 50, found.given("step_ms", 1.0) / 1000, ("explicit_euler", "semi_implicit_euler")
-    moments = np.sort(found.rng.uniform(1.0, 1.8, (3, n)), axis=0) + [[0.0], [0.1], [0.2]]
-    omega, velocity = found.rng.normal(size=(2, 3, n))
+    n, h, names = 50, result.given("step_ms", 1.0) / 1000, ("explicit_euler", "semi_implicit_euler")
+    moments = np.sort(result.rng.uniform(1.0, 1.8, (3, n)), axis=0) + [[0.0], [0.1], [0.2]]
+    omega, velocity = result.rng.normal(size=(2, 3, n))
     weights = np.vstack((np.ones((3, n)), moments))
     params = np.vstack((np.zeros((3, n)), moments))
     q = np.vstack((np.zeros((3, n)), np.tile(quaternion.identity()[:, None], n)))
@@ -197,22 +197,22 @@ def explicit_adds_without_forces(found):
         return (weights * (v[-1] ** 2 - v[0] ** 2)).sum(axis=0) / 2
 
     tumbling = [gains(name, omega) for name in names]
-    about_axis = omega * np.eye(3)[found.rng.integers(0, 3, n)].T
+    about_axis = omega * np.eye(3)[result.rng.integers(0, 3, n)].T
     steady, straight = (gains(names[0], spin) for spin in (about_axis, 0 * omega))
     alpha = flight(q, np.vstack((velocity, omega)), params)[3:]
     law = h * h * (moments * alpha**2).sum(axis=0) / 2
-    tumble, seconds = problems.tumble(), found.given("seconds", 20.0)
+    tumble, seconds = problems.tumble(), result.given("seconds", 20.0)
     energy = _energies(tumble, names[0], h, round(seconds / h))
-    found.figure("rate_rad_per_s", np.linalg.norm(tumble.system.v0))
-    found.figure("gain_percent", 100 * (energy[-1] / energy[0] - 1), 1e-3)
-    found.statement = "50 random bodies that tumble, spin about an axis, or only fly, 200 steps."
-    found.heard(
+    result.figure("rate_rad_per_s", np.linalg.norm(tumble.system.v0))
+    result.figure("gain_percent", 100 * (energy[-1] / energy[0] - 1), 1e-3)
+    result.statement = "50 random bodies that tumble, spin about an axis, or only fly, 200 steps."
+    result.heard(
         (straight > 0).all(),
         only_if="it turns, and not about a principal axis",
         inside=tumbling[0] > 0,
         outside=np.concatenate((straight, steady)) > 0,
     )
-    found.corrected(
+    result.corrected(
         np.array_equal(tumbling[0], tumbling[1]),
         not straight.any(),
         (np.diff(energy) > 0).all(),
@@ -226,7 +226,7 @@ def explicit_adds_without_forces(found):
     "semi-implicit Euler, to the last bit. Explicit Euler needs `x += v*dt` first. What makes it "
     "explicit Euler is which velocity it reads, not that it is written in two lines.",
 )
-def usual_listing_is_explicit(found):
+def usual_listing_is_explicit(result):
     from course.rigid_body import explicit_euler, semi_implicit_euler
 
     pull, params = _pendulum()
@@ -243,17 +243,17 @@ def usual_listing_is_explicit(found):
         return x, v
 
     def apart(lines: Any, method: Any) -> float:
-        draws = [tuple(float(z) for z in row) for row in found.rng.uniform(0.01, 2, (100, 3))]
+        draws = [tuple(float(z) for z in row) for row in result.rng.uniform(0.01, 2, (100, 3))]
         steps = [
             np.ravel(method(np.array([x]), np.array([v]), pull, h, params)) for x, v, h in draws
         ]
         return float(np.abs(np.array([lines(*draw) for draw in draws]) - steps).max())
 
-    found.figure("from_semi_implicit", apart(listing, semi_implicit_euler), 1e-15)
-    found.figure("from_explicit_m", apart(listing, explicit_euler), 0.5)
-    found.statement = "Largest difference over 100 random states and steps of a pendulum."
-    found.heard(apart(listing, explicit_euler) < 1e-12)
-    found.corrected(apart(listing, semi_implicit_euler) == 0, apart(swapped, explicit_euler) == 0)
+    result.figure("from_semi_implicit", apart(listing, semi_implicit_euler), 1e-15)
+    result.figure("from_explicit_m", apart(listing, explicit_euler), 0.5)
+    result.statement = "Largest difference over 100 random states and steps of a pendulum."
+    result.heard(apart(listing, explicit_euler) < 1e-12)
+    result.corrected(apart(listing, semi_implicit_euler) == 0, apart(swapped, explicit_euler) == 0)
 
 
 @claim(
@@ -275,7 +275,7 @@ def usual_listing_is_explicit(found):
     ),
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. IX.3",
 )
-def semi_implicit_dissipates(found):
+def semi_implicit_dissipates(result):
     import sympy
 
     from course.rigid_body import problems
@@ -284,21 +284,21 @@ def semi_implicit_dissipates(found):
     c = sympy.Symbol("c")
     form = sympy.Matrix([[omega**2 / 2, c / 2], [c / 2, sympy.Rational(1, 2)]])
     (solution,) = sympy.solve(list((A.T * form * A - form).applyfunc(sympy.expand)), c, dict=True)
-    u, steps = found.given("omega_h", 0.1), found.given("steps", 1000)
+    u, steps = result.given("omega_h", 0.1), result.given("steps", 1000)
     spring = problems.oscillator(omega=1.0)
     energy = _energies(spring, "semi_implicit_euler", u, 200 * steps)
     drift = abs(energy[-20_000:].mean() / energy[:20_000].mean() - 1)
     explicit = _energies(spring, "explicit_euler", u, steps, steps)
-    found.formula = solution[c]
-    found.figure("lowest", energy.min() / energy[0], 1e-4)
-    found.figure("highest", energy.max() / energy[0], 1e-4)
-    found.figure("explicit_after_1000", explicit[1] / explicit[0], 1e-4)
-    found.statement = f"200,000 steps: the mean energy moves by {drift:.0e} of itself."
-    h, start = found.rng.uniform(0.05, 1.9, 50), found.rng.normal(size=(2, 1, 50))
+    result.formula = solution[c]
+    result.figure("lowest", energy.min() / energy[0], 1e-4)
+    result.figure("highest", energy.max() / energy[0], 1e-4)
+    result.figure("explicit_after_1000", explicit[1] / explicit[0], 1e-4)
+    result.statement = f"200,000 steps: the mean energy moves by {drift:.0e} of itself."
+    h, start = result.rng.uniform(0.05, 1.9, 50), result.rng.normal(size=(2, 1, 50))
     x, v = _steps("semi_implicit_euler", _spring(), start[0], start[1], h, 500)
-    kept = v**2 / 2 + x**2 / 2 - h * x * v / 2
-    found.heard(drift > 1e-3)
-    found.corrected(drift < 1e-5, np.ptp(kept, axis=0).max() < 1e-9 * kept.max())
+    retained = v**2 / 2 + x**2 / 2 - h * x * v / 2
+    result.heard(drift > 1e-3)
+    result.corrected(drift < 1e-5, np.ptp(retained, axis=0).max() < 1e-9 * retained.max())
 
 
 @claim(
@@ -308,7 +308,7 @@ def semi_implicit_dissipates(found):
     "is the top of it: at omega h = {omega_h} the energy stays between {low:.3f} and {high:.3f} of "
     "it.",
 )
-def semi_implicit_energy_swing(found):
+def semi_implicit_energy_swing(result):
     from course.rigid_body import problems
 
     def energies(phase: Any, h: Any) -> np.ndarray:
@@ -323,27 +323,27 @@ def semi_implicit_energy_swing(found):
         middle = (energy.max(axis=0) + energy.min(axis=0)) / 2
         return np.abs(energy[0] - middle) < 0.25 * np.ptp(energy, axis=0)
 
-    u, spring = found.given("omega_h", 0.1), problems.oscillator(omega=1.0)
+    u, spring = result.given("omega_h", 0.1), problems.oscillator(omega=1.0)
     # Released at rest, where the conserved value is the energy of the start.
     runs = [_energies(spring, "semi_implicit_euler", x, 100_000) for x in (u, u / 2)]
     swing, mean = np.array([[np.ptp(e) / e[0] / 2, e.mean() / e[0] - 1] for e in runs]).T
     top = energies(np.full(1, np.pi / 4), u)[:, 0]
-    found.figure("swing_over_omega_h", swing[1] / (u / 2), 2e-3)
-    found.figure("power_of_swing", np.log2(swing[0] / swing[1]), 2e-3)
-    found.figure("power_of_mean", np.log2(mean[0] / mean[1]), 2e-3)
-    found.figure("low", top.min() / top[0], 1e-4)
-    found.figure("high", top.max() / top[0], 1e-4)
-    found.statement = f"Half the range of the relative energy: {swing[0]:.5f} at omega h = {u}, "
-    found.statement += f"{swing[1]:.5f} at half of it."
-    h, phase = found.rng.uniform((0.02, 0), (0.9, 2 * np.pi), (40, 2)).T
+    result.figure("swing_over_omega_h", swing[1] / (u / 2), 2e-3)
+    result.figure("power_of_swing", np.log2(swing[0] / swing[1]), 2e-3)
+    result.figure("power_of_mean", np.log2(mean[0] / mean[1]), 2e-3)
+    result.figure("low", top.min() / top[0], 1e-4)
+    result.figure("high", top.max() / top[0], 1e-4)
+    result.statement = f"Half the range of the relative energy: {swing[0]:.5f} at omega h = {u}, "
+    result.statement += f"{swing[1]:.5f} at half of it."
+    h, phase = result.rng.uniform((0.02, 0), (0.9, 2 * np.pi), (40, 2)).T
     outside = about(phase, h)
-    found.heard(
+    result.heard(
         outside.all(),
         only_if="the run starts where x v = 0, at a turning point or in the middle",
         inside=about(np.round(phase / (np.pi / 2)) * np.pi / 2, h),
         outside=outside,
     )
-    found.corrected(
+    result.corrected(
         abs(swing[1] / (u / 2) - 0.5) < 1e-3,
         abs(mean[1]) < 0.1 * swing[1],
         abs(top.max() / top[0] - 1) < 1e-12,
@@ -360,7 +360,7 @@ def semi_implicit_energy_swing(found):
     "nothing "
     "(`explicit_adds_without_forces`).",
 )
-def swapping_two_lines(found):
+def swapping_two_lines(result):
     from scipy.optimize import brentq
 
     from course.derivations.rigid_body.linear import spectral_radius
@@ -372,34 +372,34 @@ def swapping_two_lines(found):
         return spectral_radius("semi_implicit_euler", u) <= 1 + 1e-9
 
     crossing = brentq(faster, 2.01, 2.5)
-    found.figure("inside", spectral_radius("semi_implicit_euler", 1.9), 1e-4)
-    found.figure("outside", spectral_radius("semi_implicit_euler", 2.5), 1e-4)
-    found.figure("explicit_outside", spectral_radius("explicit_euler", 2.5), 1e-4)
-    found.figure("faster_from", crossing)
-    found.statement = "Largest growth factor of an oscillator's amplitude per step."
-    above = found.rng.uniform(2.0001, 2.2, 20)
+    result.figure("inside", spectral_radius("semi_implicit_euler", 1.9), 1e-4)
+    result.figure("outside", spectral_radius("semi_implicit_euler", 2.5), 1e-4)
+    result.figure("explicit_outside", spectral_radius("explicit_euler", 2.5), 1e-4)
+    result.figure("faster_from", crossing)
+    result.statement = "Largest growth factor of an oscillator's amplitude per step."
+    above = result.rng.uniform(2.0001, 2.2, 20)
     pull, params = _pendulum()
-    large = found.given("pendulum_omega_h", 1.5)
+    large = result.given("pendulum_omega_h", 1.5)
 
     def share(u: float) -> float:
         """Of swings whose energy above the bottom grows more than tenfold in 2000 steps."""
         rate = np.sqrt(params[0])
-        start = found.rng.uniform(-1, 1, (2, 1, 200)) * np.reshape((3, rate), (2, 1, 1))
+        start = result.rng.uniform(-1, 1, (2, 1, 200)) * np.reshape((3, rate), (2, 1, 1))
         q, v = _steps("semi_implicit_euler", (pull, params), start[0], start[1], u / rate, 2000)
         energy = (v / rate) ** 2 / 2 + 1 - np.cos(q)
         return float((energy.max(axis=0) > 10 * energy[0]).mean())
 
-    diffuses = found.figure("pendulum_share", share(large), 0.2)
-    found.heard(
+    diffuses = result.figure("pendulum_share", share(large), 0.2)
+    result.heard(
         bounded(2.5),
         only_if="it is an undamped spring and omega h < 2",
-        inside=[bounded(u) for u in found.rng.uniform(0, 2, 50)],
+        inside=[bounded(u) for u in result.rng.uniform(0, 2, 50)],
         outside=[bounded(u) for u in above],
     )
-    found.corrected(
+    result.corrected(
         all(faster(u) < 0 for u in np.linspace(2.001, 0.999 * crossing, 20)),
         all(faster(u) > 0 for u in np.linspace(1.001 * crossing, 6, 40)),
-        all(spectral_radius("explicit_euler", u) > 1 for u in found.rng.uniform(0.01, 3, 50)),
+        all(spectral_radius("explicit_euler", u) > 1 for u in result.rng.uniform(0.01, 3, 50)),
         diffuses > 0.2,
         share(0.2) < 0.01,
     )
@@ -412,7 +412,7 @@ def swapping_two_lines(found):
     "/ 72 per step, the explicit midpoint rule grows it by (omega h)^4 / 4, to leading order, and "
     "explicit Euler by (omega h)^2.",
 )
-def area_preserved(found):
+def area_preserved(result):
     import sympy
 
     from course.rigid_body.integrators import INTEGRATORS
@@ -420,15 +420,15 @@ def area_preserved(found):
     names = [n for n in INTEGRATORS if n != "rk4_renormalised"]
     _, h, omega = _matrix(names[0])
     excess = {n: sympy.expand(sympy.simplify(_matrix(n)[0].det()) - 1) for n in names}
-    kept = {n for n in names if excess[n] == 0}
+    selected = {n for n in names if excess[n] == 0}
     leading = {
         "rk4": -((omega * h) ** 6) / 72,
         "explicit_midpoint": (omega * h) ** 4 / 4,
         "explicit_euler": (omega * h) ** 2,
     }
     for n in names:
-        found.figure(f"{n}_at_half", excess[n].subs({omega: 1, h: sympy.Rational(1, 2)}))
-    q, v, step = found.rng.uniform((-3, -4, 0.05), (3, 4, 0.3), (20, 3)).T
+        result.figure(f"{n}_at_half", excess[n].subs({omega: 1, h: sympy.Rational(1, 2)}))
+    q, v, step = result.rng.uniform((-3, -4, 0.05), (3, 4, 0.3), (20, 3)).T
     size = 1e-6 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]).T[:, :, None]
 
     def pendulum_area(name: str) -> np.ndarray:
@@ -439,12 +439,12 @@ def area_preserved(found):
         dq, dv = e[:, 0] - e[:, 1], e[:, 2] - e[:, 3]
         return dq[0] * dv[1] - dq[1] * dv[0]
 
-    off = {n: float(np.abs(pendulum_area(n) - 1).max()) for n in names}
-    found.statement = "Determinant of one step less 1, on the oscillator and at 20 pendulum states."
-    found.heard("semi_implicit_euler" in kept and "rk4" not in kept and off["rk4"] > 1e-6)
-    found.corrected(
-        kept == {n for n in names if INTEGRATORS[n].symplectic},
-        all((off[n] < 1e-7) == (n in kept) for n in names),
+    error = {n: float(np.abs(pendulum_area(n) - 1).max()) for n in names}
+    result.statement = "Determinant of one step less 1, on the oscillator and at 20 pendulum states."
+    result.heard("semi_implicit_euler" in selected and "rk4" not in selected and error["rk4"] > 1e-6)
+    result.corrected(
+        selected == {n for n in names if INTEGRATORS[n].symplectic},
+        all((error[n] < 1e-7) == (n in selected) for n in names),
         all(sympy.limit(excess[n] / term, h, 0) == 1 for n, term in leading.items()),
     )
 
@@ -458,26 +458,26 @@ def area_preserved(found):
     "{step_ms:g} ms, early and late.",
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), ch. IX",
 )
-def symplectic_conserves_energy(found):
+def symplectic_conserves_energy(result):
     from course.rigid_body import problems
 
     def error(h: float, steps: int) -> np.ndarray:
         energy = _energies(problems.pendulum(2.0), "velocity_verlet", h, steps)
         return np.abs(energy / energy[0] - 1)
 
-    h = found.given("step_ms", 20.0) / 1000
+    h = result.given("step_ms", 20.0) / 1000
     coarse, fine = error(h, 500_000), error(h / 2, 1000)
     early, late = coarse[:5000].max(), coarse[-5000:].max()
     power = np.log2(early / fine.max())
-    found.figure("relative_error", early, 5e-3)
-    found.figure("late_over_early", late / early, 5e-3)
-    found.figure("power_of_h", power, 5e-3)
-    found.statement = (
+    result.figure("relative_error", early, 5e-3)
+    result.figure("late_over_early", late / early, 5e-3)
+    result.figure("power_of_h", power, 5e-3)
+    result.statement = (
         f"The largest error of the first 5000 of 500,000 steps is {early:.1e}, of the "
     )
-    found.statement += f"last 5000 {late:.1e}."
-    found.heard(early < 1e-9)
-    found.corrected(abs(late / early - 1) < 0.05, abs(power - 2) < 0.05)
+    result.statement += f"last 5000 {late:.1e}."
+    result.heard(early < 1e-9)
+    result.corrected(abs(late / early - 1) < 0.05, abs(power - 2) < 0.05)
 
 
 @claim(
@@ -490,7 +490,7 @@ def symplectic_conserves_energy(found):
     source="Calvo and Sanz-Serna, The development of variable-step symplectic integrators (1993); "
     "Hairer and Soderlind, Explicit, time reversible, adaptive step size control (2005)",
 )
-def symplectic_with_varying_step(found):
+def symplectic_with_varying_step(result):
     from course.rigid_body import semi_implicit_euler, velocity_verlet
 
     def attraction(q: np.ndarray, v: np.ndarray, params: None) -> np.ndarray:
@@ -525,23 +525,23 @@ def symplectic_with_varying_step(found):
         end = method(*method(*here, attraction, 0.1, None), attraction, -0.1, None)
         return float(np.abs(np.array(end) - here).max())
 
-    here = found.rng.uniform(0.5, 1, (2, 2))
-    orbits = found.given("orbits", 60)
-    draws = np.append(found.given("eccentricity", 0.5), found.rng.uniform(0.2, 0.7, 11))
+    here = result.rng.uniform(0.5, 1, (2, 2))
+    orbits = result.given("orbits", 60)
+    draws = np.append(result.given("eccentricity", 0.5), result.rng.uniform(0.2, 0.7, 11))
     naive, reversible = drifts(draws, False), drifts(draws, True)
-    found.figure("varying_drift", naive[0], 0.02)
-    found.figure("reversible_drift", reversible[0], 0.5)
-    found.statement = (
+    result.figure("varying_drift", naive[0], 0.02)
+    result.figure("reversible_drift", reversible[0], 0.5)
+    result.statement = (
         f"12 eccentricities: drifts of {naive.min():.1e} to {naive.max():.1e} with the step taken "
         f"from the distance, {reversible.max():.1e} at most with the reversible choice."
     )
-    found.heard(
+    result.heard(
         (naive < 3e-4).all(),
         only_if="the method and the rule for its step are the same backwards in time",
         inside=reversible < 3e-4,
         outside=naive < 3e-4,
     )
-    found.corrected(
+    result.corrected(
         (naive > 10 * reversible).all(),
         there_and_back(velocity_verlet) < 1e-14 < 1e-4 < there_and_back(semi_implicit_euler),
     )
@@ -556,7 +556,7 @@ def symplectic_with_varying_step(found):
     "bodies work with momenta.",
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. VI.3",
 )
-def semi_implicit_arm_energy(found):
+def semi_implicit_arm_energy(result):
     from course.rigid_body import problems
 
     def drift(problem: Any, dt: float = 1e-3) -> float:
@@ -565,31 +565,31 @@ def semi_implicit_arm_energy(found):
         tenth = len(energy) // 10
         return float(energy[-tenth:].mean() - energy[:tenth].mean())
 
-    seconds, runs = found.given("seconds", 100.0), found.given("runs", 12)
+    seconds, runs = result.given("seconds", 100.0), result.given("runs", 12)
     arm, one = problems.double_pendulum(), problems.pendulum()
     hanging = problems.double_pendulum_energy(np.zeros(2), np.zeros(2), arm.system.params)
     lost = -drift(arm)
-    starts = found.rng.uniform(-2.5, 2.5, (runs, 2))
+    starts = result.rng.uniform(-2.5, 2.5, (runs, 2))
     arms = np.array([drift(problems.double_pendulum(tuple(a))) for a in starts])
-    singles = np.array([drift(problems.pendulum(a)) for a in found.rng.uniform(0.2, 2.9, runs)])
+    singles = np.array([drift(problems.pendulum(a)) for a in result.rng.uniform(0.2, 2.9, runs)])
     tumble = np.diff(_energies(problems.tumble(), "semi_implicit_euler", 1e-3, 20_000))
     # The motion is chaotic: another processor takes another path.
-    found.figure("double_pendulum_lost_j", lost, 0.4)
-    found.figure("of_energy_above_hanging_j", _energies(arm, "rk4", 1e-3, 1)[0] - hanging, 0.01)
-    found.figure("largest_drift_j", np.abs(arms).max(), 0.5)
-    found.figure("pendulum_drift", round(drift(one) / _energies(one, "rk4", 1e-3, 1)[0], 4), 1e-4)
-    found.statement = (
+    result.figure("double_pendulum_lost_j", lost, 0.4)
+    result.figure("of_energy_above_hanging_j", _energies(arm, "rk4", 1e-3, 1)[0] - hanging, 0.01)
+    result.figure("largest_drift_j", np.abs(arms).max(), 0.5)
+    result.figure("pendulum_drift", round(drift(one) / _energies(one, "rk4", 1e-3, 1)[0], 4), 1e-4)
+    result.statement = (
         f"At 1 ms: the double pendulum of the chapter loses {lost:.1f} J, {np.sum(arms < 0)} of "
         f"{runs} with random starts lose and {np.sum(arms > 0)} gain."
     )
-    found.heard(
+    result.heard(
         abs(lost) < 0.1,
         only_if="forces are the slope of a potential of the positions, the mass matrix is constant "
         "and the step is small",
         inside=np.abs(singles) < 0.01,
         outside=np.abs(arms) < 0.01,
     )
-    found.corrected(lost > 1, (arms < 0).sum() > (arms > 0).sum() > 0, (tumble > 0).all())
+    result.corrected(lost > 1, (arms < 0).sum() > (arms > 0).sum() > 0, (tumble > 0).all())
 
 
 @claim(
@@ -598,29 +598,29 @@ def semi_implicit_arm_energy(found):
     "true exp(-2 zeta omega h): {determinant:.3f} instead of {true_contraction:.4f} at omega h = "
     "{omega_h} and zeta = {zeta}. Symplecticity says nothing about systems that dissipate.",
 )
-def semi_implicit_keeps_area_always(found):
+def semi_implicit_keeps_area_always(result):
     import sympy
 
     from course.derivations.rigid_body.linear import numeric_matrix, step_matrix, symbols
 
     h, omega, zeta = symbols()
     damped = sympy.simplify(step_matrix("semi_implicit_euler", damped=True).det())
-    at = {h: found.given("omega_h", 0.1), omega: 1, zeta: found.given("zeta", 0.5)}
-    found.figure("determinant", damped.subs(at))
-    found.figure("true_contraction", sympy.exp(-2 * zeta * omega * h).subs(at))
-    found.statement = "Determinants of one step, symbolic and at random omega h and zeta."
+    at = {h: result.given("omega_h", 0.1), omega: 1, zeta: result.given("zeta", 0.5)}
+    result.figure("determinant", damped.subs(at))
+    result.figure("true_contraction", sympy.exp(-2 * zeta * omega * h).subs(at))
+    result.statement = "Determinants of one step, symbolic and at random omega h and zeta."
 
-    def kept(u: float, damping: float) -> bool:
+    def selected(u: float, damping: float) -> bool:
         return abs(np.linalg.det(numeric_matrix("semi_implicit_euler", u, damping)) - 1) < 1e-12
 
-    draws = found.rng.uniform(0.01, 3, (20, 2))
-    found.heard(
+    draws = result.rng.uniform(0.01, 3, (20, 2))
+    result.heard(
         damped == 1,
         only_if="the forces do not depend on velocity",
-        inside=[kept(u, 0.0) for u, _ in draws],
-        outside=[kept(u, damping / 100) for u, damping in draws],
+        inside=[selected(u, 0.0) for u, _ in draws],
+        outside=[selected(u, damping / 100) for u, damping in draws],
     )
-    found.corrected(sympy.expand(damped - (1 - 2 * zeta * omega * h)) == 0)
+    result.corrected(sympy.expand(damped - (1 - 2 * zeta * omega * h)) == 0)
 
 
 @claim(
@@ -637,24 +637,24 @@ def semi_implicit_keeps_area_always(found):
         },
     ),
 )
-def rk4_energy_factor(found):
+def rk4_energy_factor(result):
     import sympy
 
     from course.rigid_body import problems
 
     _, h, omega = _matrix("rk4")
-    factor = found.formula = sympy.expand(_energy_ratio("rk4")[0, 0])
+    factor = result.formula = sympy.expand(_energy_ratio("rk4")[0, 0])
     amplitude = sympy.series(sympy.sqrt(factor), h, 0, 7).removeO()
     energy = _energies(problems.oscillator(omega=1.0), "rk4", 0.5, 1000, 1000)
-    kept = energy[1] / energy[0]
+    retained = energy[1] / energy[0]
     at = sympy.lambdify(h, factor.subs(omega, 1))
-    found.figure("left_after_1000_at_half", kept)
-    found.figure("amplitude_coefficient", amplitude.coeff(h, 6).subs(omega, 1))
-    found.statement = f"omega h = 0.5: {kept:.4f} of the energy is left after 1000 steps."
-    found.heard(kept > 1)
-    found.corrected(
-        abs(kept / at(0.5) ** 1000 - 1) < 1e-9,
-        (at(found.rng.uniform(0.05, 2.828, 100)) < 1).all() and at(2.829) > 1,
+    result.figure("left_after_1000_at_half", retained)
+    result.figure("amplitude_coefficient", amplitude.coeff(h, 6).subs(omega, 1))
+    result.statement = f"omega h = 0.5: {retained:.4f} of the energy is left after 1000 steps."
+    result.heard(retained > 1)
+    result.corrected(
+        abs(retained / at(0.5) ** 1000 - 1) < 1e-9,
+        (at(result.rng.uniform(0.05, 2.828, 100)) < 1).all() and at(2.829) > 1,
     )
 
 
@@ -675,26 +675,26 @@ def rk4_energy_factor(found):
         },
     ),
 )
-def verlet_frequency(found):
+def verlet_frequency(result):
     import sympy
 
     from course.rigid_body import problems, simulate
 
     A, h, omega = _matrix("velocity_verlet")
-    found.formula = frequency = 2 / h * sympy.asin(omega * h / 2)
+    result.formula = frequency = 2 / h * sympy.asin(omega * h / 2)
     half_trace = sympy.simplify(A.trace() / 2)
     share = sympy.series(frequency / omega, h, 0, 4).removeO().coeff(h, 2)
-    u, angle = found.given("omega_h", 0.1), found.given("angle_rad", 1000.0)
+    u, angle = result.given("omega_h", 0.1), result.given("angle_rad", 1000.0)
     spring = problems.oscillator(omega=1.0).system
     run = simulate(spring, "velocity_verlet", u, round(angle / u))
     reached = angle * float(frequency.subs({omega: 1, h: u}))
-    found.figure("ahead_after_1000_rad", reached - angle, 1e-4)
-    found.figure("leading_share", share.subs(omega, 1), 1e-4)
-    found.statement = (
+    result.figure("ahead_after_1000_rad", reached - angle, 1e-4)
+    result.figure("leading_share", share.subs(omega, 1), 1e-4)
+    result.statement = (
         f"{round(angle / u)} steps: {reached - angle:.3f} rad ahead of the true motion."
     )
-    found.heard(abs(run.q[-1, 0] - np.cos(angle)) < 1e-3)
-    found.corrected(
+    result.heard(abs(run.q[-1, 0] - np.cos(angle)) < 1e-3)
+    result.corrected(
         sympy.simplify(sympy.expand_trig(sympy.cos(frequency * h)) - half_trace) == 0,
         sympy.simplify(_matrix("semi_implicit_euler")[0].trace() / 2 - half_trace) == 0,
         abs(run.q[-1, 0] - np.cos(reached)) < 1e-9,

@@ -127,8 +127,8 @@ def near(method: str, n: int = 500) -> Bounces:
 
 def _tied(run: Bounces) -> np.ndarray:
     """Whether a ball is exactly on the floor, not put there by the rule, before its last bounce."""
-    left = np.cumsum(run.bounced, axis=0) < run.bounced.sum(axis=0)
-    return ((run.q == 0) & ~run.bounced & left).any(axis=0)
+    remaining = np.cumsum(run.bounced, axis=0) < run.bounced.sum(axis=0)
+    return ((run.q == 0) & ~run.bounced & remaining).any(axis=0)
 
 
 def _energy(y: float, v: float) -> float:
@@ -166,16 +166,16 @@ def _change(method: str) -> tuple[Any, Any]:
         },
     ),
 )
-def free_fall_energy_error(found):
-    found.formula = _change("explicit_euler")[0]
+def free_fall_energy_error(result):
+    result.formula = _change("explicit_euler")[0]
     run = worked("explicit_euler")
     start, first = run.energy[0, 0], run.energy[1, 0]
-    found.figure("energy_at_start_j", start)
-    found.figure("energy_after_step_1_j", first)
-    found.figure("added_mj", 1000 * (first - start))
-    found.statement = f"Whatever the state, a step adds {found.formula}."
-    found.heard(first == start)
-    found.corrected(
+    result.figure("energy_at_start_j", start)
+    result.figure("energy_after_step_1_j", first)
+    result.figure("added_mj", 1000 * (first - start))
+    result.statement = f"Whatever the state, a step adds {result.formula}."
+    result.heard(first == start)
+    result.corrected(
         abs(run.q[1, 0] - HEIGHT) < 1e-12, abs(run.v[1, 0] + GRAVITY * STEP) < 1e-15, first > start
     )
 
@@ -195,28 +195,28 @@ def free_fall_energy_error(found):
         },
     ),
 )
-def semi_implicit_free_fall(found):
+def semi_implicit_free_fall(result):
     import sympy
 
-    found.formula, dv = _change("semi_implicit_euler")
+    result.formula, dv = _change("semi_implicit_euler")
     y, v, g, h = (sympy.Symbol(n, real=True) for n in "yvgh")
     end = step_of("semi_implicit_euler")(np.array([y]), np.array([v]), falling, h, -g)
     area = sympy.Matrix([end[0][0], end[1][0]]).jacobian([y, v]).det()
     m, g, h = sympy.symbols("m g h", positive=True)
-    heights, speeds = found.rng.uniform((90, -9), (150, 9), (50, 2)).T
+    heights, speeds = result.rng.uniform((90, -9), (150, 9), (50, 2)).T
     run = drop("semi_implicit_euler", 300, height=heights, speed=speeds)
-    kept = run.energy - GRAVITY * STEP * run.v / 2
+    retained = run.energy - GRAVITY * STEP * run.v / 2
     lost = worked("semi_implicit_euler").energy[100, 0] - START
-    found.figure("after_100_steps_j", lost)
-    found.statement = (
+    result.figure("after_100_steps_j", lost)
+    result.statement = (
         f"100 steps of 10 ms from rest lose {-lost:.4f} J. Over 50 throws up and down of 3 s the "
-        f"conserved sum moves by {np.ptp(kept, axis=0).max():.0e} J."
+        f"conserved sum moves by {np.ptp(retained, axis=0).max():.0e} J."
     )
-    found.heard(bool(abs(area) < 1))
-    found.corrected(
+    result.heard(bool(abs(area) < 1))
+    result.corrected(
         area == 1,
-        sympy.simplify(found.formula - m * g * h * dv / 2) == 0,
-        np.ptp(kept, axis=0).max() < 1e-9 < 1 < np.ptp(run.energy, axis=0).max(),
+        sympy.simplify(result.formula - m * g * h * dv / 2) == 0,
+        np.ptp(retained, axis=0).max() < 1e-9 < 1 < np.ptp(run.energy, axis=0).max(),
     )
 
 
@@ -225,16 +225,16 @@ def semi_implicit_free_fall(found):
     "So it is in the digits shown. With more of them the energy has fallen to {energy_j:.4f} J, as "
     "far as explicit Euler's rises.",
 )
-def worked_step_1_semi_implicit(found):
+def worked_step_1_semi_implicit(result):
     run = worked("semi_implicit_euler")
     y, v, e = (float(x[1, 0]) for x in (run.q, run.v, run.energy))
     gained = worked("explicit_euler").energy[1, 0] - START
-    found.figure("y_m", y)
-    found.figure("v_m_per_s", v)
-    found.figure("energy_j", e)
-    found.statement = "One step of 10 ms from rest at 5 m."
-    found.heard((round(y, 3), round(v, 4), round(e, 2)) == (4.999, -0.0981, 49.05))
-    found.corrected(abs(START - e - gained) < 1e-9, e < START)
+    result.figure("y_m", y)
+    result.figure("v_m_per_s", v)
+    result.figure("energy_j", e)
+    result.statement = "One step of 10 ms from rest at 5 m."
+    result.heard((round(y, 3), round(v, 4), round(e, 2)) == (4.999, -0.0981, 49.05))
+    result.corrected(abs(START - e - gained) < 1e-9, e < START)
 
 
 @claim(
@@ -244,18 +244,18 @@ def worked_step_1_semi_implicit(found):
     "belong together: at that height and speed the energy is {of_that_state_j:.2f} J, and the "
     "speed is that of step {step_of_that_speed:g}.",
 )
-def worked_step_100(found):
+def worked_step_100(result):
     run = worked("explicit_euler")
     y, v, e = (float(x[100, 0]) for x in (run.q, run.v, run.energy))
-    found.figure("y_m", y)
-    found.figure("v_m_per_s", v)
-    found.figure("energy_j", e)
-    found.figure("gain_percent", 100 * (e / START - 1))
-    of_that_state = found.figure("of_that_state_j", _energy(4.51, -0.981))
-    step = found.figure("step_of_that_speed", np.abs(run.v[:100, 0] + 0.981).argmin())
-    found.statement = "100 steps of explicit Euler by the course's integrator."
-    found.heard(abs(y - 4.51) < 0.01)
-    found.corrected(
+    result.figure("y_m", y)
+    result.figure("v_m_per_s", v)
+    result.figure("energy_j", e)
+    result.figure("gain_percent", 100 * (e / START - 1))
+    of_that_state = result.figure("of_that_state_j", _energy(4.51, -0.981))
+    step = result.figure("step_of_that_speed", np.abs(run.v[:100, 0] + 0.981).argmin())
+    result.statement = "100 steps of explicit Euler by the course's integrator."
+    result.heard(abs(y - 4.51) < 0.01)
+    result.corrected(
         abs(y - (HEIGHT - GRAVITY * STEP**2 * 100 * 99 / 2)) < 1e-10,
         abs(v + GRAVITY) < 1e-10,
         abs(of_that_state - 49.70) > 4,
@@ -269,18 +269,18 @@ def worked_step_100(found):
     "there have been {bounces_by_step_500:g}, the rule that puts the ball back on the floor has "
     "added energy too, and the gain is {gain_percent:.1f} %.",
 )
-def worked_step_500(found):
-    run, step = worked("explicit_euler"), found.given("step", 500)
+def worked_step_500(result):
+    run, step = worked("explicit_euler"), result.given("step", 500)
     steps = np.flatnonzero(run.bounced)
-    first = found.figure("first_bounce_step", steps[0])
-    before = found.figure("bounces_by_step_500", (steps <= step).sum())
-    found.figure("y_m", run.q[step, 0])
-    found.figure("energy_j", run.energy[step, 0])
-    found.figure("gain_percent", 100 * (run.energy[step, 0] / START - 1))
-    found.statement = f"The rule acts at steps {', '.join(str(i) for i in steps)}."
-    found.heard(first == step)
+    first = result.figure("first_bounce_step", steps[0])
+    before = result.figure("bounces_by_step_500", (steps <= step).sum())
+    result.figure("y_m", run.q[step, 0])
+    result.figure("energy_j", run.energy[step, 0])
+    result.figure("gain_percent", 100 * (run.energy[step, 0] / START - 1))
+    result.statement = f"The rule acts at steps {', '.join(str(i) for i in steps)}."
+    result.heard(first == step)
     early = near("explicit_euler").bounced.argmax(axis=0)
-    found.corrected(100 < first < 110, before >= 2, (abs(early - first) < 5).all())
+    result.corrected(100 < first < 110, before >= 2, (abs(early - first) < 5).all())
 
 
 @claim(
@@ -290,18 +290,18 @@ def worked_step_500(found):
     "floor and the rule acts a full step too deep. From starts a hair off it is "
     "{near_lowest_j:.1f} to {near_highest_j:.1f} J. Flight and bounce rule each give a part.",
 )
-def worked_ten_bounces_explicit(found):
+def worked_ten_bounces_explicit(result):
     run, others = worked("explicit_euler"), near("explicit_euler")
     end, gain = run.energy[-1, 0], run.percent()
-    found.figure("energy_j", end)
-    found.figure("gain_percent", gain)
-    flight = found.figure("by_flight_j", float(run.by_flight[0]))
-    rule = found.figure("by_rule_j", float(run.by_rule[0]))
-    found.figure("near_lowest_j", others.energy[-1].min())
-    found.figure("near_highest_j", others.energy[-1].max())
-    found.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
-    found.heard(abs(gain - 59) < 1)
-    found.corrected(
+    result.figure("energy_j", end)
+    result.figure("gain_percent", gain)
+    flight = result.figure("by_flight_j", float(run.by_flight[0]))
+    rule = result.figure("by_rule_j", float(run.by_rule[0]))
+    result.figure("near_lowest_j", others.energy[-1].min())
+    result.figure("near_highest_j", others.energy[-1].max())
+    result.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
+    result.heard(abs(gain - 59) < 1)
+    result.corrected(
         flight > 0 and rule > 0,
         abs(flight + rule - (end - START)) < 1e-9,
         (others.percent() > 0).all() and others.energy[-1].max() < end < 78,
@@ -315,18 +315,18 @@ def worked_ten_bounces_explicit(found):
     "exception: every rebound lands exactly on the floor, and the bounce rule, a full step too "
     "deep, gives back what the flight took.",
 )
-def worked_ten_bounces_semi_implicit(found):
+def worked_ten_bounces_semi_implicit(result):
     run, others = worked("semi_implicit_euler"), near("semi_implicit_euler")
     end = run.energy[-1, 0]
-    found.figure("energy_j", end)
-    found.figure("change_percent", run.percent())
-    flight = found.figure("by_flight_j", float(run.by_flight[0]))
-    rule = found.figure("by_rule_j", float(run.by_rule[0]))
-    found.figure("near_lowest_j", others.energy[-1].min())
-    found.figure("near_highest_j", others.energy[-1].max())
-    found.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
-    found.heard(abs(end - 48.5) < 0.1 or bool((abs(others.energy[-1] - 48.5) < 0.1).any()))
-    found.corrected(
+    result.figure("energy_j", end)
+    result.figure("change_percent", run.percent())
+    flight = result.figure("by_flight_j", float(run.by_flight[0]))
+    rule = result.figure("by_rule_j", float(run.by_rule[0]))
+    result.figure("near_lowest_j", others.energy[-1].min())
+    result.figure("near_highest_j", others.energy[-1].max())
+    result.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
+    result.heard(abs(end - 48.5) < 0.1 or bool((abs(others.energy[-1] - 48.5) < 0.1).any()))
+    result.corrected(
         flight < 0 < rule,
         abs(flight + rule - (end - START)) < 1e-9,
         others.energy[-1].max() < 46 < START < end,
@@ -368,36 +368,36 @@ def _resolved(method: str, start: Any, handled: bool = True) -> float:
     "{near_lowest_percent:.0f} to {near_highest_percent:.0f} % from starts a hair off. With the "
     "impact placed at its time the error is rounding.",
 )
-def worked_ten_bounces_rk4(found):
+def worked_ten_bounces_rk4(result):
     from course.rigid_body import INTEGRATORS
 
     run, others = worked("exact_flight"), near("exact_flight")
-    gain = found.figure("gain_percent", run.percent())
-    found.figure("energy_j", run.energy[-1, 0])
-    found.figure("by_rule_j", float(run.by_rule[0]))
-    found.figure("near_lowest_percent", others.percent().min())
-    found.figure("near_highest_percent", others.percent().max())
+    gain = result.figure("gain_percent", run.percent())
+    result.figure("energy_j", run.energy[-1, 0])
+    result.figure("by_rule_j", float(run.by_rule[0]))
+    result.figure("near_lowest_percent", others.percent().min())
+    result.figure("near_highest_percent", others.percent().max())
     state = np.array([HEIGHT]), np.array([-3.0]), falling, STEP, None
     exact = step_of("exact_flight")(*state)
-    off = max(
+    deviation = max(
         np.abs(np.subtract(INTEGRATORS[name].step(*state), exact)).max()
         for name in ("rk4", "velocity_verlet", "explicit_midpoint", "implicit_midpoint")
     )
-    draws = found.rng.uniform((0.5, -2, 0.02), (5, 2, 0.05), (8, 3))
+    draws = result.rng.uniform((0.5, -2, 0.02), (5, 2, 0.05), (8, 3))
     resolved = [abs(_resolved("rk4", draw) - 1) for draw in draws]
     late = [abs(_resolved("rk4", draw, False) - 1) for draw in draws]
-    found.statement = (
+    result.statement = (
         f"With resolved impacts the energy is off by {max(resolved):.0e} at most; one step of each "
-        f"second-order method is the parabola to {off:.0e}."
+        f"second-order method is the parabola to {deviation:.0e}."
     )
-    found.heard(
+    result.heard(
         abs(gain) < 1e-3,
         only_if="the impact is resolved inside the step",
         inside=[error < 1e-5 for error in resolved],
         outside=[error < 1e-5 for error in late],
     )
-    found.corrected(
-        max(resolved) < 1e-11, float(run.by_flight[0]) == 0, off < 1e-12, min(others.percent()) > 5
+    result.corrected(
+        max(resolved) < 1e-11, float(run.by_flight[0]) == 0, deviation < 1e-12, min(others.percent()) > 5
     )
 
 
@@ -411,22 +411,22 @@ def worked_ten_bounces_rk4(found):
     "{semi_implicit_euler_near_j:.1f} and {exact_flight_near_j:.1f} J for explicit, semi-implicit "
     "Euler and exact flight, a property of integrator and bounce rule together.",
 )
-def worked_table_belongs_to_the_method(found):
-    heights, near_by, spreads = found.rng.uniform(4, 6, 12), [], []
+def worked_table_belongs_to_the_method(result):
+    heights, near_by, spreads = result.rng.uniform(4, 6, 12), [], []
     for name in METHODS:
         ends = drop(name, e=1 + 1e-6 * np.arange(-1, 2)).energy[-1]
         for label, value in zip(("below_1", "1", "above_1"), ends, strict=True):
-            found.figure(f"{name}_e_{label}_j", value)
+            result.figure(f"{name}_e_{label}_j", value)
         spreads.append(np.ptp(ends))
         near_by.append(near(name).energy[-1])
-        found.figure(f"{name}_near_j", near_by[-1].mean())
-    spread = found.figure("spread_j", max(spreads))
-    found.statement = (
+        result.figure(f"{name}_near_j", near_by[-1].mean())
+    spread = result.figure("spread_j", max(spreads))
+    result.statement = (
         "Energy after ten bounces in exact arithmetic, with a restitution of 1 and of a millionth "
         "less and more; and the mean over 500 starts up to 1 mm and one step's speed away."
     )
-    found.heard(spread < 1e-6)
-    found.corrected(
+    result.heard(spread < 1e-6)
+    result.corrected(
         spread > 1,
         all(_tied(drop(name, height=heights)).all() for name in METHODS),
         not any(_tied(near(name)).any() for name in METHODS),
@@ -442,34 +442,34 @@ def worked_table_belongs_to_the_method(found):
     "at exact ties, where each rebound ends on the floor at the end of a step, as after a drop "
     "from rest in exact arithmetic, does the depth reach h v and nothing more is lost.",
 )
-def semi_implicit_bouncing_decays(found):
-    n, dt = 200, found.given("step_ms", 10.0) / 1000
-    heights, speeds = found.rng.uniform((4, -3), (6, 3), (n, 2)).T
+def semi_implicit_bouncing_decays(result):
+    n, dt = 200, result.given("step_ms", 10.0) / 1000
+    heights, speeds = result.rng.uniform((4, -3), (6, 3), (n, 2)).T
     run = drop("semi_implicit_euler", dt=dt, height=heights, speed=speeds)
-    small, down = found.rng.uniform((0.1, -5), (10, 5), (n, 2)).T
-    steps = found.rng.uniform(0.004, 0.02, n) * np.sqrt(small)
+    small, down = result.rng.uniform((0.1, -5), (10, 5), (n, 2)).T
+    steps = result.rng.uniform(0.004, 0.02, n) * np.sqrt(small)
     wide = drop("semi_implicit_euler", dt=steps, height=small, speed=down)
-    kept = wide.energy - GRAVITY * steps * wide.v / 2
+    retained = wide.energy - GRAVITY * steps * wide.v / 2
     half = -(GRAVITY * steps * wide.v)[wide.bounced].mean() / 2
     tied = drop("semi_implicit_euler", dt=dt, height=4 + 0.0997 * np.arange(12))
-    found.figure("near_mean_percent", run.percent().mean())
-    found.figure("lowest_percent", run.percent().min())
-    found.figure("highest_percent", run.percent().max())
-    found.figure("highest_tied_percent", tied.percent().max())
-    found.statement = (
+    result.figure("near_mean_percent", run.percent().mean())
+    result.figure("lowest_percent", run.percent().min())
+    result.figure("highest_percent", run.percent().max())
+    result.figure("highest_tied_percent", tied.percent().max())
+    result.statement = (
         "200 starts between 4 and 6 m, up to 3 m/s; 200 with other steps and heights; 12 drops "
         f"from rest in whole numbers, of which {(tied.percent() > 0).sum()} end above their start."
     )
-    found.heard(
+    result.heard(
         (tied.percent() < 0).all(),
         only_if="no rebound ends exactly on the floor at the end of a step",
         inside=np.concatenate((run.percent(), wide.percent())) < 0,
         outside=tied.percent() < 0,
     )
-    found.corrected(
-        (np.diff(kept, axis=0) < 1e-9 * kept[0]).all(),
+    result.corrected(
+        (np.diff(retained, axis=0) < 1e-9 * retained[0]).all(),
         _tied(tied).all() and not _tied(run).any(),
-        abs(np.diff(kept, axis=0)[wide.bounced[1:]].mean() / half - 1) < 0.05,
+        abs(np.diff(retained, axis=0)[wide.bounced[1:]].mean() / half - 1) < 0.05,
     )
 
 
@@ -479,17 +479,17 @@ def semi_implicit_bouncing_decays(found):
     "paying it back: with each impact placed at its time, {left_after_ten:.2f} of the energy is "
     "left after ten bounces of the worked example, m g h v less at each.",
 )
-def bounce_gives_the_loss_back(found):
-    left = found.figure("left_after_ten", _resolved("semi_implicit_euler", (HEIGHT, 0.0, STEP)))
-    draws = found.rng.uniform((2, -2, 0.002), (5, 2, 0.01), (4, 3))
+def bounce_gives_the_loss_back(result):
+    remaining = result.figure("left_after_ten", _resolved("semi_implicit_euler", (HEIGHT, 0.0, STEP)))
+    draws = result.rng.uniform((2, -2, 0.002), (5, 2, 0.01), (4, 3))
     ends = [_resolved("semi_implicit_euler", draw) for draw in draws]
     expected = [
         1 - 10 * GRAVITY * h * np.sqrt(v * v + 2 * GRAVITY * y) / _energy(y, v) for y, v, h in draws
     ]
-    found.statement = f"Four other starts and steps: {min(ends):.2f} to {max(ends):.2f} are left."
-    found.heard(left > 0.99)
-    found.corrected(
-        left < 0.9, all(abs(a - b) < 0.3 * (1 - b) for a, b in zip(ends, expected, strict=True))
+    result.statement = f"Four other starts and steps: {min(ends):.2f} to {max(ends):.2f} are left."
+    result.heard(remaining > 0.99)
+    result.corrected(
+        remaining < 0.9, all(abs(a - b) < 0.3 * (1 - b) for a, b in zip(ends, expected, strict=True))
     )
 
 
@@ -499,14 +499,14 @@ def bounce_gives_the_loss_back(found):
     "step's travel, so a bounce adds at most m g v h, whatever the integrator: in the worked "
     "example {added_in_ten_bounces_j:.1f} J of at most {bound_j:.1f} J in ten bounces.",
 )
-def elastic_bounce_rule(found):
+def elastic_bounce_rule(result):
     run = worked("exact_flight")
-    bound = found.figure("bound_j", (GRAVITY * np.abs(run.v) * STEP)[run.bounced].sum())
-    added = found.figure("added_in_ten_bounces_j", float(run.by_rule[0]))
-    found.statement = "Exact flight, so that all the energy comes from the rule."
-    found.heard(added < 1e-9)
-    found.corrected(
-        0 < added < bound, all((_rule_gain(m, found.rng)[1] <= 0).all() for m in METHODS)
+    bound = result.figure("bound_j", (GRAVITY * np.abs(run.v) * STEP)[run.bounced].sum())
+    added = result.figure("added_in_ten_bounces_j", float(run.by_rule[0]))
+    result.statement = "Exact flight, so that all the energy comes from the rule."
+    result.heard(added < 1e-9)
+    result.corrected(
+        0 < added < bound, all((_rule_gain(m, result.rng)[1] <= 0).all() for m in METHODS)
     )
 
 
@@ -538,13 +538,13 @@ def _rule_gain(method: str, rng: Any, e: Any = 1.0, share: Any = 1.0, n: int = 2
     "bounce can gain, and a ball on the floor keeps {kept_mm_per_s:.1f} mm/s for ever; with e = 1 "
     "every bounce gains.",
 )
-def bounce_rule_takes_energy(found):
+def bounce_rule_takes_energy(result):
     from scipy.optimize import brentq
 
-    e = found.rng.uniform(0.1, 0.99, 200)
-    rest, step = found.given("e", 0.6), found.given("step_ms", 1.0)
+    e = result.rng.uniform(0.1, 0.99, 200)
+    rest, step = result.given("e", 0.6), result.given("step_ms", 1.0)
     fast, slow, full = (
-        np.concatenate([_rule_gain(m, found.rng, restitution, found.rng.uniform(*share, 200))[0]
+        np.concatenate([_rule_gain(m, result.rng, restitution, result.rng.uniform(*share, 200))[0]
                         for m in METHODS])
         for restitution, share in ((e, (1, 3)), (e, (0.5, 1)), (1.0, (1, 1)))
     )  # fmt: skip
@@ -555,17 +555,17 @@ def bounce_rule_takes_energy(found):
         run = drop("semi_implicit_euler", 1, 2, h, rest, 0.0, GRAVITY * h - speed)
         return float(run.by_rule[0] + run.by_restitution[0])
 
-    limit = found.figure("limit_mm_per_s", 1000 * brentq(full_depth, 0.011, 1.0))
+    limit = result.figure("limit_mm_per_s", 1000 * brentq(full_depth, 0.011, 1.0))
     late = drop("semi_implicit_euler", 4000, 10**9, step / 1000, rest, 1.0).v[-1000:, 0]
-    found.figure("kept_mm_per_s", 1000 * late.min(), 1e-3)
-    found.statement = "200 bounces of each method, restitutions of 0.1 to 0.99, any step and depth."
-    found.heard(
+    result.figure("kept_mm_per_s", 1000 * late.min(), 1e-3)
+    result.statement = "200 bounces of each method, restitutions of 0.1 to 0.99, any step and depth."
+    result.heard(
         (slow < 0).all(),
         only_if="the ball hits the floor faster than 2 g h / (1 - e^2)",
         inside=fast < 0,
         outside=slow < 0,
     )
-    found.corrected((full >= 0).all() and (full > 0).any(), 0 < 1000 * late.min() < limit)
+    result.corrected((full >= 0).all() and (full > 0).any(), 0 < 1000 * late.min() < limit)
 
 
 @claim(
@@ -573,7 +573,7 @@ def bounce_rule_takes_energy(found):
     "Across an impact that the step does not resolve, the error is of first order in the step, for "
     "RK4 as for Euler: {order_with_bounce:.2f} instead of {order_smooth:.2f}.",
 )
-def order_survives_bounces(found):
+def order_survives_bounces(result):
     from course.rigid_body import problems, rk4, simulate
 
     heights = np.linspace(3.0, 5.0, 200)
@@ -589,18 +589,18 @@ def order_survives_bounces(found):
         return pendulum.error(simulate(pendulum.system, "rk4", 2.0 / n, n).q[-1])
 
     ball = np.array([1.0]), np.array([-3.0]), falling, 0.01, None
-    order = found.figure("order_smooth", np.log2(smooth(1000, 2.5) / smooth(2000, 2.5)), 0.02)
-    bounced = found.figure("order_with_bounce", np.log2(error(250) / error(2000)) / 3, 0.02)
-    found.statement = "RK4 on a pendulum, and on a ball that bounces once, over 200 heights."
-    found.heard(
+    order = result.figure("order_smooth", np.log2(smooth(1000, 2.5) / smooth(2000, 2.5)), 0.02)
+    bounced = result.figure("order_with_bounce", np.log2(error(250) / error(2000)) / 3, 0.02)
+    result.statement = "RK4 on a pendulum, and on a ball that bounces once, over 200 heights."
+    result.heard(
         bounced > 3.5,
         only_if="the motion is smooth within each step",
         inside=[
-            np.log2(smooth(500, a) / smooth(1000, a)) > 3.5 for a in found.rng.uniform(0.5, 2.8, 8)
+            np.log2(smooth(500, a) / smooth(1000, a)) > 3.5 for a in result.rng.uniform(0.5, 2.8, 8)
         ],
         outside=[np.log2(error(n) / error(4 * n)) / 2 > 3.5 for n in range(20, 60, 5)],
     )
-    found.corrected(
+    result.corrected(
         abs(order - 4) < 0.1,
         abs(bounced - 1) < 0.1,
         np.allclose(rk4(*ball), step_of("exact_flight")(*ball), rtol=1e-14),

@@ -37,28 +37,28 @@ def _listing(method: str, e: float = 0.6, spin: float = 0.0, dt: float = 1e-3) -
     "{step_ms:g} ms and {left_4_ms:.0e} at four times that. A box of the same mass and moment that "
     "hits with its corner turns at {tumbles_rad_per_s:.1f} rad/s after the first impact.",
 )
-def listing_box_tumbles(found):
+def listing_box_tumbles(result):
     from course.rigid_body import PlanarBody
 
-    step = found.given("step_ms", 1.0) / 1000
+    step = result.given("step_ms", 1.0) / 1000
     q, v, _ = _listing("semi_implicit_euler")
-    left = [_listing("semi_implicit_euler", spin=1.0, dt=h)[1][-1, 2] for h in (step, 4 * step)]
+    remaining = [_listing("semi_implicit_euler", spin=1.0, dt=h)[1][-1, 2] for h in (step, 4 * step)]
     side = np.sqrt(0.6)  # 1 kg and 0.1 kg m^2 as a square
     box = PlanarBody(width=side, height=side, restitution=0.6)
     box.state[:3] = 0.0, 5.0, 0.3
     while not box.impacts:
         box.step(step, GRAVITY)
-    found.figure("angle_moves_rad", np.ptp(q[:, 2]))
-    found.figure("left_1_ms", left[0], 1e-3)
-    found.figure("left_4_ms", left[1], 1e-3)
-    tumbles = found.figure("tumbles_rad_per_s", abs(box.omega), 1e-3)
-    found.statement = "The listing run as it is usually printed, and the chapter's planar body."
-    found.heard(np.ptp(q[:, 2]) > 0.01)
-    found.corrected(
+    result.figure("angle_moves_rad", np.ptp(q[:, 2]))
+    result.figure("left_1_ms", remaining[0], 1e-3)
+    result.figure("left_4_ms", remaining[1], 1e-3)
+    tumbles = result.figure("tumbles_rad_per_s", abs(box.omega), 1e-3)
+    result.statement = "The listing run as it is usually printed, and the chapter's planar body."
+    result.heard(np.ptp(q[:, 2]) > 0.01)
+    result.corrected(
         not v[:, 2].any(),
         np.ptp(q[:, 2]) == 0,
         tumbles > 1,
-        left[1] > 10 * left[0],
+        remaining[1] > 10 * remaining[0],
         np.abs(q[-500:, 1]).max() < side / 4,
     )
 
@@ -70,22 +70,22 @@ def listing_box_tumbles(found):
     "over five seconds, is {integrator_percent:.1f} % of the loss, and the bounce rule gives as "
     "much back.",
 )
-def listing_energy_decay(found):
-    step = found.given("step_ms", 1.0)
+def listing_energy_decay(result):
+    step = result.given("step_ms", 1.0)
     run = drop("semi_implicit_euler", 5000, 10**9, step / 1000, 0.6)
     total = START - float(run.energy[-1, 0])
     restitution, flight, rule = (
         -float(part[0]) / total for part in (run.by_restitution, run.by_flight, run.by_rule)
     )
-    found.figure("lost_j", total, 1e-4)
-    found.figure("share_of_restitution", restitution, 1e-4)
-    found.figure("share_of_integrator", flight, 1e-4)
-    found.figure("share_of_rule", rule, 1e-4)
-    found.figure("integrator_percent", 100 * flight, 1e-4)
+    result.figure("lost_j", total, 1e-4)
+    result.figure("share_of_restitution", restitution, 1e-4)
+    result.figure("share_of_integrator", flight, 1e-4)
+    result.figure("share_of_rule", rule, 1e-4)
+    result.figure("integrator_percent", 100 * flight, 1e-4)
     listing = _listing("semi_implicit_euler")[2]
-    found.statement = f"The printed listing ends with {listing[-1]:.4f} J of {listing[0]:.2f} J."
-    found.heard(flight > 0.5)
-    found.corrected(
+    result.statement = f"The printed listing ends with {listing[-1]:.4f} J of {listing[0]:.2f} J."
+    result.heard(flight > 0.5)
+    result.corrected(
         restitution > 0.98,
         0 < flight < 0.02,
         abs(flight + rule) < 0.2 * flight,
@@ -100,20 +100,20 @@ def listing_energy_decay(found):
     "with semi-implicit Euler. A picture of a ball with restitution tells nothing about the "
     "integrator; take e = 1 and the impacts at their time, or a spring.",
 )
-def explicit_in_the_listing_grows(found):
+def explicit_in_the_listing_grows(result):
     runs = {(m, e): _listing(m, e)[2] for m in METHODS[:2] for e in (0.6, 0.7, 1.0)}
     explicit, implicit = (runs[m, 0.6] for m in METHODS[:2])
-    found.figure("start_j", explicit[0])
-    found.figure("explicit_left_mj", 1000 * np.abs(explicit[-500:]).max(), 0.2)
-    found.figure("semi_implicit_left_mj", 1000 * np.abs(implicit[-500:]).max(), 0.2)
+    result.figure("start_j", explicit[0])
+    result.figure("explicit_left_mj", 1000 * np.abs(explicit[-500:]).max(), 0.2)
+    result.figure("semi_implicit_left_mj", 1000 * np.abs(implicit[-500:]).max(), 0.2)
     elastic = runs["explicit_euler", 1.0]
-    found.figure("elastic_gain_percent", 100 * (elastic[-1] / elastic[0] - 1), 0.01)
-    found.statement = (
+    result.figure("elastic_gain_percent", 100 * (elastic[-1] / elastic[0] - 1), 0.01)
+    result.statement = (
         "The listing as it is printed, 5 s, restitution 0.6 and 0.7; with 1 explicit Euler gains "
         f"{100 * (elastic[-1] / elastic[0] - 1):.1f} %."
     )
-    found.heard(explicit[-1] > explicit[0])
-    found.corrected(
+    result.heard(explicit[-1] > explicit[0])
+    result.corrected(
         all(runs[m, e][-1] < 0.1 * explicit[0] for m in METHODS[:2] for e in (0.6, 0.7)),
         elastic[-1] > elastic[0] > runs["semi_implicit_euler", 1.0][-1],
     )
@@ -142,33 +142,33 @@ def explicit_in_the_listing_grows(found):
         },
     ),
 )
-def tunnelling_thickness(found):
+def tunnelling_thickness(result):
     import sympy
 
     def missed(wall: float, body: float, dt: float, speed: float) -> float:
         """Share of 1000 phases of the step at which no step overlaps, by flying there."""
         nose = np.array([-2 * (wall + body) - speed * dt * (np.arange(1000) + 0.5) / 1000])
-        v, seen = np.full_like(nose, speed), np.zeros(1000, dtype=bool)
+        v, observed = np.full_like(nose, speed), np.zeros(1000, dtype=bool)
         while (nose - body <= wall).any():
             nose, v = step_of("semi_implicit_euler")(nose, v, falling, dt, 0.0)
-            seen |= ((nose >= 0) & (nose - body <= wall))[0]
-        return float(1 - seen.mean())
+            observed |= ((nose >= 0) & (nose - body <= wall))[0]
+        return float(1 - observed.mean())
 
-    wall, body = found.given("wall_mm", 20.0) / 1000, found.given("body_mm", 50.0) / 1000
-    dt = found.given("step_ms", 2.0) / 1000
+    wall, body = result.given("wall_mm", 20.0) / 1000, result.given("body_mm", 50.0) / 1000
+    dt = result.given("step_ms", 2.0) / 1000
     w, d, step = sympy.symbols("w d dt", positive=True)
-    found.formula = (w + d) / step
-    limit = float(found.formula.subs({w: wall, d: body, step: dt}))
+    result.formula = (w + d) / step
+    limit = float(result.formula.subs({w: wall, d: body, step: dt}))
     own = missed(wall, body, dt, 1.2 * body / dt)
     below, double = (missed(wall, body, dt, x * limit) for x in (0.999, 2))
-    found.figure("limit_m_per_s", limit, 0.02)
-    found.figure("missed_below", below, 0.02)
-    found.figure("missed_at_twice", double, 0.02)
-    found.statement = (
+    result.figure("limit_m_per_s", limit, 0.02)
+    result.figure("missed_below", below, 0.02)
+    result.figure("missed_at_twice", double, 0.02)
+    result.statement = (
         f"At 1.2 times its own thickness per step {100 * own:.0f} % are missed, at twice the limit "
         f"{100 * double:.0f} %."
     )
-    draws = found.rng.uniform((0.001, 0.001, 0.001, 0.2), (0.1, 0.1, 0.02, 4), (30, 4))
-    off = [missed(a, b, h, x * (a + b) / h) - max(0.0, 1 - 1 / x) for a, b, h, x in draws]
-    found.heard(own > 0)
-    found.corrected(below == 0, np.abs(off).max() < 0.01)
+    draws = result.rng.uniform((0.001, 0.001, 0.001, 0.2), (0.1, 0.1, 0.02, 4), (30, 4))
+    error = [missed(a, b, h, x * (a + b) / h) - max(0.0, 1 - 1 / x) for a, b, h, x in draws]
+    result.heard(own > 0)
+    result.corrected(below == 0, np.abs(error).max() < 0.01)

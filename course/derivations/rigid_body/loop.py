@@ -39,32 +39,32 @@ def _pictures(physics_hz, picture_hz):
     "old, in a pattern of {fewest:.0f} and {most:.0f} steps that is seen as judder.",
     source="Fiedler, Fix Your Timestep! (2004)",
 )
-def steps_per_picture(found):
+def steps_per_picture(result):
     def finished(physics_hz, picture_hz):
         return max(share for _, share in _pictures(physics_hz, picture_hz)) == 0
 
-    slow = found.given("slow_hz", 30)
+    slow = result.given("slow_hz", 30)
     at_60, at_slow = _pictures(1000, 60), _pictures(1000, slow)
     steps = [after[0] - before[0] for before, after in itertools.pairwise(at_60)]
-    found.figure("steps_per_picture_60_hz", at_60[-1][0] / len(at_60))
-    found.figure("steps_per_picture_30_hz", 1000 / len(at_slow))
-    found.figure("fewest", min(steps))
-    found.figure("most", max(steps))
-    found.figure("oldest_state_ms", max(share for _, share in at_60))
-    found.statement = "Counted over a second of the course's loop, whose time is exact."
-    physics = found.rng.integers(200, 900, 10)
-    found.heard(
+    result.figure("steps_per_picture_60_hz", at_60[-1][0] / len(at_60))
+    result.figure("steps_per_picture_30_hz", 1000 / len(at_slow))
+    result.figure("fewest", min(steps))
+    result.figure("most", max(steps))
+    result.figure("oldest_state_ms", max(share for _, share in at_60))
+    result.statement = "Counted over a second of the course's loop, whose time is exact."
+    physics = result.rng.integers(200, 900, 10)
+    result.heard(
         finished(1000, 60),
         only_if="the picture rate divides the physics rate",
         inside=[
             finished(int(n * rate), int(rate))
             for n, rate in zip(
-                found.rng.integers(2, 15, 10), found.rng.integers(20, 60, 10), strict=True
+                result.rng.integers(2, 15, 10), result.rng.integers(20, 60, 10), strict=True
             )
         ],
         outside=[finished(int(rate), int(rate) // 7 - 1) for rate in physics],
     )
-    found.corrected(set(steps) == {16, 17}, len(at_60) == 60, at_60[2][0] == 50)
+    result.corrected(set(steps) == {16, 17}, len(at_60) == 60, at_60[2][0] == 50)
 
 
 @claim(
@@ -77,19 +77,19 @@ def steps_per_picture(found):
     "where before every camera rendered at the frame rate; MuJoCo 4.0 documentation (2026), "
     "Modeling, Sensors: interval and delay",
 )
-def cameras_in_every_step(found):
+def cameras_in_every_step(result):
     from course.rigid_body.loop import FixedStepLoop, Phases
 
-    physics = found.given("physics_hz", 1000)
-    delay = found.given("delay_ms", 20)
+    physics = result.given("physics_hz", 1000)
+    delay = result.given("delay_ms", 20)
 
     def ages(camera_hz, delay_ms):
         """Ages of what each control tick sees after the first: (encoders, image) [ms], images."""
-        seen = []
+        observed = []
 
         def control(measured, image, time):
             if image is not None:
-                seen.append((1000 * (time - measured), 1000 * (time - image.time)))
+                observed.append((1000 * (time - measured), 1000 * (time - image.time)))
 
         phases = Phases(
             integrate=lambda state, force, dt: state,
@@ -106,24 +106,24 @@ def cameras_in_every_step(found):
             max_frame=None,
         )
         done = loop.advance(1.0)
-        return np.array(seen), done
+        return np.array(observed), done
 
-    seen, done = ages(30, delay)
-    found.figure("encoder_readings", done.controls)
-    found.figure("images", done.images)
-    found.figure("mean_age_ms", seen[:, 1].mean(), tolerance=1e-3)
-    found.figure("oldest_ms", seen[:, 1].max())
-    found.statement = "Run through the course's loop with a camera at 30 Hz."
+    observed, done = ages(30, delay)
+    result.figure("encoder_readings", done.controls)
+    result.figure("images", done.images)
+    result.figure("mean_age_ms", observed[:, 1].mean(), tolerance=1e-3)
+    result.figure("oldest_ms", observed[:, 1].max())
+    result.statement = "Run through the course's loop with a camera at 30 Hz."
 
     def alike(camera_hz, delay_ms):
         aged, _ = ages(int(camera_hz), int(delay_ms))
         return np.abs(aged[:, 0] - aged[:, 1]).max() < 1e-9
 
-    found.heard(any(alike(hz, ms) for hz, ms in ((30, delay), (30, 0), (60, 5), (1000, 5))))
-    found.corrected(
+    result.heard(any(alike(hz, ms) for hz, ms in ((30, delay), (30, 0), (60, 5), (1000, 5))))
+    result.corrected(
         done.images < done.controls / 20,
-        seen[:, 0].max() == 0.0,
-        seen[:, 1].min() > delay - 1e-6,
+        observed[:, 0].max() == 0.0,
+        observed[:, 1].min() > delay - 1e-6,
         alike(physics, 0),
     )
 
@@ -134,23 +134,23 @@ def cameras_in_every_step(found):
     "off by {after_10_s:.1e} s after ten seconds and by {after_1_h:.1e} s after an hour. The error "
     "is small, grows faster than the number of steps, and is avoided by counting steps.",
 )
-def clock_by_adding_dt(found):
+def clock_by_adding_dt(result):
     from course.rigid_body.loop import float_clock_error
 
-    dt = found.given("dt_s", 1e-3)
-    short = found.figure("after_10_s", abs(float_clock_error(dt, 10_000)), tolerance=1e-2)
-    long = found.figure("after_1_h", abs(float_clock_error(dt, 3_600_000)), tolerance=1e-2)
-    found.statement = (
+    dt = result.given("dt_s", 1e-3)
+    short = result.figure("after_10_s", abs(float_clock_error(dt, 10_000)), tolerance=1e-2)
+    long = result.figure("after_1_h", abs(float_clock_error(dt, 3_600_000)), tolerance=1e-2)
+    result.statement = (
         f"At 1 kHz the clock is off by {short:.1e} s after 10 s and by {long:.1e} s after an hour."
     )
-    periods = found.rng.choice(np.arange(3, 999), 10, replace=False)
-    found.heard(
+    periods = result.rng.choice(np.arange(3, 999), 10, replace=False)
+    result.heard(
         long == 0.0,
         only_if="dt is a multiple of a short binary fraction of a second, such as 1/1024",
         inside=[float_clock_error(n / 1024, 50_000) == 0.0 for n in periods],
         outside=[float_clock_error(n / 1000, 50_000) == 0.0 for n in periods],
     )
-    found.corrected(long > 360 * short)
+    result.corrected(long > 360 * short)
 
 
 @claim(
@@ -160,11 +160,11 @@ def clock_by_adding_dt(found):
     "{limit_100_n_per_m_ms:.0f} ms for {soft_n_per_m:.0f} N/m on {mass_kg:.0f} kg and "
     "{limit_1_mn_per_m_ms:.0f} ms for {stiff_n_per_m:.0f} N/m.",
 )
-def step_sweet_spot(found):
+def step_sweet_spot(result):
     from course.derivations.rigid_body.linear import measured_limit, spectral_radius
 
-    mass = found.given("mass_kg", 1.0)
-    soft, stiff = found.given("soft_n_per_m", 1e2), found.given("stiff_n_per_m", 1e6)
+    mass = result.given("mass_kg", 1.0)
+    soft, stiff = result.given("soft_n_per_m", 1e2), result.given("stiff_n_per_m", 1e6)
     omega_h = measured_limit("semi_implicit_euler")
 
     def stable(omega, dt):
@@ -173,23 +173,23 @@ def step_sweet_spot(found):
     def right(omega):
         return not stable(omega, 0.010) and all(stable(omega, dt) for dt in (1e-3, 2e-3, 4e-3))
 
-    found.figure("limit_100_n_per_m_ms", 1000 * omega_h / np.sqrt(soft / mass))
-    found.figure("limit_1_mn_per_m_ms", 1000 * omega_h / np.sqrt(stiff / mass))
-    slow = found.figure("slowest_rad_per_s", omega_h / 0.010)
-    fast = found.figure("fastest_rad_per_s", omega_h / 0.004)
-    found.statement = (
+    result.figure("limit_100_n_per_m_ms", 1000 * omega_h / np.sqrt(soft / mass))
+    result.figure("limit_1_mn_per_m_ms", 1000 * omega_h / np.sqrt(stiff / mass))
+    slow = result.figure("slowest_rad_per_s", omega_h / 0.010)
+    fast = result.figure("fastest_rad_per_s", omega_h / 0.004)
+    result.statement = (
         "Semi-implicit Euler on 1 kg and an undamped spring, by the eigenvalues of its step."
     )
-    beside = [*found.rng.uniform(0.9 * slow, slow, 6), *found.rng.uniform(fast, 1.1 * fast, 6)]
-    found.heard(
+    beside = [*result.rng.uniform(0.9 * slow, slow, 6), *result.rng.uniform(fast, 1.1 * fast, 6)]
+    result.heard(
         right(np.sqrt(soft / mass)) and right(np.sqrt(stiff / mass)),
         only_if="the integrator is semi-implicit Euler and the fastest undamped oscillation lies "
         "between {slowest_rad_per_s:.0f} and "
         "{fastest_rad_per_s:.0f} rad/s",
-        inside=[right(w) for w in found.rng.uniform(slow, fast, 12)],
+        inside=[right(w) for w in result.rng.uniform(slow, fast, 12)],
         outside=[right(w) for w in beside],
     )
-    found.corrected(
+    result.corrected(
         stable(np.sqrt(soft / mass), 0.010),
         not stable(np.sqrt(stiff / mass), 0.004),
         not any(right(w) for w in beside),
@@ -206,11 +206,11 @@ def step_sweet_spot(found):
     source="MuJoCo 4.0 documentation (2026), Modeling, Deformable objects: Euler needs steps below "
     "a millisecond, 1 to 4 ms are typical with discrete",
 )
-def deformables_need_a_tenth(found):
+def deformables_need_a_tenth(result):
     import mujoco
 
-    foam, plastic = 1e3 * found.given("foam_kpa", 10), 1e6 * found.given("plastic_mpa", 100)
-    spacing = 1e-2 * found.given("spacing_cm", 5)
+    foam, plastic = 1e3 * result.given("foam_kpa", 10), 1e6 * result.given("plastic_mpa", 100)
+    spacing = 1e-2 * result.given("spacing_cm", 5)
 
     def stable(young, dt, integrator="Euler", length=spacing):
         """Whether a free block of 2 x 2 x 2 cells stays where it is for 300 steps."""
@@ -241,21 +241,21 @@ def deformables_need_a_tenth(found):
         return low
 
     soft, stiff = limit(foam), limit(plastic)
-    found.figure("limit_10_kpa_ms", 1000 * soft, tolerance=0.03)
-    found.figure("limit_100_mpa_ms", 1000 * stiff, tolerance=0.03)
-    found.figure("half_as_long", limit(plastic, spacing / 2) / stiff, tolerance=0.03)
+    result.figure("limit_10_kpa_ms", 1000 * soft, tolerance=0.03)
+    result.figure("limit_100_mpa_ms", 1000 * stiff, tolerance=0.03)
+    result.figure("half_as_long", limit(plastic, spacing / 2) / stiff, tolerance=0.03)
     steps = np.array([1e-3, 1e-2, 1e-1])
     free = [stable(young, dt, "discrete") for young in (foam, plastic) for dt in steps]
-    found.figure("largest_discrete_ms", 1000 * steps[np.flatnonzero(free[:3])[-1]])
-    found.statement = (
+    result.figure("largest_discrete_ms", 1000 * steps[np.flatnonzero(free[:3])[-1]])
+    result.statement = (
         f"MuJoCo's Euler on an elastic block, by bisection: {1e3 * soft:.2f} and {1e3 * stiff:.3f} "
         "ms, as the root of the stiffness says."
     )
-    found.heard(soft < 2e-4 and 5e-5 < stiff)
-    found.corrected(
+    result.heard(soft < 2e-4 and 5e-5 < stiff)
+    result.corrected(
         soft > 1e-3 and stiff < 1e-4,
         abs(soft / stiff / np.sqrt(plastic / foam) - 1) < 0.05,
-        abs(found.figures["half_as_long"] - 0.5) < 0.02,
+        abs(result.figures["half_as_long"] - 0.5) < 0.02,
         all(free),
     )
 
@@ -268,11 +268,11 @@ def deformables_need_a_tenth(found):
     "the tolerance to say: with a step of {dt_ms:.0f} ms semi-implicit Euler is off by "
     "{off_at_1_ms_mm:.2g} mm here.",
 )
-def tenth_of_the_step(found):
+def tenth_of_the_step(result):
     from course.rigid_body import integrators, problems
 
     problem = problems.oscillator()
-    dt = found.given("dt_ms", 1) / 1000
+    dt = result.given("dt_ms", 1) / 1000
 
     def error(name, dt):
         steps = round(problem.duration / dt)
@@ -287,24 +287,24 @@ def tenth_of_the_step(found):
         integrators.evaluations_per_step(problem.system, "semi_implicit_euler", step) / step
         for step in (dt, dt / 10)
     )
-    found.figure("evaluations", fine / coarse, tolerance=0.02)
+    result.figure("evaluations", fine / coarse, tolerance=0.02)
     semi, verlet = (
-        found.figure(f"error_{name}", error(name, dt) / error(name, dt / 10), tolerance=0.02)
+        result.figure(f"error_{name}", error(name, dt) / error(name, dt / 10), tolerance=0.02)
         for name in ("semi_implicit_euler", "velocity_verlet")
     )
-    found.figure("off_at_1_ms_mm", 1000 * error("semi_implicit_euler", dt), tolerance=0.01)
-    found.statement = (
+    result.figure("off_at_1_ms_mm", 1000 * error("semi_implicit_euler", dt), tolerance=0.01)
+    result.statement = (
         "A 1 Hz oscillator over 2.3 s at 1 ms and 0.1 ms: how evaluations grow and errors shrink. "
         "The implicit midpoint rule needs fewer corrections at the finer step."
     )
-    steps = 10 ** found.rng.uniform(-3, -1, 10)
-    found.heard(
+    steps = 10 ** result.rng.uniform(-3, -1, 10)
+    result.heard(
         all(ten_times("implicit_midpoint", dt) for dt in steps),
         only_if="the method is explicit",
         inside=[ten_times(explicit[i % len(explicit)], dt) for i, dt in enumerate(steps)],
         outside=[ten_times("implicit_midpoint", dt) for dt in steps],
     )
-    found.corrected(
+    result.corrected(
         abs(fine / coarse - 10) < 1e-9,
         abs(semi / 10 - 1) < 0.05,
         abs(verlet / 100 - 1) < 0.05,
@@ -317,30 +317,30 @@ def tenth_of_the_step(found):
     "it never cures is "
     "explicit Euler without damping; from ten to {half_ms:.0f} ms it even explodes faster here.",
 )
-def halving_dt_finds_the_culprit(found):
+def halving_dt_finds_the_culprit(result):
     from course.derivations.rigid_body.linear import spectral_radius
 
-    half = found.given("half_ms", 5)
+    half = result.given("half_ms", 5)
     omega = np.sqrt(1e5)
 
     def growth(name, ms):
         """Decades of amplitude gained in a second."""
         return np.log10(spectral_radius(name, omega * ms / 1000)) * 1000 / ms
 
-    before = found.figure("semi_implicit_10_ms", growth("semi_implicit_euler", 10))
-    after = found.figure("semi_implicit_5_ms", round(growth("semi_implicit_euler", half), 9) + 0.0)
-    slow = found.figure("explicit_10_ms", growth("explicit_euler", 10))
-    fast = found.figure("explicit_5_ms", growth("explicit_euler", half))
-    found.figure("explicit_0_1_ms", growth("explicit_euler", 0.1))
-    found.statement = (
+    before = result.figure("semi_implicit_10_ms", growth("semi_implicit_euler", 10))
+    after = result.figure("semi_implicit_5_ms", round(growth("semi_implicit_euler", half), 9) + 0.0)
+    slow = result.figure("explicit_10_ms", growth("explicit_euler", 10))
+    fast = result.figure("explicit_5_ms", growth("explicit_euler", half))
+    result.figure("explicit_0_1_ms", growth("explicit_euler", 0.1))
+    result.statement = (
         "Powers of ten by which the amplitude grows in a second; 100 kN/m on 1 kg. Explicit Euler "
         "grew at each of 50 random steps, too."
     )
-    found.heard(before <= 0 and fast <= 0)
-    found.corrected(
+    result.heard(before <= 0 and fast <= 0)
+    result.corrected(
         before > 1 and abs(after) < 1e-6,
         fast > slow,
-        min(growth("explicit_euler", ms) for ms in 10 ** found.rng.uniform(-3, 2, 50)) > 0,
+        min(growth("explicit_euler", ms) for ms in 10 ** result.rng.uniform(-3, 2, 50)) > 0,
         spectral_radius("explicit_euler", 0.5, 0.3)
         <= 1
         < spectral_radius("explicit_euler", 1, 0.3),
@@ -354,10 +354,10 @@ def halving_dt_finds_the_culprit(found):
     "quarter of the step as much. With an exact balance even a first-order integrator stays where "
     "it is. A drift that does not shrink with the step is not the integrator's.",
 )
-def arm_drift_is_numerical(found):
+def arm_drift_is_numerical(result):
     import mujoco
 
-    compensated = found.given("compensated", 0.99)
+    compensated = result.given("compensated", 0.99)
 
     def drift(share, timestep):
         """How far a two-link arm's shoulder moves in 10 s without commanded torque [rad]."""
@@ -374,16 +374,16 @@ def arm_drift_is_numerical(found):
         mujoco.mj_step(model, data, round(10 / timestep))
         return abs(data.qpos[0])
 
-    balanced, off = drift(1.0, 0.002), drift(compensated, 0.002)
+    balanced, deviation = drift(1.0, 0.002), drift(compensated, 0.002)
     finer = drift(compensated, 0.0005)
-    found.figure("gravity_off_by_1_percent_rad", off, tolerance=0.01)
-    found.figure("at_a_quarter_of_the_step_rad", finer, tolerance=0.01)
-    found.statement = (
+    result.figure("gravity_off_by_1_percent_rad", deviation, tolerance=0.01)
+    result.figure("at_a_quarter_of_the_step_rad", finer, tolerance=0.01)
+    result.statement = (
         f"A horizontal arm in MuJoCo for 10 s: {balanced:.0e} rad when gravity is balanced, "
-        f"{off:.3f} rad when one percent is missing."
+        f"{deviation:.3f} rad when one percent is missing."
     )
-    found.heard(balanced > 1e-6)
-    found.corrected(balanced < 1e-12, off > 0.1, abs(finer / off - 1) < 0.01)
+    result.heard(balanced > 1e-6)
+    result.corrected(balanced < 1e-12, deviation > 0.1, abs(finer / deviation - 1) < 0.01)
 
 
 @claim(
@@ -393,7 +393,7 @@ def arm_drift_is_numerical(found):
     "between {from_rad_per_s:.0f} and {to_rad_per_s:.0f} rad/s, and a start two periods off ends "
     "in a wrong one.",
 )
-def gradient_search_is_linear(found):
+def gradient_search_is_linear(result):
     from course.rigid_body import problems
 
     t: Any = np.linspace(0.0, 10.0, 200)
@@ -418,30 +418,30 @@ def gradient_search_is_linear(found):
             iterations += 1
         return omega, iterations
 
-    ends = found.given("from_rad_per_s", 3.0), found.given("to_rad_per_s", 7.0)
+    ends = result.given("from_rad_per_s", 3.0), result.given("to_rad_per_s", 7.0)
     grid = np.linspace(*ends, 4001)
     values = np.array([loss(w) for w in grid])
     valleys = (values[1:-1] < values[:-2]) & (values[1:-1] < values[2:])
     tops = grid[1:-1][(values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])]
-    low = found.figure("valley_from_rad_per_s", tops[tops < 5].max(), tolerance=1e-3)
-    high = found.figure("valley_to_rad_per_s", tops[tops > 5].min(), tolerance=1e-3)
+    low = result.figure("valley_from_rad_per_s", tops[tops < 5].max(), tolerance=1e-3)
+    high = result.figure("valley_to_rad_per_s", tops[tops > 5].min(), tolerance=1e-3)
     (near, count), (far, _) = fit(5.1), fit(6.3)
-    found.figure("valleys_3_to_7", valleys.sum())
-    found.figure("from_5_1", near, tolerance=1e-3)
-    found.figure("iterations", count)
-    found.figure("from_6_3", far, tolerance=1e-3)
-    found.statement = (
+    result.figure("valleys_3_to_7", valleys.sum())
+    result.figure("from_5_1", near, tolerance=1e-3)
+    result.figure("iterations", count)
+    result.figure("from_6_3", far, tolerance=1e-3)
+    result.statement = (
         f"Gauss-Newton finds the frequency 5 rad/s of a recorded oscillation from 5.1 in {count} "
         f"iterations; from 6.3 it stops at {far:.3f}."
     )
-    found.heard(
+    result.heard(
         abs(far - 5) < 1e-6,
         only_if="it starts in the valley of the answer, here between {valley_from_rad_per_s:.2f} "
         "and {valley_to_rad_per_s:.2f} rad/s",
-        inside=[abs(fit(w)[0] - 5) < 1e-6 for w in found.rng.uniform(low, high, 10)],
+        inside=[abs(fit(w)[0] - 5) < 1e-6 for w in result.rng.uniform(low, high, 10)],
         outside=[abs(fit(w)[0] - 5) < 1e-6 for w in (low - 0.1, high + 0.1) * 4],
     )
-    found.corrected(valleys.sum() > 1, count < 20, abs(far - 5) > 1)
+    result.corrected(valleys.sum() > 1, count < 20, abs(far - 5) > 1)
 
 
 @claim(
@@ -452,7 +452,7 @@ def gradient_search_is_linear(found):
     "the forward run.",
     source="Griewank and Walther, Evaluating Derivatives (2008), ch. 4",
 )
-def gradient_by_differences(found):
+def gradient_by_differences(result):
     import torch
     from torch.autograd import forward_ad
     from torch.utils._python_dispatch import TorchDispatchMode
@@ -477,7 +477,7 @@ def gradient_by_differences(found):
 
     def gradients(n):
         """Work of a run, and of a gradient by each method over it; how far they are apart."""
-        start = torch.tensor(found.rng.uniform(1.0, 3.0, n))
+        start = torch.tensor(result.rng.uniform(1.0, 3.0, n))
         work = {}
         with Counted() as counted:
             here = end(start)
@@ -496,12 +496,12 @@ def gradient_by_differences(found):
         gap = np.abs((np.array([float(x - here) for x in moved]) / 1e-6) - adjoint.numpy()).max()
         return {k: v / work["run"] for k, v in work.items()}, gap
 
-    few = found.given("few", 8)
+    few = result.given("few", 8)
     (small, gap), (large, _) = gradients(few), gradients(2 * few)
     for name, work in (("8", small), ("16", large)):
-        found.figure(f"adjoint_work_{name}", work["adjoint"], tolerance=0.2)
-        found.figure(f"difference_runs_{name}", round(work["differences"]), tolerance=0.1)
-    found.statement = (
+        result.figure(f"adjoint_work_{name}", work["adjoint"], tolerance=0.2)
+        result.figure(f"difference_runs_{name}", round(work["differences"]), tolerance=0.1)
+    result.statement = (
         "Operations on tensors for the gradient of a pushed block's last position by its forces, "
         f"over those of one run; adjoint and differences agree to {gap:.0e}."
     )
@@ -509,14 +509,14 @@ def gradient_by_differences(found):
     def grows(method):
         return large[method] > 1.5 * small[method]
 
-    found.heard(
+    result.heard(
         grows("adjoint"),
         only_if="it is taken by finite differences or forward differentiation",
         inside=[grows("differences"), grows("forward")],
         outside=[grows("adjoint")],
         cases=True,
     )
-    found.corrected(
+    result.corrected(
         gap < 1e-6,
         abs(small["differences"] / (few + 1) - 1) < 0.1,
         abs(large["adjoint"] / small["adjoint"] - 1) < 0.1,
@@ -529,7 +529,7 @@ def gradient_by_differences(found):
     "friction is above a bound: there the gradient is exactly zero. A tilted box that drops "
     "straight down does tell it, as its corner slides when it hits.",
 )
-def every_recording_identifies(found):
+def every_recording_identifies(result):
     from course.rigid_body import differentiable, planar, problems
 
     times = np.linspace(0.0, 2.0, 60)
@@ -539,9 +539,9 @@ def every_recording_identifies(found):
         scene = differentiable.Setup((0.0, 0.0), velocity)
         return np.abs(differentiable.jacobian((0.7, 0.3, 1.0), scene, [0.1])[2:, 0, 1]).max()
 
-    def told(share):
+    def report(share):
         """Whether a thrown block tells both, whose slip is a share of what stops at the impact."""
-        e, friction, height = found.rng.uniform((0.3, 0.05, 0.2), (0.9, 0.8, 1.5))
+        e, friction, height = result.rng.uniform((0.3, 0.05, 0.2), (0.9, 0.8, 1.5))
         stopped = friction * (1 + e) * np.sqrt(2 * problems.STANDARD_GRAVITY * height)
         scene = differentiable.Setup((0.0, height), (share * stopped, 0.0))
         return all(differentiable.information((e, friction, 1.0), scene, times).identified[:2])
@@ -553,24 +553,24 @@ def every_recording_identifies(found):
             2, 0
         ]
 
-    def tells(angle):
+    def shows(angle):
         return abs(dropped(angle, 0.3 + 1e-5) - dropped(angle, 0.3 - 1e-5)) / 2e-5
 
-    drop = found.figure("vertical_drop", by_friction((0.0, -3.0)))
-    sticking = found.figure("sticking", by_friction((0.5, -3.0)))
-    found.figure("sliding_m_per_s", by_friction((4.0, -3.0)))
-    tilted = found.figure("tilted_drop_rad", tells(0.3), tolerance=0.01)
-    found.statement = (
+    drop = result.figure("vertical_drop", by_friction((0.0, -3.0)))
+    sticking = result.figure("sticking", by_friction((0.5, -3.0)))
+    result.figure("sliding_m_per_s", by_friction((4.0, -3.0)))
+    tilted = result.figure("tilted_drop_rad", shows(0.3), tolerance=0.01)
+    result.statement = (
         "Derivatives by the coefficient of friction: of the velocity after an impact, and of the "
         f"angle of a box dropped at 0.3 rad, {tilted:.1f} rad."
     )
-    found.heard(
+    result.heard(
         drop > 0 and sticking > 0,
         only_if="the point of contact slides and the body bounces in it",
-        inside=[told(share) for share in found.rng.uniform(1.02, 2.0, 10)],
-        outside=[told(share) for share in found.rng.uniform(0.5, 0.98, 10)],
+        inside=[report(share) for share in result.rng.uniform(1.02, 2.0, 10)],
+        outside=[report(share) for share in result.rng.uniform(0.5, 0.98, 10)],
     )
-    found.corrected(drop == 0.0, sticking == 0.0, tells(0.0) == 0.0, tilted > 1.0)
+    result.corrected(drop == 0.0, sticking == 0.0, shows(0.0) == 0.0, tilted > 1.0)
 
 
 @claim(
@@ -587,23 +587,23 @@ def every_recording_identifies(found):
     "and the section on gradients; Suh, Pang, Tedrake, Bundled Gradients through Contact via "
     "Randomized Smoothing (2022)",
 )
-def smooth_gradients_by_draws(found):
+def smooth_gradients_by_draws(result):
     from course.rigid_body import differentiable, problems
 
     height, e, duration, g = 1.0, 0.6, 0.8, problems.STANDARD_GRAVITY
-    runs = found.given("runs", 800)
+    runs = result.given("runs", 800)
 
     def bounced(h):
         """Height after the first bounce, in closed form [m]."""
         fall = np.sqrt(2 * h / g)
         return e * g * fall * (duration - fall) - g * (duration - fall) ** 2 / 2
 
-    truth = found.figure("truth", (bounced(height + 1e-6) - bounced(height - 1e-6)) / 2e-6)
+    truth = result.figure("truth", (bounced(height + 1e-6) - bounced(height - 1e-6)) / 2e-6)
     implicit = differentiable.drop_gradients(height, e, duration).by_height
     naive = np.array(
         [
             differentiable.naive_drop_gradients(height, e, dt, duration).by_height
-            for dt in 10 ** found.rng.uniform(-3, -1.5, 8)
+            for dt in 10 ** result.rng.uniform(-3, -1.5, 8)
         ]
     )
     spread = 0.1  # standard deviation of the start [m]
@@ -615,16 +615,16 @@ def smooth_gradients_by_draws(found):
         )
         return (up - down) * moved / (2 * spread**2)
 
-    slopes = [slope(x) for x in spread * found.rng.normal(size=runs // 2)]
-    error = found.figure("smoothed_error", np.std(slopes) / np.sqrt(len(slopes)), tolerance=0.1)
-    found.figure("implicit", implicit)
-    found.figure("naive", np.abs(naive).max())
-    found.statement = (
+    slopes = [slope(x) for x in spread * result.rng.normal(size=runs // 2)]
+    error = result.figure("smoothed_error", np.std(slopes) / np.sqrt(len(slopes)), tolerance=0.1)
+    result.figure("implicit", implicit)
+    result.figure("naive", np.abs(naive).max())
+    result.statement = (
         f"d height / d start after a bounce is {truth:.4f}; through the event {implicit:.4f}, "
         f"smoothed {np.mean(slopes):.2f} +- {error:.2f}, line by line {naive.max():.0f}."
     )
-    found.heard(abs(implicit - truth) > 1e-6)
-    found.corrected(
+    result.heard(abs(implicit - truth) > 1e-6)
+    result.corrected(
         abs(implicit - truth) < 1e-6,
         np.abs(naive - truth).min() > 0.5,
         abs(np.mean(slopes) - truth) < 4 * error < 0.3,

@@ -34,22 +34,22 @@ def _evaluations(problem, name, tolerance, steps):
     "Explicit and semi-implicit Euler 1; velocity Verlet and both midpoint rules 2; RK4 4, on a "
     "smooth motion.",
 )
-def orders_of_accuracy(found):
+def orders_of_accuracy(result):
     from course.rigid_body import integrators, problems
 
     right = {}
     for name, item in integrators.INTEGRATORS.items():
         if name != "rk4_renormalised":
             steps = 20_000 if item.order == 1 else 1500
-            found.figure(name, _order(problems.pendulum(), name, steps), tolerance=0.02)
+            result.figure(name, _order(problems.pendulum(), name, steps), tolerance=0.02)
             other = _order(problems.pendulum(1.5), name, steps // 5)
-            right[name] = max(abs(found.figures[name] - item.order), abs(other - item.order)) < 0.1
-    found.statement = (
+            right[name] = max(abs(result.figures[name] - item.order), abs(other - item.order)) < 0.1
+    result.statement = (
         "Observed on a pendulum with a swing of 2.5 rad (and 1.5), against the elliptic closed "
         "form."
     )
-    found.heard(right["explicit_euler"] and right["semi_implicit_euler"] and right["rk4"])
-    found.corrected(*right.values())
+    result.heard(right["explicit_euler"] and right["semi_implicit_euler"] and right["rk4"])
+    result.corrected(*right.values())
 
 
 @claim(
@@ -58,7 +58,7 @@ def orders_of_accuracy(found):
     "midpoint 2, RK4 4; the implicit midpoint rule iterates, so its count depends on the problem "
     "and the step: {implicit_midpoint:.1f} here.",
 )
-def evaluations_per_step(found):
+def evaluations_per_step(result):
     from course.rigid_body import integrators, problems
 
     system = problems.pendulum().system
@@ -66,11 +66,11 @@ def evaluations_per_step(found):
     for name in integrators.INTEGRATORS:
         if name != "rk4_renormalised":
             counts[name] = integrators.evaluations_per_step(system, name, 0.01)
-            found.figure(name, counts[name], tolerance=0.05)
+            result.figure(name, counts[name], tolerance=0.05)
     finer = integrators.evaluations_per_step(system, "implicit_midpoint", 0.001)
-    found.statement = "Counted on a pendulum at 10 ms."
-    found.heard(counts["rk4"] == 4 and counts["explicit_euler"] == 1)
-    found.corrected(
+    result.statement = "Counted on a pendulum at 10 ms."
+    result.heard(counts["rk4"] == 4 and counts["explicit_euler"] == 1)
+    result.corrected(
         counts["semi_implicit_euler"] == 1,
         counts["velocity_verlet"] == counts["explicit_midpoint"] == 2,
         counts["implicit_midpoint"] > finer > 2,
@@ -82,7 +82,7 @@ def evaluations_per_step(found):
     "Where a smooth motion is wanted to a small error it is far cheaper: for 1 part in a million "
     "it needs {euler_over_rk4:.0f} times fewer force evaluations than semi-implicit Euler.",
 )
-def rk4_costs_four_times(found):
+def rk4_costs_four_times(result):
     from course.rigid_body import integrators, problems
 
     problem = problems.oscillator()
@@ -100,19 +100,19 @@ def rk4_costs_four_times(found):
         return abs(rk4 / euler - 4) < 0.01
 
     for name, steps in (("semi_implicit_euler", 50_000), ("velocity_verlet", 4000), ("rk4", 400)):
-        found.figure(name, _evaluations(problem, name, 1e-6, steps), tolerance=0.05)
-    found.figure("euler_over_rk4", 1 / ratio(1e-6), tolerance=0.05)
-    found.statement = (
+        result.figure(name, _evaluations(problem, name, 1e-6, steps), tolerance=0.05)
+    result.figure("euler_over_rk4", 1 / ratio(1e-6), tolerance=0.05)
+    result.statement = (
         "Force evaluations to follow a 1 Hz oscillator of 1 m for 2.3 s to 1e-6 m (Verlet keeps "
         "its last)."
     )
-    found.heard(
+    result.heard(
         abs(ratio(1e-6) - 4) < 1,
         only_if="both take the same step",
-        inside=[same_step(dt) for dt in 10 ** found.rng.uniform(-4, -1, 12)],
-        outside=[abs(ratio(t) - 4) < 1 for t in 10 ** found.rng.uniform(-7, -3, 12)],
+        inside=[same_step(dt) for dt in 10 ** result.rng.uniform(-4, -1, 12)],
+        outside=[abs(ratio(t) - 4) < 1 for t in 10 ** result.rng.uniform(-7, -3, 12)],
     )
-    found.corrected(ratio(1e-6) < 1e-3)
+    result.corrected(ratio(1e-6) < 1e-3)
 
 
 @claim(
@@ -123,7 +123,7 @@ def rk4_costs_four_times(found):
     source="Chawla, On the order and attainable intervals of periodicity of explicit Nystrom "
     "methods (1985)",
 )
-def semi_implicit_stability_per_cost(found):
+def semi_implicit_stability_per_cost(result):
     from course.derivations.rigid_body.linear import measured_limit, spectral_radius
 
     cost = {
@@ -137,13 +137,13 @@ def semi_implicit_stability_per_cost(found):
     for name, evaluations in cost.items():
         # A method that grows at omega h = 0.05 already has no limit but zero.
         stable = spectral_radius(name, 0.05) <= 1 + 1e-10
-        limits[name] = found.figure(name, measured_limit(name) / evaluations if stable else 0.0)
+        limits[name] = result.figure(name, measured_limit(name) / evaluations if stable else 0.0)
     implicit = max(spectral_radius("implicit_midpoint", x) for x in (1.0, 10.0, 100.0))
-    found.figure("implicit_midpoint_radius_at_100", round(implicit, 9))
+    result.figure("implicit_midpoint_radius_at_100", round(implicit, 9))
 
     def beaten(evaluations):
         """Whether a random explicit splitting is stable at all omega h up to 2 per evaluation."""
-        kicks, drifts = found.rng.dirichlet(np.full(evaluations, 4.0), size=2)
+        kicks, drifts = result.rng.dirichlet(np.full(evaluations, 4.0), size=2)
         radii = []
         for x in np.linspace(0.05, 2.02, 400) * evaluations:
             A = np.eye(2)
@@ -160,17 +160,17 @@ def semi_implicit_stability_per_cost(found):
         return semi >= explicit
 
     best = max(limits.values())
-    found.statement = (
+    result.statement = (
         "omega h at the limit over evaluations per step (Verlet keeps its last evaluation); "
         "random splittings into 2 and 3 kicks, and damping ratios, were tried too."
     )
-    found.heard(
+    result.heard(
         implicit > 1 + 1e-6,
         only_if="explicit methods on undamped oscillations are compared",
         inside=[not beaten(n) for n in (2, 3) * 6],
-        outside=[damped_best(z) for z in found.rng.uniform(0.3, 0.9, 12)],
+        outside=[damped_best(z) for z in result.rng.uniform(0.3, 0.9, 12)],
     )
-    found.corrected(
+    result.corrected(
         abs(limits["semi_implicit_euler"] - best) < 1e-6,
         abs(limits["velocity_verlet"] - best) < 1e-6,
         implicit < 1 + 1e-6,
@@ -184,7 +184,7 @@ def semi_implicit_stability_per_cost(found):
     "visits the very positions of velocity Verlet, and so has second order at no cost.",
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. I.3",
 )
-def semi_implicit_is_verlet(found):
+def semi_implicit_is_verlet(result):
     from course.rigid_body import problems
     from course.rigid_body.integrators import simulate
 
@@ -201,24 +201,24 @@ def semi_implicit_is_verlet(found):
     def order(amplitude, n, staggered):
         return np.log2(run(amplitude, n, staggered)[0] / run(amplitude, 2 * n, staggered)[0])
 
-    found.figure("order_plain", order(2.5, 2000, False), tolerance=0.02)
-    found.figure("order_staggered", order(2.5, 1000, True), tolerance=0.02)
-    amplitudes = found.rng.uniform(0.3, 2.9, 10)
+    result.figure("order_plain", order(2.5, 2000, False), tolerance=0.02)
+    result.figure("order_staggered", order(2.5, 1000, True), tolerance=0.02)
+    amplitudes = result.rng.uniform(0.3, 2.9, 10)
     gaps = [run(a, 1000, True)[1] for a in amplitudes]
-    found.statement = (
+    result.statement = (
         f"On a pendulum with ten random swings the staggered start follows Verlet's positions to "
         f"{max(gaps):.0e} rad."
     )
-    found.heard(
+    result.heard(
         min(gaps) > 1e-9,
         only_if="it is started with the velocity at the same time as the position",
         inside=[run(a, 1000, False)[1] > 1e-4 for a in amplitudes],
         outside=[gap > 1e-9 for gap in gaps],
     )
-    found.corrected(
+    result.corrected(
         max(gaps) < 1e-11,
-        abs(found.figures["order_plain"] - 1) < 0.1,
-        abs(found.figures["order_staggered"] - 2) < 0.1,
+        abs(result.figures["order_plain"] - 1) < 0.1,
+        abs(result.figures["order_staggered"] - 2) < 0.1,
     )
 
 
@@ -229,7 +229,7 @@ def semi_implicit_is_verlet(found):
     "is 4.",
     source="Munthe-Kaas, High order Runge-Kutta methods on manifolds (1999)",
 )
-def rotation_stages_add(found):
+def rotation_stages_add(result):
     from course.rigid_body import integrators, problems
 
     def added(q, v, acceleration, dt, params):
@@ -245,14 +245,14 @@ def rotation_stages_add(found):
         return integrators.retract(q, dt * mean), v + dt / 6 * (a1 + 2 * (a2 + a3) + a4)
 
     problem = problems.tumble(duration=2.0)
-    naive = found.figure("order_added", _order(problem, added, 200), tolerance=0.02)
-    proper = found.figure("order_munthe_kaas", _order(problem, "rk4", 200), tolerance=0.02)
+    naive = result.figure("order_added", _order(problem, added, 200), tolerance=0.02)
+    proper = result.figure("order_munthe_kaas", _order(problem, "rk4", 200), tolerance=0.02)
     other = _order(problems.tumble((2.0, 2.5, 4.0), (0.7, 2.2), 2.0), added, 200)
-    found.statement = (
+    result.statement = (
         "Observed on the tumble of a body with moments 1:2:3 against Jacobi's closed form."
     )
-    found.heard(naive > 3.5)
-    found.corrected(abs(naive - 2) < 0.1, abs(other - 2) < 0.1, abs(proper - 4) < 0.1)
+    result.heard(naive > 3.5)
+    result.corrected(abs(naive - 2) < 0.1, abs(other - 2) < 0.1, abs(proper - 4) < 0.1)
 
 
 @claim(
@@ -260,11 +260,11 @@ def rotation_stages_add(found):
     "It keeps order 4. What it loses is the steady spin, which the exponential map does exactly "
     "and it does not.",
 )
-def renormalised_rk4_order(found):
+def renormalised_rk4_order(result):
     from course.rigid_body import integrators, problems, quaternion
 
     order = _order(problems.tumble(), "rk4_renormalised", 2000)
-    found.figure("order", order, tolerance=0.05)
+    result.figure("order", order, tolerance=0.05)
     spin = integrators.System(
         "spin",
         problems.tumble_acceleration,
@@ -277,9 +277,9 @@ def renormalised_rk4_order(found):
         quaternion.angle_between(truth, integrators.simulate(spin, name, 0.02, 500).q[-1])
         for name in ("rk4", "rk4_renormalised")
     )
-    found.figure("steady_spin_error_rad", scaled, tolerance=0.05)
-    found.statement = (
+    result.figure("steady_spin_error_rad", scaled, tolerance=0.05)
+    result.statement = (
         f"10 rad/s at 20 ms for 10 s: {scaled:.1e} rad off, the exponential map {exact:.0e} rad."
     )
-    found.heard(order < 3.5)
-    found.corrected(abs(order - 4) < 0.15, exact < 1e-11 < scaled)
+    result.heard(order < 3.5)
+    result.corrected(abs(order - 4) < 0.15, exact < 1e-11 < scaled)

@@ -126,16 +126,16 @@ def _manual(page):
     source="Defaults by documentation: MuJoCo 4.0 (2026) 2 ms, PyBullet Quickstart Guide 1/240 s, "
     "SDFormat (Gazebo) max_step_size 1 ms, Isaac Lab 3.0 (2026) 1/60 s",
 )
-def mujoco_defaults(found):
+def mujoco_defaults(result):
     import mujoco
 
     option = mujoco.MjModel.from_xml_string("<mujoco/>").opt
     name = mujoco.mjtIntegrator(option.integrator).name.removeprefix("mjINT_").lower()
-    found.figure("timestep_ms", 1000 * option.timestep)
-    found.figure("integrator", name)
-    found.statement = "Read from an empty model."
-    found.heard(name == "rk4" and option.timestep == 0.001)
-    found.corrected(name == "euler", option.timestep == 0.002)
+    result.figure("timestep_ms", 1000 * option.timestep)
+    result.figure("integrator", name)
+    result.statement = "Read from an empty model."
+    result.heard(name == "rk4" and option.timestep == 0.001)
+    result.corrected(name == "euler", option.timestep == 0.002)
 
 
 @claim(
@@ -143,7 +143,7 @@ def mujoco_defaults(found):
     "Without damping its step on a spring is, to rounding, the semi-implicit Euler of this course: "
     "velocity first. A joint's damping is implicit besides.",
 )
-def mujoco_euler_is_semi_implicit(found):
+def mujoco_euler_is_semi_implicit(result):
     import mujoco
 
     from course.derivations.rigid_body.linear import numeric_matrix
@@ -161,13 +161,13 @@ def mujoco_euler_is_semi_implicit(found):
         return np.abs(matrix(omega_h, 2 * zeta) - numeric_matrix(name, omega_h, zeta)).max()
 
     semi = distance("semi_implicit_euler", 0.3)
-    found.figure("distance_to_semi_implicit", round(semi, 12))
-    explicit = found.figure("distance_to_explicit", distance("explicit_euler", 0.3))
-    found.statement = "Matrix of one step at omega h = 0.3, and at ten random ones."
-    found.heard(semi < 1e-12)
-    found.corrected(
+    result.figure("distance_to_semi_implicit", round(semi, 12))
+    explicit = result.figure("distance_to_explicit", distance("explicit_euler", 0.3))
+    result.statement = "Matrix of one step at omega h = 0.3, and at ten random ones."
+    result.heard(semi < 1e-12)
+    result.corrected(
         explicit > 1e-3,
-        max(distance("semi_implicit_euler", x) for x in found.rng.uniform(0.01, 3, 10)) < 1e-12,
+        max(distance("semi_implicit_euler", x) for x in result.rng.uniform(0.01, 3, 10)) < 1e-12,
         distance("semi_implicit_euler", 0.3, 0.2) > 1e-3,
     )
 
@@ -180,7 +180,7 @@ def mujoco_euler_is_semi_implicit(found):
     "without moving under Euler and under RK4, which is not symplectic; without it the "
     "same Euler throws the ball about by {rest_free_m:.1f} m.",
 )
-def mujoco_stable_by_euler(found):
+def mujoco_stable_by_euler(result):
     import mujoco
 
     def moves(integrator, clamp):
@@ -200,13 +200,13 @@ def mujoco_stable_by_euler(found):
             heights.append(data.qpos[0])
         return np.ptp(heights[500:])
 
-    above = found.given("just_above", 2.01)
+    above = result.given("just_above", 2.01)
     quiet = [moves(name, "enable") for name in ("Euler", "RK4", "implicitfast")]
-    found.figure("rest_clamped_m", round(max(quiet), 9))
-    free = found.figure("rest_free_m", moves("Euler", "disable"), tolerance=0.2)
-    found.statement = "A ball that lies on a plane, 2 ms, time constant 1 ms; and 1 kg on a spring."
-    found.heard(not _grows("Euler", above) and free < 1e-3)
-    found.corrected(_grows("Euler", above), not _grows("Euler", 1.99), max(quiet) < 1e-9, free > 1)
+    result.figure("rest_clamped_m", round(max(quiet), 9))
+    free = result.figure("rest_free_m", moves("Euler", "disable"), tolerance=0.2)
+    result.statement = "A ball that lies on a plane, 2 ms, time constant 1 ms; and 1 kg on a spring."
+    result.heard(not _grows("Euler", above) and free < 1e-3)
+    result.corrected(_grows("Euler", above), not _grows("Euler", 1.99), max(quiet) < 1e-9, free > 1)
 
 
 @claim(
@@ -218,12 +218,12 @@ def mujoco_stable_by_euler(found):
     "and {seen_after_forward:.0f} after mj_forward.",
     source="MuJoCo 4.0 documentation (2026), Computation, Simulation pipeline",
 )
-def collisions_after_integration(found):
+def collisions_after_integration(result):
     import mujoco
 
     from course.rigid_body.loop import FixedStepLoop, Phases
 
-    falls = found.given("falls", 12)
+    falls = result.given("falls", 12)
     model, data = small_model(
         '<geom type="plane" size="1 1 1"/><body pos="0 0 .1"><joint type="slide" axis="0 0 1"/>'
         '<geom size=".1" mass="1"/></body>',
@@ -240,17 +240,17 @@ def collisions_after_integration(found):
         mujoco.mj_forward(model, data)
         return stale, data.ncon
 
-    seen = np.array([contacts(h) for h in found.rng.uniform(0.05, 0.5, int(falls))])
-    found.figure("seen_after_step", seen[:, 0].sum())
-    found.figure("seen_after_forward", seen[:, 1].sum())
+    observed = np.array([contacts(h) for h in result.rng.uniform(0.05, 0.5, int(falls))])
+    result.figure("seen_after_step", observed[:, 0].sum())
+    result.figure("seen_after_forward", observed[:, 1].sum())
     loop = FixedStepLoop(0.0, Phases(lambda state, force, dt: state), record=True)
     loop.advance(0.001)
     phases = [event.phase for event in loop.trace]
-    found.statement = "Balls from random heights in MuJoCo; the trace of one step of the loop."
-    found.heard(seen[:, 0].sum() == falls)
-    found.corrected(
-        seen[:, 0].sum() == 0,
-        seen[:, 1].sum() == falls,
+    result.statement = "Balls from random heights in MuJoCo; the trace of one step of the loop."
+    result.heard(observed[:, 0].sum() == falls)
+    result.corrected(
+        observed[:, 0].sum() == 0,
+        observed[:, 1].sum() == falls,
         phases.index("integrate") < phases.index("detect collisions"),
     )
 
@@ -260,28 +260,28 @@ def collisions_after_integration(found):
     "Damping of joints enters implicitly: a step divides the velocity by 1 + h c / m and is stable "
     "for any c. Only with the eulerdamp flag off is it explicit.",
 )
-def mujoco_euler_damping_explicit(found):
+def mujoco_euler_damping_explicit(result):
     import mujoco
 
     h = 0.002
 
-    def left(c, flag="enable"):
+    def remaining(c, flag="enable"):
         """Velocity after a step from 1 m/s, 1 kg."""
         model, data = _spring("Euler", h, 0.0, c, f'eulerdamp="{flag}"')
         data.qvel[0] = 1.0
         mujoco.mj_step(model, data)
         return data.qvel[0]
 
-    implicit = found.figure("velocity_left", left(1e5))
-    explicit = found.figure("velocity_left_explicit", left(1e5, "disable"))
-    found.statement = (
+    implicit = result.figure("velocity_left", remaining(1e5))
+    explicit = result.figure("velocity_left_explicit", remaining(1e5, "disable"))
+    result.statement = (
         "1 kg at 1 m/s with 100 kN s/m, one step of 2 ms; then with the eulerdamp flag off; and "
         "with twelve random dampings."
     )
-    found.heard(abs(implicit) > 1)
-    found.corrected(
+    result.heard(abs(implicit) > 1)
+    result.corrected(
         abs(explicit - (1 - h * 1e5)) < 1e-6,
-        all(abs(left(c) * (1 + h * c) - 1) < 1e-9 for c in 10 ** found.rng.uniform(-2, 9, 12)),
+        all(abs(remaining(c) * (1 + h * c) - 1) < 1e-9 for c in 10 ** result.rng.uniform(-2, 9, 12)),
     )
 
 
@@ -290,12 +290,12 @@ def mujoco_euler_damping_explicit(found):
     "A joint's spring is explicit under Euler, implicit and implicitfast: the limit is omega h = "
     "2, as for any semi-implicit Euler.",
 )
-def mujoco_any_stiffness(found):
+def mujoco_any_stiffness(result):
     names = ("Euler", "implicit", "implicitfast")
-    limits = [found.figure(f"{n}_omega_h", _limit(n), tolerance=2e-3) for n in names]
-    found.statement = "Largest stable step on 1 kg and 1 N/m, by bisection."
-    found.heard(np.isinf(limits[0]))
-    found.corrected(all(abs(value / 2 - 1) < 2e-3 for value in limits))
+    limits = [result.figure(f"{n}_omega_h", _limit(n), tolerance=2e-3) for n in names]
+    result.statement = "Largest stable step on 1 kg and 1 N/m, by bisection."
+    result.heard(np.isinf(limits[0]))
+    result.corrected(all(abs(value / 2 - 1) < 2e-3 for value in limits))
 
 
 @claim(
@@ -313,7 +313,7 @@ def mujoco_any_stiffness(found):
         },
     ),
 )
-def mujoco_damped_limit(found):
+def mujoco_damped_limit(result):
     import sympy
 
     m, k, c, h = sympy.symbols("m k c h", positive=True)
@@ -323,15 +323,15 @@ def mujoco_damped_limit(found):
     )
     at_limit = sympy.numer(sympy.together(1 + A.trace() + A.det()))
     limit = next(root for root in sympy.solve(at_limit, h) if root.subs({m: 1, k: 1, c: 1}) > 0)
-    found.formula = sympy.simplify(limit)
+    result.formula = sympy.simplify(limit)
     theory = float(limit.subs({m: 1, k: 1, c: 4}))
-    measured = found.figure("measured_c_4", _limit("Euler", 4.0), tolerance=2e-3)
-    found.figure("theory_c_4", theory, tolerance=2e-3)
-    found.statement = (
+    measured = result.figure("measured_c_4", _limit("Euler", 4.0), tolerance=2e-3)
+    result.figure("theory_c_4", theory, tolerance=2e-3)
+    result.statement = (
         f"1 kg, 1 N/m, 4 N s/m: {measured:.3f} s measured, {theory:.3f} s from the step's matrix."
     )
-    found.heard(abs(measured - 2) < 0.01)
-    found.corrected(
+    result.heard(abs(measured - 2) < 0.01)
+    result.corrected(
         abs(measured / theory - 1) < 2e-3,
         abs(_limit("Euler", 1.0) / float(limit.subs({m: 1, k: 1, c: 1})) - 1) < 2e-3,
     )
@@ -343,23 +343,23 @@ def mujoco_damped_limit(found):
     "Euler, and the price is damping: without any friction each step divides the energy by "
     "1 + (omega h)^2.",
 )
-def mujoco_discrete_has_a_limit(found):
+def mujoco_discrete_has_a_limit(result):
     import mujoco
 
-    def kept(omega_h, steps):
+    def retained(omega_h, steps):
         model, data = _spring("discrete", omega_h, 1.0)
         data.qpos[0] = 1.0
         mujoco.mj_step(model, data, steps)
         return data.qpos[0] ** 2 + data.qvel[0] ** 2
 
-    left = found.figure("energy_kept_after_10_s", kept(0.1, 100), tolerance=1e-3)
-    found.statement = (
-        f"Stable at omega h up to 1000. At omega h = 0.1 the share {left:.3f} of the energy is "
+    remaining = result.figure("energy_kept_after_10_s", retained(0.1, 100), tolerance=1e-3)
+    result.statement = (
+        f"Stable at omega h up to 1000. At omega h = 0.1 the share {remaining:.3f} of the energy is "
         f"left after 100 steps; implicit Euler keeps {(1 / (1 + 0.1**2)) ** 100:.3f}."
     )
-    steps = 10 ** found.rng.uniform(-2, 3, 12)
-    found.heard(any(_grows("discrete", x, steps=300) for x in (*steps, 1000.0)))
-    found.corrected(all(abs(kept(x, 3) * (1 + x * x) ** 3 - 1) < 1e-8 for x in steps))
+    steps = 10 ** result.rng.uniform(-2, 3, 12)
+    result.heard(any(_grows("discrete", x, steps=300) for x in (*steps, 1000.0)))
+    result.corrected(all(abs(retained(x, 3) * (1 + x * x) ** 3 - 1) < 1e-8 for x in steps))
 
 
 @claim(
@@ -368,7 +368,7 @@ def mujoco_discrete_has_a_limit(found):
     "is explicit, so strong damping lowers that limit: at a damping ratio of 2 to "
     "{limit_damped_zeta_2:.2f}.",
 )
-def mujoco_rk4(found):
+def mujoco_rk4(result):
     import mujoco
 
     from course.derivations.rigid_body.linear import measured_limit
@@ -384,13 +384,13 @@ def mujoco_rk4(found):
             mujoco.set_mjcb_passive(None)
         return np.size(calls) / 10
 
-    rk4 = found.figure("computations_rk4", computations("RK4"))
-    euler = found.figure("computations_euler", computations("Euler"))
-    limit = found.figure("limit_omega_h", _limit("RK4"), tolerance=2e-3)
-    damped = found.figure("limit_damped_zeta_2", _limit("RK4", 4.0), tolerance=2e-3)
-    found.statement = "Counted with a callback; limits by bisection on 1 kg and 1 N/m."
-    found.heard(rk4 == 4 and abs(limit / np.sqrt(8) - 1) < 2e-3)
-    found.corrected(
+    rk4 = result.figure("computations_rk4", computations("RK4"))
+    euler = result.figure("computations_euler", computations("Euler"))
+    limit = result.figure("limit_omega_h", _limit("RK4"), tolerance=2e-3)
+    damped = result.figure("limit_damped_zeta_2", _limit("RK4", 4.0), tolerance=2e-3)
+    result.statement = "Counted with a callback; limits by bisection on 1 kg and 1 N/m."
+    result.heard(rk4 == 4 and abs(limit / np.sqrt(8) - 1) < 2e-3)
+    result.corrected(
         euler == 1,
         damped < 0.5 * limit,
         abs(damped / measured_limit("rk4", 2.0, low=0.01) - 1) < 2e-3,
@@ -401,7 +401,7 @@ def mujoco_rk4(found):
     "MuJoCo's RK4 drops below fourth order on a tumbling body.",
     "In MuJoCo 4 it is of fourth order there too; Euler and the implicit integrators are of first.",
 )
-def mujoco_rk4_on_rotations(found):
+def mujoco_rk4_on_rotations(result):
     import mujoco
 
     from course.rigid_body import problems
@@ -418,13 +418,13 @@ def mujoco_rk4_on_rotations(found):
         return np.log2(error(name, 0.01) / error(name, 0.005))
 
     names = ("Euler", "RK4", "implicitfast")
-    euler, rk4, fast = (found.figure(f"{n}_order", order(n), tolerance=0.02) for n in names)
-    found.statement = (
+    euler, rk4, fast = (result.figure(f"{n}_order", order(n), tolerance=0.02) for n in names)
+    result.statement = (
         "Observed on a free body with moments 1:2:3, steps of 10 and 5 ms, against Jacobi's closed "
         "form."
     )
-    found.heard(rk4 < 3.5)
-    found.corrected(
+    result.heard(rk4 < 3.5)
+    result.corrected(
         abs(rk4 - 4) < 0.1, *(abs(o - 1) < 0.1 for o in (euler, fast, order("implicit")))
     )
 
@@ -435,7 +435,7 @@ def mujoco_rk4_on_rotations(found):
     "Implicit, implicitfast and discrete take it implicitly for a free body: their energy falls "
     "instead, at first order.",
 )
-def mujoco_free_spin_energy(found):
+def mujoco_free_spin_energy(result):
     import mujoco
 
     def fastest(integrator):
@@ -449,9 +449,9 @@ def mujoco_free_spin_energy(found):
                 break
         return rate
 
-    euler = found.figure("euler_after_5_s", _energy("Euler"), tolerance=1e-3)
-    fast = found.figure("implicitfast_after_5_s", _energy("implicitfast"), tolerance=1e-3)
-    bodies = [_random_tumble(found.rng) for _ in range(8)]
+    euler = result.figure("euler_after_5_s", _energy("Euler"), tolerance=1e-3)
+    fast = result.figure("implicitfast_after_5_s", _energy("implicitfast"), tolerance=1e-3)
+    bodies = [_random_tumble(result.rng) for _ in range(8)]
     grown = [_energy("Euler", moments, spin=spin) for moments, spin in bodies]
     falling = [
         _energy(name, moments, spin=spin)
@@ -459,12 +459,12 @@ def mujoco_free_spin_energy(found):
         for moments, spin in bodies
     ]
     halved = (1 - _energy("implicitfast", timestep=0.00125)) / (1 - fast)
-    found.statement = (
+    result.statement = (
         f"Kinetic energy over that at the start, 2.5 ms. From 135 rad/s at 10 ms Euler passes "
         f"10,000 rad/s; implicitfast stays below {fastest('implicitfast'):.0f} rad/s."
     )
-    found.heard(euler <= 1)
-    found.corrected(
+    result.heard(euler <= 1)
+    result.corrected(
         min(grown) > 1 > max(falling),
         abs(halved - 0.5) < 0.05,
         fastest("Euler") > 1e4,
@@ -477,24 +477,24 @@ def mujoco_free_spin_energy(found):
     "It does so for a free body that stands alone. Let it carry one joint, with a part of a "
     "milligram on it, and implicitfast gains the energy that Euler gains; implicit does not.",
 )
-def mujoco_implicitfast_gyroscopic(found):
+def mujoco_implicitfast_gyroscopic(result):
     part = (
         '<body><joint type="slide" axis="1 0 0"/>'
         '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-6 1e-6 1e-6"/></body>'
     )
-    found.figure("alone", _energy("implicitfast"), tolerance=1e-4)
-    loaded = found.figure("with_a_joint", _energy("implicitfast", child=part), tolerance=1e-4)
-    euler = found.figure("euler", _energy("Euler", child=part), tolerance=1e-4)
-    implicit = found.figure("implicit_with_a_joint", _energy("implicit", child=part), 1e-4)
-    found.statement = "Kinetic energy after 5 s of tumbling over that at the start, 2.5 ms."
-    bodies = [_random_tumble(found.rng) for _ in range(8)]
-    found.heard(
+    result.figure("alone", _energy("implicitfast"), tolerance=1e-4)
+    loaded = result.figure("with_a_joint", _energy("implicitfast", child=part), tolerance=1e-4)
+    euler = result.figure("euler", _energy("Euler", child=part), tolerance=1e-4)
+    implicit = result.figure("implicit_with_a_joint", _energy("implicit", child=part), 1e-4)
+    result.statement = "Kinetic energy after 5 s of tumbling over that at the start, 2.5 ms."
+    bodies = [_random_tumble(result.rng) for _ in range(8)]
+    result.heard(
         loaded < 1,
         only_if="the free body carries no further joint",
         inside=[_energy("implicitfast", m, spin=spin) < 1 for m, spin in bodies],
         outside=[_energy("implicitfast", m, part, spin) < 1 for m, spin in bodies],
     )
-    found.corrected(
+    result.corrected(
         abs(loaded - euler) < 1e-9,
         implicit < 1,
         all(_energy("implicit", m, part, spin) < 1 for m, spin in bodies),
@@ -513,23 +513,23 @@ def mujoco_implicitfast_gyroscopic(found):
     "documentation, Differentiability: adjoints of kernels; Brax 0.13 (2025): only its training "
     "part is maintained, for physics it points to MJX",
 )
-def mjx_is_differentiable(found):
+def mjx_is_differentiable(result):
     version, mjx = _manual("mjx.rst")
     _, warp = _manual("mjwarp/index.rst")
-    found.figure("manual", ".".join(version.split(".")[:2]))
+    result.figure("manual", ".".join(version.split(".")[:2]))
     truth = _derivative(1e-5, centred=1)
     large, small = (np.abs(_derivative(d) - truth).max() for d in (1e-2, 1e-3))
-    ratio = found.figure("error_ratio", large / small, tolerance=0.01)
+    ratio = result.figure("error_ratio", large / small, tolerance=0.01)
     on_warp = "is **not** currently available in MJX-Warp" not in mjx
-    found.statement = f"Read in the manual that MuJoCo {version} installs; a step of a pendulum."
-    found.heard(
+    result.statement = f"Read in the manual that MuJoCo {version} installs; a step of a pendulum."
+    result.heard(
         on_warp,
         only_if="its implementation in JAX is meant",
         inside=["mostly supported" in mjx and "not support automatic differentiation" in mjx],
         outside=[on_warp],
         cases=True,
     )
-    found.corrected(
+    result.corrected(
         "MJWarp is not currently differentiable" in warp,
         abs(ratio / 10 - 1) < 0.05,
     )

@@ -57,7 +57,7 @@ def _stop_time(time_constant):
     "The contact force is not smooth where contact begins, so a drop is followed to about first "
     "order in the step ({order:.1f}), as with Euler ({order_euler:.1f}).",
 )
-def mujoco_rk4_contact_order(found):
+def mujoco_rk4_contact_order(result):
     import mujoco
 
     drops = np.linspace(0.1, 0.3, 30)
@@ -84,13 +84,13 @@ def mujoco_rk4_contact_order(found):
         return [np.abs(heights(integrator, n) - reference).mean() for n in (100, 400)]
 
     (coarse, fine), (slow, fast) = errors("RK4"), errors("Euler")
-    order = found.figure("order", np.log2(coarse / fine) / 2, tolerance=0.1)
-    euler = found.figure("order_euler", np.log2(slow / fast) / 2, tolerance=0.1)
-    found.statement = (
+    order = result.figure("order", np.log2(coarse / fine) / 2, tolerance=0.1)
+    euler = result.figure("order_euler", np.log2(slow / fast) / 2, tolerance=0.1)
+    result.statement = (
         f"A ball dropped from 30 heights: mean error {coarse:.1e} m at 4 ms, {fine:.1e} m at 1 ms."
     )
-    found.heard(order > 3.5)
-    found.corrected(0.5 < order < 2.0, 0.5 < euler < 2.0)
+    result.heard(order > 3.5)
+    result.corrected(0.5 < order < 2.0, 0.5 < euler < 2.0)
 
 
 @claim(
@@ -101,7 +101,7 @@ def mujoco_rk4_contact_order(found):
     "stiffness and damping given directly, as a negative solref, are taken as they are. The "
     "discrete integrator is stable with either.",
 )
-def mujoco_contact_stiffness_limit(found):
+def mujoco_contact_stiffness_limit(result):
     import mujoco
 
     dt = 0.002
@@ -129,15 +129,15 @@ def mujoco_contact_stiffness_limit(found):
     def needs(solref, safe="enable", integrator="Euler"):
         return rest(solref, safe, integrator)[1] > 1e-3
 
-    asked = found.figure("depth_asked_1_ms_um", 1e6 * rest("0.001 1")[0], tolerance=1e-3)
-    clamped = found.figure("depth_asked_4_ms_um", 1e6 * rest("0.004 1")[0], tolerance=1e-3)
-    found.statement = (
+    requested = result.figure("depth_asked_1_ms_um", 1e6 * rest("0.001 1")[0], tolerance=1e-3)
+    clamped = result.figure("depth_asked_4_ms_um", 1e6 * rest("0.004 1")[0], tolerance=1e-3)
+    result.statement = (
         f"A ball at rest, 2 ms: with the flag on it moves by {rest('0.001 1')[1]:.0e} m, with the "
         f"flag off by {rest('0.001 1', 'disable')[1]:.1g} m, with 1 MN/m and 2 kN s/m asked for "
         f"directly by {rest('-1e6 -2000')[1]:.1g} m."
     )
-    constants = dt * found.rng.uniform(0.3, 0.9, 5)
-    found.heard(
+    constants = dt * result.rng.uniform(0.3, 0.9, 5)
+    result.heard(
         needs("0.001 1"),
         only_if="the refsafe flag is off, or stiffness and damping are given as numbers, under an "
         "integrator other than discrete",
@@ -146,8 +146,8 @@ def mujoco_contact_stiffness_limit(found):
         outside=[needs(f"{t} 1") for t in constants]
         + [needs(direct(t), integrator="discrete") for t in constants],
     )
-    found.corrected(
-        abs(asked / clamped - 1) < 1e-6,
+    result.corrected(
+        abs(requested / clamped - 1) < 1e-6,
         not any(needs(f"{t} 1", "disable", "discrete") for t in constants),
         not any(needs(direct(t), integrator="discrete") for t in constants),
     )
@@ -161,8 +161,8 @@ def mujoco_contact_stiffness_limit(found):
     "past the middle, it is pushed out on the far side: here above {stops_up_to_m_per_s:.1f} m/s, "
     "where an overlap is certain up to {overlap_certain_up_to_m_per_s:.0f} m/s.",
 )
-def contact_seen_is_contact_stopped(found):
-    constant = found.given("time_constant_ms", 20) / 1000
+def contact_seen_is_contact_stopped(result):
+    constant = result.given("time_constant_ms", 20) / 1000
 
     def passes(speed):
         """Whether the ball gets through in some phase, and the fewest steps it is seen to touch."""
@@ -178,23 +178,23 @@ def contact_seen_is_contact_stopped(found):
         middle = np.sqrt(certain * unseen)
         certain, unseen = (middle, unseen) if _thrown(middle, 1e-6)[1] else (certain, middle)
     reach = _WALL + _BALL
-    stop = found.figure("stop_ms", 1000 * _stop_time(constant)) / 1000
-    found.figure("stop_over_v_tau", stop / constant)
-    found.figure("stops_up_to_m_per_s", low, tolerance=0.02)
-    found.figure("overlap_certain_up_to_m_per_s", certain, tolerance=2e-3)
+    stop = result.figure("stop_ms", 1000 * _stop_time(constant)) / 1000
+    result.figure("stop_over_v_tau", stop / constant)
+    result.figure("stops_up_to_m_per_s", low, tolerance=0.02)
+    result.figure("overlap_certain_up_to_m_per_s", certain, tolerance=2e-3)
     through, touched = passes(0.5 * certain)
-    found.figure("steps_in_contact_at_half", touched)
+    result.figure("steps_in_contact_at_half", touched)
     deep = [
         _thrown(0.8 * low, 0.5, 1e-4, f'solref="{tau} 1"')[2] / (0.8 * low * tau)
         for tau in (0.01, constant)
     ]
-    found.statement = (
+    result.statement = (
         f"2 cm wall and ball, 2 ms: the deepest point is {deep[1]:.3f} of speed times time "
         f"constant at a fine step; at {0.5 * certain:g} m/s they touch at {touched} steps or more "
         "and the ball goes through."
     )
-    found.heard(not through)
-    found.corrected(
+    result.heard(not through)
+    result.corrected(
         through and touched >= 2,
         all(abs(x / (stop / constant) - 1) < 0.03 for x in deep),
         abs(low / (reach / stop) - 1) < 0.05,
@@ -211,29 +211,29 @@ def contact_seen_is_contact_stopped(found):
     "same balls pass.",
     source="MuJoCo 4.0 documentation (2026), Computation, Speculative contacts",
 )
-def continuous_detection_or_smaller_step(found):
+def continuous_detection_or_smaller_step(result):
     speculative = 'speculative="enable"'
-    limit = found.figure("limit_m_per_s", (_WALL + _BALL) / _stop_time(0.02))
+    limit = result.figure("limit_m_per_s", (_WALL + _BALL) / _stop_time(0.02))
 
     def stopped(speed, dt=0.002, contact="", flags=""):
-        return not _thrown(speed, found.rng.random(), dt, contact, flags)[0]
+        return not _thrown(speed, result.rng.random(), dt, contact, flags)[0]
 
-    fast = found.rng.uniform(found.given("fast_m_per_s", 4), 50.0, 24)
+    fast = result.rng.uniform(result.given("fast_m_per_s", 4), 50.0, 24)
     soft = [stopped(v, flags=speculative) for v in fast]
-    found.figure("soft_share", 1 - np.mean(soft), tolerance=0.3)
+    result.figure("soft_share", 1 - np.mean(soft), tolerance=0.3)
     hard = [stopped(v, contact=_hard(0.002)) for v in fast]
-    found.figure("hard_missed_share", 1 - np.mean(hard), tolerance=0.2)
-    found.statement = "A ball at random speeds and phases against a wall, 2 cm each, in MuJoCo."
-    found.heard(
+    result.figure("hard_missed_share", 1 - np.mean(hard), tolerance=0.2)
+    result.statement = "A ball at random speeds and phases against a wall, 2 cm each, in MuJoCo."
+    result.heard(
         all(soft),
         only_if="the contact's time constant is two steps, the shortest that MuJoCo grants",
         inside=[stopped(v, contact=_hard(0.002), flags=speculative) for v in fast]
         + [stopped(v, 2e-4, _hard(2e-4)) for v in fast],
         outside=soft + [stopped(v, 2e-4) for v in fast],
     )
-    found.corrected(
-        not any(stopped(v, 2e-4) for v in (*fast, *found.rng.uniform(1.03 * limit, 4.0, 8))),
-        all(stopped(v, 2e-4) for v in found.rng.uniform(0.5, 0.9 * limit, 8)),
+    result.corrected(
+        not any(stopped(v, 2e-4) for v in (*fast, *result.rng.uniform(1.03 * limit, 4.0, 8))),
+        all(stopped(v, 2e-4) for v in result.rng.uniform(0.5, 0.9 * limit, 8)),
         not all(hard),
     )
 
@@ -251,10 +251,10 @@ def continuous_detection_or_smaller_step(found):
     "penetration_allowance sets a stiffness; Bullet's allowedCcdPenetration belongs to its swept "
     "test; MuJoCo 4.0 (2026) has none",
 )
-def penetration_limit_catches(found):
+def penetration_limit_catches(result):
     import mujoco
 
-    def seen(speed, contact="", flags="", dt=0.002, phase=0.5):
+    def observed(speed, contact="", flags="", dt=0.002, phase=0.5):
         """Whether a plate of 1 cm touches a wall of 1 cm at any step, and stays before it."""
         model, data = small_model(
             f'<geom type="box" size=".005 1 1" {contact}/><body>'
@@ -279,20 +279,20 @@ def penetration_limit_catches(found):
         for width in (1e-4, 1e-2)
     ]
     speed = 50.0  # ten centimetres a step, of which two overlap
-    missed = [not seen(speed, contact)[0] for contact in settings]
-    found.figure("contacts_tried", len(list(map(seen, [speed] * len(settings), settings))))
-    found.figure("contacts_missed", np.sum(missed))
+    missed = [not observed(speed, contact)[0] for contact in settings]
+    result.figure("contacts_tried", len(list(map(observed, [speed] * len(settings), settings))))
+    result.figure("contacts_missed", np.sum(missed))
     names = [name for name in dir(mujoco.MjOption) if "penetr" in name.lower()]
-    found.statement = "A plate at 50 m/s against a wall, 1 cm each, 2 ms, and 0.3 ms."
-    found.heard(len(names) > 0 or not all(missed))
-    found.corrected(
+    result.statement = "A plate at 50 m/s against a wall, 1 cm each, 2 ms, and 0.3 ms."
+    result.heard(len(names) > 0 or not all(missed))
+    result.corrected(
         all(missed),
         all(
-            all(seen(v, _hard(0.002), 'speculative="enable"', phase=p))
-            for v, p in zip(found.rng.uniform(20, 100, 8), found.rng.random(8), strict=True)
+            all(observed(v, _hard(0.002), 'speculative="enable"', phase=p))
+            for v, p in zip(result.rng.uniform(20, 100, 8), result.rng.random(8), strict=True)
         ),
-        all(seen(speed, dt=0.99 * 0.02 / speed, phase=p)[0] for p in found.rng.random(8)),
-        not all(seen(speed, dt=1.5 * 0.02 / speed, phase=p)[0] for p in found.rng.random(8)),
+        all(observed(speed, dt=0.99 * 0.02 / speed, phase=p)[0] for p in result.rng.random(8)),
+        not all(observed(speed, dt=1.5 * 0.02 / speed, phase=p)[0] for p in result.rng.random(8)),
     )
 
 
@@ -302,7 +302,7 @@ def penetration_limit_catches(found):
     "compared. A fast thin body passes a thin wall with any setting of it. What sweeps the motion "
     "is the speculative flag of version 4, off by default.",
 )
-def mujoco_ccd_is_continuous(found):
+def mujoco_ccd_is_continuous(result):
     import mujoco
 
     def missed(iterations, speed=50.0, flags=""):
@@ -324,11 +324,11 @@ def mujoco_ccd_is_continuous(found):
         return touched == 0 and bool(data.qpos[0] > 0.6)
 
     settings = [missed(n) for n in (10, 35, 200)]
-    found.figure("settings_tried", len(list(map(missed, (10, 35, 200)))))
-    found.figure("settings_missed", np.sum(settings))
-    found.statement = (
+    result.figure("settings_tried", len(list(map(missed, (10, 35, 200)))))
+    result.figure("settings_missed", np.sum(settings))
+    result.statement = (
         "A plate at 50 m/s against a 1 cm wall at 2 ms, with 10, 35 and 200 ccd iterations; then "
         "with the speculative flag."
     )
-    found.heard(not any(settings))
-    found.corrected(all(settings), not missed(35, flags='speculative="enable"'))
+    result.heard(not any(settings))
+    result.corrected(all(settings), not missed(35, flags='speculative="enable"'))

@@ -47,11 +47,11 @@ LOBATTO = (  # IIIA, IIIB, weights (Hairer, Lubich and Wanner 2006, table II.2.2
     "under the midpoint rule at omega dt = {bouncing_at} after {bouncing_steps:g} steps.",
     source="E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, 2006, sec. VI.4",
 )
-def symplectic_removes_stiffness(found):
+def symplectic_removes_stiffness(result):
     def symplectic_rule(stages: int) -> tuple[np.ndarray, np.ndarray]:
         """A random one: b_i a_ij + b_j a_ji = b_i b_j."""
-        b = found.rng.uniform(0.2, 1, stages)
-        skew = found.rng.normal(size=(stages, stages))
+        b = result.rng.uniform(0.2, 1, stages)
+        skew = result.rng.normal(size=(stages, stages))
         b /= b.sum()
         return b / 2 + (skew - skew.T) / b[:, None], b
 
@@ -59,22 +59,22 @@ def symplectic_removes_stiffness(found):
         return float(np.abs(np.linalg.eigvals(matrix)).max())
 
     def alike(x: float) -> float:
-        table, b = symplectic_rule(found.rng.integers(1, 4))
+        table, b = symplectic_rule(result.rng.integers(1, 4))
         return radius(_partitioned(table, table, b, x))
 
     explicit = [measured_limit(n) for n in ("semi_implicit_euler", "velocity_verlet")]
-    steps = 10 ** found.rng.uniform(-1, 3, 40)
+    steps = 10 ** result.rng.uniform(-1, 3, 40)
     backward = [radius(np.linalg.inv([[1.0, -x], [x, 1.0]])) for x in (1.0, *steps)]
     midpoint = [spectral_radius("implicit_midpoint", x) for x in steps]
     lobatto = radius(_partitioned(*LOBATTO, 3.0))
-    found.figure("semi_implicit_omega_h", explicit[0], tolerance=1e-5)
-    found.figure("verlet_omega_h", explicit[1], tolerance=1e-5)
-    found.figure("implicit_euler_radius", backward[0], tolerance=1e-5)
-    found.figure("lobatto_growth_at_3", lobatto)
+    result.figure("semi_implicit_omega_h", explicit[0], tolerance=1e-5)
+    result.figure("verlet_omega_h", explicit[1], tolerance=1e-5)
+    result.figure("implicit_euler_radius", backward[0], tolerance=1e-5)
+    result.figure("lobatto_growth_at_3", lobatto)
 
     def bounced(x: float, steps: int, gravity: float = 0.1) -> np.ndarray:
         """Energy over that at the start of balls on a one-sided spring, by implicit midpoint."""
-        q, v = found.rng.uniform(0.1, 3, 200), np.zeros(200)
+        q, v = result.rng.uniform(0.1, 3, 200), np.zeros(200)
         start = gravity * q
         for _ in range(steps):
             free = q + x / 2 * v - x * x / 4 * gravity
@@ -83,22 +83,22 @@ def symplectic_removes_stiffness(found):
             q = 2 * middle - q
         return (v * v / 2 + gravity * q + np.minimum(q, 0) ** 2 / 2) / start
 
-    at, count = found.given("bouncing_at", 1.5), found.given("bouncing_steps", 2000)
-    most = found.figure("bouncing", bounced(at, count).max(), tolerance=0.3)
-    found.statement = f"Implicit midpoint up to omega dt = 1000: radius {max(midpoint):.6f}."
-    found.heard(
+    at, count = result.given("bouncing_at", 1.5), result.given("bouncing_steps", 2000)
+    largest = result.figure("bouncing", bounced(at, count).max(), tolerance=0.3)
+    result.statement = f"Implicit midpoint up to omega dt = 1000: radius {max(midpoint):.6f}."
+    result.heard(
         all(spectral_radius("semi_implicit_euler", x) < STABLE for x in steps),
         only_if="it is one Runge-Kutta method for positions and velocities alike",
         inside=[alike(x) < 1 + 1e-5 for x in steps],
-        outside=[radius(_partitioned(*LOBATTO, x)) < STABLE for x in found.rng.uniform(2, 6, 20)],
+        outside=[radius(_partitioned(*LOBATTO, x)) < STABLE for x in result.rng.uniform(2, 6, 20)],
     )
-    found.corrected(
+    result.corrected(
         np.allclose(explicit, 2),
         lobatto > 1.3,
         max(backward) < 1,
         max(midpoint) < 1 + 1e-6,
         np.isclose(np.linalg.det(_partitioned(*LOBATTO, 3.0)), 1),
-        most > 10,
+        largest > 10,
         bounced(0.05, count).max() < 1.1,
     )
 
@@ -112,7 +112,7 @@ def symplectic_removes_stiffness(found):
     "something damps: with the damping force of the old velocity the determinant is 1 - 2 zeta "
     "omega dt.",
 )
-def reason_for_symplectic(found):
+def reason_for_symplectic(result):
     import sympy
 
     from course.rigid_body import integrators, problems
@@ -123,13 +123,13 @@ def reason_for_symplectic(found):
     methods = ("rk4", "semi_implicit_euler")
     counts = [integrators.evaluations_per_step(system, name, 0.01) for name in methods]
     evaluations = counts[0] / counts[1]
-    found.figure("rk4_over_semi_implicit", rk4 / semi)
-    found.figure("rk4_per_evaluation", rk4 / semi / evaluations)
-    found.statement = (
+    result.figure("rk4_over_semi_implicit", rk4 / semi)
+    result.figure("rk4_per_evaluation", rk4 / semi / evaluations)
+    result.statement = (
         "Both limits by bisection, the evaluations as the course's methods count them."
     )
-    found.heard(semi > rk4)
-    found.corrected(
+    result.heard(semi > rk4)
+    result.corrected(
         rk4 > semi,
         rk4 / evaluations < semi,
         sympy.expand(step_matrix("semi_implicit_euler", damped=True).det())
@@ -146,9 +146,9 @@ def reason_for_symplectic(found):
     "at omega h = {large} semi-implicit Euler keeps the area and explodes.",
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. VI.2",
 )
-def volume_kept_bounds_energy(found):
-    u, steps = found.given("omega_h", 0.1), found.given("steps", 1000)
-    large = found.given("large", 2.1)
+def volume_kept_bounds_energy(result):
+    u, steps = result.given("omega_h", 0.1), result.given("steps", 1000)
+    large = result.given("large", 2.1)
 
     def pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Two oscillators in the order q1, p1, q2, p2."""
@@ -163,16 +163,16 @@ def volume_kept_bounds_energy(found):
     both = pair(*(numeric_matrix("semi_implicit_euler", x) for x in (u, 2 * u)))
     volume = np.linalg.det(np.linalg.matrix_power(growing, steps))
     state = np.linalg.matrix_power(growing, steps) @ np.ones(4)
-    energy = found.figure("energy_ratio", state[:2] @ state[:2] / 2, 1e-4)
+    energy = result.figure("energy_ratio", state[:2] @ state[:2] / 2, 1e-4)
     exploding = numeric_matrix("semi_implicit_euler", large)
     size = np.linalg.norm(np.linalg.matrix_power(exploding, 100))
-    found.figure("volume", volume)
-    found.statement = (
+    result.figure("volume", volume)
+    result.statement = (
         f"Volume {volume:.9f} after all steps; one step misses symplecticity by "
         f"{defect(growing):.1e}, semi-implicit Euler only by rounding errors."
     )
-    found.heard(energy < 2)
-    found.corrected(
+    result.heard(energy < 2)
+    result.corrected(
         abs(volume - 1) < 1e-9,
         defect(growing) > 1e-3,
         defect(both) < 1e-14,

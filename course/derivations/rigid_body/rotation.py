@@ -72,13 +72,13 @@ def _spun(rate: np.ndarray, h: float, steps: int, after: Any = None) -> tuple[An
     """
     from course.rigid_body import quaternion
 
-    added = kept = quaternion.identity()
+    added = retained = quaternion.identity()
     turn = quaternion.exp(h * rate)
     for _ in range(steps):
         added = added + h * quaternion.derivative(added, rate)
         added = after(added) if after else added
-        kept = quaternion.product(kept, turn)
-    return added, kept
+        retained = quaternion.product(retained, turn)
+    return added, retained
 
 
 @claim(
@@ -86,14 +86,14 @@ def _spun(rate: np.ndarray, h: float, steps: int, after: Any = None) -> tuple[An
     "The state has {independent:g} independent numbers: 3 for the position, 3 for the orientation "
     "and 6 for their rates. Six numbers give the pose alone, or the state of a planar body.",
 )
-def state_is_six_quantities(found):
-    rank = found.figure("independent", _state_rank(spatial=True)[1])
-    pose = found.figure("pose", rank // 2)
-    found.statement = (
+def state_is_six_quantities(result):
+    rank = result.figure("independent", _state_rank(spatial=True)[1])
+    pose = result.figure("pose", rank // 2)
+    result.statement = (
         f"The motion of four marked points tells {rank} directions of the state apart."
     )
-    found.heard(rank == 6)
-    found.corrected(rank == 12, pose == 6 == _state_rank(spatial=False)[1])
+    result.heard(rank == 6)
+    result.corrected(rank == 12, pose == 6 == _state_rank(spatial=False)[1])
 
 
 @claim(
@@ -101,34 +101,34 @@ def state_is_six_quantities(found):
     "{stored:g} numbers are stored, {independent:g} are independent: one goes to the unit length. "
     "MuJoCo's free joint stores {mujoco_nq:g} positions and {mujoco_nv:g} velocities.",
 )
-def state_with_quaternion(found):
+def state_with_quaternion(result):
     import mujoco
 
     stored, rank = _state_rank(spatial=True)
     free = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
     model = mujoco.MjModel.from_xml_string(free)
-    found.figure("stored", stored)
-    found.figure("independent", rank)
-    found.figure("mujoco_nq", model.nq)
-    found.figure("mujoco_nv", model.nv)
-    found.statement = f"{stored} numbers stored, rank {rank}; MuJoCo has {model.nq} + {model.nv}."
-    found.heard(stored == 13 == model.nq + model.nv)
-    found.corrected(rank == stored - 1, (model.nq, model.nv) == (7, 6))
+    result.figure("stored", stored)
+    result.figure("independent", rank)
+    result.figure("mujoco_nq", model.nq)
+    result.figure("mujoco_nv", model.nv)
+    result.statement = f"{stored} numbers stored, rank {rank}; MuJoCo has {model.nq} + {model.nv}."
+    result.heard(stored == 13 == model.nq + model.nv)
+    result.corrected(rank == stored - 1, (model.nq, model.nv) == (7, 6))
 
 
 @claim(
     "A rigid body that moves in a plane has six state numbers.",
     "Two for the position, one angle, and their three rates; all six are independent.",
 )
-def planar_state(found):
+def planar_state(result):
     from course.rigid_body import PlanarBody
 
     stored, rank = _state_rank(spatial=False)
-    found.figure("stored", PlanarBody().state.size)
-    found.figure("independent", rank)
-    found.statement = f"{stored} numbers stored, rank {rank}."
-    found.heard(stored == PlanarBody().state.size == 6)
-    found.corrected(rank == 6)
+    result.figure("stored", PlanarBody().state.size)
+    result.figure("independent", rank)
+    result.statement = f"{stored} numbers stored, rank {rank}."
+    result.heard(stored == PlanarBody().state.size == 6)
+    result.corrected(rank == 6)
 
 
 @claim(
@@ -139,7 +139,7 @@ def planar_state(found):
     "{hundredth_deg:.1f} degrees of the lock.",
     source="Diebel, Representing attitude (2006)",
 )
-def gimbal_lock_rank(found):
+def gimbal_lock_rank(result):
     from course.rigid_body import quaternion
 
     def smallest(pitch: float, roll: float = 0.4) -> float:
@@ -149,21 +149,21 @@ def gimbal_lock_rank(found):
     def rank(pitch: float, roll: float = 0.4) -> int:
         return _rank(quaternion.euler_zyx_rate_matrix(np.radians(pitch), roll))
 
-    lock = found.given("lock_deg", 90.0)
-    found.figure("rank_at_90", rank(lock))
-    found.figure("rank_at_89", rank(89.0))
-    found.figure("smallest_at_89", smallest(89.0))
-    q = quaternion.normalise(found.rng.normal(size=(4, 100_000)))
+    lock = result.given("lock_deg", 90.0)
+    result.figure("rank_at_90", rank(lock))
+    result.figure("rank_at_89", rank(89.0))
+    result.figure("smallest_at_89", smallest(89.0))
+    q = quaternion.normalise(result.rng.normal(size=(4, 100_000)))
     sines = np.abs(np.sin(quaternion.to_euler_zyx(q)[1]))
-    near = found.figure("hundredth_deg", np.degrees(np.arccos(0.99)))
-    found.statement = (
+    near = result.figure("hundredth_deg", np.degrees(np.arccos(0.99)))
+    result.statement = (
         "Rank and smallest singular value of the chapter's rate matrix; of 100,000 random "
         f"orientations {np.mean(sines > 0.99):.2%} have a pitch within {near:.1f} degrees of the "
         "lock."
     )
-    draws = found.rng.uniform((-89.9, -3), (89.9, 3), (50, 2))
-    found.heard(rank(-lock) == rank(lock) == 2)
-    found.corrected(
+    draws = result.rng.uniform((-89.9, -3), (89.9, 3), (50, 2))
+    result.heard(rank(-lock) == rank(lock) == 2)
+    result.corrected(
         all(rank(side * lock, roll) == 2 for side in (-1, 1) for _, roll in draws),
         all(rank(*d) == 3 for d in draws),
         all(abs(smallest(*d) - np.sqrt(1 - abs(np.sin(np.radians(d[0]))))) < 1e-9 for d in draws),
@@ -177,28 +177,28 @@ def gimbal_lock_rank(found):
     "yaw and roll turn about the same line, so their difference (their sum) is all that counts and "
     "one of them can be chosen freely.",
 )
-def gimbal_lock_at_one_attitude(found):
+def gimbal_lock_at_one_attitude(result):
     from course.rigid_body import quaternion
 
     def locked(yaw: float, side: int, roll: float) -> np.ndarray:
         return quaternion.from_euler_zyx(yaw, side * np.pi / 2, roll)
 
     up, down = [locked(0.0, 1, 0.0), locked(0.0, -1, 0.0)]
-    angles = found.rng.uniform(-np.pi, np.pi, (100, 3))
+    angles = result.rng.uniform(-np.pi, np.pi, (100, 3))
     same = max(
         float(quaternion.angle_between(locked(y, s, r), locked(y + d, s, r + s * d)))
         for y, r, d in angles
         for s in (-1, 1)
     )
     headings = [float(quaternion.angle_between(up, locked(y, 1, 0.0))) for y in angles[:, 0]]
-    found.figure("furthest_apart_rad", max(headings), 0.05)
-    found.figure("up_to_down_rad", quaternion.angle_between(up, down))
-    found.statement = (
+    result.figure("furthest_apart_rad", max(headings), 0.05)
+    result.figure("up_to_down_rad", quaternion.angle_between(up, down))
+    result.statement = (
         f"Locked attitudes with one nose direction are up to {max(headings):.2f} rad apart; adding "
         f"the same to yaw and roll moves nothing ({same:.0e} rad)."
     )
-    found.heard(max(headings) < 1e-6)
-    found.corrected(same < 1e-7, max(headings) > 3)
+    result.heard(max(headings) < 1e-6)
+    result.corrected(same < 1e-7, max(headings) > 3)
 
 
 @claim(
@@ -207,7 +207,7 @@ def gimbal_lock_at_one_attitude(found):
     "axes. And where that happens is a choice: of the twelve orders of angles {locked_up:g} lock "
     "with the x axis pointed straight up by a turn about y, the others elsewhere.",
 )
-def pointing_up_locks(found):
+def pointing_up_locks(result):
     from course.rigid_body import quaternion
 
     up = quaternion.exp(np.array([0.0, -np.pi / 2, 0.0]))  # takes the body's x axis to z
@@ -222,17 +222,17 @@ def pointing_up_locks(found):
 
     locked = [order for order in _orders() if locks(order)]
     zyx = quaternion.euler_zyx_rate_matrix(np.pi / 2, 0.3)
-    found.figure("locked_up", len(locked))
-    found.figure("rank_of_zyx", _rank(zyx))
-    found.statement = f"Locked there: {', '.join(''.join('xyz'[i] for i in o) for o in locked)}."
-    found.heard(
+    result.figure("locked_up", len(locked))
+    result.figure("rank_of_zyx", _rank(zyx))
+    result.statement = f"Locked there: {', '.join(''.join('xyz'[i] for i in o) for o in locked)}."
+    result.heard(
         len(locked) == len(_orders()),
         only_if="yaw and roll are the first and the last of the angles, the pitch between them",
         inside=[locks((2, 1, 0)), locks((0, 1, 2))],
         outside=[locks(order) for order in _orders() if set(order[::2]) != {0, 2}],
         cases=True,
     )
-    found.corrected(_rank(zyx) == 2, 0 < len(locked) < len(_orders()))
+    result.corrected(_rank(zyx) == 2, 0 < len(locked) < len(_orders()))
 
 
 @claim(
@@ -241,24 +241,24 @@ def pointing_up_locks(found):
     "the lost axis asks for a yaw rate of 1 / cos(pitch): {yaw_rate_at_89_9:.0f} rad/s at "
     "{pitch_deg} degrees.",
 )
-def gimbal_lock_is_physical(found):
+def gimbal_lock_is_physical(result):
     from course.rigid_body import quaternion
 
     lost = np.array([0.0, 0.0, 1.0])  # body z, at roll 0: yaw and roll both turn about others
     start = quaternion.from_euler_zyx(0.3, np.pi / 2, 0.0)
     end = quaternion.product(start, quaternion.exp(0.5 * lost))
-    turned = found.figure("turned_rad", float(quaternion.angle_between(start, end)))
+    turned = result.figure("turned_rad", float(quaternion.angle_between(start, end)))
 
     def yaw_rate(pitch: float) -> float:
         return float(np.linalg.solve(quaternion.euler_zyx_rate_matrix(pitch, 0.0), lost)[0])
 
-    found.figure("yaw_rate_at_89", yaw_rate(np.radians(89.0)))
-    found.figure("yaw_rate_at_89_9", yaw_rate(np.radians(found.given("pitch_deg", 89.9))))
-    found.statement = f"At the lock a quaternion turns by {turned:g} rad about the lost axis."
-    found.heard(turned < 0.4)
-    found.corrected(
+    result.figure("yaw_rate_at_89", yaw_rate(np.radians(89.0)))
+    result.figure("yaw_rate_at_89_9", yaw_rate(np.radians(result.given("pitch_deg", 89.9))))
+    result.statement = f"At the lock a quaternion turns by {turned:g} rad about the lost axis."
+    result.heard(turned < 0.4)
+    result.corrected(
         abs(turned - 0.5) < 1e-12,
-        all(abs(yaw_rate(p) * np.cos(p) - 1) < 1e-9 for p in found.rng.uniform(-1.57, 1.57, 50)),
+        all(abs(yaw_rate(p) * np.cos(p) - 1) < 1e-9 for p in result.rng.uniform(-1.57, 1.57, 50)),
     )
 
 
@@ -269,8 +269,8 @@ def gimbal_lock_is_physical(found):
     "cover all orientations smoothly.",
     source="Stuelpnagel, On the parametrization of the three-dimensional rotation group (1964)",
 )
-def another_order_of_angles(found):
-    lock, half = found.given("lock_deg", 90), found.given("half_turn_deg", 180)
+def another_order_of_angles(result):
+    lock, half = result.given("lock_deg", 90), result.given("half_turn_deg", 180)
     repeated = {order: order[0] == order[2] for order in _orders()}
     places = {True: np.radians([0, half]), False: np.radians([-lock, lock])}
     singular = [
@@ -278,11 +278,11 @@ def another_order_of_angles(found):
         for order, again in repeated.items()
         if all(_rank(_turns(order, angle)) == 2 for angle in places[again])
     ]
-    found.figure("sequences", len(repeated))
-    found.figure("singular", len(singular))
-    found.statement = f"{sum(repeated[o] for o in singular)} of the {len(singular)} repeat an axis."
-    found.heard(len(singular) < len(repeated))
-    found.corrected(len(singular) == len(repeated) == 12)
+    result.figure("sequences", len(repeated))
+    result.figure("singular", len(singular))
+    result.statement = f"{sum(repeated[o] for o in singular)} of the {len(singular)} repeat an axis."
+    result.heard(len(singular) < len(repeated))
+    result.corrected(len(singular) == len(repeated) == 12)
 
 
 @claim(
@@ -290,18 +290,18 @@ def another_order_of_angles(found):
     "The map from angular velocity to quaternion rate has all three singular values equal to 1/2 "
     "at every orientation. The price has a third part: q and -q are the same orientation.",
 )
-def quaternion_has_no_lock(found):
+def quaternion_has_no_lock(result):
     from course.rigid_body import quaternion
 
     values = []
-    for q in quaternion.normalise(found.rng.normal(size=(4, 200))).T:
+    for q in quaternion.normalise(result.rng.normal(size=(4, 200))).T:
         values.append(np.linalg.svd([quaternion.derivative(q, e) for e in _AXES])[1])
     low, high = float(np.min(values)), float(np.max(values))
-    found.figure("smallest", low)
-    found.figure("largest", high)
-    found.statement = "Singular values over 200 random orientations."
-    found.heard(low > 0.1)
-    found.corrected(abs(low - 0.5) < 1e-12, abs(high - 0.5) < 1e-12)
+    result.figure("smallest", low)
+    result.figure("largest", high)
+    result.statement = "Singular values over 200 random orientations."
+    result.heard(low > 0.1)
+    result.corrected(abs(low - 0.5) < 1e-12, abs(high - 0.5) < 1e-12)
 
 
 @claim(
@@ -310,21 +310,21 @@ def quaternion_has_no_lock(found):
     "sign: half way between two orientations {apart_rad} rad apart the wrong sign lands "
     "{detour_rad:.2f} rad away.",
 )
-def quaternion_is_unique(found):
+def quaternion_is_unique(result):
     from course.rigid_body import quaternion
 
     q = quaternion.normalise(np.array([0.3, -0.5, 0.7, 0.2]))
     same = float(np.abs(quaternion.to_matrix(q) - quaternion.to_matrix(-q)).max())
     full = float(q @ quaternion.product(q, _spun(np.array([0.0, 0.0, np.pi / 180]), 1.0, 360)[1]))
-    apart = found.given("apart_rad", 0.2)
+    apart = result.given("apart_rad", 0.2)
     near = quaternion.product(q, quaternion.exp(np.array([apart, 0.0, 0.0])))
     middle = quaternion.normalise(0.5 * (q - near))  # with the wrong sign
     detour = float(quaternion.angle_between(q, middle))
-    found.figure("dot_after_full_turn", full)
-    found.figure("detour_rad", detour)
-    found.statement = f"The matrices of q and -q differ by {same:g}."
-    found.heard(same > 1e-3)
-    found.corrected(same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - apart / 2)) < 1e-9)
+    result.figure("dot_after_full_turn", full)
+    result.figure("detour_rad", detour)
+    result.statement = f"The matrices of q and -q differ by {same:g}."
+    result.heard(same > 1e-3)
+    result.corrected(same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - apart / 2)) < 1e-9)
 
 
 @claim(
@@ -333,23 +333,23 @@ def quaternion_is_unique(found):
     "every step: {length_after_10_s:.3f} after {steps:g} steps of {step_ms:g} ms at {rate:g} "
     "rad/s. The exponential map keeps it to rounding.",
 )
-def quaternion_norm_keeps_itself(found):
-    spin = np.array([0.0, 0.6, 0.8]) * found.given("rate", 10.0)
-    h, steps = found.given("step_ms", 1.0) / 1000, found.given("steps", 10_000)
-    added, kept = (np.linalg.norm(q) for q in _spun(spin, h, steps))
-    found.figure("length_after_10_s", added)
-    found.statement = f"Length {added:.6f}; by the exponential map {abs(kept - 1):.1e} off 1."
+def quaternion_norm_keeps_itself(result):
+    spin = np.array([0.0, 0.6, 0.8]) * result.given("rate", 10.0)
+    h, steps = result.given("step_ms", 1.0) / 1000, result.given("steps", 10_000)
+    added, retained = (np.linalg.norm(q) for q in _spun(spin, h, steps))
+    result.figure("length_after_10_s", added)
+    result.statement = f"Length {added:.6f}; by the exponential map {abs(retained - 1):.1e} off 1."
 
-    def off(rate: np.ndarray, step: float) -> float:
+    def deviation(rate: np.ndarray, step: float) -> float:
         grown = (1 + (np.linalg.norm(rate) * step / 2) ** 2) ** 25
         return float(np.linalg.norm(_spun(rate, step, 50)[0]) / grown - 1)
 
-    found.heard(abs(added - 1) < 1e-6)
-    found.corrected(
-        abs(kept - 1) < 1e-11,
+    result.heard(abs(added - 1) < 1e-6)
+    result.corrected(
+        abs(retained - 1) < 1e-11,
         all(
-            abs(off(5 * rate, step)) < 1e-12
-            for *rate, step in found.rng.uniform(0, 0.3, (20, 4))
+            abs(deviation(5 * rate, step)) < 1e-12
+            for *rate, step in result.rng.uniform(0, 0.3, (20, 4))
             for rate in [np.array(rate)]
         ),
     )
@@ -362,7 +362,7 @@ def quaternion_norm_keeps_itself(found):
     "after {steps:g} steps of {step_ms:g} ms at {rate:g} rad/s. The exponential map is exact "
     "there.",
 )
-def renormalising_repairs(found):
+def renormalising_repairs(result):
     import sympy
 
     from course.rigid_body import quaternion
@@ -375,16 +375,16 @@ def renormalising_repairs(found):
         law = steps * (angle - 2 * np.arctan(angle / 2))
         return *(float(quaternion.angle_between(truth, end)) for end in ends), law
 
-    rate, h = found.given("rate", 10.0), found.given("step_ms", 10.0) / 1000
-    rescaled, exact, law = behind(rate * _AXES[2], h, found.given("steps", 1000))
+    rate, h = result.given("rate", 10.0), result.given("step_ms", 10.0) / 1000
+    rescaled, exact, law = behind(rate * _AXES[2], h, result.given("steps", 1000))
     u = sympy.Symbol("u", positive=True)
     lead = sympy.series(u - 2 * sympy.atan(u / 2), u, 0, 5).removeO().coeff(u, 3)
-    found.figure("behind_rad", rescaled, 1e-4)
-    found.figure("leading_coefficient", lead, 1e-4)
-    found.statement = f"{rescaled:.4f} rad behind, by the exponential map {exact:.1e} rad."
-    draws = [behind(x[:3] * 5, x[3], 20) for x in found.rng.uniform(0.01, 0.3, (20, 4))]
-    found.heard(rescaled < 1e-6)
-    found.corrected(
+    result.figure("behind_rad", rescaled, 1e-4)
+    result.figure("leading_coefficient", lead, 1e-4)
+    result.statement = f"{rescaled:.4f} rad behind, by the exponential map {exact:.1e} rad."
+    draws = [behind(x[:3] * 5, x[3], 20) for x in result.rng.uniform(0.01, 0.3, (20, 4))]
+    result.heard(rescaled < 1e-6)
+    result.corrected(
         abs(rescaled / law - 1) < 1e-8,
         exact < 1e-11,
         lead == sympy.Rational(1, 12),
@@ -400,7 +400,7 @@ def renormalising_repairs(found):
     "inertia "
     "from the quaternion, and there it matters.)",
 )
-def added_quaternion_adds_energy(found):
+def added_quaternion_adds_energy(result):
     from course.rigid_body import problems, quaternion, rk4
 
     system, h = problems.tumble().system, 0.01
@@ -415,11 +415,11 @@ def added_quaternion_adds_energy(found):
     gain = problems.tumble_energy(wrong, wrong_v, params) / problems.tumble_energy(
         system.q0, system.v0, params
     )
-    found.figure("attitude_off_rad", apart, 1e-3)
-    found.figure("energy_gained", round(float(gain) - 1, 6), 1e-6)
-    found.statement = (
+    result.figure("attitude_off_rad", apart, 1e-3)
+    result.figure("energy_gained", round(float(gain) - 1, 6), 1e-6)
+    result.statement = (
         f"1000 steps of RK4 at 10 ms: the attitudes are {apart:.4f} rad apart, the length is "
         f"{np.linalg.norm(wrong):.3f}, and the energy has changed by {gain - 1:.0e} of itself."
     )
-    found.heard(gain > 1.001)
-    found.corrected(np.array_equal(v, wrong_v), apart > 1e-3, abs(gain - 1) < 1e-6)
+    result.heard(gain > 1.001)
+    result.corrected(np.array_equal(v, wrong_v), apart > 1e-3, abs(gain - 1) < 1e-6)

@@ -31,22 +31,22 @@ def _penalty_omega(stiffness: float, mass: float = 1.0) -> float:
     "It is unstable at every step: both eigenvalues have the modulus sqrt(1 + (omega dt)^2) > 1. "
     "The limit 2 sqrt(m / k) belongs to semi-implicit Euler.",
 )
-def explicit_undamped_limit(found):
+def explicit_undamped_limit(result):
     from course.rigid_body import integrators, problems
 
     system = problems.oscillator(omega=1.0).system
     tenth = integrators.simulate(system, "explicit_euler", 0.2, 1000)  # a tenth of the limit said
-    grown = found.figure(
+    grown = result.figure(
         "amplitude_after_1000_at_0_2", np.hypot(tenth.q[-1, 0], tenth.v[-1, 0]), tolerance=1e-6
     )
-    found.figure("radius_at_0_1", spectral_radius("explicit_euler", 0.1))
-    steps = np.exp(found.rng.uniform(np.log(1e-3), np.log(2), 30))
+    result.figure("radius_at_0_1", spectral_radius("explicit_euler", 0.1))
+    steps = np.exp(result.rng.uniform(np.log(1e-3), np.log(2), 30))
     radii = np.array([spectral_radius("explicit_euler", x) for x in steps])
-    found.statement = (
+    result.statement = (
         f"At omega dt = 0.2 the amplitude is {grown:.2e} of the start after 1000 steps."
     )
-    found.heard(max(radii) <= 1)
-    found.corrected(
+    result.heard(max(radii) <= 1)
+    result.corrected(
         min(radii) > 1,
         np.allclose(radii, np.sqrt(1 + steps**2), rtol=1e-12),
         abs(measured_limit("semi_implicit_euler") - 2) < 1e-6,
@@ -68,7 +68,7 @@ def explicit_undamped_limit(found):
         },
     ),
 )
-def explicit_eigenvalues(found):
+def explicit_eigenvalues(result):
     import sympy
 
     h, omega, _ = symbols()
@@ -81,12 +81,12 @@ def explicit_eigenvalues(found):
         return bool(sympy.simplify((matrix - value * sympy.eye(2)).det()) == 0)
 
     at = {omega: 1, h: sympy.Rational(1, 2)}
-    found.formula = sympy.sqrt(sympy.expand((1 + sympy.I * omega * h) * (1 - sympy.I * omega * h)))
-    found.figure("modulus_at_half", found.formula.subs(at))
-    found.figure("quoted_modulus_at_half", abs(quoted.subs(at)))
-    found.statement = "Characteristic polynomial of the step's matrix, by algebra."
-    found.heard(solves(explicit, quoted))
-    found.corrected(
+    result.formula = sympy.sqrt(sympy.expand((1 + sympy.I * omega * h) * (1 - sympy.I * omega * h)))
+    result.figure("modulus_at_half", result.formula.subs(at))
+    result.figure("quoted_modulus_at_half", abs(quoted.subs(at)))
+    result.statement = "Characteristic polynomial of the step's matrix, by algebra."
+    result.heard(solves(explicit, quoted))
+    result.corrected(
         set(explicit.eigenvals()) == right,
         solves(semi, quoted),
         explicit == sympy.Matrix([[1, h], [-h * omega**2, 1]]),
@@ -99,21 +99,21 @@ def explicit_eigenvalues(found):
     "That expression is the square of the real part alone. With the imaginary part the modulus is "
     "1 wherever the root is real; and for explicit Euler's own eigenvalues it is 1 + dt^2 k/m.",
 )
-def quoted_modulus(found):
+def quoted_modulus(result):
     import sympy
 
     h, omega, _ = symbols()
     u = (omega * h) ** 2
-    said, real, imaginary = 1 + u * (u - 4) / 4, 1 - u / 2, u * (1 - u / 4)
+    text, real, imaginary = 1 + u * (u - 4) / 4, 1 - u / 2, u * (1 - u / 4)
     explicit = step_matrix("explicit_euler").det()
     half = {omega: 1, h: sympy.Rational(1, 2)}
-    found.figure("said_at_half", said.subs(half))
-    found.figure("of_the_quoted_at_half", (real**2 + imaginary).subs(half))
-    found.figure("of_explicit_euler_at_half", explicit.subs(half))
-    found.statement = "Both expanded in omega dt, by algebra."
-    found.heard(sympy.expand(said - explicit) == 0)
-    found.corrected(
-        sympy.expand(said - real**2) == 0,
+    result.figure("said_at_half", text.subs(half))
+    result.figure("of_the_quoted_at_half", (real**2 + imaginary).subs(half))
+    result.figure("of_explicit_euler_at_half", explicit.subs(half))
+    result.statement = "Both expanded in omega dt, by algebra."
+    result.heard(sympy.expand(text - explicit) == 0)
+    result.corrected(
+        sympy.expand(text - real**2) == 0,
         sympy.expand(real**2 + imaginary - 1) == 0,
         sympy.expand(explicit - 1 - u) == 0,
     )
@@ -126,18 +126,18 @@ def quoted_modulus(found):
     "the unit circle, so no step is stable. Determinant and energy grow by the same factor, "
     "{energy_factor_at_half:.2f} at omega dt = 1/2.",
 )
-def growing_determinant_has_a_limit(found):
+def growing_determinant_has_a_limit(result):
     from course.rigid_body import oscillator
 
-    steps = found.rng.uniform(0.001, 2, 30)
+    steps = result.rng.uniform(0.001, 2, 30)
     matrices = [numeric_matrix("explicit_euler", x) for x in steps]
-    starts = found.rng.normal(size=(30, 2))
+    starts = result.rng.normal(size=(30, 2))
     factors = [np.sum((A @ s) ** 2) / np.sum(s**2) for A, s in zip(matrices, starts, strict=True)]
     half = oscillator.stepper("explicit_euler", 0.5)(np.array([1.0, 0.0]))
-    found.figure("energy_factor_at_half", np.sum(half**2))
-    found.statement = "30 random steps from random states of the oscillator, omega dt below 2."
-    found.heard(all(np.abs(np.linalg.eigvals(A)).max() <= 1 for A in matrices))
-    found.corrected(
+    result.figure("energy_factor_at_half", np.sum(half**2))
+    result.statement = "30 random steps from random states of the oscillator, omega dt below 2."
+    result.heard(all(np.abs(np.linalg.eigvals(A)).max() <= 1 for A in matrices))
+    result.corrected(
         np.allclose(factors, [np.linalg.det(A) for A in matrices]),
         np.allclose(factors, 1 + steps**2),
         min(factors) > 1,
@@ -149,7 +149,7 @@ def growing_determinant_has_a_limit(found):
     "It is stable while omega dt < 2. Beyond it the eigenvalues are real and one of them lies "
     "below -1.",
 )
-def semi_implicit_unconditional(found):
+def semi_implicit_unconditional(result):
     from course.rigid_body import integrators, problems
 
     system = problems.oscillator(omega=_penalty_omega(1e5)).system
@@ -158,13 +158,13 @@ def semi_implicit_unconditional(found):
         run = integrators.simulate(system, "semi_implicit_euler", dt, 100, every=1)
         return float(np.abs(run.q).max())
 
-    inside = found.figure("largest_6_3_ms_m", largest(0.0063))
-    outside = found.figure("largest_6_5_ms_m", largest(0.0065))
-    below, above = found.rng.uniform(0.001, 1.999, 30), found.rng.uniform(2.001, 8, 30)
+    inside = result.figure("largest_6_3_ms_m", largest(0.0063))
+    outside = result.figure("largest_6_5_ms_m", largest(0.0065))
+    below, above = result.rng.uniform(0.001, 1.999, 30), result.rng.uniform(2.001, 8, 30)
     radii = [[spectral_radius("semi_implicit_euler", x) for x in xs] for xs in (below, above)]
-    found.statement = "100 kN/m on 1 kg, released at 1 m, 100 steps."
-    found.heard(outside < 100)
-    found.corrected(
+    result.statement = "100 kN/m on 1 kg, released at 1 m, 100 steps."
+    result.heard(outside < 100)
+    result.corrected(
         inside < 100 < outside,
         max(radii[0]) < STABLE,
         min(radii[1]) > 1.01,
@@ -192,20 +192,20 @@ def semi_implicit_unconditional(found):
         also={"omega": "sqrt(k/m)"},
     ),
 )
-def semi_implicit_limit(found):
+def semi_implicit_limit(result):
     import sympy
 
     h, omega, _ = symbols()
     m, k = sympy.symbols("m k", positive=True)
     A = step_matrix("semi_implicit_euler")
-    heavy = {m: found.given("mass_kg", 1), k: found.given("stiffness_n_per_m", 100_000)}
+    heavy = {m: result.given("mass_kg", 1), k: result.given("stiffness_n_per_m", 100_000)}
     limit = sympy.solve(A.trace() + 1 + A.det(), h)[0].subs(omega, sympy.sqrt(k / m))
-    measured = found.figure("omega_h", measured_limit("semi_implicit_euler"))
-    found.figure("limit_ms", 1000 * float(limit.subs(heavy)))
-    found.statement = f"By bisection on the eigenvalues omega dt = {measured:.6f}."
-    found.formula = sympy.simplify(limit)
-    found.heard(abs(measured - 2) < 1e-6)
-    found.corrected(sympy.simplify(A.trace() - (2 - (omega * h) ** 2)) == 0)
+    measured = result.figure("omega_h", measured_limit("semi_implicit_euler"))
+    result.figure("limit_ms", 1000 * float(limit.subs(heavy)))
+    result.statement = f"By bisection on the eigenvalues omega dt = {measured:.6f}."
+    result.formula = sympy.simplify(limit)
+    result.heard(abs(measured - 2) < 1e-6)
+    result.corrected(sympy.simplify(A.trace() - (2 - (omega * h) ** 2)) == 0)
 
 
 @claim(
@@ -225,22 +225,22 @@ def semi_implicit_limit(found):
         tolerance=2e-3,
     ),
 )
-def contact_limit_explicit(found):
+def contact_limit_explicit(result):
     import sympy
 
     omega = _penalty_omega(1e5)
     semi = 1000 * measured_limit("semi_implicit_euler") / omega
-    step = found.given("step_ms", 1)
+    step = result.given("step_ms", 1)
     gain = spectral_radius("explicit_euler", omega * step / 1000) ** 2 - 1
-    found.figure("semi_implicit_limit_ms", semi)
-    found.figure("explicit_gain_per_step_1_ms", gain)
-    found.statement = (
+    result.figure("semi_implicit_limit_ms", semi)
+    result.figure("explicit_gain_per_step_1_ms", gain)
+    result.statement = (
         f"Semi-implicit: {semi:.4f} ms. Explicit Euler at 1 ms: {100 * gain:.0f} % more energy at "
         "every step."
     )
-    found.formula = 2000 * sympy.sqrt(sympy.Rational(1, 100_000))
-    found.heard(gain <= 0)
-    found.corrected(abs(semi - 2000 / omega) < 1e-6, abs(gain - 0.1) < 1e-9)
+    result.formula = 2000 * sympy.sqrt(sympy.Rational(1, 100_000))
+    result.heard(gain <= 0)
+    result.corrected(abs(semi - 2000 / omega) < 1e-6, abs(gain - 0.1) < 1e-9)
 
 
 @claim(
@@ -249,22 +249,22 @@ def contact_limit_explicit(found):
     "for which it is said, explodes at both rates, the implicit midpoint rule at neither, and two "
     "half steps of semi-implicit Euler taken as one method at neither.",
 )
-def contact_stable_at_1_khz(found):
+def contact_stable_at_1_khz(result):
     from course.rigid_body.oscillator import METHODS
 
     omega = _penalty_omega(1e5)
     radii = {n: [spectral_radius(n, omega * dt) for dt in (1e-3, 1e-2)] for n in METHODS}
     as_said = {name: fast <= 1 + 1e-6 < slow for name, (fast, slow) in radii.items()}
     limited = ("semi_implicit_euler", "velocity_verlet", "rk4")
-    found.figure("at_1_khz", omega * 1e-3)
-    found.figure("at_100_hz", omega * 1e-2)
+    result.figure("at_1_khz", omega * 1e-3)
+    result.figure("at_100_hz", omega * 1e-2)
     halves = numeric_matrix("semi_implicit_euler", omega * 1e-2 / 2)
     twice = np.abs(np.linalg.eigvals(halves @ halves)).max()
-    found.figure("explicit_1_khz", radii["explicit_euler"][0], tolerance=1e-4)
-    found.figure("semi_implicit_100_hz", radii["semi_implicit_euler"][1], tolerance=1e-4)
-    found.figure("implicit_midpoint_100_hz", radii["implicit_midpoint"][1], tolerance=1e-4)
-    found.statement = "Largest growth factor of the amplitude per step."
-    found.heard(
+    result.figure("explicit_1_khz", radii["explicit_euler"][0], tolerance=1e-4)
+    result.figure("semi_implicit_100_hz", radii["semi_implicit_euler"][1], tolerance=1e-4)
+    result.figure("implicit_midpoint_100_hz", radii["implicit_midpoint"][1], tolerance=1e-4)
+    result.statement = "Largest growth factor of the amplitude per step."
+    result.heard(
         all(as_said.values()),
         only_if="omega dt at the integrator's limit lies between {at_1_khz:.2f} and "
         "{at_100_hz:.2f}, "
@@ -273,7 +273,7 @@ def contact_stable_at_1_khz(found):
         outside=[as_said[n] for n in METHODS if n not in limited],
         cases=True,
     )
-    found.corrected(
+    result.corrected(
         radii["explicit_euler"][0] > 1, radii["implicit_midpoint"][1] < 1 + 1e-6, twice < STABLE
     )
 
@@ -288,13 +288,13 @@ def contact_stable_at_1_khz(found):
     "limit is necessary, not sufficient; it asks for {fast_ms:.0f} ms from "
     "{stiffness_for_1_khz_mn_per_m:.0f} MN/m on.",
 )
-def contact_rate_by_stability(found):
+def contact_rate_by_stability(result):
     omega = _penalty_omega(1e5)
     limit = measured_limit("semi_implicit_euler") / omega
 
     def rebound(dt: float) -> np.ndarray:
         """Speeds after an elastic contact, entered at 1 m/s, the phase of the step drawn."""
-        v, x = np.full(2000, -1.0), found.rng.uniform(0, dt, 2000)
+        v, x = np.full(2000, -1.0), result.rng.uniform(0, dt, 2000)
         flying = np.zeros(2000, dtype=bool)
         for _ in range(int(0.05 / dt)):
             v = np.where(flying, v, v - dt * omega**2 * np.minimum(x, 0))
@@ -302,19 +302,19 @@ def contact_rate_by_stability(found):
             flying |= (x > 0) & (v > 0)
         return v
 
-    fast, slow = found.given("fast_ms", 1) / 1000, found.given("slow_ms", 5) / 1000
-    rate = found.figure("rate_needed_hz", 1 / limit)
-    stiff = found.figure("stiffness_for_1_khz_mn_per_m", (limit * omega / fast) ** 2 / 1e6)
-    off, near = (float(np.abs(rebound(dt) - 1).max()) for dt in (slow, fast))
-    found.figure("worst_rebound_5_ms", off, tolerance=0.02)
-    found.figure("worst_rebound_1_ms", near, tolerance=0.02)
-    energy = found.figure("energy_5_ms", float(np.mean(rebound(slow) ** 2)), tolerance=0.05)
-    found.statement = "Semi-implicit Euler, 1 kg at 1 m/s on 100 kN/m; 2000 phases of the step."
-    found.heard(rate >= 1000)
-    found.corrected(
+    fast, slow = result.given("fast_ms", 1) / 1000, result.given("slow_ms", 5) / 1000
+    rate = result.figure("rate_needed_hz", 1 / limit)
+    stiff = result.figure("stiffness_for_1_khz_mn_per_m", (limit * omega / fast) ** 2 / 1e6)
+    error, near = (float(np.abs(rebound(dt) - 1).max()) for dt in (slow, fast))
+    result.figure("worst_rebound_5_ms", error, tolerance=0.02)
+    result.figure("worst_rebound_1_ms", near, tolerance=0.02)
+    energy = result.figure("energy_5_ms", float(np.mean(rebound(slow) ** 2)), tolerance=0.05)
+    result.statement = "Semi-implicit Euler, 1 kg at 1 m/s on 100 kN/m; 2000 phases of the step."
+    result.heard(rate >= 1000)
+    result.corrected(
         slow < limit,
         rate < 200,
-        off > 20 * near,
+        error > 20 * near,
         energy > 1.1,
         spectral_radius("semi_implicit_euler", 0.999 * fast * np.sqrt(1e6 * stiff)) < STABLE,
         spectral_radius("semi_implicit_euler", 1.001 * fast * np.sqrt(1e6 * stiff)) > 1.01,
@@ -328,7 +328,7 @@ def contact_rate_by_stability(found):
     "velocity it is {soft_ms:.1f} ms, {stiff_ms:.1f} ms and {steel_ms:.2f} ms; explicit Euler's is "
     "{soft_explicit_ms:.0f} ms, {stiff_explicit_ms:.1f} ms and {steel_explicit_ms:.2f} ms.",
 )
-def penalty_listing_limits(found):
+def penalty_listing_limits(result):
     damper = 50.0
 
     def limit_ms(method: str, stiffness: float) -> float:
@@ -340,12 +340,12 @@ def penalty_listing_limits(found):
     semi = {name: limit_ms("semi_implicit_euler", k) for name, k in stiffness.items()}
     explicit = {name: limit_ms("explicit_euler", k) for name, k in stiffness.items()}
     for name in stiffness:
-        found.figure(f"{name}_ms", semi[name])
-        found.figure(f"{name}_explicit_ms", explicit[name])
-    found.statement = "Both bisected on the eigenvalues of the step with the damper."
-    said = {"soft": 30.0, "stiff": 9.0, "steel": 3.0}
-    found.heard(all(semi[name] >= said[name] for name in said))
-    found.corrected(
+        result.figure(f"{name}_ms", semi[name])
+        result.figure(f"{name}_explicit_ms", explicit[name])
+    result.statement = "Both bisected on the eigenvalues of the step with the damper."
+    message = {"soft": 30.0, "stiff": 9.0, "steel": 3.0}
+    result.heard(all(semi[name] >= message[name] for name in message))
+    result.corrected(
         all(semi[n] < 2000 / _penalty_omega(k) for n, k in stiffness.items()),
         all(abs(explicit[n] / (1000 * damper / k) - 1) < 1e-6 for n, k in stiffness.items()),
     )
@@ -357,27 +357,27 @@ def penalty_listing_limits(found):
     "Determinant 1 only says that the two multiply to 1. With a trace outside -2 to 2 they are "
     "real, lambda and 1 / lambda, and one of them is off the circle.",
 )
-def determinant_one_is_stable(found):
+def determinant_one_is_stable(result):
     def on_circle(matrix: np.ndarray) -> bool:
         return np.allclose(np.abs(np.linalg.eigvals(matrix)), 1)
 
     def drawn(trace: float) -> np.ndarray:
         """A matrix of this trace and determinant 1."""
-        a, b = found.rng.uniform(-3, 3), found.rng.uniform(0.5, 2)
+        a, b = result.rng.uniform(-3, 3), result.rng.uniform(0.5, 2)
         return np.array([[a, b], [(a * (trace - a) - 1) / b, trace - a]])
 
     outer, inner = np.sort(np.linalg.eigvals(numeric_matrix("semi_implicit_euler", 2.1)).real)
-    found.figure("outer_at_2_1", outer)
-    found.figure("inner_at_2_1", inner)
-    found.statement = "Semi-implicit Euler at omega dt = 2.1: both real, product 1."
-    outside = found.rng.uniform(2.001, 2.2, 20) * found.rng.choice([-1, 1], 20)
-    found.heard(
+    result.figure("outer_at_2_1", outer)
+    result.figure("inner_at_2_1", inner)
+    result.statement = "Semi-implicit Euler at omega dt = 2.1: both real, product 1."
+    outside = result.rng.uniform(2.001, 2.2, 20) * result.rng.choice([-1, 1], 20)
+    result.heard(
         on_circle(numeric_matrix("semi_implicit_euler", 2.1)),
         only_if="its trace lies between -2 and 2",
-        inside=[on_circle(drawn(trace)) for trace in found.rng.uniform(-1.999, 1.999, 50)],
+        inside=[on_circle(drawn(trace)) for trace in result.rng.uniform(-1.999, 1.999, 50)],
         outside=[on_circle(drawn(trace)) for trace in outside],
     )
-    found.corrected(
+    result.corrected(
         step_matrix("semi_implicit_euler").det() == 1,
         abs(outer * inner - 1) < 1e-9,
         abs(outer) > 1.1,
@@ -389,7 +389,7 @@ def determinant_one_is_stable(found):
     "-1 is then a double eigenvalue with a single eigenvector. Unless it starts along that one, "
     "the state alternates in sign and grows linearly, without bound.",
 )
-def stable_at_the_limit(found):
+def stable_at_the_limit(result):
     from course.rigid_body import integrators, oscillator, problems
 
     h, omega, _ = symbols()
@@ -399,8 +399,8 @@ def stable_at_the_limit(found):
     system = problems.oscillator(omega=1.0).system
     run = integrators.simulate(system, "semi_implicit_euler", 2.0, 1000, every=500)
     after = np.abs(run.q[:, 0])
-    found.figure("after_500_m", after[1])
-    found.figure("after_1000_m", after[2])
+    result.figure("after_500_m", after[1])
+    result.figure("after_1000_m", after[2])
     step = oscillator.stepper("semi_implicit_euler", 2.0)
 
     def grown(start: np.ndarray) -> np.ndarray:
@@ -411,10 +411,10 @@ def stable_at_the_limit(found):
         return np.array(sizes)
 
     along = grown(np.array(vectors[0], dtype=float).ravel())
-    drawn = [np.diff(grown(start), axis=0) for start in found.rng.normal(size=(20, 2))]
-    found.statement = f"Eigenvalue {value} of multiplicity {multiplicity}; released at 1 m."
-    found.heard(after[2] < 10)
-    found.corrected(
+    drawn = [np.diff(grown(start), axis=0) for start in result.rng.normal(size=(20, 2))]
+    result.statement = f"Eigenvalue {value} of multiplicity {multiplicity}; released at 1 m."
+    result.heard(after[2] < 10)
+    result.corrected(
         (value, multiplicity, len(vectors)) == (-1, 2, 1),
         np.allclose(along, along[0]),
         all(np.allclose(d, d[0]) and np.abs(d[0]).max() > 1e-3 for d in drawn),
@@ -436,19 +436,19 @@ def stable_at_the_limit(found):
         },
     ),
 )
-def explicit_damped_limit(found):
+def explicit_damped_limit(result):
     import sympy
 
     # Below zeta = 1 the eigenvalues are a complex pair, so that |lambda|^2 is the determinant.
     h = symbols()[0]
     squared = sympy.expand(step_matrix("explicit_euler", damped=True).det())
-    found.formula = sympy.solve(sympy.cancel((squared - 1) / h), h)[0]
-    measured = found.figure("omega_h_at_zeta_0_1", measured_limit("explicit_euler", 0.1, low=0.1))
-    zetas = found.rng.uniform(0.01, 0.99, 12)
+    result.formula = sympy.solve(sympy.cancel((squared - 1) / h), h)[0]
+    measured = result.figure("omega_h_at_zeta_0_1", measured_limit("explicit_euler", 0.1, low=0.1))
+    zetas = result.rng.uniform(0.01, 0.99, 12)
     ratios = [measured_limit("explicit_euler", z, low=z) / (2 * z) for z in zetas]
-    found.statement = f"|lambda|^2 = {squared}."
-    found.heard(measured < 1e-3)
-    found.corrected(
+    result.statement = f"|lambda|^2 = {squared}."
+    result.heard(measured < 1e-3)
+    result.corrected(
         np.allclose(ratios, 1, rtol=1e-6),
         measured < 0.12 * measured_limit("semi_implicit_euler", 0.1, low=0.1),
     )
@@ -472,7 +472,7 @@ def explicit_damped_limit(found):
         },
     ),
 )
-def semi_implicit_damped_limit(found):
+def semi_implicit_damped_limit(result):
     import sympy
 
     from course.measure import stability
@@ -480,8 +480,8 @@ def semi_implicit_damped_limit(found):
     h, omega, zeta = symbols()
     A = step_matrix("semi_implicit_euler", damped=True)
     roots = sympy.solve(sympy.expand(1 + A.trace() + A.det()), h)
-    found.formula = next(root for root in roots if root.subs({omega: 1, zeta: 1}) > 0)
-    theory = sympy.lambdify(zeta, found.formula.subs(omega, 1))
+    result.formula = next(root for root in roots if root.subs({omega: 1, zeta: 1}) > 0)
+    theory = sympy.lambdify(zeta, result.formula.subs(omega, 1))
 
     def implicit(z: float) -> float:
         def stable(x: float) -> bool:
@@ -490,21 +490,21 @@ def semi_implicit_damped_limit(found):
 
         return stability.limit(stable, 0.01, 50.0, rel=1e-10)
 
-    zetas = np.append(0.5, found.rng.uniform(0.01, 3, 10))
+    zetas = np.append(0.5, result.rng.uniform(0.01, 3, 10))
     fallen = [measured_limit("semi_implicit_euler", z, low=0.01) for z in zetas]
     risen = [implicit(z) for z in zetas]
-    measured = found.figure("omega_h_explicit_damping", fallen[0])
-    found.figure("omega_h_implicit_damping", risen[0])
-    found.statement = (
+    measured = result.figure("omega_h_explicit_damping", fallen[0])
+    result.figure("omega_h_implicit_damping", risen[0])
+    result.statement = (
         f"zeta = 0.5: {measured:.6f} measured, {theory(0.5):.6f} by 1 + trace + det = 0."
     )
-    found.heard(
+    result.heard(
         measured > 2,
         only_if="the damping force is taken implicitly",
         inside=[limit > 2 for limit in risen],
         outside=[limit > 2 for limit in fallen],
     )
-    found.corrected(
+    result.corrected(
         np.allclose(fallen, theory(zetas), rtol=1e-6),
         np.allclose(risen, 2 * (np.sqrt(1 + zetas**2) + zetas), rtol=1e-6),
     )
@@ -515,17 +515,17 @@ def semi_implicit_damped_limit(found):
     "Without damping both have the limit omega dt = 2: their steps differ by a shift of half a "
     "step in the velocity, and have the same trace and determinant.",
 )
-def verlet_limit(found):
+def verlet_limit(result):
     import sympy
 
     h, omega, _ = symbols()
     a, b = step_matrix("velocity_verlet"), step_matrix("semi_implicit_euler")
     shift = sympy.Matrix([[1, 0], [-h * omega**2 / 2, 1]])  # half a step of the velocity
-    verlet = found.figure("verlet_omega_h", measured_limit("velocity_verlet"))
-    found.figure("semi_implicit_omega_h", measured_limit("semi_implicit_euler"))
-    found.statement = "By bisection on the eigenvalues; trace and determinant by algebra."
-    found.heard(verlet > 2.001)
-    found.corrected(
+    verlet = result.figure("verlet_omega_h", measured_limit("velocity_verlet"))
+    result.figure("semi_implicit_omega_h", measured_limit("semi_implicit_euler"))
+    result.statement = "By bisection on the eigenvalues; trace and determinant by algebra."
+    result.heard(verlet > 2.001)
+    result.corrected(
         sympy.simplify(a.trace() - b.trace()) == 0,
         sympy.simplify(a.det() - b.det()) == 0,
         (shift * b - a * shift).applyfunc(sympy.expand) == sympy.zeros(2),
@@ -550,22 +550,22 @@ def verlet_limit(found):
         },
     ),
 )
-def explicit_midpoint_limit(found):
+def explicit_midpoint_limit(result):
     import sympy
 
     def grows(x: float, third: float) -> bool:
         """Whether 1 + z + z^2/2 + third z^3 leaves the unit circle at z = i x."""
         return bool(abs(np.polyval([third, 0.5, 1, 1], 1j * x)) > 1)
 
-    found.formula = sympy.expand(step_matrix("explicit_midpoint").det())
+    result.formula = sympy.expand(step_matrix("explicit_midpoint").det())
     tenth = spectral_radius("explicit_midpoint", 0.1) ** 2 - 1
-    found.figure("gain_at_0_1", tenth)
-    found.figure("euler_gain_at_0_1", spectral_radius("explicit_euler", 0.1) ** 2 - 1)
-    found.statement = f"Energy per step times {found.formula}."
-    heavy, light = found.rng.uniform(0.13, 0.5, 30), found.rng.uniform(0, 0.12, 30)
+    result.figure("gain_at_0_1", tenth)
+    result.figure("euler_gain_at_0_1", spectral_radius("explicit_euler", 0.1) ** 2 - 1)
+    result.statement = f"Energy per step times {result.formula}."
+    heavy, light = result.rng.uniform(0.13, 0.5, 30), result.rng.uniform(0, 0.12, 30)
     limits = np.sqrt(2 * heavy - 0.25) / heavy  # (1 - x^2/2)^2 + (x - c x^3)^2 = 1
-    verlet = [spectral_radius("velocity_verlet", x) < STABLE for x in found.rng.uniform(0, 1.99, 8)]
-    found.heard(
+    verlet = [spectral_radius("velocity_verlet", x) < STABLE for x in result.rng.uniform(0, 1.99, 8)]
+    result.heard(
         tenth <= 0,
         only_if="it is symplectic, as velocity Verlet is, or a Runge-Kutta method with a third "
         "stage "
@@ -573,16 +573,16 @@ def explicit_midpoint_limit(found):
         inside=[
             *verlet,
             *(
-                not grows(found.rng.uniform(0.1, 0.99) * x, c)
+                not grows(result.rng.uniform(0.1, 0.99) * x, c)
                 for x, c in zip(limits, heavy, strict=True)
             ),
         ],
-        outside=[not grows(found.rng.uniform(0.1, 1), c) for c in light],
+        outside=[not grows(result.rng.uniform(0.1, 1), c) for c in light],
     )
-    found.corrected(
+    result.corrected(
         abs(tenth / (0.1**4 / 4) - 1) < 1e-6,
-        all(spectral_radius("explicit_midpoint", x) > 1 for x in found.rng.uniform(0.01, 3, 20)),
-        all(grows(x, 0) for x in found.rng.uniform(0.01, 3, 20)),
+        all(spectral_radius("explicit_midpoint", x) > 1 for x in result.rng.uniform(0.01, 3, 20)),
+        all(grows(x, 0) for x in result.rng.uniform(0.01, 3, 20)),
     )
 
 
@@ -602,17 +602,17 @@ def explicit_midpoint_limit(found):
         },
     ),
 )
-def rk4_limit(found):
+def rk4_limit(result):
     import sympy
 
     h = symbols()[0]
     squared = sympy.expand(step_matrix("rk4").det())
-    found.formula = next(root for root in sympy.solve(sympy.cancel((squared - 1) / h**6), h))
-    measured = found.figure("omega_h", measured_limit("rk4"))
-    found.figure("over_semi_implicit", measured / measured_limit("semi_implicit_euler"))
-    found.statement = f"|lambda|^2 = {squared}."
-    found.heard(abs(measured - 8) < 0.1)
-    found.corrected(abs(measured / np.sqrt(8) - 1) < 1e-4)
+    result.formula = next(root for root in sympy.solve(sympy.cancel((squared - 1) / h**6), h))
+    measured = result.figure("omega_h", measured_limit("rk4"))
+    result.figure("over_semi_implicit", measured / measured_limit("semi_implicit_euler"))
+    result.statement = f"|lambda|^2 = {squared}."
+    result.heard(abs(measured - 8) < 0.1)
+    result.corrected(abs(measured / np.sqrt(8) - 1) < 1e-4)
 
 
 @claim(
@@ -630,25 +630,25 @@ def rk4_limit(found):
         },
     ),
 )
-def implicit_midpoint_limit(found):
+def implicit_midpoint_limit(result):
     import sympy
 
     h, omega, _ = symbols()
-    found.formula = 2 * sympy.atan(omega * h / 2)
+    result.formula = 2 * sympy.atan(omega * h / 2)
     half_trace = sympy.simplify(step_matrix("implicit_midpoint").trace() / 2)
 
     def turned(matrix: np.ndarray) -> float:
         return float(np.abs(np.angle(np.linalg.eigvals(matrix)[0])))
 
-    steps = 10 ** found.rng.uniform(-1, 3, 20)
+    steps = 10 ** result.rng.uniform(-1, 3, 20)
     matrices = [numeric_matrix("implicit_midpoint", x) for x in steps]
     at_10 = turned(numeric_matrix("implicit_midpoint", 10.0))
-    found.figure("turned_at_10_rad", at_10, tolerance=1e-5)
-    found.figure("largest_radius", max(np.linalg.norm(A, 2) for A in matrices), tolerance=1e-5)
-    found.statement = f"omega h = 10: a step turns by {at_10:.3f} rad instead of 10."
-    found.heard(abs(at_10 - 10) < 0.1)
-    found.corrected(
-        sympy.simplify(sympy.expand_trig(sympy.cos(found.formula)) - half_trace) == 0,
+    result.figure("turned_at_10_rad", at_10, tolerance=1e-5)
+    result.figure("largest_radius", max(np.linalg.norm(A, 2) for A in matrices), tolerance=1e-5)
+    result.statement = f"omega h = 10: a step turns by {at_10:.3f} rad instead of 10."
+    result.heard(abs(at_10 - 10) < 0.1)
+    result.corrected(
+        sympy.simplify(sympy.expand_trig(sympy.cos(result.formula)) - half_trace) == 0,
         all(np.allclose(A.T @ A, np.eye(2), atol=1e-6) for A in matrices),
         np.allclose([turned(A) for A in matrices], 2 * np.arctan(steps / 2), atol=1e-5),
     )
@@ -660,7 +660,7 @@ def implicit_midpoint_limit(found):
     "with damping at a fixed damping ratio too. With a fixed damper it does not: semi-implicit "
     "Euler's then falls by a factor of {fixed_damper:.2f}.",
 )
-def limit_scales_with_root(found):
+def limit_scales_with_root(result):
     from course.measure import stability
     from course.rigid_body.oscillator import stepper
 
@@ -676,16 +676,16 @@ def limit_scales_with_root(found):
         return limit(method, soft, zeta) / limit(method, stiff, then) * soft / stiff
 
     for method in ("semi_implicit_euler", "rk4"):
-        found.figure(method, 2 * fall(method, 10, 20, 0, False), tolerance=1e-3)
-    kept = found.figure("fixed_damper", 2 * fall("semi_implicit_euler", 10, 20, 0.8, True), 1e-3)
-    methods = found.rng.choice(["semi_implicit_euler", "velocity_verlet", "rk4"], 12)
-    drawn = found.rng.uniform((1, 12, 0.05), (9, 90, 0.9), (12, 3))
+        result.figure(method, 2 * fall(method, 10, 20, 0, False), tolerance=1e-3)
+    retained = result.figure("fixed_damper", 2 * fall("semi_implicit_euler", 10, 20, 0.8, True), 1e-3)
+    methods = result.rng.choice(["semi_implicit_euler", "velocity_verlet", "rk4"], 12)
+    drawn = result.rng.uniform((1, 12, 0.05), (9, 90, 0.9), (12, 3))
     draws = [(method, *row) for method, row in zip(methods, drawn, strict=True)]
-    found.statement = "Limit at 100 N/m over limit at 400 N/m, 1 kg, from the code's own steps."
-    found.heard(
-        abs(kept - 2) < 0.01,
+    result.statement = "Limit at 100 N/m over limit at 400 N/m, 1 kg, from the code's own steps."
+    result.heard(
+        abs(retained - 2) < 0.01,
         only_if="nothing damps, or the damping ratio stays the same",
         inside=[abs(fall(m, a, b, z * (z > 0.2), False) - 1) < 1e-3 for m, a, b, z in draws],
         outside=[abs(fall(m, a, b, z, True) - 1) < 1e-3 for m, a, b, z in draws],
     )
-    found.corrected(all(abs(fall(m, w, 2 * w, z, False) - 1) < 1e-3 for m, w, _, z in draws))
+    result.corrected(all(abs(fall(m, w, 2 * w, z, False) - 1) < 1e-3 for m, w, _, z in draws))

@@ -31,9 +31,9 @@ def after_mending(part, gap, delay, seeds=(0, 1, 2)):
     """On these tasks, of gains tuned on the simulator with one part set right."""
     from course.sim_to_real import mended, only, real, rollouts, tasks, tune
 
-    there = real(gap, delay)
-    sets = [tune(only(mended(there, (part,))), seed).gains for seed in seeds]
-    return float(rollouts(there, np.array(sets).T, tasks(400, 41)).rate.mean())
+    other = real(gap, delay)
+    sets = [tune(only(mended(other, (part,))), seed).gains for seed in seeds]
+    return float(rollouts(other, np.array(sets).T, tasks(400, 41)).rate.mean())
 
 
 @claim(
@@ -43,32 +43,32 @@ def after_mending(part, gap, delay, seeds=(0, 1, 2)):
     "At gap {near} it is {known_near:.1%} against {wide_near:.1%}: there a range needs no robot "
     "and is as good.",
 )
-def measured_or_randomised(found):
-    near, far = found.given("near", 0.2), found.given("far", 0.6)
-    known = found.figure("known", success("known", 10, 1.0), 0.03)
-    wide = found.figure("wide", success("range", 10, 1.0), 0.03)
-    none = found.figure("none", success("range", 0, 1.0), 0.03)
-    found.figure("known_near", success("known", 2, near), 0.03)
-    found.figure("wide_near", success("range", 10, near), 0.03)
+def measured_or_randomised(result):
+    near, far = result.given("near", 0.2), result.given("far", 0.6)
+    known = result.figure("known", success("known", 10, 1.0), 0.03)
+    wide = result.figure("wide", success("range", 10, 1.0), 0.03)
+    empty = result.figure("none", success("range", 0, 1.0), 0.03)
+    result.figure("known_near", success("known", 2, near), 0.03)
+    result.figure("wide_near", success("range", 10, near), 0.03)
 
     def better(k, seed):
         rates = (success(kind, i, k / 10, seed=seed) for kind, i in (("known", k), ("range", 10)))
         return float(np.subtract(*rates)) > 0.02
 
-    one = found.figure("one", after_mending("delay", 1.0, 0.01), 0.1)
-    found.statement = "400 tasks, 10 ms of delay, gains on record."
+    one = result.figure("one", after_mending("delay", 1.0, 0.01), 0.1)
+    result.statement = "400 tasks, 10 ms of delay, gains on record."
     edge = round(10 * far)
     inside, outside = (
         [better(k, s) for k in some for s in (1, 2, 3)]
         for some in (range(edge, 11, 2), range(edge - 3, edge))
     )
-    found.heard(
+    result.heard(
         all(outside),
         only_if="all of them are measured, and the gap is {far} or wider",
         inside=inside,
         outside=[*outside, one > wide],
     )
-    found.corrected(known > wide + 0.2, wide > none, wide > one + 0.1)
+    result.corrected(known > wide + 0.2, wide > empty, wide > one + 0.1)
 
 
 @claim(
@@ -77,16 +77,16 @@ def measured_or_randomised(found):
     "true delay in it and nothing else {delay:.0%}, with the true load alone {load:.0%}. At gap "
     "{near} and {late_ms:.0f} ms the same mending helps: {before:.0%} become {after:.0%}.",
 )
-def mended_parameter(found):
-    near, late = found.given("near", 0.3), 1e-3 * found.given("late_ms", 20)
-    none = found.figure("none", success("range", 0, 1.0), 0.03)
-    delay = found.figure("delay", after_mending("delay", 1.0, 0.01), 0.1)
-    load = found.figure("load", after_mending("load", 1.0, 0.01, (0,)), 0.1)
-    before = found.figure("before", success("range", 0, near, late), 0.03)
-    after = found.figure("after", after_mending("delay", near, late, (0,)), 0.1)
-    found.statement = "400 tasks, up to three searches each."
-    found.heard(delay >= none)
-    found.corrected(delay < none - 0.05, load > none + 0.2, after > before + 0.2)
+def mended_parameter(result):
+    near, late = result.given("near", 0.3), 1e-3 * result.given("late_ms", 20)
+    empty = result.figure("none", success("range", 0, 1.0), 0.03)
+    delay = result.figure("delay", after_mending("delay", 1.0, 0.01), 0.1)
+    load = result.figure("load", after_mending("load", 1.0, 0.01, (0,)), 0.1)
+    before = result.figure("before", success("range", 0, near, late), 0.03)
+    after = result.figure("after", after_mending("delay", near, late, (0,)), 0.1)
+    result.statement = "400 tasks, up to three searches each."
+    result.heard(delay >= empty)
+    result.corrected(delay < empty - 0.05, load > empty + 0.2, after > before + 0.2)
 
 
 @claim(
@@ -105,25 +105,25 @@ def mended_parameter(found):
         },
     ),
 )
-def trials_to_tell(found):
+def trials_to_tell(result):
     import sympy
 
     from course.sim_to_real import trials
 
     z, p, d, n = sympy.symbols("z p d n", positive=True)
-    found.formula = sympy.solve(sympy.Eq(d, z * sympy.sqrt(2 * p * (1 - p) / n)), n)[0]
-    own = found.figure("own", trials(0.78, 0.87), 0.0)
-    law = float(found.formula.subs({z: 1.96 + 0.8416, p: 0.825, d: 0.09}))
-    few = int(found.given("n", 100))
-    a, b = (found.rng.binomial(few, rate, 20000) for rate in (0.78, 0.87))
+    result.formula = sympy.solve(sympy.Eq(d, z * sympy.sqrt(2 * p * (1 - p) / n)), n)[0]
+    own = result.figure("own", trials(0.78, 0.87), 0.0)
+    law = float(result.formula.subs({z: 1.96 + 0.8416, p: 0.825, d: 0.09}))
+    few = int(result.given("n", 100))
+    a, b = (result.rng.binomial(few, rate, 20000) for rate in (0.78, 0.87))
     middle = (a + b) / (2 * few)
-    seen = np.abs(a - b) / np.sqrt(2 * few * middle * (1 - middle)) > 1.96
-    power = found.figure("power", seen.mean(), 0.1)
-    same = found.rng.binomial(few, 0.825, (2, 20000))
-    chance = found.figure("chance", (np.abs(same[0] - same[1]) > 8).mean(), 0.1)
-    found.statement = "20,000 pairs of 100 trials, tested at 5 %."
-    found.heard(chance < 0.05)
-    found.corrected(abs(own / law - 1) < 0.02, power < 0.5, chance > 0.05)
+    observed = np.abs(a - b) / np.sqrt(2 * few * middle * (1 - middle)) > 1.96
+    power = result.figure("power", observed.mean(), 0.1)
+    same = result.rng.binomial(few, 0.825, (2, 20000))
+    chance = result.figure("chance", (np.abs(same[0] - same[1]) > 8).mean(), 0.1)
+    result.statement = "20,000 pairs of 100 trials, tested at 5 %."
+    result.heard(chance < 0.05)
+    result.corrected(abs(own / law - 1) < 0.02, power < 0.5, chance > 0.05)
 
 
 @claim(
@@ -134,32 +134,32 @@ def trials_to_tell(found):
     "on at an elbow of {elbow} rad, from {folded_ms:.1f} ms at {more} rad. Dry friction stops a "
     "swing that is small.",
 )
-def late_command(found):
+def late_command(result):
     from course.charts.sim_to_real.gap import arm_limit, delay_limit, swings
     from course.sim_to_real import recorded
 
     def drawn(share, dry=0.0):
-        kp, kd = found.rng.uniform(10.0, 30.0), found.rng.uniform(0.8, 1.6)
+        kp, kd = result.rng.uniform(10.0, 30.0), result.rng.uniform(0.8, 1.6)
         gains = np.array([0.0, 0.0, 0.0, kp, 0.0, kd])
         return swings(gains, share * delay_limit(gains), dry=dry)
 
     gains, careful = recorded()["range"][[0, 10], 0]
-    margin = found.figure("margin_ms", 1e3 * delay_limit(gains), 1e-3)
-    ranged = found.figure("ranged_ms", 1e3 * delay_limit(careful), 1e-3)
-    elbow, more = found.given("elbow", 1.2), found.given("more", 2.0)
-    both = found.figure("both_ms", 1e3 * arm_limit(gains, elbow), 0.05)
-    folded = found.figure("folded_ms", 1e3 * arm_limit(gains, more), 0.05)
+    margin = result.figure("margin_ms", 1e3 * delay_limit(gains), 1e-3)
+    ranged = result.figure("ranged_ms", 1e3 * delay_limit(careful), 1e-3)
+    elbow, more = result.given("elbow", 1.2), result.given("more", 2.0)
+    both = result.figure("both_ms", 1e3 * arm_limit(gains, elbow), 0.05)
+    folded = result.figure("folded_ms", 1e3 * arm_limit(gains, more), 0.05)
     inside, outside, stuck = ([drawn(x, dry) for _ in range(8)]
                               for x, dry in ((1.05, 0.0), (0.95, 0.0), (1.05, 0.1)))  # fmt: skip
-    found.statement = "Joint 2 with drawn gains, 5 % to both sides of its margin, joint 1 held."
-    found.heard(
+    result.statement = "Joint 2 with drawn gains, 5 % to both sides of its margin, joint 1 held."
+    result.heard(
         all(outside),
         only_if="it is later than the delay margin of the whole loop, and no "
         "dry friction holds the joint",
         inside=inside,
         outside=outside + stuck,
     )
-    found.corrected(ranged > margin, not any(outside + stuck), both < 0.7 * margin, folded > both)
+    result.corrected(ranged > margin, not any(outside + stuck), both < 0.7 * margin, folded > both)
 
 
 def fitted(seed=0, **changed):
@@ -169,8 +169,8 @@ def fitted(seed=0, **changed):
     from course.sim_to_real.identify import arm
 
     log = record(seed=seed, **changed)
-    found = fit(arm, log, GUESS, FREE)
-    return log, found, found.value - np.array(list(TRUTH.values()))
+    result = fit(arm, log, GUESS, FREE)
+    return log, result, result.value - np.array(list(TRUTH.values()))
 
 
 @claim(
@@ -179,17 +179,17 @@ def fitted(seed=0, **changed):
     "in the arm and none in the model the worst number is {wrong:.1%} off at a claimed "
     "{claimed:.2%}.",
 )
-def believed_error_bar(found):
+def believed_error_bar(result):
     def within(seed, friction, kind="two sines"):
         _, fit, error = fitted(seed=seed, kind=kind, f1=friction, f2=0.5 * friction)
         return bool(np.all(np.abs(error) < 2.0 * fit.half_width()))
 
-    friction = found.given("friction", 0.1)
+    friction = result.given("friction", 0.1)
     _, fit, error = fitted(f1=friction, f2=0.5 * friction)
-    wrong = found.figure("wrong", np.max(np.abs(error / (fit.value - error))), 0.02)
-    claimed = found.figure("claimed", np.max(fit.half_width() / fit.value), 0.05)
-    found.statement = "Two seconds of two sines, 1 mrad of noise, logs of other seeds."
-    found.heard(
+    wrong = result.figure("wrong", np.max(np.abs(error / (fit.value - error))), 0.02)
+    claimed = result.figure("claimed", np.max(fit.half_width() / fit.value), 0.05)
+    result.statement = "Two seconds of two sines, 1 mrad of noise, logs of other seeds."
+    result.heard(
         within(1, friction),
         only_if="the model has all that the robot has",
         inside=[
@@ -197,9 +197,9 @@ def believed_error_bar(found):
             for seed in range(3)
             for kind in ("two sines", "steps", "one slow joint")
         ],
-        outside=[within(seed, x) for seed, x in enumerate(found.rng.uniform(0.003, 0.1, 8))],
+        outside=[within(seed, x) for seed, x in enumerate(result.rng.uniform(0.003, 0.1, 8))],
     )
-    found.corrected(wrong > 10.0 * claimed, fit.white < 1e-6)
+    result.corrected(wrong > 10.0 * claimed, fit.white < 1e-6)
 
 
 @claim(
@@ -210,7 +210,7 @@ def believed_error_bar(found):
     "before it. The residual against the speeds finds {late_ms:.2f} ms of a step of "
     "{step_ms:.0f} ms, and more of a log in which little moves.",
 )
-def one_sample_late(found):
+def one_sample_late(result):
     from course.charts.sim_to_real.logs import FREE, GUESS, TRUTH
     from course.sim_to_real import Log, fit, late
     from course.sim_to_real.identify import arm
@@ -223,28 +223,28 @@ def one_sample_late(found):
         shifted = np.column_stack([log.measured[:, 0], log.measured[:, :-1]])
         stamped = Log(log.times, shifted, log.command)
         wrong = fit(arm, stamped, GUESS, FREE)
-        off = np.abs(wrong.value - truth)
+        error = np.abs(wrong.value - truth)
         return (
-            (off / truth).max(),
-            (off / np.sqrt(np.diag(right.covariance))).max(),
+            (error / truth).max(),
+            (error / np.sqrt(np.diag(right.covariance))).max(),
             wrong.noise / right.noise,
             1e3 * late(wrong, stamped)[0],
         )
 
-    step, wide = found.given("step_ms", 2.0), found.given("coarse_ms", 10.0)
+    step, wide = result.given("step_ms", 2.0), result.given("coarse_ms", 10.0)
     rows = moved(), moved(dt=1e-3 * wide), moved(kind="one slow joint")
-    off, sigmas, growth, by = rows[0]
-    found.figure("off", off, 0.02), found.figure("sigmas", sigmas, 0.02)
-    found.figure("growth", growth, 0.02), found.figure("late_ms", by, 0.05)
-    far, seen = found.figure("coarse", rows[1][0], 0.05), found.figure("seen", rows[1][2], 0.05)
-    found.statement = "The same log with its angles moved by a sample."
-    found.heard(sigmas < 3.0)
-    found.corrected(
+    deviation, sigmas, growth, by = rows[0]
+    result.figure("off", deviation, 0.02), result.figure("sigmas", sigmas, 0.02)
+    result.figure("growth", growth, 0.02), result.figure("late_ms", by, 0.05)
+    far, observed = result.figure("coarse", rows[1][0], 0.05), result.figure("seen", rows[1][2], 0.05)
+    result.statement = "The same log with its angles moved by a sample."
+    result.heard(sigmas < 3.0)
+    result.corrected(
         growth < 1.8,
         sigmas > 30.0,
         abs(by / step - 1.0) < 0.1,
-        far > 3.0 * off,
-        seen > 3.0,
+        far > 3.0 * deviation,
+        observed > 3.0,
         rows[2][3] > 1.1 * step,
     )
 
@@ -254,7 +254,7 @@ def one_sample_late(found):
     "On the same log they differ by less than a thousandth of a standard deviation, their error "
     "bars by {bars:.2%}, if both compare with the state of the same instant.",
 )
-def same_as_mujoco(found):
+def same_as_mujoco(result):
     from course.charts.sim_to_real.logs import GUESS
     from course.oracles.mujoco import sysid
     from course.sim_to_real import plants
@@ -262,10 +262,10 @@ def same_as_mujoco(found):
     log, ours, _ = fitted()
     theirs = sysid.prepared(plants.ARM, log, GUESS)()
     apart = np.abs(ours.value - theirs.value) / np.sqrt(np.diag(ours.covariance))
-    bars = found.figure("bars", np.abs(theirs.half_width / ours.half_width() - 1.0).max(), 0.5)
-    found.statement = "Five numbers from two seconds with 1 mrad of noise."
-    found.heard(bool(apart.max() < 1e-3))
-    found.corrected(bool(apart.max() < 1e-3), bars < 0.01)
+    bars = result.figure("bars", np.abs(theirs.half_width / ours.half_width() - 1.0).max(), 0.5)
+    result.statement = "Five numbers from two seconds with 1 mrad of noise."
+    result.heard(bool(apart.max() < 1e-3))
+    result.corrected(bool(apart.max() < 1e-3), bars < 0.01)
 
 
 @functools.cache
@@ -291,34 +291,34 @@ def policy():
         },
     ),
 )
-def slip_force(found):
+def slip_force(result):
     import sympy
 
     from course.oracles.mujoco.lab import lift
 
     m, g, a, mu, F = sympy.symbols("m g a mu F", positive=True)
-    found.formula = sympy.solve(sympy.Eq(2 * mu * F, m * (g + a)), F)[0]
+    result.formula = sympy.solve(sympy.Eq(2 * mu * F, m * (g + a)), F)[0]
 
     def held(force, lab=None):
         return lift(replace(lab or policy(), force=force)).held
 
     numbers = {m: policy().mass, g: 9.81, a: policy().acceleration, mu: policy().friction}
-    law = float(found.formula.subs(numbers))
+    law = float(result.formula.subs(numbers))
     others = [
         replace(
-            policy(), friction=found.rng.uniform(0.3, 1.5), acceleration=found.rng.uniform(0.5, 6.0)
+            policy(), friction=result.rng.uniform(0.3, 1.5), acceleration=result.rng.uniform(0.5, 6.0)
         )
         for _ in range(4)
     ]
-    at_rest = float(found.formula.subs({**numbers, a: 0}))
+    at_rest = float(result.formula.subs({**numbers, a: 0}))
     low, high = 0.7 * law, 1.3 * law
     for _ in range(7):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if held(middle) else (middle, high)
-    share = found.figure("share", high / law, 0.02)
-    found.statement = "The force by halving, in MuJoCo with elliptic cones."
-    found.heard(held(1.02 * at_rest))
-    found.corrected(
+    share = result.figure("share", high / law, 0.02)
+    result.statement = "The force by halving, in MuJoCo with elliptic cones."
+    result.heard(held(1.02 * at_rest))
+    result.corrected(
         abs(share - 1.0) < 0.03,
         all(held(1.05 * x.needed, x) for x in others),
         not any(held(0.93 * x.needed, x) for x in others),
@@ -332,30 +332,30 @@ def slip_force(found):
     "at {little} it has {under:.2f} of it and holds {lost:.0f}. A smaller error the margin bears. "
     "And of a force {hard:.0f} times what is needed the box is knocked out of the jaw.",
 )
-def friction_wrong_both_ways(found):
+def friction_wrong_both_ways(result):
     from course.oracles.mujoco.lab import trials
 
-    n = int(found.given("n", 8))
-    low, high = found.given("low", 0.3), found.given("high", 0.9)
-    much, little = found.given("much", 1.2), found.given("little", 0.4)
+    n = int(result.given("n", 8))
+    low, high = result.given("low", 0.3), result.given("high", 0.9)
+    amount, little = result.given("much", 1.2), result.given("little", 0.4)
 
     def used(believed, actual):
         force = 1.2 * replace(policy(), friction=believed).needed
         lab = replace(policy(), friction=actual, force=force)
         return lab.force / lab.needed, trials(lab, n)
 
-    (over, kept), (under, lost) = used(low, high), used(much, little)
-    for name, value in (("over", over), ("under", under), ("kept", kept), ("lost", lost)):
-        found.figure(name, value)
-    slick, hard = replace(policy(), friction=little), found.given("hard", 10)
-    found.statement = "Boxes up to 15 mm off and 5 % heavier or lighter."
-    found.heard(
+    (over, retained), (under, lost) = used(low, high), used(amount, little)
+    for name, value in (("over", over), ("under", under), ("kept", retained), ("lost", lost)):
+        result.figure(name, value)
+    slick, hard = replace(policy(), friction=little), result.given("hard", 10)
+    result.statement = "Boxes up to 15 mm off and 5 % heavier or lighter."
+    result.heard(
         used(1.1 * low, low)[1] == 0,
         only_if="what is believed is off by more than its margin",
-        inside=[used(x * little, little)[1] == 0 for x in found.rng.uniform(1.35, 3.0, 8)],
-        outside=[used(x * little, little)[1] == 0 for x in found.rng.uniform(1.02, 1.12, 8)],
+        inside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.35, 3.0, 8)],
+        outside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.02, 1.12, 8)],
     )
-    found.corrected(kept == n, lost == 0, trials(replace(slick, force=hard * slick.needed), 4) == 0)
+    result.corrected(retained == n, lost == 0, trials(replace(slick, force=hard * slick.needed), 4) == 0)
 
 
 @claim(
@@ -365,7 +365,7 @@ def friction_wrong_both_ways(found):
     "Direct contacts of the frequency omega and the damping ratio zeta lose it from "
     "2 (sqrt(1 + zeta^2) - zeta) / omega on.",
 )
-def large_step_at_contact(found):
+def large_step_at_contact(result):
     from course.oracles.mujoco.lab import lift
 
     def lost(share, stiffness, zeta=1.0):
@@ -373,25 +373,25 @@ def large_step_at_contact(found):
         dt = share * 2.0 * (math.sqrt(1.0 + zeta**2) - zeta) / omega
         return not lift(replace(policy(), dt=dt, solref=(-stiffness, -2.0 * zeta * omega))).held
 
-    n = int(found.given("n", 10))
+    n = int(result.given("n", 10))
     pairs: list = []
     while len(pairs) < n:
-        lab = replace(policy(), friction=found.rng.uniform(0.3, 1.2))
-        lab = replace(lab, force=lab.needed * found.rng.uniform(1.2, 2.5))
+        lab = replace(policy(), friction=result.rng.uniform(0.3, 1.2))
+        lab = replace(lab, force=lab.needed * result.rng.uniform(1.2, 2.5))
         if (fine := lift(lab)).held:
             pairs.append((fine, lift(replace(lab, dt=0.02))))
-    kept = found.figure("kept", sum(coarse.held for _, coarse in pairs), 0.15)
+    retained = result.figure("kept", sum(coarse.held for _, coarse in pairs), 0.15)
     sink = np.median([b.pressed / a.pressed for a, b in pairs if b.held])
-    found.figure("sink", sink, 0.05)
-    stiff = found.rng.uniform(1e4, 5e4, 6).tolist()
+    result.figure("sink", sink, 0.05)
+    stiff = result.rng.uniform(1e4, 5e4, 6).tolist()
     direct = [lift(replace(policy(), dt=0.02, solref=(-x, -2.0 * math.sqrt(x)))) for x in stiff]
     every = [b for _, b in pairs] + direct
-    found.statement = (
+    result.statement = (
         "Contacts of 1e4 to 5e4 for a unit of mass, 10 % below the limit and 50 % above it."
     )
-    found.heard(any(b.fastest > 3.0 for b in every))
-    found.corrected(
-        0 < kept < n,
+    result.heard(any(b.fastest > 3.0 for b in every))
+    result.corrected(
+        0 < retained < n,
         not any(b.warnings for b in every),
         sink > 1.5,
         all(b.fastest < 1.0 for b in every),
@@ -408,21 +408,21 @@ def large_step_at_contact(found):
     "Along the way of its fingers the jaw pushes the box to its middle: with {free_mm:.0f} mm free "
     "on each side boxes are held up to {held_mm:.0f} mm off.",
 )
-def camera_off(found):
+def camera_off(result):
     from course.oracles.mujoco.lab import lift
 
     def misses(offset, opening=0.025):
         return not lift(replace(policy(), opening=opening, offset=offset)).held
 
-    free = found.given("free_mm", 25.0)
-    most = max(x for x in range(18, 32) if not misses(1e-3 * x))
-    found.figure("held_mm", most, 0.05)
-    jaws = found.rng.uniform(0.012, 0.03, 8).tolist()
-    found.statement = "Boxes off by whole millimetres, and jaws of other widths."
-    found.heard(
+    free = result.given("free_mm", 25.0)
+    largest = max(x for x in range(18, 32) if not misses(1e-3 * x))
+    result.figure("held_mm", largest, 0.05)
+    jaws = result.rng.uniform(0.012, 0.03, 8).tolist()
+    result.statement = "Boxes off by whole millimetres, and jaws of other widths."
+    result.heard(
         misses(0.02),
         only_if="it is off by more than the free width of the jaw",
         inside=[misses(w + 0.002, w) for w in jaws],
         outside=[misses(w - 0.002, w) for w in jaws],
     )
-    found.corrected(abs(most / free - 1.0) < 0.05)
+    result.corrected(abs(largest / free - 1.0) < 0.05)

@@ -72,19 +72,19 @@ def _scaled(model, mass, inertia=None, recompute=True):
     "actuators' acc0, {arrays_recomputed:.0f} arrays here.",
     source="MuJoCo documentation, Programming, Simulation, mjModel changes",
 )
-def set_const_inertia(found):
+def set_const_inertia(result):
     from course.oracles.mujoco.randomize import DERIVED, arrays
 
     before, after = arrays(_arm()), arrays(_scaled(_arm(), 2.0, 1.0))
     changed = {k for k in before if before[k].tobytes() != after[k].tobytes()} - {"body_mass"}
     inertia = np.max(after["body_inertia"][1:] / before["body_inertia"][1:])
-    found.figure("inertia_ratio", inertia, tolerance=0.0)
+    result.figure("inertia_ratio", inertia, tolerance=0.0)
     subtree = after["body_subtreemass"][1] / before["body_subtreemass"][1]
-    found.figure("subtree_mass_ratio", subtree, tolerance=1e-12)
-    found.figure("arrays_recomputed", np.size(sorted(changed)))
-    found.statement = f"Masses doubled: recomputed were {', '.join(sorted(changed))}."
-    found.heard(abs(inertia - 2.0) < 1e-9)
-    found.corrected(inertia == 1.0, changed <= set(DERIVED), subtree == 2.0)
+    result.figure("subtree_mass_ratio", subtree, tolerance=1e-12)
+    result.figure("arrays_recomputed", np.size(sorted(changed)))
+    result.statement = f"Masses doubled: recomputed were {', '.join(sorted(changed))}."
+    result.heard(abs(inertia - 2.0) < 1e-9)
+    result.corrected(inertia == 1.0, changed <= set(DERIVED), subtree == 2.0)
 
 
 @claim(
@@ -95,7 +95,7 @@ def set_const_inertia(found):
     "{depth_ratio:.2f} times as deep after mj_setConst as before.",
     source="MuJoCo documentation, Modeling, Solver parameters",
 )
-def mass_without_set_const(found):
+def mass_without_set_const(result):
     import mujoco
 
     def free(factor, recompute, dry=0.0):
@@ -119,21 +119,21 @@ def mass_without_set_const(found):
         """Largest relative difference that mj_setConst makes."""
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
 
-    change = found.figure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
-    ratio = found.figure("depth_ratio", depth(4.0, True) / depth(4.0, False), tolerance=1e-3)
-    found.statement = (
+    change = result.figure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
+    ratio = result.figure("depth_ratio", depth(4.0, True) / depth(4.0, False), tolerance=1e-3)
+    result.statement = (
         f"Four times the mass: a free arm accelerates the same to {change:.0e}; a sled at rest "
         f"sinks {-1e6 * depth(4.0, False):.2f} um without and {-1e6 * depth(4.0, True):.2f} um "
         "with mj_setConst."
     )
-    factors = found.rng.uniform(1.5, 6.0, 8)
-    found.heard(
+    factors = result.rng.uniform(1.5, 6.0, 8)
+    result.heard(
         change > 1e-6,
         only_if="a constraint acts: a contact, a limit, an equality, or dry friction that holds",
         inside=[moved(depth, x) > 0.1 for x in factors] + [moved(stuck, x) > 1e-3 for x in factors],
         outside=[moved(free, x) > 1e-6 for x in factors],
     )
-    found.corrected(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
+    result.corrected(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
 
 
 @claim(
@@ -142,18 +142,18 @@ def mass_without_set_const(found):
     "reference pose of the springs: the elbow went from {elbow_before_rad:.1f} to "
     "{elbow_after_rad:.1f} rad. Give it an MjData of its own.",
 )
-def set_const_data(found):
+def set_const_data(result):
     import mujoco
 
     model = _arm()
     data = mujoco.MjData(model)
     data.qpos[:] = 0.4, -0.7
-    before = found.figure("elbow_before_rad", float(data.qpos[1]), tolerance=0.0)
+    before = result.figure("elbow_before_rad", float(data.qpos[1]), tolerance=0.0)
     mujoco.mj_setConst(model, data)
-    after = found.figure("elbow_after_rad", float(data.qpos[1]), tolerance=1e-12)
-    found.statement = f"The elbow stood at {before:g} rad and then at {after:g} rad, its springref."
-    found.heard(after == before)
-    found.corrected(np.array_equal(data.qpos, model.qpos_spring))
+    after = result.figure("elbow_after_rad", float(data.qpos[1]), tolerance=1e-12)
+    result.statement = f"The elbow stood at {before:g} rad and then at {after:g} rad, its springref."
+    result.heard(after == before)
+    result.corrected(np.array_equal(data.qpos, model.qpos_spring))
 
 
 @claim(
@@ -164,7 +164,7 @@ def set_const_data(found):
     "{kv_compiled_over_kept:.0f} times as large.",
     source="MuJoCo changelog, 4.0: dampratio is resolved only at compile time",
 )
-def set_const_compiles(found):
+def set_const_compiles(result):
     import mujoco
 
     from course.oracles.mujoco.randomize import recompiled, worst_constant
@@ -184,23 +184,23 @@ def set_const_compiles(found):
     given, derived = 'kv="2"', 'dampratio="1"'
     worst = max(compared(damping, 4.0)[0] for damping in (given, derived))
     ratio = compared(derived, 4.0)[1]
-    found.figure("worst_constant", worst, tolerance=1e-12)
-    found.figure("kv_compiled_over_kept", ratio, tolerance=1e-9)
-    found.statement = (
+    result.figure("worst_constant", worst, tolerance=1e-12)
+    result.figure("kv_compiled_over_kept", ratio, tolerance=1e-9)
+    result.statement = (
         f"Four times the mass: the constants agree to {worst:.0e}, the damping that the "
         f"compiler derives from a ratio is {ratio:g} times the one that was kept."
     )
-    factors = found.rng.uniform(0.3, 5.0, 8)
+    factors = result.rng.uniform(0.3, 5.0, 8)
     sprung = _ARM.format(damping=given).replace('damping="0.2"', 'springdamper="0.1 1"')
-    kept, anew = mujoco.MjModel.from_xml_string(sprung), recompiled(sprung, np.full(3, 4.0))
-    joint = [(m.dof_damping[0], m.jnt_stiffness[0]) for m in (_scaled(kept, 4.0), anew)]
-    found.heard(
+    retained, anew = mujoco.MjModel.from_xml_string(sprung), recompiled(sprung, np.full(3, 4.0))
+    joint = [(m.dof_damping[0], m.jnt_stiffness[0]) for m in (_scaled(retained, 4.0), anew)]
+    result.heard(
         same(derived, 4.0),
         only_if="no damping is stated as a ratio, an actuator's or a joint's",
         inside=[same(given, x) for x in factors],
         outside=[same(derived, x) for x in factors] + [joint[0][0] == joint[1][0]],
     )
-    found.corrected(
+    result.corrected(
         worst < 1e-12,
         all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors),
         bool(np.allclose(joint[1], 4.0 * np.array(joint[0]))),
@@ -214,7 +214,7 @@ def set_const_compiles(found):
     "that the inertia was forgotten (or that there is an armature, a motor or a friction, which "
     "don't scale).",
 )
-def mass_and_period(found):
+def mass_and_period(result):
     import mujoco
 
     from course.oracles.mujoco.randomize import swing_period
@@ -230,18 +230,18 @@ def mass_and_period(found):
         return swing_period(model, "hinge", 0.5)
 
     plain = period(1.0, 1.0)
-    scaled = found.figure("scaled_ratio", period(2.0, 2.0) / plain)
-    alone = found.figure("mass_only_ratio", period(2.0, 1.0) / plain, tolerance=1e-4)
+    scaled = result.figure("scaled_ratio", period(2.0, 2.0) / plain)
+    alone = result.figure("mass_only_ratio", period(2.0, 1.0) / plain, tolerance=1e-4)
     # I / (m g l) about the hinge: (i / s + m l^2) / (m g l) with i the inertia about the centre
     centre, arm = (0.03**2 + 0.3**2) / 3.0, 0.3**2
     expected = np.sqrt((0.5 * centre + arm) / (centre + arm))
-    other = period(*[found.rng.uniform(0.5, 3.0)] * 2)
-    found.statement = (
+    other = period(*[result.rng.uniform(0.5, 3.0)] * 2)
+    result.statement = (
         f"Twice the mass: {scaled:.6f} times the period with the inertia scaled, {alone:.4f} times "
         "without."
     )
-    found.heard(abs(scaled - 1.0) > 1e-3)
-    found.corrected(
+    result.heard(abs(scaled - 1.0) > 1e-3)
+    result.corrected(
         abs(scaled - 1.0) < 1e-6, abs(other / plain - 1.0) < 1e-6, abs(alone - expected) < 1e-4
     )
 
@@ -274,29 +274,29 @@ def _contact(model):
     "randomiser does (a spread of {added_spread:.2f} on the joint that had none), or draw the "
     "value itself.",
 )
-def scaled_damping(found):
+def scaled_damping(result):
     model = _arm()
 
     def spread(damping):
         """Standard deviation over 200 factors between 0.7 and 1.3."""
-        return float((damping * found.rng.uniform(0.7, 1.3, 200)).std())
+        return float((damping * result.rng.uniform(0.7, 1.3, 200)).std())
 
     damped, zero = (spread(d) for d in model.dof_damping)
-    found.figure("damped_default_spread", damped, tolerance=0.15)
-    found.figure("zero_default_spread", zero, tolerance=0.0)
-    _, drawn, _ = _drawn(_arm(), 200, found.rng, damping=(0.0, 0.5))
-    added = found.figure("added_spread", drawn[:, 1].std(), tolerance=0.2)
-    found.statement = (
+    result.figure("damped_default_spread", damped, tolerance=0.15)
+    result.figure("zero_default_spread", zero, tolerance=0.0)
+    _, drawn, _ = _drawn(_arm(), 200, result.rng, damping=(0.0, 0.5))
+    added = result.figure("added_spread", drawn[:, 1].std(), tolerance=0.2)
+    result.statement = (
         f"Standard deviation over 200 draws: {damped:.3f} and {zero:g} N m s/rad by factors, "
         f"{added:.3f} where the draw is added."
     )
-    found.heard(
+    result.heard(
         min(damped, zero) > 0.0,
         only_if="the default damping is not zero",
-        inside=[spread(d) > 0.0 for d in 10 ** found.rng.uniform(-3, 1, 8)],
+        inside=[spread(d) > 0.0 for d in 10 ** result.rng.uniform(-3, 1, 8)],
         outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]],
     )
-    found.corrected(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
+    result.corrected(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
 
 
 @claim(
@@ -306,20 +306,20 @@ def scaled_damping(found):
     "{floor:.1f} is rough: {sled_0_3_floor_0_9:.1f}.",
     source="MuJoCo documentation, Modeling, Contact parameters",
 )
-def one_geom_friction(found):
+def one_geom_friction(result):
     import mujoco
 
     from course.oracles.mujoco.randomize import sliding_friction
 
-    floor, sled = found.given("floor", 0.9), found.given("sled", 0.3)
-    plain = found.figure("sled_0_3_floor_0_9", _contact(_sled(floor, sled)), tolerance=0.0)
-    first = found.figure("with_priority", _contact(_sled(floor, sled, priority=1)), tolerance=0.0)
+    floor, sled = result.given("floor", 0.9), result.given("sled", 0.3)
+    plain = result.figure("sled_0_3_floor_0_9", _contact(_sled(floor, sled)), tolerance=0.0)
+    first = result.figure("with_priority", _contact(_sled(floor, sled, priority=1)), tolerance=0.0)
     measured = sliding_friction(_sled(floor, sled), "x", "z", speed=4.0)
-    found.statement = (
+    result.statement = (
         f"A sled of 0.3 on a floor of 0.9 is braked with a coefficient of {measured:.4f}."
     )
-    low = [float(x) for x in found.rng.uniform(0.1, 0.6, 8)]
-    high = [float(x) for x in found.rng.uniform(0.65, 1.2, 8)]
+    low = [float(x) for x in result.rng.uniform(0.1, 0.6, 8)]
+    high = [float(x) for x in result.rng.uniform(0.65, 1.2, 8)]
 
     def paired(floor, sled):
         """The contact's, where an explicit pair says 0.2."""
@@ -330,7 +330,7 @@ def one_geom_friction(found):
         )
 
     both = list(zip(low, high, strict=True))
-    found.heard(
+    result.heard(
         plain == sled,
         only_if="it is the larger of the two, or its geom has the higher priority, and no pair in "
         "the model names both",
@@ -339,7 +339,7 @@ def one_geom_friction(found):
         outside=[_contact(_sled(y, x)) == x for x, y in both]
         + [paired(x, y) == y for x, y in both],
     )
-    found.corrected(
+    result.corrected(
         first == sled,
         paired(low[0], high[0]) == 0.2,
         abs(measured - floor) < 1e-9,
@@ -354,31 +354,31 @@ def one_geom_friction(found):
     "{share_below_middle:.2f} of the contacts, not half, are below the middle. One draw for all "
     "geoms, as in this course's randomiser, keeps the mean: {mean_of_one_draw:.2f}.",
 )
-def friction_of_each_geom(found):
+def friction_of_each_geom(result):
     import mujoco
 
-    low, high = found.given("low", 0.4), found.given("high", 1.2)
-    middle = found.given("middle", 0.5 * (low + high))
+    low, high = result.given("low", 0.4), result.given("high", 1.2)
+    middle = result.given("middle", 0.5 * (low + high))
     model = _sled(0.5, 0.5)
     data = mujoco.MjData(model)
     drawn = []
     for _ in range(1000):
-        model.geom_friction[:, 0] = found.rng.uniform(low, high, model.ngeom)
+        model.geom_friction[:, 0] = result.rng.uniform(low, high, model.ngeom)
         mujoco.mj_forward(model, data)
         drawn.append(data.contact.friction[0, 0])
-    mean = found.figure("mean", np.mean(drawn), tolerance=0.02)
-    below = found.figure("share_below_middle", np.mean(np.array(drawn) < middle), tolerance=0.12)
-    _, _, one = _drawn(_sled(0.5, 0.5), 400, found.rng, friction=(low, high))
-    kept = found.figure("mean_of_one_draw", np.mean(one), tolerance=0.03)
-    found.statement = (
+    mean = result.figure("mean", np.mean(drawn), tolerance=0.02)
+    below = result.figure("share_below_middle", np.mean(np.array(drawn) < middle), tolerance=0.12)
+    _, _, one = _drawn(_sled(0.5, 0.5), 400, result.rng, friction=(low, high))
+    retained = result.figure("mean_of_one_draw", np.mean(one), tolerance=0.03)
+    result.statement = (
         f"1000 contacts of MuJoCo: mean {mean:.3f}, {below:.1%} below 0.8; with one draw for all "
-        f"geoms {kept:.3f} over 400."
+        f"geoms {retained:.3f} over 400."
     )
-    found.heard(abs(mean - middle) < 0.03)
-    found.corrected(
+    result.heard(abs(mean - middle) < 0.03)
+    result.corrected(
         abs(mean - (low + (high - low) * 2.0 / 3.0)) < 0.02,
         abs(below - 0.25) < 0.04,
-        abs(kept - middle) < 0.04,
+        abs(retained - middle) < 0.04,
     )
 
 
@@ -389,7 +389,7 @@ def friction_of_each_geom(found):
     "coefficient.",
     source="MuJoCo documentation, Computation, Friction cones",
 )
-def friction_in_all_directions(found):
+def friction_in_all_directions(result):
     import mujoco
 
     def braked(cone, angle):
@@ -403,21 +403,21 @@ def friction_in_all_directions(found):
         change = data.qvel - start
         return np.hypot(*change[:2]) / (9.81 * 0.1 + change[2]) / 0.5
 
-    found.figure("pyramid_along", braked("pyramidal", 0.0), tolerance=1e-9)
-    diagonal = found.figure("pyramid_diagonal", braked("pyramidal", np.pi / 4), tolerance=1e-3)
-    ellipse = found.figure("ellipse_diagonal", braked("elliptic", np.pi / 4), tolerance=1e-3)
-    found.statement = (
+    result.figure("pyramid_along", braked("pyramidal", 0.0), tolerance=1e-9)
+    diagonal = result.figure("pyramid_diagonal", braked("pyramidal", np.pi / 4), tolerance=1e-3)
+    ellipse = result.figure("ellipse_diagonal", braked("elliptic", np.pi / 4), tolerance=1e-3)
+    result.statement = (
         f"Along the diagonal the pyramid gives {diagonal:.4f} of the coefficient, the ellipse "
         f"{ellipse:.4f}; and at ten random angles."
     )
-    angles = found.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
-    found.heard(
+    angles = result.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
+    result.heard(
         abs(diagonal - 1.0) < 1e-3,
         only_if="the friction cone is elliptic",
         inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles],
         outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles],
     )
-    found.corrected(abs(diagonal - np.sqrt(0.5)) < 1e-3)
+    result.corrected(abs(diagonal - np.sqrt(0.5)) < 1e-3)
 
 
 @claim(
@@ -429,26 +429,26 @@ def friction_in_all_directions(found):
     "Draw from the defaults: this course's randomiser then still has a median of "
     "{median_from_defaults:.2f}.",
 )
-def factors_compound(found):
-    low, high = found.given("low", 0.7), found.given("high", 1.3)
-    episodes = found.given("episodes", 1000)
+def factors_compound(result):
+    low, high = result.given("low", 0.7), result.given("high", 1.3)
+    episodes = result.given("episodes", 1000)
     factors = np.random.default_rng(2).uniform(low, high, (2000, episodes))
     theory = (high * np.log(high) - low * np.log(low)) / (high - low) - 1.0
-    drift = found.figure("drift_per_episode", theory, tolerance=1e-4)
-    median = found.figure("median_after_1000", np.median(np.prod(factors, axis=1)), tolerance=0.01)
+    drift = result.figure("drift_per_episode", theory, tolerance=1e-4)
+    median = result.figure("median_after_1000", np.median(np.prod(factors, axis=1)), tolerance=0.01)
     default = _arm().body_mass[1:]
-    masses, _, _ = _drawn(_arm(), episodes, found.rng, mass=(low, high))
-    kept = found.figure("median_from_defaults", np.median(masses / default), tolerance=0.05)
-    found.statement = (
+    masses, _, _ = _drawn(_arm(), episodes, result.rng, mass=(low, high))
+    retained = result.figure("median_from_defaults", np.median(masses / default), tolerance=0.05)
+    result.statement = (
         f"Between 0.7 and 1.3 the logarithm drifts by {drift:.4f} an episode; after 1000 episodes "
-        f"the median of 2000 runs is {median:.1e} of the default, of draws from it {kept:.2f}."
+        f"the median of 2000 runs is {median:.1e} of the default, of draws from it {retained:.2f}."
     )
-    found.heard(median > 0.5)
-    found.corrected(
+    result.heard(median > 0.5)
+    result.corrected(
         abs(np.log(factors).mean() / drift - 1) < 0.01,
         abs(np.log(median) / (episodes * drift) - 1.0) < 0.1,
         low <= (masses / default).min() < (masses / default).max() <= high,
-        abs(kept - 1.0) < 0.05,
+        abs(retained - 1.0) < 0.05,
     )
 
 
@@ -458,13 +458,13 @@ def factors_compound(found):
     "places: put the action in, and take one out only when more than k are waiting, as this "
     "course's randomiser and MuJoCo's own actuator delay do.",
 )
-def queue_of_k(found):
+def queue_of_k(result):
     from collections import deque
 
     from course.drills import DomainRandomizer
     from course.oracles.mujoco.randomize import actuator_delay
 
-    sent = found.rng.normal(size=400)
+    sent = result.rng.normal(size=400)
 
     def late(received):
         """By how many steps, from the cross-correlation."""
@@ -483,17 +483,17 @@ def queue_of_k(found):
 
         model = _arm()
         randomizer = DomainRandomizer(model, delay=(k, k))
-        randomizer.randomize(mujoco.MjData(model), found.rng)
+        randomizer.randomize(mujoco.MjData(model), result.rng)
         return late([randomizer.delay([action]) for action in sent])
 
-    found.figure("lag_of_4_places", lag(4))
-    found.figure("lag_of_5_places", lag(5))
-    found.statement = (
+    result.figure("lag_of_4_places", lag(4))
+    result.figure("lag_of_5_places", lag(5))
+    result.statement = (
         f"Cross-correlation of 400 random actions: 4 places are {lag(4)} steps late; MuJoCo's own "
         f"actuator delay of 4 steps is {late(actuator_delay(sent, 4))}, the randomiser's {ours(4)}."
     )
-    found.heard(lag(4) == 4)
-    found.corrected(
+    result.heard(lag(4) == 4)
+    result.corrected(
         all(lag(k) == k - 1 for k in range(1, 12)),
         all(ours(k) == k == late(actuator_delay(sent, k)) for k in (1, 4, 7)),
     )

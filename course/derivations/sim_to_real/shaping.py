@@ -42,25 +42,25 @@ def drawn(rng, ends=0, states=6):
         },
     ),
 )
-def telescoped_sum(found):
+def telescoped_sum(result):
     import sympy
 
     from course.sim_to_real import shaped
 
     gamma, a, b = sympy.symbols("gamma a b", positive=True)
-    found.formula = gamma**3 * b - a
+    result.formula = gamma**3 * b - a
     p = sympy.symbols("p0:12")
     terms = [gamma**k * (gamma * p[k + 1] - p[k]) for k in range(11)]
     cancels = [sympy.expand(sum(terms[:n]) - (gamma**n * p[n] - p[0])) == 0 for n in range(1, 12)]
-    phi, free = found.rng.normal(size=6), drawn(found.rng)
+    phi, free = result.rng.normal(size=6), drawn(result.rng)
     extra = (shaped(free, phi).reward - free.reward)[:, 0]
-    way = found.rng.integers(0, 6, 12)
-    paid = np.cumsum([0.95**k * extra[way[k], way[k + 1]] for k in range(11)])
-    three = float(found.formula.subs({gamma: 0.95, a: phi[way[0]], b: phi[way[3]]}))
-    found.figure("paid", paid[-1], 1e-9)
-    found.statement = "Eleven steps through a drawn process, summed."
-    found.heard(abs(paid[2] - three) < 1e-12)
-    found.corrected(all(cancels), abs(paid[-1] - (0.95**11 * phi[way[11]] - phi[way[0]])) < 1e-12)
+    path = result.rng.integers(0, 6, 12)
+    paid = np.cumsum([0.95**k * extra[path[k], path[k + 1]] for k in range(11)])
+    three = float(result.formula.subs({gamma: 0.95, a: phi[path[0]], b: phi[path[3]]}))
+    result.figure("paid", paid[-1], 1e-9)
+    result.statement = "Eleven steps through a drawn process, summed."
+    result.heard(abs(paid[2] - three) < 1e-12)
+    result.corrected(all(cancels), abs(paid[-1] - (0.95**11 * phi[path[11]] - phi[path[0]])) < 1e-12)
 
 
 @claim(
@@ -70,24 +70,24 @@ def telescoped_sum(found):
     "policy from a potential that is free there, of those with a single end {single:.0f}, and none "
     "from the same one with 0 at the ends.",
 )
-def shaping_keeps_the_best(found):
+def shaping_keeps_the_best(result):
     from course.sim_to_real import evaluate_policy, shaped, value_iteration
 
-    def kept(free_end, ends=2):
-        process, phi = drawn(found.rng, ends), 5.0 * found.rng.normal(size=6)
+    def retained(free_end, ends=2):
+        process, phi = drawn(result.rng, ends), 5.0 * result.rng.normal(size=6)
         best = value_iteration(process).value
         policy = value_iteration(shaped(process, phi, free_end=free_end)).policy
         return bool(np.allclose(evaluate_policy(process, policy), best, atol=1e-9))
 
-    n = found.given("n", 40)
-    zero, free = ([kept(end) for _ in range(n)] for end in (False, True))
-    found.figure("free", n - sum(free), 0.0)
-    single = found.figure("single", n - sum(kept(True, 1) for _ in range(n)), 0.0)
-    found.statement = "Six states, two actions, solved exactly."
-    found.heard(
+    n = result.given("n", 40)
+    zero, free = ([retained(end) for _ in range(n)] for end in (False, True))
+    result.figure("free", n - sum(free), 0.0)
+    single = result.figure("single", n - sum(retained(True, 1) for _ in range(n)), 0.0)
+    result.statement = "Six states, two actions, solved exactly."
+    result.heard(
         all(free), only_if="the potential is 0 where an episode ends", inside=zero, outside=free
     )
-    found.corrected(all(zero), sum(free) < 0.8 * n, single > 3)
+    result.corrected(all(zero), sum(free) < 0.8 * n, single > 3)
 
 
 @claim(
@@ -96,10 +96,10 @@ def shaping_keeps_the_best(found):
     "drawn processes without ends {cut:.0f} get another best first action from it with "
     "{steps:.0f} steps to go; none if the value of the last state is added when time is up.",
 )
-def time_is_an_end(found):
+def time_is_an_end(result):
     from course.sim_to_real import shaped, value_iteration
 
-    n, steps = int(found.given("n", 40)), int(found.given("steps", 2))
+    n, steps = int(result.given("n", 40)), int(result.given("steps", 2))
 
     def first(process, value):
         """Best first actions, with so many steps to go and this value of the last state."""
@@ -108,18 +108,18 @@ def time_is_an_end(found):
             value = q.max(axis=1)
         return q.argmax(axis=1)
 
-    def kept(valued):
-        process, phi = drawn(found.rng), 5.0 * found.rng.normal(size=6)
+    def retained(valued):
+        process, phi = drawn(result.rng), 5.0 * result.rng.normal(size=6)
         last = [valued * value_iteration(p).value for p in (process, shaped(process, phi))]
         return bool(np.all(first(process, last[0]) == first(shaped(process, phi), last[1])))
 
-    valued, cut = ([kept(x) for _ in range(n)] for x in (1.0, 0.0))
-    found.figure("cut", n - sum(cut), 0.0)
-    found.statement = "Six states, two actions, by backward recursion."
-    found.heard(
+    valued, cut = ([retained(x) for _ in range(n)] for x in (1.0, 0.0))
+    result.figure("cut", n - sum(cut), 0.0)
+    result.statement = "Six states, two actions, by backward recursion."
+    result.heard(
         all(cut), only_if="the value of the last state is added there", inside=valued, outside=cut
     )
-    found.corrected(all(valued), sum(cut) < 0.8 * n)
+    result.corrected(all(valued), sum(cut) < 0.8 * n)
 
 
 @claim(
@@ -129,12 +129,12 @@ def time_is_an_end(found):
     "is paid at each step; paid as a potential's difference it stays the short one in all. A long "
     "way that passes near the goal is cheaper than a short one that begins with a detour.",
 )
-def two_routes(found):
+def two_routes(result):
     from course.sim_to_real import Process, shaped, value_iteration
 
     def choice(distances, paid):
         """Which of two ways from state 0 is best: the first or the second; distances of both."""
-        sizes = [len(way) for way in distances]
+        sizes = [len(path) for path in distances]
         S = sum(sizes) + 2
         P, starts = np.zeros((S, 2, S)), (1, 1 + sizes[0])
         for k, (start, size) in enumerate(zip(starts, sizes, strict=True)):
@@ -150,16 +150,16 @@ def two_routes(found):
         process = Process(P, R, 0.95, np.arange(S) == S - 1)
         return value_iteration(shaped(process, -d) if paid == "potential" else process).policy[0]
 
-    n, flips, kept = int(found.given("n", 40)), [], []
+    n, flips, retained = int(result.given("n", 40)), [], []
     for _ in range(n):
-        ways = [found.rng.uniform(0.1, 2.0, int(m)) for m in found.rng.permutation(10)[:2] + 1]
-        best = choice(ways, "goal")
-        flips.append(choice(ways, "distance") != best)
-        kept.append(choice(ways, "potential") == best == int(len(ways[0]) > len(ways[1])))
-    flipped = found.figure("flipped", sum(flips), 0.0)
-    found.statement = "Two ways of one to ten states to a goal that pays, solved exactly."
-    found.heard(flipped > 0)
-    found.corrected(all(kept), flipped < n)
+        paths = [result.rng.uniform(0.1, 2.0, int(m)) for m in result.rng.permutation(10)[:2] + 1]
+        best = choice(paths, "goal")
+        flips.append(choice(paths, "distance") != best)
+        retained.append(choice(paths, "potential") == best == int(len(paths[0]) > len(paths[1])))
+    flipped = result.figure("flipped", sum(flips), 0.0)
+    result.statement = "Two ways of one to ten states to a goal that pays, solved exactly."
+    result.heard(flipped > 0)
+    result.corrected(all(retained), flipped < n)
 
 
 @claim(
@@ -178,25 +178,25 @@ def two_routes(found):
         },
     ),
 )
-def q_of_shaped(found):
+def q_of_shaped(result):
     import sympy
 
     from course.sim_to_real import shaped, value_iteration
 
     Q, p = sympy.symbols("Q phi")
-    found.formula = Q - p
-    phi = found.rng.normal(size=6)
+    result.formula = Q - p
+    phi = result.rng.normal(size=6)
 
-    def off(ends, factor, free_end=False):
+    def deviation(ends, factor, free_end=False):
         """Largest difference of the shaped Q from Q - factor phi, 0 at the ends."""
-        process, live = drawn(found.rng, ends), phi * (np.arange(6) < 6 - ends)
+        process, live = drawn(result.rng, ends), phi * (np.arange(6) < 6 - ends)
         change = value_iteration(shaped(process, phi, free_end=free_end)).q
         return np.abs(change - value_iteration(process).q + factor * live[:, None]).max()
 
-    heard = found.figure("heard_off", off(0, 0.05), 1e-6)
-    found.statement = "Drawn processes with none to two ends, solved before and after."
-    found.heard(heard < 1e-9)
-    found.corrected(max(off(ends, 1.0) for ends in (0, 1, 2)) < 1e-10, off(2, 1.0, True) > 0.01)
+    received = result.figure("heard_off", deviation(0, 0.05), 1e-6)
+    result.statement = "Drawn processes with none to two ends, solved before and after."
+    result.heard(received < 1e-9)
+    result.corrected(max(deviation(ends, 1.0) for ends in (0, 1, 2)) < 1e-10, deviation(2, 1.0, True) > 0.01)
 
 
 @claim(
@@ -214,15 +214,15 @@ def q_of_shaped(found):
         },
     ),
 )
-def step_penalty(found):
+def step_penalty(result):
     import sympy
 
     from course.sim_to_real import Process
 
     gamma, c, p = sympy.symbols("gamma c phi", positive=True)
-    found.formula = sympy.solve(sympy.Eq(gamma * p - p, -c), p)[0]
+    result.formula = sympy.solve(sympy.Eq(gamma * p - p, -c), p)[0]
 
-    def left(process):
+    def remaining(process):
         """Largest part of a unit penalty that the best potential, 0 at ends, does not pay."""
         S, inner = len(process.terminal), np.count_nonzero(~process.terminal)
         pairs = [(s, n) for s, _, n in np.argwhere(process.transition > 0.0) if s < inner]
@@ -236,21 +236,21 @@ def step_penalty(found):
         P[-1, :, -1] = 1.0
         return Process(P, 0.0 * P, 0.95, np.arange(n) == n - 1)
 
-    ended, endless = ([left(drawn(found.rng, e)) for _ in range(8)] for e in (1, 0))
-    chains = [left(chain(n)) for n in found.rng.integers(3, 9, 8)]
-    found.figure("least_left_with_an_end", min(ended), 0.01)
-    found.statement = "The potential that comes closest, by least squares: drawn, and in chains."
+    ended, endless = ([remaining(drawn(result.rng, e)) for _ in range(8)] for e in (1, 0))
+    chains = [remaining(chain(n)) for n in result.rng.integers(3, 9, 8)]
+    result.figure("least_left_with_an_end", min(ended), 0.01)
+    result.statement = "The potential that comes closest, by least squares: drawn, and in chains."
     inside, outside = ([x > 1e-9 for x in some] for some in (ended, endless + chains))
-    found.heard(
+    result.heard(
         all(outside),
         only_if="episodes can end, and ways to the end differ in length",
         inside=inside,
         outside=outside,
     )
-    found.corrected(
+    result.corrected(
         max(endless) < 1e-9,
         max(chains) < 1e-9,
-        float(found.formula.subs({gamma: 0.95, c: 1})) > 19.9,
+        float(result.formula.subs({gamma: 0.95, c: 1})) > 19.9,
     )
 
 
@@ -272,14 +272,14 @@ def step_penalty(found):
         },
     ),
 )
-def gap_of_values(found):
+def gap_of_values(result):
     import sympy
 
     from course.sim_to_real import Process, evaluate_policy, transfer_bound
 
     g, e, R, D = sympy.symbols("gamma eps R D", positive=True)
     # The difference D is that of one expectation, and D again after it.
-    found.formula = sympy.solve(sympy.Eq(D, g * (e * R / (1 - g) + D)), D)[0]
+    result.formula = sympy.solve(sympy.Eq(D, g * (e * R / (1 - g) + D)), D)[0]
     gamma, eps = 0.95, 1e-3
     pays, ends = np.zeros((2, 1, 2)), np.zeros(2, dtype=bool)
     pays[0] = 1.0
@@ -291,18 +291,18 @@ def gap_of_values(found):
         return sure - leaves
 
     bound = transfer_bound(gamma, eps)
-    law = float(found.formula.subs({g: gamma, e: eps, R: 1}))
-    share = found.figure("share", lost(gamma, eps) / bound)
-    factor = found.figure("factor", lost(gamma, eps) * (1 - gamma) / eps)
-    found.statement = "Two states, a discount of 0.95 and a distance of 0.001; and drawn ones."
-    low, high = found.rng.uniform(0.05, 0.5, 8), found.rng.uniform(0.51, 0.99, 8)
-    found.heard(
+    law = float(result.formula.subs({g: gamma, e: eps, R: 1}))
+    share = result.figure("share", lost(gamma, eps) / bound)
+    factor = result.figure("factor", lost(gamma, eps) * (1 - gamma) / eps)
+    result.statement = "Two states, a discount of 0.95 and a distance of 0.001; and drawn ones."
+    low, high = result.rng.uniform(0.05, 0.5, 8), result.rng.uniform(0.51, 0.99, 8)
+    result.heard(
         factor <= 1.0,
         only_if="the discount is a half or less",
         inside=[transfer_bound(x, eps) * (1 - x) <= eps for x in low],
         outside=[lost(x, eps) * (1 - x) <= eps for x in high],
     )
-    found.corrected(
+    result.corrected(
         abs(bound / law - 1.0) < 1e-9,
         0.9 < share <= 1.0,
         factor > 10.0,

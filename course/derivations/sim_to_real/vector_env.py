@@ -57,10 +57,10 @@ def _stepped(kind, environments, actions):
     "{learned_with_two:.0f}.",
     source="F. Pardo et al., Time limits in reinforcement learning, 2018",
 )
-def vector_one_done_flag(found):
+def vector_one_done_flag(result):
     from course.drills import VectorizedEnv
 
-    discount, clock = found.given("discount", 0.9), found.given("clock_steps", 10)
+    discount, clock = result.given("discount", 0.9), result.given("clock_steps", 10)
 
     def learned(clock, merged, gamma=discount):
         """The value that agrees with the mean of its targets, of a learner without a clock."""
@@ -77,18 +77,18 @@ def vector_one_done_flag(found):
     def right(clock, merged, gamma):
         return abs(learned(clock, merged, gamma) * (1.0 - gamma) - 1.0) < 1e-9
 
-    found.figure("value", learned(10**6, False), tolerance=1e-9)
-    one = found.figure("learned_with_one_flag", learned(clock, True))
-    found.figure("learned_with_two", learned(clock, False))
-    found.statement = "The fixed point of the targets over 200 steps of 4 environments."
-    draws = list(zip(found.rng.integers(2, 190, 8), found.rng.uniform(0.5, 0.99, 8), strict=True))
-    found.heard(
+    result.figure("value", learned(10**6, False), tolerance=1e-9)
+    one = result.figure("learned_with_one_flag", learned(clock, True))
+    result.figure("learned_with_two", learned(clock, False))
+    result.statement = "The fixed point of the targets over 200 steps of 4 environments."
+    draws = list(zip(result.rng.integers(2, 190, 8), result.rng.uniform(0.5, 0.99, 8), strict=True))
+    result.heard(
         right(clock, True, discount),
         only_if="no episode is cut off by a clock",
         inside=[right(200 + int(n), True, gamma) for n, gamma in draws],
         outside=[right(int(n), True, gamma) for n, gamma in draws],
     )
-    found.corrected(
+    result.corrected(
         abs(one - 1.0 / 0.19) < 1e-9, all(right(int(n), False, gamma) for n, gamma in draws)
     )
 
@@ -101,22 +101,22 @@ def vector_one_done_flag(found):
     "test must run until an episode ends and compare the observation with that of a single "
     "environment.",
 )
-def vector_one_step_test(found):
+def vector_one_step_test(result):
     from course.drills import VectorizedEnv
 
     class Forgetful(VectorizedEnv):
         def step(self, actions):
             *rest, infos = super().step(actions)
-            kept = [{k: v for k, v in i.items() if not k.startswith("final")} for i in infos]
-            return *rest, kept
+            selected = [{k: v for k, v in i.items() if not k.startswith("final")} for i in infos]
+            return *rest, selected
 
-    count = found.given("runs", 100)
+    count = result.given("runs", 100)
     runs = np.array([_asserted(Forgetful, 100, seed) for seed in range(count)])
-    passes = found.figure("wrong_class_passes", runs[:, 0].sum())
-    found.figure("ends_seen_in_100_runs", runs[:, 1].sum())
-    found.statement = "Run on a class that drops the last observation, with episodes of 100 steps."
-    found.heard(passes < count)
-    found.corrected(
+    passes = result.figure("wrong_class_passes", runs[:, 0].sum())
+    result.figure("ends_seen_in_100_runs", runs[:, 1].sum())
+    result.statement = "Run on a class that drops the last observation, with episodes of 100 steps."
+    result.heard(passes < count)
+    result.corrected(
         runs[:, 1].sum() == 0,
         not _asserted(Forgetful, 1, 0)[0],
         _asserted(Forgetful, 1, 0)[1],
@@ -131,7 +131,7 @@ def vector_one_step_test(found):
     "neither is reported. The number must be checked, or zip told to be strict: this course's two "
     "classes answer with a {checked}.",
 )
-def vector_zip_of_actions(found):
+def vector_zip_of_actions(result):
     from course import drills, vector_env
 
     class Zipped(drills.VectorizedEnv):
@@ -146,26 +146,26 @@ def vector_zip_of_actions(found):
             return type(error).__name__
         return "nothing"
 
-    few = found.figure("stepped_of_4_with_3_actions", _stepped(Zipped, 4, 3)[0])
-    many = found.figure("used_of_5_actions", _stepped(Zipped, 4, 5)[1])
+    few = result.figure("stepped_of_4_with_3_actions", _stepped(Zipped, 4, 3)[0])
+    count = result.figure("used_of_5_actions", _stepped(Zipped, 4, 5)[1])
     ours = vector_env.VectorizedEnv(vector_env.ArmReach, 4)
-    checked = found.figure("checked", answer(ours, np.zeros((3, 2))))
+    checked = result.figure("checked", answer(ours, np.zeros((3, 2))))
     drill = drills.VectorizedEnv(lambda: _Clocked(100), 4)
-    found.statement = "Counted by the environments."
+    result.statement = "Counted by the environments."
 
     def every(environments, actions):
         return _stepped(Zipped, environments, actions) == (environments, actions)
 
-    counts = [int(n) for n in found.rng.integers(1, 20, 10)]
-    found.heard(
+    counts = [int(n) for n in result.rng.integers(1, 20, 10)]
+    result.heard(
         every(4, 3),
         only_if="there are as many actions as environments",
         inside=[every(n, n) for n in counts],
         outside=[every(n, n + (-1) ** i) for i, n in enumerate(counts)],
     )
-    found.corrected(
+    result.corrected(
         few == 3,
-        many == 4,
+        count == 4,
         checked == "ValueError",
         all(answer(drill, np.zeros((n, 1))) == "ValueError" for n in (3, 5)),
     )
@@ -179,7 +179,7 @@ def vector_zip_of_actions(found):
     "which it is.",
     source="Gymnasium 1.x documentation, Vector environments, autoreset modes",
 )
-def vector_same_step_reset(found):
+def vector_same_step_reset(result):
     import gymnasium
 
     from course.vector_env import ArmReach
@@ -199,19 +199,19 @@ def vector_same_step_reset(found):
 
     later, reward, name = last_shown()
     same, other, _ = last_shown(autoreset_mode="SameStep")
-    found.figure("default", name)
-    found.figure("last_shown_next_step", later)
-    found.figure("last_shown_same_step", same)
-    found.figure("reward_of_the_resetting_step", reward)
-    found.statement = "Gymnasium's SyncVectorEnv over an environment that ends after one step."
-    seeds = [int(seed) for seed in found.rng.integers(0, 10**6, 8)]
-    found.heard(
+    result.figure("default", name)
+    result.figure("last_shown_next_step", later)
+    result.figure("last_shown_same_step", same)
+    result.figure("reward_of_the_resetting_step", reward)
+    result.statement = "Gymnasium's SyncVectorEnv over an environment that ends after one step."
+    seeds = [int(seed) for seed in result.rng.integers(0, 10**6, 8)]
+    result.heard(
         not later,
         only_if="the autoreset mode is SAME_STEP",
         inside=[not last_shown(seed, autoreset_mode="SameStep")[0] for seed in seeds],
         outside=[not last_shown(seed)[0] for seed in seeds],
     )
-    found.corrected(reward == 0.0, other != 0.0, name == "NextStep")
+    result.corrected(reward == 0.0, other != 0.0, name == "NextStep")
 
 
 @claim(
@@ -219,7 +219,7 @@ def vector_same_step_reset(found):
     "With one seed for all they are copies: N times the work, one environment's experience. Seeds "
     "s, s + 1, ... give different ones, and repeat as well.",
 )
-def vector_one_seed(found):
+def vector_one_seed(result):
     from course.vector_env import ArmReachVector
 
     envs = ArmReachVector(8)
@@ -231,18 +231,18 @@ def vector_one_seed(found):
         """Whether the eight are different, and the same again."""
         return len(set(rows(seed))) == 8 and rows(seed) == rows(seed)
 
-    found.figure("different_of_8_with_one_seed", np.size(list(set(rows([5] * 8)))))
-    found.figure("different_of_8_with_own", np.size(list(set(rows(5)))))
-    found.statement = "Distinct first observations of the reaching task."
-    seeds = [int(seed) for seed in found.rng.integers(0, 10**6, 10)]
+    result.figure("different_of_8_with_one_seed", np.size(list(set(rows([5] * 8)))))
+    result.figure("different_of_8_with_own", np.size(list(set(rows(5)))))
+    result.statement = "Distinct first observations of the reaching task."
+    seeds = [int(seed) for seed in result.rng.integers(0, 10**6, 10)]
     first = [rows([seed] * 8) for seed in seeds]
-    found.heard(
+    result.heard(
         good([5] * 8),
         only_if="each of them gets a seed of its own",
         inside=[good(seed) for seed in seeds],
         outside=[good([seed] * 8) for seed in seeds],
     )
-    found.corrected(
+    result.corrected(
         all(len(set(rows([seed] * 8))) == 1 for seed in seeds),
         first == [rows([seed] * 8) for seed in seeds],
     )
@@ -269,7 +269,7 @@ def vector_one_seed(found):
         },
     ),
 )
-def vector_processes_pay(found):
+def vector_processes_pay(result):
     import sympy
 
     from course.charts.vector_env import predicted_crossing
@@ -283,9 +283,9 @@ def vector_processes_pay(found):
             return os.getpid()
 
     c, r, n, w = sympy.symbols("c r N W", positive=True)
-    (found.formula,) = sympy.solve(sympy.Eq(n * c, n * c / w + r), c)
-    environments, workers = found.given("environments", 8), found.given("workers", 2)
-    wake = found.given("wake_us", 200)
+    (result.formula,) = sympy.solve(sympy.Eq(n * c, n * c / w + r), c)
+    environments, workers = result.given("environments", 8), result.given("workers", 2)
+    wake = result.given("wake_us", 200)
     envs = ProcessVectorEnv(Located, environments, num_workers=workers)
     homes = envs.get_attr("process")
     envs.close()
@@ -298,25 +298,25 @@ def vector_processes_pay(found):
     def even(waking=wake, n=environments, w=workers):
         return predicted_crossing(0.0, waking, n, w, 0.0)
 
-    break_even = found.figure("break_even_us", even(), tolerance=1e-9)
-    found.figure("ratio_at_10_us", ratio(even() / 5))
-    found.statement = (
+    break_even = result.figure("break_even_us", even(), tolerance=1e-9)
+    result.figure("ratio_at_10_us", ratio(even() / 5))
+    result.statement = (
         f"By algebra, with the shares counted in {workers} processes: each steps {max(each)} of "
         f"{environments} environments. Times in microseconds."
     )
     draws = [
-        (found.rng.uniform(20, 500), int(w * k), int(w))
-        for w, k in zip(found.rng.integers(2, 9, 12), found.rng.integers(1, 9, 12), strict=True)
+        (result.rng.uniform(20, 500), int(w * k), int(w))
+        for w, k in zip(result.rng.integers(2, 9, 12), result.rng.integers(1, 9, 12), strict=True)
     ]
-    beyond, short = found.rng.uniform(1.01, 3, 12), found.rng.uniform(0.3, 0.99, 12)
-    found.heard(
+    beyond, short = result.rng.uniform(1.01, 3, 12), result.rng.uniform(0.3, 0.99, 12)
+    result.heard(
         ratio(0.2 * break_even) > 1.0,
         only_if="one environment's step costs more than r / (N (1 - 1 / W)), and W divides N",
         inside=[ratio(x * even(*d), *d) > 1 for x, d in zip(beyond, draws, strict=True)],
         outside=[ratio(x * even(*d), *d) > 1 for x, d in zip(short, draws, strict=True)],
     )
-    values = [float(found.formula.subs({r: a, n: b, w: k})) for a, b, k in draws]
-    found.corrected(
+    values = [float(result.formula.subs({r: a, n: b, w: k})) for a, b, k in draws]
+    result.corrected(
         set(each) == {environments // workers} and len(each) == workers,
         all(abs(even(*d) / value - 1) < 1e-12 for d, value in zip(draws, values, strict=True)),
         ratio(0.99 * break_even) < 1.0 < ratio(1.01 * break_even),

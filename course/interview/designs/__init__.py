@@ -123,16 +123,16 @@ class Design:
         held(8 <= len(self.rubric) <= 12, "rubric", len(self.rubric), "8 to 12 items")
         held(len(self.follow_ups) == 4, "follow_ups", len(self.follow_ups), "4")
         for item in self.rubric:
-            found = self.answer.count(item.passage)
-            held(found == 1, f"passage of {item.name}", item.passage, "words that it has once")
+            result = self.answer.count(item.passage)
+            held(result == 1, f"passage of {item.name}", item.passage, "words that it has once")
         held(len(self.answer.split()) <= WORDS, "the answer", "long", f"up to {WORDS} words")
         typed = ", ".join(typed_numbers("\n".join(self.texts())))
         held(not typed, "a typed number", typed, "a field such as {claim.figure:.3g}")
 
     def texts(self) -> list[str]:
         """All texts that a reader sees."""
-        asked = [item.asks for item in self.rubric]
-        return [self.answer, *self.clarify, *self.follow_ups, *self.red_flags, *asked]
+        requested = [item.asks for item in self.rubric]
+        return [self.answer, *self.clarify, *self.follow_ups, *self.red_flags, *requested]
 
     def filled(self, text: str, figure: Figure) -> str:
         """A text of it with the fields filled, those of the drawing too."""
@@ -198,7 +198,7 @@ def passages(design: Design, figure: Figure) -> dict[str, str]:
 
 def levels(design: Design, text: str) -> dict[str, str]:
     """The level of each item in a text, by the words in it; an aid, with the limits named above."""
-    found = dict.fromkeys((item.name for item in design.rubric), 0)
+    result = dict.fromkeys((item.name for item in design.rubric), 0)
     for block in re.split(r"\n\s*\n", text):
         sentences = re.split(r"(?<=[.!?])\s+", block.strip())
         for item in design.rubric:
@@ -208,8 +208,8 @@ def levels(design: Design, text: str) -> dict[str, str]:
                     figures = number.search(" ".join(sentences[i : i + _NUMBER_WITHIN]))
                     doubt = _MIND.search(" ".join(sentences[i : i + _MIND_WITHIN]))
                     level = 1 if not figures else 2 if not doubt else 3
-                    found[item.name] = max(found[item.name], level)
-    return {name: LEVELS[level] for name, level in found.items()}
+                    result[item.name] = max(result[item.name], level)
+    return {name: LEVELS[level] for name, level in result.items()}
 
 
 def score(design: Design, answered: Mapping[str, str]) -> float:
@@ -246,11 +246,11 @@ def svg(design: Design) -> str:
         rim = 60 if a else 20
         ends = (x + rim * a - 8 * b, y + rim * b + 8 * a, u - rim * a - 8 * b, v - rim * b + 8 * a)
         marks.append('<path d="M{} {}L{} {}" stroke="#36c" marker-end="url(#tip)"/>'.format(*ends))
-        left, top = (ends[0] + ends[2]) // 2 - 6 * b, (ends[1] + ends[3]) // 2 + 18 * a
+        remaining, top = (ends[0] + ends[2]) // 2 - 6 * b, (ends[1] + ends[3]) // 2 + 18 * a
         anchor = ("start", "middle", "end")[b + 1]
         for words, row in ((arrow.what, -2), (arrow, 11)):
             marks.append(
-                f'<text x="{left}" y="{top + row}" text-anchor="{anchor}">'
+                f'<text x="{remaining}" y="{top + row}" text-anchor="{anchor}">'
                 f"{escape(str(words), quote=False)}</text>"
             )
     for box, (x, y) in middle.items():

@@ -138,8 +138,8 @@ def there() -> tuple[str, ...]:
 def scenario(name: str) -> Scenario:
     """The scenario of that name; ValueError for another."""
     check.one_of("name", name, there())
-    found: Scenario = import_module(f"{__name__}.{name}").SCENARIO
-    return found
+    result: Scenario = import_module(f"{__name__}.{name}").SCENARIO
+    return result
 
 
 # --- What figures say ---------------------------------------------------------------------------
@@ -194,13 +194,13 @@ def model_path(name: str) -> tuple[str, ...]:
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
     apart = {p.name: [tells_apart(name, p.name, *pair) for pair in pairs] for p in one.probes}
-    seen = np.zeros(len(pairs))
+    observed = np.zeros(len(pairs))
     path: list[str] = []
     for _ in range(one.path):
-        left = [p for p in one.probes if p.name not in path]
-        best = max(left, key=lambda p: float(0.5**seen @ apart[p.name]) / p.minutes)
+        remaining = [p for p in one.probes if p.name not in path]
+        best = max(remaining, key=lambda p: float(0.5**observed @ apart[p.name]) / p.minutes)
         path.append(best.name)
-        seen += apart[best.name]
+        observed += apart[best.name]
     return tuple(path)
 
 
@@ -234,12 +234,12 @@ class Row:
 
 def evidence(name: str, findings: list[Finding]) -> tuple[Row, ...]:
     """What findings say one after the other."""
-    left = tuple(one.name for one in scenario(name).causes)
+    remaining = tuple(one.name for one in scenario(name).causes)
     rows = []
     for one in findings:
         out = ruled_out(name, one.probe, one.figure)
-        left = tuple(cause for cause in left if cause not in out)
-        rows.append(Row(one.probe, one.figure, one.unit, out, left))
+        remaining = tuple(cause for cause in remaining if cause not in out)
+        rows.append(Row(one.probe, one.figure, one.unit, out, remaining))
     return tuple(rows)
 
 
@@ -336,25 +336,25 @@ class Verdict:
         """The verdict in words."""
         one = scenario(self.case.name)
         named = "Right" if self.right else f"Not {self.diagnosis}"
-        told = [f"{named}: it is {self.cause}. {one.cause(self.cause).words}"]
+        message = [f"{named}: it is {self.cause}. {one.cause(self.cause).words}"]
         if not self.right:
             against = [row.probe for row in self.rows if self.diagnosis in row.ruled_out]
-            told += [f"{', '.join(against)} had ruled {self.diagnosis} out."] if against else []
-        left = self.rows[-1].left if self.rows else tuple(cause.name for cause in one.causes)
-        told.append(f"Your {self.minutes} minutes of probes leave {' or '.join(left) or 'none'}.")
-        told.append(self._of(self.tried, "Your repair"))
+            message += [f"{', '.join(against)} had ruled {self.diagnosis} out."] if against else []
+        remaining = self.rows[-1].left if self.rows else tuple(cause.name for cause in one.causes)
+        message.append(f"Your {self.minutes} minutes of probes leave {' or '.join(remaining) or 'none'}.")
+        message.append(self._of(self.tried, "Your repair"))
         if self.popular.repair != self.tried.repair:
-            told.append(self._of(self.popular, "The popular repair"))
-        told.append(f"{self.points} of 3 points: the cause, its evidence, the repair.")
-        return tuple(told)
+            message.append(self._of(self.popular, "The popular repair"))
+        message.append(f"{self.points} of 3 points: the cause, its evidence, the repair.")
+        return tuple(message)
 
     def _of(self, tried: Tried, lead: str) -> str:
         one = scenario(self.case.name)
-        gone = "it is gone" if tried.removed else "it is still there"
+        missing = "it is gone" if tried.removed else "it is still there"
         dear = "" if tried.affordable else ", too much"
         return (
             f"{lead} {tried.repair}: {one.symptom_words} {self.before:.4g} before and "
-            f"{_number(tried.symptom, one.unit)} after, so {gone}. The price, {one.price_words}: "
+            f"{_number(tried.symptom, one.unit)} after, so {missing}. The price, {one.price_words}: "
             f"{tried.price:.3g}{dear}."
         )
 
@@ -370,8 +370,8 @@ def table(rows: tuple[Row, ...]) -> str:
     """Evidence as a table in Markdown."""
     lines = ["| probe | figure | rules out | left |", "|---|---:|---|---|"]
     for row in rows:
-        out, left = (", ".join(names) or "none" for names in (row.ruled_out, row.left))
-        lines.append(f"| {row.probe} | {_number(row.figure, row.unit)} | {out} | {left} |")
+        out, remaining = (", ".join(names) or "none" for names in (row.ruled_out, row.left))
+        lines.append(f"| {row.probe} | {_number(row.figure, row.unit)} | {out} | {remaining} |")
     return "\n".join(lines)
 
 

@@ -135,14 +135,14 @@ def cells(one: Room) -> tuple[Array, Mask]:
         [np.column_stack((part[1:].ravel(), part[:-1].ravel())) for part in (number, number.T)]
     )
     first = number[np.searchsorted(x, one.start[0]) - 1, np.searchsorted(y, one.start[1]) - 1]
-    found = planner.reached(area.size, pairs[open_[pairs].all(axis=1)], int(first))
-    return area, found.reshape(area.shape)
+    result = planner.reached(area.size, pairs[open_[pairs].all(axis=1)], int(first))
+    return area, result.reshape(area.shape)
 
 
 def flood(cause: str, seed: int) -> float:
     """Area that the carriage's middle can reach from the start, by the planner's walls [m^2]."""
-    area, found = cells(room(cause, seed))
-    return float(np.sum(area[found]))
+    area, result = cells(room(cause, seed))
+    return float(np.sum(area[result]))
 
 
 def edges_against_points(cause: str, seed: int) -> float:

@@ -126,8 +126,8 @@ def driven(one: Robot, asked: Array, v: float = 0.0, q: float = 0.0) -> Log:
 
 def statistics(cause: str, seed: int) -> float:
     """Standard deviation of the scaled angle over poses of the kind that trained."""
-    seen = program.observe(*program.poses(np.random.default_rng([4, seed]), 2000))[0]
-    return float(np.std(seen) / robot(cause, seed).std[0, 0])
+    observed = program.observe(*program.poses(np.random.default_rng([4, seed]), 2000))[0]
+    return float(np.std(observed) / robot(cause, seed).std[0, 0])
 
 
 def swapped(cause: str, seed: int) -> float:
@@ -155,9 +155,9 @@ def replayed(first: int, last: int) -> Callable[[str, int], float]:
     """The probe that replays the torques: root mean square of the angles' difference [mrad]."""
 
     def run(cause: str, seed: int) -> float:
-        asked, angles = recorded()
+        requested, angles = recorded()
         noise = np.random.default_rng([5, seed]).normal(0.0, ENCODER, last)
-        apart = driven(robot(cause, seed), asked[:last]).q[:, 0] + noise - angles[:last]
+        apart = driven(robot(cause, seed), requested[:last]).q[:, 0] + noise - angles[:last]
         return 1e3 * float(np.sqrt(np.mean(apart[first:] ** 2)))
 
     return run
@@ -171,9 +171,9 @@ def positions(cause: str, seed: int) -> float:
         return 8.0 * (path[i] - q) - 0.8 * v
 
     log = move(robot(cause, seed), servo, np.zeros(1), np.zeros(1), 250)
-    q, v, asked = log.q[200:], log.v[200:], log.asked[200:]
+    q, v, requested = log.q[200:], log.v[200:], log.asked[200:]
     held = MODEL.stiffness * (q - SURFACE) + (MODEL.drag + MODEL.damping) * v + MODEL.friction
-    return sensed(float(np.mean(asked - held)), 0.01, seed)
+    return sensed(float(np.mean(requested - held)), 0.01, seed)
 
 
 def strike(cause: str, seed: int) -> float:
@@ -191,10 +191,10 @@ def coast(cause: str, seed: int) -> float:
 def lag(cause: str, seed: int) -> float:
     """The shift at which commands and accelerations are most alike [ms]."""
     draw = np.random.default_rng([6, seed])
-    asked = np.repeat(draw.choice((-1.5, 1.5), 50), 3)
-    speed = driven(robot(cause, seed), asked).v[:, 0] + draw.normal(0.0, 0.02, 150)
+    requested = np.repeat(draw.choice((-1.5, 1.5), 50), 3)
+    speed = driven(robot(cause, seed), requested).v[:, 0] + draw.normal(0.0, 0.02, 150)
     change = np.diff(speed, prepend=0.0)
-    alike = [np.dot(asked[:120], change[k : k + 120]) for k in range(30)]
+    alike = [np.dot(requested[:120], change[k : k + 120]) for k in range(30)]
     return 1e3 * STEP * float(np.argmax(alike))
 
 

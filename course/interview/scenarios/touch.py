@@ -147,9 +147,9 @@ def tick_spread(log: Rows, one: Machine) -> float:
 
 def sensor_lag(log: Rows, one: Machine) -> float:
     """By how many nominal ticks the reading is behind the force."""
-    force, most = log["force"], 160
-    reading = log["reading"][most:] - log["reading"][most:].mean()
-    shifts = np.lib.stride_tricks.sliding_window_view(force, len(reading))[most:0:-1]
+    force, largest = log["force"], 160
+    reading = log["reading"][largest:] - log["reading"][largest:].mean()
+    shifts = np.lib.stride_tricks.sliding_window_view(force, len(reading))[largest:0:-1]
     return float(np.argmax(shifts @ reading / shifts.std(axis=1))) / 8
 
 

@@ -177,7 +177,7 @@ def measured_restitution(
         contact=contact,
         contact_steps=contact_steps,
     )
-    found = []
+    result = []
     for phase in range(phases):
         gap = speed * dt * (3.0 + phase / phases)
         runner.q0[1] = half + gap
@@ -187,10 +187,10 @@ def measured_restitution(
         away = np.flatnonzero((rate > 0.0) & (height > 0.0))
         if away.size:
             i = away[0]
-            found.append(math.sqrt(rate[i] ** 2 + 2.0 * gravity * height[i]) / down)
+            result.append(math.sqrt(rate[i] ** 2 + 2.0 * gravity * height[i]) / down)
         else:
-            found.append(0.0)
-    return float(np.mean(found)), float(np.max(np.abs(np.array(found) - restitution)))
+            result.append(0.0)
+    return float(np.mean(result)), float(np.max(np.abs(np.array(result) - restitution)))
 
 
 def _pair(reference: tuple[float, float], slide: float, friction: float) -> str:
@@ -217,12 +217,12 @@ def _on_ground(
     makes two and doubles the solver's work. The plane lies one radius lower, so that a corner
     touches at z = 0.
     """
-    off = 'contype="0" conaffinity="0"'
-    ground = f'<geom name="ground" type="plane" size="0 0 1" pos="0 0 {-_CORNER}" {off}/>'
+    deviation = 'contype="0" conaffinity="0"'
+    ground = f'<geom name="ground" type="plane" size="0 0 1" pos="0 0 {-_CORNER}" {deviation}/>'
     geoms, pairs = "", ""
     for i, (x, y, z) in enumerate(corners):
         place = f"{x:.17g} {y:.17g} {z:.17g}"
-        geoms += f'<geom name="c{i}" type="sphere" size="{_CORNER}" pos="{place}" {off}/>'
+        geoms += f'<geom name="c{i}" type="sphere" size="{_CORNER}" pos="{place}" {deviation}/>'
         pairs += f'<pair geom1="ground" geom2="c{i}" {pair}/>'
     return scene_xml(
         f"{ground}<body>{body}{geoms}</body>",

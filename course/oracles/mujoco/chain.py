@@ -71,10 +71,10 @@ def _check(model: Any) -> None:
     if model.ntendon:
         raise refused("model", _named(model, "tendon", 0), "an arm without tendons")
     if model.neq:
-        found = mujoco.mjtEq(int(model.eq_type[0])).name.removeprefix("mjEQ_").lower()
+        result = mujoco.mjtEq(int(model.eq_type[0])).name.removeprefix("mjEQ_").lower()
         raise refused(
             "model",
-            f"equality {model.equality(0).name or 0!r} ({found})",
+            f"equality {model.equality(0).name or 0!r} ({result})",
             "an arm without closed loops",
         )
     if model.nflex:
@@ -85,8 +85,8 @@ def _check(model: Any) -> None:
     for i in range(model.njnt):
         name, kind, dof = _named(model, "joint", i), int(model.jnt_type[i]), model.jnt_dofadr[i]
         if kind not in (hinge, slide):
-            found = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
-            raise refused("model", f"{name}, a {found} joint", "joints that turn or slide")
+            result = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
+            raise refused("model", f"{name}, a {result} joint", "joints that turn or slide")
         if model.jnt_range[i, 0] > model.jnt_range[i, 1]:  # MuJoCo takes it for no limit
             raise refused(f"range of {name}", model.jnt_range[i], "limits that do not cross")
         if model.body_jntnum[model.jnt_bodyid[i]] > 1:
@@ -146,8 +146,8 @@ def chain(model: Any, tip: str | None = None) -> Chain:
             second[:, :, joint] += moments + m * (c @ c * np.eye(3) - np.outer(c, c))
     carried, tool = _tool(model, tip, carrier, within, last)
     if carried < 0 or carried in parent:
-        found = "the world" if carried < 0 else _named(model, "joint", carried)
-        raise refused("tip", f"on the link of {found}", "on a link that carries no other")
+        result = "the world" if carried < 0 else _named(model, "joint", carried)
+        raise refused("tip", f"on the link of {result}", "on a link that carries no other")
     order = [i for i in range(n) if i != carried] + [carried]
     limited, dofs = model.jnt_limited.astype(bool), model.jnt_dofadr
     centre = first / np.maximum(mass, 1e-300)
@@ -182,15 +182,15 @@ def read(text: str, tip: str | None = None) -> Chain:
         ValueError: for a text that MuJoCo refuses or warns about, two joints of one name, an
             impossible body, and what `chain` refuses.
     """
-    mujoco, said = library(), list[str]()
+    mujoco, message = library(), list[str]()
     usual = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
+    mujoco.set_mju_user_warning(message.append)
     try:
         spec = mujoco.MjSpec.from_string(text)
     finally:
         mujoco.set_mju_user_warning(usual)
-    if said:
-        raise refused("text", said[0], "one that MuJoCo reads without a warning")
+    if message:
+        raise refused("text", message[0], "one that MuJoCo reads without a warning")
     if "<robot" in text and not all(joint.name for joint in spec.joints):
         # MuJoCo takes the second of two names away.
         raise refused("text", [joint.name for joint in spec.joints], "a name for each joint")
@@ -324,16 +324,16 @@ def rollouts(
     from mujoco import batch
 
     mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
-    many = batch.Batch(mj, len(plans), 1)
-    q, v, torque = (many.bind(name) for name in ("qpos", "qvel", "qfrc_applied"))
+    count = batch.Batch(mj, len(plans), 1)
+    q, v, torque = (count.bind(name) for name in ("qpos", "qvel", "qfrc_applied"))
     rows = np.ascontiguousarray(plans.transpose(1, 0, 2))
 
     def run() -> Array:
-        many.state[:] = 0.0
+        count.state[:] = 0.0
         q[:], v[:] = start
         for row in rows:
             torque[:] = row
-            many.step(nstep=1)
+            count.step(nstep=1)
         return np.array(q)
 
     return run

@@ -77,7 +77,7 @@ def contact_xml(
     def text(values: Sequence[float]) -> str:
         return " ".join(f"{value:.17g}" for value in values)
 
-    off = " ".join(f'{flag}="disable"' for flag in ("autoreset", "island", "warmstart", "sensor"))
+    deviation = " ".join(f'{flag}="disable"' for flag in ("autoreset", "island", "warmstart", "sensor"))
     safe = "enable" if options.refsafe else "disable"
     exact = ' diagexact="enable"' if options.diagexact else ""
     return (
@@ -86,7 +86,7 @@ def contact_xml(
         f'iterations="{options.iterations}" tolerance="{options.tolerance:.17g}" '
         f'ls_iterations="50" ls_tolerance="1e-6" cone="{options.cone}" '
         f'impratio="{options.impratio:.17g}">'
-        f'<flag {off} refsafe="{safe}"{exact}/></option>'
+        f'<flag {deviation} refsafe="{safe}"{exact}/></option>'
         f'<default><geom condim="{options.condim}" friction="{text(options.friction)}" '
         f'solref="{text(options.solref)}" solimp="{text(options.solimp)}" '
         f'margin="{0.5 * options.margin:.17g}"/></default>'

@@ -128,14 +128,14 @@ def path(lab: Lab, t: float) -> tuple[float, float, float]:
     """Height of the palm above its grasp, speed and acceleration at a time [m, m/s, m/s^2]: down,
     a wait, and up; half of each way with the acceleration, half with its opposite."""
     down, t = t < lab.grasped - CLOSE, t if t < lab.grasped - CLOSE else t - lab.grasped
-    way, a = (-ABOVE, -lab.acceleration) if down else (lab.height, lab.acceleration)
-    start, half = ABOVE if down else 0.0, math.sqrt(way / a)
+    path, a = (-ABOVE, -lab.acceleration) if down else (lab.height, lab.acceleration)
+    start, half = ABOVE if down else 0.0, math.sqrt(path / a)
     if t <= 0.0:
         return start, 0.0, 0.0
     if t < half:
         return start + 0.5 * a * t * t, a * t, a
-    left = max(0.0, 2.0 * half - t)
-    return start + way - 0.5 * a * left**2, a * left, -a if left > 0.0 else 0.0
+    remaining = max(0.0, 2.0 * half - t)
+    return start + path - 0.5 * a * remaining**2, a * remaining, -a if remaining > 0.0 else 0.0
 
 
 def lift(lab: Lab, believed: float | None = None) -> Lifted:
@@ -156,9 +156,9 @@ def lift(lab: Lab, believed: float | None = None) -> Lifted:
     for k in range(round(end / lab.dt)):
         t = k * lab.dt
         z, v, a = path(lab, t)
-        off, up = z - data.qpos[0], t >= lab.grasped
-        total += off * lab.dt
-        servo = lab.kp * off + lab.kv * (v - data.qvel[0]) + lab.ki * total
+        deviation, up = z - data.qpos[0], t >= lab.grasped
+        total += deviation * lab.dt
+        servo = lab.kp * deviation + lab.kv * (v - data.qvel[0]) + lab.ki * total
         grip = lab.force if t >= lab.grasped - CLOSE else -1.0
         carried = (PALM + 2.0 * FINGER) * a + up * box * (GRAVITY + a)
         data.ctrl[:] = grip, grip, servo + carried
@@ -175,9 +175,9 @@ def lift(lab: Lab, believed: float | None = None) -> Lifted:
     slid = below - float(data.qpos[5] - data.qpos[0])
     sound = bool(np.isfinite(data.qpos).all())
     held = sound and abs(slid) < KEPT and data.qpos[5] > 0.5 * lab.height and fastest < 3.0
-    said = tuple(name for i, name in enumerate(WARNINGS) if data.warning[i].number)
+    text = tuple(name for i, name in enumerate(WARNINGS) if data.warning[i].number)
     error = float(lab.height - data.qpos[0]) if sound else math.inf
-    return Lifted(held, slid, sunk, pressed, error, peak, fastest, said)
+    return Lifted(held, slid, sunk, pressed, error, peak, fastest, text)
 
 
 def tuned(lab: Lab, margin: float = 1.2) -> Lab:

@@ -35,14 +35,14 @@ def oscillator(
     Returns:
         A prepared `Runner`.
     """
-    off: list[str] = [] if implicit_damping else ["eulerdamp"]
+    deviation: list[str] = [] if implicit_damping else ["eulerdamp"]
     finite("stiffness", stiffness, 0.0, unit="N/m")
     finite("damping", damping, 0.0, unit="N s/m")
     body = (
         f'<body><joint type="slide" stiffness="{stiffness:.17g}" damping="{damping:.17g}"/>'
         f"{inertial(mass, 0.0, np.ones(3))}</body>"
     )
-    xml = scene_xml(body, dt, integrator, 0.0, springs=True, off=off)
+    xml = scene_xml(body, dt, integrator, 0.0, springs=True, off=deviation)
     return Runner(xml, [q0], [v0], integrator)
 
 

@@ -200,10 +200,10 @@ def contact_friction(model: Any, geom: str, other: str = "floor") -> float:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     pair = {model.geom(geom).id, model.geom(other).id}
-    found = {float(mu) for c in data.contact if set(c.geom) == pair for mu in c.friction[:2]}
-    if len(found) != 1:
+    result = {float(mu) for c in data.contact if set(c.geom) == pair for mu in c.friction[:2]}
+    if len(result) != 1:
         raise refused("(geom, other)", (geom, other), "two that touch with one coefficient")
-    return found.pop()
+    return result.pop()
 
 
 def swing_period(model: Any, joint: str, angle: float, swings: int = 3) -> float:

@@ -60,7 +60,7 @@ def toolbox() -> Any:
 def _spec(arm: TwoLink, dt: float) -> Any:
     """Two hinges with motors and sensors; masses and damping are set at each compilation."""
     l1, l2 = arm.lengths
-    off = " ".join(
+    deviation = " ".join(
         f'{f}="disable"' for f in (*ALWAYS_OFF, *CONTACT_OFF) if f not in ("actuation", "sensor")
     )
     sensors, motors = (
@@ -68,7 +68,7 @@ def _spec(arm: TwoLink, dt: float) -> Any:
         for kind in ("jointpos", "motor")
     )
     return library().MjSpec.from_string(
-        f'<mujoco><option timestep="{dt:.17g}" integrator="RK4" gravity="0 0 0"><flag {off}/>'
+        f'<mujoco><option timestep="{dt:.17g}" integrator="RK4" gravity="0 0 0"><flag {deviation}/>'
         '</option><worldbody><body name="link1">'
         '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
         f'<joint name="joint1" axis="0 0 1"/><body name="link2" pos="{l1:.17g} 0 0">'
@@ -121,9 +121,9 @@ def prepared(
 
     # The toolbox drops the last command.
     sent = sysid.TimeSeries(log.times, np.vstack([log.command.T, log.command.T[-1:]]))
-    seen = sysid.TimeSeries.from_names(log.times, log.measured.T, model)
+    observed = sysid.TimeSeries.from_names(log.times, log.measured.T, model)
     at_rest = sysid.create_initial_state(model, np.zeros(2))
-    sequence = sysid.ModelSequences("arm", spec, "log", at_rest, sent, seen)
+    sequence = sysid.ModelSequences("arm", spec, "log", at_rest, sent, observed)
     residual = sysid.build_residual_fn(
         models_sequences=[sequence],
         build_model=build,
@@ -136,10 +136,10 @@ def prepared(
         params.add(sysid.Parameter("rods", first, np.full(5, 1e-4), np.full(5, 10.0)))
         with contextlib.redirect_stdout(io.StringIO()):  # it prints each step, asked or not
             best, result = sysid.optimize(params, residual, verbose=False)
-        left = residual(best.as_vector(), best)[0]
-        covariance, _ = sysid.calculate_intervals(left, result.jac)
+        remaining = residual(best.as_vector(), best)[0]
+        covariance, _ = sysid.calculate_intervals(remaining, result.jac)
         spread = np.sqrt(np.diag(into @ covariance @ into.T))
-        size = float(np.sqrt(np.mean(np.square(left))))
+        size = float(np.sqrt(np.mean(np.square(remaining))))
         return Fitted(into @ best.as_vector(), 1.96 * spread, size)
 
     return run

@@ -191,17 +191,17 @@ class Twin:
                     value = np.full((n, 1), data.qpos[sensor])
                     mujoco.mj_initSensorHistory(self.model, data, sensor, None, value, 0.0)
             mujoco.mj_getState(self.model, data, arms.state[i], mujoco.mjtState.mjSTATE_INTEGRATION)
-        q, said, ctrl = arms.bind("qpos"), arms.bind("sensordata"), arms.bind("ctrl")
+        q, text, ctrl = arms.bind("qpos"), arms.bind("sensordata"), arms.bind("ctrl")
         noise = h.noise * np.random.default_rng(seed).standard_normal((samples + 1, 2, N))
         angles, measured = np.empty((2, 2, N, samples + 1))
         sent = np.empty((2, N, samples))
         for k in range(samples + 1):
             angles[:, :, k] = (q[:, ::2] + q[:, 1::2] if both else q).T
             # `stage` below makes the sensors those of this instant, not of the step before.
-            seen = (said if h.sensing and k else q).T
+            observed = (text if h.sensing and k else q).T
             if both:
-                seen = seen[::2] + (seen[1::2] if h.encoder == "link" else 0.0)
-            measured[:, :, k] = seen + noise[k]
+                observed = observed[::2] + (observed[1::2] if h.encoder == "link" else 0.0)
+            measured[:, :, k] = observed + noise[k]
             if k == samples:
                 break
             torque = np.asarray(law(k, measured[:, :, k]), dtype=float)
@@ -219,10 +219,10 @@ class Twin:
             [Controller(Gains(kp, ki, kd, FILTER, -u, u), DT) for _ in range(N)]
             for (kp, ki, kd), u in zip(numbers, ARM.torques, strict=True)
         ]
-        wanted = tasks.reference.tolist()
+        desired = tasks.reference.tolist()
 
         def law(k: int, seen: Array) -> Array:
-            rows = zip(laws, wanted, seen.tolist(), strict=True)
+            rows = zip(laws, desired, seen.tolist(), strict=True)
             return np.array(
                 [[c.update(*pair) for c, *pair in zip(*row, strict=True)] for row in rows]
             )
@@ -234,9 +234,9 @@ class Twin:
         """What one arm leaves that is driven by torques (T, 2) from rest at angles (2,)."""
         plan = vector("torques", torques, (None, 2), unit="N m")
         first = vector("start", start, (2,), unit="rad")[:, None]
-        _, seen, sent = self.run(lambda k, _: plan[k][:, None], first, len(plan), seed)
+        _, observed, sent = self.run(lambda k, _: plan[k][:, None], first, len(plan), seed)
         times = np.linspace(0.0, DT * len(plan), len(plan) + 1)
-        return Log(times, seen[:, 0], sent[:, 0])
+        return Log(times, observed[:, 0], sent[:, 0])
 
 
 def judged(angles: ArrayLike, tasks: Tasks) -> Outcome:

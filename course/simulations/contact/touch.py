@@ -273,9 +273,9 @@ def drag(controls, state, x, y):
 def press(controls, state, key):
     """An arrow key moves the hand by 2 cm."""
     if key < 4:
-        way = 0.02 if key in (1, 2) else -0.02
+        direction = 0.02 if key in (1, 2) else -0.02
         axis = 0 if key < 2 else 1
-        controls["hand"][axis] = min(max(controls["hand"][axis] + way, -_REACH), _REACH)
+        controls["hand"][axis] = min(max(controls["hand"][axis] + direction, -_REACH), _REACH)
 
 
 PRESETS = {

@@ -47,16 +47,16 @@ def judged(kp, ki, kd, dt, delay, target, q):
     """Overshoot, settling [s], error [rad]; growth; gain, phase [rad] and delay margin [s]."""
     first, whole = math.ceil(STEP / dt), math.floor(delay / dt + 1e-9)
     times = dt * np.arange(q.size - first)
-    seen = chapter._metrics(times, q[first:], target, chapter.BAND, chapter.REST)
+    observed = chapter._metrics(times, q[first:], target, chapter.BAND, chapter.REST)
     plant = touch.held_mass(INERTIA, DAMPING, 0.0, dt, max(0.0, delay - whole * dt))
     parts = (*plant, whole, *sampled._pid(kp, ki, kd, dt, 0, 0.0))
-    growth, left = sampled.growth_by_squares(sampled._closed(*parts)), (0.0, 0.0, 0.0, 0.0)
+    growth, remaining = sampled.growth_by_squares(sampled._closed(*parts)), (0.0, 0.0, 0.0, 0.0)
     if growth <= sampled.STABLE and max(kp, ki, kd) > 0.0:
         at, lags, _, reals = sampled._found(*parts)
-        left = sampled._margins(at, lags, reals, dt)
-    gain, _, phase, later = left
-    told = np.array([seen[0], seen[1], seen[2], growth, gain, phase, later])
-    return np.where(np.isfinite(told), told, -1.0)
+        remaining = sampled._margins(at, lags, reals, dt)
+    gain, _, phase, later = remaining
+    report = np.array([observed[0], observed[1], observed[2], growth, gain, phase, later])
+    return np.where(np.isfinite(report), report, -1.0)
 
 
 _judged = loop(judged, VECTOR(*6 * (numba.float64,), VECTOR))
@@ -96,12 +96,12 @@ def initial(controls, state):
     whole = math.floor(late / dt + 1e-9)
     drive = np.array([math.inf, math.inf, math.inf, whole, max(0.0, late - whole * dt), line])
     parts = np.array([INERTIA, DAMPING, -controls["load"], dry, controls["static"] * dry])
-    wanted = np.where(times > STEP - 1e-9, target, 0.0)
+    desired = np.where(times > STEP - 1e-9, target, 0.0)
     extra = np.where((times > PUSH[0]) & (times < PUSH[1]), controls["push"], 0.0)
     jam = (times < STEP + JAM) & (controls["jam"] != 0)
     out = np.zeros((5, n + 1))
     chapter._run_loop(
-        parts, drive, numbers_of(controls), np.zeros(3), wanted, extra, jam, np.zeros(n), out
+        parts, drive, numbers_of(controls), np.zeros(3), desired, extra, jam, np.zeros(n), out
     )
     state["samples"] = n
     state["run"][0, : n + 1], state["run"][1, : n + 1] = out[0], out[2]
@@ -138,7 +138,7 @@ def frame(pen, state, controls):
     """The arm now, angle and torque over the whole run; numbers of the run and of the loop."""
     dt, n, target = 1e-3 * controls["dt"], state["samples"], controls["target"]
     at = min(int(state["time"] / dt + 1e-9), n)
-    run, told = state["run"], state["told"]
+    run, report = state["run"], state["told"]
     draw.area(pen, _SCENE, _VIEW)
     draw.segment(pen, 0.0, 0.0, math.cos(target), math.sin(target), draw.INK, 1.6, 0.8, 5.0, 4.0)
     x, y = math.cos(run[0, at]), math.sin(run[0, at])
@@ -160,13 +160,13 @@ def frame(pen, state, controls):
     draw.curve(pen, times, u, draw.ORANGE, 1.4)
     draw.segment(pen, dt * at, -top, dt * at, top, draw.GREY, 1.0)
     draw.window(pen)
-    draw.reading(pen, _OVER, 100.0 * told[0], 1, _PERCENT)
-    draw.reading(pen, _SETTLED, told[1], 2, _S, _NEVER if told[1] < 0.0 else 0)
-    draw.reading(pen, _ERROR, 1000.0 * told[2], 1, _MRAD)
-    draw.reading(pen, _GROWTH, told[3], 5)
-    _margin(pen, _GAIN, told[4], told[3], 2, _TIMES)
-    _margin(pen, _PHASE, math.degrees(told[5]), told[3], 0, _DEGREES)
-    _margin(pen, _DELAY, 1000.0 * told[6], told[3], 1, _MS)
+    draw.reading(pen, _OVER, 100.0 * report[0], 1, _PERCENT)
+    draw.reading(pen, _SETTLED, report[1], 2, _S, _NEVER if report[1] < 0.0 else 0)
+    draw.reading(pen, _ERROR, 1000.0 * report[2], 1, _MRAD)
+    draw.reading(pen, _GROWTH, report[3], 5)
+    _margin(pen, _GAIN, report[4], report[3], 2, _TIMES)
+    _margin(pen, _PHASE, math.degrees(report[5]), report[3], 0, _DEGREES)
+    _margin(pen, _DELAY, 1000.0 * report[6], report[3], 1, _MS)
 
 
 def drag(controls, state, x, y):

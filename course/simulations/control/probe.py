@@ -74,17 +74,17 @@ def initial(controls, state):
     start = np.zeros(2)
     if controls["controller"] != PRESSES:
         start[0] = -FAR
-    wanted = np.minimum(SPEED * DT * np.arange(_N) - FAR, controls["aim"])
+    desired = np.minimum(SPEED * DT * np.arange(_N) - FAR, controls["aim"])
     whole = math.floor(late / DT + 1e-9)
     body, out = np.array([MASS, FRICTION, wall, 0.0, 0.0]), np.zeros((5, _N + 1))
     chapter._touch_loop(
-        body, law, DT, whole, max(0.0, late - whole * DT), start, wanted, np.zeros(_N), out
+        body, law, DT, whole, max(0.0, late - whole * DT), start, desired, np.zeros(_N), out
     )
     lost = np.flatnonzero(~(np.abs(out[0]) < _GONE))
     n = lost[0] - 1 if lost.size else _N
     state["samples"] = n
-    for row, kept in ((0, 0), (1, 2), (2, 4)):
-        state["run"][row, : n + 1] = out[kept, : n + 1]
+    for row, retained in ((0, 0), (1, 2), (2, 4)):
+        state["run"][row, : n + 1] = out[retained, : n + 1]
     state["run"][2, n] = state["run"][2, n - 1]
     state["growth"] = _growth(law, wall, late)
 

@@ -73,10 +73,10 @@ def gains(J, e, method, damping, s):
         pull = np.array([J[0, k] * e[0] + J[1, k] * e[1] for k in range(2)])
         moved = np.array([J[k, 0] * pull[0] + J[k, 1] * pull[1] for k in range(2)])
         return s * (np.sum(moved * e) / max(np.sum(moved * moved), 1e-300))
-    wanted = np.empty(len(s))
+    desired = np.empty(len(s))
     for k in range(len(s)):
-        wanted[k] = gain(s[k], method, damping) if s[k] > 0.0 else 0.0
-    return wanted
+        desired[k] = gain(s[k], method, damping) if s[k] > 0.0 else 0.0
+    return desired
 
 
 @register_jitable
@@ -118,8 +118,8 @@ def follow(controls, state):
     ahead = (q + change + math.pi) % (2.0 * math.pi) - math.pi
     if method == MARQUARDT:
         _, after, _ = jacobian(ahead)
-        _, left = aim(controls, after)
-        if not left < size:
+        _, remaining = aim(controls, after)
+        if not remaining < size:
             state["lam"] = min(state["lam"] * math.sqrt(8.0), 1e3)
             return
         state["lam"] = max(state["lam"] * math.sqrt(0.1), 1e-6)
@@ -190,9 +190,9 @@ _TOP, _SPAN = 12.0, 2.0  # of the gains [rad/m] and of the singular values shown
 
 def drag(controls, state, x, y):
     """The target is where the pointer is, or at the edge of the scene."""
-    found = draw.values_at(_SCENE, _VIEW, x, y)
+    result = draw.values_at(_SCENE, _VIEW, x, y)
     for k in range(2):
-        controls["target"][k] = min(max(found[k], -_HALF), _HALF)
+        controls["target"][k] = min(max(result[k], -_HALF), _HALF)
 
 
 def press(controls, state, key):

@@ -65,19 +65,19 @@ STATE = Record(
 
 def judged(policy, envs):
     """One episode each, and the way that each point went as its goal sees it, (2, n, steps + 1)."""
-    seen = []
+    observed = []
 
     def act(observations):
-        seen.append(observations[:, :2].copy())
+        observed.append(observations[:, :2].copy())
         return policy(observations)
 
     played = evaluate(act, envs, FIRST, discount=DISCOUNT)
     last = envs.task.goal - envs.task.p  # of those whose episode ended with the last step of all
-    rows = -np.stack([*seen, last.T], axis=-1).transpose(1, 0, 2)
-    ways = np.empty((2, envs.num_envs, MAX_STEPS + 1))
+    rows = -np.stack([*observed, last.T], axis=-1).transpose(1, 0, 2)
+    paths = np.empty((2, envs.num_envs, MAX_STEPS + 1))
     for i, n in enumerate(played.steps):
-        ways[:, i, : n + 1], ways[:, i, n + 1 :] = rows[:, i, : n + 1], rows[:, i, n, None]
-    return played, ways
+        paths[:, i, : n + 1], paths[:, i, n + 1 :] = rows[:, i, : n + 1], rows[:, i, n, None]
+    return played, paths
 
 
 @lru_cache(maxsize=128)
@@ -97,21 +97,21 @@ def learned(rate, epochs, seed, reward, left_out, first):
     starts, _ = test.reset(seed=FIRST)
     prize = optimum(starts).mean()
     best = 0.0 if reward == DISTANCE else optimum(starts, kind).mean()
-    told, paths = np.zeros((ITERATIONS, 8)), np.zeros((ITERATIONS, SHOWN, 2, MAX_STEPS + 1))
-    steps, there = np.zeros((2, ITERATIONS, SHOWN), dtype=np.int64)
+    report, paths = np.zeros((ITERATIONS, 8)), np.zeros((ITERATIONS, SHOWN, 2, MAX_STEPS + 1))
+    steps, other = np.zeros((2, ITERATIONS, SHOWN), dtype=np.int64)
     k = -1
     with one_thread():
         try:
             for k, now in enumerate(
                 ppo(envs, settings, steps=ITERATIONS * POINTS * HORIZON, seed=seed)
             ):
-                played, ways = judged(now.policy, test)
+                played, routes = judged(now.policy, test)
                 good = int(played.success.sum())
                 read = (
                     first_finished(now.policy, test, STARTS, FIRST).success.mean() if first else 0.0
                 )
                 worth = np.where(played.success, DISCOUNT ** (played.steps - 1.0), 0.0).mean()
-                told[k] = (
+                report[k] = (
                     good / STARTS,
                     *wilson(good, STARTS),
                     read,
@@ -120,12 +120,12 @@ def learned(rate, epochs, seed, reward, left_out, first):
                     now.kl,
                     now.spread,
                 )
-                paths[k] = ways[:, :SHOWN].transpose(1, 0, 2)
-                steps[k], there[k] = played.steps[:SHOWN], played.success[:SHOWN]
+                paths[k] = routes[:, :SHOWN].transpose(1, 0, 2)
+                steps[k], other[k] = played.steps[:SHOWN], played.success[:SHOWN]
         except Diverged:  # the last good one stays
-            for each in (told, paths, steps, there):
+            for each in (report, paths, steps, other):
                 each[k + 1 :] = each[k]
-    return told, best, paths, steps, there
+    return report, best, paths, steps, other
 
 
 @register_jitable
@@ -149,9 +149,9 @@ def initial(controls, state):
         steps="int64[:,:]",
         there="int64[:,:]",
     ):
-        told, best, paths, steps, there = learned(float(values[0]), *map(int, values[1:]))
-    state["told"][:], state["best"], state["paths"][:] = told, best, paths
-    state["steps"][:], state["there"][:] = steps, there
+        report, best, paths, steps, other = learned(float(values[0]), *map(int, values[1:]))
+    state["told"][:], state["best"], state["paths"][:] = report, best, paths
+    state["steps"][:], state["there"][:] = steps, other
 
 
 def advance(state, controls, seconds):
@@ -190,7 +190,7 @@ _UPPER, _LOWER = (5.35, 8.85, 3.05, 4.6), (5.35, 8.85, 0.55, 2.1)
 
 def frame(pen, state, controls):
     """Ways of this iteration's policy; success and return of all iterations up to it."""
-    told, now = state["told"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
+    report, now = state["told"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
     phase = min(1.4 * max(state["time"] / PICTURE - now, 0.0), 1.0)
     reach = 1.2 * NEAR if controls["reward"] == HOVER else 2.1
     draw.area(pen, _SCENE, (-reach, reach, -reach, reach))
@@ -208,17 +208,17 @@ def frame(pen, state, controls):
         draw.spot(pen, x[count - 1], y[count - 1], 0.01 * reach, ink)
     draw.text(pen, -0.96 * reach, -0.94 * reach, _NUMBER, draw.INK, 13.0)
     draw.number(pen, now + 1.0, 0)
-    at, rows = np.arange(1.0, now + 2.0), told[: now + 1]
+    at, rows = np.arange(1.0, now + 2.0), report[: now + 1]
     draw.chart(pen, _UPPER, (0.0, 1.0 * ITERATIONS, 0.0, 100.0), 0, _PERCENT_OF, 0, 6, 5)
     for k in range(now + 1):
         draw.segment(
-            pen, k + 1.0, 100.0 * told[k, LOW], k + 1.0, 100.0 * told[k, HIGH], draw.BLUE, 4.0, 0.3
+            pen, k + 1.0, 100.0 * report[k, LOW], k + 1.0, 100.0 * report[k, HIGH], draw.BLUE, 4.0, 0.3
         )
     draw.curve(pen, at, 100.0 * rows[:, SUCCESS], draw.BLUE, 2.2)
     if controls["first"]:
         draw.curve(pen, at, 100.0 * rows[:, READ], draw.ORANGE, 2.0, 1.0, 5.0, 3.0)
-    low = min(0.0, 1.1 * np.min(told[:, RETURN]))
-    high = max(max(state["best"], np.max(told[:, RETURN])), 0.0) - 0.1 * low
+    low = min(0.0, 1.1 * np.min(report[:, RETURN]))
+    high = max(max(state["best"], np.max(report[:, RETURN])), 0.0) - 0.1 * low
     draw.chart(pen, _LOWER, (0.0, 1.0 * ITERATIONS, low, 1.15 * high), _ITERATION, _RETURN, 0, 6, 4)
     if controls["reward"] != DISTANCE:
         draw.segment(
@@ -232,16 +232,16 @@ def frame(pen, state, controls):
     if controls["reward"] != DISTANCE:
         draw.key(pen, 5.35, 2.32, _OPTIMUM, draw.GREEN, 2.0, 1.0, 5.0, 3.0)
     draw.reading(pen, _STEPS, (now + 1.0) * POINTS * HORIZON, 0)
-    draw.reading(pen, _GOOD, 100.0 * told[now, SUCCESS], 0)
+    draw.reading(pen, _GOOD, 100.0 * report[now, SUCCESS], 0)
     draw.words(pen, _BAND)
-    draw.number(pen, 100.0 * told[now, LOW], 0, _TO)
-    draw.number(pen, 100.0 * told[now, HIGH], 0, _CLOSE)
-    draw.reading(pen, _READ, 100.0 * told[now, READ], 0, _PERCENT, 0 if controls["first"] else _NOT)
-    draw.reading(pen, _WORTH, told[now, RETURN], 2)
+    draw.number(pen, 100.0 * report[now, LOW], 0, _TO)
+    draw.number(pen, 100.0 * report[now, HIGH], 0, _CLOSE)
+    draw.reading(pen, _READ, 100.0 * report[now, READ], 0, _PERCENT, 0 if controls["first"] else _NOT)
+    draw.reading(pen, _WORTH, report[now, RETURN], 2)
     draw.reading(pen, _BEST, state["best"], 2, 0, _NONE if controls["reward"] == DISTANCE else 0)
-    draw.reading(pen, _OF, 100.0 * told[now, SHARE], 0, _PERCENT)
-    draw.reading(pen, _KL, told[now, MOVED], 3)
-    draw.reading(pen, _STD, told[now, SPREAD], 2)
+    draw.reading(pen, _OF, 100.0 * report[now, SHARE], 0, _PERCENT)
+    draw.reading(pen, _KL, report[now, MOVED], 3)
+    draw.reading(pen, _STD, report[now, SPREAD], 2)
 
 
 def drag(controls, state, x, y):

@@ -50,9 +50,9 @@ def driven(head, executed, noise, sampled):
         made = policy(head)
         made = replace(made, steps=sampled) if isinstance(made, Drawn) else made
         starts = task.starts(RUNS, rng)
-        ways = roll(task, Commit(made, executed), starts, task.steps, rng).states
-    side = task.sides(ways)
-    return ways, side, np.array(wilson(int(np.sum(side != 0)), RUNS))
+        paths = roll(task, Commit(made, executed), starts, task.steps, rng).states
+    side = task.sides(paths)
+    return paths, side, np.array(wilson(int(np.sum(side != 0)), RUNS))
 
 
 @lru_cache(maxsize=1)
@@ -68,9 +68,9 @@ def initial(controls, state):
     values = np.array([1.0 * c["head"], 1.0 * c["executed"], c["noise"], 1.0 * c["sampled"]])
     with objmode(ways="float64[:,:,:]", side="int64[:]", band="float64[:]", shown="float64[:,:,:]"):
         head, executed, noise, sampled = values.tolist()
-        ways, side, band = driven(int(head), int(executed), round(noise, 9), int(sampled))
+        paths, side, band = driven(int(head), int(executed), round(noise, 9), int(sampled))
         shown = demonstrated()
-    state["ways"][:], state["side"][:], state["band"][:] = ways, side, band
+    state["ways"][:], state["side"][:], state["band"][:] = paths, side, band
     state["shown"][:] = shown
 
 

@@ -82,16 +82,16 @@ def edge_free(rows, body, a, b):
 @register_jitable
 def initial(controls, state):
     """The obstacles, and the roots of what will grow."""
-    rows, counts, many = state["rows"], state["counts"], 0
+    rows, counts, count = state["rows"], state["counts"], 0
     for p in controls["pieces"]:
         for i in range(4 * (p[2] > 0.0)):  # corner i and the next one, against the clock
             u, v = (-1.0, 1.0, 1.0, -1.0)[i], (-1.0, -1.0, 1.0, 1.0)[i]
-            rows[many, 0] = LAST_SIDE if i == 3 else SIDE
-            rows[many, 1], rows[many, 2] = p[0] + u * p[2], p[1] + v * p[3]
-            rows[many, 3], rows[many, 4] = p[0] - v * p[2], p[1] + u * p[3]
-            many += 1
+            rows[count, 0] = LAST_SIDE if i == 3 else SIDE
+            rows[count, 1], rows[count, 2] = p[0] + u * p[2], p[1] + v * p[3]
+            rows[count, 3], rows[count, 4] = p[0] - v * p[2], p[1] + u * p[3]
+            count += 1
     counts[:], counts[trees.LAST : trees.LAST + 2] = 0, -1
-    state["many"], state["corners"], state["owed"], state["found"] = many, 0, 0.0, 0.0
+    state["many"], state["corners"], state["owed"], state["found"] = count, 0, 0.0, 0.0
     state["seed"][0] = controls["seed"]
     start, goal = controls["ends"][:2], controls["ends"][2:]
     roadmap = int(controls["method"] == PRM)  # it has both ends in one table
@@ -102,7 +102,7 @@ def initial(controls, state):
         state["stacks"][0, side] = side
     counts[trees.NODES] = 1 + roadmap
     counts[trees.NODES + 1] = int(controls["method"] == CONNECT)
-    body, rows = np.zeros((1, 1)), rows[:many]
+    body, rows = np.zeros((1, 1)), rows[:count]
     free = state_free(rows, body, start) and state_free(rows, body, goal)
     state["became"] = SEARCHING if free else BLOCKED
 
@@ -130,12 +130,12 @@ def _up(state, side, node):
 @register_jitable
 def _route(state, rows, body):
     """The last node of the shortest way through the roadmap; parents lead back from it."""
-    many, edges = state["counts"][roadmaps.NODES], state["counts"][roadmaps.EDGES]
-    pairs, nodes = state["pairs"][:edges], state["nodes"][0, :many]
+    count, edges = state["counts"][roadmaps.NODES], state["counts"][roadmaps.EDGES]
+    pairs, nodes = state["pairs"][:edges], state["nodes"][0, :count]
     ends = np.concatenate((pairs[:, 0], pairs[:, 1]))
     order = np.argsort(ends, kind="mergesort")
-    first = np.searchsorted(ends[order], np.arange(many + 1))
-    begins, leaves, came = np.full(many, np.inf), np.full(many, np.inf), np.empty(many, np.int64)
+    first = np.searchsorted(ends[order], np.arange(count + 1))
+    begins, leaves, came = np.full(count, np.inf), np.full(count, np.inf), np.empty(count, np.int64)
     begins[0], leaves[1] = 0.0, 0.0
     last = roadmaps._search(
         edge_free,
@@ -153,7 +153,7 @@ def _route(state, rows, body):
         came,
         state["counts"],
     )
-    for i in range(many):
+    for i in range(count):
         state["parents"][0, i] = -1 if came[i] < 0 else pairs[came[i], 0] + pairs[came[i], 1] - i
     return last
 
@@ -284,9 +284,9 @@ def _grown(pen, state, controls):
         draw.segments(pen, nodes[pairs[:, 0]], nodes[pairs[:, 1]], draw.BLUE, 1.1, 0.8)
         return counts[roadmaps.NODES]
     for side in range(2):
-        many, nodes = max(counts[trees.NODES + side], 1), state["nodes"][side]
-        up = state["parents"][side, 1:many]
-        draw.segments(pen, nodes[1:many], nodes[up], (draw.BLUE, draw.PURPLE)[side], 1.1, 0.8)
+        count, nodes = max(counts[trees.NODES + side], 1), state["nodes"][side]
+        up = state["parents"][side, 1:count]
+        draw.segments(pen, nodes[1:count], nodes[up], (draw.BLUE, draw.PURPLE)[side], 1.1, 0.8)
     return counts[trees.NODES] + counts[trees.NODES + 1]
 
 
@@ -319,10 +319,10 @@ def frame(pen, state, controls):
     draw.reading(pen, _SAMPLES, state["counts"][SAMPLES], 0)
     draw.reading(pen, _EDGES, state["counts"][EDGE_CHECKS], 0)
     draw.reading(pen, _NODES, nodes, 0)
-    none = 0 if state["corners"] else _NONE
-    draw.reading(pen, _PATH, _length(state), 2, _METRES, none)
-    draw.reading(pen, _FIRST, state["found"], 2, _METRES, none)
-    draw.reading(pen, _WRONG, hits, 0, 0, none)
+    empty = 0 if state["corners"] else _NONE
+    draw.reading(pen, _PATH, _length(state), 2, _METRES, empty)
+    draw.reading(pen, _FIRST, state["found"], 2, _METRES, empty)
+    draw.reading(pen, _WRONG, hits, 0, 0, empty)
 
 
 def grab(controls, state, x, y):

@@ -119,14 +119,14 @@ def _trace(path, start, controls, how):
     dt, box = how[0], start.copy()
     path[0, 0] = 0.0
     path[1:7, 0] = box[:, 0]
-    many = max(1, math.floor(_SAMPLE / dt + 0.5))
+    number = max(1, math.floor(_SAMPLE / dt + 0.5))
     end = max(1, math.floor(_PREVIEW / dt + 1e-9))
     steps, n = 0, 1
     while steps < end:
         # In flight, clear of the ground, a smooth curve needs fewer points.
-        leap = 4 * many * dt
+        leap = 4 * number * dt
         fall = leap * (max(-box[4, 0], 0.0) + leap * controls["gravity"])
-        count = 4 * many if box[1, 0] - fall > _RADIUS else many
+        count = 4 * number if box[1, 0] - fall > _RADIUS else number
         _run(box, controls, how, count)
         steps += count
         path[0, n] = steps * dt
@@ -162,19 +162,19 @@ def advance(state, controls, seconds):
     steps = state["steps"]
     end = steps + count
     while steps < end:
-        many = min(sample - steps % sample, end - steps)
+        number = min(sample - steps % sample, end - steps)
         if not resolve:
-            reach = many * dt * (abs(box[4, 0]) + many * dt * gravity)
+            reach = number * dt * (abs(box[4, 0]) + number * dt * gravity)
             if box[1, 0] - reach < _RADIUS:
-                many = 1  # step by step, to see how deep it gets before it is pushed out
+                number = 1  # step by step, to see how deep it gets before it is pushed out
                 y = flight(box[1, 0], box[4, 0], -gravity, dt, coefficient)
                 deep = _reach(box[2, 0] + dt * box[5, 0]) - y
                 state["deepest"] = max(state["deepest"], deep)
-        impacts, unresolved = _run(box, controls, how, many)
+        impacts, unresolved = _run(box, controls, how, number)
         state["impacts"] += impacts
         state["unresolved"] += unresolved
         state["peak"] = max(state["peak"], box[1, 0])
-        steps += many
+        steps += number
         if steps % sample == 0:
             state["samples"] = n = draw.remember(history, state["samples"], steps * dt)
             history[1:, n - 1] = energies(box[:, 0], gravity)
@@ -207,8 +207,8 @@ def scene(state):
     zoom = 2.0 ** max(0.0, math.ceil(math.log2(top / (high - 0.25))))
     wide, high = zoom * wide, zoom * high
     x = state["box"][0, 0]
-    left = min(max(-0.25 * wide, x - 0.85 * wide), x - 0.15 * wide)
-    return left, left + wide, -0.2 * zoom, high - 0.2 * zoom
+    remaining = min(max(-0.25 * wide, x - 0.85 * wide), x - 0.15 * wide)
+    return remaining, remaining + wide, -0.2 * zoom, high - 0.2 * zoom
 
 
 @register_jitable

@@ -29,8 +29,8 @@ def initial(controls, state):
 def advance(state, controls, seconds):
     """Turn at a steady rate along the great circle to q' or -q', and stop there."""
     end = math.radians(controls["goal"]) - 2.0 * math.pi * controls["way"]
-    left = end - state["turned"]
-    state["turned"] += math.copysign(min(_RATE * seconds, abs(left)), left)
+    remaining = end - state["turned"]
+    state["turned"] += math.copysign(min(_RATE * seconds, abs(remaining)), remaining)
 
 
 TITLE = "q and −q: one attitude, two quaternions"

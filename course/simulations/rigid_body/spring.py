@@ -66,8 +66,8 @@ _SCALE, _TIME = (5.5, 8.8, 2.2, 2.45), (5.5, 8.8, 0.55, 1.4)
 
 def drag(controls, state, x, y):
     """The step is where the pointer is on its scale."""
-    wanted, _ = draw.values_at(_SCALE, (0.0, _LARGEST, 0.0, 1.0), x, y)
-    controls["omega_h"] = min(max(wanted, 0.05), _LARGEST)
+    desired, _ = draw.values_at(_SCALE, (0.0, _LARGEST, 0.0, 1.0), x, y)
+    controls["omega_h"] = min(max(desired, 0.05), _LARGEST)
 
 
 def frame(pen, state, controls):

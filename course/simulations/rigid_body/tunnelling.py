@@ -53,25 +53,25 @@ def shoot(controls, state, way):
 def initial(controls, state):
     """The first shot; and of a thousand phases of the step, the share that finds the wall."""
     state["seed"][0] = controls["seed"]
-    way = 1e-3 * controls["timestep"] * controls["speed"]
+    distance = 1e-3 * controls["timestep"] * controls["speed"]
     # The last look before the wall; if the next is beyond it, so are all others.
-    x = -RADIUS - way * (np.arange(1000) + 0.5) / 1000.0
-    state["share"] = 1.0 - np.mean(found(x, x + way, controls))
-    shoot(controls, state, way)
+    x = -RADIUS - distance * (np.arange(1000) + 0.5) / 1000.0
+    state["share"] = 1.0 - np.mean(found(x, x + distance, controls))
+    shoot(controls, state, distance)
 
 
 def advance(state, controls, seconds):
     """Steps in slow motion: every ball flies past in the same time of yours."""
-    way = 1e-3 * controls["timestep"] * controls["speed"]
+    distance = 1e-3 * controls["timestep"] * controls["speed"]
     x = state["centre"]
-    for _ in range(whole_steps(state, seconds, way / _SEEN)):
+    for _ in range(whole_steps(state, seconds, distance / _SEEN)):
         n = state["samples"]
         if state["hit"] != 0 or x[n - 1] > _TO:
-            state["pause"] -= way / _SEEN
+            state["pause"] -= distance / _SEEN
             if state["pause"] < 0.0:
-                shoot(controls, state, way)
+                shoot(controls, state, distance)
             continue
-        x[n], state["samples"] = x[n - 1] + way, n + 1
+        x[n], state["samples"] = x[n - 1] + distance, n + 1
         state["hit"] = int(found(x[n - 1], x[n], controls))
         state["missed"] += int(state["hit"] == 0 and x[n] > _TO)
         if state["hit"] != 0 and controls["sweep"] != 0:
@@ -93,9 +93,9 @@ _FLIGHT, _CHART = (0.5, 8.8, 3.1, 4.45), (0.9, 5.2, 0.6, 2.2)
 def frame(pen, state, controls):
     """The looks at the ball and the wall; the share that is missed over the way of a step."""
     n, x, wall = state["samples"], state["centre"], 1e-3 * controls["wall"]
-    way, wide = 1e-3 * controls["timestep"] * controls["speed"], 2.0 * RADIUS + wall
-    said = 1 if state["hit"] != 0 else 2 * (x[n - 1] > _TO)
-    ink = (draw.BLUE, draw.GREEN, draw.RED)[said]
+    distance, wide = 1e-3 * controls["timestep"] * controls["speed"], 2.0 * RADIUS + wall
+    text = 1 if state["hit"] != 0 else 2 * (x[n - 1] > _TO)
+    ink = (draw.BLUE, draw.GREEN, draw.RED)[text]
     draw.chart(pen, _FLIGHT, (-1.15, 1.25, -0.2, 0.2), _X, 0, _LOOKS, 8, 0)
     draw.box(pen, 0.0, wall, -0.2, 0.2, _STONE, draw.INK, 1.0)
     draw.curve(pen, x[:n], 0.0 * x[:n], draw.BLUE, 1.2, 0.6)
@@ -104,15 +104,15 @@ def frame(pen, state, controls):
     draw.chart(pen, _CHART, (0.0, 10.0, 0.0, 1.0), _RATIO, 0, _MISS, 5, 4)
     ratio = np.linspace(0.0, 10.0, 201)
     draw.theory(pen, ratio, np.maximum(0.0, 1.0 - 1.0 / np.maximum(ratio, 1e-3)))
-    draw.spot(pen, min(way / wide, 10.0), state["share"], 0.16, draw.RED)
+    draw.spot(pen, min(distance / wide, 10.0), state["share"], 0.16, draw.RED)
     draw.window(pen)
-    draw.text(pen, 8.8, 4.62, _SAID + said, ink, 14.0, draw.RIGHT)
+    draw.text(pen, 8.8, 4.62, _SAID + text, ink, 14.0, draw.RIGHT)
     draw.theory_key(pen, 5.6, 1.9, _CURVE)
     draw.key(pen, 5.6, 1.6, _HERE, draw.RED, 4.0)
-    draw.reading(pen, _WAY, way, 3, _M)
+    draw.reading(pen, _WAY, distance, 3, _M)
     draw.reading(pen, _D, wide, 3, _M)
     draw.reading(pen, _SHARE, 100.0 * state["share"], 1, _PERCENT)
-    draw.reading(pen, _THEORY, 100.0 * max(0.0, 1.0 - wide / way), 1, _PERCENT)
+    draw.reading(pen, _THEORY, 100.0 * max(0.0, 1.0 - wide / distance), 1, _PERCENT)
     draw.reading(pen, _SHOTS, state["shots"], 0)
     draw.reading(pen, _MISSED, state["missed"], 0)
 

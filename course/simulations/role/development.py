@@ -75,9 +75,9 @@ _AREA, _VIEW = (1.0, 8.3, 0.75, 4.45), (1.0, 7.0, -5.0, 5.0)
 
 def drag(controls, state, x, y):
     """The number of tries is where the pointer is."""
-    found = draw.values_at(_AREA, _VIEW, x, y)
-    controls["tries"] = min(max(found[0], 1.0), 7.0)
-    state["mark"][0], state["mark"][1] = controls["tries"], min(max(found[1], -5.0), 5.0)
+    result = draw.values_at(_AREA, _VIEW, x, y)
+    controls["tries"] = min(max(result[0], 1.0), 7.0)
+    state["mark"][0], state["mark"][1] = controls["tries"], min(max(result[1], -5.0), 5.0)
 
 
 def frame(pen, state, controls):

@@ -79,8 +79,8 @@ def commands(controls, state, times):
 
 def initial(controls, state):
     """The whole run; clocks of their own are off by a part in a thousand, so that phases drift."""
-    off = 0.0 if controls["locked"] else 1.3e-3
-    ticks = _ticks(CAMERA * (1.0 + off), 0.4)
+    deviation = 0.0 if controls["locked"] else 1.3e-3
+    ticks = _ticks(CAMERA * (1.0 + deviation), 0.4)
     durations = np.full(_MOST, 1e-3 * controls["seeing"])
     if not controls["parallel"]:
         ticks = ticks[free(ticks, durations[: ticks.size])]
@@ -92,7 +92,7 @@ def initial(controls, state):
     if controls["trigger"] == 1:
         taken, starts = serve(arrived, durations, controls["depth"])
     else:
-        starts = _ticks((1.0 - 0.5 * off) / controls["rate"], controls["phase"])
+        starts = _ticks((1.0 - 0.5 * deviation) / controls["rate"], controls["phase"])
         starts = starts[free(starts, durations[: starts.size])]
         taken = read(arrived, starts, controls["depth"])
         starts, taken = starts[taken >= 0], taken[taken >= 0]
@@ -236,12 +236,12 @@ def _pulses(pen, state, now):
 def _flows(pen, controls, given, interval):
     """What flows into the chosen box, and what flows out of it."""
     y = 2.3
-    for way in range(2):
+    for direction in range(2):
         draw.text(
             pen,
             6.0,
             y,
-            _OUT if way else _IN,
+            _OUT if direction else _IN,
             draw.INK,
             13.0,
             draw.LEFT,
@@ -252,7 +252,7 @@ def _flows(pen, controls, given, interval):
             1.0,
         )
         for k in range(_FROM.size):
-            if (_FROM[k] if way else _TO[k]) != controls["box"]:
+            if (_FROM[k] if direction else _TO[k]) != controls["box"]:
                 continue
             y -= 0.26
             rate = _rate(k, controls, given, interval)

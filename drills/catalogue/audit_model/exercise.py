@@ -49,7 +49,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         sizes = 1.0 + tolerance * rng.uniform(-0.4, 0.4, n)  # within the tolerance, as is the turn
         loaded, held = masses * sizes, moments * sizes[::-1, None]
         axes = turns + 7e-4 * rng.uniform(-1.0, 1.0, (n, 4))
-        gone: list[int] = []
+        missing: list[int] = []
         for at, kind in zip(rng.permutation(n).tolist(), faults, strict=False):
             if kind == "m":
                 loaded[at] *= 1.0 + rng.choice([-3.0, 3.0]) * tolerance
@@ -63,10 +63,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
             elif kind == "o":  # little on the diagonal
                 axes[at] = [1.0, 0.035, 0.0, 0.0]
             else:
-                gone.append(at)
+                missing.append(at)
         axes /= np.linalg.norm(axes, axis=1)[:, None]
         order = rng.permutation(n) if shuffled else np.arange(n)
-        order = np.array([one for one in order if one not in gone], dtype=int)
+        order = np.array([one for one in order if one not in missing], dtype=int)
         body = ids[order], loaded[order], held[order], axes[order]
         if shuffled:  # and the world, and something that stands in it
             body = (
@@ -98,8 +98,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
 def faults(figure: Any, shown: Shown) -> None:
     """The sum of each link."""
     axes = picture.plane(figure, "link of the file", "1: mass, 2: inertia, 4: not there")
-    for (found,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
-        axes.plot(np.asarray(found, dtype=float), "o", **style | {"ls": "-"})
+    for (result,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
+        axes.plot(np.asarray(result, dtype=float), "o", **style | {"ls": "-"})
     axes.legend()
 
 

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """A pixel on the axis, a wall, a wall far off the axis; then pictures of all kinds."""
 
-    def seen(
+    def observed(
         label: str,
         rows: int = 7,
         columns: int = 9,
@@ -40,14 +40,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((np.array([[1.5]]), 9.0, 9.0, 0.0, 0.0, 1.0), "a pixel on the axis", "simple"),
         Case((wall, 5.0, 5.0, 2.0, 1.0, 1.0), "a wall", "simple"),
         Case((steep, 6.0, 4.0, -3.0, 9.0, 1.0), "a wall beside the axis", "simple"),
-        *(seen("all pixels", *size) for size in ((7, 9), (12, 5), (1, 8))),
-        *(seen("holes", holes=share) for share in (0.1, 0.6)),
-        seen("holes that are NaN", holes=0.3, fill=np.nan),
-        seen("millimetres", unit=1e-3), seen("millimetres, holes", holes=0.3, unit=1e-3),
-        seen("unsigned counts of 1 mm", holes=0.2, unit=1e-3, kind=np.uint16),
-        seen("unsigned counts of 0.1 mm", holes=0.2, unit=1e-4, kind=np.uint16),
-        seen("nothing measured", holes=1.0, level="edge"),
-        seen("nothing but NaN", holes=1.0, fill=np.nan, level="edge"),
+        *(observed("all pixels", *size) for size in ((7, 9), (12, 5), (1, 8))),
+        *(observed("holes", holes=share) for share in (0.1, 0.6)),
+        observed("holes that are NaN", holes=0.3, fill=np.nan),
+        observed("millimetres", unit=1e-3), observed("millimetres, holes", holes=0.3, unit=1e-3),
+        observed("unsigned counts of 1 mm", holes=0.2, unit=1e-3, kind=np.uint16),
+        observed("unsigned counts of 0.1 mm", holes=0.2, unit=1e-4, kind=np.uint16),
+        observed("nothing measured", holes=1.0, level="edge"),
+        observed("nothing but NaN", holes=1.0, fill=np.nan, level="edge"),
         Case((np.array([[0, 3, 1], [2, 0, 5]]), 2, 4, 1, 1, 1), WHOLE, "edge"),
     ]  # fmt: skip
 

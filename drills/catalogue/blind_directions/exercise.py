@@ -40,7 +40,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         normals = np.eye(3)[:, rng.permutation(np.resize(faces, n))]
         return np.where(normals > 0.0, 1.0, rng.uniform(-1.0, 1.0, (3, n))), normals
 
-    def seen(
+    def observed(
         kind: str,
         label: str = "",
         *,
@@ -70,27 +70,27 @@ def cases(rng: np.random.Generator) -> list[Case]:
     )
     small, large = 0.01, 3.0
     return [
-        *(seen(kind, level="simple") for kind in ("patch", "ball", "cylinder")),
+        *(observed(kind, level="simple") for kind in ("patch", "ball", "cylinder")),
         *(
-            seen(kind, f"{kind}, moved and turned", moved=0.6)
+            observed(kind, f"{kind}, moved and turned", moved=0.6)
             for kind in ("patch", "ball", "cylinder", "edge", "corner")
         ),
         *(
-            seen(kind, f"{kind} of centimetres", size=small, moved=0.6)
+            observed(kind, f"{kind} of centimetres", size=small, moved=0.6)
             for kind in ("ball", "cylinder", "edge", "corner")
         ),
         *(
-            seen(kind, f"{kind} of metres", size=large, moved=0.6)
+            observed(kind, f"{kind} of metres", size=large, moved=0.6)
             for kind in ("cylinder", "corner")
         ),
-        *(seen(kind, f"{kind}, rough", rough=2e-4, moved=0.6) for kind in ("patch", "cylinder")),
+        *(observed(kind, f"{kind}, rough", rough=2e-4, moved=0.6) for kind in ("patch", "cylinder")),
         *(
-            seen(kind, f"{kind}, many points", n=400, rough=2e-3, moved=0.6)
+            observed(kind, f"{kind}, many points", n=400, rough=2e-3, moved=0.6)
             for kind in ("patch", "ball")
         ),
-        seen("cylinder", "a strict threshold", rough=1e-2, least=1e-4, moved=0.6),
-        seen("corner", "all is seen", n=60, level="edge"),
-        seen("patch", "one point", n=1, level="edge"),
+        observed("cylinder", "a strict threshold", rough=1e-2, least=1e-4, moved=0.6),
+        observed("corner", "all is seen", n=60, level="edge"),
+        observed("patch", "one point", n=1, level="edge"),
         Case(whole, WHOLE, "edge"),
     ]
 

@@ -121,8 +121,8 @@ def _start_speed(a: Answer) -> bool:
     y, v, dt, e, gravity = (*a.case.args, 9.81)[:5]
     if a.case.label != "one impact" or v > -3.0:
         return False
-    left, up = dt - (v + math.sqrt(v * v + 2.0 * gravity * y)) / gravity, -e * v
-    ends = (up * left - 0.5 * gravity * left * left, up - gravity * left), (0.0, up)
+    remaining, up = dt - (v + math.sqrt(v * v + 2.0 * gravity * y)) / gravity, -e * v
+    ends = (up * remaining - 0.5 * gravity * remaining * remaining, up - gravity * remaining), (0.0, up)
     return any(max(map(off, a.parts, end)) <= 1e-9 for end in ends)
 
 
@@ -147,8 +147,8 @@ def energy(attempt: Attempt, answers: Sequence[Answer]) -> None:
                 why=CLOSED_FORM,
             )
             return
-    kept = 0.5 * v * v + 9.81 * y
-    ratio = kept / (9.81 * start)
+    retained = 0.5 * v * v + 9.81 * y
+    ratio = retained / (9.81 * start)
     attempt.require(
         "energy of an elastic ball",
         abs(ratio - 1.0) <= 1e-9,

@@ -22,28 +22,28 @@ def cases(rng: np.random.Generator) -> list[Case]:
     def drawn() -> list[float]:
         return [float(rng.choice(values)) for values in VALUES]
 
-    def none(profile: list[float], place: int) -> list[float]:
+    def empty(profile: list[float], place: int) -> list[float]:
         return [*profile[:place], 0.0, *profile[place + 1 :]]
 
     def pair(label: str, a: list[float], b: list[float], level: str = "core") -> Case:
         return Case((np.array(a), np.array(b)), label, level)
 
-    same, found = drawn(), []
+    same, result = drawn(), []
     for i, name in enumerate(NAMES):
         low, high = drawn(), []
         low[i], other = sorted(rng.choice(VALUES[i], 2, replace=False).tolist())
         high = [*low[:i], other, *low[i + 1 :]]
-        found += [pair(f"{name} lower", low, high), pair(f"{name} higher", high, low)]
+        result += [pair(f"{name} lower", low, high), pair(f"{name} higher", high, low)]
     for i in (2, 4):
         with_time = drawn()
-        found += [
-            pair(f"no {NAMES[i]} offered", none(with_time, i), with_time),
-            pair(f"no {NAMES[i]} requested", with_time, none(with_time, i)),
+        result += [
+            pair(f"no {NAMES[i]} offered", empty(with_time, i), with_time),
+            pair(f"no {NAMES[i]} requested", with_time, empty(with_time, i)),
         ]
-    bare = none(none(drawn(), 2), 4)
+    bare = empty(empty(drawn(), 2), 4)
     return [
         pair("the same", same, same, "simple"),
-        *found,
+        *result,
         *(pair("all drawn", drawn(), drawn()) for _ in range(8)),
         pair("no times at all", bare, bare, "edge"),
         Case((np.array([0, 1, 0, 2, 3, 1, 0]), np.array([1, 0, 2, 1, 2, 1, 1])), WHOLE, "edge"),

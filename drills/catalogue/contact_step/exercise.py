@@ -63,16 +63,16 @@ def acceleration(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str
         speed = as_float64(parts[1], (2,))[0]
     except Mismatch:
         return  # the comparison of the values says what is wrong with it
-    wanted = 9.81 * (math.sin(slope) - mu * math.cos(slope))
-    found = float(speed) / (dt * steps)
+    expected = 9.81 * (math.sin(slope) - mu * math.cos(slope))
+    result = float(speed) / (dt * steps)
     attempt.require(
         f"{case.label}: acceleration",
-        abs(found - wanted) <= 1e-6 * (1.0 + wanted),
+        abs(result - expected) <= 1e-6 * (1.0 + expected),
         sentence=f"Down a slope of {slope:.3g} rad with mu {mu:.3g} the block goes with "
-        f"{found:.4g} m/s^2; g (sin - mu cos) is {wanted:.4g}.",
-        got=f"{found:.6g}",
-        expected=f"{wanted:.6g}",
-        error=abs(found - wanted),
+        f"{result:.4g} m/s^2; g (sin - mu cos) is {expected:.4g}.",
+        got=f"{result:.6g}",
+        expected=f"{expected:.6g}",
+        error=abs(result - expected),
         tolerance=1e-6,
         unit="m/s^2",
         why="the scheme is exact for a constant acceleration's speed",

@@ -38,14 +38,14 @@ def gaps(args: tuple[Any, ...], shares: Array) -> Array:
 def fair(args: tuple[Any, ...], hit: bool) -> bool:
     """Whether the motion is free with room to spare, or the first touch comes at a good pace."""
     lengths, _, a, b = args
-    found, speed = gaps(args, SHARES), float(np.abs(b - a) @ np.cumsum(lengths[::-1])[::-1])
-    near = found < CLEAR + 0.5 * speed / (len(SHARES) - 1)
+    result, speed = gaps(args, SHARES), float(np.abs(b - a) @ np.cumsum(lengths[::-1])[::-1])
+    near = result < CLEAR + 0.5 * speed / (len(SHARES) - 1)
     if not near.any() or not hit:
         return not near.any() and not hit
     first = max(int(np.argmax(near)), 1)
-    last = first + int(np.argmax(found[first:] < 0.0))
-    pace = np.diff(found[first - 1 : last + 1]) * (len(SHARES) - 1)
-    return bool(found[0] > CLEAR and found[last] < 0.0 and np.all(pace < -PACE))
+    last = first + int(np.argmax(result[first:] < 0.0))
+    pace = np.diff(result[first - 1 : last + 1]) * (len(SHARES) - 1)
+    return bool(result[0] > CLEAR and result[last] < 0.0 and np.all(pace < -PACE))
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
@@ -65,8 +65,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
             a[0] = rng.uniform(-3.0, 3.0)
             move = np.array(turning or (1.2,) * n) * rng.uniform(0.7, 1.3, n)
             move *= rng.choice([-1.0, 1.0], n)
-            far, way = np.sqrt(rng.uniform(0.05, 1.0, count)), rng.uniform(0.0, 6.3, count)
-            spots = lengths.sum() * far * np.array([np.cos(way), np.sin(way)])
+            far, direction = np.sqrt(rng.uniform(0.05, 1.0, count)), rng.uniform(0.0, 6.3, count)
+            spots = lengths.sum() * far * np.array([np.cos(direction), np.sin(direction)])
             args = lengths, np.column_stack((spots.T, np.full(count, radius))), a, a + move
             if fair(args, hit):
                 return Case(args, label, level)
@@ -106,16 +106,16 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Whether the arm is free as far as it is said to be: looked at closely."""
-    said = 0.0 if off(parts[0], 0.0) > 1.0 else float(parts[0])
-    if not said > 0.0 or not len(case.args[1]):
+    text = 0.0 if off(parts[0], 0.0) > 1.0 else float(parts[0])
+    if not text > 0.0 or not len(case.args[1]):
         return  # the comparison of the values says what is wrong with it
-    shares = np.linspace(0.0, said, 301)
-    found = gaps(case.args, shares)
-    deep, where = -float(found.min()), float(shares[found.argmin()])
+    shares = np.linspace(0.0, text, 301)
+    result = gaps(case.args, shares)
+    deep, where = -float(result.min()), float(shares[result.argmin()])
     attempt.require(
         f"{case.label}: free as far as it is said to be",
         deep <= 1e-6,
-        sentence=f"The motion is said to be free up to s = {said:.6g}. At s = {where:.6g} a link "
+        sentence=f"The motion is said to be free up to s = {text:.6g}. At s = {where:.6g} a link "
         f"is {1000.0 * deep:.3g} mm deep in a disc.",
         call=call,
     )

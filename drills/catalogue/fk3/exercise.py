@@ -52,7 +52,7 @@ def told(answers: Sequence[Answer]) -> str:
     return coarse(answers)
 
 
-def arms(attempt: Attempt, worked: Place) -> Drawing:
+def arms(attempt: Attempt, answer: Place) -> Drawing:
     """Two arms, yours and the worked answer's: a closed form has no accuracy to trade."""
     from course.measure.figure import Panel, Series
 
@@ -60,17 +60,17 @@ def arms(attempt: Attempt, worked: Place) -> Drawing:
     for thetas in np.random.default_rng(attempt.report.seed).uniform(-1.5, 1.5, (2, 3)):
         yours, right = (
             np.asarray(place.call("fk3", lengths, thetas), dtype=float)
-            for place in (attempt.learner.child, worked)
+            for place in (attempt.learner.child, answer)
         )
-        said = ", ".join(f"{theta:.2f}" for theta in thetas)
-        panel = Panel(f"angles {said} rad", "x [m]", "y [m]", equal=True)
+        message = ", ".join(f"{theta:.2f}" for theta in thetas)
+        panel = Panel(f"angles {message} rad", "x [m]", "y [m]", equal=True)
         panel.series = [
             Series("yours", yours[:, 0], yours[:, 1], "yours"),
             Series("worked answer", right[:, 0], right[:, 1], style="--"),
         ]
-        off = np.abs(yours - right).max()
+        error = np.abs(yours - right).max()
         tip = f"tip at ({right[-1, 0]:.3f}, {right[-1, 1]:.3f}) m"
-        panel.notes = [f"angles {said} rad: {tip}; yours is within {off:.1e} m"]
+        panel.notes = [f"angles {message} rad: {tip}; yours is within {error:.1e} m"]
         panels.append(panel)
     return Drawing(panels)
 

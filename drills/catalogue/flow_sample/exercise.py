@@ -19,8 +19,8 @@ def mixture(centres: Any, width: float) -> Callable[[Any, float], Any]:
         away = np.asarray(x, dtype=float)[:, None] - t * middles
         square = np.sum(away**2, axis=0)
         share = np.exp(0.5 * (square.min(axis=0) - square) / variance)
-        ways = middles + (t * width**2 - (1.0 - t)) / variance * away
-        return np.sum(share / share.sum(axis=0) * ways, axis=1)
+        paths = middles + (t * width**2 - (1.0 - t)) / variance * away
+        return np.sum(share / share.sum(axis=0) * paths, axis=1)
 
     return field
 

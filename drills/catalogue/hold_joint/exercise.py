@@ -68,19 +68,19 @@ def pushed(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
         return
     q, _, pole, load, _, _ = case.args
     try:
-        found = float(as_float64(parts[0], ())) - q
+        result = float(as_float64(parts[0], ())) - q
     except Mismatch:
         return  # the comparison of the values says what is wrong with it
-    wanted = load / 0.5 * 2.0 * math.exp(-2.0) / pole**2
+    expected = load / 0.5 * 2.0 * math.exp(-2.0) / pole**2
     attempt.require(
         f"{PUSHED}: how far",
-        abs(found - wanted) <= 0.05 * abs(wanted),
-        sentence=f"At t = 2 / pole = {2.0 / pole:.3g} s the load has moved the link by {found:.4g} "
-        f"rad. With three poles at -pole it is load / inertia t^2 / 2 e^(-2) = {wanted:.4g} rad.",
-        got=f"{found:.6g}",
-        expected=f"{wanted:.6g}",
-        error=abs(found - wanted),
-        tolerance=0.05 * abs(wanted),
+        abs(result - expected) <= 0.05 * abs(expected),
+        sentence=f"At t = 2 / pole = {2.0 / pole:.3g} s the load has moved the link by {result:.4g} "
+        f"rad. With three poles at -pole it is load / inertia t^2 / 2 e^(-2) = {expected:.4g} rad.",
+        got=f"{result:.6g}",
+        expected=f"{expected:.6g}",
+        error=abs(result - expected),
+        tolerance=0.05 * abs(expected),
         unit="rad",
         why="the formula is that of a continuous loop; sampling moves it by less than 0.05 of it",
         call=call,

@@ -73,11 +73,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 def allowed(case: Case, truth: Any) -> float:
     """1e-11 of the scale that the task states, one added."""
-    J, _, _, error, velocity, force, wanted, (stiffness, damping, gain) = case.args
+    J, _, _, error, velocity, force, expected, (stiffness, damping, gain) = case.args
     size = np.linalg.norm
     pushed = stiffness * size(error) + damping * size(velocity)
     return float(
-        1e-11 * (1 + np.abs(J).max() * (pushed + (1 + gain) * (size(force) + size(wanted))))
+        1e-11 * (1 + np.abs(J).max() * (pushed + (1 + gain) * (size(force) + size(expected))))
     )
 
 

@@ -118,8 +118,8 @@ def left_over(figure: Any, shown: Shown) -> None:
     rest = np.column_stack((integral(q), integral(integral(np.cos(q))), t, one))
     pushed = integral(dt * (np.cumsum(tau) - tau))
     for (inertia,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
-        left = pushed - float(inertia) * q
-        axes.plot(t, left - rest @ np.linalg.lstsq(rest, left, rcond=None)[0], **style)
+        remaining = pushed - float(inertia) * q
+        axes.plot(t, remaining - rest @ np.linalg.lstsq(rest, remaining, rcond=None)[0], **style)
     axes.legend()
 
 

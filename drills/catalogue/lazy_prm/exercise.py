@@ -31,30 +31,30 @@ def cases(rng: np.random.Generator) -> list[Case]:
         spread: float = 1.0,
     ) -> Case:
         """Points, free of all discs, each joined to its nearest ones; corner to corner."""
-        found = np.column_stack((rng.uniform(0.0, 10.0, (discs, 2)), np.full(discs, radius)))
+        result = np.column_stack((rng.uniform(0.0, 10.0, (discs, 2)), np.full(discs, radius)))
         points = np.vstack(([0.5, 0.5], rng.uniform(0.0, 10.0, (4 * count, 2)), [9.5, 9.5]))
-        apart = np.linalg.norm(points[:, None] - found[:, :2], axis=2)
+        apart = np.linalg.norm(points[:, None] - result[:, :2], axis=2)
         free = np.flatnonzero((apart > radius + 0.05).all(axis=1))
-        kept = points[np.unique([0, *free[:count], len(points) - 1])]
-        found = found[
-            (np.linalg.norm(kept[[0, -1], None] - found[:, :2], axis=2) > radius + 0.05).all(axis=0)
+        retained = points[np.unique([0, *free[:count], len(points) - 1])]
+        result = result[
+            (np.linalg.norm(retained[[0, -1], None] - result[:, :2], axis=2) > radius + 0.05).all(axis=0)
         ]
-        far = np.linalg.norm(kept[:, None] - kept, axis=2) + np.diag(np.full(len(kept), np.inf))
+        far = np.linalg.norm(retained[:, None] - retained, axis=2) + np.diag(np.full(len(retained), np.inf))
         pairs = {
             (min(i, int(j)), max(i, int(j)))
-            for i in range(len(kept))
+            for i in range(len(retained))
             for j in np.argsort(far[i])[:near]
         }
         edges = rng.permuted(rng.permutation(np.array(sorted(pairs))), axis=1)
-        return Case((kept, edges, found, 0, len(kept) - 1), label, level)
+        return Case((retained, edges, result, 0, len(retained) - 1), label, level)
 
     def walled() -> Case:
-        kept, edges, _, start, goal = roadmap("", 0, 0.0).args
+        retained, edges, _, start, goal = roadmap("", 0, 0.0).args
         ring = np.linspace(0.0, 6.2, 40)
-        posts = kept[goal] + 0.3 * np.column_stack((np.cos(ring), np.sin(ring)))
-        clear = np.linalg.norm(kept[:, None] - posts, axis=2).min() - 1e-3
+        posts = retained[goal] + 0.3 * np.column_stack((np.cos(ring), np.sin(ring)))
+        clear = np.linalg.norm(retained[:, None] - posts, axis=2).min() - 1e-3
         discs = np.column_stack((posts, np.full(40, min(0.1, clear))))
-        return Case((kept, edges, discs, start, goal), "the goal walled in", "edge")
+        return Case((retained, edges, discs, start, goal), "the goal walled in", "edge")
 
     square = np.array([[0.0, 0.0], [1.0, 1.2], [1.0, -1.5], [2.0, 0.0]])
     sides = np.array([[0, 1], [1, 3], [0, 2], [2, 3], [0, 3]])
@@ -81,21 +81,21 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
     route = [int(i) for i in parts[0]]
     known = {tuple(sorted(edge)) for edge in edges.tolist()}
     for i, j in itertools.pairwise(route):
-        found = [fault.sentence for fault in edge_faults(points[i], points[j], discs, np.inf)]
-        said = f"The route takes {i} to {j}: "
-        said += f"{found[0]}." if found else "there is no such edge."
-        right = not found and (min(i, j), max(i, j)) in known
-        attempt.require(f"{case.label}: edges of the route", right, sentence=said, call=call)
+        result = [fault.sentence for fault in edge_faults(points[i], points[j], discs, np.inf)]
+        message = f"The route takes {i} to {j}: "
+        message += f"{result[0]}." if result else "there is no such edge."
+        right = not result and (min(i, j), max(i, j)) in known
+        attempt.require(f"{case.label}: edges of the route", right, sentence=message, call=call)
 
 
 def routes(figure: Any, shown: Shown) -> None:
     """The roadmap and both routes."""
     points, edges, discs, *_ = shown.args
     ends = np.stack((*points[edges.T], np.full((len(edges), 2), np.nan)), axis=1)
-    told = (
+    report = (
         np.clip(route[0].astype(int), 0, len(points) - 1) for route in (shown.got, shown.expected)
     )
-    paths(figure, discs, ends.reshape(-1, 2), *(points[route] for route in told))
+    paths(figure, discs, ends.reshape(-1, 2), *(points[route] for route in report))
 
 
 _TEST = "free[edge] = edge_is_free(points[i], points[j], discs)"

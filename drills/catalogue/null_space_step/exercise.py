@@ -81,16 +81,16 @@ def tip_first(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -
         return  # the comparison of the values says what is wrong with it
     with np.errstate(all="ignore"):  # what came back may be as large as it likes
         moved = J @ step
-        off = float(np.linalg.norm(moved - dx))
+        error = float(np.linalg.norm(moved - dx))
         tolerance = 10.0 * allowed(case, None)
     attempt.require(
         f"{case.label}: the tip",
-        bool(off <= tolerance),
-        sentence=f"J dq is {off:.3g} m away from dx: the tip "
+        bool(error <= tolerance),
+        sentence=f"J dq is {error:.3g} m away from dx: the tip "
         + ("does not stay where it is." if not dx.any() else "does not go where it should."),
         got=np.array2string(moved, precision=6),
         expected=np.array2string(dx, precision=6),
-        error=off,
+        error=error,
         tolerance=tolerance,
         unit="m",
         why="the step solves J dq = dx, but for rounding",

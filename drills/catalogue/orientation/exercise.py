@@ -71,8 +71,8 @@ def told(answers: Sequence[Answer]) -> str:
                 return "zero_over_zero"
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(_angle(a.case) < 0.01 for a in wrong):
-        kept = [off(a.got, either_sign(a.got, a.case.args[0])) < 1e-14 for a in wrong]
-        return "small_turns_dropped" if all(kept) else coarse(answers)
+        selected = [off(a.got, either_sign(a.got, a.case.args[0])) < 1e-14 for a in wrong]
+        return "small_turns_dropped" if all(selected) else coarse(answers)
     return coarse(answers)
 
 

@@ -27,9 +27,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
     def alone(normal: float, slip: float, mu: float, label: str, level: str = "core") -> Case:
         """A contact whose step, before it is projected, is (normal, slip in some direction)."""
         A, turn = delassus(1), rng.uniform(-math.pi, math.pi)
-        wanted = np.array([normal, slip * math.cos(turn), slip * math.sin(turn)])
+        expected = np.array([normal, slip * math.cos(turn), slip * math.sin(turn)])
         start = rng.uniform(0.0, 0.3, (1, 3))
-        b = np.linalg.eigvalsh(A)[-1] * (start[0] - wanted) - A @ start[0]
+        b = np.linalg.eigvalsh(A)[-1] * (start[0] - expected) - A @ start[0]
         return Case((start, A, b, mu), label, level)
 
     def several(n: int, mu: float, label: str = "several contacts") -> Case:

@@ -71,9 +71,9 @@ def _continuous(
     rates[3, [0, 3]] = 1.0 / tau, -1.0 / tau
     advance = expm(rates * every / halves)
     state = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
-    found = [0.0]
+    result = [0.0]
     for _ in range(looks):
         for _ in range(halves):
             state = advance @ state
-        found.append(float(state[0]))
-    return np.array(found)
+        result.append(float(state[0]))
+    return np.array(result)

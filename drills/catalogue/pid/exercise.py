@@ -109,8 +109,8 @@ class Controller:
 
     def compare(self, name: str, got: Any, expected: Any, **more: Any) -> bool:
         """Check commands."""
-        said = {"tolerance": EXACT, "why": ROUNDING, "unit": "N m", "call": self.call, **more}
-        right = self.attempt.compare(name, got, expected, **said)
+        text = {"tolerance": EXACT, "why": ROUNDING, "unit": "N m", "call": self.call, **more}
+        right = self.attempt.compare(name, got, expected, **text)
         if not right and np.size(got) > 2:
             self.show(name, "command [N m]", got, expected)
         return right
@@ -173,22 +173,22 @@ def _integral(attempt: Attempt) -> None:
     got = controller.run(np.repeat([first, second], (25, 20)), 0.0)
     steps = np.diff(got)
     # Where the error changes, rules differ: a sample earlier, later, or half of both.
-    kept = np.r_[2:23, 26:44]
+    retained = np.r_[2:23, 26:44]
     errors = np.repeat([first, second], (21, 18))
     expected = numbers.ki * errors * numbers.dt
     slip = ""
-    if _near(steps[kept], numbers.ki * errors):
+    if _near(steps[retained], numbers.ki * errors):
         slip = "integral_without_dt"
-    elif _near(steps[kept] / numbers.dt, numbers.ki * errors * numbers.dt):
+    elif _near(steps[retained] / numbers.dt, numbers.ki * errors * numbers.dt):
         slip = "dt_twice_in_integral"
-    elif _near(steps[kept], errors * numbers.dt):
+    elif _near(steps[retained], errors * numbers.dt):
         slip = "integral_gain_missing"
     elif _flattens(steps[:24], expected[0]):
         slip = "integral_clamped_small"
     elif not np.any(got):
         slip = "integral_of_the_measurement"  # it is zero all the time
     right = controller.compare(
-        "what the integral gains in a sample", steps[kept], expected, slip=slip
+        "what the integral gains in a sample", steps[retained], expected, slip=slip
     )
     if right:
         error, allowed = abs(got[24] - 25.0 * expected[0]), expected[0] * 1.01
@@ -257,13 +257,13 @@ def _derivative(attempt: Attempt) -> None:
         slip = "filter_weights_swapped"
     # From one backward step less than tau to the last forward step: 1 - (r / (r + 1))^(r - 1)
     # and 1 - (1 - 1 / r)^r lie within; the exact low-pass gives 0.632.
-    seen = float(share[ratio])
-    error = abs(seen - 0.632)
+    observed = float(share[ratio])
+    error = abs(observed - 0.632)
     attempt.require(
         "the low-pass takes its time",
         bool(error <= 0.13),
-        sentence=f"After tau the derivative of a ramp is at {seen:.1%} of its final value.",
-        got=f"{seen:.4g}",
+        sentence=f"After tau the derivative of a ramp is at {observed:.1%} of its final value.",
+        got=f"{observed:.4g}",
         expected="about 0.632",
         error=error,
         tolerance=0.13,
@@ -368,8 +368,8 @@ def _memory(attempt: Attempt) -> None:
         for one in (controller, never):
             one.run([at, at, other], [other, at, other])
         controller.reset()
-        got, kept = controller.update(at, at), never.update(at, at)
-        if abs(got - kept) > 1e-9 * (1.0 + abs(kept)):
+        got, retained = controller.update(at, at), never.update(at, at)
+        if abs(got - retained) > 1e-9 * (1.0 + abs(retained)):
             slip = ""  # it did forget something
         controller.compare(name, got, 0.0, slip=slip)
     if attempt.failed:
@@ -529,8 +529,8 @@ def _winds_up(attempt: Attempt, side: float) -> bool:
     gain = numbers.ki * numbers.dt
     due = (held * gain - numbers.kp - numbers.u_max) / gain
     after = side * controller.run(np.full(math.ceil(due) + 4, -side), 0.0)
-    left = int(np.argmax(after < numbers.u_max - 1e-9)) if np.any(after < numbers.u_max) else 0
-    return abs(left - due) <= 3.0
+    remaining = int(np.argmax(after < numbers.u_max - 1e-9)) if np.any(after < numbers.u_max) else 0
+    return abs(remaining - due) <= 3.0
 
 
 # --- closed loops ---------------------------------------------------------------------------------

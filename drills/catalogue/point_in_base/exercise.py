@@ -40,11 +40,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
             )
         )
         times = np.arange(0.0, 1.05, 0.1)
-        way = rng.normal(size=3)
+        direction = rng.normal(size=3)
         log = np.column_stack(
             (
                 times,
-                rng.uniform(-0.5, 0.5, 3) + np.outer(times, speed * way),
+                rng.uniform(-0.5, 0.5, 3) + np.outer(times, speed * direction),
                 (rng.uniform(-3.0, 3.0) if yaw is None else yaw) + turn * times,
             )
         )

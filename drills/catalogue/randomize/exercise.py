@@ -76,8 +76,8 @@ def _judge(attempt: Attempt) -> None:
 
 
 def _untouched(bench: Bench, drawn: list[Arrays | None], seeds: list[int]) -> None:
-    found = bench.arrays()
-    same_arrays(bench.attempt, "the constructor leaves the model", bench.before, found)
+    result = bench.arrays()
+    same_arrays(bench.attempt, "the constructor leaves the model", bench.before, result)
     undelayed(bench, "before the first draw")
     move_data(bench)
 
@@ -114,7 +114,7 @@ def _time(bench: Bench) -> None:
     )
 
 
-def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+def chart(attempt: Attempt, answer: Place) -> WorkPrecision:
     """Time of 50 randomisations against the worst derived constant, over the size of the model."""
     import mujoco
 

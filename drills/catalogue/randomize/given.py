@@ -24,8 +24,8 @@ def generator(seed):
 def arrays(model):
     """Copies of all arrays of a model, by name."""
     fields = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
-    found = {name: value for name, value in fields.items() if isinstance(value, np.ndarray)}
-    plain = {name: v.astype(np.uint8) if v.dtype == bool else v for name, v in found.items()}
+    result = {name: value for name, value in fields.items() if isinstance(value, np.ndarray)}
+    plain = {name: v.astype(np.uint8) if v.dtype == bool else v for name, v in result.items()}
     return {name: value.copy() for name, value in plain.items() if value.size}
 
 
@@ -106,15 +106,15 @@ def drawn(randomizer_class, **ranges):
     """One draw with these ranges: [friction, both masses, damping of the hinge], and restored."""
     model = mujoco.MjModel.from_xml_string(EXAMPLE)
     data, randomizer = mujoco.MjData(model), randomizer_class(model, **ranges)
-    found = []
+    result = []
     for change in (
         lambda: randomizer.randomize(data, generator(0)),
         lambda: randomizer.restore(data),
     ):
         change()
         numbers = [model.geom_friction[0, 0], *model.body_mass[1:], model.dof_damping[6]]
-        found.append([round(float(number), 6) for number in numbers])
-    return found
+        result.append([round(float(number), 6) for number in numbers])
+    return result
 
 
 def delayed(randomizer_class, actions, **ranges):

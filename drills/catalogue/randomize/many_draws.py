@@ -117,17 +117,17 @@ def undelayed(bench: Bench, when: str) -> None:
 
 def defaults(bench: Bench, seed: int) -> None:
     """A randomizer that is told nothing but its model draws from the ranges of the signature."""
-    attempt, told = bench.attempt, bench.setting
+    attempt, report = bench.attempt, bench.setting
     ranges = (0.4, 1.2), (0.7, 1.3), (0.0, 0.5), (0, 3), 0.01, 0.0
-    other = Bench(attempt, Setting(told.xml, told.tuned, *ranges, left_out=True))
+    other = Bench(attempt, Setting(report.xml, report.tuned, *ranges, left_out=True))
     first = other.randomize(seed)
     if same_arrays(attempt, "nothing else changes", other.before, first, ALLOWED):
         distributions(other, first, seed, " with the defaults of the signature")
     if attempt.failed:
         return
     truth = attempt.rng.uniform(-1.0, 1.0, size=2000)
-    seen = attempt.learner.method(other.randomizer, "observe", truth, other.generator(seed))
-    noise = attempt.numbers("an observation with the default noise", seen, truth.shape)
+    observed = attempt.learner.method(other.randomizer, "observe", truth, other.generator(seed))
+    noise = attempt.numbers("an observation with the default noise", observed, truth.shape)
     if noise is None:
         return
     ratio, allowed = float((noise - truth).std() / other.setting.noise), 6.0 / np.sqrt(4000.0)
@@ -203,7 +203,7 @@ def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
     slip = ""
     if strange:
         place = lags.index(-1)
-        said = f"delay returned {describe(got[place, :, 0])} for {describe(sent[place, :, 0])}."
+        message = f"delay returned {describe(got[place, :, 0])} for {describe(sent[place, :, 0])}."
         positive = got[..., 0] > 0.5
         if _shifted(got, sent, float(np.trunc(idle))).any(axis=0).all():
             slip = "idle_cut_off"
@@ -212,23 +212,23 @@ def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
         elif np.array_equal(got[:, -1], sent[:, -1]):
             slip = "newest_returned"
     elif counts[0] == DRAWS:
-        said, slip = "Every action comes back at once, whatever the delay.", "newest_returned"
+        message, slip = "Every action comes back at once, whatever the delay.", "newest_returned"
     elif counts[: low + 1].tolist()[:low] != [0] * low or counts[high + 1 :].any():
-        said, slip = f"Delays of {_listed(counts)} calls came up.", "one_call_off"
+        message, slip = f"Delays of {_listed(counts)} calls came up.", "one_call_off"
     else:
-        said, slip = f"In {DRAWS} draws only delays of {_listed(counts)} calls came up.", ""
+        message, slip = f"In {DRAWS} draws only delays of {_listed(counts)} calls came up.", ""
         if counts[high] == 0:
             slip = "end_excluded"
     expected = DRAWS / (high - low + 1)
     # Chance of one count to be this far off, by Hoeffding: as for the other distributions.
-    off = float(np.max(np.abs(counts[low : high + 1] - expected))) / DRAWS
+    error = float(np.max(np.abs(counts[low : high + 1] - expected))) / DRAWS
     attempt.require(
         "delays that were drawn",
-        bool(not strange and counts[low : high + 1].sum() == DRAWS and off <= FAR),
-        sentence=said,
+        bool(not strange and counts[low : high + 1].sum() == DRAWS and error <= FAR),
+        sentence=message,
         got=f"{_listed(counts)} calls",
         expected=f"{low} to {high} calls, equally often",
-        error=off,
+        error=error,
         tolerance=FAR,
         unit="1",
         why=CHANCE,
@@ -239,7 +239,7 @@ def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
 
 def _effective_frictions(bench: Bench, drawn: dict[str, Any], first: Arrays) -> Array | None:
     """The one coefficient that the contacts get in each draw, shape (draws, 1)."""
-    found = np.empty((DRAWS, 1))
+    result = np.empty((DRAWS, 1))
     model = bench.here(first)
     for number in range(DRAWS):
         arrays = first | {name: drawn[name][number] for name in ("geom_friction", "pair_friction")}
@@ -256,13 +256,13 @@ def _effective_frictions(bench: Bench, drawn: dict[str, Any], first: Arrays) -> 
                 slip=friction_slip(bench, arrays),
             )
             return None
-        found[number] = values[0]
-    return found
+        result[number] = values[0]
+    return result
 
 
 def _mismatch(attempt: Attempt, name: str, wrong: Mismatch, call: str) -> None:
-    said = wrong.sentence[0].upper() + wrong.sentence[1:]
-    attempt.require(name, False, sentence=said, reason=wrong.reason, call=call)
+    text = wrong.sentence[0].upper() + wrong.sentence[1:]
+    attempt.require(name, False, sentence=text, reason=wrong.reason, call=call)
 
 
 def _same(got: Any, expected: Array) -> bool:
@@ -300,14 +300,14 @@ def reused_actions(bench: Bench, seed: int) -> None:
     bench.randomize(seed)
     plain = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
     lags = [k for k in range(low, high + 1) if _same(plain, expected[k])]
-    found = attempt.require(
+    result = attempt.require(
         "a delay",
         bool(lags),
         sentence=f"What delay returned is no delay of {low} to {high} calls.",
         got=describe(plain),
         call="delay(action)",
     )
-    if not found:
+    if not result:
         return
     bench.randomize(seed)
     again = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
@@ -374,9 +374,9 @@ def noise_added(bench: Bench, seed: int) -> None:
     )
     if attempt.failed:
         return
-    seen = learner.given("observe_often", bench.randomizer, truth, rng, DRAWS)
+    observed = learner.given("observe_often", bench.randomizer, truth, rng, DRAWS)
     try:
-        noise = as_float64(seen, (DRAWS, truth.size), "what observe returned") - truth
+        noise = as_float64(observed, (DRAWS, truth.size), "what observe returned") - truth
     except Mismatch as wrong:
         _mismatch(attempt, "what observe returns", wrong, "observe(observation, rng)")
         return
@@ -462,11 +462,11 @@ def equal_ends(bench: Bench, seed: int) -> None:
         attempt.compare(
             f"{name} of a range with equal ends", got, want, tolerance=1e-9, unit=unit, why=ROUNDING
         )
-    found = contact_frictions(other.here(arrays))
+    result = contact_frictions(other.here(arrays))
     attempt.compare(
         "friction of a range with equal ends",
-        [*found.values()],
-        np.full(len(found), 0.6),
+        [*result.values()],
+        np.full(len(result), 0.6),
         tolerance=1e-9,
         unit="1",
         why=ROUNDING,
@@ -484,9 +484,9 @@ def equal_ends(bench: Bench, seed: int) -> None:
         call="delay(action)",
     )
     truth_seen = attempt.rng.normal(size=3)
-    seen = attempt.learner.method(other.randomizer, "observe", truth_seen, other.generator(seed))
+    observed = attempt.learner.method(other.randomizer, "observe", truth_seen, other.generator(seed))
     attempt.compare(
-        "an observation without noise", seen, truth_seen, tolerance=0.0, unit="1", why="noise is 0"
+        "an observation without noise", observed, truth_seen, tolerance=0.0, unit="1", why="noise is 0"
     )
 
 

@@ -60,7 +60,7 @@ def _mass(bench: Bench, arrays: Arrays) -> bool:
         return False
     ratios = arrays["body_inertia"][1:] / bench.default.body_inertia[1:]
     gap = float(np.max(np.abs(ratios - factors[:, None])))
-    kept = np.array_equal(arrays["body_inertia"], bench.default.body_inertia)
+    retained = np.array_equal(arrays["body_inertia"], bench.default.body_inertia)
     return attempt.require(
         "inertia follows mass",
         gap <= 1e-9,
@@ -72,7 +72,7 @@ def _mass(bench: Bench, arrays: Arrays) -> bool:
         tolerance=1e-9,
         unit="1",
         why=ROUNDING,
-        slip="inertia_not_scaled" if kept else "",
+        slip="inertia_not_scaled" if retained else "",
     )
 
 
@@ -159,10 +159,10 @@ def _friction(bench: Bench, arrays: Arrays) -> None:
 
     attempt, (low, high) = bench.attempt, bench.setting.friction
     model = bench.here(arrays)
-    found = contact_frictions(model)
-    values = np.array(list(found.values()))
+    result = contact_frictions(model)
+    values = np.array(list(result.values()))
     spread, excess = float(np.ptp(values)), max(low - values.min(), values.max() - high, 0.0)
-    text = ", ".join(f"{name}: {mu:.4g}" for name, mu in found.items())
+    text = ", ".join(f"{name}: {mu:.4g}" for name, mu in result.items())
     fine = attempt.require(
         "friction of all contacts",
         bool(spread <= 1e-12 and excess <= 1e-9),
@@ -201,8 +201,8 @@ def friction_slip(bench: Bench, arrays: Arrays) -> str:
     """The slip behind contacts that do not have one draw."""
     geoms, default = arrays["geom_friction"][:, 0], bench.default.geom_friction[:, 0]
     if np.unique(geoms).size == 1:
-        kept = np.array_equal(arrays["pair_friction"], bench.before["pair_friction"])
-        return "pair_forgotten" if kept else ""
+        retained = np.array_equal(arrays["pair_friction"], bench.before["pair_friction"])
+        return "pair_forgotten" if retained else ""
     if (geoms == default).any():
         return "one_geom_only" if (geoms != default).any() else ""
     return "each_geom_by_itself" if np.unique(geoms).size > 2 else ""
@@ -212,7 +212,7 @@ def contact_frictions(model: Any) -> dict[str, float]:
     """Sliding coefficient of each contact: sled, box and puck on the floor; the box on the puck."""
     import mujoco
 
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     data = mujoco.MjData(model)
     box, puck = (model.joint(name).qposadr[0] for name in ("box", "puck"))
     for stacked in (False, True):
@@ -223,8 +223,8 @@ def contact_frictions(model: Any) -> dict[str, float]:
             names = sorted(model.geom(int(geom)).name for geom in contact.geom)
             for mu in contact.friction[:2]:
                 key = " on ".join(names)
-                found[key] = float(mu) if key not in found else max(found[key], float(mu))
-    return found
+                result[key] = float(mu) if key not in result else max(result[key], float(mu))
+    return result
 
 
 def check_state(
@@ -234,17 +234,17 @@ def check_state(
     import mujoco
 
     attempt = bench.attempt
-    kept = state.keys() == now.keys() and all(np.array_equal(state[k], now[k]) for k in state)
+    selected = state.keys() == now.keys() and all(np.array_equal(state[k], now[k]) for k in state)
     reference = np.array_equal(now["qpos"], bench.default.qpos_spring)
     attempt.require(
         f"{method} keeps the state",
-        kept,
+        selected,
         sentence=f"{method} changed time, qpos, qvel or ctrl of the data.",
         got=describe(now["qpos"]),
         expected=describe(state["qpos"]),
         slip="reference_pose" if reference else "",
     )
-    if not kept:
+    if not selected:
         return
     data = mujoco.MjData(bench.here(arrays))
     data.qpos[:], data.qvel[:], data.ctrl[:] = state["qpos"], state["qvel"], state["ctrl"]

@@ -97,8 +97,8 @@ def brought(figure: Any, shown: Shown) -> None:
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     axes.plot(*shown.args[1][:2], "o", color="0.75", label="target")
     for (R, p), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
-        there = np.asarray(R) @ shown.args[0] + np.asarray(p)[:, None]
-        axes.plot(*there[:2], "x", **style | {"ls": ""})
+        other = np.asarray(R) @ shown.args[0] + np.asarray(p)[:, None]
+        axes.plot(*other[:2], "x", **style | {"ls": ""})
     axes.legend()
 
 

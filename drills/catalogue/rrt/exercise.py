@@ -82,10 +82,10 @@ def _refuses(attempt: Attempt, world: World) -> None:
         return answer
 
     missing = "bounds_unchecked" if "bounds" in world.label else "collision_accepted"
-    seen = isinstance(answer, list | tuple) and len(answer) == len(PARTS)
-    if answer is None or (seen and answer[0] is None and not np.size(answer[3])):
+    observed = isinstance(answer, list | tuple) and len(answer) == len(PARTS)
+    if answer is None or (observed and answer[0] is None and not np.size(answer[3])):
         missing = "none_instead_of_an_error"  # it did notice
-    elif not seen or attempt.failed:
+    elif not observed or attempt.failed:
         missing = ""
     attempt.require_error(
         world.label,
@@ -127,8 +127,8 @@ def _run(attempt: Attempt, world: World, seed: int | None = None) -> Run | None:
                 f"parents has shape {parents.shape}; integers of shape (m,) are asked for.",
             )
     except Mismatch as wrong:
-        said = wrong.sentence[0].upper() + wrong.sentence[1:]
-        attempt.require(world.label, False, sentence=said, call=call, reason=wrong.reason)
+        text = wrong.sentence[0].upper() + wrong.sentence[1:]
+        attempt.require(world.label, False, sentence=text, call=call, reason=wrong.reason)
         return None
     return Run(path, nodes, parents.astype(np.int64), samples)
 
@@ -147,14 +147,14 @@ def _table(value: Any, what: str) -> Array:
 
 def _report(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
     """One check for each property in each world."""
-    found = [faults(world, run) for world, run in made]
-    everything = [fault for some in found for fault in some]
+    result = [faults(world, run) for world, run in made]
+    everything = [fault for some in result for fault in some]
     ambiguous = len({fault.slip for fault in everything}) > 1
     for of in PROPERTIES:
         slip = _telling([fault for fault in everything if fault.of == of])
         # A refused step looks like this slip now and then; all of them together must.
         slip = "" if slip == "line_for_segment" and ambiguous else slip
-        for index, ((world, run), some) in enumerate(zip(made, found, strict=True)):
+        for index, ((world, run), some) in enumerate(zip(made, result, strict=True)):
             fault = next((fault for fault in some if fault.of == of), None)
             with attempt.part(index):
                 attempt.require(
@@ -168,9 +168,9 @@ def _report(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
                 attempt.report.shown = Shown(world.label, world.arguments(), run, None)
 
 
-def _telling(found: list[Fault]) -> str:
+def _telling(result: list[Fault]) -> str:
     """The slip behind faults of one property: the grossest of the edges, else the first named."""
-    named = [fault.slip for fault in found if fault.slip]
+    named = [fault.slip for fault in result if fault.slip]
     return next((slip for slip in GROSSEST if slip in named), next(iter(named), ""))
 
 

@@ -52,27 +52,27 @@ class Fault:
 
 def faults(world: World, run: Run) -> list[Fault]:
     """Everything that is wrong with a run, by property."""
-    found = [*_targets(world, run), *_tree(world, run)]
-    if any(fault.of == "tree" for fault in found):
-        return found
-    found += _edges(world, run)
-    if not found:
-        found += _growth(world, run)
-    return found + _path(world, run)
+    result = [*_targets(world, run), *_tree(world, run)]
+    if any(fault.of == "tree" for fault in result):
+        return result
+    result += _edges(world, run)
+    if not result:
+        result += _growth(world, run)
+    return result + _path(world, run)
 
 
 def _targets(world: World, run: Run) -> list[Fault]:
-    found = []
+    result = []
     if len(run.nodes) > 1 and not len(run.samples):
         text = f"The tree has {len(run.nodes)} nodes, and no target is listed in samples."
-        found.append(Fault("targets", text))
+        result.append(Fault("targets", text))
     if len(run.samples) > world.max_samples:
         text = f"{len(run.samples)} targets were drawn, {world.max_samples} are allowed."
-        found.append(Fault("targets", text))
+        result.append(Fault("targets", text))
     if bounds_faults(run.samples, world.bounds):
         text = "A target lies outside the bounds. Draw between (xmin, ymin) and (xmax, ymax)."
-        found.append(Fault("targets", text, drawn_from([(world, run.samples)])))
-    return found
+        result.append(Fault("targets", text, drawn_from([(world, run.samples)])))
+    return result
 
 
 def drawn_from(runs: list[tuple[World, Array]]) -> str:
@@ -131,7 +131,7 @@ def _whole_steps(world: World, run: Run) -> bool:
 
 
 def _edges(world: World, run: Run) -> list[Fault]:
-    found: list[Fault] = []
+    result: list[Fault] = []
     from_start = len(run.nodes) > 4 and not run.parents[1:].any()
     tails, heads = run.nodes[run.parents[1:]], run.nodes[1:]
     suspect = np.hypot(*(heads - tails).T) > world.step
@@ -143,10 +143,10 @@ def _edges(world: World, run: Run) -> list[Fault]:
             if fault.kind == "step":
                 is_target = bool((run.samples == b).all(axis=1).any())
                 slip = "start_for_parent" if from_start else "no_steering" if is_target else ""
-                found.append(Fault("edges are no longer than the step", text, slip))
+                result.append(Fault("edges are no longer than the step", text, slip))
             else:
-                found.append(Fault("edges are free", text, _unchecked(world, a, b)))
-    return found
+                result.append(Fault("edges are free", text, _unchecked(world, a, b)))
+    return result
 
 
 def _unchecked(world: World, a: Array, b: Array) -> str:
@@ -232,9 +232,9 @@ def _missed(world: World, run: Run, k: int, known: int, nearest: int, end: Array
             slip = "always_a_whole_step" if _whole_steps(world, run) else ""
             return Fault("steps are as long as they may be", text, slip)
     text = f"Target {k}, {where}, added no node, though the step from node {nearest} is free."
-    kept = [_line_is_free(world, run.nodes[run.parents[i]], run.nodes[i]) for i in range(1, known)]
-    refused = not _line_is_free(world, run.nodes[nearest], end)
-    slip = "line_for_segment" if refused and all(kept) else ""
+    retained = [_line_is_free(world, run.nodes[run.parents[i]], run.nodes[i]) for i in range(1, known)]
+    rejected = not _line_is_free(world, run.nodes[nearest], end)
+    slip = "line_for_segment" if rejected and all(retained) else ""
     larger = world.discs * [1.0, 1.0, 0.0] + np.sqrt(world.discs * [0.0, 0.0, 1.0])
     if not slip and clearances(run.nodes[nearest], end, larger).min(initial=1.0) <= 0.0:
         edges = zip(run.nodes[run.parents[1:known]], run.nodes[1:known], strict=True)
@@ -263,8 +263,8 @@ def _path(world: World, run: Run) -> list[Fault]:
         return [Fault("path", "An empty path came back. Without a path, None is asked for.")]
     wrong = path_faults(run.path, world.start, world.goal, world.discs, world.bounds, world.step)
     if not at_goal:
-        said = wrong[0].sentence if wrong else "the path ends at the goal, the tree does not"
-        text = f"{said[0].upper()}{said[1:]}. Without a path, None is asked for."
+        message = wrong[0].sentence if wrong else "the path ends at the goal, the tree does not"
+        text = f"{message[0].upper()}{message[1:]}. Without a path, None is asked for."
         if spent:
             return [Fault("path", text, "partial_path")]
         in_reach = np.hypot(*(run.path[-1] - world.goal)) <= world.step
@@ -272,14 +272,14 @@ def _path(world: World, run: Run) -> list[Fault]:
     if np.array_equal(world.start, world.goal) and len(run.samples):
         return [Fault("ends when it should", "Start is goal, and targets were drawn.")]
     traced = [run.nodes[_chain(run, i)] for i in at_goal]
-    if len(traced[0]) > 1 and any(np.array_equal(run.path, way[::-1]) for way in traced):
+    if len(traced[0]) > 1 and any(np.array_equal(run.path, path[::-1]) for path in traced):
         return [Fault("path", "The path runs from goal to start.", "path_reversed")]
     if len(run.path) > len(traced[-1]) and np.array_equal(run.path, run.nodes):
         text = f"The path holds all {len(run.nodes)} nodes; {len(traced[0])} lead to the goal."
         return [Fault("path", text, "all_nodes_as_path")]
     if wrong:
         return [Fault("path", f"{wrong[0].sentence[0].upper()}{wrong[0].sentence[1:]}.")]
-    if not any(run.path.shape == way.shape and _near(run.path, way) for way in traced):
+    if not any(run.path.shape == path.shape and _near(run.path, path) for path in traced):
         text = f"The path has {len(run.path)} points; parents lead through {len(traced[0])}."
         return [Fault("path", text)]
     if at_goal[-1] != len(run.nodes) - 1:

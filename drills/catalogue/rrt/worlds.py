@@ -79,7 +79,7 @@ def worlds(rng: np.random.Generator) -> list[World]:
     dip = np.array([[float(rng.uniform(4.0, 6.0)), 1.0 - 1e-7, 1.0]])
     ends = np.array([0.5, 5e-10]), np.array([9.5, 5e-10])
     empty = np.zeros((0, 3))
-    found = [
+    result = [
         _world("no disc at all", empty, 0.7, 500, level="simple"),
         _world("thin posts", clutter(rng, 90, 0.1, 0.2), 0.8, 500),
         _world("thick discs", clutter(rng, 22, 0.4, 0.8), 0.5, 500),
@@ -119,7 +119,7 @@ def worlds(rng: np.random.Generator) -> list[World]:
         ),
         _world("no target allowed", empty, 0.5, 0, level="edge"),
     ]
-    return [world for world in found if _fair(world)]
+    return [world for world in result if _fair(world)]
 
 
 def _fair(world: World) -> bool:

@@ -56,11 +56,11 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
     start, goal, discs, _, step = case.args
     if np.ndim(parts[0]) != 2 or not len(parts[0]) or off(parts[0], np.shape(parts[0])) == np.inf:
         return  # the comparison of the values says what is wrong with it
-    found = path_faults(parts[0], start, goal, discs, np.array([LOW, HIGH]), step)
+    result = path_faults(parts[0], start, goal, discs, np.array([LOW, HIGH]), step)
     attempt.require(
         f"{case.label}: the path",
-        not found,
-        sentence=f"What came back is no path: {found[0].sentence}." if found else "",
+        not result,
+        sentence=f"What came back is no path: {result[0].sentence}." if result else "",
         call=call,
     )
 

@@ -78,10 +78,10 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
     path, discs, _ = case.args
     if np.ndim(parts[0]) != 2 or off(parts[0], np.shape(parts[0])) == np.inf:
         return  # the comparison of the values says what is wrong with it
-    found = path_faults(parts[0], path[0], path[-1], discs, EVERYWHERE, np.inf)
-    said = f"What came back is no path from end to end: {found[0].sentence}." if found else ""
-    attempt.require(f"{case.label}: the path", not found, sentence=said, call=call)
-    if not found:
+    result = path_faults(parts[0], path[0], path[-1], discs, EVERYWHERE, np.inf)
+    message = f"What came back is no path from end to end: {result[0].sentence}." if result else ""
+    attempt.require(f"{case.label}: the path", not result, sentence=message, call=call)
+    if not result:
         more = length(parts[0]) - length(path)
         attempt.require(
             f"{case.label}: its length",

@@ -70,12 +70,12 @@ def held(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> Non
     speed = np.asarray(case.args[2], dtype=float)[:, None]
     if off(parts[2], np.zeros((len(speed), len(case.args[4])))) == np.inf:
         return  # the comparison of the values says what is wrong with it
-    most = float(np.max(np.abs(parts[2]) / speed, initial=0.0))
+    largest = float(np.max(np.abs(parts[2]) / speed, initial=0.0))
     attempt.require(
         f"{case.label}: speeds",
-        most <= 1.0 + 1e-9,
-        sentence=f"A joint goes at {most:.4g} times its largest speed.",
-        got=f"{most:.6g}",
+        largest <= 1.0 + 1e-9,
+        sentence=f"A joint goes at {largest:.4g} times its largest speed.",
+        got=f"{largest:.6g}",
         expected="at most 1",
         call=call,
     )

@@ -136,9 +136,9 @@ def smaller_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
             return
     errors = []
     for finer in (1, 2, 4):
-        found = attempt.call(q, omega, inertia, dt / finer, finer * steps)
+        result = attempt.call(q, omega, inertia, dt / finer, finer * steps)
         try:
-            end, rates = as_float64(found[0], (4,)), as_float64(found[1], (3,))
+            end, rates = as_float64(result[0], (4,)), as_float64(result[1], (3,))
         except (Mismatch, TypeError, IndexError):
             return
         right = np.concatenate((either_sign(end, truth[:4]), truth[4:]))

@@ -81,24 +81,24 @@ class Pair:
         if isinstance(got, list | tuple):
             scalars = [isinstance(x, np.ndarray | np.generic) and x.ndim == 0 for x in got]
             got = [x.item() if scalar else x for x, scalar in zip(got, scalars, strict=True)]
-        wanted = expected.tolist()
-        if not isinstance(got, list) or [type(x) for x in got] != [bool] * len(wanted):
+        desired = expected.tolist()
+        if not isinstance(got, list) or [type(x) for x in got] != [bool] * len(desired):
             return self.attempt.require(
                 name,
                 False,
-                sentence=f"{name} must be {len(wanted)} bools.",
+                sentence=f"{name} must be {len(desired)} bools.",
                 got=describe(got),
-                expected=f"{len(wanted)} bools",
+                expected=f"{len(desired)} bools",
                 call=call,
                 reason=Reason.WRONG_TYPE if not isinstance(got, list) else Reason.WRONG_SHAPE,
             )
-        i = next((i for i, (a, b) in enumerate(zip(got, wanted, strict=True)) if a != b), 0)
+        i = next((i for i, (a, b) in enumerate(zip(got, desired, strict=True)) if a != b), 0)
         return self.attempt.require(
             name,
-            got == wanted,
-            sentence=f"{name} is {got[i]} for environment {i}, and should be {wanted[i]}.",
+            got == desired,
+            sentence=f"{name} is {got[i]} for environment {i}, and should be {desired[i]}.",
             got=describe(got),
-            expected=describe(wanted),
+            expected=describe(desired),
             call=call,
         )
 
@@ -122,12 +122,12 @@ class Pair:
     def info(self, name: str, got: Any, expected: dict[str, Any], call: str) -> bool:
         """Compare one dict."""
         if not isinstance(got, dict) or set(got) != set(expected):
-            found = f"has the keys {sorted(got)}" if isinstance(got, dict) else "is no dict"
-            found = "is None" if got is None else found
+            result = f"has the keys {sorted(got)}" if isinstance(got, dict) else "is no dict"
+            result = "is None" if got is None else result
             return self.attempt.require(
                 name,
                 False,
-                sentence=f"It {found}, and should have the keys {sorted(expected)}.",
+                sentence=f"It {result}, and should have the keys {sorted(expected)}.",
                 got=describe(got),
                 expected=describe(expected),
                 call=call,
@@ -191,8 +191,8 @@ def _refusals(attempt: Attempt) -> None:
     pair = Pair(attempt, 3, 5, 4)
     if not pair.reset(0):
         return
-    many = attempt.rng.uniform(-1.0, 1.0, (4, 2))
-    for actions, word in ((many, "too many"), (many[:2], "too few")):
+    count = attempt.rng.uniform(-1.0, 1.0, (4, 2))
+    for actions, word in ((count, "too many"), (count[:2], "too few")):
         attempt.require_error(
             f"{word} actions",
             functools.partial(attempt.learner.method, pair.envs, "step", actions),

@@ -80,9 +80,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 def told(answers: Sequence[Answer]) -> str:
     """Right values at twice the price."""
-    asked = {a.case.args[3].asked for a in answers}
+    requested = {a.case.args[3].asked for a in answers}
     right = all(all(a.right) for a in answers)
-    return "evaluated_twice" if asked == {2} and right else coarse(answers)
+    return "evaluated_twice" if requested == {2} and right else coarse(answers)
 
 
 def whole_runs(attempt: Attempt, answers: Sequence[Answer]) -> None:

@@ -62,8 +62,8 @@ def against_grid(figure: Any, shown: Shown) -> None:
     """How far what was asked for is from a loop that is never late, in periods."""
     start, period = shown.args[:2]
     axes = picture.plane(figure, "cycle", "asked for, less cycle times period [periods]")
-    for (asked, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
-        turns = (np.asarray(asked, dtype=float) - start) / period
+    for (requested, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
+        turns = (np.asarray(requested, dtype=float) - start) / period
         axes.plot(turns - np.arange(len(turns)), "o", **style | {"ls": "-"})
     axes.legend()
 

@@ -40,14 +40,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
     near = task(0.0, 1, "").args
     across = np.array([math.pi - 0.3, 0.2, 0.1]), np.array([math.pi + 0.3, -0.2, 0.3])
-    seen = _hand(across[1]) * np.sign(_hand(across[1])[0])
+    observed = _hand(across[1]) * np.sign(_hand(across[1])[0])
     return [
         task(0.0, 1, "a short turn", "simple"),
         task(0.0, -1, "the target's quaternion is negative", "core"),
         task(2.0 * math.pi, 1, "wound up by a turn"),
         task(2.0 * math.pi, -1, "wound up by a turn, the target is not"),
         task(-2.0 * math.pi, -1, "unwound by a turn, the target is not"),
-        Case((across[0], seen, DAMPING, STEPS), "across half a turn"),
+        Case((across[0], observed, DAMPING, STEPS), "across half a turn"),
         Case((across[1], _hand(across[0]), DAMPING, STEPS), "back across half a turn"),
         Case((near[0], _hand(near[0]), DAMPING, STEPS), "there already", "edge"),
         Case((near[0], -_hand(near[0]), DAMPING, STEPS), "there already, negative", "edge"),

@@ -20,9 +20,9 @@ COMBINATIONS = [
 @pytest.mark.parametrize(("scene", "cone", "what"), COMBINATIONS)
 def test_forces_over_a_thousand_steps(scene: str, cone: str, what: str) -> None:
     options = Options(cone=cone, **OPTIONS[what])
-    worst, seen = compared(SCENES[scene](options), options, 1000)
+    worst, observed = compared(SCENES[scene](options), options, 1000)
     assert worst < 1e-9
-    assert seen > 5
+    assert observed > 5
 
 
 def test_our_own_arm_over_a_thousand_steps() -> None:

@@ -25,12 +25,12 @@ def test_agrees_with_coal(first, second):
             random_poses(rng, COUNT // 2, spread),
             random_poses(rng, COUNT // 2, spread),
         )
-        found = contact.distance(a, pose_a, b, pose_b)
+        result = contact.distance(a, pose_a, b, pose_b)
         other = coal.Pair(a, b).distances(pose_a, pose_b)
-        error = np.abs(found.distance - other) / size
+        error = np.abs(result.distance - other) / size
         worst = int(error.argmax())
         assert error[worst] < 1e-9, (pose_a[:, worst].tolist(), pose_b[:, worst].tolist())
-        assert found.gap.max() < 1e-12 * size
+        assert result.gap.max() < 1e-12 * size
 
 
 @pytest.mark.parametrize("angle", [None, 1e-3, 1e-6, 1e-8, 1e-10, 1e-13, 0.0])
@@ -42,9 +42,9 @@ def test_boxes_agree_with_every_feature(angle, scale):
         pose_a, pose_b = (random_poses(rng, 500, scale) for _ in range(2))
         if angle is not None:
             pose_b[3:] = draws.turned(rng, pose_a, angle)[3:]
-        found = contact.distance(a, pose_a, b, pose_b)
+        result = contact.distance(a, pose_a, b, pose_b)
         expected = contact.enumerated(a, pose_a, b, pose_b)
-        assert np.abs(found.distance - expected).max() < 1e-12 * scale
+        assert np.abs(result.distance - expected).max() < 1e-12 * scale
 
 
 def test_boxes_of_any_proportions_all_but_aligned():
@@ -58,7 +58,7 @@ def test_boxes_of_any_proportions_all_but_aligned():
         place = rng.choice(offsets, (3, 50)) * max(a.size, b.size)
         pose_a, pose_b = np.vstack((0.0 * place, turns[0])), np.vstack((place, turns[1]))
         size = a.size + b.size + np.linalg.norm(place, axis=0)
-        found = contact.distance(a, pose_a, b, pose_b)
+        result = contact.distance(a, pose_a, b, pose_b)
         expected = contact.enumerated(a, pose_a, b, pose_b)
-        assert (np.abs(found.distance - expected) / size).max() < 1e-13
-        assert (found.gap / size).max() < 1e-11
+        assert (np.abs(result.distance - expected) / size).max() < 1e-13
+        assert (result.gap / size).max() < 1e-11

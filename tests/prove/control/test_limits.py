@@ -19,11 +19,11 @@ def test_a_wall_over_its_stiffness():
 
 
 def test_along_the_path_mpc_without_limits_is_the_regulator() -> None:
-    found = [
+    result = [
         tracking.error(tracking.LAWS[name](tracking.ARM, 0.02), 0.02, 1.0, last=0.5)
         for name in ("LQR along the path", "MPC")
     ]
-    assert found[0] == pytest.approx(found[1], rel=0.05) and found[0] < 1e-3
+    assert result[0] == pytest.approx(result[1], rel=0.05) and result[0] < 1e-3
 
 
 def test_a_log_tells_the_inertia_and_the_cause() -> None:

@@ -68,8 +68,8 @@ def test_a_tight_limit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", EXERCISES)
 def test_every_slip_is_named_with_fifty_seeds(name: str) -> None:
-    found = verify.findings_of(name, Effort(1, 50, verify.in_this_process))
-    assert [f"{f.what}: {f.detail}" for f in found if not f.passed] == []
+    result = verify.findings_of(name, Effort(1, 50, verify.in_this_process))
+    assert [f"{f.what}: {f.detail}" for f in result if not f.passed] == []
 
 
 @pytest.mark.parametrize("seed", [100, 112, 133, 719625752])

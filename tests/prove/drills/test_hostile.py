@@ -107,9 +107,9 @@ def test_file(kind: str, reason: str, world: dict[str, str], tmp_path: Path) -> 
     ran = CliRunner().invoke(
         cli, ["check", "fk3", "--file", str(path), "--json", "--work", str(tmp_path / "work")]
     )
-    told = json.loads(ran.output.strip().splitlines()[-1])
-    assert told["reason"] == reason, ran.output
-    assert told["verdict"] == ("pass" if reason == "right" else "fail")
+    report = json.loads(ran.output.strip().splitlines()[-1])
+    assert report["reason"] == reason, ran.output
+    assert report["verdict"] == ("pass" if reason == "right" else "fail")
     assert ran.exit_code == (0 if reason == "right" else 1)
 
 

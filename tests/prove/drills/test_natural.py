@@ -39,18 +39,18 @@ def answers(card: Card) -> list[Wrong]:
     """The wrong answers to an exercise."""
     table = tomllib.loads(Path(__file__).with_name("natural.toml").read_text(encoding="utf-8"))
     rows = table[card.name]
-    found = []
-    for what, told, changed in rows.get("filled", []):
+    result = []
+    for what, report, changed in rows.get("filled", []):
         text = rows["template"].format(**rows["usual"] | changed)
-        found.append((what, told, HEAD + text))
-    for what, told, *pairs in rows.get("edited", []):
+        result.append((what, report, HEAD + text))
+    for what, report, *pairs in rows.get("edited", []):
         text = card.solution_text()
         for old, new in zip(pairs[::2], pairs[1::2], strict=True):
             assert old in text, (what, old)
             text = text.replace(old, new)
-        found.append((what, told, text))
-    found += [(what, told, HEAD + text) for what, told, text in rows.get("whole", [])]
-    return [Wrong(what, text, frozenset(told.split())) for what, told, text in found]
+        result.append((what, report, text))
+    result += [(what, report, HEAD + text) for what, report, text in rows.get("whole", [])]
+    return [Wrong(what, text, frozenset(report.split())) for what, report, text in result]
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_no_wrong_answer_passes(reports: dict[str, list[tuple[Wrong, Report]]]) 
 
 
 def test_nine_of_ten_are_explained(reports: dict[str, list[tuple[Wrong, Report]]]) -> None:
-    rows = [(name, *row) for name, found in reports.items() for row in found]
+    rows = [(name, *row) for name, result in reports.items() for row in result]
     bare = [(n, w.what, report.sentence) for n, w, report in rows if not w.explained(report)]
     assert len(rows) >= 190 and len(bare) <= (1.0 - SHARE) * len(rows), bare
 

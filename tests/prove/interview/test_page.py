@@ -33,5 +33,5 @@ def test_the_cheat_sheet_is_one_page(tmp_path, rows: int, pages: int) -> None:
     ]
     command = [str(BROWSER), *flags, (tmp_path / "page.html").as_uri()]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
-    found = len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "page.pdf").read_bytes()))
-    assert found == 1 if pages == 1 else found >= pages
+    result = len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "page.pdf").read_bytes()))
+    assert result == 1 if pages == 1 else result >= pages

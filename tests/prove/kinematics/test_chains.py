@@ -12,7 +12,7 @@ def test_a_thousand_chains_and_trees(library) -> None:
     wrong = {}
     for seed in range(1000):
         chain = drawn(seed)
-        found = too_far(library(chain, np.random.default_rng(seed)), max(1.0, chain.reach[1]))
-        if found:
-            wrong[seed] = found
+        result = too_far(library(chain, np.random.default_rng(seed)), max(1.0, chain.reach[1]))
+        if result:
+            wrong[seed] = result
     assert not wrong

@@ -17,9 +17,9 @@ def test_two_thousand_scenes_as_mujoco_sees_them():
     for _ in range(2000):
         shapes = scene(rng)
         depth, ids = render(shapes, SMALL)
-        theirs, whose = mujoco.Rays(shapes, SMALL).picture()
-        pixels += int(np.count_nonzero(ids != whose))
-        worst = max(worst, np.abs(depth - theirs)[ids == whose].max())
+        theirs, owner = mujoco.Rays(shapes, SMALL).picture()
+        pixels += int(np.count_nonzero(ids != owner))
+        worst = max(worst, np.abs(depth - theirs)[ids == owner].max())
     # Where a ray all but grazes a round shape the root has half of the digits.
     assert worst < 1e-10 and pixels <= 2
 

@@ -58,7 +58,7 @@ def test_covariance_over_many_poses(window):
 
 def test_three_hundred_pictures():
     """No pose is called found that is off by 5 mm or 3 degrees."""
-    rng, found = np.random.default_rng(), 0
+    rng, result = np.random.default_rng(), 0
     for _ in range(300):
         half = rng.uniform(0.015, 0.06, 3)
         half[1] = half[0] * rng.uniform(0.4, 0.75)  # else a quarter turn is hard to tell
@@ -70,5 +70,5 @@ def test_three_hundred_pictures():
             if one.status == "found":
                 shift, angle = apart(part, pose, one.pose)
                 assert shift < 5e-3 and angle < np.radians(3.0)
-                found += 1
-    assert found > 200
+                result += 1
+    assert result > 200

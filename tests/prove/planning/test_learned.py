@@ -20,10 +20,10 @@ def test_a_sampler_trained_anew_asks_as_little() -> None:
 def test_a_diffusion_trained_anew_collides_as_often() -> None:
     world = scenes.discs(count=chart.DISCS).world
     net = learned.train_diffusion(world, seed=7)
-    asked = learned.questions(learned.grown(world), 60, np.random.default_rng(70))
-    some = [scenes.Scene("discs", world, q.start, q.goal, 1.0) for q in asked]
-    found = chart.proposed([net], some)
-    assert 0.45 < found["noise, checked"][1][0] < 0.8
-    assert found["noise, pushed out"][2][0] < 0.12
+    requested = learned.questions(learned.grown(world), 60, np.random.default_rng(70))
+    some = [scenes.Scene("discs", world, q.start, q.goal, 1.0) for q in requested]
+    result = chart.proposed([net], some)
+    assert 0.45 < result["noise, checked"][1][0] < 0.8
+    assert result["noise, pushed out"][2][0] < 0.12
     solved = max(charts.stored("learned_planners")[3]["noise, checked"].y)
-    assert abs(found["noise, checked"][0].ever - solved) < 0.12
+    assert abs(result["noise, checked"][0].ever - solved) < 0.12

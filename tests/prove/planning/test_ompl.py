@@ -25,5 +25,5 @@ def test_seven_joints_at_a_shelf() -> None:
     for _ in range(3):
         scene = scenes.Scene("shelf", place.world, *place.query(rng), 1.0)
         quick.compare(scene, "rrt_connect", range(1, 101))
-        found = quick.ours(scene, "rrt_connect", 1)
-        assert not found.solved or check_path(scene.world, found.path, scene.start, scene.goal)
+        result = quick.ours(scene, "rrt_connect", 1)
+        assert not result.solved or check_path(scene.world, result.path, scene.start, scene.goal)

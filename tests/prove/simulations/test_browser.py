@@ -27,9 +27,9 @@ PAINT = """([paper, data, wide]) => {
 
 def in_browser(page: Any, picture: draw.Picture) -> tuple[dict[str, str], Any]:
     """The readouts and the pixels."""
-    told = widget.Canvas(picture)._paper
+    report = widget.Canvas(picture)._paper
     data = base64.b64encode(picture.data.tobytes()).decode()
-    readouts, png = page.evaluate(PAINT, [told, data, picture.paper.width])
+    readouts, png = page.evaluate(PAINT, [report, data, picture.paper.width])
     pixels = matplotlib.image.imread(BytesIO(base64.b64decode(png)), format="png")
     return dict(readouts), pixels[..., :3]
 
@@ -43,13 +43,13 @@ def blurred(pixels: Any, by: int = 8) -> Any:
 
 def without_words(picture: draw.Picture) -> draw.Picture:
     """Words are a few pixels wider in another program; shapes are only moved to whole pixels."""
-    kept, at = [], 0
+    retained, at = [], 0
     while at < picture.data.size:
         end = at + 2 + int(picture.data[at + 1])
         if picture.data[at] != draw.TEXT:
-            kept.append(picture.data[at:end])
+            retained.append(picture.data[at:end])
         at = end
-    return draw.Picture(picture.paper, np.concatenate(kept))
+    return draw.Picture(picture.paper, np.concatenate(retained))
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -58,12 +58,12 @@ def test_both_painters_draw_the_same_picture(page: Any, model: Any) -> None:
         experiment = Experiment(model, **preset.values)
         for _ in range(2):
             picture = experiment.picture()
-            for shown, most, share in ((picture, 0.5, 0.01), (without_words(picture), 0.3, 0.004)):
-                said, browser = in_browser(page, shown)
-                assert said == picture.numbers
+            for shown, largest, share in ((picture, 0.5, 0.01), (without_words(picture), 0.3, 0.004)):
+                text, browser = in_browser(page, shown)
+                assert text == picture.numbers
                 still = matplotlib.image.imread(BytesIO(to_png(shown, 1.0)), format="png")
                 still = still[: browser.shape[0], :, :3]
                 difference = np.abs(blurred(browser) - blurred(still)).max(axis=-1)
                 assert (blurred(still) < 0.9).any()
-                assert difference.max() < most and (difference > 0.12).mean() < share
+                assert difference.max() < largest and (difference > 0.12).mean() < share
             experiment.advance(1.3)

@@ -54,19 +54,19 @@ def test_a_picture_in_the_page_waits_for_no_kernel(tmp_path: Path, capsys: Any) 
         first_cells(page)
         canvas = page.locator("canvas.course-canvas[data-frame]").first
         canvas.evaluate(WATCH)
-        found = {"kernel idle": measure_latency(page, canvas, slider(page, "Gravity"), TIMES)}
+        result = {"kernel idle": measure_latency(page, canvas, slider(page, "Gravity"), TIMES)}
         for where, code in (("in a loop", LOOP), ("in a call", CALL)):
             busy(page, code)
             times = TIMES if code == LOOP else 1
             waits = measure_latency(page, canvas, slider(page, "Gravity"), times)
-            found[f"kernel {where}"] = waits
+            result[f"kernel {where}"] = waits
             idle(page)
         page.get_by_label("runs in this page").check()
         page.wait_for_selector(".course-live[data-ready] canvas[data-frame]")
         canvas = page.locator(".course-live canvas")
-        found["page, kernel idle"] = in_the_page(page, canvas)
+        result["page, kernel idle"] = in_the_page(page, canvas)
         busy(page, CALL)
-        found["page, kernel in a call"] = in_the_page(page, canvas)
+        result["page, kernel in a call"] = in_the_page(page, canvas)
         # The kernel goes on from where the page has come to.
         idle(page)
         words = page.locator(".course-live .course-numbers").inner_text()
@@ -74,10 +74,10 @@ def test_a_picture_in_the_page_waits_for_no_kernel(tmp_path: Path, capsys: Any) 
         page.wait_for_function(
             "words => document.querySelector('.course-numbers').innerText === words", arg=words
         )
-    median = {where: statistics.median(waits) for where, waits in found.items()}
+    median = {where: statistics.median(waits) for where, waits in result.items()}
     with capsys.disabled():
-        told = "; ".join(f"{where} {wait:.0f} ms" for where, wait in median.items())
-        print(f"\nslider to picture: {told}")
+        message = "; ".join(f"{where} {wait:.0f} ms" for where, wait in median.items())
+        print(f"\nslider to picture: {message}")
     assert median["kernel in a call"] > 500.0, "the kernel was not busy"
     assert median["page, kernel in a call"] < 0.2 * median["kernel in a call"]
     assert median["page, kernel idle"] < median["kernel idle"]

@@ -24,6 +24,6 @@ def test_two_builds_are_equal(tmp_path: Path) -> None:
         folder.parent.mkdir()
         done = built(folder, **environment)
         assert done.returncode == 0, done.stderr
-    told = digests(first)
-    assert len(told) > 150
-    assert digests(second) == told
+    report = digests(first)
+    assert len(report) > 150
+    assert digests(second) == report

@@ -12,10 +12,10 @@ LIVE = wasm.live()
 
 @pytest.mark.parametrize("name", LIVE)
 def test_the_same_sources_give_the_same_bytes(name: str) -> None:
-    told = wasm.told(wasm.file_of(name).read_bytes())
+    report = wasm.told(wasm.file_of(name).read_bytes())
     here = {"numba": wasm.numba.__version__, "llvmlite": wasm.llvmlite.__version__}
-    if {each: told[each] for each in here} != here or told["linker"] != compiler.linker()[1]:
-        pytest.skip(f"made with {told}")
+    if {each: report[each] for each in here} != here or report["linker"] != compiler.linker()[1]:
+        pytest.skip(f"made with {report}")
     assert wasm.rebuilt(name) == wasm.file_of(name).read_bytes()
 
 

@@ -98,7 +98,7 @@ FAINT = """() => {
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_told: Any) -> None:
+    def log_message(self, *_message: Any) -> None:
         pass
 
 
@@ -173,11 +173,11 @@ def test_every_page_opens_alone_and_fits(
 
 def test_pages_have_names_and_levels(browser: "Browser", site: Path, addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
-        found = {
+        result = {
             path.name: reader.open(path.name).evaluate(UNNAMED) for path in site.glob("*.html")
         }
-    found["search.html"].remove("h1: ")  # it is Furo's, and has none before one has searched
-    assert {name: said for name, said in found.items() if said} == {}
+    result["search.html"].remove("h1: ")  # it is Furo's, and has none before one has searched
+    assert {name: text for name, text in result.items() if text} == {}
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -197,11 +197,11 @@ def test_the_checks_see_what_they_are_for(browser: "Browser", tmp_path: Path) ->
     (tmp_path / "bad.html").write_text(bad)
     with Reader(browser, tmp_path.as_uri()) as reader:
         page = reader.open("bad.html")
-        assert any("wide" in said for said in page.evaluate(TOO_WIDE))
-        told = " ".join(page.evaluate(UNNAMED))
-        assert all(word in told for word in ("no language", "image", "<button>", "h1, h3", "id x"))
+        assert any("wide" in text for text in page.evaluate(TOO_WIDE))
+        message = " ".join(page.evaluate(UNNAMED))
+        assert all(word in message for word in ("no language", "image", "<button>", "h1, h3", "id x"))
         assert len(page.evaluate(FAINT)) == 1
-        assert any("asked for https://a.invalid/b.js" in said for said in reader.wrong)
+        assert any("asked for https://a.invalid/b.js" in text for text in reader.wrong)
 
 
 def test_the_focus_goes_down_the_page(browser: "Browser", addresses: list[str]) -> None:
@@ -218,14 +218,14 @@ def test_the_focus_goes_down_the_page(browser: "Browser", addresses: list[str]) 
                     " return [all.indexOf(e), e.checkVisibility(), e.tagName]; }"
                 )
             )
-        assert all(seen for _, seen, tag in met if tag != "BODY"), met
+        assert all(observed for _, observed, tag in met if tag != "BODY"), met
         places = [place for place, _, tag in met if tag != "BODY"]
         assert len(places) > 30 and places == sorted(set(places)), met
 
 
 def test_the_search_finds_words_where_they_are(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0]) as reader:
-        for word, wanted in WORDS.items():
+        for word, expected in WORDS.items():
             page = reader.open(f"search.html?q={word}")
             page.wait_for_selector("#search-results .search li a")
             page.wait_for_function(
@@ -235,7 +235,7 @@ def test_the_search_finds_words_where_they_are(browser: "Browser", addresses: li
                 "#search-results .search li a",
                 "all => all.map(a => new URL(a.href).pathname.split('/').at(-1))",
             )
-            assert f"{wanted}.html" in hits[:5], (word, hits[:5])
+            assert f"{expected}.html" in hits[:5], (word, hits[:5])
         assert reader.wrong == []
 
 

@@ -140,10 +140,10 @@ def assert_alike(page: Any, experiment: Experiment, what: Any) -> None:
                 np.testing.assert_array_equal(b, a, err_msg=f"{what} {field}")
     drawn = experiment.picture()
     np.testing.assert_allclose(picture, drawn.data, rtol=1e-6, atol=1e-6, err_msg=str(what))
-    said, meant = numbers(page), drawn.numbers
-    assert list(said) == list(meant), what
-    for name, words in meant.items():
-        assert said[name] == words or _near(said[name], words), (what, name, said[name], words)
+    text, intended = numbers(page), drawn.numbers
+    assert list(text) == list(intended), what
+    for name, words in intended.items():
+        assert text[name] == words or _near(text[name], words), (what, name, text[name], words)
 
 
 def _near(one: str, other: str) -> bool:
@@ -219,8 +219,8 @@ def pointer_at(page: Any, experiment: Experiment, x: float, y: float) -> tuple[f
     xmin, xmax, ymin, ymax = experiment.model.paper.window
     u = round(box[0] + (x - xmin) / (xmax - xmin) * box[2])
     v = round(box[1] + (ymax - y) / (ymax - ymin) * box[3])
-    there = xmin + (u - box[0]) / box[2] * (xmax - xmin)
-    return u, v, there, ymax - (v - box[1]) / box[3] * (ymax - ymin)
+    other = xmin + (u - box[0]) / box[2] * (xmax - xmin)
+    return u, v, other, ymax - (v - box[1]) / box[3] * (ymax - ymin)
 
 
 @pytest.mark.parametrize("name", FULL)
@@ -303,15 +303,15 @@ DRAG = """async frames => {
 
 @pytest.mark.skipif(BOX not in LIVE, reason="it is not compiled")
 def test_pictures_keep_up_while_a_slider_is_dragged(open_page: Any, capsys: Any) -> None:
-    found = open_page().evaluate(DRAG, 120)
-    wait = statistics.median(found["waits"])
-    rate = found["pictures"] / found["seconds"]
+    result = open_page().evaluate(DRAG, 120)
+    wait = statistics.median(result["waits"])
+    rate = result["pictures"] / result["seconds"]
     with capsys.disabled():
         print(f"\npage: {rate:.0f} pictures/s while dragging, slider to picture {wait:.0f} ms")
     # On a machine that draws sixty frames a second, 25 of them and 50 ms; else as much slower.
-    slower = 60.0 / min(found["possible"], 60.0)
+    slower = 60.0 / min(result["possible"], 60.0)
     assert rate * slower > 25.0 and wait < 50.0 * slower
-    assert found["pictures"] > 0.9 * found["frames"] and statistics.median(found["late"]) <= 1
+    assert result["pictures"] > 0.9 * result["frames"] and statistics.median(result["late"]) <= 1
 
 
 MANY = """async () => {
@@ -529,11 +529,11 @@ def test_the_widget_of_a_notebook_runs_it_in_the_page(open_page: Any, busy: bool
     assert not switch.is_checked()
     switch.check()
     page.wait_for_selector("[data-ready] canvas[data-frame]")
-    asked = page.evaluate("() => window.sent.at(-1)")
-    assert asked["type"] == "runs" and asked["where"] == "page"
+    requested = page.evaluate("() => window.sent.at(-1)")
+    assert requested["type"] == "runs" and requested["where"] == "page"
     experiment = Experiment(panel.model)
     if not busy:  # the kernel answers, and the page goes on from there
-        panel.canvas._handle_custom_msg(asked, [])
+        panel.canvas._handle_custom_msg(requested, [])
         content, records = sent[-1]
         page.evaluate(TELL, [content, [list(each) for each in records]])
         experiment.take(*records)
