@@ -53,11 +53,11 @@ def positive(name: str, value: Any, *, unit: str = "") -> float:
     return finite(name, value, POSITIVE, unit=unit)
 
 
-def count(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
-    """A whole number from `least` to `most`, both allowed; anything else raises ValueError."""
+def count(name: str, value: Any, least: int = 0, at_most: int | None = None) -> int:
+    """A whole number from `least` to `at_most`, both allowed; anything else raises ValueError."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or value < least or (most is not None and value > most):
-        end = "on" if most is None else f"to {most}"
+    if not whole or value < least or (at_most is not None and value > at_most):
+        end = "on" if at_most is None else f"to {at_most}"
         raise refused(name, value, f"a whole number from {least} {end}")
     return int(value)
 
@@ -144,9 +144,9 @@ def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
     return value
 
 
-def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
-    return len(shape) == len(wanted) and all(
-        size is None or size == n for n, size in zip(shape, wanted, strict=True)
+def _fits(shape: tuple[int, ...], desired: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(desired) and all(
+        size is None or size == n for n, size in zip(shape, desired, strict=True)
     )
 
 

@@ -160,7 +160,7 @@ def _solution_text(solution: str) -> str:
     return definitions(_module_file(module), names.split(","))
 
 
-def definitions(path: Path, wanted: list[str]) -> str:
+def definitions(path: Path, desired: list[str]) -> str:
     """The named top-level definitions of a module, after the imports and names that they use.
 
     Args:
@@ -174,11 +174,11 @@ def definitions(path: Path, wanted: list[str]) -> str:
     tree = ast.parse(text)
     lines = text.splitlines()
     known = {name: node for node in tree.body for name in _defined(node)}
-    missing = [name for name in wanted if name not in known]
+    missing = [name for name in desired if name not in known]
     if missing:
         raise ValueError(f"{path.name} does not define {', '.join(missing)}")
     selected: set[ast.stmt] = set()
-    queue = [known[name] for name in wanted]
+    queue = [known[name] for name in desired]
     while queue:
         node = queue.pop()
         if node in selected:

@@ -167,11 +167,11 @@ def value_slips(
     return tuple(itertools.compress(result, (whole, swapped, in_part, True)))
 
 
-def _changed(name: str, entry: str, parts: str, told: str) -> Slip:
+def _changed(name: str, entry: str, parts: str, explain: str) -> Slip:
     """The worked answer whose results, a tuple `parts`, are changed."""
     return Slip(
         name,
-        told,
+        explain,
         ((f"def {entry}(", "def exact("),),
         after=f"""
 

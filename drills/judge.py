@@ -93,7 +93,7 @@ def judge_of(
     *,
     names: Sequence[str] = (),
     nearest: Callable[[Any, Array], Array] = lambda got, truth: truth,
-    told: Callable[[Sequence[Answer]], str] = lambda answers: "",
+    explain: Callable[[Sequence[Answer]], str] = lambda answers: "",
     first: Callable[[Attempt, Case, tuple[Any, ...], str], None] | None = None,
     last: Callable[[Attempt, Sequence[Answer]], None] | None = None,
     then: tuple[str, str] = ("core", "many calls in a row"),
@@ -134,7 +134,7 @@ def judge_of(
             attempt.report.shown = _simplest_wrong(answered)
             with np.errstate(all="ignore"):  # what came back may be as large as it likes
                 readable = [a for a in answered if a.parts]
-                attempt.shown = told(readable) or swapped(readable) or whole_numbers(readable)
+                attempt.shown = explain(readable) or swapped(readable) or whole_numbers(readable)
                 attempt.factor = constant_factor(readable)
                 attempt.in_part = one_part_right(attempt, readable, names)
         if {check.reason for check in attempt.report.checks} & MALFORMED:

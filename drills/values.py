@@ -118,14 +118,14 @@ def _a(name: str) -> str:
     return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
 
 
-def _shape_sentence(got: tuple[int, ...], wanted: tuple[int, ...], what: str) -> str:
-    message = f"{what} has shape {got}; {wanted} is asked for."
-    if got == wanted[::-1] and len(got) > 1:
+def _shape_sentence(got: tuple[int, ...], desired: tuple[int, ...], what: str) -> str:
+    message = f"{what} has shape {got}; {desired} is asked for."
+    if got == desired[::-1] and len(got) > 1:
         return f"{message} It looks transposed."
-    if len(got) == len(wanted) and len(got) > 0 and got[1:] == wanted[1:]:
-        few = "few" if got[0] < wanted[0] else "many"
-        return f"{message} There are {abs(got[0] - wanted[0])} too {few} rows."
-    if int(np.prod(got)) == int(np.prod(wanted)):
+    if len(got) == len(desired) and len(got) > 0 and got[1:] == desired[1:]:
+        few = "few" if got[0] < desired[0] else "many"
+        return f"{message} There are {abs(got[0] - desired[0])} too {few} rows."
+    if int(np.prod(got)) == int(np.prod(desired)):
         return f"{message} The number of values is right, their arrangement is not."
     return message
 

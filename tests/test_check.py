@@ -20,7 +20,7 @@ POSITIVE = "a positive finite number"
 
 
 @pytest.mark.parametrize(
-    ("kind", "arguments", "found", "allowed"),
+    ("kind", "arguments", "result", "allowed"),
     [
         (check.positive, (0.0,), " is 0.0", POSITIVE),
         (check.positive, (-math.inf,), " is -inf", POSITIVE),
@@ -50,8 +50,8 @@ POSITIVE = "a positive finite number"
         (check.bounds, (math.nan, 3), " is nan", "an array of numbers, which may be infinite"),
     ],
 )
-def test_the_error_says_name_value_and_what_is_allowed(kind, arguments, found, allowed) -> None:
-    with pytest.raises(ValueError, match=f"^{re.escape(f'x{found}, allowed is {allowed}')}$"):
+def test_the_error_says_name_value_and_what_is_allowed(kind, arguments, result, allowed) -> None:
+    with pytest.raises(ValueError, match=f"^{re.escape(f'x{result}, allowed is {allowed}')}$"):
         kind("x", *arguments)
 
 

@@ -171,17 +171,17 @@ def pgs_sweep(A, g, w, d, associated):
 
 @register_jitable
 def sweep_until(
-    A: Array, b: Array, g: Array, d: int, associated: bool, most: int, small: float
+    A: Array, b: Array, g: Array, d: int, associated: bool, at_most: int, small: float
 ) -> int:
     """Sweeps until the correction is small; returns how many, changes g in place."""
     w = b.copy()
     for i in range(g.size):
         for j in range(g.size):
             w[i] += A[i, j] * g[j]
-    for sweep in range(most):
+    for sweep in range(at_most):
         if pgs_sweep(A, g, w, d, associated) <= small:
             return sweep + 1
-    return most
+    return at_most
 
 
 _PGS = numba.int64(MATRIX, VECTOR, VECTOR, numba.int64, numba.boolean, numba.int64, numba.float64)

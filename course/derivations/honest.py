@@ -89,16 +89,16 @@ class _Check:
             and name in (None, node.attr)
         )
 
-    def computed(self, value: ast.AST, seen: frozenset[str] = frozenset()) -> bool:
+    def computed(self, value: ast.AST, observed: frozenset[str] = frozenset()) -> bool:
         """Whether a value can be traced to a call that computes something."""
         if value is _COMPUTES:
             return True
         for node in ast.walk(value):
             if isinstance(node, ast.Call) and self._computes(node.func):
                 return True
-            if isinstance(node, ast.Name) and node.id not in seen:
+            if isinstance(node, ast.Name) and node.id not in observed:
                 if node.id in self.sources:
-                    further = seen | {node.id}
+                    further = observed | {node.id}
                     if any(self.computed(source, further) for source in self.sources[node.id]):
                         return True
                 elif self._outer_computes(node.id):

@@ -74,9 +74,9 @@ def write_read_error(read: Mapped, write: Mapped, state: ArrayLike) -> float:
     return gap(write(state, read(state)), state)
 
 
-def round_trip_error(there: Mapped, back: Mapped, value: ArrayLike) -> float:
+def round_trip_error(present: Mapped, back: Mapped, value: ArrayLike) -> float:
     """Going there and back changes nothing. Two wrong maps that are inverses pass it too."""
-    return gap(back(there(value)), value)
+    return gap(back(present(value)), value)
 
 
 def mirror_error(

@@ -231,7 +231,7 @@ def _held(table, J, e, q, held):
     return result
 
 
-def _solve(table, target, starts, method, damping, near, turn, most, rank):
+def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
     """Run every start (N, S, n) until one succeeds, for N targets (7, N) or (3, N).
 
     Args:
@@ -259,7 +259,7 @@ def _solve(table, target, starts, method, damping, near, turn, most, rank):
             cost = distance * distance + angle * angle
             mu, slow, reason, stops = damping * damping, 0, _ITERATIONS, 0
             fresh = True  # J belongs to q
-            for _ in range(most):
+            for _ in range(at_most):
                 if distance <= near and angle <= turn:
                     break
                 if fresh:

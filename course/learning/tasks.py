@@ -143,7 +143,7 @@ class TwoWays:
         return states + actions + disturbed
 
     def demonstrate(
-        self, number: int, seed: int, *, left: float = 0.5, pause: int = 0, injected: float = 0.0
+        self, number: int, seed: int, *, remaining: float = 0.5, pause: int = 0, injected: float = 0.0
     ) -> Runs:
         """People who pass left or right, and may stop for a look a quarter of the way.
 
@@ -155,7 +155,7 @@ class TwoWays:
         """
         rng = np.random.default_rng((count("seed", seed), 91))
         start = self.starts(number, rng)
-        side = np.where(rng.random(number) < finite("left", left, 0.0, 1.0), 1.0, -1.0)
+        side = np.where(rng.random(number) < finite("remaining", remaining, 0.0, 1.0), 1.0, -1.0)
         width = side * (self.width + self.scatter * rng.standard_normal(number))
         part = np.linspace(0.0, 1.0, self.steps + 1)
         distance = start[:, None] * (1.0 - part)[:, None]

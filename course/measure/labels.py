@@ -51,7 +51,7 @@ _AWAY = (
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False) + 0.25 * np.pi
 
 
-def spread(wanted: ArrayLike, sizes: ArrayLike, low: float, high: float) -> Array:
+def spread(desired: ArrayLike, sizes: ArrayLike, low: float, high: float) -> Array:
     """Centres of boxes along a line: none overlap, and the squares of the moves are least.
 
     Where the boxes have room between `low` and `high`, they stay there. This is isotonic
@@ -63,17 +63,17 @@ def spread(wanted: ArrayLike, sizes: ArrayLike, low: float, high: float) -> Arra
         sizes: of the boxes, shape (n,).
         low, high: bounds of the line.
     """
-    wanted, sizes = np.asarray(wanted, dtype=float), np.asarray(sizes, dtype=float)
-    order = np.argsort(wanted, kind="stable")
+    desired, sizes = np.asarray(desired, dtype=float), np.asarray(sizes, dtype=float)
+    order = np.argsort(desired, kind="stable")
     before = np.cumsum(sizes[order]) - sizes[order]
     pools: list[tuple[float, int]] = []
-    for value in wanted[order] - 0.5 * sizes[order] - before:
+    for value in desired[order] - 0.5 * sizes[order] - before:
         pools.append((float(value), 1))
         while len(pools) > 1 and pools[-2][0] > pools[-1][0]:
             (b, n), (a, m) = pools.pop(), pools.pop()
             pools.append(((a * m + b * n) / (m + n), m + n))
     starts = np.repeat([value for value, _ in pools], [n for _, n in pools])
-    centres = np.empty(wanted.size)
+    centres = np.empty(desired.size)
     centres[order] = (
         np.clip(starts, low, max(low, high - float(np.sum(sizes)))) + before + 0.5 * sizes[order]
     )

@@ -91,18 +91,18 @@ def sweep(
 
 
 def _run(
-    function: Any, jobs: Sequence[Job], left: list[int], executor: Executor | None
+    function: Any, jobs: Sequence[Job], remaining: list[int], executor: Executor | None
 ) -> Iterator[tuple[int, Any, BaseException | None]]:
     """Each job as it finishes: its number, and its result or what it raised."""
     if executor is None:
-        for i in left:
+        for i in remaining:
             try:
                 yield i, function(**jobs[i]), None
             except Exception as error:
                 yield i, None, error
         return
     futures: dict[Any, int] = {}
-    for i in left:
+    for i in remaining:
         try:
             futures[executor.submit(function, **jobs[i])] = i
         except BrokenExecutor as error:  # a worker died while we were still handing out

@@ -83,7 +83,7 @@ def interleaved(
     *,
     repeats: int = 5,
     sample: float = 1e-3,
-    most: int = 10**9,
+    at_most: int = 10**9,
     patience: float = 1.0,
     warm: bool = False,
 ) -> list[Timing]:
@@ -106,13 +106,13 @@ def interleaved(
         ValueError: for numbers out of range.
     """
     count("repeats", repeats, 1)
-    count("most", most, 1)
+    count("at_most", at_most, 1)
     finite("sample", sample, 0.0, unit="s")
     finite("patience", patience, 0.0)
     if not warm:
         for sampler in samplers:
             sampler(1)
-    counts = [_calls_in(sampler, sample, most) for sampler in samplers]
+    counts = [_calls_in(sampler, sample, at_most) for sampler in samplers]
     rounds: list[tuple[float, list[float]]] = []  # (share of a core, seconds of a call each)
     before = core_share()
     allowed = repeats + math.floor(patience * repeats)
@@ -141,10 +141,10 @@ def core_share() -> float:
     return min(1.0, (time.thread_time() - own) / passed)
 
 
-def _calls_in(sampler: Sampler, sample: float, most: int) -> int:
+def _calls_in(sampler: Sampler, sample: float, at_most: int) -> int:
     """How many calls fill a sample, tried with more and more of them."""
     n = 1
-    while (took := sampler(n)) < 0.5 * sample and n < most:
+    while (took := sampler(n)) < 0.5 * sample and n < at_most:
         desired = n * sample / max(took, 1e-9)
-        n = min(most, max(2 * n, math.ceil(min(desired, 100.0 * n))))
+        n = min(at_most, max(2 * n, math.ceil(min(desired, 100.0 * n))))
     return n

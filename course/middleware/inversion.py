@@ -103,7 +103,7 @@ def _make_lock(shared: SharedMemory, inherit: bool) -> None:
 
 
 def _part(
-    name: str, memory: str, gates: dict[str, Any], told: Any, core: int, work: float, inherit: bool
+    name: str, memory: str, gates: dict[str, Any], report: Any, core: int, work: float, inherit: bool
 ) -> None:
     """One of the three. The gates open in the order low, high, middle."""
     libc = ctypes.CDLL(None)
@@ -114,9 +114,9 @@ def _part(
         os.sched_setaffinity(0, {core})
         become(PRIORITIES[name])
     except OSError as error:
-        told.put(f"SCHED_FIFO was refused: {error}")
+        report.put(f"SCHED_FIFO was refused: {error}")
         return
-    told.put("")
+    report.put("")
     if not gates[name].acquire(timeout=_PATIENCE):
         return
     start = time.monotonic()
@@ -130,5 +130,5 @@ def _part(
             gates["middle"].release()
             compute(work)
         libc.pthread_mutex_unlock(ctypes.byref(lock))
-    told.put((time.monotonic(), name, waited if name == "high" else 0.0))
+    report.put((time.monotonic(), name, waited if name == "high" else 0.0))
     time.sleep(_PATIENCE)  # until it is ended: leaving takes time on the core, too

@@ -249,7 +249,7 @@ class Loss:
     sent: int
 
 
-def lossy(messages: int, fragments: int, loss: float, seed: int, most: int = 100) -> Loss:
+def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 100) -> Loss:
     """Send messages in fragments over a loopback socket, some of which a coin leaves out.
 
     After each round the receiver asks over the same socket for what it lacks, by number, and that
@@ -292,7 +292,7 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, most: int = 100
                     receiver.send(struct.pack(f"!{len(part)}I", *part))
                     desired += struct.unpack(f"!{len(part)}I", sender.recv(DATAGRAM))
                 lost += turn == 1 and bool(desired)
-                if not desired or turn == count("most", most, 1):
+                if not desired or turn == count("at_most", at_most, 1):
                     break
             rounds += turn
     return Loss(lost / messages, rounds / messages, sent)

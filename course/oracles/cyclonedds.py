@@ -275,7 +275,7 @@ class Wire:
     """
 
     def __init__(
-        self, member: Any, size: int, qos: QoS, ways: tuple[str, str], kind: str = "array"
+        self, member: Any, size: int, qos: QoS, paths: tuple[str, str], kind: str = "array"
     ) -> None:
         from cyclonedds.core import ReadCondition, SampleState, WaitSet
         from cyclonedds.pub import DataWriter
@@ -283,7 +283,7 @@ class Wire:
         from cyclonedds.topic import Topic
 
         self.kind = payload_type(size, kind)
-        out, back = (Topic(member, method, self.kind) for method in ways)
+        out, back = (Topic(member, method, self.kind) for method in paths)
         self.writer = DataWriter(member, out, policies(qos))
         self.reader = DataReader(member, back, policies(qos))
         self.set = WaitSet(member)
@@ -309,7 +309,7 @@ class Wire:
 
 
 @contextlib.contextmanager
-def buffered(least: int | None = None, most: int | None = None) -> Iterator[None]:
+def buffered(least: int | None = None, at_most: int | None = None) -> Iterator[None]:
     """Sockets whose receive buffer has at least and at most so many bytes.
 
     Holds for domains that start inside, so no participant may be open. By itself Cyclone asks for
@@ -317,7 +317,7 @@ def buffered(least: int | None = None, most: int | None = None) -> Iterator[None
     """
     library()
     before = os.environ["CYCLONEDDS_URI"]
-    sizes = {"min": least, "max": most}
+    sizes = {"min": least, "max": at_most}
     message = " ".join(f'{name}="{size}B"' for name, size in sizes.items() if size is not None)
     desired = f"<Internal><SocketReceiveBufferSize {message}/></Internal></Domain>"
     os.environ["CYCLONEDDS_URI"] = before.replace("</Domain>", desired)
@@ -383,9 +383,9 @@ def _in_domain(uri: str, target: Callable[..., None], *args: Any) -> None:
     target(*args)
 
 
-def _answer(size: int, qos: QoS, ways: tuple[str, str], kind: str) -> None:
+def _answer(size: int, qos: QoS, paths: tuple[str, str], kind: str) -> None:
     with participant() as member:
-        wire = Wire(member, size, qos, ways, kind)
+        wire = Wire(member, size, qos, paths, kind)
         while True:
             if (payload := wire.receive(PATIENCE)) is not None:
                 wire.send(payload)

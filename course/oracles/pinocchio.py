@@ -239,7 +239,7 @@ class Arm:
         starts: Array,
         limits: tuple[Array, Array] | None = None,
         rate: float = 0.1,
-        most: int = 1000,
+        at_most: int = 1000,
         tolerance: float = 1e-6,
     ) -> tuple[Array, bool, int]:
         """The loop that Pinocchio's users write: the log of the pose error, a share of its step.
@@ -263,7 +263,7 @@ class Arm:
         steps, q = 0, starts[0]
         for start in starts:
             q = start[self.order].copy()
-            for _ in range(most):
+            for _ in range(at_most):
                 library.framesForwardKinematics(model, data, q)
                 remaining = data.oMf[self._tip].actInv(goal)
                 error = library.log6(remaining).vector

@@ -109,9 +109,9 @@ def _pinocchio(arm: TwoLink) -> pinocchio.Arm:
     return pinocchio.Arm(arm.chain(), (0.0, -arm.gravity, 0.0))
 
 
-def control(q: Array, v: Array, wanted: Array, scenario: Scenario, settings: Settings) -> Array:
+def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Settings) -> Array:
     """Computed torque by Pinocchio's recursive Newton-Euler, (2,) [N m]."""
-    a = wanted[2] + settings.kp * (wanted[0] - q) + settings.kd * (wanted[1] - v)
+    a = desired[2] + settings.kp * (desired[0] - q) + settings.kd * (desired[1] - v)
     return _pinocchio(scenario.arm).inverse_dynamics(q, v, a)
 
 

@@ -132,7 +132,7 @@ def history(
         return take(reader or topic.reader(requested))
 
 
-def expected(offered: QoS, requested: QoS, samples: int, late: bool, kept: float) -> list[int]:
+def expected(offered: QoS, requested: QoS, samples: int, late: bool, retained: float) -> list[int]:
     """What is left of 0, 1, ...: the last of them, as many as the least of the depths allows.
 
     A reader that was there is bound by its own depth. One that comes late gets something only if
@@ -142,7 +142,7 @@ def expected(offered: QoS, requested: QoS, samples: int, late: bool, kept: float
         return []
     ends = (offered, requested)
     past = all(q.reliability == "reliable" and q.durability != "volatile" for q in ends)
-    largest = requested.kept if not late else min(requested.kept, kept) if past else 0
+    largest = requested.kept if not late else min(requested.kept, retained) if past else 0
     return list(range(samples))[int(samples - min(samples, largest)) :]
 
 
@@ -166,17 +166,17 @@ def kept_rows(samples: int = 8) -> list[Row]:
     ):
         rows.append(_kept_row("late joiner", offered, requested, samples, late=True))
     for offered, retained in ((replace(LATE, depth=3), 0), (whole, 0), (replace(LATE, depth=1), 5)):
-        rows.append(_kept_row("late joiner", offered, LATE, samples, late=True, kept=retained))
+        rows.append(_kept_row("late joiner", offered, LATE, samples, late=True, retained=retained))
     return rows
 
 
 def _kept_row(
-    policy: str, offered: QoS, requested: QoS, samples: int, late: bool, kept: int | None = None
+    policy: str, offered: QoS, requested: QoS, samples: int, late: bool, retained: int | None = None
 ) -> Row:
-    result = history(offered, requested, samples, late=late, kept_for_late=kept)
+    result = history(offered, requested, samples, late=late, kept_for_late=retained)
     # Cyclone's own default of the durability service is to keep the last one.
-    depth = offered.kept if kept is None else kept or 1
-    service = "" if kept is None else f", service {depth}" if kept else ", service as by default"
+    depth = offered.kept if retained is None else retained or 1
+    service = "" if retained is None else f", service {depth}" if retained else ", service as by default"
     text = [_said("several", qos) for qos in (offered, requested)]
     ours = expected(offered, requested, samples, late, depth)
     return Row(policy, text[0] + service, text[1], f"{result}", f"{ours}")

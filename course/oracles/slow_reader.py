@@ -113,11 +113,11 @@ def flood(
 
 
 def _slow(
-    size: int, qos: QoS, pause: float, ways: tuple[str, str], tally_ways: tuple[str, str]
+    size: int, qos: QoS, pause: float, paths: tuple[str, str], tally_ways: tuple[str, str]
 ) -> None:
     """Take until the end is told and nothing is left; then say how many came, in how long [ns]."""
     with participant() as member:
-        wire = Wire(member, size, qos, ways)
+        wire = Wire(member, size, qos, paths)
         report = Wire(member, 16, QoS(), tally_ways)
         received, first, last, ended = 0, 0, 0, False
         limit = time.monotonic() + 3.0 * PATIENCE

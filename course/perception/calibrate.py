@@ -66,7 +66,7 @@ class Calibration:
         return target_error(self.points, places, self.sigma)
 
 
-def camera_to_base(seen: ArrayLike, touched: ArrayLike) -> Calibration:
+def camera_to_base(observed: ArrayLike, touched: ArrayLike) -> Calibration:
     """The camera's pose from the same points seen by it and touched by the arm.
 
     Three points leave a residual too, but it says least about the error: of 3 N coordinates the fit
@@ -80,8 +80,8 @@ def camera_to_base(seen: ArrayLike, touched: ArrayLike) -> Calibration:
         ValueError: as for `rigid_fit`.
     """
     base = vector("touched", touched, (3, None), unit="m")
-    R, p = rigid_fit(seen, base)
-    deviation = R @ np.asarray(seen, dtype=float) + p[:, None] - base
+    R, p = rigid_fit(observed, base)
+    deviation = R @ np.asarray(observed, dtype=float) + p[:, None] - base
     return Calibration(R, p, float(np.sqrt(np.sum(deviation**2) / (3 * base.shape[1] - 6))), base)
 
 

@@ -467,7 +467,7 @@ def ransac_plane(
     rng: np.random.Generator,
     *,
     confidence: float = 0.99,
-    most: int = 1000,
+    at_most: int = 1000,
     refits: int = 1,
 ) -> tuple[Array, NDArray[np.bool_], int]:
     """The plane that most points lie near (Fischler and Bolles, 1981).
@@ -479,7 +479,7 @@ def ransac_plane(
         points: shape (3, N) [m].
         tolerance: largest distance of a point that counts [m].
         rng: where the triples are drawn from.
-        confidence: of having drawn three inliers; 1 for `most` draws always.
+        confidence: of having drawn three inliers; 1 for `at_most` draws always.
         most: draws, at least 1.
         refits: by least squares.
 
@@ -492,7 +492,7 @@ def ransac_plane(
     """
     given, low, high = _checked(points, 3)
     near = _length("tolerance", tolerance, low, high)
-    triples = rng.integers(0, given.shape[1], (count("most", most, 1), 3))
+    triples = rng.integers(0, given.shape[1], (count("at_most", at_most, 1), 3))
     sure = finite("confidence", confidence, 0.0, 1.0)
     missed = math.log1p(-sure) if sure < 1.0 else -math.inf
     plane = np.empty(4)

@@ -266,7 +266,7 @@ def locate(
     if table is None:
         rng = np.random.default_rng(seed)
         some = points[:, rng.integers(0, points.shape[1], min(2000, points.shape[1]))]
-        plane, _, _ = ransac_plane(some, _SIGMAS * float(np.median(sigma)) + 1e-3, rng, most=200)
+        plane, _, _ = ransac_plane(some, _SIGMAS * float(np.median(sigma)) + 1e-3, rng, at_most=200)
     else:
         plane = vector("table", table, (4,))
         if abs(np.linalg.norm(plane[:3]) - 1.0) > 1e-6:
@@ -297,9 +297,9 @@ def locate(
     return sorted(result, key=lambda one: (one.status == "refuted", -one.agrees))
 
 
-def some_of(points: Array, sigma: Array, most: int = 2000) -> tuple[Array, Array]:
+def some_of(points: Array, sigma: Array, at_most: int = 2000) -> tuple[Array, Array]:
     """Every n-th point, and deviations with which these tell as much as all do [m]."""
-    n = max(1, sigma.size // most)
+    n = max(1, sigma.size // at_most)
     return points[:, ::n], sigma[::n] * math.sqrt(sigma[::n].size / max(1, sigma.size))
 
 

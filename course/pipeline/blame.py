@@ -245,7 +245,7 @@ def injected(
 
 
 def confusion(
-    wanted: int,
+    desired: int,
     faults: Sequence[Fault] = FAULTS,
     case: tuple[Scenario, Settings] = CASE,
     contracted: bool = True,
@@ -265,8 +265,8 @@ def confusion(
     result, last = (np.zeros((len(faults), len(STAGES) + more), np.int64) for more in (2, 0))
     runs: list[list[int]] = [[] for _ in faults]
     for i, fault in enumerate(faults):
-        for seed in range(8 * wanted):
-            if len(runs[i]) == wanted:
+        for seed in range(8 * desired):
+            if len(runs[i]) == desired:
                 break
             replay = injected(fault, seed, case)
             record = replay()

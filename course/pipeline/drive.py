@@ -97,16 +97,16 @@ ENDED, WANTED, READY, FAILED = range(4)
 
 
 @register_jitable
-def law(n, model, log, k, wanted):
+def law(n, model, log, k, desired):
     """Torques into row k: `pd_gravity` on a level table with kd on the joint's speed alone, or
     `computed_torque`."""
     q1, q2, v1, v2 = log[k, Q], log[k, Q + 1], log[k, V], log[k, V + 1]
-    e1, e2 = n[KP] * (wanted[0, 0] - q1), n[KP] * (wanted[0, 1] - q2)
+    e1, e2 = n[KP] * (desired[0, 0] - q1), n[KP] * (desired[0, 1] - q2)
     if n[KIND] == 0.0:
         log[k, SENT], log[k, SENT + 1] = e1 - n[KD] * v1, e2 - n[KD] * v2
         return
-    a1 = wanted[2, 0] + e1 + n[KD] * (wanted[1, 0] - v1)
-    a2 = wanted[2, 1] + e2 + n[KD] * (wanted[1, 1] - v2)
+    a1 = desired[2, 0] + e1 + n[KD] * (desired[1, 0] - v1)
+    a2 = desired[2, 1] + e2 + n[KD] * (desired[1, 1] - v2)
     log[k, SENT], log[k, SENT + 1] = two_link_torque(model, 0, q1, q2, v1, v2, a1, a2)
 
 
@@ -119,14 +119,14 @@ def step(log, k, h, body):
     log[k, V], log[k, V + 1], log[k, Q], log[k, Q + 1] = v1, v2, q1 + h * v1, q2 + h * v2
 
 
-def _reference(t, ints, changing, n, table, links, wanted):
+def _reference(t, ints, changing, n, table, links, desired):
     """Where the joints should be at a time [us], with rates and accelerations: on the path, moved
     by as much as the aim has moved since it was made, times the share of the path that is done."""
     if ints[PLANNED] == 0:
         for j in range(2):
-            wanted[0, j], wanted[1, j], wanted[2, j] = changing[WAIT + j], 0.0, 0.0
+            desired[0, j], desired[1, j], desired[2, j] = changing[WAIT + j], 0.0, 0.0
         return
-    ints[INTERVAL], share = state_at(table, 1e-6 * (t - ints[ORIGIN]), ints[INTERVAL], wanted)
+    ints[INTERVAL], share = state_at(table, 1e-6 * (t - ints[ORIGIN]), ints[INTERVAL], desired)
     if changing[FRESH] > 0.0:
         since = 1e-6 * (t - changing[STAMP])
         x, y = (
@@ -141,8 +141,8 @@ def _reference(t, ints, changing, n, table, links, wanted):
         changing[MOVED + 1] = second - changing[GOAL + 1]
         if changing[RATE] == 0.0 and changing[RATE + 1] == 0.0:
             changing[FRESH] = 0.0
-    wanted[0, 0] += share * changing[MOVED]
-    wanted[0, 1] += share * changing[MOVED + 1]
+    desired[0, 0] += share * changing[MOVED]
+    desired[0, 1] += share * changing[MOVED + 1]
 
 
 _INTS, _GRID = (types.Array(numba.int64, k, "C") for k in (1, 2))
@@ -215,15 +215,15 @@ def between(last, ints, changing, n, table, log, body, model, obstacles, links):
 # --- from event to event --------------------------------------------------------------------------
 
 
-def look(k, n, times, noise, log, ints, seen):
+def look(k, n, times, noise, log, ints, observed):
     """`perceive`, for compiled loops: frame k into its row of what was seen."""
     since = 1e-6 * times[k, 0]
     sigma = n[SIGMA] * noise[k, 2]
     for i in range(2):
         true = n[TX + i] + since * n[VX + i] + noise[k, i]
-        seen[k, PLACE + i] = true + n[BX + i] + sigma * noise[k, 3 + i]
-    seen[k, SPREAD] = seen[k, SPREAD + 2] = max(sigma, LEAST) ** 2
-    seen[k, SPREAD + 1], seen[k, WHEN] = 0.0, times[k, 2]
+        observed[k, PLACE + i] = true + n[BX + i] + sigma * noise[k, 3 + i]
+    observed[k, SPREAD] = observed[k, SPREAD + 2] = max(sigma, LEAST) ** 2
+    observed[k, SPREAD + 1], observed[k, WHEN] = 0.0, times[k, 2]
 
 
 def drive(
@@ -237,7 +237,7 @@ def drive(
     changing,
     x,
     P,
-    seen,
+    observed,
     table,
     log,
     body,
@@ -262,14 +262,14 @@ def drive(
         if ints[DUE] == t:
             return READY
         if taken == t:
-            perceive(ints[TAKEN], n, times, noise, log, ints, seen)
+            perceive(ints[TAKEN], n, times, noise, log, ints, observed)
             ints[TAKEN] += 1
             if ints[WRONG] > 0:
                 return FAILED
             continue
         k = order[ints[ARRIVED]]
         ints[ARRIVED] += 1
-        row = seen[k]
+        row = observed[k]
         if not (math.isfinite(row[PLACE]) and math.isfinite(row[PLACE + 1])):
             ints[WRONG] = 1
         elif not (row[SPREAD] > 0.0 and row[SPREAD] * row[SPREAD + 2] > row[SPREAD + 1] ** 2):

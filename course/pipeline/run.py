@@ -227,9 +227,9 @@ class Run:
         if observed and law and moved:
             return drive, (ours[0], ours[1])
 
-        def their_law(_n, _model, log, k, wanted):
+        def their_law(_n, _model, log, k, desired):
             q, v = log[k, Q:V].copy(), log[k, V:REFERENCE].copy()
-            log[k, SENT : SENT + 2] = stages.control(q, v, wanted.copy(), scenario, settings)
+            log[k, SENT : SENT + 2] = stages.control(q, v, desired.copy(), scenario, settings)
 
         def their_step(log, k, h, body):
             q, v, tau = log[k, Q:V].copy(), log[k, V:REFERENCE].copy(), body[TORQUES, 0].copy()
@@ -241,16 +241,16 @@ class Run:
             between = functools.partial(by.advance, *pair)
         return by.drive, (compiled(by.look, by.LOOK) if observed else self._look, between)
 
-    def _look(self, k, n, times, noise, log, ints, seen) -> None:
+    def _look(self, k, n, times, noise, log, ints, observed) -> None:
         when, q = int(times[k, 0]), log[ints[by.NOW], Q:V].copy()
         target = self.scenario.at(1e-6 * when) + noise[k, :2]
         sight = Sight(int(k), when, target, q, noise[k, 3:].copy(), float(noise[k, 2]))
         place, covariance, frame, stamp = self.stages.perceive(sight, self.scenario, self._told)
         spread = np.asarray(covariance, dtype=float)
-        seen[k, PLACE:SPREAD] = place
-        seen[k, SPREAD : SPREAD + 3] = spread[0, 0], spread[0, 1], spread[1, 1]
+        observed[k, PLACE:SPREAD] = place
+        observed[k, SPREAD : SPREAD + 3] = spread[0, 0], spread[0, 1], spread[1, 1]
         # What the timetable says beside the truth is the clock's error, whoever looks.
-        seen[k, by.WHEN] = stamp + times[k, 2] - times[k, 0]
+        observed[k, by.WHEN] = stamp + times[k, 2] - times[k, 0]
         if frame != FRAME:
             ints[by.WRONG] = by.WRONGS.index("perceive: another frame")
 

@@ -106,9 +106,9 @@ class Frames:
     scale: Array
     draws: Array
 
-    def where(self, kept: NDArray[np.bool_]) -> Frames:
+    def where(self, retained: NDArray[np.bool_]) -> Frames:
         """Those frames only."""
-        return Frames(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
+        return Frames(*(getattr(self, name)[retained] for name in self.__dataclass_fields__))
 
 
 def frames(settings: Settings, seconds: float, seed: int) -> Frames:
@@ -228,7 +228,7 @@ def plan_path(
     return Path(status, checks=requested[0])
 
 
-def control(q: Array, v: Array, wanted: Array, scenario: Scenario, settings: Settings) -> Array:
+def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Settings) -> Array:
     """Torques (2,) of a law of chapter 6 [N m].
 
     Args:
@@ -238,7 +238,7 @@ def control(q: Array, v: Array, wanted: Array, scenario: Scenario, settings: Set
     """
     numbers = np.array([0, 0, LAWS.index(settings.law), settings.kp, settings.kd], dtype=float)
     row = np.concatenate((q, v, np.zeros(4)))[None]
-    law(numbers, scenario.arm.column(), row, 0, wanted)
+    law(numbers, scenario.arm.column(), row, 0, desired)
     return row[0, 6:]
 
 

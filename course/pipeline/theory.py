@@ -42,7 +42,7 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
 
 
 def settling(
-    pictures: int, period: float, ratio: float, drift: float, keep: float = 0.0
+    pictures: int, period: float, ratio: float, drift: float, retain: float = 0.0
 ) -> tuple[float, float]:
     """A Kalman filter that is not yet settled: what a target's speed and noise do to its place.
 
@@ -58,12 +58,12 @@ def settling(
 
     Returns:
         Mean error for each unit of speed [s], and variance over that of a picture, of the place;
-        with `keep` of what an arm makes of it.
+        with `retain` of what an arm makes of it.
     """
     T, e = positive("period", period, unit="s"), np.array([1.0, 0.0])
     F, Q = np.array([[1.0, T], [0.0, 1.0]]), drift**2 * np.outer((T * T / 2, T), (T * T / 2, T))
     P, mean, C = np.diag([1.0, ratio**2]), np.array([0.0, -1.0, 0.0]), np.diag([1.0, 0.0, 1.0])
-    A, take = np.diag([0.0, 0.0, keep]), 1.0 - keep
+    A, take = np.diag([0.0, 0.0, retain]), 1.0 - retain
     for _ in range(count("pictures", pictures, 1) - 1):
         P = F @ P @ F.T + Q
         k = P[:, 0] / (P[0, 0] + 1.0)

@@ -43,7 +43,7 @@ class Way:
 
 
 def chain(
-    way: Way, dt: float, gamma: float | None = None, per_step: float | None = None
+    path: Way, dt: float, gamma: float | None = None, per_step: float | None = None
 ) -> Process:
     """The task at a step; the last two states are the goal, and an end without it.
 
@@ -54,20 +54,20 @@ def chain(
         per_step: factor from a cost a second to one a step; by default the discounted time of a
             step, horizon (1 - gamma), which is dt for a short one.
     """
-    n = count("seconds / dt", round(way.seconds / positive("dt", dt, unit="s")), 1)
-    selected = math.exp(-dt / way.horizon) if gamma is None else finite("gamma", gamma, 0.0, 1.0)
-    paid = way.horizon * -math.expm1(-dt / way.horizon) if per_step is None else per_step
+    n = count("seconds / dt", round(path.seconds / positive("dt", dt, unit="s")), 1)
+    selected = math.exp(-dt / path.horizon) if gamma is None else finite("gamma", gamma, 0.0, 1.0)
+    paid = path.horizon * -math.expm1(-dt / path.horizon) if per_step is None else per_step
     P, R = np.zeros((n + 2, 3, n + 2)), np.zeros((n + 2, 3, n + 2))
-    falls = -math.expm1(-way.fall * dt)
+    falls = -math.expm1(-path.fall * dt)
     for s in range(n):
-        for a, (steps, cost) in enumerate(((1, way.cost), (2, way.cost + way.effort))):
+        for a, (steps, cost) in enumerate(((1, path.cost), (2, path.cost + path.effort))):
             other = min(s + steps, n)
             P[s, a, other] = 1.0 - a * falls
             P[s, a, n + 1] = a * falls
             R[s, a] = -cost * paid
-            R[s, a, n] += way.goal
-            R[s, a, n + 1] += way.hurt
-        P[s, 2, n + 1], R[s, 2, n + 1] = 1.0, way.fee
+            R[s, a, n] += path.goal
+            R[s, a, n + 1] += path.hurt
+        P[s, 2, n + 1], R[s, 2, n + 1] = 1.0, path.fee
     P[n, :, n] = P[n + 1, :, n + 1] = 1.0
     return Process(P, R, selected, np.arange(n + 2) >= n)
 

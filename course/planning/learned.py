@@ -155,15 +155,15 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
         return _fitted(net, loss, steps, 6e-3)
 
 
-def drawn(net: Any, scene: Scene, many: int, rng: np.random.Generator) -> Array:
+def drawn(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array:
     """States from the colours that the sampler gives to a scene's picture, shape (2, many)."""
     import torch
 
     with _alone(0), torch.no_grad():
         logits = net(torch.tensor(picture(scene)[None], dtype=torch.float32))[0]
     share = torch.softmax(logits.double(), 0).numpy()
-    cells = rng.choice(share.size, many, p=share / share.sum())
-    inside = (np.array(divmod(cells, CELLS)) + rng.uniform(size=(2, many))) / CELLS
+    cells = rng.choice(share.size, count, p=share / share.sum())
+    inside = (np.array(divmod(cells, CELLS)) + rng.uniform(size=(2, count))) / CELLS
     low, high = scene.world.bounds[:, :, None]
     return np.asarray(low + (high - low) * inside)
 
@@ -182,10 +182,10 @@ def grown(world: World) -> World:
     return plane(world.bounds, world.obstacles[:, 1:4] + [0.0, 0.0, ROOM])
 
 
-def questions(world: World, many: int, rng: np.random.Generator) -> list[Scene]:
+def questions(world: World, count: int, rng: np.random.Generator) -> list[Scene]:
     """Random free ends, at least 3 m apart, that can be joined, but not by a straight edge."""
     some: list[Scene] = []
-    while len(some) < many:
+    while len(some) < count:
         a, b = free_state(world, rng), free_state(world, rng)
         if math.dist(a, b) > 3.0 and not edge_free(world, a, b):
             if plan(world, a, b, step=1.0, budget=2000).solved:
@@ -245,7 +245,7 @@ def _lines(a: Array, b: Array) -> Array:
     return a[:, :, None] * (1.0 - share) + b[:, :, None] * share
 
 
-def denoised(net: Any, scene: Scene, many: int, rng: np.random.Generator) -> Array:
+def denoised(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array:
     """Paths out of noise from start to goal, shape (many, 2, POINTS + 2); none is checked.
 
     Each step takes the path that the network sees in the noise, and puts as much noise back as the
@@ -255,11 +255,11 @@ def denoised(net: Any, scene: Scene, many: int, rng: np.random.Generator) -> Arr
 
     retained = np.append(_kept(), 1.0)  # kept[-1] is before any noise
     ends = np.concatenate((scene.start, scene.goal)) / SCALE - 1.0
-    report = torch.tensor(np.tile(ends, (many, 1))).float()
-    x = rng.standard_normal((many, 2 * POINTS))
+    report = torch.tensor(np.tile(ends, (count, 1))).float()
+    x = rng.standard_normal((count, 2 * POINTS))
     with _alone(0), torch.no_grad():
         for k in reversed(range(STEPS)):
-            requested = (torch.tensor(x).float(), report, torch.full((many, 1), k / STEPS))
+            requested = (torch.tensor(x).float(), report, torch.full((count, 1), k / STEPS))
             observed = net(torch.cat(requested, 1)).numpy().astype(float)
             before = retained[k - 1]
             beta = 1.0 - retained[k] / before
@@ -269,6 +269,6 @@ def denoised(net: Any, scene: Scene, many: int, rng: np.random.Generator) -> Arr
             if k:
                 spread = math.sqrt(beta * (1.0 - before) / (1.0 - retained[k]))
                 x += spread * rng.standard_normal(x.shape)
-    paths = _lines(np.tile(scene.start, (many, 1)), np.tile(scene.goal, (many, 1)))
-    paths[:, :, 1:-1] += NOISE * x.reshape(many, 2, POINTS)
+    paths = _lines(np.tile(scene.start, (count, 1)), np.tile(scene.goal, (count, 1)))
+    paths[:, :, 1:-1] += NOISE * x.reshape(count, 2, POINTS)
     return paths

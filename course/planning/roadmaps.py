@@ -66,15 +66,15 @@ LIST = 10  # nodes of the roadmap that an end tries to be joined to by a straigh
 
 
 @register_jitable
-def _closest(nodes, many, q, wanted, result, gaps):
-    """The `wanted` nodes nearest to q of the first `many`, in order; how many there are."""
+def _closest(nodes, count, q, desired, result, gaps):
+    """The `desired` nodes nearest to q of the first `count`, in order; how many there are."""
     hits = 0
-    for i in range(many):
+    for i in range(count):
         square = squared(nodes[i], q)
-        if hits == wanted and square >= gaps[hits - 1]:
+        if hits == desired and square >= gaps[hits - 1]:
             continue
-        at = hits if hits < wanted else hits - 1
-        hits = min(hits + 1, wanted)
+        at = hits if hits < desired else hits - 1
+        hits = min(hits + 1, desired)
         while at > 0 and gaps[at - 1] > square:
             gaps[at], result[at] = gaps[at - 1], result[at - 1]
             at -= 1
@@ -166,7 +166,7 @@ def _search(
     pairs,
     status,
     first,
-    ways,
+    paths,
     begins,
     ends,
     goal,
@@ -197,7 +197,7 @@ def _search(
             if cost[i] + ends[i] < best:
                 last, best = i, cost[i] + ends[i]
             for w in range(first[i], first[i + 1]):
-                e = ways[w]
+                e = paths[w]
                 if status[e] == BLOCKED:
                     continue
                 j = pairs[e, 0] + pairs[e, 1] - i
@@ -293,11 +293,11 @@ def _attach(
     return 0
 
 
-def _list(edge_free, obstacles, body, nodes, trees, hooks, counts, side, most):
+def _list(edge_free, obstacles, body, nodes, trees, hooks, counts, side, at_most):
     """Join an end to its nearest nodes of the roadmap, as many as are free of `LIST`."""
     result, gaps = np.empty(LIST, np.int64), np.empty(LIST)
     for k in range(_closest(nodes, nodes.shape[0], trees[side, 0], LIST, result, gaps)):
-        if counts[HOOKS + side] < most:
+        if counts[HOOKS + side] < at_most:
             _hook(edge_free, obstacles, body, nodes, trees, hooks, counts, side, 0, result[k])
     return counts[HOOKS + side]
 

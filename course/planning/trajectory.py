@@ -241,10 +241,10 @@ def _smoothness(X: Array) -> float:
 
 
 def _optimised(
-    X: Array, costs: list[float], distance: Callable[[Array], Array], asked: int
+    X: Array, costs: list[float], distance: Callable[[Array], Array], requested: int
 ) -> Optimised:
     states = _between(len(X), 8) @ X
-    return Optimised(X.T, np.array(costs), float(distance(states).min()), asked + len(states))
+    return Optimised(X.T, np.array(costs), float(distance(states).min()), requested + len(states))
 
 
 def covariant_gradient(

@@ -427,7 +427,7 @@ def collide_late(x, y, angle, vx, vy, omega, box):
 
 @register_jitable
 def sustain(
-    x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, left, coefficient, flat, first, second
+    x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, remaining, coefficient, flat, first, second
 ):
     """Move with corners on the ground, up to the end of the step or the next event.
 
@@ -440,7 +440,7 @@ def sustain(
     """
     inverse_mass, width, height, inverse_inertia, _, friction, _ = box
     rx, ry, rx2, ry2 = corners
-    free_x, free_y, free_omega = vx + left * ax, vy + left * ay, omega + left * alpha
+    free_x, free_y, free_omega = vx + remaining * ax, vy + remaining * ay, omega + remaining * alpha
     active = 0
     # A face is down: both corners share the load.
     if first and second:
@@ -452,14 +452,14 @@ def sustain(
             return x, y, angle, vx, vy, omega, 0.0, 0
         # The face stays on the ground: it slides or rests, without turning.
         if active == 3 or active == -1:
-            used = left
-            x_rate = (new_x - vx) / left
+            used = remaining
+            x_rate = (new_x - vx) / remaining
             if new_x == 0.0 and vx != 0.0 and active == 3:
                 # It stops within the step: slide up to that time, under the full friction.
                 push = friction * free_y if vx > 0.0 else -friction * free_y
                 slid = free_x + push
                 if vx * slid < 0.0:
-                    used = min(left, left * (vx / (vx - slid)))
+                    used = min(remaining, remaining * (vx / (vx - slid)))
                     x_rate = -vx / used
             x = flight(x, vx, x_rate, used, coefficient)
             angle = math.floor(angle / QUARTER_TURN + 0.5) * QUARTER_TURN
@@ -470,7 +470,7 @@ def sustain(
         if second:
             rx, ry = rx2, ry2
         # The corner is to be at rest, or slide, where it will be after it has turned.
-        turned = left * omega * omega
+        turned = remaining * omega * omega
         vt = free_x - free_omega * ry - turned * rx
         vn = free_y + free_omega * rx - turned * ry
         pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
@@ -480,16 +480,16 @@ def sustain(
         new_y = free_y + inverse_mass * pn
         new_omega = free_omega + inverse_inertia * (rx * pn - ry * pt)
     # One corner carries: the box pivots on it, until it comes down on a face.
-    ax, ay, alpha = (new_x - vx) / left, (new_y - vy) / left, (new_omega - omega) / left
-    used, face = time_to_face(angle, omega, coefficient * alpha, left, flat)
-    x = flight(x, vx, ax, min(used, left), coefficient)
-    if used <= left:  # down on a face within the step: the angle is the face's, to the last bit
+    ax, ay, alpha = (new_x - vx) / remaining, (new_y - vy) / remaining, (new_omega - omega) / remaining
+    used, face = time_to_face(angle, omega, coefficient * alpha, remaining, flat)
+    x = flight(x, vx, ax, min(used, remaining), coefficient)
+    if used <= remaining:  # down on a face within the step: the angle is the face's, to the last bit
         new_x, new_y, new_omega = vx + used * ax, vy + used * ay, omega + used * alpha
         angle = face
         y = height_on_face(angle, width, height)
     else:  # still on its corner, which is kept on the ground
-        used = left
-        angle = flight(angle, omega, alpha, left, coefficient)
+        used = remaining
+        angle = flight(angle, omega, alpha, remaining, coefficient)
         _, ry, _, _ = lowest_corners(angle, width, height)
         y = -ry
     return x, y, angle, new_x, new_y, new_omega, used, 1

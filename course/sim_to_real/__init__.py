@@ -108,4 +108,4 @@ def warm() -> None:
     import numpy as np
 
     rollouts(nominal(), [1.0] * 6, tasks(1, 0))
-    learning_steps(grid(2), np.random.default_rng(0), 2, most=1)
+    learning_steps(grid(2), np.random.default_rng(0), 2, at_most=1)

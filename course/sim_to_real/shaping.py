@@ -227,7 +227,7 @@ def learning_steps(
     optimal: int,
     *,
     start: ArrayLike = 0.0,
-    most: int = 100_000,
+    at_most: int = 100_000,
     rate: float = 0.5,
     chance: float = 0.1,
 ) -> float:
@@ -257,7 +257,7 @@ def learning_steps(
         np.ascontiguousarray(process.reward),
         process.terminal.astype(float),
         numbers,
-        rng.random((count("most", most, 1), 3)),
+        rng.random((count("at_most", at_most, 1), 3)),
         count("optimal", optimal, 1),
         q,
     )

@@ -215,7 +215,7 @@ def automatic(
     buffer: int = 128,
     thresholds: tuple[float, float] = (0.8, 0.9),
     step: float = 0.1,
-    most: float = 2.0,
+    at_most: float = 2.0,
 ) -> Automatic:
     """Automatic domain randomisation (OpenAI, arXiv 1910.07113, sec. 5): ranges as wide as pays.
 
@@ -236,11 +236,11 @@ def automatic(
     if low >= high:
         raise refused("thresholds", thresholds, "(lower, upper), the lower one first")
     positive("step", step)
-    positive("most", most)
+    positive("at_most", at_most)
     quarter = count("buffer", buffer, 4) // 4
     rng = np.random.default_rng((count("seed", seed), 5))
     result = tune(only(nominal()), seed, rounds=6)
-    episodes, centre, farthest = result.episodes, around(nominal(), 0.0), around(nominal(), most)
+    episodes, centre, farthest = result.episodes, around(nominal(), 0.0), around(nominal(), at_most)
     bounds = {name: list(bound) for name, bound in centre.bounds.items()}
     buffers: dict[tuple[str, int], list[bool]] = {}
     history = []

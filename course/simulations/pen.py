@@ -221,14 +221,14 @@ def values_at(rectangle, values, x, y):
 
 
 @register_jitable
-def line(pen, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
+def line(pen, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
     """Begin a line, dashed with so many pixels on and off; a point that is NaN leaves a gap."""
     at = _begin(pen, LINE, 5)
     pen[at] = colour
     pen[at + 1] = width
     pen[at + 2] = alpha
     pen[at + 3] = on
-    pen[at + 4] = off
+    pen[at + 4] = gap
 
 
 @register_jitable
@@ -269,9 +269,9 @@ def points(pen, x, y):
 
 
 @register_jitable
-def curve(pen, x, y, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
+def curve(pen, x, y, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
     """A line through points, arrays (N,)."""
-    line(pen, colour, width, alpha, on, off)
+    line(pen, colour, width, alpha, on, gap)
     points(pen, x, y)
 
 
@@ -290,9 +290,9 @@ def spots(pen, x, y, radius, fill, edge=NONE, width=1.5, alpha=1.0):
 
 
 @register_jitable
-def segment(pen, x0, y0, x1, y1, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
+def segment(pen, x0, y0, x1, y1, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
     """A line from one point to another."""
-    line(pen, colour, width, alpha, on, off)
+    line(pen, colour, width, alpha, on, gap)
     point(pen, x0, y0)
     point(pen, x1, y1)
 
@@ -370,9 +370,9 @@ def title(pen, x, y, word=0):
 
 
 @register_jitable
-def key(pen, x, y, word, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
+def key(pen, x, y, word, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
     """What a line means: a sample of it and a word; the point is given in units of the window."""
-    segment(pen, x, y, x + 0.3, y, colour, width, alpha, on, off)
+    segment(pen, x, y, x + 0.3, y, colour, width, alpha, on, gap)
     text(pen, x + 0.38, y, word, INK, 11.5)
 
 

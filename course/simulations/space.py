@@ -108,10 +108,10 @@ def behind(eye, p):
 
 
 @register_jitable
-def trail(pen, eye, p, colour, width=1.5, alpha=1.0, on=0.0, off=0.0, side=0.0):
+def trail(pen, eye, p, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0, side=0.0):
     """A line through points (3, N); with side -1 only what is behind the origin, with 1 before."""
     x, y, depth = project(eye, p)
-    draw.line(pen, colour, width, alpha, on, off)
+    draw.line(pen, colour, width, alpha, on, gap)
     draw.points(pen, np.where(side * depth < 0.0, np.nan, x), y)
 
 

@@ -37,7 +37,7 @@ METADATA: dict[str, Any] = {"render_modes": []}
 REWARDS = ("sparse", "distance", "potential", "hover", "once")
 
 
-def plan(ways: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[Any, Array]:
+def plan(paths: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[Any, Array]:
     """The least number of steps into the disc, and a first acceleration that needs no more.
 
     Held for all of these steps it gets there; asked for anew at every step it is the best policy.
@@ -50,7 +50,7 @@ def plan(ways: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[An
     Returns:
         Steps from 1 on, whole numbers (n,), and actions (n, 2) [m/s^2].
     """
-    distance, speed = np.split(vector("ways", ways, (None, 4)), 2, axis=1)
+    distance, speed = np.split(vector("paths", paths, (None, 4)), 2, axis=1)
     steps, result = np.zeros(len(distance), dtype=np.int64), np.zeros((len(distance), 2))
     remaining, k = np.arange(len(distance)), 0
     while remaining.size:
@@ -65,7 +65,7 @@ def plan(ways: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[An
 
 
 def optimum(
-    ways: ArrayLike,
+    paths: ArrayLike,
     reward: str = "sparse",
     *,
     bonus: float = BONUS,
@@ -83,14 +83,14 @@ def optimum(
         reward: one of these four; of "distance" the best has no closed form.
         bonus, max_steps, disc: of the task; `radius` and `dt`.
     """
-    least, _ = plan(ways, **disc)
+    least, _ = plan(paths, **disc)
     prize = DISCOUNT ** (least - 1.0)
     kind = one_of("reward", reward, ("sparse", "potential", "hover", "once"))
     if kind == "hover":
         ends = np.stack([least, np.full_like(least, max_steps)])
         worth = bonus * (1.0 - DISCOUNT**ends) / (1.0 - DISCOUNT) + DISCOUNT ** (ends - 1.0)
         return worth.max(axis=0)
-    first = np.hypot(*np.asarray(ways, dtype=float)[:, :2].T)
+    first = np.hypot(*np.asarray(paths, dtype=float)[:, :2].T)
     return prize + {"sparse": 0.0, "potential": first, "once": bonus}[kind]
 
 

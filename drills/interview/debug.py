@@ -68,7 +68,7 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
 
 
 def _talk(
-    session: Session, case: scenarios.Diagnosis, refused: list[str]
+    session: Session, case: scenarios.Diagnosis, rejected: list[str]
 ) -> scenarios.Verdict | None:
     """Do what the lines say, until one of them concludes."""
     one = scenarios.scenario(case.case.name)
@@ -105,7 +105,7 @@ def _talk(
                 case _:
                     raise click.BadParameter(f"{line.strip()!r} is none of: {', '.join(WORDS)}")
         except (ValueError, click.BadParameter) as error:
-            refused.append(str(error))
+            rejected.append(str(error))
             session.wrap(f"{error}.")
     return None
 

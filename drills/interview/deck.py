@@ -113,22 +113,22 @@ def sides(entry: Entry, tex: Callable[[str], str] = str) -> Sides:
     return {"drill": _drill, "question": _question, "exhibit": _exhibit}[entry.kind](entry)
 
 
-def judge(entry: Entry, said: str) -> tuple[bool | None, str]:
+def judge(entry: Entry, text: str) -> tuple[bool | None, str]:
     """Whether what was said is right, and a sentence on it; None where only oneself can tell.
 
     Args:
         entry: the card.
         said: of a claim one of `VERDICTS`, of a formula the formula.
     """
-    said = said.strip()
-    if entry.kind == "formula" and said:
+    text = text.strip()
+    if entry.kind == "formula" and text:
         _sourced(entry)
         from course.derivations import answer
 
-        result = answer(entry.name, said)
+        result = answer(entry.name, text)
         return result.correct, result.message
-    if entry.kind == "claim" and said[:1].lower() in VERDICTS:
-        right = VERDICTS[said[0].lower()] == load(entry.file)[entry.name]["verdict"]
+    if entry.kind == "claim" and text[:1].lower() in VERDICTS:
+        right = VERDICTS[text[0].lower()] == load(entry.file)[entry.name]["verdict"]
         return right, "Right." if right else "No."
     return None, ""
 

@@ -41,10 +41,10 @@ def _prctl(option: int, *values: int) -> int:
     return _call(_libc().prctl, ctypes.c_int(option), *words)
 
 
-def limit(wanted: dict[str, int]) -> str:
+def limit(desired: dict[str, int]) -> str:
     """Set resource limits, soft and hard; that on processes is on top of those that run now."""
     missed = []
-    for name, value in wanted.items():
+    for name, value in desired.items():
         kind = getattr(resource, f"RLIMIT_{name}", None)
         try:
             if kind is None:

@@ -371,7 +371,7 @@ class Child:
     def _keep(self, where: Any, name: str, args: Any, kwargs: Any) -> Handle:
         self._handles += 1
         handle = Handle(self, self._handles)
-        self._call(where, name, args, kwargs, keep=handle._number)
+        self._call(where, name, args, kwargs, retain=handle._number)
         return handle
 
     def _call(
@@ -380,7 +380,7 @@ class Child:
         name: str,
         args: tuple[Any, ...],
         kwargs: dict[str, Any],
-        keep: int = 0,
+        retain: int = 0,
         repeat: int = 1,
         seconds: float | None = None,
     ) -> dict[str, Any]:
@@ -392,7 +392,7 @@ class Child:
             "args": [self._plain(value) for value in args],
             "kwargs": {key: self._plain(value) for key, value in kwargs.items()},
             "repeat": repeat,
-            "keep": keep,
+            "keep": retain,
         }
         limit = self._limits.call if seconds is None else seconds
         answer = self._ask(request, limit, f"in {name}(...)")

@@ -825,7 +825,7 @@ high[2] = 40.0  # sent up, out of reach of the ground for some seconds
 runs[1].set_velocity(high)
 rates = [
     1.0 / timing.median
-    for timing in interleaved([batches(run.run) for run in runs], sample=5e-3, most=200)
+    for timing in interleaved([batches(run.run) for run in runs], sample=5e-3, at_most=200)
 ]
 print(
     f"16 cubes on the ground {rates[0]:9.0f} steps/s, in the air {rates[1]:9.0f}: {rates[1] / rates[0]:.0f} times"

@@ -550,10 +550,10 @@ source(kinematics.null_space)
 
 
 # %%
-def follow(chain, goal, q, damping=0.1, tolerance=1e-4, most=100):
+def follow(chain, goal, q, damping=0.1, tolerance=1e-4, at_most=100):
     """Half of a damped step, again and again: what one writes first."""
     taken = 0
-    while taken < most:
+    while taken < at_most:
         error = goal - tip(chain, q)[:2]
         if np.linalg.norm(error) < tolerance:
             break

@@ -90,9 +90,9 @@ def stand(part, high, x, y, yaw):
     return part.moved(compose(TABLE[:, None], on_table[:, None])[:, 0])
 
 
-def look(sensor, seed, *there):
+def look(sensor, seed, *present):
     """A noisy picture of the table with parts on it."""
-    exact, _ = render(together([shape("plane").moved(TABLE), *there]), EYE)
+    exact, _ = render(together([shape("plane").moved(TABLE), *present]), EYE)
     return sense(exact, EYE, sensor, np.random.default_rng(seed))
 
 
@@ -554,7 +554,7 @@ def closes(one, gap=0.0025, finger=0.01):
 stages = {
     "picture": lambda: sense(render(scene, EYE)[0], EYE, SENSOR, rng),
     "points": lambda: perception.back_project(seen, EYE),
-    "table": lambda: perception.ransac_plane(points[:, ::37], 0.006, rng, most=200),
+    "table": lambda: perception.ransac_plane(points[:, ::37], 0.006, rng, at_most=200),
     "things": lambda: perception.components(high.reshape(seen.shape), EYE, 0.012),
     "poses": lambda: locate(seen, EYE, SENSOR, BOX),
     "grasp": lambda: closes(one),

@@ -913,8 +913,8 @@ for play, lower in ((0.004, 1), (0.01, 1), (0.04, 1), (0.04, 10)):
         laws = [Controller(Gains(kp, 0.0, kd, 0.005), 0.01) for kp, kd in numbers]
         goal = start[:, 0] + 0.3 * play
 
-        def law(k, seen, laws=laws, goal=goal):
-            desired = zip(laws, goal, seen[:, 0], strict=True)
+        def law(k, observed, laws=laws, goal=goal):
+            desired = zip(laws, goal, observed[:, 0], strict=True)
             return np.array([[c.update(x, y)] for c, x, y in desired])
 
         loose = replace(PLAIN, armature=0.03, backlash=play, encoder=side)

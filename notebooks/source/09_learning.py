@@ -84,14 +84,14 @@ envs = PointReachVector(64, "sparse", autoreset_mode="SameStep")
 best = optimum(envs.reset(seed=1000)[0])
 
 
-def fastest(seen):
+def fastest(observed):
     """The best policy, from the boxes."""
-    return plan(seen)[1].astype(np.float32)
+    return plan(observed)[1].astype(np.float32)
 
 
-def written(seen):
+def written(observed):
     """Two gains, on what is left of the way and on the speed."""
-    return np.clip(4.0 * seen[:, :2] - 3.5 * seen[:, 2:], -1.0, 1.0).astype(np.float32)
+    return np.clip(4.0 * observed[:, :2] - 3.5 * observed[:, 2:], -1.0, 1.0).astype(np.float32)
 
 
 figure_, axes = plt.subplots(1, 2, figsize=(7, 3), layout="constrained", sharey=True)
@@ -527,8 +527,8 @@ show("own_normaliser")
 def one(gain, seed):
     """What a law of two gains is worth."""
 
-    def act(seen):
-        push = gain * (seen[:, :2] - seen[:, 2:])
+    def act(observed):
+        push = gain * (observed[:, :2] - observed[:, 2:])
         return np.clip(push, -1.0, 1.0).astype(np.float32)
 
     return float(evaluate(act, PointReachVector(64, "sparse"), seed).returns.mean())
@@ -682,8 +682,8 @@ predict("curve_at_one")
 # %%
 for edge in (0.1, -0.5):
 
-    def lame(seen, edge=edge):
-        return np.where(seen[:, :1] > edge, plan(seen)[1], 0.0).astype(np.float32)
+    def lame(observed, edge=edge):
+        return np.where(observed[:, :1] > edge, plan(observed)[1], 0.0).astype(np.float32)
 
     rig = PointReachVector(128, "sparse")
     true = evaluate(lame, rig, 0).success.mean()
@@ -920,8 +920,8 @@ for injected in (0.0, 0.01):
 def lost(injected, executor, *how):
     """Share of runs of the regulator that end ten times as far off as they began."""
 
-    def act(seen, rng):
-        return taught[injected](seen, rng).reshape(len(seen), 8, 1)
+    def act(observed, rng):
+        return taught[injected](observed, rng).reshape(len(observed), 8, 1)
 
     rng = np.random.default_rng(1)
     begin = plant.starts(200, rng) + 0.01 * rng.standard_normal((200, 2))

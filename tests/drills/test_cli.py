@@ -305,7 +305,7 @@ def test_a_file_is_recognised_by_its_name_or_by_what_it_defines(place: Place) ->
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "text"),
     [
         (b"\xff\xfed\x00e\x00f\x00", "UTF-16"),
         ("# -*- coding: latin-1 -*-\n# \xe9\n".encode("latin-1"), "latin-1"),
@@ -314,12 +314,12 @@ def test_a_file_is_recognised_by_its_name_or_by_what_it_defines(place: Place) ->
     ],
     ids=["UTF-16", "declared", "undeclared", "large"],
 )
-def test_what_is_not_source_is_unreadable(place: Place, content: bytes, said: str) -> None:
+def test_what_is_not_source_is_unreadable(place: Place, content: bytes, text: str) -> None:
     path = place.answer("")
     path.write_bytes(content)
     data = place.json("check", "verlet")
     assert (data["verdict"], data["reason"], data["exit"]) == ("fail", "unreadable", 1)
-    assert said in data["sentence"]
+    assert text in data["sentence"]
     piped = place.json("check", "verlet", "--file", "-", text=content)
     assert piped["reason"] == "unreadable"
     assert not (place.work / "progress.json").exists()
@@ -401,15 +401,15 @@ def test_a_folder_that_is_gone_is_misuse(place: Place) -> None:
     assert done.returncode == 2 and b"current folder is gone" in done.stderr
 
 
-@pytest.mark.parametrize(("arguments", "said"), MISUSE, ids=lambda v: " ".join(v)[:30])
-def test_misuse_is_a_sentence_and_exit_2(place: Place, arguments: list[str], said: str) -> None:
+@pytest.mark.parametrize(("arguments", "text"), MISUSE, ids=lambda v: " ".join(v)[:30])
+def test_misuse_is_a_sentence_and_exit_2(place: Place, arguments: list[str], text: str) -> None:
     done = place.run(*arguments)
     assert done.code == 2, done
     assert done.out == "" and "Traceback" not in done.err
-    assert said in " ".join(done.err.split())
+    assert text in " ".join(done.err.split())
     data = place.json(*arguments)
     assert data["exit"] == 2 and data["error"]["kind"] == "misuse"
-    assert said in data["error"]["message"]
+    assert text in data["error"]["message"]
     assert list(place.folder.iterdir()) == []
 
 

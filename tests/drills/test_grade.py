@@ -173,7 +173,7 @@ def test_a_slip_is_named_from_all_answers_also_when_the_run_is_stopped(
         observed.append(len(answers))
         return "half" if any(not all(answer.right) for answer in answers) else ""
 
-    judge = judge_of(_cases, 1e-9, "rounding", told=message)
+    judge = judge_of(_cases, 1e-9, "rounding", explain=message)
     source = RIGHT.replace("def fk3(", "def base(") + (
         "\n\ndef fk3(lengths, thetas):\n    fk3.n = getattr(fk3, 'n', 0) + 1\n"
         "    return base(lengths, thetas) / min(fk3.n, 2)\n"

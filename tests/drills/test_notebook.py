@@ -198,7 +198,7 @@ def test_a_module_of_ones_own_is_named(
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "text"),
     [
         (3.0, "not a value of type float"),
         (None, "not a value of type NoneType"),
@@ -206,8 +206,8 @@ def test_a_module_of_ones_own_is_named(
         (lambda x: x, "lambda"),
     ],
 )
-def test_what_has_no_source_is_said(value: object, said: str) -> None:
-    with pytest.raises(Unusable, match=said):
+def test_what_has_no_source_is_said(value: object, text: str) -> None:
+    with pytest.raises(Unusable, match=text):
         assemble(value)
 
 
@@ -376,7 +376,7 @@ def test_a_borrowed_name_is_named_and_nothing_is_graded(kernel: Kernel) -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "said"),
+    ("code", "text"),
     [
         ("check(3)", "not a value of type int"),
         ("check('verlet')", "not its name"),
@@ -387,10 +387,10 @@ def test_a_borrowed_name_is_named_and_nothing_is_graded(kernel: Kernel) -> None:
         ("def g(): pass\ncheck(g, 'verlet')", "verlet_step is not defined. The code defines g"),
     ],
 )
-def test_a_mistake_is_a_sentence_and_never_raises(kernel: Kernel, code: str, said: str) -> None:
+def test_a_mistake_is_a_sentence_and_never_raises(kernel: Kernel, code: str, text: str) -> None:
     shown = kernel.run(code)
     assert "error" not in shown, shown.get("traceback")
-    assert said in " ".join(shown["text/plain"].split())
+    assert text in " ".join(shown["text/plain"].split())
     assert "text/html" in shown
 
 

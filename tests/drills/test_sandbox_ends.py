@@ -454,11 +454,11 @@ STARTS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", STARTS)
-def test_process_starts_are_refused_and_named(way: str) -> None:
+@pytest.mark.parametrize("path", STARTS)
+def test_process_starts_are_refused_and_named(path: str) -> None:
     source = f"""
 import concurrent.futures, multiprocessing, os, subprocess, time
-def f(): {STARTS[way]}
+def f(): {STARTS[path]}
 """
     if not kernel_has("seccomp"):
         return

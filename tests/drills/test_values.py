@@ -65,10 +65,10 @@ def test_what_is_not_the_answer_is_named(value: Any, reason: Reason) -> None:
 
 
 @pytest.mark.parametrize(
-    ("shape", "says"), [((2, 4), "transposed"), ((3, 2), "1 too few rows"), ((8,), "arrangement")]
+    ("shape", "text"), [((2, 4), "transposed"), ((3, 2), "1 too few rows"), ((8,), "arrangement")]
 )
-def test_a_wrong_shape_has_its_own_sentence(shape: tuple[int, ...], says: str) -> None:
-    with pytest.raises(Mismatch, match=says) as caught:
+def test_a_wrong_shape_has_its_own_sentence(shape: tuple[int, ...], text: str) -> None:
+    with pytest.raises(Mismatch, match=text) as caught:
         as_float64(np.zeros(shape), (4, 2))
     assert str(shape) in caught.value.sentence
 

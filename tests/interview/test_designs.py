@@ -148,7 +148,7 @@ def test_nothing_in_a_drawing_covers_anything(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "text"),
     [
         ({"answer": "The bin takes 5 s."}, "passage of cycle"),
         ({"follow_ups": ("And then?",)}, "follow_ups is 1"),
@@ -158,8 +158,8 @@ def test_nothing_in_a_drawing_covers_anything(name: str) -> None:
         ({"red_flags": ("Below 10 N.",)}, "a typed number is '10'"),
     ],
 )
-def test_a_faulty_design_is_refused(changes, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_a_faulty_design_is_refused(changes, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
         replace(DESIGNS["pick_and_place"], **changes)
     with pytest.raises(ValueError, match="up to 900 words"):
         replace(DESIGNS["pick_and_place"], answer=DESIGNS["pick_and_place"].answer + " so" * 900)

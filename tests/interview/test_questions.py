@@ -115,7 +115,7 @@ def test_a_field_is_filled_with_a_figure(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "text"),
     [
         ("{limit.value:.1f} ms", "6.3 ms", "one.md, line 12: 6.3 is typed"),
         ("{limit.value:.1f} ms", "{limit} ms", r"line 12: \{limit\} is filled by nothing"),
@@ -135,9 +135,9 @@ def test_a_field_is_filled_with_a_figure(tmp_path) -> None:
         ("+++\ntitle", "title", "line 9: .* allowed is a head between two"),
     ],
 )
-def test_a_faulty_question_is_refused(tmp_path, old: str, new: str, said: str) -> None:
+def test_a_faulty_question_is_refused(tmp_path, old: str, new: str, text: str) -> None:
     assert HEAD.count(old) == 1
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=text):
         _written(tmp_path, HEAD.replace(old, new))
 
 

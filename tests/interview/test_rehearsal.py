@@ -125,7 +125,7 @@ def test_without_a_common_word_the_place_decides() -> None:
 # --- A whole interview ----------------------------------------------------------------------------
 
 
-def talk_of(place: Place, said: list[Any], minutes: int, parts: tuple[str, ...], seed: int) -> Talk:
+def talk_of(place: Place, text: list[Any], minutes: int, parts: tuple[str, ...], seed: int) -> Talk:
     """An interview on two chapters in which 100 s pass from look to look at the clock.
 
     Args:
@@ -134,9 +134,9 @@ def talk_of(place: Place, said: list[Any], minutes: int, parts: tuple[str, ...],
     looks = iter(range(0, 10**6, 100))
 
     def listen() -> str:
-        if not said:
+        if not text:
             raise EOFError
-        line = said.pop(0)
+        line = text.pop(0)
         return (line() and "") if callable(line) else line
 
     session = Session("interview", Terminal(), place.work)

@@ -59,7 +59,7 @@ WORK = {
 
 
 @pytest.mark.parametrize(
-    ("steps", "found"),
+    ("steps", "result"),
     [
         ("0/a line/y/1", 1.0),
         ("0/a line/y/-1", 9.0),
@@ -73,14 +73,14 @@ WORK = {
         ("0/0/label", "a line, of two"),
     ],
 )
-def test_a_chart_is_read_by_steps(monkeypatch, tmp_path, steps: str, found) -> None:
+def test_a_chart_is_read_by_steps(monkeypatch, tmp_path, steps: str, result) -> None:
     other = {"label": "names", "x": ["a", "b"], "y": [7.0, 8.0]}
     _chart(monkeypatch, tmp_path, {"panels": [{"title": "top", "series": [LINE, other]}]})
-    assert fields.chart(f"made/{steps}") == found
+    assert fields.chart(f"made/{steps}") == result
 
 
 @pytest.mark.parametrize(
-    ("steps", "found"),
+    ("steps", "result"),
     [
         ("pick/name", "theirs"),
         ("ours/pick/time", 3.0),
@@ -90,13 +90,13 @@ def test_a_chart_is_read_by_steps(monkeypatch, tmp_path, steps: str, found) -> N
         ("tolerance", 0.1),
     ],
 )
-def test_a_pick_is_the_cheapest_within_the_tolerance(monkeypatch, tmp_path, steps, found) -> None:
+def test_a_pick_is_the_cheapest_within_the_tolerance(monkeypatch, tmp_path, steps, result) -> None:
     _chart(monkeypatch, tmp_path, WORK)
-    assert fields.chart(f"made/{steps}") == found
+    assert fields.chart(f"made/{steps}") == result
 
 
 @pytest.mark.parametrize(
-    ("field", "said"),
+    ("field", "text"),
     [
         ("chart.made/0/nothing", "is 'nothing', allowed is .*a line, of two"),
         ("chart.made/0/a", "allowed is 0 to 1"),
@@ -111,10 +111,10 @@ def test_a_pick_is_the_cheapest_within_the_tolerance(monkeypatch, tmp_path, step
         ("trials_to_tell.x", "name is 'x'"),
     ],
 )
-def test_a_field_that_nothing_fills_is_refused(monkeypatch, tmp_path, field, said) -> None:
+def test_a_field_that_nothing_fills_is_refused(monkeypatch, tmp_path, field, text) -> None:
     two = [LINE, {**LINE, "label": "a lost one"}]
     _chart(monkeypatch, tmp_path, {"panels": [{"title": "top", "series": two}]})
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=text):
         fields.filled(f"It is {{{field}:.3g}}.", records.figure)
 
 

@@ -104,7 +104,7 @@ def test_learned_starts_are_solved_in_fewer_steps_than_random_ones() -> None:
 
 
 def test_the_throughput_chart_asks_all_three_the_same() -> None:
-    panels = charts.build("arm_throughput", sizes=(1, 50), most=1, repeats=1)
+    panels = charts.build("arm_throughput", sizes=(1, 50), at_most=1, repeats=1)
     for panel in panels:
         assert [list(s.x) for s in panel.series] == [[1, 50], [1], [1]]
         assert all(min(s.y) > 0 for s in panel.series)

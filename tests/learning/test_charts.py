@@ -68,8 +68,8 @@ def test_learners_are_judged_by_the_optimum() -> None:
     tasks: list[dict] = [{}, {"offset": 10.0}, {"unit": 3.0, "radius": 0.1}]
     for task in tasks:
 
-        def perfect(seen: np.ndarray, task: dict = task) -> np.ndarray:
-            paths = (seen - task.get("offset", 0.0)) / task.get("unit", 1.0)
+        def perfect(observed: np.ndarray, task: dict = task) -> np.ndarray:
+            paths = (observed - task.get("offset", 0.0)) / task.get("unit", 1.0)
             return plan(paths, radius=task.get("radius", 0.05))[1]
 
         assert reinforced.test(perfect, **task) == pytest.approx(1.0, abs=1e-6)

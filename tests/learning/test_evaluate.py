@@ -13,8 +13,8 @@ from tests.learning import needs_stable_baselines3
 MODES = ("SameStep", "NextStep", "Disabled")
 
 
-def best(seen):
-    return plan(seen)[1].astype(np.float32)
+def best(observed):
+    return plan(observed)[1].astype(np.float32)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -36,8 +36,8 @@ def test_the_best_policy_gets_the_optimum_in_every_mode(mode):
 def test_the_first_to_finish_are_the_quick_ones(mode):
     """Goals to the left are not tried for; an episode that fails takes three times as long."""
 
-    def half(seen):
-        return np.where(seen[:, :1] > -0.3, best(seen), 0.0).astype(np.float32)
+    def half(observed):
+        return np.where(observed[:, :1] > -0.3, best(observed), 0.0).astype(np.float32)
 
     n = 200
     true = evaluate(half, PointReachVector(n, autoreset_mode=mode), 0)
@@ -69,7 +69,7 @@ def test_a_band_is_the_middle_half_and_holds_the_truth_as_often_as_it_says():
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "report"),
     [
         (lambda envs: evaluate(lambda s: s[:, :1], envs), r"policy\(observations\).shape is"),
         (lambda envs: evaluate(lambda s: s[:, :2] * np.nan, envs), "action of environment 0 at st"),
@@ -79,8 +79,8 @@ def test_a_band_is_the_middle_half_and_holds_the_truth_as_often_as_it_says():
         (lambda envs: band([1.0, np.nan, 2.0]), r"scores\[1\] is nan"),
     ],
 )
-def test_bad_input(call, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_input(call, report):
+    with pytest.raises(ValueError, match=report):
         call(PointReachVector(3))
 
 

@@ -120,7 +120,7 @@ def test_a_column_that_never_changes_is_refused_and_far_ones_are_cut():
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "report"),
     [
         (lambda: network([3], 0), "sizes is"),
         (lambda: network([3, 0], 0), "sizes is 0"),
@@ -130,6 +130,6 @@ def test_a_column_that_never_changes_is_refused_and_far_ones_are_cut():
         (lambda: fit(network([3, 1], 0), lambda i: i.sum(), 0, seed=0), "rows is 0"),
     ],
 )
-def test_bad_input(call, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_input(call, report):
+    with pytest.raises(ValueError, match=report):
         call()

@@ -159,7 +159,7 @@ def test_a_prize_put_off_pays_from_a_bonus_of_one_per_cent_on(reward, bonus):
 
 
 @pytest.mark.parametrize(
-    ("task", "told"),
+    ("task", "report"),
     [
         ({"reward": "dense"}, "reward is 'dense'"),
         ({"dt": 0.0}, "dt is 0.0"),
@@ -168,8 +168,8 @@ def test_a_prize_put_off_pays_from_a_bonus_of_one_per_cent_on(reward, bonus):
         ({"offset": np.nan}, "offset is nan"),
     ],
 )
-def test_bad_input(task, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_input(task, report):
+    with pytest.raises(ValueError, match=report):
         PointReachVector(2, **task)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=report):
         PointReach(**task)

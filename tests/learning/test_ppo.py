@@ -228,18 +228,18 @@ class Broken(PointReachVector):
 
 
 @pytest.mark.parametrize(
-    ("what", "told"),
+    ("what", "report"),
     [
         ("observation", "observation of environment 1 at step 2"),
         ("reward", "reward of environment 1 at step 2"),
     ],
 )
-def test_what_is_no_number_is_named(what, told):
+def test_what_is_no_number_is_named(what, report):
     envs = Broken(16, autoreset_mode="SameStep")
     envs.what = what
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=report):
         next(ppo(envs, SMALL, steps=256))
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=report):
         evaluate(lambda observed: 0.0 * observed[:, :2], envs)
 
 
@@ -328,7 +328,7 @@ def discrete() -> Any:
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "report"),
     [
         (lambda: Settings(discount=1.1), "discount is 1.1"),
         (lambda: Settings(trace=-0.1), "trace is -0.1"),
@@ -357,6 +357,6 @@ def discrete() -> Any:
         ),
     ],
 )
-def test_bad_input(call, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_input(call, report):
+    with pytest.raises(ValueError, match=report):
         call()

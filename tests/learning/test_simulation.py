@@ -161,7 +161,7 @@ def test_a_drag_along_a_chart_shows_an_iteration_to_its_end():
 
 
 @pytest.mark.parametrize(
-    ("preset", "values", "least", "most"),
+    ("preset", "values", "least", "at_most"),
     [
         ("The mean", {}, 0, 5),
         ("The mean", {"executed": 1}, 6, 25),
@@ -174,12 +174,12 @@ def test_a_drag_along_a_chart_shows_an_iteration_to_its_end():
         ("Noise, eight blind steps", {"executed": 2}, 28, 50),
     ],
 )
-def test_a_hundred_runs_pass_the_disc_as_their_preset_says(preset, values, least, most):
+def test_a_hundred_runs_pass_the_disc_as_their_preset_says(preset, values, least, at_most):
     now = Experiment(two_ways.MODEL)
     now.choose(preset)
     now.set(**values)
     side, paths = now.state["side"], now.state["ways"]
-    assert least <= np.sum(side != 0) <= most
+    assert least <= np.sum(side != 0) <= at_most
     if least > 50:  # both ways, nearly as often as they were shown
         assert abs(int(np.sum(side))) < 25
     # Whoever passed has no point within the disc and ends where the demonstrations do.

@@ -49,7 +49,7 @@ def test_short_calls_fill_a_sample_and_no_more_than_most(quiet):
     (result,) = timing.interleaved([_costs([1e-6], log)], sample=1e-3, repeats=2)
     assert 500 <= result.calls <= 2000 and log[-1][1] == result.calls
     assert result.median == pytest.approx(1e-6)
-    (result,) = timing.interleaved([_costs([1e-6])], sample=1e-3, most=7)
+    (result,) = timing.interleaved([_costs([1e-6])], sample=1e-3, at_most=7)
     assert result.calls == 7
     # Below the clock's resolution a call seems to take no time at all.
     (result,) = timing.interleaved([lambda n: 0.0 if n < 1000 else 1.0], sample=1e-3)

@@ -119,6 +119,6 @@ def test_every_row_of_the_matrix_agrees_with_cyclone():
 
 
 def test_sending_again_pays_only_on_a_short_way():
-    (panel,) = charts.build("late_or_lost", ways=(1e-3, 2e-2), seconds=8.0)
+    (panel,) = charts.build("late_or_lost", paths=(1e-3, 2e-2), seconds=8.0)
     again, lost = np.array(panel["sent again"].y), np.array(panel["lost"].y)
     assert again[0] < 0.5 * lost[0] and again[1] > 3.0 * lost[1]

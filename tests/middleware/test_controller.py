@@ -115,7 +115,7 @@ def test_ours_sets_what_it_says_name_by_name():
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
+    ("name", "value", "report"),
     [
         ("qos_overrides./a.publisher.reliable", "reliable", "parameter is 'qos_overrides./a.pub"),
         ("qos_overrides.a.publisher.depth", 1, "parameter is 'qos_overrides.a.pub"),
@@ -125,8 +125,8 @@ def test_ours_sets_what_it_says_name_by_name():
         ("qos_overrides./a.subscription.depth", 0, "depth is 0"),
     ],
 )
-def test_a_wrong_override_is_named(name: str, value, told: str):
-    with pytest.raises(ValueError, match=told):
+def test_a_wrong_override_is_named(name: str, value, report: str):
+    with pytest.raises(ValueError, match=report):
         launch.overrides({name: value})
 
 

@@ -115,7 +115,7 @@ def test_a_reliable_topic_loses_what_its_depth_lets_go():
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "report"),
     [
         (lambda: qos_matrix.history(QoS(), QoS(), 0), "samples is 0"),
         (lambda: qos_matrix.missed(gaps=0), "gaps is 0"),
@@ -124,6 +124,6 @@ def test_a_reliable_topic_loses_what_its_depth_lets_go():
         (lambda: slow_reader.flood(10, 1, pause=-1.0), "pause is -1.0"),
     ],
 )
-def test_bad_input(call, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_input(call, report):
+    with pytest.raises(ValueError, match=report):
         call()

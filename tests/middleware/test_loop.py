@@ -102,7 +102,7 @@ def test_inheritance_decides_who_is_done_first():
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "report"),
     [
         (lambda: loop.run(print, 0.0, 1), "period is 0.0"),
         (lambda: loop.run(print, 1e-3, 0), "periods is 0"),
@@ -112,6 +112,6 @@ def test_inheritance_decides_who_is_done_first():
         (lambda: inversion.measure(True, middle=2.0), "middle is 2.0"),
     ],
 )
-def test_bad_input(call, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_input(call, report):
+    with pytest.raises(ValueError, match=report):
         call()

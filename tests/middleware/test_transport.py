@@ -69,7 +69,7 @@ def test_two_echoes_do_not_hear_each_other():
 @lacking("cyclonedds")
 def test_a_message_larger_than_the_receive_buffer_needs_to_be_sent_again():
     """1.5 MB in some thousand datagrams, written at once, to a socket that holds a sixth of it."""
-    with cyclonedds.buffered(most=262_144):
+    with cyclonedds.buffered(at_most=262_144):
         assert cyclonedds.answered(1_500_000, 4, "best_effort", 0.3) < 4
         assert cyclonedds.answered(1_500_000, 2, "reliable", 20.0) == 2
         assert cyclonedds.answered(50_000, 2, "best_effort", 20.0) == 2
@@ -129,7 +129,7 @@ def test_the_formulas_are_those_of_the_textbook():
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "report"),
     [
         (lambda: transport.Ring(0, 8), "slots is 0"),
         (lambda: transport.lossy(1, 1, 1.0, seed=0), "loss is 1.0"),
@@ -139,6 +139,6 @@ def test_the_formulas_are_those_of_the_textbook():
         (lambda: cyclonedds.payload_type(8, "list"), "kind is 'list'"),
     ],
 )
-def test_bad_input(call, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_input(call, report):
+    with pytest.raises(ValueError, match=report):
         call()

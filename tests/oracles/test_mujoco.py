@@ -291,13 +291,13 @@ def test_divergence_is_returned_and_leaves_no_file(tmp_path, monkeypatch, caplog
 # --- the box --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wanted", [0.0, 0.3, 0.5, 0.7, 0.9, 1.0])
+@pytest.mark.parametrize("desired", [0.0, 0.3, 0.5, 0.7, 0.9, 1.0])
 @pytest.mark.parametrize("integrator", EXPLICIT_CONTACT)
-def test_restitution_by_impulse(integrator, wanted):
-    exact, worst = mujoco_box.measured_restitution(wanted, 1e-3, integrator, gravity=0.0)
-    assert exact == pytest.approx(wanted, abs=3e-4)
+def test_restitution_by_impulse(integrator, desired):
+    exact, worst = mujoco_box.measured_restitution(desired, 1e-3, integrator, gravity=0.0)
+    assert exact == pytest.approx(desired, abs=3e-4)
     assert worst < 3e-4
-    _, with_gravity = mujoco_box.measured_restitution(wanted, 1e-3, integrator)
+    _, with_gravity = mujoco_box.measured_restitution(desired, 1e-3, integrator)
     assert with_gravity < 0.01
 
 

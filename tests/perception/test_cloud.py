@@ -209,7 +209,7 @@ def test_draws_needed_and_the_early_stop():
     assert draws_needed(0.0, 0.0) == draws_needed(1.0, 0.0) == 0.0
     wall = np.vstack((np.random.default_rng(1).uniform(size=(2, 50)), np.ones(50)))
     assert ransac_plane(wall, 1e-6, RNG)[2] == 1
-    assert ransac_plane(wall, 1e-6, RNG, confidence=1.0, most=7)[2] == 7
+    assert ransac_plane(wall, 1e-6, RNG, confidence=1.0, at_most=7)[2] == 7
     points, inliers = np.random.default_rng(11).uniform(-0.3, 0.3, (3, 500)), np.arange(500) < 300
     points[2] = 1.0 + np.where(inliers, 0.0, points[2])
     _, near, tried = ransac_plane(points, 1e-6, np.random.default_rng(12), confidence=0.999)
@@ -241,7 +241,7 @@ def test_plain_python_finds_the_same(monkeypatch):
             *dbscan(points, 0.02, 4),
             *radius_search(points, points[:, :9], 0.03),
             components(depth, eye, 0.01),
-            ransac_plane(points, 0.02, np.random.default_rng(0), most=20)[0],
+            ransac_plane(points, 0.02, np.random.default_rng(0), at_most=20)[0],
         ]
 
     expected = all_of_it()
@@ -275,7 +275,7 @@ BAD = [
     (lambda: ransac_plane(LINE, 0.1, RNG), "not all in one line"),
     (lambda: ransac_plane(LINE + RNG.normal(size=LINE.shape), 0.0, RNG), "tolerance"),
     (lambda: ransac_plane(LINE + RNG.normal(size=LINE.shape), 1e-16, RNG), "tolerance"),
-    (lambda: ransac_plane(LINE, 0.1, RNG, most=0), "most"),
+    (lambda: ransac_plane(LINE, 0.1, RNG, at_most=0), "most"),
     (lambda: ransac_plane(LINE, 0.1, RNG, confidence=1.1), "confidence"),
     (lambda: inverse_depth_plane(np.ones((60, 80)), SMALL, np.zeros((60, 80), bool)), "mask"),
     (lambda: inverse_depth_plane(np.ones((60, 80)), SMALL, np.eye(60, 80) > 0), "one line"),

@@ -119,10 +119,10 @@ def test_open3d_finds_a_plane_and_three_clusters():
 
 
 @pytest.mark.parametrize(
-    ("name", "adapter", "told"),
+    ("name", "adapter", "report"),
     [("open3d", open3d, "pip install 'open3d"), ("small_gicp", small_gicp, "pip install 'small")],
 )
-def test_a_missing_library_says_what_to_install(monkeypatch, name, adapter, told):
+def test_a_missing_library_says_what_to_install(monkeypatch, name, adapter, report):
     monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ImportError, match=told):
+    with pytest.raises(ImportError, match=report):
         adapter.library()

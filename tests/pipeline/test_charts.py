@@ -52,7 +52,7 @@ def test_the_arms_own_limit_is_that_of_theory_and_energy_tells_before_the_tip():
 
 @pytest.mark.slow
 def test_the_gain_of_looking_again():
-    small = charts.build("look_and_move", most=8, chains=100, looks=600)
+    small = charts.build("look_and_move", at_most=8, chains=100, looks=600)
     measured = np.array(small[0]["measured"].y)
     np.testing.assert_allclose(measured, [theory.look_limit(k) for k in range(9)], rtol=2e-3)
     for series in small[1].series:

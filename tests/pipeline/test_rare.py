@@ -17,8 +17,8 @@ def either_side(x):
     return np.abs(x[0]) - norm.isf(SHARE / 2.0)
 
 
-def repeats(severity, many=60, **options):
-    return [cross_entropy(severity, 6, np.random.default_rng(k), **options) for k in range(many)]
+def repeats(severity, count=60, **options):
+    return [cross_entropy(severity, 6, np.random.default_rng(k), **options) for k in range(count)]
 
 
 @pytest.mark.parametrize(

@@ -332,8 +332,8 @@ def from_elsewhere(start, goal, scenario, settings, rng):
     return plan_path(start + 0.01, goal, scenario, settings, rng)
 
 
-def late_nan(q, v, wanted, scenario, settings):
-    return np.full(2, np.nan) if abs(wanted[1]).max() > 0 else np.zeros(2)
+def late_nan(q, v, desired, scenario, settings):
+    return np.full(2, np.nan) if abs(desired[1]).max() > 0 else np.zeros(2)
 
 
 @pytest.mark.parametrize(

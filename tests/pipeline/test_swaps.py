@@ -35,35 +35,35 @@ def paired(name, settings, seeds):
 
 
 @pytest.mark.parametrize(
-    "name, most, seeds",
+    "name, at_most, seeds",
     [
         ("OMPL plans", 1e-3, 12),
         ("Pinocchio commands", 1e-9, 5),
         ("MuJoCo moves", 1e-4, 5),
     ],
 )
-def test_a_library_in_one_place_gives_the_same_success_and_error(name, most, seeds):
+def test_a_library_in_one_place_gives_the_same_success_and_error(name, at_most, seeds):
     law = "computed_torque" if "Pinocchio" in name else "pd"
     one, other, apart = paired(name, Settings(law=law), range(seeds))
     assert np.array_equal(successes(one), successes(other)) and successes(one).mean() > 0.5
     # Another path is another way to the same end, which the arm is still settling at.
-    assert np.abs(apart).max() < most and abs(apart.mean()) <= band(apart) + most / 20.0
+    assert np.abs(apart).max() < at_most and abs(apart.mean()) <= band(apart) + at_most / 20.0
 
 
 @pytest.mark.parametrize(
-    "name, most, seeds",
+    "name, at_most, seeds",
     [
         ("MuJoCo's rays", 1e-9, 2),
         ("Open3D perceives", 2e-3, 3),
         ("all of them", 2e-3, 2),
     ],
 )
-def test_a_library_that_sees_gives_the_same_within_the_band(name, most, seeds):
+def test_a_library_that_sees_gives_the_same_within_the_band(name, at_most, seeds):
     """Open3D's fit is off by less than 1 mm and scatters by 2 mm: so little does the end differ."""
     settings = Settings(frame=0.2, law="computed_torque", drift=(0.02, 0.02))
     one, other, apart = paired(name, settings, range(seeds))
     assert successes(one).all() and successes(other).all()
-    assert abs(apart.mean()) <= band(apart) + 1e-9 and np.abs(apart).max() < most
+    assert abs(apart.mean()) <= band(apart) + 1e-9 and np.abs(apart).max() < at_most
 
 
 def test_both_find_the_part_and_neither_finds_what_is_hidden():

@@ -17,11 +17,11 @@ KEPT = math.exp(-OLD / WAY.horizon)
 PER_STEP = WAY.horizon * (1.0 - KEPT)
 
 
-def always(way, speed, tired, falls):
+def always(path, speed, tired, falls):
     """Value of going at one speed all the way, in continuous time."""
-    rate = 1.0 / way.horizon + falls
-    missing = math.exp(-rate * way.seconds / speed)
-    return missing * way.goal + (1.0 - missing) / rate * (falls * way.hurt - way.cost - tired)
+    rate = 1.0 / path.horizon + falls
+    missing = math.exp(-rate * path.seconds / speed)
+    return missing * path.goal + (1.0 - missing) / rate * (falls * path.hurt - path.cost - tired)
 
 
 def test_what_is_best_depends_on_what_is_kept():

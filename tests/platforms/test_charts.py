@@ -117,6 +117,6 @@ def test_readers_effects_and_costs() -> None:
     rest = {r[2]: r for r in table.stored_rows("platform_effects") if r[:2] == ["PyBullet", "rest"]}
     assert rest["friction"][5] > 1e3 * rest["friction"][6]
     assert rest["damping"][5] == pytest.approx(rest["damping"][6], rel=1e-6)
-    small = charts.build("platform_scaling", scenes=("field",), most=4, repeats=1)
+    small = charts.build("platform_scaling", scenes=("field",), at_most=4, repeats=1)
     assert small[0]["own code"].y[-1] > 5.0 * small[0]["MuJoCo"].y[-1]
     assert all(0.0 <= share <= 1.0 for series in small[1].series for share in series.y)

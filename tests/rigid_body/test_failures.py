@@ -165,7 +165,7 @@ def test_small_steps_in_tune_with_the_motion_grow_and_out_of_tune_do_not():
 @pytest.mark.slow
 def test_quaternions_grow_and_lag_as_the_closed_form_says():
     left, middle, right = build(
-        "quaternion_drift", most=100_000, points=3, angles=(1e-3, 2e-2), counts=(500, 1000)
+        "quaternion_drift", at_most=100_000, points=3, angles=(1e-3, 2e-2), counts=(500, 1000)
     )
     for size in ("1 mrad a step", "20 mrad a step"):
         for panel in (left, middle):

@@ -325,14 +325,14 @@ def exhausted(left: int) -> Any:
     return Exhausted()
 
 
-@pytest.mark.parametrize("left", range(4))
-def test_a_draw_that_fails_changes_nothing(left: int) -> None:
+@pytest.mark.parametrize("remaining", range(4))
+def test_a_draw_that_fails_changes_nothing(remaining: int) -> None:
     model, data = scene()
     randomizer = DomainRandomizer(model)
     randomizer.randomize(data, np.random.default_rng(16))
     before, steps = bytes_of(model), randomizer.steps
     with pytest.raises(RuntimeError, match="no more numbers"):
-        randomizer.randomize(data, exhausted(left))
+        randomizer.randomize(data, exhausted(remaining))
     assert bytes_of(model) == before and randomizer.steps == steps
     randomizer.randomize(data, exhausted(4))
 

@@ -75,7 +75,7 @@ def test_another_right_answer_passes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "text"),
     [
         ("rng.standard_normal()", "rng.uniform(-3**0.5, 3**0.5)", "beyond two standard dev"),
         ("mu = rng.uniform(", "mu = np.random.uniform(", "The same seed gives another model"),
@@ -86,11 +86,11 @@ def test_another_right_answer_passes() -> None:
         ("return self.buffer.pop(0) if", "return 'x' if", "is (or holds) a str"),
     ],
 )
-def test_another_wrong_answer_fails(old: str, new: str, said: str) -> None:
+def test_another_wrong_answer_fails(old: str, new: str, text: str) -> None:
     assert ANOTHER.count(old) == 1
     report = grade_here("randomize", ANOTHER.replace(old, new), seed=2)
     assert not report.passed
-    assert said in report.sentence and not report.slip
+    assert text in report.sentence and not report.slip
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ def test_the_grid_and_its_learner():
         for name, p in (("plain", walk), ("known", known))
     }
     assert max(runs["known"]) < min(runs["plain"])
-    assert np.isinf(learning_steps(walk, np.random.default_rng(0), 10, most=20))
+    assert np.isinf(learning_steps(walk, np.random.default_rng(0), 10, at_most=20))
 
 
 @pytest.mark.parametrize("scale", [-1.0, 0.5])

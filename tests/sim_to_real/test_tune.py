@@ -101,7 +101,7 @@ def test_the_record_is_what_tuning_gives(kind, column):
 
 def test_boundaries_move_one_by_one_by_their_own_buffers():
     low, high = 0.8, 0.9
-    got = automatic(1, rounds=9, buffer=32, thresholds=(low, high), most=0.3)
+    got = automatic(1, rounds=9, buffer=32, thresholds=(low, high), at_most=0.3)
     start = around(nominal(), 0.0).bounds
     ends = {(name, 2 * side - 1): b[side] for name, b in start.items() for side in (0, 1)}
     assert {name for _, name, _, _, _ in got.history} >= {"viscous", "payload"}
@@ -123,7 +123,7 @@ def test_boundaries_move_one_by_one_by_their_own_buffers():
 
 def test_no_boundary_opens_where_nothing_succeeds():
     """With a demand that no policy meets (all of 16 episodes on a hard arm) ranges stay shut."""
-    got = automatic(1, rounds=9, buffer=16, thresholds=(0.9999, 1.0), most=30.0, step=30.0)
+    got = automatic(1, rounds=9, buffer=16, thresholds=(0.9999, 1.0), at_most=30.0, step=30.0)
     assert all(low <= high for low, high in got.ranges.bounds.values())
     shut = [name for _, name, side, mean, now in got.history if mean < 1.0]
     assert shut  # the first steps are too far, and are taken back
@@ -157,7 +157,7 @@ def test_one_kind_leaves_the_defaults_of_the_others():
         (lambda: Ranges({"mass": (0.5, 1.0)}, {"maas": "log"}), "name in kinds is 'maas'"),
         (lambda: automatic(0, thresholds=(0.9, 0.8)), "thresholds is"),
         (lambda: automatic(0, step=-1.0), r"step is -1\.0"),
-        (lambda: automatic(0, most=np.nan), "most is nan"),
+        (lambda: automatic(0, at_most=np.nan), "most is nan"),
         (lambda: tune(only(Plants()), -1), "seed is -1"),
         (lambda: remake("best", 0.0), "kind is 'best'"),
     ],

@@ -86,8 +86,8 @@ def test_with_the_encoder_behind_the_play_the_loop_cycles_in_proportion_to_it():
     def swing(hidden: Hidden) -> float:
         laws, goal = [Controller(g, 0.01) for g in gains], start[:, 0] + 0.3 * hidden.backlash
 
-        def law(k: int, seen: np.ndarray) -> np.ndarray:
-            rows = zip(laws, goal, seen[:, 0], strict=True)
+        def law(k: int, observed: np.ndarray) -> np.ndarray:
+            rows = zip(laws, goal, observed[:, 0], strict=True)
             return np.array([[c.update(float(g), float(y))] for c, g, y in rows])
 
         q, _, _ = Twin(hidden, threads=1).run(law, start, 300)

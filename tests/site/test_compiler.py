@@ -140,7 +140,7 @@ def test_it_takes_only_functions_of_the_c_library(made: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "text"),
     [
         ("solves", "solves, line {} needs numba_xgesv"),
         ("inner", "solves, line {} needs numba_xgesv"),
@@ -149,11 +149,11 @@ def test_it_takes_only_functions_of_the_c_library(made: Any) -> None:
         ("prints", "prints, line {} needs Python's interpreter"),
     ],
 )
-def test_what_it_cannot_have_is_told_with_its_place(made: Any, name: str, said: str) -> None:
-    function = getattr(pieces, said.split(",")[0])
+def test_what_it_cannot_have_is_told_with_its_place(made: Any, name: str, text: str) -> None:
+    function = getattr(pieces, text.split(",")[0])
     lines, first = inspect.getsourcelines(function)
     line = first + len(lines) - 1  # its last one
-    assert made[1][name].startswith(f"{pieces.__name__}.{said.format(line)}"), made[1][name]
+    assert made[1][name].startswith(f"{pieces.__name__}.{text.format(line)}"), made[1][name]
 
 
 def test_it_does_not_mix_with_code_for_this_machine() -> None:

@@ -354,7 +354,7 @@ def test_every_environment_has_its_own_seed() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
 @pytest.mark.parametrize(
-    ("actions", "said"),
+    ("actions", "text"),
     [
         (np.zeros((3, 2), np.float32), r"\.shape is \(3, 2\), allowed is \(4, 2\)"),
         (np.zeros((5, 2), np.float32), r"is \(5, 2\)"),
@@ -366,10 +366,10 @@ def test_every_environment_has_its_own_seed() -> None:
         (None, r"is \(\)"),
     ],
 )
-def test_wrong_actions_are_refused_and_do_no_harm(kind, actions, said) -> None:
+def test_wrong_actions_are_refused_and_do_no_harm(kind, actions, text) -> None:
     envs, untouched = kind(Counter, 4), kind(Counter, 4)
     envs.reset(seed=0), untouched.reset(seed=0)
-    with pytest.raises(ValueError, match=rf"actions.*{said}"):
+    with pytest.raises(ValueError, match=rf"actions.*{text}"):
         envs.step(actions)
     good = np.zeros((4, 2))
     identical(envs.step(good), untouched.step(good))
@@ -396,7 +396,7 @@ def test_a_discrete_action_must_be_whole() -> None:
 
 @pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "text"),
     [
         ((Counter, 0), "num_envs is 0, allowed is a whole number from 1 on"),
         ((Counter, 2.0), "num_envs"),
@@ -404,8 +404,8 @@ def test_a_discrete_action_must_be_whole() -> None:
         ((Counter(), 2), "env_fn is .*, allowed is a function"),
     ],
 )
-def test_wrong_construction_is_refused(kind, arguments, said) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_wrong_construction_is_refused(kind, arguments, text) -> None:
+    with pytest.raises(ValueError, match=text):
         kind(*arguments)
 
 
@@ -480,7 +480,7 @@ def troubled(trouble: str, timeout: float = 30.0) -> ProcessVectorEnv:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("trouble", "how", "said"),
+    ("trouble", "how", "text"),
     [
         ("raise", "raised", "environment 2, worker 1: raised KeyError\\('lost its way'\\)"),
         ("odd exception", "raised", "environment 2, worker 1: raised LocalError"),
@@ -491,10 +491,10 @@ def troubled(trouble: str, timeout: float = 30.0) -> ProcessVectorEnv:
         ("fork", "died", "environment 2, worker 1: exited with status 2"),
     ],
 )
-def test_a_worker_that_fails_is_reported(trouble: str, how: str, said: str) -> None:
+def test_a_worker_that_fails_is_reported(trouble: str, how: str, text: str) -> None:
     envs = troubled(trouble)
     pids = {process.pid for process in envs._processes}
-    with pytest.raises(WorkerError, match=said) as caught:
+    with pytest.raises(WorkerError, match=text) as caught:
         envs.step(np.zeros((4, 2)))
     assert (caught.value.how, caught.value.worker, caught.value.index) == (how, 1, 2)
     if how == "raised":

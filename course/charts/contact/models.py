@@ -492,7 +492,7 @@ def cube_limit(springs: int = 2, stiffness: float = 1e4) -> float:
 # --- sweeps ---------------------------------------------------------------------------------------
 
 
-def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, most: int = 10**7) -> int:
+def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, at_most: int = 10**7) -> int:
     """Sweeps of projected Gauss-Seidel until a tower's forces are right to the tolerance."""
     problem = scenes.tower(masses).problem(0.01)
     A, b, g = problem.scaled, problem.offset, np.zeros(len(masses))
@@ -504,7 +504,7 @@ def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, most: int = 
         return float(np.max(np.abs(result / truth - 1.0)))
 
     high = 1
-    while error(high) > tolerance and high < most:
+    while error(high) > tolerance and high < at_most:
         high *= 2
     low = high // 2
     while high - low > max(1, high // 500):

@@ -26,16 +26,16 @@ def _acceleration(m, q, v, u):
     return (m[4] * u - m[1] * v - m[2] * math.tanh(v / 1e-3) - m[3] * math.cos(q)) / m[0]
 
 
-def _driven(seen, sent, target, rate, joints, dt):
-    """The loop of `record`: `seen` holds the noise and gets the angles, `sent` the commands."""
+def _driven(observed, sent, target, rate, joints, dt):
+    """The loop of `record`: `observed` holds the noise and gets the angles, `sent` the commands."""
     h = dt / 10
     for j in range(joints.shape[1]):
         m, q, v = joints[:, j], target[0], rate[0]
         late, whole = m[6] / dt, math.floor(m[6] / dt + 1e-9)
-        for k in range(len(seen)):
-            seen[k, j] += q
-            slow = (seen[k, j] - seen[max(0, k - 5), j]) / (dt * max(1, min(k, 5)))
-            sent[k, j] = 12.0 * (target[k] - seen[k, j]) + 1.2 * (rate[k] - slow)
+        for k in range(len(observed)):
+            observed[k, j] += q
+            slow = (observed[k, j] - observed[max(0, k - 5), j]) / (dt * max(1, min(k, 5)))
+            sent[k, j] = 12.0 * (target[k] - observed[k, j]) + 1.2 * (rate[k] - slow)
             for i in range(10):
                 # Before the switch the command of one sample earlier is still on its way.
                 at = k - whole - int((i + 0.5) / 10 < late - whole)

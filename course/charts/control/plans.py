@@ -26,7 +26,7 @@ Q, R = np.diag([10.0, 1.0]), np.array([[0.01]])
 K = lqr(A, B, Q, R).K
 
 
-def cost(x: Array, samples: int = 0, limit: float = WEAK, most: int = 1500) -> tuple[float, int]:
+def cost(x: Array, samples: int = 0, limit: float = WEAK, at_most: int = 1500) -> tuple[float, int]:
     """What it costs to come to rest at 0, and on how many sides the limit was met.
 
     Args:
@@ -36,7 +36,7 @@ def cost(x: Array, samples: int = 0, limit: float = WEAK, most: int = 1500) -> t
         most: samples of the run.
     """
     plan, last, total, sides = horizon(A, B, Q, R, samples) if samples else None, None, 0.0, set()
-    for _ in range(most):
+    for _ in range(at_most):
         if plan is None:
             u = -K @ x
             sides |= {float(np.sign(u[0]))} if abs(u[0]) > limit else set()

@@ -225,8 +225,8 @@ def first_peak(law: TouchLaw, arm: Probe = ARM, wall: float = WALL) -> float:
     return float(later[down[0]]) if down.size else float(later[-1])
 
 
-def surface_error(law: TouchLaw, off: float = 2e-3) -> float:
-    """How far the steady force moves when the surface is `off` nearer than thought [N].
+def surface_error(law: TouchLaw, gap: float = 2e-3) -> float:
+    """How far the steady force moves when the surface is `gap` nearer than thought [N].
 
     The place is set so that 10 N press where the surface is expected; a law of force ignores it.
     """
@@ -242,14 +242,14 @@ def surface_error(law: TouchLaw, off: float = 2e-3) -> float:
             start=(0.0, 0.0),
             surface=np.full(8000, -x),
         ).torque[-1]
-        for x in (0.0, off)
+        for x in (0.0, gap)
     ]
     return float(force[1] - force[0])
 
 
-def series_stiffness(law: TouchLaw, off: float = 2e-3) -> float:
+def series_stiffness(law: TouchLaw, gap: float = 2e-3) -> float:
     """What two springs in series predict of that [N]."""
-    return off / (1.0 / law.stiffness + 1.0 / WALL)
+    return gap / (1.0 / law.stiffness + 1.0 / WALL)
 
 
 def gain_margin(law: TouchLaw, wall: float = WALL) -> float:

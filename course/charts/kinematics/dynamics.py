@@ -34,13 +34,13 @@ ASKED = {
 @chart
 def arm_throughput(
     sizes: Sequence[int] = (1, 10, 100, 1000, 10_000, 100_000),
-    most: int = 10_000,
+    at_most: int = 10_000,
     repeats: int = 7,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
     """States of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
 
-    Libraries are called once a state, up to N = `most`, from where their time a state is the same;
+    Libraries are called once a state, up to N = `at_most`, from where their time a state is the same;
     `clock` as for `course.measure.timing.calls`.
     """
     arm = replace(panda(), damping=0.0)  # Pinocchio's calls know none
@@ -54,7 +54,7 @@ def arm_throughput(
             q, v, x = (np.ascontiguousarray(s[:, :n]) for s in states)
             given = (q[:, 0], v[:, 0], x[:, 0]) if n == 1 else (q, v, x)
             runs = {"course": calls(ours, arm, *given, clock=clock)}
-            if n <= most:
+            if n <= at_most:
                 runs["Pinocchio"] = calls(other.calls(theirs, q, v, x), clock=clock)
                 runs["MuJoCo"] = calls(mujoco_chain.calls(arm, mujocos, q, v, x), clock=clock)
             timed = interleaved(list(runs.values()), repeats=repeats, sample=3e-3)

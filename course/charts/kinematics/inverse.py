@@ -66,13 +66,13 @@ def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
 # --- solved within a budget -----------------------------------------------------------------------
 
 
-def usual(chain: Chain, clamped: bool, starts: int, rate: float, most: int) -> Solve:
+def usual(chain: Chain, clamped: bool, starts: int, rate: float, at_most: int) -> Solve:
     """Pinocchio's usual loop as a count of steps, infinite where it ends beyond the limits."""
     arm, limits = Arm(chain), (chain.lower, chain.upper)
 
     def solve(target: Array, rng: np.random.Generator) -> float:
         begin = rng.uniform(*limits, (starts, chain.n))
-        q, present, steps = arm.usual_ik(target, begin, limits if clamped else None, rate, most)
+        q, present, steps = arm.usual_ik(target, begin, limits if clamped else None, rate, at_most)
         return float(steps) if present and within(chain, q) else np.inf
 
     return solve

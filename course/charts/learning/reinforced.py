@@ -77,9 +77,9 @@ def library(settings: Settings, seed: int, steps: int, points: int) -> Trained:
     return Trained(curve.steps.astype(float), curve.seconds, curve.scores, 0.0)
 
 
-def linear_law(gains: Array, seen: Array) -> Array:
+def linear_law(gains: Array, observed: Array) -> Array:
     """Actions (n, 2) of observations (n, 4)."""
-    return (seen @ gains.T).astype(np.float32)
+    return (observed @ gains.T).astype(np.float32)
 
 
 def searched(seed: int, rounds: int, samples: int = 24, episodes: int = 4) -> Trained:
@@ -189,12 +189,12 @@ MATTERS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
 }  # fmt: skip
 
 
-def banded(rows: dict[str, list[Trained]], told: str) -> Series:
+def banded(rows: dict[str, list[Trained]], report: str) -> Series:
     """A bar for each row, the middle over its seeds, with the band as its word."""
     every = {k: band([float(one.scores[-1]) for one in some]) for k, some in rows.items()}
     middle = [max(0.0, float(b.middle)) for b in every.values()]
     tags = [f"{b.middle:.2f} ({b.low:.2f} to {b.high:.2f})" for b in every.values()]
-    note = f"{told}: " + "; ".join(f"{k} {t}" for k, t in zip(every, tags, strict=True))
+    note = f"{report}: " + "; ".join(f"{k} {t}" for k, t in zip(every, tags, strict=True))
     low, high = ([float(b[i]) for b in every.values()] for i in (1, 2))
     return Series("", middle, list(every), style="bar", tags=tags, note=note, low=low, high=high)
 

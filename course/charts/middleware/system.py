@@ -97,7 +97,7 @@ def round_trips(
                 trips.append(stack.enter_context(cyclonedds.echo(size, kind="sequence")))
                 known.append("Cyclone DDS, sequence")
             samplers = [calls(trip, payload) for trip in trips]
-            result = interleaved(samplers, repeats=repeats, sample=3e-3, most=200)
+            result = interleaved(samplers, repeats=repeats, sample=3e-3, at_most=200)
         for name, timing in zip(known, result, strict=True):
             times[name][:, k] = timing.median, timing.low, timing.high
     floor = times[names[0]][0, 0]
@@ -206,7 +206,7 @@ def qos_verdicts() -> Iterator[Panel]:
 
 @chart(columns=2)
 def late_or_lost(
-    ways: Sequence[float] = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2),
+    paths: Sequence[float] = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2),
     loss: float = 0.05,
     seconds: float = 60.0,
 ) -> Iterator[Panel]:
@@ -223,10 +223,10 @@ def late_or_lost(
         footer=machine(0.0, libraries=()),
     )
     for reliability in ("best_effort", "reliable"):
-        errors = [1e3 * added(method, loss, reliability, seconds) for method in ways]
+        errors = [1e3 * added(method, loss, reliability, seconds) for method in paths]
         name = "lost, the next one counts" if reliability == "best_effort" else "sent again"
-        message = ", ".join(f"{1e3 * w:g} ms: {e:.3f}" for w, e in zip(ways, errors, strict=True))
-        panel.series.append(Series(name, 1e3 * np.array(ways), errors, note=f"{name}: {message}"))
+        message = ", ".join(f"{1e3 * w:g} ms: {e:.3f}" for w, e in zip(paths, errors, strict=True))
+        panel.series.append(Series(name, 1e3 * np.array(paths), errors, note=f"{name}: {message}"))
     yield panel
 
 

@@ -225,7 +225,7 @@ def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
     yield panel
 
 
-def share_found(sigmas: float | None, refits: int, trials: int, n: int, most: int) -> float:
+def share_found(sigmas: float | None, refits: int, trials: int, n: int, at_most: int) -> float:
     """Share of runs whose plane has nine tenths of what the true plane has within the tolerance."""
     rng, result = np.random.default_rng(10), 0
     sigma = 1e-3 if sigmas else 0.0
@@ -236,7 +236,7 @@ def share_found(sigmas: float | None, refits: int, trials: int, n: int, most: in
         true = np.count_nonzero(np.abs(cloud[2, : n // 2]) <= tolerance)
         cloud[2] += 1.0
         plane, _, _ = perception.ransac_plane(
-            cloud, tolerance, rng, confidence=1.0, most=most, refits=refits
+            cloud, tolerance, rng, confidence=1.0, at_most=at_most, refits=refits
         )
         heights = np.abs(plane[:3] @ cloud[:, : n // 2] + plane[3])
         result += int(np.count_nonzero(heights <= tolerance) >= 0.9 * true)
@@ -274,7 +274,7 @@ def cloud_speed(
         own_means, their_means = run(perception.voxel_mean, points, v), run(theirs.voxel_mean, v)
         steps[f"voxels of {1e3 * v:g} mm"] = own_means, their_means
     steps["plane, 300 draws"] = (
-        run(draws, rng, most=300, confidence=1.0),
+        run(draws, rng, at_most=300, confidence=1.0),
         run(theirs.plane, 0.005, 300),
     )
     steps["plane, early stop"] = run(draws, rng), run(theirs.plane, 0.005, 1000, 0.99)

@@ -49,7 +49,7 @@ def ways(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
     }
 
 
-def laid(depth: Array, sensor: Sensor, way: Callable[[Array], Array]) -> tuple[Array, float, float]:
+def laid(depth: Array, sensor: Sensor, path: Callable[[Array], Array]) -> tuple[Array, float, float]:
     """The pose that the picture agrees with most, the time from the picture on [s], see-through."""
     begin, plane = time.process_time(), yaw_net.plane_of(TABLE)
     points = yaw_net.above_table(depth, EYE, sensor, plane)
@@ -59,7 +59,7 @@ def laid(depth: Array, sensor: Sensor, way: Callable[[Array], Array]) -> tuple[A
     cluster = np.zeros(depth.shape, bool)
     u, v = np.rint(EYE.project(points)).astype(int)
     cluster[v, u] = True
-    for start in standing_at(yaw_net.L_PART, points, plane, way(points)):
+    for start in standing_at(yaw_net.L_PART, points, plane, path(points)):
         fit = icp(
             some,
             yaw_net.L_PART,

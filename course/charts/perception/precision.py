@@ -303,7 +303,7 @@ def plane_precision(
 
     def ransac(view: tuple[Array, Array], n: int, refits: int) -> Array:
         return perception.ransac_plane(
-            view[1], tolerance, rng, confidence=1.0, most=n, refits=refits
+            view[1], tolerance, rng, confidence=1.0, at_most=n, refits=refits
         )[0]
 
     def points(view: tuple[Array, Array], n: int) -> Array:

@@ -149,7 +149,7 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
 
 
 @chart(columns=2)
-def look_and_move(most: int = 8, chains: int = 400, looks: int = 2000) -> Iterator[Panel]:
+def look_and_move(at_most: int = 8, chains: int = 400, looks: int = 2000) -> Iterator[Panel]:
     """Correcting the target from pictures that are late: the gain's limit, and what noise does."""
 
     def settles(gain: float, k: int) -> bool:
@@ -158,7 +158,7 @@ def look_and_move(most: int = 8, chains: int = 400, looks: int = 2000) -> Iterat
             past.append(past[-1] - gain * past[-1 - k])
         return max(map(abs, past[-50:])) < 0.5
 
-    late = list(range(most + 1))
+    late = list(range(at_most + 1))
     report = [theory.look_limit(k) for k in late]
     result = [
         limit(partial(settles, k=k), 0.9 * g, 1.1 * g, 1e-3)

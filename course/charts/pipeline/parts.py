@@ -139,11 +139,11 @@ def error_budget(seeds: int = 150) -> Iterator[Panel]:
 
 
 @chart(columns=2)
-def whose_fault(wanted: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[Panel]:
+def whose_fault(desired: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[Panel]:
     """Ten faults diagnosed blindly: contracts first, replays only, and by the last error."""
     rows, right = np.arange(len(faults)), [STAGES.index(fault.stage) for fault in faults]
-    result, taken, last = confusion(wanted, faults)
-    blind, more, _ = confusion(wanted, faults, contracted=False)
+    result, taken, last = confusion(desired, faults)
+    blind, more, _ = confusion(desired, faults, contracted=False)
     names, total = [fault.name for fault in faults], int(result.sum())
     panel = Panel(
         "Named the right stage", "share of failing runs", xlim=(0, 1.15), footer=machine(0.0)

@@ -25,12 +25,12 @@ BOTH: dict[str, Any] = {"method": "rrt_connect", "budget": 10 * SAMPLES}
 CACHED: dict[str, Any] = {"method": "roadmap", "budget": 10 * SAMPLES}
 
 
-def certified(asked: Shelf, queries: int, seed: int) -> tuple[list[Query], int]:
+def certified(requested: Shelf, queries: int, seed: int) -> tuple[list[Query], int]:
     """So many queries that a long search solves, and how many drawn it did not."""
     rng, result, rejected = np.random.default_rng(seed), list[Query](), 0
     while len(result) < queries:
-        start, goal = asked.query(rng)
-        if plan(asked.world, start, goal, **BOTH, rng=seed).solved:
+        start, goal = requested.query(rng)
+        if plan(requested.world, start, goal, **BOTH, rng=seed).solved:
             result.append((start, goal))
         else:
             rejected += 1

@@ -39,7 +39,7 @@ TRIES = 8  # paths proposed for a question
 # --- a sampler ------------------------------------------------------------------------------------
 
 
-def searched(scene: Scene, many: int, rng: np.random.Generator) -> Array:
+def searched(scene: Scene, count: int, rng: np.random.Generator) -> Array:
     """States along the way that a search of the picture finds, (2, many); what needs no training.
 
     A cell is joined to its eight neighbours if both are free; which can't be proved, so this too is
@@ -62,8 +62,8 @@ def searched(scene: Scene, many: int, rng: np.random.Generator) -> Array:
     path = [at]
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
-    cells = rng.choice(path, many) if path[-1] == begin else rng.integers(free.size, size=many)
-    inside = (np.array(divmod(cells, CELLS)) + rng.uniform(size=(2, many))) / CELLS
+    cells = rng.choice(path, count) if path[-1] == begin else rng.integers(free.size, size=count)
+    inside = (np.array(divmod(cells, CELLS)) + rng.uniform(size=(2, count))) / CELLS
     return np.asarray(low[:, None] + (high - low)[:, None] * inside)
 
 
@@ -110,10 +110,10 @@ def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Succ
 # --- paths out of noise ---------------------------------------------------------------------------
 
 
-def bent(scene: Scene, many: int, rng: np.random.Generator) -> list[Array]:
+def bent(scene: Scene, count: int, rng: np.random.Generator) -> list[Array]:
     """A straight line, and others bent over random points: proposals that nobody has learned."""
     low, high = scene.world.bounds
-    vias = rng.uniform(low, high, (many - 1, 2))
+    vias = rng.uniform(low, high, (count - 1, 2))
     ends = scene.start, scene.goal
     return [np.array(ends).T] + [np.array([ends[0], via, ends[1]]).T for via in vias]
 

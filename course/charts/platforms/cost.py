@@ -42,7 +42,7 @@ def in_one_call(name: str) -> int:
 
 @chart(columns=2)
 def platform_scaling(
-    scenes: Sequence[str] = tuple(SIZES), most: int = 64, dt: float = 1e-3, repeats: int = 5
+    scenes: Sequence[str] = tuple(SIZES), at_most: int = 64, dt: float = 1e-3, repeats: int = 5
 ) -> Iterator[Panel]:
     """The cost of a step against the size of a scene, and what Python adds to it.
 
@@ -52,7 +52,7 @@ def platform_scaling(
     for name in scenes:
         make, sizes, limits = SIZES[name]
         rows = [
-            (label, n) for label in here() for n in sizes if n <= min(most, limits.get(label, n))
+            (label, n) for label in here() for n in sizes if n <= min(at_most, limits.get(label, n))
         ]
         jobs = []
         for label, n in rows:
@@ -97,7 +97,7 @@ def platform_scaling(
         scale="log x",
         ylim=(0.0, 1.05),
     )
-    links = [n for n in (1, 4, 16, 64) if n <= most]
+    links = [n for n in (1, 4, 16, 64) if n <= at_most]
     for label, engine in here().items():
         jobs = [(engine, chain(n), steps) for n in links for steps in (1, 100)]
         result = step_costs(jobs, dt, repeats)

@@ -277,7 +277,7 @@ MOST: Mapping[str, int] = {"Drake": 4, "own code": 4}  # cubes: patches and Pyth
 
 @chart(columns=2)
 def platform_sag(
-    sizes: Sequence[int] = (1, 2, 3, 4, 6, 8), most: Mapping[str, int] = MOST, dt: float = 1e-3
+    sizes: Sequence[int] = (1, 2, 3, 4, 6, 8), at_most: Mapping[str, int] = MOST, dt: float = 1e-3
 ) -> Iterator[Panel]:
     """How deep a tower sinks after a second, over its cubes.
 
@@ -300,7 +300,7 @@ def platform_sag(
         theory="n^2 of one cube",
     )
     for label, name, engine, settings in known(rows):
-        x = [n for n in sizes if n <= most.get(name, n)]
+        x = [n for n in sizes if n <= at_most.get(name, n)]
         h = 1e-2 if name == "own code" else dt
         y = [max(position_error(engine, tower(n), h, settings), 1e-16) for n in x]
         message = ", ".join(f"{n} {1e6 * s:.4g}" for n, s in zip(x, y, strict=True))

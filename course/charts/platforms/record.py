@@ -78,7 +78,7 @@ def costs(result: list[Engine], scene: Scene) -> Array:
     """Time of a step at 1 ms with both settings, as a multiple of the fair MuJoCo's, (2, E)."""
     pairs = [(engine, settings) for settings in SETTINGS for engine in result]
     runs = [platforms.prepared(engine, scene, 1e-3, settings) for engine, settings in pairs]
-    times = interleaved([batches(run.run) for run in runs], sample=2e-2, most=2000)
+    times = interleaved([batches(run.run) for run in runs], sample=2e-2, at_most=2000)
     for run in runs:
         run.close()
     ratio = np.array([timing.median for timing in times]).reshape(2, len(result))

@@ -198,7 +198,7 @@ ASKED: dict[str, Mapping[str, Callable[[], Scene]]] = {
 
 @chart(columns=1, height=2.6)
 def platform_effects(
-    engines: Sequence[str] = tuple(ASKED), most: int = 4, dt: float = 1e-3
+    engines: Sequence[str] = tuple(ASKED), at_most: int = 4, dt: float = 1e-3
 ) -> Iterator[Panel]:
     """Each change between as shipped and fair by itself: what it does to the error.
 
@@ -216,7 +216,7 @@ def platform_effects(
             footer=machine(0.0, libraries=LIBRARIES),
         )
         names, tags, without = [], [], []
-        for label, make in list(ASKED[name].items())[:most]:
+        for label, make in list(ASKED[name].items())[:at_most]:
             for one in effects(here()[name], make(), dt):
                 rows.append([name, label, one.key, one.shipped, one.alone, one.without, one.fair])
                 panel.notes.append(

@@ -294,7 +294,7 @@ def added_lag(angle: float, steps: float | Array) -> Array:
 
 @chart
 def quaternion_drift(
-    most: int = 1_000_000,
+    at_most: int = 1_000_000,
     points: int = 26,
     angles: Sequence[float] = (1e-3, 1e-2),
     counts: Sequence[int] = (500, 1000, 2000, 4000, 8000),
@@ -307,7 +307,7 @@ def quaternion_drift(
         angles: turns per step [rad].
         counts: steps of the tumble over 20 s.
     """
-    steps = np.unique(np.geomspace(10, most, points).astype(int))
+    steps = np.unique(np.geomspace(10, at_most, points).astype(int))
     left, middle = (
         Panel(title, "steps", y, scale="log", ylim=(FLOOR / 3.0, top))
         for title, y, top in (
@@ -320,12 +320,12 @@ def quaternion_drift(
             length, attitude = spin_errors(update, angle, steps.tolist())
             added = update == "added"
             text = f"{update}, {angle * 1e3:g} mrad a step"
-            taken = f"{most:.0e}".replace("e+0", "e")
+            taken = f"{at_most:.0e}".replace("e+0", "e")
             note = f"{text:<44} after {taken} steps: length {length[-1]:.2e} off, attitude "
             note += f"{attitude[-1]:.2e} rad off"
             if added:
-                note += f" (theory: {float(added_length(angle, most)) - 1.0:.2e}, "
-                note += f"{float(added_lag(angle, most)):.2e})"
+                note += f" (theory: {float(added_length(angle, at_most)) - 1.0:.2e}, "
+                note += f"{float(added_lag(angle, at_most)):.2e})"
 
             def longer(n: float, angle: float = angle) -> float:
                 return float(added_length(angle, n)) - 1.0

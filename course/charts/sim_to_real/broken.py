@@ -94,7 +94,7 @@ def break_it(
 def shaping_speed(
     n: int = 10,
     seeds: int = 15,
-    most: int = 300_000,
+    at_most: int = 300_000,
     epss: Sequence[float] = (0.1, 0.03, 0.01, 1e-3),
 ) -> Iterator[Panel]:
     """What a potential does to learning on a grid, and how near a chain comes to the bound."""
@@ -118,7 +118,7 @@ def shaping_speed(
     steps = []
     for phi in phis.values():
         runs = [
-            learning_steps(shaped(walk, phi), np.random.default_rng(s), int(far), most=most)
+            learning_steps(shaped(walk, phi), np.random.default_rng(s), int(far), at_most=at_most)
             for s in range(seeds)
         ]
         steps.append(float(np.median(runs)))

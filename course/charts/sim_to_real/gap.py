@@ -32,7 +32,7 @@ def banded(label: str, x: Sequence[float], rates: Sequence[float], n: int, key: 
 
 
 @chart
-def success_over_gap(n: int = 1000, seen: int = 256) -> Iterator[Panel]:
+def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
     """Success on n tasks over the gap by what was tuned on, and over the range, the twin beside."""
     record, posed = recorded(), tasks(n, SEEN)
     panel = Panel("The real arm, 10 ms late", "gap", "success")
@@ -69,8 +69,8 @@ def success_over_gap(n: int = 1000, seen: int = 256) -> Iterator[Panel]:
         rows = np.array([rollouts(real(gap, delay), s.T, posed).rate for s in record["range"]])
         panel.series.append(banded(label, GRID, rows.mean(axis=1), n))
     twin = Twin()
-    rates = [float(twin.rollouts(s[0], tasks(seen, SEEN)).rate) for s in record["range"]]
-    panel.series.append(banded("MuJoCo's twin", GRID, rates, seen, "MuJoCo"))
+    rates = [float(twin.rollouts(s[0], tasks(observed, SEEN)).rate) for s in record["range"]]
+    panel.series.append(banded("MuJoCo's twin", GRID, rates, observed, "MuJoCo"))
     yield panel
 
 
@@ -112,9 +112,9 @@ def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
     ]
     last, v, distance = posed.start, np.zeros(posed.start.shape), posed.reference - posed.start
 
-    def law(k: int, seen: Array) -> Array:
+    def law(k: int, observed: Array) -> Array:
         nonlocal last, v
-        v, last = v + 0.5 * ((seen - last) / plants.DT - v), seen.copy()
+        v, last = v + 0.5 * ((observed - last) / plants.DT - v), observed.copy()
         s, T = min(1.0, k * plants.DT / 0.5), 0.5
         p, dp = s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * (s * (1.0 - s)) ** 2 / T
         desired = (
@@ -123,7 +123,7 @@ def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
             60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2 * distance,
         )
         return np.array(
-            [one(seen[:, i], v[:, i], *(x[:, i] for x in desired)) for i, one in enumerate(laws)]
+            [one(observed[:, i], v[:, i], *(x[:, i] for x in desired)) for i, one in enumerate(laws)]
         ).T
 
     angles, _, _ = twin.run(law, posed.start, round(plants.SECONDS / plants.DT), posed.seed)
@@ -265,7 +265,7 @@ def arm_limit(gains: Array, elbow: float = 1.2) -> float:
 
 
 @chart
-def late_commands(n: int = 200, points: int = 31, seen: int = 64) -> Iterator[Panel]:
+def late_commands(n: int = 200, points: int = 31, observed: int = 64) -> Iterator[Panel]:
     """Success over delay and gain with the limit of stability, and MuJoCo's own delay beside."""
     gains, posed = recorded()["range"][0, 0], tasks(n, SEEN)
     late, factors = np.linspace(0.0, 0.06, points), np.linspace(0.2, 1.6, 15)
@@ -302,15 +302,15 @@ def late_commands(n: int = 200, points: int = 31, seen: int = 64) -> Iterator[Pa
         ],
     )
     panel = Panel("MuJoCo's own delay fails where ours does", "delay [ms]", "success")
-    some, ms = tasks(seen, SEEN), range(0, 33, 4)
+    some, ms = tasks(observed, SEEN), range(0, 33, 4)
     for label, k in (("no range", 0), ("range 1", 10)):
         sets = recorded()["range"][k, 0]
         ours = [float(rollouts(real(0.0, 1e-3 * m), sets, some).rate) for m in ms]
         theirs = [float(Twin(replace(PLAIN, delay=1e-3 * m)).rollouts(sets, some).rate) for m in ms]
         limit = 1e3 * delay_limit(sets)
         panel.series += [
-            banded(label, ms, ours, seen),
-            banded(f"{label}, MuJoCo", ms, theirs, seen),
+            banded(label, ms, ours, observed),
+            banded(f"{label}, MuJoCo", ms, theirs, observed),
         ]
         panel.lines = [*panel.lines, ("x", limit, f"{label}: {limit:.1f} ms")]
     yield panel

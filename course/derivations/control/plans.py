@@ -26,7 +26,7 @@ def mpc_beats_clipping(result):
 
     def saved(x):
         """What MPC saves, and whether the clipped law meets a limit after it was free of it."""
-        gain = plans.cost(x, most=500)[0] / plans.cost(x, ahead, most=500)[0] - 1
+        gain = plans.cost(x, at_most=500)[0] / plans.cost(x, ahead, at_most=500)[0] - 1
         met = []
         for _ in range(500):
             u = -plans.K @ x

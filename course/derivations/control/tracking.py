@@ -225,8 +225,8 @@ def residual_learning_is_faster(result):
     bar, draws, rounds = result.given("bar", 0.02), result.given("draws", 2), result.given("rounds", 4)
     empty = replace(tracking.WRONG, masses=(1e-6, 1e-6), damping=(0.0, 0.0))
 
-    def needed(model, most=rounds, shown=None):
-        return [tracking.rounds_until(bar, model, seed, most, shown) for seed in range(draws)]
+    def needed(model, at_most=rounds, shown=None):
+        return [tracking.rounds_until(bar, model, seed, at_most, shown) for seed in range(draws)]
 
     near, alone = needed(tracking.WRONG), needed(empty)
     report = needed(empty, rounds + 1, tracking.WRONG)

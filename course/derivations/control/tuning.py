@@ -262,10 +262,10 @@ def overshoot_means_p(result):
     gentle = Gains(low, ki, kd, rate="exact", weight=0.0)
     result.figure("weighted", _step(gentle)[1].overshoot, 1e-3)
 
-    def mended(kp, ki, kd, delay=0.0, most=np.inf):
+    def mended(kp, ki, kd, delay=0.0, at_most=np.inf):
         """Whether a fifth less P and a fifth more D both lower a loop's overshoot."""
         now, less, more = (
-            _step(Gains(p, ki, d, rate="exact", u_min=-most, u_max=most), delay=delay)[1].overshoot
+            _step(Gains(p, ki, d, rate="exact", u_min=-at_most, u_max=at_most), delay=delay)[1].overshoot
             for p, d in ((kp, kd), (0.8 * kp, kd), (kp, 1.2 * kd)))  # fmt: skip
         return less < now and more < now
 
@@ -274,7 +274,7 @@ def overshoot_means_p(result):
     result.heard(
         mended(low, ki, kd),
         only_if="there is no integral, and delay is far from limiting kd",
-        inside=[mended(kp, 0, kd, most=x) for (kp, kd), x in zip(draws, limits, strict=True)],
+        inside=[mended(kp, 0, kd, at_most=x) for (kp, kd), x in zip(draws, limits, strict=True)],
         outside=[mended(0.4 * kp, 1.2 * kp, kd + 1) for kp, kd in draws]
         + [mended(kp, 0, 5.0, 0.1) for kp, _ in draws[:3]],
     )

@@ -417,8 +417,8 @@ def pauses(result):
     def drawing(states, chunks):
         """One of the chunks shown at the nearest state, each as likely."""
 
-        def act(seen, rng):
-            far = np.hypot(*(seen[:, None] - states).transpose(2, 0, 1))
+        def act(observed, rng):
+            far = np.hypot(*(observed[:, None] - states).transpose(2, 0, 1))
             ties = far < far.min(axis=1, keepdims=True) + 1e-9
             return chunks[np.argmax(ties * rng.random(far.shape), axis=1)]
 

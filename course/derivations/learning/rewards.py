@@ -232,8 +232,8 @@ def first_to_finish(result):
     def played(edge, N=128, clock=100, always=False):
         """Truth and reading of a policy that stands still if the goal is too far to the left."""
 
-        def act(seen):
-            return np.where(seen[:, :1] > edge, plan(seen)[1], 0.0).astype(np.float32)
+        def act(observed):
+            return np.where(observed[:, :1] > edge, plan(observed)[1], 0.0).astype(np.float32)
 
         envs = PointReachVector(N, max_steps=clock)
         true = evaluate(act, envs, 0).success.mean()
@@ -460,8 +460,8 @@ def no_time_penalty(result):
     from course.vector_env import PointReachVector
 
     def worth(gain, gamma):
-        def act(seen):
-            push = gain**2 * seen[:, :2] - 2.0 * gain * seen[:, 2:]
+        def act(observed):
+            push = gain**2 * observed[:, :2] - 2.0 * gain * observed[:, 2:]
             return np.clip(push, -1.0, 1.0).astype(np.float32)
 
         envs = PointReachVector(64, max_steps=1000)
@@ -498,8 +498,8 @@ def two_gains(result):
         """Mean return of each law (k, 2) over n common starts, and all steps."""
         each = np.repeat(gains, n, axis=0)
 
-        def act(seen):
-            push = each[:, :1] * seen[:, :2] - each[:, 1:] * seen[:, 2:]
+        def act(observed):
+            push = each[:, :1] * observed[:, :2] - each[:, 1:] * observed[:, 2:]
             return np.clip(push, -1.0, 1.0).astype(np.float32)
 
         seeds = list(range(first, first + n)) * len(gains)

@@ -237,18 +237,18 @@ def launch_comments(result):
 def parameters_are_tunable(result):
     from course.middleware import launch
 
-    def stiffness(way, start, new):
+    def stiffness(path, start, new):
         """What a controller works with after it was set to a new value."""
         node, used = launch.Parameters({"stiffness": start}), {}
-        if way != "undeclared":
+        if path != "undeclared":
             used["now"] = node.declare("stiffness", 1.0)
-        if way == "told":
+        if path == "told":
             node.told.append(lambda name, value: used.update(now=value))
         try:
             node.set("stiffness", new)
         except ValueError:
             return start
-        return node.value["stiffness"] if way == "read" else used["now"]
+        return node.value["stiffness"] if path == "read" else used["now"]
 
     paths = ("read", "told", "copied", "undeclared")
     drawn = result.rng.uniform(1.0, 100.0, (8, 2))

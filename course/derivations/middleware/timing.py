@@ -181,8 +181,8 @@ def inversion_is_bounded(result):
 
     section, middle = (1e-3 * result.given(*x) for x in (("section_ms", 20), ("middle_ms", 100)))
 
-    def bounded(protocol, hold, between, many):
-        return high_waits(protocol, float(hold), float(between), int(many)) < hold + 1e-6
+    def bounded(protocol, hold, between, count):
+        return high_waits(protocol, float(hold), float(between), int(count)) < hold + 1e-6
 
     one, five = (high_waits("none", section, middle, n) for n in (1, 5))
     kinds = ("inheritance", "ceiling")
@@ -399,7 +399,7 @@ def jitter_below_a_period(result):
     )
 
 
-def control_misses(callback, start, own=False, many=1):
+def control_misses(callback, start, own=False, count=1):
     """Whether a loop of 1 kHz that computes 0.1 ms misses its period beside callbacks [s].
 
     Args:
@@ -411,8 +411,8 @@ def control_misses(callback, start, own=False, many=1):
     from course.middleware.executor import Work, respond
 
     group = "theirs" if own else "default"
-    others = [Work(f"{k}", callback, 0.05, "subscription", group) for k in range(many)]
-    phases = [0.0] + [start / 0.05] * many
+    others = [Work(f"{k}", callback, 0.05, "subscription", group) for k in range(count)]
+    phases = [0.0] + [start / 0.05] * count
     works = [Work("control", 1e-4, 1e-3), *others]
     return bool(respond(works, "ready set", 2 if own else 1, phases, 0.2)["control"].max() > 1e-3)
 
@@ -431,7 +431,7 @@ def callback_over_a_period(result):
     )
     short, several = 1e-3 * result.given("short_ms", 0.5), int(result.given("several", 3))
     starts = result.rng.uniform(6e-4, 9.9e-4, int(result.given("tried", 8)))
-    missed = result.figure("missed", sum(control_misses(short, x, many=several) for x in starts))
+    missed = result.figure("missed", sum(control_misses(short, x, count=several) for x in starts))
     alone = [control_misses(short, x) for x in starts]
     long, phases = 1e-3 * result.given("long_ms", 1.2), np.linspace(0.0, 1e-3, 50, endpoint=False)
     share = result.figure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
@@ -569,7 +569,7 @@ def service_blocks(result):
     result.corrected(ran < 0.5 * due, free == due == aside)
 
 
-def burdened(periods, litter, pages=0, **asked):
+def burdened(periods, litter, pages=0, **requested):
     """Record of a loop that leaves objects in cycles and takes new memory each period.
 
     Args:
@@ -594,7 +594,7 @@ def burdened(periods, litter, pages=0, **asked):
 
     try:
         gc.set_threshold(700, 10, 10)
-        with loop.urgent(lock=False, **asked):
+        with loop.urgent(lock=False, **requested):
             return loop.run(work, 1e-3, periods, now=clock.now, sleep=clock.sleep)
     finally:
         gc.set_threshold(*before)

@@ -114,7 +114,7 @@ def thin_wall_missed(result):
     spacing, wall = result.given("spacing_m", 0.14), result.given("wall_m", 0.05)
     angle = np.deg2rad(result.given("angle_deg", 30))
 
-    def missed(width, many, turn=0.0):
+    def missed(width, count, turn=0.0):
         """Share of edges, twenty spacings long, that are passed though they cross the wall."""
 
         def valid(q):
@@ -123,7 +123,7 @@ def thin_wall_missed(result):
         tried = planning.from_function(valid, [[-2.0, -2.0], [2.0, 2.0]], spacing)
         exact = planning.plane(tried.bounds, boxes=[[0.0, -2.0, width, 2.0]])
         along = 20 * spacing * np.array([np.cos(turn), np.sin(turn)])
-        starts = -along * result.rng.uniform(0.3, 0.7, (many, 1))
+        starts = -along * result.rng.uniform(0.3, 0.7, (count, 1))
         assert not any(planning.edge_free(exact, a, a + along) for a in starts)
         return np.mean([planning.edge_free(tried, a, a + along) for a in starts])
 

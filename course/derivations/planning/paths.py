@@ -62,8 +62,8 @@ def rrt_star_converges(result):
 def informed_rrt_star(result):
     budget = result.given("budget", 3000)
 
-    def pair(seed, radius=2.0, many=budget):
-        return [_past_disc(radius, x, many, seed) for x in ("rrt_star", "informed_rrt_star")]
+    def pair(seed, radius=2.0, count=budget):
+        return [_past_disc(radius, x, count, seed) for x in ("rrt_star", "informed_rrt_star")]
 
     def shorter(scene, seed):
         star, informed = (

@@ -82,11 +82,11 @@ def rrt_complete(result):
     ]
     walled = [plan(*ends, method=x, budget=5000).status for x in ("rrt", "rrt_connect", "prm")]
 
-    def solved(bias, most):
+    def solved(bias, at_most):
         requested = scenes.gap(result.rng.uniform(0.05, 0.6), result.rng.uniform(0.05, 3.0))
         ends, step = (requested.start, requested.goal), result.rng.uniform(0.3, 3)
         tree = plan(
-            requested.world, *ends, method="rrt", budget=most, rng=result.rng, step=step, goal_bias=bias
+            requested.world, *ends, method="rrt", budget=at_most, rng=result.rng, step=step, goal_bias=bias
         )
         return tree.solved
 
@@ -199,9 +199,9 @@ def connect_in_narrow_passages(result):
     seeds = result.given("seeds", 300)
     walls = result.given("thin_m", 0.05), result.given("thick_m", 6.0)
 
-    def gain(*place, scene="gap", what="samples", many=seeds, **options):
+    def gain(*place, scene="gap", what="samples", count=seeds, **options):
         rrt, connect = (
-            np.mean([getattr(x, what) for x in runs(scene, y, many, *place, **options)])
+            np.mean([getattr(x, what) for x in runs(scene, y, count, *place, **options)])
             for y in BOTH
         )
         return rrt / connect
@@ -217,7 +217,7 @@ def connect_in_narrow_passages(result):
     trap_long = result.figure("trap_long", gain(scene="bug_trap", **far), 0.3)
     # With other steps a passage a hundred times as long gains a little, not a multiple.
     others = [
-        gain(0.1, walls[1], many=100, step=x) / gain(0.1, walls[0], many=100, step=x)
+        gain(0.1, walls[1], count=100, step=x) / gain(0.1, walls[0], count=100, step=x)
         for x in (0.3, 3.0)
     ]
     result.statement = "RRT with a goal bias of 5 %, a step of a tenth of the square."

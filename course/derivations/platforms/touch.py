@@ -373,8 +373,8 @@ def drake_hydroelastic(result):
     result.figure("sunk", low, 0.3)
     result.figure("patch", patch, 0.05)
 
-    def stays(n, told):
-        return _fallen(drake, scenes.tower(n), told) < 1e-3
+    def stays(n, options):
+        return _fallen(drake, scenes.tower(n), options) < 1e-3
 
     result.statement = "Towers of cubes at 2 ms, shapes as they come and with a modulus of 1 MPa."
     result.heard(
@@ -440,8 +440,8 @@ def bullet_less_accurate(result):
 
     both = simulators(MUJOCO, PYBULLET)
 
-    def over(scene, told=FAIR):
-        mujoco, bullet = (measures.position_error(e, scene, 1e-3, told) for e in both)
+    def over(scene, options=FAIR):
+        mujoco, bullet = (measures.position_error(e, scene, 1e-3, options) for e in both)
         return bullet / mujoco
 
     slide = scenes.slope(0.5, 0.2)

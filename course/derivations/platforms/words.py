@@ -40,11 +40,11 @@ def seconds(call, repeats):
 def built_on(result):
     from course.platforms import AS_SHIPPED, FAIR, measures
 
-    def length(name, heading=0.0, told=FAIR):
-        return measures.stop(simulators(name)[0], heading, 2e-3, told).distance
+    def length(name, heading=0.0, options=FAIR):
+        return measures.stop(simulators(name)[0], heading, 2e-3, options).distance
 
     fair = [length(name) for name in (MUJOCO, DRAKE, PYBULLET)]
-    shipped = result.figure("shipped", length(PYBULLET, told=AS_SHIPPED) / fair[2] - 1.0, 0.02)
+    shipped = result.figure("shipped", length(PYBULLET, options=AS_SHIPPED) / fair[2] - 1.0, 0.02)
     spread = result.figure("spread", max(fair) / min(fair) - 1.0, 0.5)
     headings = result.rng.uniform(0.0, 1.5, 3)
     others = [length(PYBULLET, x, AS_SHIPPED) / length(PYBULLET, x) for x in headings]

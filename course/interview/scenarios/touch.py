@@ -48,11 +48,11 @@ TUNES = {
 }
 
 
-def lateness(most: float) -> NDArray[np.float64]:
-    """A hundred ticks of which some are late by up to `most`; those behind them catch up."""
+def lateness(at_most: float) -> NDArray[np.float64]:
+    """A hundred ticks of which some are late by up to `at_most`; those behind them catch up."""
     draw = np.random.default_rng(4)
-    late = np.where(draw.random(100) < 0.2, draw.random(100), 0.0) * most
-    late[-int(most) - 1 :] = 0.0
+    late = np.where(draw.random(100) < 0.2, draw.random(100), 0.0) * at_most
+    late[-int(at_most) - 1 :] = 0.0
     return np.diff(np.maximum.accumulate(np.arange(100) + late), append=100.0)
 
 

@@ -230,7 +230,7 @@ def _on_ground(
         integrator,
         gravity,
         touching=True,
-        off=["refsafe"],
+        gap=["refsafe"],
         extra=f"<contact>{pairs}</contact>",
     )
 

@@ -184,7 +184,7 @@ def scene_xml(
     *,
     springs: bool = False,
     touching: bool = False,
-    off: Sequence[str] = (),
+    gap: Sequence[str] = (),
     extra: str = "",
 ) -> str:
     """The model's text: the body with the options that its scene needs.
@@ -205,7 +205,7 @@ def scene_xml(
     one_of("integrator", integrator, MUJOCO_INTEGRATORS)
     positive("dt", dt, unit="s")
     finite("gravity", gravity, unit="m/s^2")
-    flags = [*ALWAYS_OFF, *off]
+    flags = [*ALWAYS_OFF, *gap]
     if not touching:
         flags += CONTACT_OFF
     if not springs:

@@ -42,7 +42,7 @@ def oscillator(
         f'<body><joint type="slide" stiffness="{stiffness:.17g}" damping="{damping:.17g}"/>'
         f"{inertial(mass, 0.0, np.ones(3))}</body>"
     )
-    xml = scene_xml(body, dt, integrator, 0.0, springs=True, off=deviation)
+    xml = scene_xml(body, dt, integrator, 0.0, springs=True, gap=deviation)
     return Runner(xml, [q0], [v0], integrator)
 
 

@@ -221,8 +221,8 @@ class Twin:
         ]
         desired = tasks.reference.tolist()
 
-        def law(k: int, seen: Array) -> Array:
-            rows = zip(laws, desired, seen.tolist(), strict=True)
+        def law(k: int, observed: Array) -> Array:
+            rows = zip(laws, desired, observed.tolist(), strict=True)
             return np.array(
                 [[c.update(*pair) for c, *pair in zip(*row, strict=True)] for row in rows]
             )

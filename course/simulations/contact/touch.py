@@ -155,9 +155,9 @@ _INKS, _SKINS = (draw.BLUE, draw.ORANGE), (_PALE, _SAND)
 
 
 @register_jitable
-def mode(controls, gone, force):
+def mode(controls, missing, force):
     """Which word says what the contact does: apart, sticks, slips, pulls, or the body is gone."""
-    if gone != 0.0:
+    if missing != 0.0:
         return 4
     if force[0] < 0.0:
         return 3

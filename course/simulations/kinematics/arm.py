@@ -206,9 +206,9 @@ def press(controls, state, key):
 
 
 @register_jitable
-def _links(pen, q1, q2, ink, width, alpha, on, off):
+def _links(pen, q1, q2, ink, width, alpha, on, gap):
     ex, ey = L1 * math.cos(q1), L1 * math.sin(q1)
-    draw.line(pen, ink, width, alpha, on, off)
+    draw.line(pen, ink, width, alpha, on, gap)
     draw.point(pen, 0.0, 0.0)
     draw.point(pen, ex, ey)
     draw.point(pen, ex + L2 * math.cos(q1 + q2), ey + L2 * math.sin(q1 + q2))

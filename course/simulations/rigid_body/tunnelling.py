@@ -41,11 +41,11 @@ def found(before, now, controls):
 
 
 @register_jitable
-def shoot(controls, state, way):
+def shoot(controls, state, path):
     """Put the ball at its start; where the wall falls in a step is drawn anew."""
     phase = np.empty(1)
     splitmix.uniform(state["seed"], phase)
-    state["centre"][0] = _FROM - phase[0] * way
+    state["centre"][0] = _FROM - phase[0] * path
     state["samples"], state["hit"], state["pause"] = 1, 0, _PAUSE
     state["shots"] += 1
 

@@ -158,7 +158,7 @@ EXERCISE = Exercise(
         cases,
         lambda case, truth: 1e-12 * float(max(np.abs(box).max() for box in case.args)),
         "differences of coordinates: only their rounding is left",
-        told=coarse,
+        explain=coarse,
     ),
     examples=(
         "aabb_contact(np.array([[0.0, 0.0], [2.0, 1.0]]), np.array([[1.5, 0.2], [3.0, 0.9]]))",

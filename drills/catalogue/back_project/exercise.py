@@ -129,7 +129,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a quotient and a product: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "a quotient and a product: rounding", explain=coarse),
     examples=(
         "back_project([[0, 2], [4, 0]], 1.0, 1.0, 0.5, 0.5, 1.0)",
         "back_project(np.full((1, 3), 1500, dtype=np.uint16), 500.0, 500.0, 1.0, 0.0, 0.001)",

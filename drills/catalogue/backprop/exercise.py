@@ -108,7 +108,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "sums of some hundred products", told=coarse),
+    judge=judge_of(cases, 1e-10, "sums of some hundred products", explain=coarse),
     examples=("backprop([[1.0, 2.0]], [[0.0, 1.0]], [[0.5]], [0.0], [[1.0]], [0.0])",),
     picture=components,
     slips=SLIPS

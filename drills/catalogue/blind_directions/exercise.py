@@ -164,7 +164,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, "eigenvectors across a wide gap: rounding", told=told),
+    judge=judge_of(cases, 1e-9, "eigenvectors across a wide gap: rounding", explain=told),
     examples=(
         "blind_directions([[0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 0]], "
         "[[0, 0, 0, 0], [0, 0, 0, 0], [1, 1, 1, 1]], 1.0, 0.01)",

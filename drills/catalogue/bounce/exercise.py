@@ -395,7 +395,7 @@ EXERCISE = Exercise(
         1e-9,
         CLOSED_FORM,
         names=("height", "velocity"),
-        told=told,
+        explain=told,
         last=energy,
         then=("core", "a row of steps"),
     ),

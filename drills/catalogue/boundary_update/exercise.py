@@ -110,7 +110,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-12, "a sum of two numbers", told=coarse),
+    judge=judge_of(cases, 1e-12, "a sum of two numbers", explain=coarse),
     examples=(
         "boundary_update([[0.5, 1.5]], [1.0], [[[1, 1, 1, 1], [0, 1, 0, 0]]], [0.5, 0.8], [0.1])",
         "boundary_update([[0.9, 1.1]], [1.0], [[[0, 0], [0, 0]]], [0.5, 0.8], [0.2])",

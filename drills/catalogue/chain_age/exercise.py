@@ -109,7 +109,7 @@ EXERCISE = Exercise(
         cases,
         lambda case, truth: 1e-9 * float(truth[0].max()),
         "sums of a few numbers: rounding",
-        told=coarse,
+        explain=coarse,
     ),
     examples=(
         "chain_age([0.01], [0.1])",

@@ -151,7 +151,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "some dozens of steps: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "some dozens of steps: rounding", explain=coarse),
     examples=(
         "compare_engines(0.3, [1.0, 2.0], 0.0, 1.0, [0.01, 0.02], [0.1, 0.2, 0.4])",
         "compare_engines(0.3, [1.0, 2.0], 1000.0, 1.0, [0.01, 0.01], [0.1, 0.2, 0.4])",

@@ -111,7 +111,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-8, "least squares of well spread data", told=coarse),
+    judge=judge_of(cases, 1e-8, "least squares of well spread data", explain=coarse),
     examples=(
         "dagger_round([[1.1]], [[1.0]], lambda x: -np.tanh(x), [[1.0]], [[-0.8]], [2.0], 2)",
     ),

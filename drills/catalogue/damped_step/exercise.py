@@ -221,7 +221,7 @@ EXERCISE = Exercise(
         allowed,
         "singular values are known to rounding of the largest; the gain turns it by 1 / damping",
         first=bounded,
-        told=told,
+        explain=told,
     ),
     examples=(
         "damped_step(np.eye(2), np.array([1.0, -0.5]), 1.0)",

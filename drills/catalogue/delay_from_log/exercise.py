@@ -124,7 +124,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a parabola on a smooth top, and noise of 2 %", told=told),
+    judge=judge_of(cases, allowed, "a parabola on a smooth top, and noise of 2 %", explain=told),
     examples=(
         "delay_from_log(np.sin(0.1 * np.arange(600)) + np.sin(0.23 * np.arange(600)), "
         "np.sin(0.1 * np.arange(-4.5, 595)) + np.sin(0.23 * np.arange(-4.5, 595)), 0.01, 0.2)",

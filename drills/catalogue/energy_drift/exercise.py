@@ -149,7 +149,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a least squares fit that is exact: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "a least squares fit that is exact: rounding", explain=coarse),
     examples=("energy_drift(np.arange(40) / 10, 3.0 - np.arange(40) / 100, 1.5)",),
     picture=lines,
     slips=SLIPS

@@ -140,7 +140,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "sums of some dozen numbers: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "sums of some dozen numbers: rounding", explain=coarse),
     examples=("error_budget([[[0.0, 0.0]], [[3.0, 0.0]], [[-2.0, 0.0]], [[1.0, 0.0]]])",),
     picture=bars,
     slips=SLIPS

@@ -107,7 +107,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "a mean of a few numbers", told=coarse),
+    judge=judge_of(cases, 1e-10, "a mean of a few numbers", explain=coarse),
     examples=("execute_chunks([[[0.0], [1.0]], [[2.0], [4.0]], [[5.0], [6.0]]], 2, 0.7)",),
     picture=actions,
     slips=SLIPS

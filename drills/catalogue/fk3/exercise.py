@@ -188,7 +188,7 @@ EXERCISE = Exercise(
             1e-12 * (1.0 + case.args[0].sum()) * (1.0 + np.abs(case.args[1]).sum())
         ),
         "a closed form: only rounding is left, which grows with the arm's length and the angles",
-        told=told,
+        explain=told,
     ),
     examples=(
         "fk3(np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.0]))",

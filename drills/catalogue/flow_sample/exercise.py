@@ -118,7 +118,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "ten steps along a smooth field", told=coarse),
+    judge=judge_of(cases, 1e-10, "ten steps along a smooth field", explain=coarse),
     examples=(
         "flow_sample(lambda x, t: 2.0 * t + 0.0 * np.asarray(x), [[0.0, 1.0]], 3)",
         "flow_sample(lambda x, t: -np.asarray(x), [[1.0]], 1)",

@@ -153,7 +153,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, "a few products: rounding", told=coarse),
+    judge=judge_of(cases, 1e-9, "a few products: rounding", explain=coarse),
     examples=(
         "follow_part([[0.0, 0.01, 0.3]], [[0.02, 0.1]], 0.02, np.zeros(6), 0.01, 100, 0.2, "
         "[0.015, 0.035, 0.055])",

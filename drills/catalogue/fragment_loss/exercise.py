@@ -155,7 +155,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a sum of a few terms: rounding", told=told),
+    judge=judge_of(cases, allowed, "a sum of a few terms: rounding", explain=told),
     examples=("fragment_loss(921600, 1472, 1e-3)", "fragment_loss(100, 1472, 0.5)"),
     picture=over_loss,
     slips=SLIPS

@@ -115,7 +115,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "sums of some dozens of terms", told=coarse),
+    judge=judge_of(cases, 1e-10, "sums of some dozens of terms", explain=coarse),
     examples=(
         "gae([[1.0], [1.0]], [[0.0], [2.0]], [[2.0], [4.0]], [[0], [1]], [[0], [0]], 0.5, 0.5)",
         "gae([[1.0], [1.0]], [[0.0], [2.0]], [[2.0], [4.0]], [[0], [0]], [[0], [1]], 0.5, 0.5)",

@@ -191,7 +191,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "some dozen products and sums: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "some dozen products and sums: rounding", explain=coarse),
     examples=(
         "hybrid_torque(np.eye(3), np.eye(3), np.array([0, 0, 1]), np.array([0.01, 0.0, 0.05]), "
         "np.zeros(3), np.zeros(3), np.array([0.0, 0.0, -10.0]), np.array([1000.0, 50.0, 1.0]))",

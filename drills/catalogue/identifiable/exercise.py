@@ -111,7 +111,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "rounding, with singular values down to 1e-2", told=coarse),
+    judge=judge_of(cases, allowed, "rounding, with singular values down to 1e-2", explain=coarse),
     examples=(
         "identifiable([[1.0, 0.0], [0.0, 2.0], [1.0, 1.0]], [1.0, 1.0], 0.1)",
         "identifiable([[1.0, 1.0], [2.0, 2.0]], [1.0, 3.0], 0.1)",

@@ -206,7 +206,7 @@ EXERCISE = Exercise(
         cases,
         allowed,
         "noise of 0.1 mrad leaves 0.01 % of the inertia in doubt when nothing is differentiated",
-        told=told,
+        explain=told,
         timed=one_log,
     ),
     examples=(

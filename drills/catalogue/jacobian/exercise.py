@@ -227,7 +227,7 @@ EXERCISE = Exercise(
         cases,
         rounding,
         "cross products of a chain of rotations: only rounding is left",
-        told=coarse,
+        explain=coarse,
     ),
     examples=(
         "geometric_jacobian(np.eye(4)[None], np.array([0.0]), np.array([1.0, 0.0, 0.0]))",

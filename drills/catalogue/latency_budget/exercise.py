@@ -167,7 +167,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, "sums of a few numbers: rounding", told=coarse),
+    judge=judge_of(cases, 1e-9, "sums of a few numbers: rounding", explain=coarse),
     examples=(
         "latency_budget([[0, 1], [1, 2]], [[0.01, 0.02], [0.03, 0.01], [0.004, 0.004]], "
         "[0.1, 0, 0.05], 0, 2, 0.25)",

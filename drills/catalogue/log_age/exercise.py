@@ -117,7 +117,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, "one difference: rounding", told=coarse),
+    judge=judge_of(cases, 1e-9, "one difference: rounding", explain=coarse),
     examples=(
         "log_age([0, 1], [0.5, 1.5], [0.2, 0.5, 1.4, 2])",
         "log_age([0, 1], [3, 2], [2.5, 3.5])",

@@ -207,7 +207,7 @@ EXERCISE = Exercise(
         allowed,
         "these Riccati equations are solved to 1e-10 in double precision",
         first=at_rest,
-        told=told,
+        explain=told,
     ),
     examples=(
         "lqr(np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1)))",

@@ -212,7 +212,7 @@ SLIPS = slips(
 
 EXERCISE = Exercise(
     judge=judge_of(
-        cases, allowed, "a mean whose weights are exponentials of 1e-12 and better", told=coarse
+        cases, allowed, "a mean whose weights are exponentials of 1e-12 and better", explain=coarse
     ),
     examples=(
         "mppi_step(np.zeros((2, 1)), np.array([[[1.0], [1.0]], [[-1.0], [-1.0]]]), "

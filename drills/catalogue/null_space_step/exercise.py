@@ -199,7 +199,7 @@ EXERCISE = Exercise(
         allowed,
         "a linear system whose condition is below 1e5: rounding is left",
         first=tip_first,
-        told=coarse,
+        explain=coarse,
     ),
     examples=(
         "null_space_step(np.array([[1.0, 1.0]]), np.array([0.0]), np.array([1.0, 0.0]), "

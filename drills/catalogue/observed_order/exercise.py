@@ -252,7 +252,7 @@ EXERCISE = Exercise(
         cases,
         1e-9,
         "two differences and a logarithm: rounding",
-        told=told,
+        explain=told,
         last=no_order,
         then=("edge", "runs that have no order"),
     ),

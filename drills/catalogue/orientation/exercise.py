@@ -262,7 +262,7 @@ EXERCISE = Exercise(
         lambda case, truth: 1e-13 * (1.0 + _angle(case)),
         "the exponential is exact; what is left is rounding, which grows with the angle",
         nearest=either_sign,
-        told=told,
+        explain=told,
         last=many_steps,
     ),
     given=Path(__file__).with_name("given.py").read_text(encoding="utf-8"),

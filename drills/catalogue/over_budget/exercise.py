@@ -129,7 +129,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, "sums of a few numbers: rounding", told=coarse),
+    judge=judge_of(cases, 1e-9, "sums of a few numbers: rounding", explain=coarse),
     examples=(
         "over_budget([[0, 1], [1, 2]], [0.1, 0.3], [0.2, 0.2], 0, 2)",
         "over_budget([[0, 1], [1, 2], [0, 2]], [0.1, 0.3, 0.5], [0.2, 0.2, 0.6], 0, 2)",

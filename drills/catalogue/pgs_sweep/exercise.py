@@ -159,7 +159,7 @@ EXERCISE = Exercise(
         cases,
         allowed,
         "a sweep is some dozens of products; eigenvalues are known to 1e-14",
-        told=coarse,
+        explain=coarse,
     ),
     examples=(
         "pgs_sweep(np.zeros((1, 3)), np.eye(3), np.array([-1.0, 0.2, 0.0]), 0.5)",

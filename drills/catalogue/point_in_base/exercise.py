@@ -149,7 +149,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "two turns and shifts: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "two turns and shifts: rounding", explain=coarse),
     examples=(
         "point_in_base([[1], [0], [2]], 0.0, [1, 1, 0, 0], [0, 0, 0, 0], [[0, 0, 0, 0, 0]])",
         "point_in_base([[1], [0], [2]], 0.5, [1, 1, 0, 0], [0, 0, 0, np.pi / 2], "

@@ -143,7 +143,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "least squares in six numbers: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "least squares in six numbers: rounding", explain=coarse),
     examples=(
         "point_to_plane_step([[2, -1, 0, 0, 0, 1], [0, 1, 1, -1, 0, 0], [0, 0, 1, 0, 1, -1]], "
         "[[1, -1, 0, 0, 0, 1], [0, 1, 1, -1, 0, 0], [0, 0, 1, 0, 1, -1]], "

@@ -129,7 +129,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "some hundred products", told=coarse),
+    judge=judge_of(cases, 1e-10, "some hundred products", explain=coarse),
     examples=("ppo_objective([-1.0, -0.5], [-1.2, -1.0], [1.0, 2.0], 0.2)",),
     picture=gradients,
     slips=SLIPS

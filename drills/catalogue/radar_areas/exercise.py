@@ -126,7 +126,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "a sum of a few products: rounding", told=coarse),
+    judge=judge_of(cases, 1e-10, "a sum of a few products: rounding", explain=coarse),
     examples=("radar_areas([10, 100, 10, 1000, 30], [1, 1, 100, 1, 1], [100, 1000, 1, 1e4, 100])",),
     picture=bars,
     slips=SLIPS

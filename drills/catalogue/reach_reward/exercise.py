@@ -93,7 +93,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "a root and two products", told=coarse),
+    judge=judge_of(cases, 1e-10, "a root and two products", explain=coarse),
     examples=("reach_reward([[2.0, 1.0, 0.2], [0.0, 0.0, 0.0]], [0.0, 0.0], 0.5, 0.9)",),
     picture=rewards,
     slips=SLIPS

@@ -137,7 +137,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, "sums over fifty ticks: rounding", told=coarse),
+    judge=judge_of(cases, 1e-9, "sums over fifty ticks: rounding", explain=coarse),
     examples=(
         "reach_target([[0.0, 0.1, 0.2, 0.0]], 1.0, [[0, -1, 0.1], [1, 0, 0]], [0.1, 0.0], "
         "[0.0, 0.0], [0.0, 0.1, 0.6, 1.1, 2.1])",

@@ -145,7 +145,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a power and a quotient: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "a power and a quotient: rounding", explain=coarse),
     examples=(
         "rescale_step([-1.0, 10.0], [0, 1], 0.99, 200, 0.01, 0.001)",
         "rescale_step([-1.0, 10.0], [0, 1], 1.0, 200, 0.01, 0.001)",

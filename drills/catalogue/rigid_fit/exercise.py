@@ -162,7 +162,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "singular vectors of a 3 x 3 matrix: rounding", told=told),
+    judge=judge_of(cases, allowed, "singular vectors of a 3 x 3 matrix: rounding", explain=told),
     examples=(
         "rigid_fit(np.eye(3), np.eye(3)[:, [1, 2, 0]], np.ones(3))",
         "rigid_fit([[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[1, 2, 1], [2, 2, 3], [3, 3, 3]], [1] * 3)",

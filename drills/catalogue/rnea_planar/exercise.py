@@ -209,7 +209,7 @@ EXERCISE = Exercise(
         cases,
         allowed,
         "sums and products of one pass out and one back: rounding",
-        told=coarse,
+        explain=coarse,
         timed=twelve_links,
     ),
     examples=(

@@ -82,8 +82,8 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
 def trees(figure: Any, shown: Shown) -> None:
     """Both trees among the discs."""
 
-    def lines(told: Any) -> Array:
-        nodes, up = np.asarray(told[0]), np.clip(np.asarray(told[1], dtype=int), 0, None)
+    def lines(explain: Any) -> Array:
+        nodes, up = np.asarray(explain[0]), np.clip(np.asarray(explain[1], dtype=int), 0, None)
         ends = (nodes, nodes[np.minimum(up, len(nodes) - 1)], np.full(nodes.shape, np.nan))
         return np.stack(ends, axis=1).reshape(-1, 2)
 

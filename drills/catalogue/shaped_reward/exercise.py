@@ -110,7 +110,7 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> float:
 
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "two additions and a product", told=coarse),
+    judge=judge_of(cases, allowed, "two additions and a product", explain=coarse),
     examples=(
         "shaped_reward([0, 1], [1, 2], [0.0, 1.0], [0, 1], [0, 0], [1.0, 2.0, 5.0], 0.9)",
         "shaped_reward([0, 1], [1, 2], [0.0, 1.0], [0, 0], [0, 1], [1.0, 2.0, 5.0], 0.9)",

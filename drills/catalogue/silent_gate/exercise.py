@@ -131,7 +131,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "a root and counts: rounding", told=coarse),
+    judge=judge_of(cases, 1e-10, "a root and counts: rounding", explain=coarse),
     examples=(
         "silent_gate([1, 2, 3, 4], [1, 1, 1, 0], [1, 2, 3, 4], [1, 0, 1, 1], 0.25)",
         "silent_gate([1, 2, 3, 2], [1, -1, 1, 1], [3, 2, 1], [1, 1, 0], 0.25)",

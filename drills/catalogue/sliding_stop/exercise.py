@@ -161,7 +161,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a closed form: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "a closed form: rounding", explain=coarse),
     examples=("sliding_stop(2.0, 0.0, 0.0, 0.5)", "sliding_stop(2.0, 0.785398, 0.0, 0.5)"),
     picture=stops,
     slips=SLIPS

@@ -258,7 +258,7 @@ EXERCISE = Exercise(
         cases,
         lambda case, truth: 1e-9 * float(truth[0]),
         "1e-9 of the limit: eigenvalues of these matrices are known to 1e-12",
-        told=told,
+        explain=told,
         last=simulated,
         then=("core", "a simulation at the limit"),
     ),

@@ -149,7 +149,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "an eigenvalue and a root: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "an eigenvalue and a root: rounding", explain=coarse),
     examples=(
         "step_limit([0.4, 0.1, 0.05], [0.0, 1.57, 3.14], 25.0, 8.0, 0.2)",
         "step_limit([0.4, 0.1, 0.05], [0.0, 1.57, 3.14], 25.0, 0.0, 0.0)",

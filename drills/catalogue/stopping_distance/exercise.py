@@ -153,7 +153,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, "sums and a root: rounding", told=coarse),
+    judge=judge_of(cases, 1e-9, "sums and a root: rounding", explain=coarse),
     examples=(
         "stopping_distance([3.6, 7.2], 0.2, 2.0, 0.0, 1.6, 0.1, 4.0)",
         "stopping_distance([3.6, 7.2], 0.2, 2.0, 0.05, 0.0, 0.0, 4.0)",

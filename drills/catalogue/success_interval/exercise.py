@@ -16,13 +16,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
         level: str = "core",
         *,
         n: int = 6,
-        most: int = 400,
+        at_most: int = 400,
         confidence: float = 0.0,
         share: float = -1.0,
         half: float = 0.0,
         ends: bool = False,
     ) -> Case:
-        tried = rng.integers(max(most // 4, 1), most + 1, n)
+        tried = rng.integers(max(at_most // 4, 1), at_most + 1, n)
         solved = np.array([rng.integers(0, one + 1) for one in tried])
         if ends:
             solved[::2], solved[1::2] = tried[::2], 0
@@ -41,16 +41,16 @@ def cases(rng: np.random.Generator) -> list[Case]:
     return [
         counts("one count", "simple", n=1, confidence=0.95),
         counts("95 %, rates in the middle", "simple", confidence=0.95, share=0.5),
-        counts("few trials", "simple", most=12, confidence=0.95),
+        counts("few trials", "simple", at_most=12, confidence=0.95),
         *(counts("any confidence") for _ in range(3)),
-        *(counts("few", most=9) for _ in range(2)),
+        *(counts("few", at_most=9) for _ in range(2)),
         counts("all or none", ends=True, share=0.9),
         counts("a rare failure", share=0.99),
         counts("few trials are enough", half=0.3),
         counts("many trials", half=0.004),
         counts("never fails", "edge", share=1.0, ends=True),
         counts("never works", "edge", share=0.0),
-        counts("one trial each", "edge", most=1),
+        counts("one trial each", "edge", at_most=1),
         counts("one is enough", "edge", confidence=0.5, half=0.45),
     ]
 
@@ -133,7 +133,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "a root and a quotient: rounding", told=coarse),
+    judge=judge_of(cases, 1e-10, "a root and a quotient: rounding", explain=coarse),
     examples=(
         "success_interval([9, 10], [10, 10], 0.95, 0.9, 0.05)",
         "success_interval([90, 100], [100, 100], 0.95, 1.0, 0.05)",

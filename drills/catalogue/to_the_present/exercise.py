@@ -167,7 +167,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a few products: rounding", told=coarse),
+    judge=judge_of(cases, allowed, "a few products: rounding", explain=coarse),
     examples=("to_the_present([[0, 0, 1, 0]], [np.eye(4)], [1.0], [1.5], 2.0, 0.0)",),
     picture=ellipses,
     slips=SLIPS

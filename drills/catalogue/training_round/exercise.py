@@ -126,7 +126,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "rounding, over some dozens of steps", told=coarse),
+    judge=judge_of(cases, 1e-10, "rounding, over some dozens of steps", explain=coarse),
     examples=(
         "training_round([-1.0, 0.0], [10.0, 0.0, 10.0], [1.0, -1.0], np.ones((2, 2)), "
         "np.array([0.5, 3.0]))",

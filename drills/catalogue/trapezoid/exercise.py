@@ -172,7 +172,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a dozen operations: rounding", first=held, told=coarse),
+    judge=judge_of(cases, allowed, "a dozen operations: rounding", first=held, explain=coarse),
     examples=(
         "trapezoid([0], [3], [1], [2], [0, 0.5, 1, 5])",
         "trapezoid([0, 0], [0.1, -0.2], [1, 1], [5, 5], [0.1, 0.2])",

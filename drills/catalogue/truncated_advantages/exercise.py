@@ -152,7 +152,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-10, "sums of some dozens of terms", told=coarse),
+    judge=judge_of(cases, 1e-10, "sums of some dozens of terms", explain=coarse),
     examples=(
         "truncated_advantages([1, 1, 1], [0, 2, 2], [1, 0, 1], [0, 0, 0], [4], 2, 0.5, 0.5)",
         "truncated_advantages([1, 1, 1], [0, 2, 2], [1, 0, 1], [0, 1, 0], [], 2, 0.5, 0.5)",

@@ -97,7 +97,7 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
 
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "rounding, over a hundred samples", told=coarse),
+    judge=judge_of(cases, allowed, "rounding, over a hundred samples", explain=coarse),
     examples=(
         "tune_randomised([[8.0, 3.0], [12.0, 5.0]], [[1.0, 0.2, 0], [2.0, 0.5, 4]], 1)",
         "tune_randomised([[8.0, 3.0]], [[1.0, 0.2, 0], [1.0, 0.2, 10]], 1)",

@@ -243,7 +243,7 @@ EXERCISE = Exercise(
         lambda case, truth: 1e-4 if case.label in (OUTER, INNER) else 1e-10,
         "a closed form: rounding is left, whose root counts on the edges",
         nearest=unwound,
-        told=coarse,
+        explain=coarse,
         last=out_of_reach,
         then=("edge", "targets out of reach"),
     ),

@@ -171,7 +171,7 @@ SLIPS = slips(
 
 EXERCISE = Exercise(
     judge=judge_of(
-        cases, allowed, "eigenvalues of the loop's matrix give both to 1e-10", told=coarse
+        cases, allowed, "eigenvalues of the loop's matrix give both to 1e-10", explain=coarse
     ),
     examples=(
         "ultimate_gain(1.0, 2.0, 0.01, 0.0)",

@@ -325,7 +325,7 @@ EXERCISE = Exercise(
         1e-11,
         "a step is a few sums: 1e-11 leaves room for another order of adding up, and no more",
         names=NAMES,
-        told=told,
+        explain=told,
         last=whole_runs,
         then=("core", "evaluations, order, reversal"),
         timed=one_step,

@@ -128,7 +128,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a sine; a linear system near the limit", told=coarse),
+    judge=judge_of(cases, allowed, "a sine; a linear system near the limit", explain=coarse),
     examples=("visual_gain(0.5, 0)", "visual_gain(0.5, 1)", "visual_gain(0.5, 3)"),
     picture=frames,
     slips=SLIPS

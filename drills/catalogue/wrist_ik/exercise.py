@@ -189,7 +189,7 @@ EXERCISE = Exercise(
         1e-6,
         "sixty steps of three tenths leave 1e-9 of the way",
         first=arrived,
-        told=told,
+        explain=told,
         timed=five_steps,
     ),
     examples=(
