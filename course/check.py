@@ -12,7 +12,7 @@ T = TypeVar("T")
 POSITIVE = float(np.finfo(float).tiny)
 
 
-def refused(name: str, value: Any, allowed: str) -> ValueError:
+def invalid(name: str, value: Any, allowed: str) -> ValueError:
     """The error for a value that is not allowed.
 
     Args:
@@ -44,7 +44,7 @@ def finite(
     except (TypeError, ValueError, OverflowError):
         number = np.nan
     if not (low <= number <= high and abs(number) < np.inf):
-        raise refused(name, value, _number(low, high, unit))
+        raise invalid(name, value, _number(low, high, unit))
     return number
 
 
@@ -58,7 +58,7 @@ def count(name: str, value: Any, least: int = 0, at_most: int | None = None) -> 
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or value < least or (at_most is not None and value > at_most):
         end = "on" if at_most is None else f"to {at_most}"
-        raise refused(name, value, f"a whole number from {least} {end}")
+        raise invalid(name, value, f"a whole number from {least} {end}")
     return int(value)
 
 
@@ -77,7 +77,7 @@ def _real_array(name: str, value: Any) -> NDArray[np.float64]:
             return np.asarray(array, dtype=float)
     except (TypeError, ValueError):
         pass
-    raise refused(name, value, "an array of real numbers") from None
+    raise invalid(name, value, "an array of real numbers") from None
 
 
 def vector(
@@ -107,12 +107,12 @@ def vector(
     if shapes and not any(_fits(array.shape, shape) for shape in shapes):
         shown = (", ".join("N" if n is None else str(n) for n in shape) for shape in shapes)
         texts = (f"({text},)" if "," not in text and text else f"({text})" for text in shown)
-        raise refused(f"{name}.shape", array.shape, " or ".join(texts))
+        raise invalid(f"{name}.shape", array.shape, " or ".join(texts))
     good = np.isfinite(array) & (array >= low) & (array <= high)
     if not good.all():
         where = tuple(int(i) for i in np.argwhere(~good)[0])
         place = f"{name}{list(where)}" if where else name
-        raise refused(place, float(array[where]), _number(low, high, unit))
+        raise invalid(place, float(array[where]), _number(low, high, unit))
     return array
 
 
@@ -130,9 +130,9 @@ def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
     except ValueError:
         array = np.array(np.nan)
     if array.shape not in ((), (size,)):
-        raise refused(f"{name}.shape", array.shape, f"() or ({size},)")
+        raise invalid(f"{name}.shape", array.shape, f"() or ({size},)")
     if np.isnan(array).any():
-        raise refused(name, value, "an array of numbers, which may be infinite")
+        raise invalid(name, value, "an array of numbers, which may be infinite")
     return np.full(size, array)
 
 
@@ -140,7 +140,7 @@ def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
     """One of the values in `allowed`; anything else raises ValueError."""
     known = list(allowed)
     if value not in known:
-        raise refused(name, value, f"one of {', '.join(map(repr, known))}")
+        raise invalid(name, value, f"one of {', '.join(map(repr, known))}")
     return value
 
 

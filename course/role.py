@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Stage:
         if self.period is not None:
             positive(f"period {at}", self.period, unit="s")
             if self.overload == "queue":
-                raise refused(f"overload {at}", "queue", "skip or pipelined under a clock")
+                raise invalid(f"overload {at}", "queue", "skip or pipelined under a clock")
             self.interval(self.period)
 
     def interval(self, period: float, early: float = 0.0) -> float:
@@ -60,7 +60,7 @@ class Stage:
         least, largest = (math.ceil(x / period - 1e-9) for x in (longest - 2 * self.jitter, longest))
         if rule == "skip" and least == largest and not early:
             return period * largest
-        raise refused(
+        raise invalid(
             f"execution of {self.name}",
             longest,
             f"up to its period of {period:g} s, or more with a rule for overload",
@@ -83,7 +83,7 @@ def _links(stages: Sequence[Stage]) -> list[tuple[float, float, float, float]]:
     """After each stage: its results' interval [s], the share that arrives, the interval that a
     result may wait [s], and what a full queue adds [s]."""
     if not stages or stages[0].period is None:
-        raise refused("stages", [s.name for s in stages], "a chain whose first stage has a period")
+        raise invalid("stages", [s.name for s in stages], "a chain whose first stage has a period")
     result: list[tuple[float, float, float, float]] = []
     T, retained, early = 0.0, 1.0, 0.0
     for stage in stages:
@@ -93,14 +93,14 @@ def _links(stages: Sequence[Stage]) -> list[tuple[float, float, float, float]]:
         if result:
             full = waits and before < T * (1.0 - 1e-9)
             if retained < 1.0 and ((full and stage.depth > 1) or (before < T and not clocked)):
-                raise refused("lost", 1.0 - retained, f"0 before {stage.name}, which loses others")
+                raise invalid("lost", 1.0 - retained, f"0 before {stage.name}, which loses others")
             result[-1] = (before, retained, before * waits, (stage.depth - 1) * before * full)
         retained = (1.0 if clocked else retained) * (1.0 - stage.lost)
         odd = bool(result) and waits and stage.depth > 1 and early > abs(T - before)
         early = (0.0 if waits else early) + 2.0 * stage.jitter
         if odd or early > T * (1.0 + 1e-9):
             allowed = "less: results overtake others, or a queue is full at times only"
-            raise refused(f"jitter up to {stage.name}", sum(s.jitter for s in stages), allowed)
+            raise invalid(f"jitter up to {stage.name}", sum(s.jitter for s in stages), allowed)
         result.append((T, retained, T, 0.0))
     return result
 
@@ -351,11 +351,11 @@ def check_stack(edges: Sequence[Edge]) -> None:
     """Raise ValueError if a box has nothing in or out, or a loop runs through no plant."""
     for box in BOXES:
         if not all(around(box, edges)):
-            raise refused("edges", f"nothing into or out of {box}", "both for each box")
+            raise invalid("edges", f"nothing into or out of {box}", "both for each box")
     remaining = [e for e in edges if not {e.source, e.target} & {"robot", "simulation"}]
     while remaining:
         rest = [e for e in remaining if e.source in {other.target for other in remaining}]
         if len(rest) == len(remaining):
             loop = "a loop among " + ", ".join(sorted({e.source for e in remaining}))
-            raise refused("edges", loop, "loops through the robot only")
+            raise invalid("edges", loop, "loops through the robot only")
         remaining = rest

@@ -36,9 +36,9 @@ def check(
     called: str | None = None,
 ) -> int:
     """Grade one answer and say what was found."""
-    card, path = _found(session, target, file)
+    card, path = _exercise_and_file(session, target, file)
     report = graded(session, card, path, seed, called=called)
-    code, payload = told(session, card, report, path)
+    code, payload = report_result(session, card, report, path)
     if rendered:
         from drills import feedback
 
@@ -97,7 +97,7 @@ def watch(session: Session, card: Card, file: str | None, seed: int | None) -> i
             if now is None:
                 session.say(f"{workspace.shown(Path(path))} is gone; it is graded when it is back.")
             else:
-                session.finish(*told(session, card, graded(session, card, path, seed), path))
+                session.finish(*report_result(session, card, graded(session, card, path, seed), path))
         time.sleep(_LOOKS)
 
 
@@ -107,7 +107,7 @@ def chart(session: Session, card: Card, file: str | None, seed: int, target: Pat
     report = graded(session, card, path, seed, quietly=True)
     if not report.passed:
         session.say("Only a right answer goes on the chart.")
-        return session.finish(*told(session, card, report, path))
+        return session.finish(*report_result(session, card, report, path))
     from drills import chart as charts
 
     session.seed, session.drill = seed, card.name
@@ -128,7 +128,7 @@ def chart(session: Session, card: Card, file: str | None, seed: int, target: Pat
     return session.finish(RIGHT, payload)
 
 
-def _found(session: Session, target: str | None, file: str | None) -> tuple[Card, str]:
+def _exercise_and_file(session: Session, target: str | None, file: str | None) -> tuple[Card, str]:
     """Which exercise is meant, and the file of its answer ("-" for standard input)."""
     if target is None and file is None:
         started = [
@@ -223,7 +223,7 @@ def graded(
     return report
 
 
-def told(session: Session, card: Card, report: Report, path: str) -> tuple[int, dict[str, Any]]:
+def report_result(session: Session, card: Card, report: Report, path: str) -> tuple[int, dict[str, Any]]:
     """Write the feedback; gives the exit code and the data."""
     from drills import feedback
 

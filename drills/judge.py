@@ -186,7 +186,7 @@ def _simplest_wrong(answers: Sequence[Answer]) -> Shown | None:
     """What a picture can be drawn of: the first case that is wrong and has the form asked for."""
     for a in answers:
         if a.parts and not all(a.right):
-            if all(off(part, truth) < np.inf for part, truth in zip(a.parts, a.truth, strict=True)):
+            if all(largest_error(part, truth) < np.inf for part, truth in zip(a.parts, a.truth, strict=True)):
                 return Shown(a.case.label, a.case.args, a.parts, a.truth)
     return None
 
@@ -229,7 +229,7 @@ def repeat_calls(
         )
 
 
-def off(got: Any, wrong: Any) -> float:
+def largest_error(got: Any, wrong: Any) -> float:
     """The largest error of a value against another, infinite where it is none of that shape."""
     wrong = np.asarray(wrong, dtype=float)
     try:
@@ -258,7 +258,7 @@ def swapped(answers: Sequence[Answer]) -> str:
         if order == tuple(sorted(order)):
             continue
         errors = [
-            off(a.parts[i], a.truth[j]) / (1.0 + float(np.max(np.abs(a.truth[j]), initial=0.0)))
+            largest_error(a.parts[i], a.truth[j]) / (1.0 + float(np.max(np.abs(a.truth[j]), initial=0.0)))
             for a in answers
             for i, j in enumerate(order)
         ]
@@ -298,7 +298,7 @@ def whole_numbers(answers: Sequence[Answer]) -> str:
         for *pair, right in zip(a.parts, a.truth, a.right, strict=True)
         if not right
     ]
-    values = [as_float64(got, truth.shape) for got, truth in pairs if off(got, truth) < 1.0]
+    values = [as_float64(got, truth.shape) for got, truth in pairs if largest_error(got, truth) < 1.0]
     cut = len(values) == len(pairs) and all(np.array_equal(v, np.trunc(v)) for v in values)
     # Nothing but zeros was not cut off: it was never computed.
     return "whole_numbers" if cut and any(v.any() for v in values) else ""
@@ -332,7 +332,7 @@ def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
     shapes = {a.truth[0].shape for a in answers}
     if len(shapes) > 1 or not (shape := shapes.pop()) or shape[0] < 2:
         return None
-    if any(off(a.parts[0], a.truth[0]) == np.inf for a in answers):
+    if any(largest_error(a.parts[0], a.truth[0]) == np.inf for a in answers):
         return None
     for axis in range(len(shape)):
         others = tuple(i for i in range(len(shape)) if i != axis)
@@ -366,7 +366,7 @@ def _coarse(got: Any, expected: Array) -> str | None:
         values = as_float64(got, expected.shape)
     except Mismatch:
         return ""
-    scale, error = max(1.0, float(np.abs(expected).max())), off(values, expected)
+    scale, error = max(1.0, float(np.abs(expected).max())), largest_error(values, expected)
     if not values.any():
         return None if error <= 1e-5 * scale else ""
     if error <= 1e-5 * scale and np.array_equal(values, values.astype(np.float32)):

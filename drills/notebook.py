@@ -131,13 +131,13 @@ def check(obj: Any, name: str | None = None, seed: int | None = None) -> Result:
     try:
         card = _card_for(obj, name)
     except (Unusable, catalogue.UnknownExercise) as error:
-        return _refused(None, Reason.MISSING_NAME, str(error))
+        return _ungraded(None, Reason.MISSING_NAME, str(error))
     try:
         parts = assemble(obj)
     except Unusable as error:
-        return _refused(card, Reason.UNREADABLE, str(error))
+        return _ungraded(card, Reason.UNREADABLE, str(error))
     except Borrowed as error:
-        return _untouched(card, obj) or _refused(card, Reason.BORROWED_NAME, str(error))
+        return _untouched(card, obj) or _ungraded(card, Reason.BORROWED_NAME, str(error))
     return _untouched(card, parts) or _graded(card, parts, seed)
 
 
@@ -411,7 +411,7 @@ def _untouched(card: Card, what: Any) -> Result | None:
     return Result(card.name, reason, SENTENCES[reason], text, feedback.html(report, card))
 
 
-def _refused(card: Card | None, reason: Reason | None, sentence: str) -> Result:
+def _ungraded(card: Card | None, reason: Reason | None, sentence: str) -> Result:
     """A verdict that needs no grading."""
     title = _escaped(card.title) if card else ""
     html = (
@@ -428,7 +428,7 @@ def _graded(card: Card, parts: Assembled, seed: int | None) -> Result:
     command += ["--seed", str(seed)] if seed is not None else []
     data = _run(command, parts.source)
     if "error" in data:
-        return _refused(card, None, data["error"]["message"])
+        return _ungraded(card, None, data["error"]["message"])
     text, html = data.pop("text"), data.pop("html")
     if parts.carried:
         note = f"Graded with what it uses from other cells: {', '.join(parts.carried)}."

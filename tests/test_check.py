@@ -70,7 +70,7 @@ def test_a_unit_is_named() -> None:
 
 
 def test_a_long_array_is_shown_by_its_shape() -> None:
-    text = str(check.refused("q", np.zeros((3, 40)), "shorter"))
+    text = str(check.invalid("q", np.zeros((3, 40)), "shorter"))
     assert text == "q is an array of shape (3, 40), allowed is shorter"
 
 

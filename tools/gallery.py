@@ -30,7 +30,7 @@ six curves; the others, named under it, are in its data.
 """
 
 
-def said(name: str) -> str:
+def caption(name: str) -> str:
     """What a chart shows, in a sentence: of its experiment, or the question on the picture."""
     sentence = (charts.CHARTS[name][0].__doc__ or "").strip().partition("\n")[0]
     if not sentence:
@@ -62,7 +62,7 @@ def gallery() -> str:
         parts += [f"## {title}\n"] if names else []
         for name in names:
             drawn = (charts.PICTURES / f"{name}.png").is_file()
-            parts.append(f"### {name}\n\n{said(name)}\n")
+            parts.append(f"### {name}\n\n{caption(name)}\n")
             parts += [f"![{name}]({name}.png)\n"] if drawn else []
             figures = charts.read(name)
             parts.append(

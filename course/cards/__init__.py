@@ -28,7 +28,7 @@ from typing import Any
 
 from course import CHAPTERS
 from course.cards.formula import tex
-from course.check import refused
+from course.check import invalid
 from course.interview import LEVELS, filled, questions, typed_numbers
 
 __all__ = [
@@ -124,22 +124,22 @@ class Prediction:
 
     def __post_init__(self) -> None:
         if not self.ask.rstrip().endswith("?"):
-            raise refused(f"{self.name}: ask", self.ask, "a question")
+            raise invalid(f"{self.name}: ask", self.ask, "a question")
         if len(self.options) < 2 or sum(option.right for option in self.options) != 1:
             labels = [option.label for option in self.options]
-            raise refused(f"{self.name}: options", labels, "two or more, one of them right")
+            raise invalid(f"{self.name}: options", labels, "two or more, one of them right")
         for option in self.options:
             if set(option.label) & set("<>"):
-                raise refused(f"{self.name}: label", option.label, "a text without < and >")
+                raise invalid(f"{self.name}: label", option.label, "a text without < and >")
             if typed := typed_numbers(option.why):
-                raise refused(f"{self.name}: why", typed, "a field such as {claim.figure:.3g}")
+                raise invalid(f"{self.name}: why", typed, "a field such as {claim.figure:.3g}")
 
 
 def _file(topic: str) -> dict[str, Any]:
     path = FOLDER / f"{topic}.toml"
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in FOLDER.glob("*.toml")))
-        raise refused("topic", topic, known)
+        raise invalid("topic", topic, known)
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
@@ -182,7 +182,7 @@ def predict(name: str) -> Shown:
         if (FOLDER / f"{chapter.topic}.toml").is_file():
             known |= predictions(chapter.topic)
     if name not in known:
-        raise refused("name", name, ", ".join(known))
+        raise invalid("name", name, ", ".join(known))
     requested = known[name]
     options = [
         (filled(o.label, figure), f"**{'Right.' if o.right else 'No.'}** {filled(o.why, figure)}")
@@ -207,13 +207,13 @@ def figures(text: str, *rows: str, cut: str = "", summary: str = "All figures") 
     """
     lines = text.splitlines()
     if cut not in lines[0]:
-        raise refused("cut", cut, "a word of the table's first line")
+        raise invalid("cut", cut, "a word of the table's first line")
     end = lines[0].index(cut) if cut else None
     chosen = []
     for row in rows:
         result = [line[:end].rstrip() for line in lines if line.lstrip().startswith(row.lstrip())]
         if not result:
-            raise refused("rows", row, "the beginning of a line of the table")
+            raise invalid("rows", row, "the beginning of a line of the table")
         chosen += [line for line in dict.fromkeys(result) if line not in chosen]
     shown = "\n".join(_narrow(chosen))
     whole = folded(summary, f"```text\n{text}\n```")
@@ -262,7 +262,7 @@ def checkpoint(topic: str, **answers: str) -> Gate:
     desired = gate(topic)
     for name in answers:
         if name not in desired:
-            raise refused("answers", name, ", ".join(desired))
+            raise invalid("answers", name, ", ".join(desired))
     lines, plain, right = [], [], 0
     for name in desired:
         text = answers.get(name, "").strip()

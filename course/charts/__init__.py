@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from course.check import one_of, refused
+from course.check import one_of, invalid
 from course.measure.data import document, from_json, json_text, panels_of
 from course.measure.figure import Panel, draw, text, write, write_picture
 from course.measure.work_precision import WorkPrecision
@@ -68,7 +68,7 @@ def stored(name: str) -> list[Panel]:
     path = FOLDER / f"{name}.json"
     if not path.is_file():
         drawn = sorted(p.stem for p in FOLDER.glob("*.json"))
-        raise refused("name", name, f"{', '.join(drawn) or 'none'} (`make charts` builds them)")
+        raise invalid("name", name, f"{', '.join(drawn) or 'none'} (`make charts` builds them)")
     data = from_json(path.read_text(encoding="utf-8"))
     return WorkPrecision.from_json(path).panels() if "curves" in data else panels_of(data)
 
@@ -110,5 +110,5 @@ def read(name: str) -> str:
     path = FOLDER / f"{name}.txt"
     if not path.is_file():
         known = sorted(p.stem for p in FOLDER.glob("*.txt"))
-        raise refused("name", name, f"{', '.join(known) or 'none'} (`make charts` builds them)")
+        raise invalid("name", name, f"{', '.join(known) or 'none'} (`make charts` builds them)")
     return path.read_text(encoding="utf-8").rstrip("\n")

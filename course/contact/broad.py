@@ -15,7 +15,7 @@ from numba import float64, int64, types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, one_of, positive, refused
+from course.check import count, one_of, positive, invalid
 from course.compiled import VECTOR, compiled
 from course.contact.shapes import Array
 
@@ -31,12 +31,12 @@ def _boxes(boxes: ArrayLike) -> Array:
     """Boxes from outside; an infinite one is allowed, as a plane has no other."""
     given = np.ascontiguousarray(boxes, dtype=float)
     if given.ndim != 3 or given.shape[0] != 2 or not given.shape[1]:
-        raise refused("boxes.shape", given.shape, "(2, d, N), lower and upper corners")
+        raise invalid("boxes.shape", given.shape, "(2, d, N), lower and upper corners")
     wrong = np.argwhere(~(given[0] <= given[1]))
     if wrong.size:
         axis, i = (int(k) for k in wrong[0])
         ends = (float(given[0, axis, i]), float(given[1, axis, i]))
-        raise refused(f"boxes[:, {axis}, {i}]", ends, "a lower end, and an upper one not below it")
+        raise invalid(f"boxes[:, {axis}, {i}]", ends, "a lower end, and an upper one not below it")
     return given
 
 
@@ -216,7 +216,7 @@ class SweepAndPrune:
         if self.order is None:
             self.order, self.swaps = np.argsort(keys, kind="stable"), 0
         elif self.order.size != keys.size:
-            raise refused("boxes.shape[2]", keys.size, f"{self.order.size}, as in the call before")
+            raise invalid("boxes.shape[2]", keys.size, f"{self.order.size}, as in the call before")
         else:
             self.swaps = int(_kernel(_sort)(keys, self.order))
         result, self.tests = _collect(_sweep, keys.size, given, axis, self.order)
@@ -240,7 +240,7 @@ def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, in
     """
     given = _boxes(boxes)
     if not np.isfinite(given).all():
-        raise refused("boxes", given, "finite for a grid")
+        raise invalid("boxes", given, "finite for a grid")
     n = given.shape[2]
     if not n:
         return np.empty((2, 0), np.int64), 0
@@ -255,7 +255,7 @@ def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, in
             break
         edge *= 2.0
     if filled > 1e8 or shape.prod() >= 2.0**62:
-        raise refused("cell", cell, "a larger edge: the boxes fill too many such cells")
+        raise invalid("cell", cell, "a larger edge: the boxes fill too many such cells")
     keys, members = np.empty((2, int(filled)), np.int64)
     whole = shape.astype(np.int64)
     _kernel(_cells)(given, first, whole, edge, keys, members)

@@ -14,7 +14,7 @@ from numba import int64
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, refused
+from course.check import finite, invalid
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.broad import overlapping_pairs
 from course.contact.narrow import measured, paired, rotation, turned_back
@@ -34,7 +34,7 @@ def _edges(shape: Shape, R: Array) -> list[Array]:
 
 def _simple(name: str, shape: Shape) -> None:
     if shape.name not in ("box", "capsule", "sphere"):
-        raise refused(name, shape.name, "a box, a capsule or a sphere")
+        raise invalid(name, shape.name, "a box, a capsule or a sphere")
 
 
 def separating_axes(
@@ -73,7 +73,7 @@ def separating_axes(
             axis = np.where(separation > best, np.where(along < 0.0, -n, n), axis)
             best = np.maximum(best, separation)
     if not np.isfinite(best).all():
-        raise refused("a, b", f"{a.name}, {b.name}", "shapes with two edges that are not parallel")
+        raise invalid("a, b", f"{a.name}, {b.name}", "shapes with two edges that are not parallel")
     return best - a.radius - b.radius, axis[: a.dim]
 
 
@@ -318,11 +318,11 @@ def contacts(shapes: Sequence[Shape], pose: ArrayLike, margin: float = 0.0) -> C
     """
     near = finite("margin", margin, 0.0, unit="m")
     if not shapes or len({shape.dim for shape in shapes}) > 1:
-        raise refused("shapes", [shape.dim for shape in shapes], "shapes of one dimension")
+        raise invalid("shapes", [shape.dim for shape in shapes], "shapes of one dimension")
     dim = shapes[0].dim
     q = poses("pose", pose, dim)
     if q.shape[1] != len(shapes):
-        raise refused("pose.shape[1]", q.shape[1], f"{len(shapes)}, a column for each shape")
+        raise invalid("pose.shape[1]", q.shape[1], f"{len(shapes)}, a column for each shape")
     kinds = {id(shape): shape for shape in shapes}
     of = np.array([list(kinds).index(id(shape)) for shape in shapes])
     boxes = np.empty((2, 3, len(shapes)))

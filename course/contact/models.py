@@ -33,7 +33,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.problem import Array, Problem, Solution, answer, in_scaled_rows
 from course.contact.soft import soft
@@ -347,7 +347,7 @@ def lcp(
         tolerance: of the residual [m/s].
     """
     if count("edges", edges, 4) % 2:
-        raise refused("edges", edges, "an even number from 4 on")
+        raise invalid("edges", edges, "an even number from 4 on")
     n, d, _ = problem.jacobian.shape
     faces = _edges(d, edges, around) if d > 1 else np.zeros((0, 0))
     m = len(faces)

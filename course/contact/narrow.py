@@ -16,7 +16,7 @@ from numba import void
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
-from course.check import refused
+from course.check import invalid
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.shapes import Array, Shape, corners_in_space, poses
 from course.rigid_body.quaternion import to_matrix
@@ -277,7 +277,7 @@ def _gjk(va, vb, pair, s, share):
 
 
 @register_jitable
-def _off(s, k, rank, d):
+def _spread(s, k, rank, d):
     """How far row k is from row 0, from the line of rows 0 and 1, or along d."""
     if rank == 2:
         return abs(dot(d, _edge(s, 0, k)))
@@ -288,10 +288,10 @@ def _off(s, k, rank, d):
 @register_jitable
 def _farther(va, vb, pair, s, k, d, rank):
     """Put the supports along and against d into row k if they are farther off; how far."""
-    far = _off(s, k, rank, d)
+    far = _spread(s, k, rank, d)
     for sign in (1.0, -1.0):
         _support((sign * d[0], sign * d[1], sign * d[2]), va, vb, pair, s, k + 1)
-        deviation = _off(s, k + 1, rank, d)
+        deviation = _spread(s, k + 1, rank, d)
         if deviation > far:
             far = deviation
             _copy(s, k + 1, k)
@@ -603,14 +603,14 @@ def paired(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> tuple[Ar
         ValueError: for shapes of different dimensions, two planes, or batches of unequal length.
     """
     if a.dim != b.dim:
-        raise refused("b.dim", b.dim, f"{a.dim}, as that of a")
+        raise invalid("b.dim", b.dim, f"{a.dim}, as that of a")
     if a.name == b.name == "plane":
-        raise refused("b", b.name, "no plane, as a is one: planes are not convex bodies")
+        raise invalid("b", b.name, "no plane, as a is one: planes are not convex bodies")
     qa, qb = poses("pose_a", pose_a, a.dim), poses("pose_b", pose_b, b.dim)
     n = max(qa.shape[1], qb.shape[1]) if min(qa.shape[1], qb.shape[1]) else 0
     for name, q in (("pose_a", qa), ("pose_b", qb)):
         if q.shape[1] not in (1, n):
-            raise refused(f"{name}.shape[1]", q.shape[1], f"1 or {n}, as the other batch")
+            raise invalid(f"{name}.shape[1]", q.shape[1], f"1 or {n}, as the other batch")
     single = np.ndim(pose_a) == np.ndim(pose_b) == 1
     return (
         np.array(np.broadcast_to(qa, (7, n)), order="C"),

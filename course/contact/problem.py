@@ -9,7 +9,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, positive, refused, vector
+from course.check import finite, positive, invalid, vector
 
 Array = NDArray[np.float64]
 
@@ -59,14 +59,14 @@ class Problem:
         selected("jacobian", vector("jacobian", self.jacobian, (None, None, None)))
         n, d, nv = self.jacobian.shape
         if not n or not d:
-            raise refused("jacobian.shape", self.jacobian.shape, "one or more contacts with rows")
+            raise invalid("jacobian.shape", self.jacobian.shape, "one or more contacts with rows")
         selected("mass", vector("mass", self.mass, (nv, nv)))
         try:
             np.linalg.cholesky(self.mass)
         except np.linalg.LinAlgError:
-            raise refused("mass", self.mass, "a positive definite matrix") from None
+            raise invalid("mass", self.mass, "a positive definite matrix") from None
         if np.max(np.abs(self.mass - self.mass.T)) > 1e-9 * np.max(np.abs(self.mass)):
-            raise refused("mass", self.mass, "a symmetric matrix")
+            raise invalid("mass", self.mass, "a symmetric matrix")
         selected("friction", vector("friction", self.friction, (n, d - 1), low=0.0))
         positive("dt", self.dt, unit="s")
         finite("restitution", self.restitution, 0.0, 1.0)

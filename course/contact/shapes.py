@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, one_of, positive, refused, vector
+from course.check import finite, one_of, positive, invalid, vector
 from course.rigid_body.quaternion import normalise, to_matrix, unit_quaternion
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def points(vertices: ArrayLike, radius: float = 0.0) -> Shape:
     """
     given = vector("vertices", vertices, (2, None), (3, None), unit="m")
     if not given.shape[1]:
-        raise refused("vertices.shape", given.shape, "at least one point")
+        raise invalid("vertices.shape", given.shape, "at least one point")
     inside = np.zeros((3, given.shape[1]))
     inside[: len(given)] = given
     size = finite("radius", radius, 0.0, unit="m")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, one_of, positive, refused, vector
+from course.check import finite, one_of, positive, invalid, vector
 from course.contact.problem import Array, Problem, Solution
 
 _LEAST, _MOST = 1e-4, 0.9999  # mjMINIMP, mjMAXIMP
@@ -52,7 +52,7 @@ class Softness:
     def __post_init__(self) -> None:
         pair = vector("solref", self.solref, (2,))
         if pair[0] * pair[1] < 0.0 or not pair.any():
-            raise refused("solref", pair, "two positive numbers or two negative ones")
+            raise invalid("solref", pair, "two positive numbers or two negative ones")
         vector("solimp", self.solimp, (5,), low=0.0)
         positive("impratio", self.impratio)
         one_of("cone", self.cone, CONES)

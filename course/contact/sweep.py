@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, finite, positive, refused, vector
+from course.check import POSITIVE, finite, positive, invalid, vector
 from course.contact.narrow import measured, paired
 from course.contact.shapes import Array, Shape
 from course.rigid_body.quaternion import exp, product
@@ -110,7 +110,7 @@ def time_of_impact(
     vb = _velocities("velocity_b", velocity_b, b.dim, qa.shape[1])
     for name, shape, v in (("velocity_a", a, va), ("velocity_b", b, vb)):
         if shape.name == "plane" and v[3:].any():
-            raise refused(name, v, "one without turning, as a plane is infinite")
+            raise invalid(name, v, "one without turning, as a plane is infinite")
     size_a, size_b = (0.0 if shape.name == "plane" else shape.size for shape in (a, b))
     n = qa.shape[1]
     time, advances = np.zeros(n), np.zeros(n, np.int64)

@@ -19,7 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from course.check import finite, positive, refused, vector
+from course.check import finite, positive, invalid, vector
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class JointModel:
             finite(name, getattr(self, name), 0.0)
         finite("gravity", self.gravity, unit="N m")
         if not self.limit > 0.0:
-            raise refused("limit", self.limit, "a positive number [N m]")
+            raise invalid("limit", self.limit, "a positive number [N m]")
 
 
 LINEAR = ("inertia", "damping", "coulomb", "gravity")
@@ -91,7 +91,7 @@ class _Windows:
         starts = np.arange(self._back, last + 1, max(1, n // 4))
         if n < 20 or len(starts) < 12:
             allowed = f"of 20 samples or more, and a log of 4 of them (it has {len(log.q)} samples)"
-            raise refused("window", window, allowed)
+            raise invalid("window", window, allowed)
         s, length = np.linspace(0.0, 1.0, n + 1), n * log.dt
         bump, slope, bend = (
             log.dt * p(s) / length**k for k, p in enumerate((_BUMP, _BUMP.deriv(), _BUMP.deriv(2)))
@@ -154,7 +154,7 @@ def identify(
     windows = _Windows(log, window, delay)
     scale = np.linalg.norm(windows.columns, axis=0)
     if not (scale > 0.0).all() or np.linalg.cond(windows.columns / scale) > 1e5:
-        raise refused("log", "one that cannot tell the four terms", "a motion with more variety")
+        raise invalid("log", "one that cannot tell the four terms", "a motion with more variety")
     torque = positive("constant", constant) * windows.torque(delay)
     answer, *_ = np.linalg.lstsq(windows.columns / scale, torque, rcond=None)
     remaining = torque - windows.columns @ (answer / scale)
@@ -165,7 +165,7 @@ def identify(
     result = dict(zip(LINEAR, (answer / scale).tolist(), strict=True))
     result["damping"], result["coulomb"] = max(0.0, result["damping"]), max(0.0, result["coulomb"])
     if result["inertia"] <= 0.0:
-        raise refused("log", "one with an inertia below 0", "a log of the joint's own commands")
+        raise invalid("log", "one with an inertia below 0", "a log of the joint's own commands")
     return Identified(JointModel(**result, constant=constant, delay=delay), deviation)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, positive, refused, vector
+from course.check import POSITIVE, count, finite, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.control.pid import Gains, update
 from course.control.sampled import System, joint_system, split_delay
@@ -76,7 +76,7 @@ class Actuator:
     def __post_init__(self) -> None:
         for name in ("limit", "rate"):
             if not getattr(self, name) > 0.0:
-                raise refused(name, getattr(self, name), "a positive number")
+                raise invalid(name, getattr(self, name), "a positive number")
         finite("lag", self.lag, 0.0, unit="s")
         finite("delay", self.delay, 0.0, unit="s")
 
@@ -372,10 +372,10 @@ def step_metrics(
     """
     when, angle = vector("times", times, (None,)), np.asarray(q, dtype=float)
     if angle.shape != when.shape:
-        raise refused("q.shape", angle.shape, f"that of times, {when.shape}")
+        raise invalid("q.shape", angle.shape, f"that of times, {when.shape}")
     step = finite("target", target) - float(angle[0])
     if step == 0.0:
-        raise refused("target", target, "an angle that is not the first one")
+        raise invalid("target", target, "an angle that is not the first one")
     finite("band", band, POSITIVE, 1.0)
     finite("rest", rest, 0.0, 1.0)
     return StepMetrics(*map(float, _metrics(when, angle, target, band, rest)))

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, positive, refused, vector
+from course.check import POSITIVE, count, finite, positive, invalid, vector
 from course.kinematics import (
     Chain,
     TwoLink,
@@ -360,10 +360,10 @@ def hybrid(
     m = len(rows)
     R = vector("frame", frame, (m, m))
     if np.abs(R.T @ R - np.eye(m)).max() > 1e-9:
-        raise refused("frame", R, "a matrix whose columns are at right angles and of length 1")
+        raise invalid("frame", R, "a matrix whose columns are at right angles and of length 1")
     chosen = np.asarray(forced)
     if chosen.shape != (m,) or chosen.dtype != bool:
-        raise refused("forced", forced, f"{m} booleans")
+        raise invalid("forced", forced, f"{m} booleans")
     J, e, speed = _task(chain, q, v, target, rows)
     n, q, v = chain.n, np.asarray(q, dtype=float), np.asarray(v, dtype=float)
     M = np.moveaxis(mass_matrix(chain, q).reshape(n, n, -1), 2, 0)
@@ -373,7 +373,7 @@ def hybrid(
     sizes = np.linalg.eigvalsh(mobility)
     if (sizes[:, 0] < 1e-6 * sizes[:, -1]).any():
         worst = float((sizes[:, 0] / sizes[:, -1]).min())
-        raise refused("q", q, f"one away from singularity (here mobilities are {worst:.1e} apart)")
+        raise invalid("q", q, f"one away from singularity (here mobilities are {worst:.1e} apart)")
     drift = _columns(np.asarray(jacobian_rate(chain, q, v))[list(rows)], v)
     desired = like("acceleration", acceleration, e) + gain("kp", kp, m) @ e
     desired = desired + gain("kd", kd, m) @ (like("rate", rate, e) - speed)
@@ -399,7 +399,7 @@ def gain(name: str, value: ArrayLike, n: int) -> Array:
     if array.ndim < 2:
         return np.diag(np.broadcast_to(vector(name, array, low=0.0), (n,)))
     if np.linalg.eigvalsh(array + array.T)[0] < -1e-12 * np.abs(array).max():
-        raise refused(name, array, "a matrix that gives no energy, x^T K x >= 0")
+        raise invalid(name, array, "a matrix that gives no energy, x^T K x >= 0")
     return array
 
 

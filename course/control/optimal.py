@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import bounds, count, refused, vector
+from course.check import bounds, count, invalid, vector
 from course.compiled import MATRIX, VECTOR, loop
 
 Array = NDArray[np.float64]
@@ -191,7 +191,7 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
     A, B = np.ascontiguousarray(vector("A", A, (None, None))), vector("B", B, (len(A), None))
     n, m = B.shape
     if A.shape[1] != n:
-        raise refused("A.shape", A.shape, f"({n}, {n})")
+        raise invalid("A.shape", A.shape, f"({n}, {n})")
     B = np.ascontiguousarray(B)
     Q, R = weight("Q", Q, n, 1e-12), weight("R", R, m, -1e-14)
     P, K, closed = np.empty((n, n)), np.empty((m, n)), np.empty((n, n))
@@ -209,11 +209,11 @@ def _why(A: Array, B: Array, Q: Array) -> ValueError:
         if abs(z) >= 1.0 - 1e-9:
             if np.linalg.svd(np.hstack([shifted, B]), compute_uv=False)[-1] < small:
                 text = f"an input that acts on the mode of eigenvalue {z:.4g}: no law can stop it"
-                return refused("B", B, text)
+                return invalid("B", B, text)
             if np.linalg.svd(np.vstack([shifted, Q]), compute_uv=False)[-1] < small:
                 text = f"a weight on the mode of eigenvalue {z:.4g}, which does not decay"
-                return refused("Q", Q, text)
-    return refused("(A, B)", (A.shape, B.shape), "a system whose Riccati equation can be resolved")
+                return invalid("Q", Q, text)
+    return invalid("(A, B)", (A.shape, B.shape), "a system whose Riccati equation can be resolved")
 
 
 def weight(name: str, value: ArrayLike, n: int, shift: float) -> Array:
@@ -222,7 +222,7 @@ def weight(name: str, value: ArrayLike, n: int, shift: float) -> Array:
     W = np.ascontiguousarray(vector(name, value, (n, n)))
     if not _definite(W, shift):
         kind = "positive definite" if shift < 0.0 else "positive semidefinite"
-        raise refused(name, W, f"a symmetric, {kind} matrix")
+        raise invalid(name, W, f"a symmetric, {kind} matrix")
     return W
 
 
@@ -342,15 +342,15 @@ def box_qp(
     n = count("len(g)", g.size, 1)
     H = vector("H", H, (n, n))
     if np.abs(H - H.T).max() > 1e-9 * np.abs(H).max():
-        raise refused("H", H, "a symmetric matrix")
+        raise invalid("H", H, "a symmetric matrix")
     least, largest = bounds("low", low, n), bounds("high", high, n)
     if not ((least <= largest) & (least < np.inf) & (largest > -np.inf)).all():
-        raise refused("(low, high)", (low, high), "bounds that do not cross")
+        raise invalid("(low, high)", (low, high), "bounds that do not cross")
     x = np.zeros(n) if start is None else np.array(vector("start", start, (n,)))
     free = np.empty(n, dtype=bool)
     iterations = _box_loop(H := np.ascontiguousarray(H), g, least, largest, x, free)
     if iterations < 0 or (iterations == 0 and not _definite(H, -1e-15)):
-        raise refused("H", H, "a positive definite matrix")
+        raise invalid("H", H, "a positive definite matrix")
     return BoxQP(x, free, iterations)
 
 
@@ -404,7 +404,7 @@ def mpc(plan: Horizon, x: ArrayLike, limit: ArrayLike, last: Any = None) -> Arra
     m = plan.inputs
     top = bounds("limit", limit, m)
     if not (top > 0.0).all():
-        raise refused("limit", limit, "positive numbers")
+        raise invalid("limit", limit, "positive numbers")
     top = np.tile(top, len(plan.H) // m)
     start = None if last is None else np.concatenate([last[1:], last[-1:]]).ravel()
     x = vector("x", x, (plan.F.shape[1],))

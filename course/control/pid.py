@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, one_of, positive, refused, vector
+from course.check import finite, one_of, positive, invalid, vector
 from course.compiled import VECTOR, loop
 from course.control.sampled import RATES, Law, pid_law
 
@@ -58,9 +58,9 @@ class Gains:
         for name in ("weight", "rate_weight"):
             finite(name, getattr(self, name), 0.0, 1.0)
         if not self.u_min < self.u_max:
-            raise refused("u_min", self.u_min, f"a number below u_max = {self.u_max}")
+            raise invalid("u_min", self.u_min, f"a number below u_max = {self.u_max}")
         if not self.slew > 0.0:
-            raise refused("slew", self.slew, "a positive number")
+            raise invalid("slew", self.slew, "a positive number")
         one_of("rate", self.rate, RATES)
         one_of("windup", self.windup, WINDUP)
         positive("tracking", self.tracking, unit="s")

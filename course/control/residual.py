@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, positive, refused, vector
+from course.check import count, positive, invalid, vector
 from course.control.joint import Record
 from course.control.laws import Arm, like, needed, pd
 
@@ -96,7 +96,7 @@ def fit(
     torque = vector("torque", torque, (None, x.shape[1]))
     F, scale = count("features", features, 1), x.std(axis=1)
     if not (scale > 0.0).all():
-        raise refused("x.std(axis=1)", scale, "inputs that all vary")
+        raise invalid("x.std(axis=1)", scale, "inputs that all vary")
     W = positive("width", width) * rng.standard_normal((F, len(x)))
     result = Features(W, rng.uniform(0.0, 2.0 * np.pi, F), scale, np.zeros((len(torque), F)))
     Z = result.waves(x)

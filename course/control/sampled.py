@@ -19,7 +19,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, loop
 
 Array = NDArray[np.float64]
@@ -350,7 +350,7 @@ def _above(value, size):
 
 
 @register_jitable
-def _found(transition, now, before, whole, A, B, C, D):
+def _gain_crossover(transition, now, before, whole, A, B, C, D):
     """Where the open loop has the size 1 [rad a sample], and its lag there [rad]; where it is
     real, and what it is there: where that is negative the loop with -1 / value times the gains
     swings for ever."""
@@ -385,7 +385,7 @@ def _found(transition, now, before, whole, A, B, C, D):
     return at[:sizes], lags[:sizes], flat[:real], reals[:real]
 
 
-_crossed = loop(_found, types.UniTuple(VECTOR, 4)(*_PARTS))
+_crossed = loop(_gain_crossover, types.UniTuple(VECTOR, 4)(*_PARTS))
 
 
 @register_jitable
@@ -455,7 +455,7 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
     )
     if not gain or growth(loop_matrix(plant, pid_law(0.99 * gain, dt=dt))) > STABLE:
         system = np.asarray(A).tolist(), np.asarray(B).tolist()
-        raise refused("(A, B)", system, "a plant that P holds up to some gain")
+        raise invalid("(A, B)", system, "a plant that P holds up to some gain")
     return float(gain), float(2.0 * math.pi / w)
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, positive, refused, vector
+from course.check import POSITIVE, count, positive, invalid, vector
 
 Array = NDArray[np.float64]
 Rollout = Callable[[Array], Array]
@@ -129,7 +129,7 @@ def _checked(plan: ArrayLike, spread: ArrayLike, limit: ArrayLike) -> tuple[Arra
     wide = vector("spread", spread, *shapes, low=POSITIVE)
     top = np.asarray(limit, dtype=float)
     if top.shape not in shapes or not (top > 0.0).all():
-        raise refused("limit", limit, f"positive numbers, one or {plan.shape[1]}")
+        raise invalid("limit", limit, f"positive numbers, one or {plan.shape[1]}")
     return np.clip(plan, -top, top), wide, top
 
 
@@ -143,6 +143,6 @@ def _costs(rollout: Rollout, tries: Array) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):  # a rollout may fail, and says so by NaN
         cost = np.array(rollout(tries), dtype=float)
     if cost.shape != tries.shape[:1]:
-        raise refused("rollout(plans).shape", cost.shape, f"one cost a plan, {tries.shape[:1]}")
+        raise invalid("rollout(plans).shape", cost.shape, f"one cost a plan, {tries.shape[:1]}")
     cost[~np.isfinite(cost)] = np.inf
     return cost

@@ -12,7 +12,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import bounds, count, finite, one_of, positive, refused, vector
+from course.check import bounds, count, finite, one_of, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.control.joint import Record
 from course.control.laws import Arm, computed_torque, feedforward, gain, like, pd, pd_gravity
@@ -220,12 +220,12 @@ def track(
     n = 2 if isinstance(chain, TwoLink) else chain.n
     largest = bounds("limit", limit, n)
     if not (largest > 0.0).all():
-        raise refused("limit", limit, "positive numbers [N m]")
+        raise invalid("limit", limit, "positive numbers [N m]")
     times, half = np.linspace(0.0, T * dt, T + 1), 0.5 * float(getattr(law, "preview", 0.0))
     if callable(reference):
         lasts = float(getattr(reference, "duration", times[-1]))
         if abs(lasts - times[-1]) > 0.5 * dt:
-            raise refused("reference.duration", lasts, f"the length of the run, {times[-1]:g} s")
+            raise invalid("reference.duration", lasts, f"the length of the run, {times[-1]:g} s")
         now = _motions(reference(times[:-1]), n, T)
         desired = _motions(reference(times[:-1] + half), n, T)
     else:

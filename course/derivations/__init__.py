@@ -70,7 +70,7 @@ from typing import Any
 from course import CHAPTERS, cards
 from course.derivations import honest, records
 from course.derivations.answer import Answer, Formula, Symbol, answer_formula, equivalent, parse
-from course.derivations.found import Found, Verdict
+from course.derivations.found import Result, Verdict
 
 __all__ = [
     "CLAIMS",
@@ -79,7 +79,7 @@ __all__ = [
     "Block",
     "Claim",
     "Formula",
-    "Found",
+    "Result",
     "Outcome",
     "Symbol",
     "Verdict",
@@ -191,7 +191,7 @@ class Claim:
     claim: str
     corrected: str
     source: str
-    check: Callable[[Found], None] = field(repr=False)
+    check: Callable[[Result], None] = field(repr=False)
     formula: Formula | None = None
     needs: tuple[str, ...] = ()
 
@@ -203,7 +203,7 @@ class Claim:
         if unknown := sorted(set(self.needs) - set(NEEDS)):
             raise ValueError(f"needs must be among {', '.join(NEEDS)}, got {unknown[0]!r}")
 
-    def entry(self, result: Found) -> dict[str, Any]:
+    def entry(self, result: Result) -> dict[str, Any]:
         """What goes on record."""
         return {
             "verdict": result.verdict.value,
@@ -218,7 +218,7 @@ class Claim:
         }
 
     def filled(
-        self, template: str, result: Found, figures: Mapping[str, float | str] | None = None
+        self, template: str, result: Result, figures: Mapping[str, float | str] | None = None
     ) -> str:
         """A text with what was found in place of its fields, or with these figures of it.
 
@@ -243,7 +243,7 @@ class Outcome:
     """
 
     claim: Claim
-    finding: Found
+    finding: Result
     faults: tuple[str, ...]
     changes: tuple[str, ...]
     shown: Mapping[str, float | str] = field(default_factory=dict)
@@ -282,7 +282,7 @@ class Outcome:
 
 # Filled by `claim`; read it through `claims`, which loads the files first.
 CLAIMS: dict[str, Claim] = {}
-Check = Callable[[Found], None]
+Check = Callable[[Result], None]
 _FIGURES = 3  # on a card
 _NUMBERS = {chapter.topic: chapter.number for chapter in CHAPTERS}
 
@@ -393,7 +393,7 @@ def _get(id: str) -> Claim:
     return CLAIMS[id]
 
 
-def _faults(item: Claim, result: Found) -> list[str]:
+def _faults(item: Claim, result: Result) -> list[str]:
     """What is wrong with a claim, whatever is on record."""
     wrong = [*honest.constants(item.check), *result.problems()]
     for what, text in (("corrected statement", item.corrected), ("condition", result.condition)):
@@ -424,7 +424,7 @@ def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
     Returns:
         The outcome, with one sentence for each thing that is wrong.
     """
-    result = Found(claim.id)
+    result = Result(claim.id)
     recorded = records.load(claim.file).get(claim.id) if record is None else record
     claim.check(result)
     entry = claim.entry(result)
@@ -554,14 +554,14 @@ def show(id: str) -> Block:
 
 def _on_record(item: Claim, missing: str) -> Outcome:
     """What stands on record of a claim whose check cannot run here."""
-    result = Found(item.id)
+    result = Result(item.id)
     with contextlib.suppress(ImportError):
         item.check(result)  # for what is given; it ends where the library is missing
     return _from_record(item, result.inputs, f"From the record, not run here: {missing}.")
 
 
 def _from_record(item: Claim, inputs: dict[str, float | str], statement: str) -> Outcome:
-    result, entry = Found(item.id), records.load(item.file)[item.id]
+    result, entry = Result(item.id), records.load(item.file)[item.id]
     result.inputs, result.statement = inputs, statement
     result.figures = {name: value for name, (value, _) in entry["figures"].items()}
     result.tolerances = {name: tolerance for name, (_, tolerance) in entry["figures"].items()}
@@ -610,7 +610,7 @@ class _Enough(Exception):
     """What a check was given is known."""
 
 
-class _Given(Found):
+class _Given(Result):
     """What a check was given, which stands before what came out."""
 
     def figure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:

@@ -25,7 +25,7 @@ def _fact(where: str, value: Any) -> bool:
     return bool(value)
 
 
-class Found:
+class Result:
     """What a check found; the check fills it.
 
     Attributes:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from course.check import refused
+from course.check import invalid
 
 FOLDER = Path(__file__).parent / "record"
 _TEXTS = ("verdict", "heard", "condition", "corrected", "formula", "source")
@@ -36,10 +36,10 @@ def figure(id: str, name: str) -> float | str:
     """
     entries = {key: entry for file in files() for key, entry in load(file).items()}
     if id not in entries:
-        raise refused("id", id, "the id of a claim on record")
+        raise invalid("id", id, "the id of a claim on record")
     known = entries[id]["figures"]
     if name not in known:
-        raise refused("name", name, ", ".join(known))
+        raise invalid("name", name, ", ".join(known))
     value: float | str = known[name][0]
     return value
 

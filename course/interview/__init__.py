@@ -157,7 +157,7 @@ def line_of(text: str, said: str) -> int:
     return result[0] if result else 1
 
 
-def _asked(entry: str) -> str:
+def _follow_up_text(entry: str) -> str:
     """A follow-up in words, where it is the name of another question."""
     if re.search(r"\s", entry):
         return entry
@@ -181,7 +181,7 @@ def _read(path: Path, text: str) -> Question:
         where = "unknown" if key in head else "missing"
         raise ValueError(f"{key} is {where}, allowed is {', '.join(desired)}")
     head["rubric"] = tuple(head["rubric"])
-    head["follow_ups"] = tuple(map(_asked, head["follow_ups"]))
+    head["follow_ups"] = tuple(map(_follow_up_text, head["follow_ups"]))
     minute, full = (named[part].strip() for part in PARTS)
     return Question(name=path.stem, minute=minute, full=full, **head)
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 
 GRAVITY_M_PER_S2 = 9.81
 
@@ -58,7 +58,7 @@ def workers(
     each = positive("scenario_s", scenario_s) / faster + finite("start_s", start_s, 0.0)
     turns = math.floor(3600.0 * positive("night_h", night_h) / each * (1.0 + 2e-12))
     if turns < 1:
-        raise refused("night_h", night_h, f"{each / 3600.0:.3g} on, which one scenario takes [h]")
+        raise invalid("night_h", night_h, f"{each / 3600.0:.3g} on, which one scenario takes [h]")
     return math.ceil(runs / turns)
 
 
@@ -94,7 +94,7 @@ def trials_for_gate(gate_share: float, true_share: float, power: float = 0.8) ->
 
     gate, true = finite("gate_share", gate_share, 0.0, 1.0), finite("true_share", true_share, 0, 1)
     if true <= gate:
-        raise refused("true_share", true, f"a share above the gate, {gate}")
+        raise invalid("true_share", true, f"a share above the gate, {gate}")
     a, b = (NormalDist().inv_cdf(q) for q in (0.95, finite("power", power, 0.5, 1 - 1e-9)))
     root = a * math.sqrt(gate * (1.0 - gate)) + b * math.sqrt(true * (1.0 - true))
     return max(1, math.ceil((root / (true - gate)) ** 2))
@@ -212,7 +212,7 @@ def contact_force_n(
     The robot's is its effective mass at the contact; the body's is infinite where it is clamped.
     """
     if not body_kg > 0.0:
-        raise refused("body_kg", body_kg, "a positive number, or infinite")
+        raise invalid("body_kg", body_kg, "a positive number, or infinite")
     reduced = 1.0 / (1.0 / positive("robot_kg", robot_kg) + 1.0 / body_kg)
     stiffness = positive("stiffness_n_per_m", stiffness_n_per_m)
     return finite("speed_m_per_s", speed_m_per_s, 0.0) * math.sqrt(stiffness * reduced)

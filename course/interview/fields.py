@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from course.check import refused
+from course.check import invalid
 
 Figure = Callable[[str, str], float | str]
 
@@ -66,12 +66,12 @@ def estimate(name: str) -> float | str:
 
     key, _, given = name.partition(".")
     if key not in ESTIMATES:
-        raise refused("estimate", key, ", ".join(ESTIMATES))
+        raise invalid("estimate", key, ", ".join(ESTIMATES))
     inputs = ESTIMATES[key].given()
     if not given:
         return ESTIMATES[key].value()
     if given not in inputs or isinstance(inputs[given], list):
-        raise refused(f"input of {key}", given, ", ".join(inputs))
+        raise invalid(f"input of {key}", given, ", ".join(inputs))
     return inputs[given]
 
 
@@ -84,7 +84,7 @@ def chart(path: str) -> float | str:
     if isinstance(result, str):
         return result
     if isinstance(result, bool) or not isinstance(result, int | float):
-        raise refused("chart", path, f"steps to a number or a word, such as {_offered(result)}")
+        raise invalid("chart", path, f"steps to a number or a word, such as {_offered(result)}")
     return float(result)
 
 
@@ -95,7 +95,7 @@ def _data(name: str) -> Any:
 
     path = FOLDER / f"{name}.json"
     if not path.is_file():
-        raise refused("chart", name, "a chart with data (`make charts` builds them)")
+        raise invalid("chart", name, "a chart with data (`make charts` builds them)")
     return from_json(path.read_text(encoding="utf-8"))
 
 
@@ -125,7 +125,7 @@ def _step(here: Any, step: str, data: Any, path: str) -> Any:
         ]
         if len(begun) == 1:
             return entries[begun[0]]
-    raise refused(f"step of {path}", step, _offered(here))
+    raise invalid(f"step of {path}", step, _offered(here))
 
 
 def _good(curves: list[Any], data: Any) -> list[dict[str, Any]]:
@@ -149,15 +149,15 @@ def _read_off(series: dict[str, Any], column: str, place: str, path: str) -> flo
         if column != "x":
             if min(x) <= desired <= max(x) and (np.diff(x) > 0).all():
                 return float(np.interp(desired, x, series[column]))
-            raise refused(path, desired, f"an x from {min(x):g} to {max(x):g}, rising")
+            raise invalid(path, desired, f"an x from {min(x):g} to {max(x):g}, rising")
         deviation = np.asarray(y, dtype=float) - desired
     except (TypeError, ValueError) as problem:
-        raise refused(f"place of {path}", place, f"a number ({problem})") from None
+        raise invalid(f"place of {path}", place, f"a number ({problem})") from None
     if math.isfinite(deviation[0]) and deviation[0] == 0.0:
         return float(x[0])
     passed = np.flatnonzero((deviation[:-1] < 0.0) != (deviation[1:] < 0.0))
     if not passed.size:
-        raise refused(path, desired, f"a y between {min(y):g} and {max(y):g}, which are passed")
+        raise invalid(path, desired, f"a y between {min(y):g} and {max(y):g}, which are passed")
     i = int(passed[0])
     return float(x[i] + (x[i + 1] - x[i]) * deviation[i] / (deviation[i] - deviation[i + 1]))
 

@@ -26,7 +26,7 @@ def gap(one: ArrayLike, other: ArrayLike) -> float:
     """
     a, b = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
     if a.shape != b.shape:
-        raise check.refused("other.shape", b.shape, f"that of one, {a.shape}")
+        raise check.invalid("other.shape", b.shape, f"that of one, {a.shape}")
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         return np.inf
     return float(np.abs(a - b).max(initial=0.0))
@@ -40,7 +40,7 @@ def rotation_error(matrix: ArrayLike) -> float:
     """
     turn = np.asarray(matrix, dtype=float)
     if turn.ndim != 2 or turn.shape[0] != turn.shape[1]:
-        raise check.refused("matrix.shape", turn.shape, "(n, n)")
+        raise check.invalid("matrix.shape", turn.shape, "(n, n)")
     if not np.isfinite(turn).all():
         return np.inf
     return max(gap(turn.T @ turn, np.eye(len(turn))), abs(float(np.linalg.det(turn)) - 1.0))
@@ -107,7 +107,7 @@ def unit_error(
         The error relative to the result where that is above 1.
     """
     if len(values) != len(factors):
-        raise check.refused("factors", len(factors), f"{len(values)} factors")
+        raise check.invalid("factors", len(factors), f"{len(values)} factors")
     other = np.asarray(formula(*(v * f for v, f in zip(values, factors, strict=True)))) / factor
     same = np.asarray(formula(*values), dtype=float)
     return gap(other, same) / max(1.0, float(np.abs(same).max()))

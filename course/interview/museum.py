@@ -632,4 +632,4 @@ def exhibit(name: str) -> Exhibit:
     for one in EXHIBITS:
         if one.name == name:
             return one
-    raise check.refused("name", name, ", ".join(one.name for one in EXHIBITS))
+    raise check.invalid("name", name, ", ".join(one.name for one in EXHIBITS))

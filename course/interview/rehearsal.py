@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
-from course.check import refused
+from course.check import invalid
 from course.interview import FOLDER, Figure, designs, filled, questions, scenarios
 from course.interview.designs import LEVELS as MARKS
 
@@ -121,7 +121,7 @@ def spoken(topics: Sequence[str]) -> list[Item]:
             rest = (q.minutes, q.title, q.rubric, q.follow_ups, answer)
             result.append(Item(key, part, q.chapter, *rest))
     if "interview" in topics:
-        result += [_scenario(scenarios.scenario(name)) for name in scenarios.there()]
+        result += [_scenario(scenarios.scenario(name)) for name in scenarios.scenario_names()]
         result += [_design(designs.read(name)) for name in designs.NAMES]
     return result
 
@@ -181,7 +181,7 @@ def draw(
     while len(least) > 1 and sum(least.values()) > minutes:
         del least[max(least, key=lambda part: least[part])]
     if not least:
-        raise refused("parts", list(parts), "some for which there is more than what was just asked")
+        raise invalid("parts", list(parts), "some for which there is more than what was just asked")
     chosen: list[Item] = []
     for part in least:
         others = [least[p] for p in list(least)[len(chosen) + 1 :]]
@@ -218,7 +218,7 @@ def follow_up(item: Item, marks: Sequence[str]) -> tuple[str, str]:
     It is the one nearest to that line in its words; where none is, the one at its place.
     """
     if len(marks) != len(item.rubric) or not set(marks) <= set(MARKS):
-        raise refused("marks", list(marks), f"{len(item.rubric)} of {', '.join(MARKS)}")
+        raise invalid("marks", list(marks), f"{len(item.rubric)} of {', '.join(MARKS)}")
     levels = [MARKS.index(mark) for mark in marks]
     weakest = levels.index(min(levels))
     result = nearest(item.rubric[weakest], item.follow_ups)

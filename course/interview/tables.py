@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from course.check import one_of, refused
+from course.check import one_of, invalid
 from course.interview.fields import FIELD, chart, estimate, filled
 
 FOLDER = Path(__file__).parent
@@ -44,7 +44,7 @@ class Table:
     def __post_init__(self) -> None:
         for row in self.rows:
             if len(row) != len(self.head) or not all(row):
-                raise refused(f"a row of {self.title}", row, f"{len(self.head)} cells, none empty")
+                raise invalid(f"a row of {self.title}", row, f"{len(self.head)} cells, none empty")
 
     def text(self, width: int = 80) -> str:
         """Row by row, for a terminal: the first cell, then the others with their columns' heads."""
@@ -109,7 +109,7 @@ def link(name: str) -> str:
     return f"doi.org/{result['doi']}" if "doi" in result else f"arXiv:{result['arxiv']}"
 
 
-def _said(text: str) -> str:
+def _filled_in(text: str) -> str:
     from course.derivations import records
 
     return filled(text, records.figure)
@@ -123,7 +123,7 @@ def cheat_sheet(plain: bool = False) -> Table:
     """
     rows = []
     for row in data("cheat_sheet")["row"]:
-        message = _said(f"{row['says']} {row['measured']}")
+        message = _filled_in(f"{row['says']} {row['measured']}")
         equation = row["plain"] if plain else f"${row['equation']}$"
         papers = (short(row["classic"]), short(row["modern"]))
         rows.append((row["concept"], message, equation, row["tool"], *papers))
@@ -135,7 +135,7 @@ def classical_or_learned() -> Table:
     """Five components, and where the learned one overtook the classical one in this course."""
     keys = ("name", "classical", "learned", "when")
     parts = data("cheat_sheet")["component"]
-    rows = tuple(tuple(_said(part[key]) for key in keys) for part in parts)
+    rows = tuple(tuple(_filled_in(part[key]) for key in keys) for part in parts)
     return Table("Classical or learned", ("Component", "Classical", "Learned", "When"), rows)
 
 
@@ -213,7 +213,7 @@ def main(arguments: list[str]) -> None:
     elif arguments == ["--page"]:
         print(page())
     elif arguments:
-        raise refused("argument", " ".join(arguments), "--page, --record or none")
+        raise invalid("argument", " ".join(arguments), "--page, --record or none")
     else:
         print("\n\n".join(table().text() for table in TABLES))
 

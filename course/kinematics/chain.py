@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, refused, vector
+from course.check import POSITIVE, count, invalid, vector
 from course.rigid_body.quaternion import (
     conjugate,
     exp,
@@ -65,7 +65,7 @@ def turn_to(axis: ArrayLike) -> Array:
     """The shortest rotation that takes z to a direction, shape (4,); about x where that is -z."""
     direction = vector("axis", axis, (3,))
     if not direction.any():
-        raise refused("axis", direction, "a direction, not zero")
+        raise invalid("axis", direction, "a direction, not zero")
     x, y, z = direction / np.abs(direction).max()
     across = float(np.hypot(x, y))
     angle = np.arctan2(across, z)
@@ -114,10 +114,10 @@ class Chain:
         parent = np.asarray(self.parent)
         n = count("len(parent)", parent.size, 1)
         if parent.shape != (n,) or parent.dtype.kind not in "iu":
-            raise refused("parent", self.parent, "a row of whole numbers")
+            raise invalid("parent", self.parent, "a row of whole numbers")
         for i, before in enumerate(parent.tolist()):
             if not -1 <= before < i:
-                raise refused(f"parent[{i}]", before, f"-1 or a joint before {i}")
+                raise invalid(f"parent[{i}]", before, f"-1 or a joint before {i}")
         result: dict[str, Any] = {
             "parent": parent.astype(np.int64),
             "placement": _poses("placement", self.placement, (7, n)),
@@ -137,7 +137,7 @@ class Chain:
             result[name] = np.broadcast_to(np.where(free, default, value), (n,))
         for i in np.flatnonzero(result["lower"] > result["upper"]).tolist():
             low, high = float(result["lower"][i]), float(result["upper"][i])
-            raise refused(f"(lower[{i}], upper[{i}])", (low, high), "limits that do not cross")
+            raise invalid(f"(lower[{i}], upper[{i}])", (low, high), "limits that do not cross")
         result["inertia"] = np.stack(
             [inertia_tensor(result["inertia"][:, :, i]) for i in range(n)], axis=2
         )

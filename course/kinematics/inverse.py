@@ -27,7 +27,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 from course.compiled import MATRIX, compiled
 from course.kinematics.chain import LOWER, UPPER, Chain
 from course.kinematics.motion import (
@@ -414,7 +414,7 @@ def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
     low, high = chain.lower.copy(), chain.upper.copy()
     for i in np.flatnonzero(~(np.isfinite(low) & np.isfinite(high))).tolist():
         if chain.slides[i]:
-            raise refused(f"(lower[{i}], upper[{i}])", (low[i], high[i]), "finite for a slide")
+            raise invalid(f"(lower[{i}], upper[{i}])", (low[i], high[i]), "finite for a slide")
         low[i] = low[i] if np.isfinite(low[i]) else min(-np.pi, high[i] - 2.0 * np.pi)
         high[i] = high[i] if np.isfinite(high[i]) else max(np.pi, low[i] + 2.0 * np.pi)
     return low + rng.random((size, chain.n)) * (high - low)
@@ -480,12 +480,12 @@ def ik(
     given = np.empty((0, chain.n))
     if isinstance(start, Samples):
         if start.chain is not chain:
-            raise refused("start", start, "samples of this chain")
+            raise invalid("start", start, "samples of this chain")
     elif start is not None:
         given = np.asarray(vector("start", start, (chain.n,), (chain.n, None)).T)
         given = np.atleast_2d(given)
     if not (isinstance(start, Samples) or len(given) or restarts):
-        raise refused("(start, restarts)", (start, restarts), "a start, or restarts from 1 on")
+        raise invalid("(start, restarts)", (start, restarts), "a start, or restarts from 1 on")
     rank, parts = _rank(chain, 6 if len(goal) == 7 else 3), []
     for first in range(0, max(1, goal.shape[1]), _CHUNK):
         part = np.ascontiguousarray(goal[:, first : first + _CHUNK])

@@ -20,7 +20,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, positive, refused, vector
+from course.check import count, positive, invalid, vector
 from course.compiled import compiled
 from course.kinematics.chain import LOWER, PARENT, PLACE, QUAT, SLIDES, UPPER, Chain
 from course.rigid_body.quaternion import to_euler_zyx
@@ -235,7 +235,7 @@ def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
         if not (quick and len(value) == n and math.isfinite(np.vdot(value, value))):
             value = vector(name, value, (n,), (n, None))
         if first is not None and value.shape != first:
-            raise refused(f"{name}.shape", value.shape, f"that of {next(iter(states))}, {first}")
+            raise invalid(f"{name}.shape", value.shape, f"that of {next(iter(states))}, {first}")
         first = value.shape
         result.append(np.ascontiguousarray(value).reshape(n, -1))
     return first is not None and len(first) == 1, result

@@ -25,7 +25,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, finite, refused, vector
+from course.check import POSITIVE, finite, invalid, vector
 from course.kinematics.chain import Chain
 
 Array = NDArray[np.float64]
@@ -151,7 +151,7 @@ class TwoLink:
 def _pair(name: str, value: ArrayLike, like: ArrayLike) -> Array:
     array = vector(name, value, (2,), (2, None))
     if array.shape != np.shape(like):
-        raise refused(f"{name}.shape", array.shape, f"that of q, {np.shape(like)}")
+        raise invalid(f"{name}.shape", array.shape, f"that of q, {np.shape(like)}")
     return array
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, finite, positive, refused
+from course.check import count, finite, positive, invalid
 from course.learning.clone import Policy, fitted, normals, prepared
 from course.learning.network import network, predict, pytorch, tensor
 from course.learning.tasks import Act, Array
@@ -117,10 +117,10 @@ class Executor:
         """Ask for new chunks of at least so many steps, and remember them."""
         chunk = np.asarray(self.policy(states, rng), dtype=float)
         if chunk.ndim != 3 or chunk.shape[0] != len(states) or chunk.shape[1] < least:
-            raise refused("chunk.shape", chunk.shape, f"({len(states)}, {least} or more, a)")
+            raise invalid("chunk.shape", chunk.shape, f"({len(states)}, {least} or more, a)")
         if self.made and self.made[-1].shape != chunk.shape:
             was = f"{self.made[-1].shape} as before, until reset()"
-            raise refused("chunk.shape", chunk.shape, was)
+            raise invalid("chunk.shape", chunk.shape, was)
         self.made.append(chunk)
 
 
@@ -140,7 +140,7 @@ class Commit(Executor):
             self.made.clear()
             self.plan(states, rng, self.executed)
         if len(self.made[0]) != len(states):
-            raise refused("states.shape", np.shape(states), f"{len(self.made[0])} rows, or reset()")
+            raise invalid("states.shape", np.shape(states), f"{len(self.made[0])} rows, or reset()")
         self.step += 1
         return self.made[0][:, k]
 

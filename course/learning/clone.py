@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, one_of, refused, vector
+from course.check import count, one_of, invalid, vector
 from course.learning.network import Diverged, Normaliser, fit, network, predict, pytorch, tensor
 from course.learning.tasks import Act, Array, Task, roll
 
@@ -60,7 +60,7 @@ def prepared(states: ArrayLike, actions: ArrayLike) -> tuple[Policy, Array, Arra
     x = vector("states", states, (None, None))
     y = vector("actions", actions, (len(x), None), (len(x), None, None))
     if len(x) < 2:
-        raise refused("demonstrated steps", len(x), "two or more")
+        raise invalid("demonstrated steps", len(x), "two or more")
     tables, each = (x, y.reshape(len(y), -1)), []
     for name, table in zip(("states", "actions"), tables, strict=True):
         normal = Normaliser.blank(table.shape[1])
@@ -190,7 +190,7 @@ def linear(states: ArrayLike, actions: ArrayLike) -> Linear:
     x = vector("states", states, (None, None))
     y = vector("actions", actions, (len(x), None))
     if len(x) < 2:
-        raise refused("demonstrated steps", len(x), "two or more")
+        raise invalid("demonstrated steps", len(x), "two or more")
     left, sizes, right = np.linalg.svd(x, full_matrices=False)
     rank = int(np.sum(sizes > 1e-10 * sizes[0]))
     solved = right[:rank].T @ ((left[:, :rank].T @ y) / sizes[:rank, None])

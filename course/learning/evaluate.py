@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, refused, vector
+from course.check import count, finite, invalid, vector
 from course.learning.ppo import finite_rows
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def _finished(policy: Any, envs: Any, starts: Any, discount: float) -> Any:
             observed, _ = envs.reset(options={"reset_mask": over})
         actions = np.asarray(policy(observed))
         if actions.shape != envs.action_space.shape:
-            raise refused("policy(observations).shape", actions.shape, envs.action_space.shape)
+            raise invalid("policy(observations).shape", actions.shape, envs.action_space.shape)
         finite_rows("action", actions, step)
         observed, rewards, ended, late, _ = envs.step(actions)
         finite_rows("observation", observed, step)
@@ -130,7 +130,7 @@ def band(scores: ArrayLike, seed: int = 0, *, draws: int = 2_000, share: float =
     """
     rows = vector("scores", scores)
     if rows.ndim < 1 or len(rows) < 3:
-        raise refused("scores.shape", rows.shape, "(seeds, ...), three seeds or more")
+        raise invalid("scores.shape", rows.shape, "(seeds, ...), three seeds or more")
 
     def middle(table: Array) -> Array:
         """Mean of the middle half along the second axis, its ends counted in part."""

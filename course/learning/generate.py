@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, finite, one_of, refused, vector
+from course.check import count, finite, one_of, invalid, vector
 from course.learning.clone import Policy, fitted, normals, prepared
 from course.learning.network import network, predict, pytorch, tensor
 from course.learning.tasks import Array
@@ -108,7 +108,7 @@ class Mixture:
         m = len(vector("means", self.means, (None, None)))
         vector("deviations", self.deviations, (m,), low=0.0)
         if abs(vector("weights", self.weights, (m,), low=0.0).sum() - 1.0) > 1e-9:
-            raise refused("sum of weights", self.weights.sum(), "1")
+            raise invalid("sum of weights", self.weights.sum(), "1")
 
     def draw(self, number: int, rng: np.random.Generator) -> Array:
         """Samples, shape (number, d)."""

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, one_of, positive, refused, vector
+from course.check import count, one_of, positive, invalid, vector
 from course.libraries import import_error
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: 
     """
     torch = pytorch()
     if len(sizes) < 2:
-        raise refused("sizes", sizes, "two numbers or more, of the input first")
+        raise invalid("sizes", sizes, "two numbers or more, of the input first")
     kinds = {"tanh": _tanh(), "relu": torch.nn.ReLU, "silu": torch.nn.SiLU}
     kind = kinds[one_of("activation", activation, kinds)]
     random = torch.Generator().manual_seed(count("seed", seed))
@@ -270,11 +270,11 @@ class Normaliser:
     def check(self, name: str) -> None:
         """Raise ValueError if what is called `name` has one row, or a column without variance."""
         if self.rows < 2:
-            raise refused(f"rows of {name}", int(self.rows), "2 or more: one has no variance")
+            raise invalid(f"rows of {name}", int(self.rows), "2 or more: one has no variance")
         flat = np.flatnonzero(self.variance <= 1e-12 * (1.0 + self.mean**2))
         if flat.size:
             column = f"variance of {name}[:, {flat[0]}]"
-            raise refused(column, float(self.variance[flat[0]]), "a positive number: leave it out")
+            raise invalid(column, float(self.variance[flat[0]]), "a positive number: leave it out")
 
     def update(self, values: Array) -> None:
         """Count some rows, (n, d), n from 1 on."""

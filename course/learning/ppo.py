@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, positive, refused, vector
+from course.check import count, finite, positive, invalid, vector
 from course.learning.network import (
     Diverged,
     Normaliser,
@@ -96,9 +96,9 @@ class Settings:
         for name in ("clip", "longest_gradient", "most_kl"):
             limit = getattr(self, name)
             if isinstance(limit, str) or np.ndim(limit) or not limit > 0.0:
-                raise refused(name, limit, "a positive number, infinite to leave out")
+                raise invalid(name, limit, "a positive number, infinite to leave out")
         if not isinstance(self.hidden, tuple | list):
-            raise refused("hidden", self.hidden, "a tuple of layer widths, such as (16, 16)")
+            raise invalid("hidden", self.hidden, "a tuple of layer widths, such as (16, 16)")
         for i, width in enumerate(self.hidden):
             count(f"hidden[{i}]", width, 1)
 
@@ -140,7 +140,7 @@ def gae(
         ("truncated", late),
     ):
         if each.shape != r.shape:
-            raise refused(f"{name}.shape", each.shape, f"{r.shape}, as of the rewards")
+            raise invalid(f"{name}.shape", each.shape, f"{r.shape}, as of the rewards")
     errors = r + gamma * vector("following", np.where(over, 0.0, after)) - v
     retained = gamma * decay * ~(over | late)
     advantages = np.zeros_like(errors)
@@ -260,12 +260,12 @@ class Runner:
     def __init__(self, envs: Any, seed: int, settings: Settings) -> None:
         mode = envs.metadata["autoreset_mode"].value
         if mode == "Disabled":
-            raise refused("autoreset_mode", mode, "'SameStep' or 'NextStep'")
+            raise invalid("autoreset_mode", mode, "'SameStep' or 'NextStep'")
         self.envs, self.same_step, self.settings = envs, mode == "SameStep", settings
         self.rng, self.steps, n = np.random.default_rng((seed, 9)), 0, envs.num_envs
         self.last = np.asarray(envs.reset(seed=seed)[0], dtype=float)
         if self.last.ndim != 2:
-            raise refused("observations.shape", self.last.shape, "(environments, numbers)")
+            raise invalid("observations.shape", self.last.shape, "(environments, numbers)")
         self.over, self.total, self.length = np.zeros(n, bool), np.zeros(n), np.zeros(n, int)
         # Rewards are scaled by the deviation of their discounted sum so far.
         self.worth, self.scale = np.zeros(n), Normaliser.blank(1 if settings.shared else n)
@@ -333,7 +333,7 @@ def finite_rows(name: str, rows: Any, step: int) -> None:
         bad = ~np.isfinite(np.asarray(rows, dtype=float)).reshape(len(rows), -1).all(axis=1)
         if bad.any():
             i = int(np.argmax(bad))
-            raise refused(f"{name} of environment {i} at step {step}", rows[i], "finite numbers")
+            raise invalid(f"{name} of environment {i} at step {step}", rows[i], "finite numbers")
 
 
 class Table(NamedTuple):
@@ -470,20 +470,20 @@ def ppo(
     """
     torch, settings = pytorch(), settings or Settings()
     if not isinstance(settings, Settings):
-        raise refused("settings", settings, "a Settings, or None for the usual ones")
+        raise invalid("settings", settings, "a Settings, or None for the usual ones")
     space: Any = getattr(envs, "single_action_space", None)
     if not all(hasattr(envs, name) for name in ("num_envs", "metadata", "reset", "step")):
-        raise refused("envs", envs, "a gymnasium.vector.VectorEnv")
+        raise invalid("envs", envs, "a gymnasium.vector.VectorEnv")
     if not hasattr(space, "low") or len(space.shape) != 1:
-        raise refused("envs.single_action_space", space, "a Box with one axis")
+        raise invalid("envs.single_action_space", space, "a Box with one axis")
     T, n = settings.horizon, envs.num_envs
     count("steps", steps, 1)
     if T * n < 2:
         allowed = "2 or more: raise the horizon, or use more environments"
-        raise refused("horizon * environments", T * n, allowed)
+        raise invalid("horizon * environments", T * n, allowed)
     if T * n % settings.minibatches:
         allowed = f"a number that divides the batch of {T} * {n} steps"
-        raise refused("minibatches", settings.minibatches, allowed)
+        raise invalid("minibatches", settings.minibatches, allowed)
     runner = Runner(envs, count("seed", seed), settings)
     inputs, outputs = runner.last.shape[1], space.shape[0]
     policy = ActorCritic(inputs, outputs, seed, settings, n)

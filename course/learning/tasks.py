@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, positive, refused, vector
+from course.check import count, finite, positive, invalid, vector
 
 Array = NDArray[np.float64]
 Act = Callable[[Array, np.random.Generator], Array]
@@ -46,13 +46,13 @@ def runs(states: Sequence[ArrayLike], actions: Sequence[ArrayLike]) -> Runs:
     """
     if len(states) < 2 or len(actions) != len(states):
         sizes = (len(states), len(actions))
-        raise refused("numbers of states and actions", sizes, "two runs or more, as many of both")
+        raise invalid("numbers of states and actions", sizes, "two runs or more, as many of both")
     for name, each in (("states", states), ("actions", actions)):
         for k, run in enumerate(each):
             vector(f"{name}[{k}]", run, np.shape(each[0]))
     table = Runs(np.array(states, dtype=float), np.array(actions, dtype=float))
     if table.states.shape[1] != table.actions.shape[1] + 1 or not table.actions.size:
-        raise refused("steps", table.actions.shape[1], "one less than states, from 1 on")
+        raise invalid("steps", table.actions.shape[1], "one less than states, from 1 on")
     return table
 
 
@@ -67,7 +67,7 @@ def windows(shown: Runs, length: int) -> tuple[Array, Array]:
     """
     number, steps, size = shown.actions.shape
     if number < 2:
-        raise refused("demonstrations", number, "two or more: one shows no spread")
+        raise invalid("demonstrations", number, "two or more: one shows no spread")
     count("length", length, 1, steps)
     filled = np.concatenate((shown.actions, np.zeros((number, length - 1, size))), axis=1)
     cut = np.lib.stride_tricks.sliding_window_view(filled, length, axis=1)  # (N, T, a, length)

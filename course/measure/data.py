@@ -30,7 +30,7 @@ def document(panels: Sequence[Panel]) -> Any:
 
 
 def _panel_document(panel: Panel) -> dict[str, Any]:
-    result = _said(panel, "series", "grid", "notes", "data")
+    result = _fields_of(panel, "series", "grid", "notes", "data")
     if panel.grid is not None:
         grid = panel.grid
         numbers = {"x": grid.x, "y": grid.y, "boundary": grid.boundary()}
@@ -50,7 +50,7 @@ def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
     columns = {"x": series.x, "y": series.y, "low": series.low, "high": series.high}
     columns["theory"] = series.expected if series.theory else None
     result: dict[str, Any] = {"label": series.label, "key": series.key}
-    result |= _said(series, *columns, "note")
+    result |= _fields_of(series, *columns, "note")
     result |= {k: _six([v[i] for i in few]) for k, v in columns.items() if v is not None}
     if series.theory is not None:
         x, y = theory_line(series, 60, log_x)
@@ -58,7 +58,7 @@ def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
     return result
 
 
-def _said(record: Panel | Series, *but: str) -> dict[str, Any]:
+def _fields_of(record: Panel | Series, *but: str) -> dict[str, Any]:
     """The fields of a record, without some and without those that are as they are by default."""
     return {
         f.name: getattr(record, f.name)

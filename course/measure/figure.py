@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, refused
+from course.check import one_of, invalid
 from course.measure.labels import FILLED, HOLLOW, SMALL, STROKES, Words, arrange
 
 if TYPE_CHECKING:
@@ -249,9 +249,9 @@ class Series:
 
     def __post_init__(self) -> None:
         if self.key and self.key not in KEYS:
-            raise refused("key", self.key, f"one of {', '.join(KEYS)}")
+            raise invalid("key", self.key, f"one of {', '.join(KEYS)}")
         if len(self.x) != len(self.y):
-            raise refused("len(y)", len(self.y), f"that of x, {len(self.x)}")
+            raise invalid("len(y)", len(self.y), f"that of x, {len(self.x)}")
 
     @property
     def counts(self) -> bool:
@@ -262,7 +262,7 @@ class Series:
     def expected(self) -> Array:
         """Theory at every x, shape (n,)."""
         if self.theory is None:
-            raise refused("theory", None, f"a function, which {self.label!r} has not")
+            raise invalid("theory", None, f"a function, which {self.label!r} has not")
         return np.array([float(self.theory(x)) for x in self.x])
 
 
@@ -318,7 +318,7 @@ class Panel:
             s for s in self.series if s.label.startswith(label)
         ]
         if len(result) != 1:
-            raise refused(
+            raise invalid(
                 "label", label, f"the beginning of one of {[s.label for s in self.series]}"
             )
         return result[0]

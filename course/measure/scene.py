@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from course.check import positive, refused
+from course.check import positive, invalid
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Tolerance:
     def __post_init__(self) -> None:
         positive("value", self.value)
         if not self.why.strip():
-            raise refused("why", self.why, "a sentence that says where the tolerance comes from")
+            raise invalid("why", self.why, "a sentence that says where the tolerance comes from")
 
 
 @dataclass
@@ -43,7 +43,7 @@ class _Item:
         if self._measured is None:
             value = float(self.error() if callable(self.error) else self.error)
             if not (value >= 0.0):  # also NaN: a measurement that failed is no measurement
-                raise refused(f"error of {self.what!r}", value, "a number from 0 on")
+                raise invalid(f"error of {self.what!r}", value, "a number from 0 on")
             self._measured = value
         return self._measured
 
@@ -93,12 +93,12 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not self.question.strip().endswith("?"):
-            raise refused("question", self.question, "a sentence that ends in a question mark")
+            raise invalid("question", self.question, "a sentence that ends in a question mark")
         if not self.degrees_of_freedom:
-            raise refused("degrees_of_freedom", self.degrees_of_freedom, "at least one name")
+            raise invalid("degrees_of_freedom", self.degrees_of_freedom, "at least one name")
         for item in (*self.modelled, *self.left_out):
             if item.unit != self.tolerance.unit:
-                raise refused(
+                raise invalid(
                     f"unit of {item.what!r}", item.unit, f"the tolerance's, {self.tolerance.unit!r}"
                 )
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, positive, refused
+from course.check import count, positive, invalid
 
 Array = NDArray[np.float64]
 Step = Callable[[Array], ArrayLike]
@@ -38,12 +38,12 @@ def limit(is_stable: Callable[[float], bool], low: float, high: float, rel: floa
         ValueError: for a bracket that holds no limit, naming the end that is wrong.
     """
     if not 0.0 <= low < high < math.inf:
-        raise refused("(low, high)", (low, high), "0 <= low < high")
+        raise invalid("(low, high)", (low, high), "0 <= low < high")
     positive("rel", rel)
     if not is_stable(low):
-        raise refused("low", low, "a stable one, which it is not")
+        raise invalid("low", low, "a stable one, which it is not")
     if is_stable(high):
-        raise refused("high", high, "an unstable one, which it is not")
+        raise invalid("high", high, "an unstable one, which it is not")
     while high - low > rel * high:
         middle = 0.5 * (low + high)
         if middle in (low, high):
@@ -71,13 +71,13 @@ def amplification(step: Step, n: int) -> Array:
     count("n", n, 1)
     matrix = np.stack([np.asarray(step(unit), dtype=float) for unit in np.eye(n)], axis=1)
     if matrix.shape != (n, n):
-        raise refused("step(x).shape", matrix.shape[:1], f"({n},)")
+        raise invalid("step(x).shape", matrix.shape[:1], f"({n},)")
     probe = 1.0 + np.arange(n) / n
     scale = 1.0 + np.abs(matrix) @ probe
     if np.all(np.isfinite(matrix)):
         difference = np.abs(np.asarray(step(probe), dtype=float) - matrix @ probe)
         if not np.all(difference <= 1e-9 * scale):
-            raise refused(
+            raise invalid(
                 "step",
                 step,
                 "a linear function: its value at a sum is not the sum of its values "
@@ -90,7 +90,7 @@ def spectral_radius(step_matrix: ArrayLike) -> float:
     """The largest modulus of an eigenvalue: growth per step in the long run (inf if not finite)."""
     matrix = np.asarray(step_matrix, dtype=float)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-        raise refused("step_matrix.shape", matrix.shape, "that of a square matrix")
+        raise invalid("step_matrix.shape", matrix.shape, "that of a square matrix")
     if not np.all(np.isfinite(matrix)):
         return math.inf
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
@@ -111,7 +111,7 @@ def grows(sizes: ArrayLike, factor: float = 1.2) -> bool:
     """
     record = np.asarray(sizes, dtype=float)
     if record.ndim != 1 or record.size < 4:
-        raise refused("sizes.shape", record.shape, "(n,) with n from 4 on")
+        raise invalid("sizes.shape", record.shape, "(n,) with n from 4 on")
     if not np.all(np.isfinite(record)):
         return True
     half = record.size // 2
@@ -213,7 +213,7 @@ def stability_map(
     x, y = np.asarray(x_values, dtype=float), np.asarray(y_values, dtype=float)
     for name, given in (("x_values", x), ("y_values", y)):
         if given.ndim != 1 or given.size < 2 or not np.all(np.diff(given) > 0.0):
-            raise refused(name, given, "two or more ascending numbers")
+            raise invalid(name, given, "two or more ascending numbers")
     values = np.array([[f(float(a), float(b)) for a in x] for b in y], dtype=float)
     values[~np.isfinite(values)] = math.inf
     return Map(x, y, values, slack, quantity, unit)

@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, positive, refused, vector
+from course.check import count, finite, positive, invalid, vector
 from course.measure.figure import Series, key_of
 
 Array = NDArray[np.float64]
@@ -65,9 +65,9 @@ class Success:
     def __post_init__(self) -> None:
         cost = np.asarray(self.cost, dtype=float)
         if cost.ndim != 2 or not cost.size:
-            raise refused("cost.shape", cost.shape, "(seeds, problems), each from 1 on")
+            raise invalid("cost.shape", cost.shape, "(seeds, problems), each from 1 on")
         if np.isnan(cost).any() or (cost < 0.0).any():
-            raise refused("cost", cost, "numbers from 0 on, infinite for a failure")
+            raise invalid("cost", cost, "numbers from 0 on, infinite for a failure")
         object.__setattr__(self, "cost", cost)
 
     def shares(self, budgets: ArrayLike) -> Array:
@@ -150,7 +150,7 @@ def collect(
         By count, and by time [s]. A failure costs infinitely much in both.
     """
     if not problems or not seeds:
-        raise refused("problems and seeds", (len(problems), len(seeds)), "one or more of each")
+        raise invalid("problems and seeds", (len(problems), len(seeds)), "one or more of each")
     costs, times = np.empty((2, len(seeds), len(problems)))
     for i, seed in enumerate(seeds):
         for j, problem in enumerate(problems):
@@ -178,7 +178,7 @@ def paired(first: ArrayLike, second: ArrayLike, z: float = TWO_SIGMA) -> tuple[f
     """
     a, b = (np.asarray(x, dtype=bool) for x in (first, second))
     if a.ndim != 1 or a.shape != b.shape or not a.size:
-        raise refused("(first.shape, second.shape)", (a.shape, b.shape), "(n,) twice, n from 1 on")
+        raise invalid("(first.shape, second.shape)", (a.shape, b.shape), "(n,) twice, n from 1 on")
     n = a.size
     up, down = ((np.sum(x & ~y) + 1.0) / (n + 2.0) for x, y in ((b, a), (a, b)))
     half = positive("z", z) * math.sqrt((up + down - (up - down) ** 2) / (n + 2.0))

@@ -15,7 +15,7 @@ from concurrent.futures import BrokenExecutor, Executor, as_completed
 from pathlib import Path
 from typing import Any, TypeVar
 
-from course.check import refused
+from course.check import invalid
 
 Result = TypeVar("Result")
 Job = Mapping[str, Any]
@@ -64,7 +64,7 @@ def sweep(
     names = [_text(job) for job in jobs]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise refused(
+        raise invalid(
             "jobs", f"two of {{{twice}}}", "jobs that differ, by a seed if by nothing else"
         )
     owner = f"{function.__module__}.{function.__qualname__}"
@@ -78,7 +78,7 @@ def sweep(
                 _write(saved, owner, done)
         else:
             errors[i] = error
-        (progress or _tell)(len(names) - len(remaining) + over, len(names))
+        (progress or _report_progress)(len(names) - len(remaining) + over, len(names))
     results: list[Any] = [done.get(name) for name in names]
     if errors:
         message = [f"({names[i]}): {type(e).__name__}: {e}" for i, e in sorted(errors.items())]
@@ -122,7 +122,7 @@ def _read(path: str | Path, owner: str) -> dict[str, Any]:
     with open(path, "rb") as file:
         result, results = pickle.load(file)
     if result != owner:
-        raise refused("saved", f"a file of {result}", f"one of {owner}, or a new one")
+        raise invalid("saved", f"a file of {result}", f"one of {owner}, or a new one")
     return results
 
 
@@ -133,6 +133,6 @@ def _write(path: str | Path, owner: str, done: Mapping[str, Any]) -> None:
     os.replace(beside, path)
 
 
-def _tell(done: int, jobs: int) -> None:
+def _report_progress(done: int, jobs: int) -> None:
     if os.environ.get("COURSE_QUIET") != "1" and 10 * done // jobs > 10 * (done - 1) // jobs:
         print(f"{done} of {jobs} jobs", file=sys.stderr)

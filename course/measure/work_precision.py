@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, one_of, positive, refused, vector
+from course.check import POSITIVE, count, one_of, positive, invalid, vector
 from course.measure.data import from_json, json_text
 from course.measure.figure import SIX, Panel, Series, key_of, write
 from course.measure.timing import calls, interleaved
@@ -67,7 +67,7 @@ class Method:
     def __post_init__(self) -> None:
         one_of("style", self.style, STYLES)
         if not vector("parameters", self.parameters, (None,), low=POSITIVE).size:
-            raise refused("parameters", self.parameters, "one or more positive numbers")
+            raise invalid("parameters", self.parameters, "one or more positive numbers")
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class WorkPrecision:
         for curve in self.curves:
             if curve.name == name:
                 return curve
-        raise refused("name", name, f"one of {', '.join(repr(c.name) for c in self.curves)}")
+        raise invalid("name", name, f"one of {', '.join(repr(c.name) for c in self.curves)}")
 
     def pick(
         self, tolerance: float | None = None, by: str = "time", styles: Sequence[str] = STYLES
@@ -163,7 +163,7 @@ class WorkPrecision:
         """
         limit = self.tolerance if tolerance is None else tolerance
         if limit is None:
-            raise refused("tolerance", tolerance, "a number: this chart has none of its own")
+            raise invalid("tolerance", tolerance, "a number: this chart has none of its own")
         good = [
             (point.cost(by), i, curve.name, point)
             for i, curve in enumerate(self.curves)
@@ -267,9 +267,9 @@ class WorkPrecision:
             ValueError: for a name that is taken, or a chart read from a file, which has no methods.
         """
         if not self._repeat:
-            raise refused("method", method.name, "none: this chart is from a file, measure it")
+            raise invalid("method", method.name, "none: this chart is from a file, measure it")
         if method.name in {curve.name for curve in self.curves}:
-            raise refused("name", method.name, "a name that is not on the chart yet")
+            raise invalid("name", method.name, "a name that is not on the chart yet")
         known: list[Method] = self._repeat["methods"]
         options = {**self._repeat["options"]}
         if repeats is not None:
@@ -470,17 +470,17 @@ def measure(
             show the reference's error, not the methods'.
     """
     if not methods or len({m.name for m in methods}) < len(methods):
-        raise refused("methods", [m.name for m in methods], "one or more of different names")
+        raise invalid("methods", [m.name for m in methods], "one or more of different names")
     units = {m.unit for m in methods}
     if len(units) > 1:
-        raise refused("methods", sorted(units), "methods that all count the same unit")
+        raise invalid("methods", sorted(units), "methods that all count the same unit")
     count("repeats", repeats, 1)
     if tolerance is not None:
         positive("tolerance", tolerance)
     truth = np.asarray(reference, dtype=float)
     uncertainty = float(error(np.asarray(reference_check, dtype=float), truth))
     if not math.isfinite(uncertainty):
-        raise refused("reference", reference, "finite and comparable with reference_check")
+        raise invalid("reference", reference, "finite and comparable with reference_check")
     options: dict[str, Any] = {
         "reference": truth,
         "error": error,
@@ -496,7 +496,7 @@ def measure(
         # tenth of what is wanted is.
         allowed = 0.1 * max(smallest, tolerance or 0.0)
         if uncertainty > allowed:
-            raise refused(
+            raise invalid(
                 "the difference of reference and reference_check",
                 uncertainty,
                 f"a tenth of the smallest error or of the tolerance, {allowed:.2e}",

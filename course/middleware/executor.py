@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, one_of, positive, refused, vector
+from course.check import count, one_of, positive, invalid, vector
 from course.middleware.bus import (
     START,
     Bus,
@@ -270,12 +270,12 @@ def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) ->
     for work in works:
         groups.setdefault(work.group or f"alone: {work.name}", []).append(work)
     if 1 < count("threads", threads, 1) < len(groups):
-        raise refused("threads", threads, f"1, or at least one for each of {len(groups)} groups")
+        raise invalid("threads", threads, f"1, or at least one for each of {len(groups)} groups")
     if threads == 1:
         return _single(sorted(works, key=lambda w: KINDS.index(w.kind)), order)
     long = [w.name for w in works if not w.group and w.execution > w.period]
     if long:
-        raise refused("reentrant callbacks", long, "executions up to the period")
+        raise invalid("reentrant callbacks", long, "executions up to the period")
     result: dict[str, float] = {}
     if order == "fifo":
         for group in groups.values():

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any
 
-from course.check import refused
+from course.check import invalid
 from course.middleware.qos import QoS, compatible
 
 USUAL = """
@@ -139,11 +139,11 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
         match = _NAME.fullmatch(name)
         if match is None or match[3] not in POLICIES:
             allowed = f"qos_overrides.TOPIC.publisher.POLICY, of {', '.join(POLICIES)}"
-            raise refused("parameter", name, allowed)
+            raise invalid("parameter", name, allowed)
         topic, end, policy = match.groups()
         if policy in _TIMES:
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-                raise refused(name, value, "a whole number of nanoseconds from 1 on")
+                raise invalid(name, value, "a whole number of nanoseconds from 1 on")
             value = 1e-9 * value
         result[topic, end] = replace(result.get((topic, end), QoS()), **{policy: value})
     return result
@@ -186,9 +186,9 @@ class Parameters:
     def set(self, name: str, value: Any) -> None:
         """Set one at run time; one that nobody declared, or of another type, is refused."""
         if name not in self.value:
-            raise refused("parameter", name, f"one that is declared: {', '.join(self.value)}")
+            raise invalid("parameter", name, f"one that is declared: {', '.join(self.value)}")
         if type(value) is not type(self.value[name]):
-            raise refused(name, value, f"of type {type(self.value[name]).__name__}")
+            raise invalid(name, value, f"of type {type(self.value[name]).__name__}")
         self.value[name] = value
         for call in self.told:
             call(name, value)

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from course.check import count, one_of, positive, refused
+from course.check import count, one_of, positive, invalid
 
 # Weakest first: an offer satisfies a request for the same and for all before it.
 ORDERS = {
@@ -98,5 +98,5 @@ def compatible(offered: QoS, requested: QoS) -> tuple[str, ...]:
 
 def _period(name: str, value: Any) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool):
-        raise refused(name, value, "a positive number, infinite for none [s]")
+        raise invalid(name, value, "a positive number, infinite for none [s]")
     return math.inf if value == math.inf else positive(name, value, unit="s")

@@ -16,7 +16,7 @@ import numpy as np
 from numba import types
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, one_of, positive, refused, vector
+from course.check import count, one_of, positive, invalid, vector
 from course.compiled import compiled
 
 Array = NDArray[np.float64]
@@ -169,7 +169,7 @@ def run(
     L = np.broadcast_to(np.asarray(lock), C.shape[:1])
     S = np.where((L >= 0).reshape(-1, *[1] * (C.ndim - 1)), rest[3], 0.0)
     if np.any(rest[2] + S > C * (1 + 1e-9)):
-        raise refused("before + section", float(np.max(rest[2] + S)), "at most the execution")
+        raise invalid("before + section", float(np.max(rest[2] + S)), "at most the execution")
     given = [_whole(x) for x in (C, T, *rest[:3], S)]
     loop = compiled(_run, _RUN)
     end = round(1e9 * positive("seconds", seconds, unit="s"))
@@ -266,7 +266,7 @@ def _sets(execution: ArrayLike, period: ArrayLike) -> tuple[Array, Array]:
 def _like(name: str, value: ArrayLike, C: Array) -> Array:
     values = vector(name, value, low=0.0, unit="s")
     if values.shape not in ((), C.shape, C.shape[:1]):
-        raise refused(f"{name}.shape", values.shape, f"() or {C.shape}")
+        raise invalid(f"{name}.shape", values.shape, f"() or {C.shape}")
     tall = values.reshape(-1, 1) if values.ndim == 1 and C.ndim == 2 else values
     return np.broadcast_to(tall, C.shape)
 

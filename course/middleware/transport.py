@@ -32,7 +32,7 @@ PATIENCE = 20.0  # s: a partner that is silent for so long is gone
 DATAGRAM = 1472
 
 
-def gone(what: str, patience: float = PATIENCE) -> TimeoutError:
+def no_answer(what: str, patience: float = PATIENCE) -> TimeoutError:
     """The error when a partner did not answer in time [s]."""
     return TimeoutError(f"{what} did not answer within {patience:g} s")
 
@@ -112,7 +112,7 @@ def _receive(end: socket.socket) -> bytearray:
         while have < size:
             got = end.recv_into(view[have:])
             if not got:
-                raise gone("a socket")
+                raise no_answer("a socket")
             have += got
         return buffer
 
@@ -197,7 +197,7 @@ def shared_memory(size: int, slots: int = 4) -> Iterator[Trip]:
         def trip(payload: bytes | memoryview) -> memoryview:
             out.put(payload)
             if (answer := back.take()) is None:
-                raise gone("a ring")
+                raise no_answer("a ring")
             return answer
 
         yield trip

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import refused
+from course.check import invalid
 from course.contact.shapes import Shape, poses
 from course.libraries import import_error
 from course.rigid_body.quaternion import to_matrix
@@ -59,7 +59,7 @@ def geometry(shape: Shape) -> Any:
     """
     coal = _coal()
     if shape.dim != 3 or (shape.radius and shape.name not in ("sphere", "capsule")):
-        raise refused("shape", shape.name, "a shape in space, rounded only as sphere or capsule")
+        raise invalid("shape", shape.name, "a shape in space, rounded only as sphere or capsule")
     if shape.name == "sphere":
         return coal.Sphere(shape.radius)
     if shape.name == "capsule":

@@ -25,7 +25,7 @@ from typing import Any
 from course.check import count, one_of
 from course.libraries import import_error
 from course.middleware.qos import QoS
-from course.middleware.transport import PATIENCE, Trip, gone, partner
+from course.middleware.transport import PATIENCE, Trip, no_answer, partner
 
 CONFIGURATION = """<CycloneDDS xmlns="https://cdds.io/config"><Domain Id="{domain}">
 <General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
@@ -366,7 +366,7 @@ def echo(
         def trip(payload: Any) -> Any:
             wire.send(payload)
             if (answer := wire.receive(patience)) is None:
-                raise gone("Cyclone DDS", patience)
+                raise no_answer("Cyclone DDS", patience)
             return answer
 
         yield trip

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, one_of, refused
+from course.check import count, one_of, invalid
 from course.libraries import import_error
 from course.planning import World
 from course.planning.worlds import DISC, LAST_SIDE
@@ -493,7 +493,7 @@ def rrt(
     for name, point in (("start", start), ("goal", goal)):
         place = np.asarray(point, dtype=float)
         if not ((low <= place) & (place <= high)).all() or not edge(place, place):
-            raise refused(name, place, "a free point within the bounds")
+            raise invalid(name, place, "a free point within the bounds")
     return solve(
         bounds,
         start,

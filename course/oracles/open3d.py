@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import refused
+from course.check import invalid
 from course.libraries import import_error
 from course.perception.camera import Array, Camera, Ids, Shapes
 from course.rigid_body.quaternion import from_matrix, to_matrix
@@ -68,7 +68,7 @@ class Rays:
     def __init__(self, shapes: Shapes, camera: Camera) -> None:
         o3d = library()
         if set(shapes.kinds) - {"box"}:
-            raise refused("shapes.kinds", shapes.kinds, "boxes only: others are no triangles")
+            raise invalid("shapes.kinds", shapes.kinds, "boxes only: others are no triangles")
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         for size, pose in zip(shapes.sizes.T, shapes.poses.T, strict=True):
             box = o3d.geometry.TriangleMesh.create_box(*(2.0 * size)).translate(-size)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import one_of, refused, vector
+from course.check import one_of, invalid, vector
 from course.kinematics.chain import Chain
 from course.libraries import import_error
 from course.rigid_body.spatial import DOWNWARDS
@@ -44,7 +44,7 @@ class PlanarChain:
         pinocchio = _pinocchio()
         lengths = vector("lengths", lengths, (None,))
         if not lengths.size:
-            raise refused("lengths", lengths, "one or more finite numbers")
+            raise invalid("lengths", lengths, "one or more finite numbers")
         self.model = pinocchio.Model()
         joint, place = 0, pinocchio.SE3.Identity()
         for i, length in enumerate(lengths):

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from course.check import positive, refused
+from course.check import positive, invalid
 from course.libraries import import_error
 from course.oracles.quiet import quiet
 from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine
@@ -175,7 +175,7 @@ class PyBulletRun(Run):
                 shape = self._ask("createCollisionShape", lib.GEOM_BOX, halfExtents=body.half)
             place, turn = pose[:3].tolist(), np.roll(pose[3:], -1).tolist()
             if any(body.force) and not body.guide:
-                raise refused(f"force of {body.name}", body.force, "none: it isn't on a rail")
+                raise invalid(f"force of {body.name}", body.force, "none: it isn't on a rail")
             if body.guide:
                 # A link on a base that stands where the body starts and touches nothing.
                 back = conjugate(pose[3:])

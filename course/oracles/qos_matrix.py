@@ -85,12 +85,12 @@ def pair_rows() -> list[Row]:
         ours = "heard" if not failing else f"silent: {', '.join(failing)}"
         if message in failing:
             cyclone = ours
-        shown = _said(name, offered), _said(name, requested)
+        shown = _label(name, offered), _label(name, requested)
         rows.append(Row(name, *shown, cyclone, ours, message))
     return rows
 
 
-def _said(name: str, qos: QoS) -> str:
+def _label(name: str, qos: QoS) -> str:
     if name != "several":
         value = getattr(qos, name)
         return f"{value:g} s" if isinstance(value, float) else value
@@ -177,7 +177,7 @@ def _kept_row(
     # Cyclone's own default of the durability service is to keep the last one.
     depth = offered.kept if retained is None else retained or 1
     service = "" if retained is None else f", service {depth}" if retained else ", service as by default"
-    text = [_said("several", qos) for qos in (offered, requested)]
+    text = [_label("several", qos) for qos in (offered, requested)]
     ours = expected(offered, requested, samples, late, depth)
     return Row(policy, text[0] + service, text[1], f"{result}", f"{ours}")
 

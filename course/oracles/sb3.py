@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, refused
+from course.check import one_of, invalid
 from course.learning.network import one_thread
 from course.learning.ppo import Settings
 from course.libraries import import_error
@@ -52,7 +52,7 @@ def vec_env(envs: Any) -> VecEnv:
         raise import_error("Stable-Baselines3", install, error) from error
     mode = envs.metadata["autoreset_mode"].value
     if mode != "SameStep":
-        raise refused("autoreset_mode", mode, "'SameStep': a VecEnv shows the next episode's start")
+        raise invalid("autoreset_mode", mode, "'SameStep': a VecEnv shows the next episode's start")
 
     class Adapter(VecEnv):
         def __init__(self) -> None:
@@ -61,7 +61,7 @@ def vec_env(envs: Any) -> VecEnv:
 
         def reset(self) -> Any:
             if any(options != self._options[0] for options in self._options):
-                raise refused("options", self._options, "the same for all environments")
+                raise invalid("options", self._options, "the same for all environments")
             options = self._options[0] or None
             observations, infos = envs.reset(seed=self._seeds, options=options)
             self.reset_infos = rows(infos, self.num_envs)
@@ -103,7 +103,7 @@ def vec_env(envs: Any) -> VecEnv:
 
         def env_method(self, method_name: str, *args: Any, indices: Any = None, **keywords: Any):
             if [*self._get_indices(indices)] != [*range(self.num_envs)]:
-                raise refused("indices", indices, "None: a method is called in all of them")
+                raise invalid("indices", indices, "None: a method is called in all of them")
             return list(envs.call(method_name, *args, **keywords))
 
         def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from course.check import count, finite, one_of
 from course.middleware.qos import ORDERS, QoS
-from course.middleware.transport import PATIENCE, gone
+from course.middleware.transport import PATIENCE, no_answer
 from course.oracles.cyclonedds import Topic, Wire, names, neighbour, participant, take, until
 
 
@@ -95,7 +95,7 @@ def flood(
         wire = Wire(member, size, qos, topics)
         report = Wire(member, 16, QoS(), tally_ways)
         if not until(lambda: wire.ready() and report.ready()):
-            raise gone("the slow reader")
+            raise no_answer("the slow reader")
         payload = memoryview(bytes(size))
         start = time.perf_counter()
         for _ in range(messages):
@@ -105,7 +105,7 @@ def flood(
             wire.writer.wait_for_acks(round(1e9 * PATIENCE))
         report.send(memoryview(bytes(16)))
         if (tally := report.receive(PATIENCE)) is None:
-            raise gone("the slow reader")
+            raise no_answer("the slow reader")
     received = int.from_bytes(tally[:8], "little")
     seconds = 1e-9 * int.from_bytes(tally[8:], "little")
     through = size * (received - 1) / seconds if received > 1 else 0.0

@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from course.libraries import import_error
-from course.middleware.transport import PATIENCE, Trip, gone, partner
+from course.middleware.transport import PATIENCE, Trip, no_answer, partner
 from course.oracles.cyclonedds import until
 
 
@@ -89,7 +89,7 @@ def echo(shared: bool = False) -> Iterator[Trip]:
                 try:
                     return inbox.get(timeout=PATIENCE).payload.to_bytes()
                 except queue.Empty:
-                    raise gone("zenoh") from None
+                    raise no_answer("zenoh") from None
 
             yield trip
         back.undeclare()

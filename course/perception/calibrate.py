@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import finite, refused, vector
+from course.check import finite, invalid, vector
 from course.perception.camera import Array
 from course.perception.registration import rigid_fit
 from course.rigid_body.quaternion import from_matrix, log, to_matrix, unit_quaternion
@@ -34,11 +34,11 @@ def target_error(points: ArrayLike, places: ArrayLike, sigma: float) -> Array:
     given, at = vector("points", points, (3, None), unit="m"), vector("places", places, (3, None))
     spread = finite("sigma", sigma, 0.0, unit="m")
     if given.shape[1] < 3:
-        raise refused("points.shape", given.shape, "at least three points")
+        raise invalid("points.shape", given.shape, "at least three points")
     middle = given.mean(axis=1, keepdims=True)
     axes, lengths, _ = np.linalg.svd(given - middle, full_matrices=False)
     if lengths[1] <= 1e-9 * lengths[0]:
-        raise refused("points", given, "points off one line")
+        raise invalid("points", given, "points off one line")
     n = given.shape[1]
     f = (np.sum(lengths**2) - lengths**2) / n
     along = (axes.T @ (at - middle)) ** 2
@@ -118,11 +118,11 @@ def hand_eye(A: ArrayLike, B: ArrayLike, tolerance: float = 0.02) -> HandEye:
     """
     a, b = vector("A", A, (7, None)), vector("B", B, (7, None))
     if a.shape != b.shape or a.shape[1] < 2:
-        raise refused("A.shape", a.shape, f"two motions or more, as many as in B, {b.shape}")
+        raise invalid("A.shape", a.shape, f"two motions or more, as many as in B, {b.shape}")
     turns = [log(unit_quaternion(x[3:], f"{name}[3:]")) for name, x in (("A", a), ("B", b))]
     U, s, V = np.linalg.svd(turns[0] @ turns[1].T)
     if s[0] <= 1e-12:
-        raise refused("A", a, "motions that turn")
+        raise invalid("A", a, "motions that turn")
     R = U @ np.diag((1.0, 1.0, np.linalg.det(U @ V))) @ V
     rows = np.concatenate(np.moveaxis(to_matrix(a[3:]), 2, 0) - np.eye(3))
     right = (R @ b[:3] - a[:3]).T.ravel()

@@ -18,7 +18,7 @@ from numba import float64, int64, types, void
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.shapes import poses as checked_poses
 from course.kinematics.chain import compose
@@ -86,7 +86,7 @@ def shape(kind: str, *size: float, pose: ArrayLike = STILL) -> Shapes:
     """
     desired = KINDS[one_of("kind", kind, KINDS)]
     if len(size) != desired:
-        raise refused("size", size, f"{desired} numbers for a {kind}")
+        raise invalid("size", size, f"{desired} numbers for a {kind}")
     sizes = np.zeros((3, 1))
     sizes[:desired, 0] = size
     return Shapes((kind,), sizes, np.reshape(np.asarray(pose, dtype=float), (-1, 1)))
@@ -145,7 +145,7 @@ class Camera:
         """Where points (3, N) in front of the camera [m] appear: u and v, (2, N) [pixels]."""
         x, y, z = vector("points", points, (3, None), unit="m")
         if not np.all(z > 0.0):
-            raise refused("points[2]", float(z.min()), "in front of the camera")
+            raise invalid("points[2]", float(z.min()), "in front of the camera")
         return np.stack((self.cx + self.fx * x / z, self.cy + self.fy * y / z))
 
     def picture(self, depth: ArrayLike) -> Array:
@@ -158,16 +158,16 @@ class Camera:
         given = np.asarray(depth)
         if given.dtype.kind in "iub":
             report = "metres as floats; whole numbers are millimetres: divide by 1000"
-            raise refused("depth.dtype", str(given.dtype), report)
+            raise invalid("depth.dtype", str(given.dtype), report)
         shape = (self.height, self.width)
         z = np.ascontiguousarray(given, dtype=float)
         if z.shape != shape or not (z.min() >= 0.0 and z.max() < np.inf):
             vector("depth", given, shape, low=0.0, unit="m")
         if not z.any():
-            raise refused("depth", "0 everywhere", "a picture with at least one measurement")
+            raise invalid("depth", "0 everywhere", "a picture with at least one measurement")
         if z.max() > _FARTHEST and 2 * np.sum(z > _FARTHEST) > np.count_nonzero(z):
             report = f"up to {_FARTHEST:g} m; these look like millimetres: divide by 1000"
-            raise refused("depth", f"about {np.median(z[z > 0.0]):g}", report)
+            raise invalid("depth", f"about {np.median(z[z > 0.0]):g}", report)
         return z
 
 

@@ -20,7 +20,7 @@ from numba import boolean, float64, int64, types, void
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, refused, vector
+from course.check import POSITIVE, count, finite, invalid, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.perception.camera import Array, Camera, Ids
 
@@ -38,7 +38,7 @@ def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
         if np.isfinite(low).all() and np.isfinite(high).all():
             return given, low, high
     vector("points", points, (3, None), unit="m")
-    raise refused("points.shape", given.shape, f"(3, N) with N at least {least}")
+    raise invalid("points.shape", given.shape, f"(3, N) with N at least {least}")
 
 
 def _length(name: str, value: float, low: Array, high: Array) -> float:
@@ -85,7 +85,7 @@ def _keys(name: str, points: Array, cell: float, origin: Array, high: Array) -> 
     """The key of each point's cell; indices that it has no room for are refused."""
     if not ((high - origin) / cell).max() < 2**_BITS - 4:
         message = f"a larger length: of this one the points span more than {2**_BITS - 8}"
-        raise refused(name, cell, message)
+        raise invalid(name, cell, message)
     keys = np.empty(points.shape[1], np.int64)
     _kernel(_cells)(points, origin, cell, keys)
     return keys
@@ -122,7 +122,7 @@ def voxel_mean(
     edge = _length("voxel", voxel, low, high)
     base = low - 0.5 * edge if origin is None else vector("origin", origin, (3,), unit="m")
     if not np.all(base <= low):
-        raise refused("origin", base, "a corner below all points")
+        raise invalid("origin", base, "a corner below all points")
     keys = _keys("voxel", given, edge, base, high)
     table = np.full((2, 1 << (2 * keys.size).bit_length()), -1)
     sums, counts = np.zeros((keys.size, 3)), np.zeros(keys.size, np.int64)
@@ -408,7 +408,7 @@ def fit_plane(points: ArrayLike) -> Array:
     apart = given - middle[:, None]
     values, axes = np.linalg.eigh(apart @ apart.T)
     if values[1] <= 1e-12 * values[2]:
-        raise refused("points", given, "points that are not all in one line")
+        raise invalid("points", given, "points that are not all in one line")
     return _facing(np.append(axes[:, 0], -axes[:, 0] @ middle))
 
 
@@ -442,7 +442,7 @@ def inverse_depth_plane(
     xx, yy, xy, sx, sy = x * x @ down, y * y @ across, y @ (used @ x), x @ down, y @ across
     normal = np.array([[xx, xy, sx], [xy, yy, sy], [sx, sy, n]])
     if n < 3 or np.linalg.cond(normal) > 1e12:
-        raise refused("mask", f"{n} pixels", "3 or more that are not all in one line")
+        raise invalid("mask", f"{n} pixels", "3 or more that are not all in one line")
     right = np.array([x @ inverse.sum(axis=0), y @ inverse.sum(axis=1), inverse.sum()])
     slope = np.linalg.solve(normal, right)
     return _facing(np.append(-slope, 1.0) / np.linalg.norm(slope))
@@ -498,7 +498,7 @@ def ransac_plane(
     plane = np.empty(4)
     tried = _kernel(_ransac)(given, near, triples, missed, plane)
     if not plane.any():
-        raise refused("points", given, "points that are not all in one line")
+        raise invalid("points", given, "points that are not all in one line")
     for _ in range(count("refits", refits)):
         inner = given[:, np.abs(plane[:3] @ given + plane[3]) <= near]
         plane = fit_plane(inner)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, refused, vector
+from course.check import count, invalid, vector
 from course.kinematics.chain import turn_to
 from course.perception.camera import Array, Camera, Sensor, Shapes, render, sense
 from course.perception.cloud import back_project, components, inverse_depth_plane, ransac_plane
@@ -160,7 +160,7 @@ def _extent(part: Shapes) -> tuple[Array, Array]:
     for i, kind in enumerate(part.kinds):
         size, pose = part.sizes[:, i], part.poses[:, i]
         if kind == "plane":
-            raise refused("part.kinds", part.kinds, "a thing with an end: no plane")
+            raise invalid("part.kinds", part.kinds, "a thing with an end: no plane")
         half = {"box": size, "cylinder": size[[0, 0, 1]], "sphere": size[[0, 0, 0]]}[kind]
         reach = np.abs(to_matrix(pose[3:])) @ half
         low, high = np.minimum(low, pose[:3] - reach), np.maximum(high, pose[:3] + reach)
@@ -270,7 +270,7 @@ def locate(
     else:
         plane = vector("table", table, (4,))
         if abs(np.linalg.norm(plane[:3]) - 1.0) > 1e-6:
-            raise refused("table", plane, "a normal of unit length, and a distance")
+            raise invalid("table", plane, "a normal of unit length, and a distance")
     for _ in range(2 if table is None else 1):
         slope = np.abs(plane[:3] @ points) / points[2]
         height = (plane[:3] @ points + plane[3]) / (sigma * slope + 1e-3 / _SIGMAS)

@@ -21,7 +21,7 @@ from numba import float64, int64, types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, refused, vector
+from course.check import count, finite, one_of, invalid, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.shapes import poses as checked_poses
 from course.kinematics.inverse import decompose
@@ -72,7 +72,7 @@ class Cloud:
         """
         rows = vector("points", points, (3, None), unit="m").T.copy()
         if not len(rows):
-            raise refused("points.shape", (3, 0), "at least one point")
+            raise invalid("points.shape", (3, 0), "at least one point")
         levels = max(0, int(np.ceil(np.log2(len(rows) / _LEAF))))
         order = np.arange(len(rows))
         axes, cuts = np.zeros(2**levels - 1, dtype=np.int64), np.zeros(2**levels - 1)
@@ -82,7 +82,7 @@ class Cloud:
             given = vector("normals", normals, (3, len(rows)))
             length = np.linalg.norm(given, axis=0)
             if np.abs(length - 1.0).max() > 1e-6:
-                raise refused("normals", length, "vectors of unit length")
+                raise invalid("normals", length, "vectors of unit length")
             turned = np.ascontiguousarray(given.T[order])
         return cls(rows, turned, order, axes, cuts)
 
@@ -192,11 +192,11 @@ def rigid_fit(
     b = vector("target", target, a.shape, unit="m")
     w = np.ones(a.shape[1]) if weights is None else vector("weights", weights, a[0].shape, low=0.0)
     if np.count_nonzero(w) < 3:
-        raise refused("source.shape", a.shape, "at least three points that have a weight")
+        raise invalid("source.shape", a.shape, "at least three points that have a weight")
     R, p = np.empty((3, 3)), np.empty(3)
     rows = (np.ascontiguousarray(x.T) for x in (a, b))
     if not _kernels()[2](*rows, np.ascontiguousarray(w), R, p):
-        raise refused("source", a, "points off one line, here and in target")
+        raise invalid("source", a, "points off one line, here and in target")
     return R, p
 
 
@@ -248,23 +248,23 @@ def icp(
     plane = METHODS.index(one_of("method", method, METHODS))
     first, last = gate if isinstance(gate, tuple) else (gate, gate)
     if not 0.0 < last <= first:
-        raise refused("gate", gate, "a positive distance, or a first and a smaller last [m]")
+        raise invalid("gate", gate, "a positive distance, or a first and a smaller last [m]")
     spread = np.zeros(len(source))
     if sigma is not None:
         spread[:] = vector("sigma", sigma, (), (len(source),), low=1e-12, unit="m")
         if source[:, 2].min(initial=1.0) <= 0.0:
-            raise refused("points[2]", source[:, 2], "points before the camera, where sigma is")
+            raise invalid("points[2]", source[:, 2], "points before the camera, where sigma is")
     allowed = [one_of("free", name, DIRECTIONS) for name in free]
     mobile = np.isin(DIRECTIONS, allowed)
     if not plane and not mobile.all():
-        raise refused("free", free, "all six directions for point-to-point")
+        raise invalid("free", free, "all six directions for point-to-point")
     begin = checked_poses("start", vector("start", start, (7,)), 3)[:, 0]
     R, p = to_matrix(begin[3:]), begin[:3].copy()
     steps = count("iterations", iterations, 1)
     gates = np.array([max(last, first * (2 / 3) ** k) for k in range(steps + 1)])
     tree = target if isinstance(target, Cloud) else _NO_CLOUD
     if plane and tree is target and not len(tree.normals):
-        raise refused("target.normals", None, "normals, for point-to-plane")
+        raise invalid("target.normals", None, "normals, for point-to-plane")
     parts = solids(target) if isinstance(target, Shapes) else _NO_PARTS
     limits = np.array([finite("tolerance", tolerance, 0.0, unit="m"), _EDGE if rays else -1.0])
     H, out, flags = np.zeros((6, 6)), np.zeros(6), np.zeros(len(source), np.int64)
@@ -274,7 +274,7 @@ def icp(
     H += np.tril(H, -1).T
     result, weighted, squares, made, converged = out[:5].tolist()
     if result < 3 and made == 0:
-        raise refused("start", begin, f"a pose with 3 points within the gate (here {result:.0f})")
+        raise invalid("start", begin, f"a pose with 3 points within the gate (here {result:.0f})")
     if sigma is None:
         H *= max(result - mobile.sum(), 1.0) / max(weighted, 1e-300)
     lost = result < 3

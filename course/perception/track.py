@@ -13,7 +13,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
-from course.check import count, finite, positive, refused, vector
+from course.check import count, finite, positive, invalid, vector
 from course.perception.camera import Array
 
 # What chi squared with 3 (2, 1) degrees of freedom exceeds once in a thousand times.
@@ -129,7 +129,7 @@ class Tracker:
     def _at(self, stamp: float) -> tuple[Array, Array]:
         """State and covariance at a time from the last picture on."""
         if self.stamp == -math.inf:
-            raise refused("stamp", stamp, "a time after the first update")
+            raise invalid("stamp", stamp, "a time after the first update")
         dt = finite("stamp", stamp, self.stamp, unit="s") - self.stamp
         F = np.eye(6) + dt * np.eye(6, k=3)
         G = np.vstack((0.5 * dt * dt * np.eye(3), dt * np.eye(3))) * self.acceleration
@@ -165,11 +165,11 @@ class Tracker:
         seen_at, given = finite("stamp", stamp, unit="s"), vector("z", z, (3,))
         R = np.asarray(covariance, dtype=float)
         if R.shape != (3, 3) or np.isnan(R).any() or not (np.diag(R) > 0.0).all():
-            raise refused("covariance", R, "a (3, 3) matrix with positive variances")
+            raise invalid("covariance", R, "a (3, 3) matrix with positive variances")
         report = np.isfinite(np.diag(R))
         if self.stamp == -math.inf:
             if not report.all():
-                raise refused("covariance", R, "finite for the first measurement")
+                raise invalid("covariance", R, "finite for the first measurement")
             self._start(seen_at, given, R)
             return True
         x, P = self._at(seen_at)

@@ -197,24 +197,24 @@ class Fault(NamedTuple):
     disturb: Callable[[Frames, int], Frames] = lambda frames, seed: frames
 
 
-def _seen(frames: Frames, shift: np.ndarray, since: float = 0.0) -> Frames:
+def _shifted(frames: Frames, shift: np.ndarray, since: float = 0.0) -> Frames:
     late = (frames.captured >= 1e6 * since)[:, None]
     return replace(frames, shift=frames.shift + shift * late)
 
 
-def _way(seed: int) -> np.ndarray:
+def _direction(seed: int) -> np.ndarray:
     angle = np.random.default_rng([seed, 7]).uniform(-np.pi, np.pi)
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 def _burst(frames: Frames, seed: int) -> Frames:
     rng = np.random.default_rng([seed, 8])
-    return _seen(frames, 0.12 * rng.standard_normal(frames.shift.shape), 3.0)
+    return _shifted(frames, 0.12 * rng.standard_normal(frames.shift.shape), 3.0)
 
 
 FAULTS = (
-    Fault("calibration moved", "perceive", disturb=lambda f, s: _seen(f, 0.035 * _way(s))),
-    Fault("wrong object", "perceive", disturb=lambda f, s: _seen(f, 0.15 * _way(s), 1.0)),
+    Fault("calibration moved", "perceive", disturb=lambda f, s: _shifted(f, 0.035 * _direction(s))),
+    Fault("wrong object", "perceive", disturb=lambda f, s: _shifted(f, 0.15 * _direction(s), 1.0)),
     Fault("noise burst", "perceive", disturb=_burst),
     Fault("late frames", "age", disturb=lambda f, s: replace(f, arrived=f.arrived + 1_300_000)),
     Fault("dropped frames", "age", disturb=lambda f, s: f.where(f.captured < 2_200_000)),

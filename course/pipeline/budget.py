@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, refused
+from course.check import one_of, invalid
 from course.kinematics import two_link_ik
 from course.pipeline import theory
-from course.pipeline.run import errors, many, successes
+from course.pipeline.run import errors, run_many, successes
 from course.pipeline.scenario import STAGES, Scenario, Settings, repair
 from course.pipeline.stages import Stages
 from course.role import Stage, age
@@ -158,9 +158,9 @@ def budget(
     measured, report = {}, {}
     for some in subsets(parts):
         mended = repair(settings, *sorted(some))
-        result = errors(many(scenario, mended, seeds, stages or Stages()))
+        result = errors(run_many(scenario, mended, seeds, stages or Stages()))
         if result.shape[1] < 2 or not np.isfinite(result).all():
-            raise refused("errors", result, "two or more runs that come to their end")
+            raise invalid("errors", result, "two or more runs that come to their end")
         measured[some], report[some] = result, predicted(scenario, mended)
     return Budget(tuple(parts), measured, report)
 
@@ -191,7 +191,7 @@ def compare(
     stages: Stages | None = None,
 ) -> Compared:
     """Two settings on the same seeds; arguments are those of `budget`."""
-    records = [many(scenario, some, seeds, stages or Stages()) for some in (first, second)]
+    records = [run_many(scenario, some, seeds, stages or Stages()) for some in (first, second)]
     a, b = (np.sum(errors(one) ** 2, axis=0) for one in records)
     middle, half = float(np.mean(b - a)), NORMAL * float(np.std(b - a)) / math.sqrt(a.size)
     own = float(np.var(a) + np.var(b)) / max(float(np.var(b - a)), 1e-300)

@@ -215,7 +215,7 @@ def between(last, ints, changing, n, table, log, body, model, obstacles, links):
 # --- from event to event --------------------------------------------------------------------------
 
 
-def look(k, n, times, noise, log, ints, observed):
+def observe(k, n, times, noise, log, ints, observed):
     """`perceive`, for compiled loops: frame k into its row of what was seen."""
     since = 1e-6 * times[k, 0]
     sigma = n[SIGMA] * noise[k, 2]
@@ -309,5 +309,5 @@ def drive(
 @functools.cache
 def kernels() -> tuple[Any, Any, Any]:
     """The driver, and our stages in the form in which it takes them."""
-    ours = compiled(look, LOOK), compiled(between, BETWEEN)
+    ours = compiled(observe, LOOK), compiled(between, BETWEEN)
     return compiled(drive, _DRIVE), function_argument(ours[0]), function_argument(ours[1])

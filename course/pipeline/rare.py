@@ -43,7 +43,7 @@ class Rare:
     width: Array
 
 
-def _found(weights: Array, runs: int, mean: Array, width: Array) -> Rare:
+def _estimate(weights: Array, runs: int, mean: Array, width: Array) -> Rare:
     n, total, square = weights.size, float(weights.sum()), float(np.sum(weights**2))
     share = total / n
     error = math.sqrt(max(square / n - share * share, 0.0) / n)
@@ -56,7 +56,7 @@ def _found(weights: Array, runs: int, mean: Array, width: Array) -> Rare:
 def plain(severity: Severity, size: int, runs: int, rng: np.random.Generator) -> Rare:
     """Share of runs that fail, of so many; arguments as for `cross_entropy`."""
     failed = severity(rng.standard_normal((size, count("runs", runs, 1)))) > 0.0
-    return _found(failed.astype(float), runs, np.zeros(size), np.ones(size))
+    return _estimate(failed.astype(float), runs, np.zeros(size), np.ones(size))
 
 
 def cross_entropy(
@@ -103,4 +103,4 @@ def cross_entropy(
         spread = np.sqrt((x - mean[:, None]) ** 2 @ worst / worst.sum())
         width = np.maximum(spread, max(least, 1e-3))
     x, weight = drawn(count("last", last, 1))
-    return _found(weight * (severity(x) > 0.0), rounds * each + last, mean, width)
+    return _estimate(weight * (severity(x) > 0.0), rounds * each + last, mean, width)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, refused
+from course.check import count, invalid
 from course.compiled import compiled
 from course.kinematics import TwoLink
 from course.kinematics.two_link import TORQUES
@@ -124,7 +124,7 @@ def run(
     return process.record()
 
 
-def many(
+def run_many(
     scenario: Scenario,
     settings: Settings,
     seeds: Iterable[int],
@@ -179,12 +179,12 @@ class Run:
     ) -> None:
         if settings.latency >= scenario.seconds:
             allowed = f"less than the run, {scenario.seconds:g} s"
-            raise refused("latency", settings.latency, allowed)
+            raise invalid("latency", settings.latency, allowed)
         self.scenario, self.settings, self.stages = scenario, settings, stages
         self.seed, self.wrong = count("seed", seed), ""
         self.plans: list[Crossing] = []
         self.asked: list[int] = []
-        self._told = told(settings)
+        self._told = ideal_settings(settings)
         self.timetable = timetable = _timetable(self._told, scenario.seconds, seed, disturb)
         self._numbers = _numbers(scenario, self._told)
         steps = -(-microseconds(scenario.seconds) // step_of(settings))
@@ -239,7 +239,7 @@ class Run:
         if not (law and moved):
             pair = by.law_loop if law else their_law, by.step_loop if moved else their_step
             between = functools.partial(by.advance, *pair)
-        return by.drive, (compiled(by.look, by.LOOK) if observed else self._look, between)
+        return by.drive, (compiled(by.observe, by.LOOK) if observed else self._look, between)
 
     def _look(self, k, n, times, noise, log, ints, observed) -> None:
         when, q = int(times[k, 0]), log[ints[by.NOW], Q:V].copy()
@@ -338,7 +338,7 @@ class Run:
         )
 
 
-def told(settings: Settings) -> Settings:
+def ideal_settings(settings: Settings) -> Settings:
     """What the stages are told where some are ideal."""
     if "perceive" in settings.ideal:
         settings = replace(settings, noise=0.0, bias=(0.0, 0.0))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import POSITIVE, count, finite, one_of, positive, refused, vector
+from course.check import POSITIVE, count, finite, one_of, positive, invalid, vector
 from course.control import Actuator
 from course.kinematics import TwoLink, two_link_ik
 from course.planning import World, clearance, planar_arm
@@ -63,17 +63,17 @@ class Scenario:
         positive("tolerance", self.tolerance, unit="m")
         positive("seconds", self.seconds, unit="s")
         if self.arm.gravity:
-            raise refused("arm.gravity", self.arm.gravity, "0: what the table's tilt shows is it")
+            raise invalid("arm.gravity", self.arm.gravity, "0: what the table's tilt shows is it")
         for when in (0.0, self.seconds):
             place = self.at(when)
             reach = two_link_ik(self.arm.lengths, place)
             if not reach.reached:
-                raise refused(f"target at {when:g} s", place, "a place that the tip can reach")
+                raise invalid(f"target at {when:g} s", place, "a place that the tip can reach")
             for x, y, size in self.discs:
                 if math.dist(place, (x, y)) <= size:
-                    raise refused(f"target at {when:g} s", place, "a place outside of the discs")
+                    raise invalid(f"target at {when:g} s", place, "a place outside of the discs")
         if clearance(self.world(0.0), self.start) <= 0.0:
-            raise refused("start", self.start, "a posture that touches nothing")
+            raise invalid("start", self.start, "a posture that touches nothing")
 
     def at(self, seconds: float) -> Array:
         """Where the target is, shape (2,) [m]."""
@@ -164,7 +164,7 @@ class Settings:
             one_of("ideal", name, STAGES)
         if microseconds(self.control) < microseconds(self.physics):
             allowed = f"at least the physics step, {self.physics:g} s: of several commands in a "
-            raise refused("control", self.control, allowed + "step only the last would act")
+            raise invalid("control", self.control, allowed + "step only the last would act")
 
 
 @functools.lru_cache(maxsize=64)

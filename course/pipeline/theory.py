@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, positive, refused, vector
+from course.check import POSITIVE, count, finite, positive, invalid, vector
 from course.kinematics.two_link import TwoLink
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
     a, b = positive("alpha", alpha), finite("beta", beta, 0.0)
     t, room = finite("ahead", ahead, 0.0), 4.0 - b - 2.0 * a
     if room <= 0.0:
-        raise refused("2 alpha + beta", 2.0 * a + b, "a number below 4")
+        raise invalid("2 alpha + beta", 2.0 * a + b, "a number below 4")
     place, both, rate = 2.0 * a * a + b * (2.0 - 3.0 * a), b * (2.0 * a - b), 2.0 * b * b
     return (place + 2.0 * t * both + t * t * rate) / (a * room)
 
@@ -135,7 +135,7 @@ def collision_share(clearance: ArrayLike, covariance: ArrayLike, normal: ArrayLi
     n = vector("normal", normal, (2,))
     variance = float(n @ vector("covariance", covariance, (2, 2)) @ n) / max(float(n @ n), POSITIVE)
     if variance <= 0.0:
-        raise refused("variance across the gap", variance, "a positive number")
+        raise invalid("variance across the gap", variance, "a positive number")
     return np.asarray(ndtr(-vector("clearance", clearance) / math.sqrt(variance)))
 
 
@@ -201,7 +201,7 @@ class Modes(NamedTuple):
 def modes(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> Modes:
     """Modes of an arm whose joints are damped alike; ValueError where they are not."""
     if arm.damping[0] != arm.damping[1]:
-        raise refused("arm.damping", arm.damping, "the same in both joints")
+        raise invalid("arm.damping", arm.damping, "the same in both joints")
     m = np.sort(np.linalg.eigvals(_pulls(arm, q, kp, kd)[0]).real) / kp
     omega, zeta = np.sqrt(kp * m), 0.5 * (kd + arm.damping[0]) * np.sqrt(m / kp)
     inner = np.sqrt(np.maximum(1.0 - zeta**2, POSITIVE))
@@ -234,7 +234,7 @@ def look_noise(gain: float, frames: int) -> float:
     equations; gain / (2 - gain) for fresh pictures. ValueError beyond `look_limit`."""
     A, n = look_matrix(gain, frames), frames + 1
     if not 0.0 < gain < look_limit(frames):
-        raise refused("gain", gain, f"a number above 0 and below {look_limit(frames):g}")
+        raise invalid("gain", gain, f"a number above 0 and below {look_limit(frames):g}")
     noise = np.zeros(n * n)
     noise[0] = gain * gain
     return float(np.linalg.solve(np.eye(n * n) - np.kron(A, A), noise)[0])

@@ -22,7 +22,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import one_of, refused, vector
+from course.check import one_of, invalid, vector
 from course.compiled import compiled
 from course.contact import shapes
 from course.contact.shapes import Shape
@@ -278,7 +278,7 @@ def obstacle_rows(obstacles: Sequence[tuple[Shape, ArrayLike]]) -> Array:
     for row, (shape, at) in zip(rows, obstacles, strict=True):
         one_of("shape", shape.name, ("sphere", "capsule", "box"))
         if shape.dim != 3:
-            raise refused("shape.dim", shape.dim, "3")
+            raise invalid("shape.dim", shape.dim, "3")
         pose = shapes.poses("pose", at, 3)[:, 0]
         R = to_matrix(pose[3:])
         row[KIND] = {"sphere": POINT, "capsule": SEGMENT, "box": BOX}[shape.name]

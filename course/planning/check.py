@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import refused
+from course.check import invalid
 from course.contact.narrow import measured
 from course.contact.shapes import points
 from course.kinematics import motion
@@ -35,7 +35,7 @@ from course.planning.capsules import (
     THICK,
     TURN,
 )
-from course.planning.worlds import DISC, LAST_SIDE, World, asked
+from course.planning.worlds import DISC, LAST_SIDE, World, function_behind
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def check_path(
         if (states[:, -1] < box[0]).any() or (states[:, -1] > box[1]).any():
             return Verdict(False, "it does not end at the goal", states.shape[1] - 1, states[:, -1])
     if world.kind not in JUDGES:
-        raise refused("world.kind", world.kind, f"one of {', '.join(JUDGES)}")
+        raise invalid("world.kind", world.kind, f"one of {', '.join(JUDGES)}")
     for k in range(max(1, states.shape[1] - 1)):
         hit = JUDGES[world.kind](world, states[:, k], states[:, min(k + 1, states.shape[1] - 1)])
         if hit is not None:
@@ -283,7 +283,7 @@ def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
 
 
 def _judge_function(world: World, a: Array, b: Array) -> Array | None:
-    function = asked(world)
+    function = function_behind(world)
     assert function is not None
     pieces = max(1, math.ceil(math.dist(a, b) / world.body[0, 0] - 1e-9))
     for t in np.arange(pieces + 1) / pieces:

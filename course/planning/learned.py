@@ -171,7 +171,7 @@ def drawn(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array
 # --- paths out of noise ---------------------------------------------------------------------------
 
 
-def _kept() -> Array:
+def _alpha_bar() -> Array:
     """Share of a path's variance that is left after each step of noise (Nichol and Dhariwal)."""
     turn = 0.5 * np.pi * (np.arange(1, STEPS + 1) / STEPS * 0.98 + 0.01)
     return np.cos(turn) ** 2
@@ -221,7 +221,7 @@ def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: in
     lines = _lines(result[:, :, 0], result[:, :, -1])
     ends = np.concatenate((result[:, :, 0], result[:, :, -1]), axis=1) / SCALE - 1.0
     x = torch.tensor(((result - lines)[:, :, 1:-1] / NOISE).reshape(len(rows), -1)).float()
-    report, retained = torch.tensor(ends).float(), torch.tensor(_kept()).float()
+    report, retained = torch.tensor(ends).float(), torch.tensor(_alpha_bar()).float()
     with _alone(seed):
         sizes = (2 * POINTS + 5, 256, 256, 256)
         layers: list[nn.Module] = []
@@ -253,7 +253,7 @@ def denoised(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Ar
     """
     import torch
 
-    retained = np.append(_kept(), 1.0)  # kept[-1] is before any noise
+    retained = np.append(_alpha_bar(), 1.0)  # kept[-1] is before any noise
     ends = np.concatenate((scene.start, scene.goal)) / SCALE - 1.0
     report = torch.tensor(np.tile(ends, (count, 1))).float()
     x = rng.standard_normal((count, 2 * POINTS))

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, refused, vector
+from course.check import count, finite, one_of, invalid, vector
 from course.planning.samplers import EDGE_CHECKS, STATE_CHECKS, TRIES
-from course.planning.worlds import World, asked
+from course.planning.worlds import World, function_behind
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -51,7 +51,7 @@ class Budget:
     def __post_init__(self) -> None:
         count("budget.samples", self.samples, 1)
         if not self.seconds > 0.0:
-            raise refused("budget.seconds", self.seconds, "a positive number [s]")
+            raise invalid("budget.seconds", self.seconds, "a positive number [s]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,14 +160,14 @@ class Query:
 
     def tell(self, done: str) -> None:
         """Say how far a long run is, every two seconds; and pass on what a function raised."""
-        function = asked(self.world)
+        function = function_behind(self.world)
         if function is not None and function.raised is not None:
             error, q = function.raised
             function.raised = None
             if not isinstance(error, Exception):
                 raise error
             message = f"a function that answers; it raised {error!r} at {q.tolist()}"
-            raise refused("valid", function.valid, message) from error
+            raise invalid("valid", function.valid, message) from error
         if self.seconds - self._told > _TELL_AFTER:
             self._told = self.seconds
             text = f"{self.method}: {done} after {self._told:.0f} s"
@@ -179,7 +179,7 @@ class Query:
     def answer(self, status: str, path: Array | None = None, **result: Any) -> Plan:
         """The plan, from what was counted; `path` is of rows, shape (k, n)."""
         samples, states, edges = self.counts[: EDGE_CHECKS + 1].tolist()
-        function = asked(self.world)
+        function = function_behind(self.world)
         if function is not None:
             states = function.calls - self.calls
         if path is not None:
@@ -245,19 +245,19 @@ def plan(
     begun = time.perf_counter()
     one_of("method", method, METHODS)
     if not isinstance(world, World):
-        raise refused("world", world, "a World")
+        raise invalid("world", world, "a World")
     spend = budget if isinstance(budget, Budget) else Budget(count("budget", budget, 1))
     here, begins = _state("start", start, world)
     if isinstance(goal, Region):
         box = vector("goal", [goal.low, goal.high], (2, world.dim))
         if (box[0] > box[1]).any():
-            raise refused("goal.low", box[0], f"nowhere above goal.high, {box[1]}")
+            raise invalid("goal.low", box[0], f"nowhere above goal.high, {box[1]}")
         ends = world.within(box[0]) and world.within(box[1])
     else:
         aim, ends = _state("goal", goal, world)
         box = np.array((aim, aim))
     generator = rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
-    function = asked(world)
+    function = function_behind(world)
     query = Query(world, here, box, spend, generator, method, options, begun, progress)
     if function is not None:
         query.calls = function.calls

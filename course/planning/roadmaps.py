@@ -23,7 +23,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, one_of, refused
+from course.check import POSITIVE, count, one_of, invalid
 from course.compiled import MATRIX, VECTOR, compiled
 from course.planning.neighbours import WIDTH, brute_below, entered, nearest, squared
 from course.planning.problem import (
@@ -442,7 +442,7 @@ def _numbers(query: Query, neighbours: int, lazy: bool, stop: bool) -> Array:
     numbers[MIX] = number(query, "mix", 1.0, 0.0, 1.0)
     numbers[SPREAD] = number(query, "spread", 0.05 * extent, POSITIVE)
     if query.options:
-        raise refused(f"options of {query.method}", sorted(query.options), "those that it has")
+        raise invalid(f"options of {query.method}", sorted(query.options), "those that it has")
     return numbers
 
 
@@ -520,7 +520,7 @@ def with_paths(roadmap: Roadmap, paths: Sequence[ArrayLike], neighbours: int = 5
 # --- methods --------------------------------------------------------------------------------------
 
 
-def _way(query: Query, roadmap: Roadmap, begins: Array, ends: Array, goal: Array) -> list[int]:
+def _shortest_path(query: Query, roadmap: Roadmap, begins: Array, ends: Array, goal: Array) -> list[int]:
     """The nodes of the shortest way that is free, none where there is no way."""
     came, world = np.empty(len(roadmap.nodes), dtype=np.int64), query.world
     last = _kernel(_search)(
@@ -566,7 +566,7 @@ def prm(query: Query) -> Plan:
             roadmap = growing.roadmap()
             begins, ends = np.full((2, len(roadmap.nodes)), np.inf)
             begins[0] = ends[1] = 0.0
-            path = _way(query, roadmap, begins, ends, root)
+            path = _shortest_path(query, roadmap, begins, ends, root)
             growing.status[: len(roadmap.status)] = roadmap.status
         chunk = min(2 * chunk, 256)
         query.tell(f"{query.counts[SAMPLES]} of {budget.samples} samples")
@@ -598,7 +598,7 @@ def on_roadmap(query: Query) -> Plan:
     """
     roadmap, world, counts = query.options.pop("roadmap", None), query.world, query.counts
     if not isinstance(roadmap, Roadmap):
-        raise refused("roadmap", roadmap, "a Roadmap")
+        raise invalid("roadmap", roadmap, "a Roadmap")
     attach = one_of("attach", query.options.pop("attach", "trees"), ("trees", "list"))
     near = number(query, "near", 0.3, 0.0, 1.0)
     step = number(query, "step", 0.2 * world.extent, POSITIVE)
@@ -625,7 +625,7 @@ def on_roadmap(query: Query) -> Plan:
                 _outside(roadmap, trees[k], parents[k], hooks[k, : counts[HOOKS + k]])
                 for k in (0, 1)
             ]
-            route = _way(query, roadmap, outer[0][0], outer[1][0], root)
+            route = _shortest_path(query, roadmap, outer[0][0], outer[1][0], root)
             if route:
                 chains = [_chain(parents[k], outer[k][1][route[-k]]) for k in (0, 1)]
                 path = (trees[0, chains[0][::-1]], roadmap.nodes[route], trees[1, chains[1]])

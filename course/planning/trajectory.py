@@ -20,7 +20,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, one_of, positive, refused, vector
+from course.check import POSITIVE, count, finite, one_of, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, compiled, function_argument
 from course.planning.worlds import CLEARANCE, EDGE, World
 
@@ -35,7 +35,7 @@ def _rows(path: ArrayLike) -> Array:
     """The waypoints of a path from outside as rows, which is how this file has them."""
     path = vector("path", path, (None, None))
     if not path.size:
-        raise refused("path.shape", path.shape, "(n, k): at least one state of at least one joint")
+        raise invalid("path.shape", path.shape, "(n, k): at least one state of at least one joint")
     return np.ascontiguousarray(path.T)
 
 
@@ -52,7 +52,7 @@ def _field(distance: Distance) -> Callable[[Array], Array]:
     if not isinstance(distance, World):
         return lambda X: np.asarray(distance(X.T))
     measure = function_argument(compiled(distance.clearance, CLEARANCE))
-    count, obstacles, body = _many(), distance.obstacles, distance.body
+    count, obstacles, body = _clearances_kernel(), distance.obstacles, distance.body
     return lambda X: count(measure, obstacles, body, np.ascontiguousarray(X))
 
 
@@ -64,7 +64,7 @@ def _clearances(measure, obstacles, body, states):
 
 
 @functools.cache
-def _many() -> Any:
+def _clearances_kernel() -> Any:
     return compiled(_clearances, VECTOR(types.FunctionType(CLEARANCE), MATRIX, MATRIX, MATRIX))
 
 
@@ -635,4 +635,4 @@ def time_parameterise(
 def warm() -> None:
     """Compile, or load from the cache, the loops of this file."""
     _kernel()
-    _many()
+    _clearances_kernel()

@@ -21,7 +21,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import POSITIVE, one_of, refused, vector
+from course.check import POSITIVE, one_of, invalid, vector
 from course.compiled import MATRIX, VECTOR, address_of, compiled, from_address
 from course.planning.neighbours import CHILD, SIBLING, WIDTH, entered, nearest, squared, within
 from course.planning.problem import (
@@ -454,7 +454,7 @@ def _options(query: Query) -> tuple[Array, Array]:
     else:
         listed = vector("sampler", sampler, (world.dim, None))
         if not ((listed.T >= world.bounds[0]) & (listed.T <= world.bounds[1])).all():
-            raise refused("sampler", sampler, "states within the bounds of the world")
+            raise invalid("sampler", sampler, "states within the bounds of the world")
     numbers = np.array(
         [
             number(query, "step", 0.2 * world.extent, POSITIVE),
@@ -468,9 +468,9 @@ def _options(query: Query) -> tuple[Array, Array]:
         ]
     )
     if kind == SAMPLERS["halton"] and world.dim > len(PRIMES):
-        raise refused("sampler", sampler, f"up to {len(PRIMES)} dimensions")
+        raise invalid("sampler", sampler, f"up to {len(PRIMES)} dimensions")
     if options:
-        raise refused(f"options of {query.method}", sorted(options), "those that it has")
+        raise invalid(f"options of {query.method}", sorted(options), "those that it has")
     return numbers, listed.T
 
 
@@ -587,7 +587,7 @@ def rrt_star(query: Query) -> Plan:
     numbers[STAR] = 1.1 * (2.0 * (1.0 + 1.0 / n) * volume / ball) ** (1.0 / n)
     numbers[INFORMED] = query.method == "informed_rrt_star"
     if numbers[INFORMED] and not query.one_goal:
-        raise refused("goal", "a region", f"a state, for {query.method}")
+        raise invalid("goal", "a region", f"a state, for {query.method}")
     return _search(query, numbers, _frame(query, numbers, listed), query.start)
 
 

@@ -31,7 +31,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, positive, refused, vector
+from course.check import POSITIVE, count, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, address_of, compiled, function_argument
 
 Array = NDArray[np.float64]
@@ -377,7 +377,7 @@ def box(name: str, value: ArrayLike) -> Array:
     """Bounds from outside: rows low and high, shape (2, n), low below high everywhere."""
     bounds = np.ascontiguousarray(vector(name, value, (2, None)))
     if not bounds.shape[1] or not (bounds[0] < bounds[1]).all():
-        raise refused(name, bounds, "two rows, the first below the second everywhere")
+        raise invalid(name, bounds, "two rows, the first below the second everywhere")
     return bounds
 
 
@@ -482,7 +482,7 @@ def from_function(valid: Callable[[Array], bool], bounds: ArrayLike, resolution:
         resolution: largest distance of two states tried, in the unit of a state.
     """
     if not callable(valid):
-        raise refused("valid", valid, "a function of a state")
+        raise invalid("valid", valid, "a function of a state")
     spacing = positive("resolution", resolution)
     number = np.array([[float(Asked(valid).number)]])
     return World(
@@ -496,7 +496,7 @@ def from_function(valid: Callable[[Array], bool], bounds: ArrayLike, resolution:
     )
 
 
-def asked(world: World) -> Asked | None:
+def function_behind(world: World) -> Asked | None:
     """The function behind a world of kind "function"; None for the others."""
     return Asked.known[int(world.obstacles[0, 0])] if world.kind == "function" else None
 

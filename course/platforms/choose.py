@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 
-from course.check import one_of, refused
+from course.check import one_of, invalid
 
 SENSES = ("at most", "at least", "is")
 
@@ -57,7 +57,7 @@ class Need:
             number = isinstance(self.limit, Real) and not isinstance(self.limit, bool)
             right = number and not math.isnan(self.limit)
         if not right:
-            raise refused("limit", self.limit, "true or false for 'is', else a number")
+            raise invalid("limit", self.limit, "true or false for 'is', else a number")
 
     def met(self, fact: Fact) -> bool:
         """Whether a fact is known to meet it."""
@@ -141,7 +141,7 @@ def choose(table: Table, needs: Sequence[Need], by: str) -> Choice:
     keys = [(need.row, need.sense) for need in needs]
     for key in keys:
         if keys.count(key) > 1:
-            raise refused("needs", key, "each row and sense once")
+            raise invalid("needs", key, "each row and sense once")
     rows = list(dict.fromkeys(row for facts in table.values() for row in facts))
     for need in needs:
         one_of("row of a need", need.row, rows)

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, one_of, refused
+from course.check import count, one_of, invalid
 from course.rigid_body import quaternion
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ class Run(ABC):
 
     def set_torque(self, torque: Array) -> None:
         """Torques of the joints [N m], (n,), kept until they are set again; joints only."""
-        raise refused("scene", self.scene.name, "a scene of joints")
+        raise invalid("scene", self.scene.name, "a scene of joints")
 
     @abstractmethod
     def reset(self) -> None:

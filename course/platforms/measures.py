@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from course import kinematics
-from course.check import POSITIVE, count, positive, refused, vector
+from course.check import POSITIVE, count, positive, invalid, vector
 from course.contact import Residuals, residuals
 from course.platforms import theory
 from course.platforms.bodies import free_velocity, step_of
@@ -39,7 +39,7 @@ def slope(x: ArrayLike, y: ArrayLike) -> float:
     """
     x, y = (vector(name, value, (None,), low=POSITIVE) for name, value in (("x", x), ("y", y)))
     if x.size != y.size or x.size < 2:
-        raise refused("(x.size, y.size)", (x.size, y.size), "two equal sizes from 2 on")
+        raise invalid("(x.size, y.size)", (x.size, y.size), "two equal sizes from 2 on")
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
@@ -105,7 +105,7 @@ def judged(
     after, report = run.state(), run.contacts()
     run.close()
     if not report.gap.size:
-        raise refused("steps", steps, "a number after which something touches")
+        raise invalid("steps", steps, "a number after which something touches")
     step = step_of(scene, before, free_velocity(scene, before, dt), report, dt)
     impulses = step.impulses(report.force)
     reached = step.spread(step.problem.after(impulses))

@@ -213,7 +213,7 @@ def _of_a_body(moments: Sequence[float]) -> bool:
     return True
 
 
-def kept(name: str, facts: dict[str, Any]) -> bool:
+def is_preserved(name: str, facts: dict[str, Any]) -> bool:
     """Whether the loaded model has what the text of a feature says."""
     if name == "mimic":
         return bool(facts["mimic"])
@@ -237,7 +237,7 @@ def verdict(model: Model, reading: Reading) -> str:
         return "warned"
     assert reading.facts is not None
     if model.kind == "feature":
-        return "kept" if kept(model.name, reading.facts) else "swallowed"
+        return "kept" if is_preserved(model.name, reading.facts) else "swallowed"
     return "repaired" if possible(reading.facts) else "swallowed"
 
 

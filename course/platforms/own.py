@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from course import contact, kinematics, rigid_body
-from course.check import one_of, positive, refused, vector
+from course.check import one_of, positive, invalid, vector
 from course.platforms.bodies import free_velocity, freedom, step_of
 from course.platforms.contract import (
     FAIR,
@@ -52,7 +52,7 @@ class Own(Engine):
         positive("dt", dt, unit="s")
         if scene.chain or all(body.half is None for body in scene.bodies):
             if len(scene.bodies) > 1:
-                raise refused("scene", scene.name, "one body, where none touches anything")
+                raise invalid("scene", scene.name, "one body, where none touches anything")
             return Smooth(scene, dt, scheme)
         one_of("settings.scheme", scheme, self.schemes[:1])
         return Touching(scene, dt, **settings.options)

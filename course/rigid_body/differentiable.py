@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from course.check import count, finite, positive, refused, vector
+from course.check import count, finite, positive, invalid, vector
 from course.libraries import import_error
 from course.rigid_body.integrators import STANDARD_GRAVITY
 
@@ -84,22 +84,22 @@ class Setup:
         for name in ("position", "velocity"):
             pair = getattr(self, name)
             if len(pair) != 2 or not all(math.isfinite(_number(value)) for value in pair):
-                raise refused(name, pair, "two finite numbers")
+                raise invalid(name, pair, "two finite numbers")
         if _number(self.position[1]) < 0:
-            raise refused("position", self.position, "a height of 0 m or more")
+            raise invalid("position", self.position, "a height of 0 m or more")
         positive("gravity", self.gravity, unit="m/s^2")
         positive("rest_speed", self.rest_speed, unit="m/s")
         last = 0.0
         for piece in self.push:
             finite = all(math.isfinite(_number(value)) for value in piece)
             if len(piece) != 3 or not finite or not last <= piece[0]:
-                raise refused(
+                raise invalid(
                     "push",
                     self.push,
                     "(start, end, force), finite, in order, from time 0 on, not overlapping",
                 )
             if piece[1] <= piece[0]:
-                raise refused("push", self.push, "an end after its start")
+                raise invalid("push", self.push, "an end after its start")
             last = piece[1]
 
 
@@ -119,7 +119,7 @@ class Segment(NamedTuple):
 
 def _check(parameters: Any) -> None:
     if len(parameters) != 3:
-        raise refused("parameters", parameters, "3 numbers: restitution, friction, mass")
+        raise invalid("parameters", parameters, "3 numbers: restitution, friction, mass")
     restitution, friction, mass = (_number(value) for value in parameters)
     finite("restitution", restitution, 0.0, 1.0)
     finite("friction", friction, 0.0)

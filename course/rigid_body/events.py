@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numba.extending import register_jitable
 
-from course.check import count, one_of, positive, refused
+from course.check import count, one_of, positive, invalid
 from course.rigid_body.integrators import (
     INTEGRATORS,
     STANDARD_GRAVITY,
@@ -219,7 +219,7 @@ def bouncing_pendulum(
         ValueError: amplitude out of its range.
     """
     if not 0.0 < amplitude < np.pi:
-        raise refused("amplitude", amplitude, "a number between 0 and pi [rad]")
+        raise invalid("amplitude", amplitude, "a number between 0 and pi [rad]")
     free = pendulum(amplitude, length, gravity, duration)
 
     def truth(t: float) -> tuple[Array, Array]:

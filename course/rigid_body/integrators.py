@@ -27,7 +27,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import count, one_of, positive, refused, vector
+from course.check import count, one_of, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, acceleration_type, compiled, function_argument
 from course.rigid_body.quaternion import cross, derivative, exp, normalise, product
 
@@ -357,7 +357,7 @@ class System:
             object.__setattr__(self, field, np.array(value, order="C"))
         nq, nv = self.q0.shape[0], self.v0.shape[0]
         if nq - nv not in (0, 1) or self.q0.shape[1:] != self.v0.shape[1:]:
-            raise refused(
+            raise invalid(
                 "(q0.shape, v0.shape)",
                 (self.q0.shape, self.v0.shape),
                 "nv = nq, or nv = nq - 1 with a unit quaternion in the last four rows of q0",
@@ -465,7 +465,7 @@ def simulate(
     count("steps", steps, 1)
     every = steps if every is None else count("every", every, 1)
     if steps % every:
-        raise refused("every", every, f"a divisor of steps = {steps}")
+        raise invalid("every", every, f"a divisor of steps = {steps}")
     records = steps // every
     # Only a single body is compiled here: `spatial.advance_bodies` is for batches.
     use_compiled = isinstance(integrator, str) and system.compile and system.q0.ndim == 1

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from course.check import count, finite, positive, refused
+from course.check import count, finite, positive, invalid
 
 Seconds = int | float | str | Fraction
 
@@ -55,19 +55,19 @@ def exact_seconds(value: Seconds, name: str = "seconds") -> Fraction:
         try:
             return Fraction(value)
         except (ValueError, ZeroDivisionError):
-            raise refused(name, value, "a number of seconds such as '0.001' or '1/60'") from None
+            raise invalid(name, value, "a number of seconds such as '0.001' or '1/60'") from None
     if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
         number = float(value)
         fraction = Fraction(number).limit_denominator(_LARGEST_DENOMINATOR)
         if float(fraction) == number:
             return fraction
-        raise refused(
+        raise invalid(
             name,
             value,
             f"a fraction with a denominator up to {_LARGEST_DENOMINATOR}; for any other number "
             "fractions.Fraction or a string",
         )
-    raise refused(name, value, "a finite number of seconds")
+    raise invalid(name, value, "a finite number of seconds")
 
 
 def interpolate_linearly(previous: Any, current: Any, alpha: float) -> Any:
@@ -246,11 +246,11 @@ class FixedStepLoop:
         exact = exact_seconds(value, name)
         if least is None:
             if exact < 0:
-                raise refused(name, value, "0 s or more")
+                raise invalid(name, value, "0 s or more")
         elif exact <= 0:
-            raise refused(name, value, "more than 0 s")
+            raise invalid(name, value, "more than 0 s")
         elif exact < least:
-            raise refused(name, value, f"at least one physics step ({float(least):g} s)")
+            raise invalid(name, value, f"at least one physics step ({float(least):g} s)")
         setattr(self, name, exact)
         return exact
 

@@ -28,7 +28,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, one_of, positive, refused, vector
+from course.check import POSITIVE, count, one_of, positive, invalid, vector
 from course.compiled import MATRIX, loop
 from course.rigid_body.integrators import STANDARD_GRAVITY
 from course.rigid_body.planar_contact import (
@@ -311,7 +311,7 @@ def box_parameters(
         return np.array(np.broadcast_arrays(*[np.atleast_1d(row) for row in rows]))
     except ValueError as error:
         shapes = {name: row.shape for name, row in zip(PARAMETERS, rows, strict=True)}
-        raise refused("the shapes", shapes, "those that agree") from error
+        raise invalid("the shapes", shapes, "those that agree") from error
 
 
 def _gravity(gravity: ArrayLike) -> tuple[float, float]:
@@ -358,12 +358,12 @@ def prepare(
     """
     parameters = np.ascontiguousarray(parameters, dtype=float)
     if parameters.ndim != 2 or parameters.shape[0] != 7 or parameters.shape[1] not in (1, n):
-        raise refused("parameters.shape", parameters.shape, f"(7, 1) or (7, {n})")
+        raise invalid("parameters.shape", parameters.shape, f"(7, 1) or (7, {n})")
     force = np.zeros((3, 1)) if forces is None else np.ascontiguousarray(forces, dtype=float)
     if force.ndim == 1:
         force = force.reshape(-1, 1)
     if force.shape not in ((3, 1), (3, n)):
-        raise refused("forces.shape", force.shape, f"(3,), (3, 1) or (3, {n})")
+        raise invalid("forces.shape", force.shape, f"(3,), (3, 1) or (3, {n})")
     positive("dt", dt, unit="s")
     count("max_events", max_events, 1)
     gx, gy = _gravity(gravity)
@@ -374,7 +374,7 @@ def prepare(
         if out is None:
             out = np.empty_like(state)
         elif out.shape != state.shape or out.dtype != state.dtype or not out.flags.c_contiguous:
-            raise refused("out", (out.dtype.name, out.shape), f"C-ordered float64 {state.shape}")
+            raise invalid("out", (out.dtype.name, out.shape), f"C-ordered float64 {state.shape}")
         counts = np.empty((2, n), dtype=np.int64)
         bad = step_boxes_loop(
             out,
@@ -395,7 +395,7 @@ def prepare(
             k = bad if parameters.shape[1] > 1 else 0
             given = dict(zip(PARAMETERS, parameters[:, k].tolist(), strict=True))
             f = force[:, bad if force.shape[1] > 1 else 0]
-            raise refused(
+            raise invalid(
                 f"box {bad}",
                 {"state": state[:, bad].tolist(), "force and torque": f.tolist(), **given},
                 "finite numbers in the ranges of box_parameters",
@@ -444,7 +444,7 @@ def advance_boxes(
     """
     state = np.ascontiguousarray(state, dtype=float)
     if state.ndim != 2 or state.shape[0] != 6:
-        raise refused("state.shape", state.shape, "(6, N)")
+        raise invalid("state.shape", state.shape, "(6, N)")
     return prepare(state.shape[1], parameters, dt, **options)(state, steps, out)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba.extending import register_jitable
 
-from course.check import refused
+from course.check import invalid
 from course.rigid_body import quaternion
 from course.rigid_body.integrators import STANDARD_GRAVITY, Array, System, _coordinate_rate
 
@@ -252,11 +252,11 @@ def tumble(
     i1, i2, i3 = inertia
     w1, w3 = rates
     if not 0.0 < i1 < i2 < i3 <= i1 + i2:
-        raise refused("inertia", inertia, "0 < I1 < I2 < I3 <= I1 + I2")
+        raise invalid("inertia", inertia, "0 < I1 < I2 < I3 <= I1 + I2")
     two_t = i1 * w1**2 + i3 * w3**2
     square = (i1 * w1) ** 2 + (i3 * w3) ** 2
     if not (w1 > 0.0 and w3 > 0.0 and square > two_t * i2):
-        raise refused("rates", rates, "two positive numbers with L^2 > 2 T I2")
+        raise invalid("rates", rates, "two positive numbers with L^2 > 2 T I2")
     momentum = np.sqrt(square)
     pace = np.sqrt((i3 - i2) * (square - two_t * i1) / (i1 * i2 * i3))
     m = (i2 - i1) * (two_t * i3 - square) / ((i3 - i2) * (square - two_t * i1))
@@ -545,7 +545,7 @@ def frictionless_box(
         if crossings.size:
             k, struck = (int(index) for index in crossings[0])
             if times[k] == 0.0 and sampled[0, struck] == 0.0:
-                raise refused("t", t, "a time before bounces get shorter than 0.1 ms")
+                raise invalid("t", t, "a time before bounces get shorter than 0.1 ms")
             flight = brentq(corner_height, times[k], times[k + 1], (struck,), 1e-15, 1e-15)
         x, y = x + vx * flight, y + vy * flight - 0.5 * gravity * flight**2
         angle, vy = angle + omega * flight, vy - gravity * flight

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from numba.extending import register_jitable
 
-from course.check import refused, vector
+from course.check import invalid, vector
 
 __all__ = [
     "angle_between",
@@ -79,7 +79,7 @@ def unit_quaternion(values: Any, name: str = "quaternion") -> Array:
     if wrong.size:
         i = wrong[0]
         column = f"[:, {i}]" if q.ndim == 2 else ""
-        raise refused(
+        raise invalid(
             f"{name}{column}",
             q.reshape(4, -1)[:, i],
             f"a length of 1 within {_UNIT_TOLERANCE:g} (here {length[i]:.9g}): normalise it",
@@ -109,7 +109,7 @@ def rotation_matrix(values: Any, name: str = "matrix") -> Array:
     if wrong.size:
         i = wrong[0]
         index = f"[:, :, {i}]" if R.ndim == 3 else ""
-        raise refused(
+        raise invalid(
             f"{name}{index}",
             stack[i],
             f"columns that are orthonormal within {_UNIT_TOLERANCE:g} (here {error[i]:.3g}) and a "

@@ -11,7 +11,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
-from course.check import one_of, positive, refused, vector
+from course.check import one_of, positive, invalid, vector
 from course.rigid_body.integrators import INTEGRATORS, STANDARD_GRAVITY, Array, compiled_parts
 from course.rigid_body.quaternion import conjugate, rotate, unit_quaternion
 
@@ -89,10 +89,10 @@ def inertia_tensor(value: ArrayLike) -> Array:
     if tensor.shape == (3,):
         tensor = np.diag(tensor)
     if not np.allclose(tensor, tensor.T, rtol=1e-9, atol=1e-12 * np.abs(tensor).max()):
-        raise refused("inertia", tensor, "a symmetric tensor")
+        raise invalid("inertia", tensor, "a symmetric tensor")
     low, middle, high = np.linalg.eigvalsh(tensor)
     if low <= 0.0 or low + middle < high * (1.0 - 1e-9):
-        raise refused(
+        raise invalid(
             "inertia",
             tensor,
             "one whose principal moments are positive and none larger than the sum of the other "
@@ -230,7 +230,7 @@ def advance_bodies(
         ValueError: for shapes that disagree or an unknown integrator.
     """
     if q.ndim != 2 or q.shape[0] != 7 or v.shape != (6, q.shape[1]):
-        raise refused("(q.shape, v.shape)", (q.shape, v.shape), "((7, N), (6, N))")
+        raise invalid("(q.shape, v.shape)", (q.shape, v.shape), "((7, N), (6, N))")
     one_of("integrator", integrator, INTEGRATORS)
     params = np.concatenate(
         [

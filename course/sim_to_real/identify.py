@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 from course.sim_to_real import plants
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class Log:
         for name, values, deviation in (("times", t[1:], apart), ("sent", sent, other)):
             i = int(np.argmax(np.abs(deviation)))
             if abs(deviation[i]) > 0.01 * self.dt:
-                raise refused(
+                raise invalid(
                     f"{name}[{i + (values is not sent)}]",
                     values[i],
                     f"{values[i] - deviation[i]:g} s: evenly spaced, one clock",
@@ -122,7 +122,7 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
     names = tuple(one_of("free", name, start) for name in free)
     low, high = np.array([free[name] for name in names], dtype=float).reshape(-1, 2).T
     if not (names and (low < high).all()):
-        raise refused("free", dict(free), "a lower bound below the upper one for each")
+        raise invalid("free", dict(free), "a lower bound below the upper one for each")
     x = np.array([finite(f"start[{n!r}]", start[n], *free[n]) for n in names])
     wide = np.where(np.isfinite(high - low), high - low, 1.0)
 
@@ -132,7 +132,7 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
         expected = (*log.measured.shape, points.shape[1])
         if simulated.shape != expected:
             rule = f"{expected}: signals, times and columns of parameters"
-            raise refused("simulate(parameters, log).shape", simulated.shape, rule)
+            raise invalid("simulate(parameters, log).shape", simulated.shape, rule)
         return simulated
 
     return names, x, low, high, np.where(x != 0.0, np.abs(x), wide), run
@@ -160,7 +160,7 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
     names, x, low, high, size, run = _prepared(simulate, log, start, free)
     desired, P = np.asarray(log.measured, dtype=float), len(names)
     if desired.size <= P:
-        raise refused("log", f"of {desired.size} samples", f"one of more than {P}")
+        raise invalid("log", f"of {desired.size} samples", f"one of more than {P}")
 
     def tried(point: Array) -> tuple[Array, float, Array]:
         # Forward differences, away from a bound; their error, about 1e-8, moves no answer.
@@ -172,7 +172,7 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
 
     r, cost, J = tried(x)
     if cost == math.inf:
-        raise refused("start", dict(start), "one whose simulation stays finite")
+        raise invalid("start", dict(start), "one whose simulation stays finite")
     damping, taken, against = 1e-4, 0, ["not settled"]
     while taken < steps and against[:1] == ["not settled"]:
         taken += 1
@@ -229,7 +229,7 @@ def scan(
     cost = np.array([result.noise**2 for result in tries])
     best = int(np.argmin(cost))
     if not 0 < best < given.size - 1:
-        raise refused("values", given, f"some on both sides of {given[best]:g}, which is the best")
+        raise invalid("values", given, f"some on both sides of {given[best]:g}, which is the best")
     near = slice(best - 1, best + 2)
     bend, slope, _ = np.polyfit(given[near] - given[best], cost[near], 2)
     return float(given[best] - 0.5 * slope / bend), tries[best]

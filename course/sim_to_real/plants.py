@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, positive, refused, vector
+from course.check import POSITIVE, count, positive, invalid, vector
 from course.control import Gains, Record
 from course.kinematics import TwoLink, two_link_ik
 from course.sim_to_real.motion import episodes
@@ -70,7 +70,7 @@ class Plants:
         n = max(row.size for row in given.values())
         for name, row in given.items():
             if row.size not in (1, n):
-                raise refused(f"{name}.shape", row.shape, f"() or ({n},)")
+                raise invalid(f"{name}.shape", row.shape, f"() or ({n},)")
             object.__setattr__(self, name, np.broadcast_to(row.reshape(-1), (n,)).copy())
 
     @property
@@ -162,7 +162,7 @@ class Tasks:
             at = int(np.argmin(result.reached))
             low, high = abs(np.subtract(*ARM.lengths)), sum(ARM.lengths)
             allowed = f"a point {low:.3g} to {high:.3g} m from the base"
-            raise refused(f"goal[:, {at}]", self.goal[:, at], allowed)
+            raise invalid(f"goal[:, {at}]", self.goal[:, at], allowed)
         # The branch and the turn that are nearest to the start.
         q1 = result.q[0] + 2.0 * np.pi * np.round((self.start[0] - result.q[0]) / (2.0 * np.pi))
         branches = np.stack([q1, result.q[1]])
@@ -250,7 +250,7 @@ def _run(
     E, T = max(arms.shape[1], posed.size), round(SECONDS / DT)
     for name, size in (("plants", arms.shape[1]), ("tasks", posed.size)):
         if size not in (1, E):
-            raise refused(f"{name}.size", size, f"1 or {E}, one for each episode")
+            raise invalid(f"{name}.size", size, f"1 or {E}, one for each episode")
     K = 1 if sets.ndim == 1 else sets.shape[1]
     start = np.zeros((4, E))
     start[:2] = posed.start

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, positive, refused, vector
+from course.check import count, finite, positive, invalid, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.sim_to_real.motion import CUBE
 from course.sim_to_real.transfer import discount
@@ -47,19 +47,19 @@ class Process:
         P = vector("transition", self.transition, (None, None, None), low=0.0, high=1.0)
         S, A, _ = P.shape
         if P.shape[2] != S:
-            raise refused("transition.shape", P.shape, f"({S}, {A}, {S})")
+            raise invalid("transition.shape", P.shape, f"({S}, {A}, {S})")
         R = vector("reward", self.reward, P.shape)
         ends = vector("terminal", self.terminal, (S,)) != 0.0
         discount(self.gamma)
         rows = P.sum(axis=2)
         if np.abs(rows - 1.0).max() > 1e-9:
             at = np.unravel_index(int(np.abs(rows - 1.0).argmax()), rows.shape)
-            raise refused(f"sum of transition[{at[0]}, {at[1]}]", float(rows[at]), "1")
+            raise invalid(f"sum of transition[{at[0]}, {at[1]}]", float(rows[at]), "1")
         for s in np.flatnonzero(ends).tolist():
             if np.any(P[s, :, s] != 1.0):
-                raise refused(f"transition[{s}]", "one that leaves", "a terminal state that stays")
+                raise invalid(f"transition[{s}]", "one that leaves", "a terminal state that stays")
             if np.any(R[s] != 0.0):
-                raise refused(f"reward[{s}]", float(np.abs(R[s]).max()), "0 in a terminal state")
+                raise invalid(f"reward[{s}]", float(np.abs(R[s]).max()), "0 in a terminal state")
         for name, value in (("transition", P), ("reward", R), ("terminal", ends)):
             object.__setattr__(self, name, value)
 
@@ -98,7 +98,7 @@ def value_iteration(
     while True:
         if sweeps == max_sweeps:
             rule = "more: the tolerance is not reached; near a discount of 1 use policy_iteration"
-            raise refused("max_sweeps", max_sweeps, rule)
+            raise invalid("max_sweeps", max_sweeps, rule)
         following = process.backup(value).max(axis=1)
         change, value, sweeps = np.abs(following - value).max(), following, sweeps + 1
         small = tolerance * max(1.0, float(np.abs(value).max()))
@@ -141,10 +141,10 @@ def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
     chosen = vector("policy", policy, (S,), (S, A), low=0.0)
     if chosen.ndim == 1:
         if np.any(chosen != np.round(chosen)) or chosen.max() >= A:
-            raise refused("policy", chosen, f"whole numbers from 0 to {A - 1}")
+            raise invalid("policy", chosen, f"whole numbers from 0 to {A - 1}")
         chosen = np.eye(A)[chosen.astype(int)]
     elif np.abs(chosen.sum(axis=1) - 1.0).max() > 1e-9:
-        raise refused("policy", chosen, "rows that sum to 1")
+        raise invalid("policy", chosen, "rows that sum to 1")
     P = np.einsum("ij,ijk->ik", chosen, process.transition)
     r = np.einsum("ij,ijk,ijk->i", chosen, process.transition, process.reward)
     return np.asarray(np.linalg.solve(np.eye(S) - process.gamma * P, r))

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import POSITIVE, finite, one_of, positive, refused
+from course.check import POSITIVE, finite, one_of, positive, invalid
 from course.sim_to_real.plants import Plants, nominal
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def attribution(value: Mapping[Subset, float]) -> dict[str, tuple[float, float, 
     whole = max(value, key=len)
     missing = [some for some in subsets(sorted(whole)) if some not in value]
     if missing:
-        raise refused("value", f"without {sorted(missing[0])}", "a number for each subset")
+        raise invalid("value", f"without {sorted(missing[0])}", "a number for each subset")
     n, empty = len(whole), frozenset[str]()
     result = {}
     for part in sorted(whole):
@@ -122,7 +122,7 @@ def trials(
 
     p, q = finite("first", first, 0.0, 1.0), finite("second", second, 0.0, 1.0)
     if p == q:
-        raise refused("second", second, f"a rate other than the first, {first}")
+        raise invalid("second", second, f"a rate other than the first, {first}")
     a = float(ndtri(1.0 - 0.5 * finite("level", level, 1e-9, 0.5)))
     b, d = float(ndtri(finite("power", power, 0.5, 1.0 - 1e-9))), abs(p - q)
     if together is None:
@@ -166,5 +166,5 @@ def reached(gamma: float, eps: float) -> float:
 def discount(gamma: float) -> float:
     """A discount in [0, 1); anything else raises ValueError."""
     if not 0.0 <= finite("gamma", gamma) < 1.0:
-        raise refused("gamma", gamma, "a number from 0 on and below 1")
+        raise invalid("gamma", gamma, "a number from 0 on and below 1")
     return gamma

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 from course.control import cem
 from course.sim_to_real.plants import (
     DIRECTION,
@@ -69,7 +69,7 @@ class Ranges:
             low, high = vector(name, bound, (2,))
             if low > high or (kind == "log" and low <= 0.0):
                 text = "(low, high), the low end first" + ", above 0" * (kind == "log")
-                raise refused(name, tuple(bound), text)
+                raise invalid(name, tuple(bound), text)
             Plants(**{name: np.array([low, high])})
 
     def __call__(self, n: int, rng: np.random.Generator) -> Plants:
@@ -82,7 +82,7 @@ class Ranges:
             elif kind == "whole":
                 first, last = np.ceil(low / DT - 1e-9), np.floor(high / DT + 1e-9)
                 if first > last:
-                    raise refused(name, (low, high), f"a range with a multiple of {DT} s in it")
+                    raise invalid(name, (low, high), f"a range with a multiple of {DT} s in it")
                 drawn[name] = DT * rng.integers(int(first), int(last) + 1, n)
             else:
                 drawn[name] = rng.uniform(low, high, n)
@@ -234,7 +234,7 @@ def automatic(
     """
     low, high = vector("thresholds", thresholds, (2,), low=0.0, high=1.0).tolist()
     if low >= high:
-        raise refused("thresholds", thresholds, "(lower, upper), the lower one first")
+        raise invalid("thresholds", thresholds, "(lower, upper), the lower one first")
     positive("step", step)
     positive("at_most", at_most)
     quarter = count("buffer", buffer, 4) // 4

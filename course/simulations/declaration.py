@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course import CHAPTERS, simulations
-from course.check import refused
+from course.check import invalid
 from course.simulations import RECORDED
 from course.simulations import pen as drawing
 from course.simulations.model import KEYS, Experiment, Model
@@ -64,7 +64,7 @@ def model(name: str) -> Model:
     """
     with contextlib.suppress(ModuleNotFoundError, AttributeError):
         return importlib.import_module(f"{simulations.__name__}.{name}").MODEL
-    raise refused("name", name, f"one of {', '.join(names())}")
+    raise invalid("name", name, f"one of {', '.join(names())}")
 
 
 def module(name: str) -> Path:
@@ -92,7 +92,7 @@ def why_recorded(name: str) -> str:
         return ""
     if name not in RECORDED and not model(name).recorded:
         how = f"one with a .wasm (python -m course.site.wasm {name}), or in RECORDED"
-        raise refused("name", name, how)
+        raise invalid("name", name, how)
     return RECORDED.get(name, "a library computes them")
 
 
@@ -115,8 +115,8 @@ def declaration(name: str) -> dict[str, Any]:
             "size": drawing.HEADER + made.paper.room,
             "header": made.paper.pen()[: drawing.HEADER].tolist(),
         },
-        "controls": _told(made.controls),
-        "state": _told(made.state),
+        "controls": _layout(made.controls),
+        "state": _layout(made.state),
         "inputs": [_input(key, field, made.controls) for key, field in made.controls.panel()],
         "presets": [
             {"name": key, "note": preset.note, "words": _runs(made.controls.new(**preset.values))}
@@ -184,7 +184,7 @@ def _runs(record: Any) -> list[list[Any]]:
     return [[len(list(run)), str(word)] for word, run in itertools.groupby(words)]
 
 
-def _told(record: Record) -> dict[str, Any]:
+def _layout(record: Record) -> dict[str, Any]:
     return {"size": record.dtype.itemsize, "words": _runs(record.new())}
 
 
@@ -211,7 +211,7 @@ def _input(name: str, field: Field, record: Record) -> dict[str, Any]:
 def _film(name: str) -> dict[str, Any]:
     """The recording that is kept beside a simulation's source."""
     if not recording(name).exists():
-        raise refused("name", name, f"one with a recording (python -m course.site.films {name})")
+        raise invalid("name", name, f"one with a recording (python -m course.site.films {name})")
     return json.loads(recording(name).read_text(encoding="utf-8"))["films"]
 
 

@@ -115,7 +115,7 @@ def reliable(controls, topic):
 
 
 @register_jitable
-def _kept(controls, topic):
+def _depth_of(controls, topic):
     return controls["depth"] if topic == controls["topic"] else 1
 
 
@@ -193,12 +193,16 @@ def locked(begun, done, due, inherits):
         for job in range(begun.size):
             if begun[job] <= held < done[job]:
                 held = done[job]
-        over = held + HOLD
         first = np.searchsorted(due, held, side="right")
-        if not inherits or first == due.size or due[first] >= over:
-            for job in range(begun.size):
-                if held < begun[job] < over:
-                    over += done[job] - begun[job]
+        waits = due[first] if inherits and first < due.size else np.inf
+        # The logger holds the lock and works off what remains of its section; perception preempts
+        # it, unless the loop waits for the lock and the logger has inherited its priority.
+        now, remaining = held, HOLD
+        for job in range(begun.size):
+            if held < begun[job] < now + remaining and begun[job] < waits:
+                remaining -= begun[job] - now
+                now = min(done[job], max(waits, begun[job]))
+        over = now + remaining
         last = np.searchsorted(due, over, side="left")
         if first < last:
             starts[first] = over
@@ -217,9 +221,9 @@ def initial(controls, state):
     period = 1.0 / controls["loop"]
     due = period * np.arange(1, int(SPAN / period))
     if controls["schedule"] == 1:
-        taken, begun, starts = shared(arrived, taking, _kept(controls, 0), due)
+        taken, begun, starts = shared(arrived, taking, _depth_of(controls, 0), due)
     else:
-        taken, begun = serve(arrived, np.full(n, taking), _kept(controls, 0))
+        taken, begun = serve(arrived, np.full(n, taking), _depth_of(controls, 0))
         starts = due.copy()
         if controls["schedule"] > 1:
             starts = locked(begun, begun + taking, due, controls["schedule"] == 3)
@@ -227,7 +231,7 @@ def initial(controls, state):
     poses = _travel(begun + taking, 1, 1472, controls, 1, seed)
     received, posed = poses[poses >= 0.0], born[taken][poses >= 0.0]
     ticks = PLAN_PERIOD * (PLAN_PHASE + np.arange(int(SPAN / PLAN_PERIOD)))
-    which = read(received, ticks, _kept(controls, 1))
+    which = read(received, ticks, _depth_of(controls, 1))
     ticks, which = ticks[which >= 0], which[which >= 0]
     _jobs(state, 1, ticks, PLAN, posed[which])
     plans = _travel(ticks + PLAN, 1, 1472, controls, 2, seed)
@@ -240,7 +244,7 @@ def initial(controls, state):
         state["stamp"][k] = aim[newest[k]] if newest[k] >= 0 else -1.0
     state["ticks"], state["asked"] = m, due.size
     state["late"] = np.max(starts[ran] - due[ran])
-    _told(controls, state, arrived, received, known, taken)
+    _report(controls, state, arrived, received, known, taken)
 
 
 @register_jitable
@@ -252,7 +256,7 @@ def _jobs(state, stage, begun, taking, born):
 
 
 @register_jitable
-def _told(controls, state, arrived, received, known, taken):
+def _report(controls, state, arrived, received, known, taken):
     """What the ends are told, and the mean age of commands."""
     topic, came = controls["topic"], arrived
     if topic > 0:

@@ -19,7 +19,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import positive, refused, vector
+from course.check import positive, invalid, vector
 
 Array = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ class Paper:
     def __post_init__(self) -> None:
         xmin, xmax, ymin, ymax = vector("window", self.window, (4,))
         if not (xmin < xmax and ymin < ymax):
-            raise refused("window", self.window, "xmin < xmax, ymin < ymax")
+            raise invalid("window", self.window, "xmin < xmax, ymin < ymax")
         positive("width", self.width, unit="pixels")
 
     def told(self) -> dict[str, Any]:

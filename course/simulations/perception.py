@@ -91,7 +91,7 @@ def _plane(z, points, cells, tolerance, linear, rng):
     return plane
 
 
-def look(values, pieces):
+def process_image(values, pieces):
     """One picture and all that is made of it: points, kinds, told and found, as the state has."""
     voxel, tolerance, eps, distance, noise, scale, *whole = values.tolist()
     least, window, by_pixels, linear, picture = map(int, whole)
@@ -166,7 +166,7 @@ def measure(controls, state):
         ]
     )
     with objmode(points="float64[:,:]", kinds="int64[:]", told="float64[:]", found="float64[:,:]"):
-        points, kinds, report, result = look(values, pieces)
+        points, kinds, report, result = process_image(values, pieces)
     state["points"][:, : kinds.size], state["kinds"][: kinds.size] = points, kinds
     state["told"][:], state["found"][:] = report, result
 

@@ -100,7 +100,7 @@ STATE = Record(
 )
 
 
-def asked(values):
+def scenario_and_settings(values):
     """Scenario and settings that the controls, as numbers, ask for."""
     noise, kp, kd, dt, edge, latency, speed, filtered, mended, x, y, margin, bx, by = values
     away = max(math.dist((x, y), TO), 1e-9)
@@ -133,13 +133,13 @@ def agreed(scenario, settings):
 @lru_cache(maxsize=32)
 def counted(values):
     """`told` of the run as the controls have it."""
-    scenario, settings = asked(values)
+    scenario, settings = scenario_and_settings(values)
     record = chapter.run(scenario, settings, seed=SEED)
     report = np.zeros(PARTS + 2 * len(STAGES))
     report[CHECKS], report[ASKED] = sum(p.value.checks for p in record.plans), len(record.plans)
     dear = report[CHECKS] > DEAR
     count = FEWER if report[CHECKS] > MANY else COUNTED
-    good = int(successes(chapter.many(scenario, settings, range(count))).sum())
+    good = int(successes(chapter.run_many(scenario, settings, range(count))).sum())
     report[SHARE], (report[LOW], report[HIGH]) = good / count, wilson(good, count)
     report[AGE] = 1e-6 * np.mean([p.arrived - p.captured for p in record.pictures] or [0])
     posture = record.plans[0].value.goal if record.plans else np.full(2, np.nan)
@@ -167,7 +167,7 @@ def counted(values):
 
 def shown(values, moves):
     """What is drawn of the run in which the target was moved, in the order of the state."""
-    scenario, settings = asked(values)
+    scenario, settings = scenario_and_settings(values)
     tree = np.zeros((4, TREE))
 
     def grown(world, start, goal, settings, rng):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from course.check import count, finite, one_of, refused, vector
+from course.check import count, finite, one_of, invalid, vector
 
 _WIDE = {"f": np.float64, "i": np.int64, "b": np.int64, "u": np.uint64}
 
@@ -79,7 +79,7 @@ class Field:
         else:
             good = finite(name, value, self.low, self.high, unit=self.unit)
         if kind is not np.float64 and np.any(good != np.floor(good)):
-            raise refused(name, value, "a whole number")
+            raise invalid(name, value, "a whole number")
         return np.asarray(value, kind)
 
 
@@ -152,7 +152,7 @@ class Record:
             ValueError: it has another size, or a field has a value that is not allowed.
         """
         if len(data) != self.dtype.itemsize:
-            raise refused("bytes of a record", len(data), str(self.dtype.itemsize))
+            raise invalid("bytes of a record", len(data), str(self.dtype.itemsize))
         record = np.frombuffer(data, self.dtype)[0]
         self.check(record)
         return record

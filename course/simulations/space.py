@@ -75,7 +75,7 @@ ORBIT: dict[str, Any] = {"drag": orbit, "grab": grab, "press": press, "live_drag
 
 
 @register_jitable
-def look(pen, rectangle, controls, reach):
+def camera_view(pen, rectangle, controls, reach):
     """From now on draw in a rectangle of the window that shows `reach` above and below the origin.
 
     Returns:

@@ -19,7 +19,7 @@ from urllib.parse import unquote, urlsplit
 import nbformat
 
 from course import CHAPTERS, cards
-from course.check import refused
+from course.check import invalid
 from course.simulations import declaration
 from course.site import notebooks, reference
 
@@ -227,7 +227,7 @@ def build(
         ValueError: `target` holds something else.
     """
     if target.exists() and any(target.iterdir()) and not (target / "searchindex.js").is_file():
-        raise refused("target", str(target), "an empty folder, or one with a site")
+        raise invalid("target", str(target), "an empty folder, or one with a site")
     shutil.rmtree(work, ignore_errors=True)
     source, out = work / "source", work / "html"
     source.mkdir(parents=True)

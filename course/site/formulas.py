@@ -7,7 +7,7 @@ import html
 import re
 from xml.etree import ElementTree
 
-from course.check import refused
+from course.check import invalid
 
 # Commands that the converter does not know, in those that it knows.
 _ALSO = {r"\arg": r"\operatorname{arg}", r"\|": "\N{DOUBLE VERTICAL LINE}"}
@@ -45,20 +45,20 @@ def mathml(tex: str, block: bool = False) -> str:
 
     bare = re.sub(r"\\.", "", tex)
     if bare.count("{") != bare.count("}"):
-        raise refused("formula", tex, "one with as many { as }")
+        raise invalid("formula", tex, "one with as many { as }")
     known = _COMMAND.sub(lambda match: _ALSO.get(match[0], match[0]), tex.strip())
     try:
         made = convert(known, display="block" if block else "inline")
     except Exception as problem:  # the converter has many, some of them IndexError
-        raise refused(
+        raise invalid(
             "formula", tex, f"what latex2mathml reads ({type(problem).__name__})"
         ) from None
     for element in ElementTree.fromstring(made).iter():
         name, text = element.tag.rpartition("}")[2], element.text or ""
         if "\\" in text:
-            raise refused("formula", tex, f"LaTeX that latex2mathml knows, without {text}")
+            raise invalid("formula", tex, f"LaTeX that latex2mathml knows, without {text}")
         if len(element) != _PARTS.get(name, len(element)):
-            raise refused("formula", tex, f"one that is whole (its {name} lacks a part)")
+            raise invalid("formula", tex, f"one that is whole (its {name} lacks a part)")
     # A frame is not part of what browsers draw of MathML; a border is.
     made = made.replace('<menclose notation="box">', '<mrow class="boxed">')
     made = made.replace("</menclose>", "</mrow>")

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from course import CHAPTERS, Chapter, cards, derivations
-from course.check import refused
+from course.check import invalid
 from course.derivations.answer import Symbol
 from course.simulations import declaration
 from course.site import notebooks
@@ -39,7 +39,7 @@ def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, s
     """The verdict on a claim and what is true, as Markdown: of its card, or from the record."""
     if claim.id in shown:
         if not (report := _RIGHT.search(shown[claim.id])):
-            raise refused(f"card of {claim.id}", shown[claim.id][:80], "one with a right answer")
+            raise invalid(f"card of {claim.id}", shown[claim.id][:80], "one with a right answer")
         return report[1], report[2]
     outcome = derivations.recorded(claim.id, claim.file)
     return cards.tex(derivations.Block(outcome).verdict), cards.tex(outcome.corrected)

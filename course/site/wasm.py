@@ -75,7 +75,7 @@ def signatures(model: Model) -> dict[str, tuple[Any, ...]]:
     return {name: each for name, each in takes.items() if getattr(model, name) is not None}
 
 
-def told(module: bytes) -> dict[str, str]:
+def read_sources(module: bytes) -> dict[str, str]:
     """What the section "sources" of a module says; nothing if there is none."""
     return json.loads(compiler.custom(module, "sources") or b"{}")
 
@@ -188,7 +188,7 @@ def live() -> list[str]:
 def stale(name: str) -> bool:
     """Whether the module of a simulation is missing or was made from other sources."""
     path = file_of(name)
-    return not path.exists() or told(path.read_bytes()).get("fingerprint") != fingerprint(
+    return not path.exists() or read_sources(path.read_bytes()).get("fingerprint") != fingerprint(
         model(name)
     )
 

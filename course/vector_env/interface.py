@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from course.check import count, one_of, refused
+from course.check import count, one_of, invalid
 
 
 def checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
@@ -50,29 +50,29 @@ def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any
     if isinstance(space, spaces.Dict):
         if not isinstance(actions, Mapping) or set(actions) != set(space.spaces):
             got = sorted(actions) if isinstance(actions, Mapping) else type(actions).__name__
-            raise refused(f"{name}.keys()", got, f"{sorted(space.spaces)}")
+            raise invalid(f"{name}.keys()", got, f"{sorted(space.spaces)}")
         return {k: checked_batch(s, actions[k], f"{name}[{k!r}]") for k, s in space.items()}
     if isinstance(space, spaces.Tuple):
         if not isinstance(actions, Sequence) or len(actions) != len(space.spaces):
-            raise refused(name, actions, f"a tuple of {len(space.spaces)}")
+            raise invalid(name, actions, f"a tuple of {len(space.spaces)}")
         pairs = zip(space.spaces, actions, strict=True)
         return tuple(checked_batch(s, a, f"{name}[{i}]") for i, (s, a) in enumerate(pairs))
     if space.shape is None or space.dtype is None:
         return actions
     array = np.asarray(actions)
     if array.shape != space.shape:
-        raise refused(
+        raise invalid(
             f"{name}.shape",
             array.shape,
             f"{space.shape}: one row for each of {space.shape[0]} environments",
         )
     if not np.can_cast(array.dtype, space.dtype, "same_kind"):
-        raise refused(f"{name}.dtype", array.dtype, f"{space.dtype}")
+        raise invalid(f"{name}.dtype", array.dtype, f"{space.dtype}")
     batch = np.array(array, dtype=space.dtype, order="C")
     # A NaN makes the sum NaN. So does inf - inf; then the slower look tells the two apart.
     if batch.dtype.kind == "f" and not batch.sum() < np.inf and np.isnan(batch).any():
         where = np.argwhere(np.isnan(batch))[0]
-        raise refused(f"{name}{where.tolist()}", np.nan, "a number")
+        raise invalid(f"{name}{where.tolist()}", np.nan, "a number")
     return batch
 
 
@@ -121,24 +121,24 @@ class AutoresettingVectorEnv(VectorEnv):
         elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
             seeds = [None if s is None else count("seed", s) for s in seed]
         else:
-            raise refused("seed", seed, f"None, an int or a list of {n}")
+            raise invalid("seed", seed, f"None, an int or a list of {n}")
         if len(seeds) != n:
-            raise refused("seed", seed, f"a list of {n}, one for each environment")
+            raise invalid("seed", seed, f"a list of {n}, one for each environment")
         if seeds[0] is not None:
             count("seed", seeds[0])
         if options is None or "reset_mask" not in options:
             return np.arange(n), seeds, options
         mask = np.asarray(options["reset_mask"])
         if mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
-            raise refused("options['reset_mask']", mask, f"{n} bools, one of them True")
+            raise invalid("options['reset_mask']", mask, f"{n} bools, one of them True")
         rest = {k: v for k, v in options.items() if k != "reset_mask"}
         return np.flatnonzero(mask), seeds, rest
 
 
-def _kept(info: dict[str, Any]) -> dict[str, Any]:
+def _with_own_arrays(info: dict[str, Any]) -> dict[str, Any]:
     """`info` with arrays of its own; other objects are handed on as they are."""
     return {
-        k: _kept(v) if isinstance(v, dict) else v.copy() if isinstance(v, np.ndarray) else v
+        k: _with_own_arrays(v) if isinstance(v, dict) else v.copy() if isinstance(v, np.ndarray) else v
         for k, v in info.items()
     }
 
@@ -172,7 +172,7 @@ class Lane:
         if terminated or truncated:
             if self._mode is AutoresetMode.SAME_STEP:
                 # Copies: an environment may write its next observation into the same array.
-                final = deepcopy(observation), _kept(info)
+                final = deepcopy(observation), _with_own_arrays(info)
                 observation, info = self.env.reset()
             self._over = self._mode is AutoresetMode.NEXT_STEP
         return observation, float(reward), bool(terminated), bool(truncated), info, final
@@ -181,7 +181,7 @@ class Lane:
 def check_spaces(env: Env[Any, Any], observation: Any, action: Any, index: int) -> None:
     """Refuse an environment whose spaces are not the first one's."""
     if env.observation_space != observation or env.action_space != action:
-        raise refused(
+        raise invalid(
             f"the spaces of environment {index}",
             (env.observation_space, env.action_space),
             f"those of the first, {(observation, action)}",

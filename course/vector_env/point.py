@@ -97,7 +97,7 @@ def optimum(
 # --- compiled -------------------------------------------------------------------------------------
 
 
-def _look(p, v, goal, numbers, i, row):
+def _observe(p, v, goal, numbers, i, row):
     """Write the observation of environment i; its distance to the goal [m]."""
     unit, offset = numbers[6], numbers[7]
     x, y = goal[0, i] - p[0, i], goal[1, i] - p[1, i]
@@ -106,7 +106,7 @@ def _look(p, v, goal, numbers, i, row):
     return np.sqrt(x * x + y * y)
 
 
-_look_at = numba.extending.register_jitable(_look)
+_look_at = numba.extending.register_jitable(_observe)
 
 
 def _move_points(p, v, goal, steps, actions, numbers):

@@ -37,7 +37,7 @@ from gymnasium.vector.utils import (
     iterate,
 )
 
-from course.check import count, positive, refused
+from course.check import count, positive, invalid
 from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces
 from course.vector_env.sequential import Batch, spread
 
@@ -311,7 +311,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         """
         count("num_envs", num_envs, 1)
         if not callable(env_fn):
-            raise refused("env_fn", env_fn, "a function that builds an environment")
+            raise invalid("env_fn", env_fn, "a function that builds an environment")
         positive("timeout", timeout, unit="s")
         if num_workers is None:
             workers = min(num_envs, len(os.sched_getaffinity(0)))

@@ -28,7 +28,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import count, one_of, refused
+from course.check import count, one_of, invalid
 from course.compiled import MATRIX, compiled
 from course.kinematics.two_link import LENGTHS, TwoLink, acceleration
 from course.rigid_body.integrators import rk4
@@ -50,10 +50,10 @@ def table(arms: TwoLink | Sequence[TwoLink], num_envs: int) -> Array:
     """The parameters of `num_envs` arms, shape (13, num_envs): one arm for all, or one each."""
     each = [arms] * num_envs if isinstance(arms, TwoLink) else list(arms)
     if len(each) != num_envs or not all(isinstance(arm, TwoLink) for arm in each):
-        raise refused("arms", arms, f"a TwoLink or {num_envs} of them")
+        raise invalid("arms", arms, f"a TwoLink or {num_envs} of them")
     for arm in set(each):
         if arm.payload or arm.gravity:
-            raise refused("(payload, gravity)", (arm.payload, arm.gravity), "(0, 0) in this task")
+            raise invalid("(payload, gravity)", (arm.payload, arm.gravity), "(0, 0) in this task")
     return np.ascontiguousarray(np.concatenate([arm.column() for arm in each], axis=1))
 
 
@@ -61,7 +61,7 @@ def table(arms: TwoLink | Sequence[TwoLink], num_envs: int) -> Array:
 
 
 @register_jitable
-def _look(q, v, target, arm, i, row):
+def _observe(q, v, target, arm, i, row):
     """Write the observation of environment i into `row`; its distance to the target [m]."""
     c1, s1, c2, s2 = np.cos(q[0, i]), np.sin(q[0, i]), np.cos(q[1, i]), np.sin(q[1, i])
     dx = arm[5, i] * c1 + arm[6, i] * (c1 * c2 - s1 * s2) - target[0, i]
@@ -77,7 +77,7 @@ def _judge(q, v, target, steps, actions, arm, limit):
     observations, rewards = np.empty((n, 8)), np.empty(n)
     terminated, truncated = np.empty(n, np.bool_), np.empty(n, np.bool_)
     for i in range(n):
-        distance = _look(q, v, target, arm, i, observations[i])
+        distance = _observe(q, v, target, arm, i, observations[i])
         # The reward counts the torque that acted, not the one that was asked for.
         a1, a2 = _held(actions[i, 0]), _held(actions[i, 1])
         rewards[i] = -distance - EFFORT_COST * (a1 * a1 + a2 * a2)
@@ -129,7 +129,7 @@ def _start_arms(draws, ids, q, v, target, steps, arm):
         angle = 2.0 * np.pi * draws[k, 3]
         target[0, i], target[1, i] = radius * np.cos(angle), radius * np.sin(angle)
         steps[i] = 0
-        _look(q, v, target, arm, i, observations[k])
+        _observe(q, v, target, arm, i, observations[k])
     return observations
 
 
@@ -258,7 +258,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
             raise ResetNeeded("call reset before step")
         array = np.asarray(action)
         if array.shape != (2,):
-            raise refused("action.shape", array.shape, "(2,)")
+            raise invalid("action.shape", array.shape, "(2,)")
         observations, rewards, terminated, truncated = self._move(
             checked_batch(self._row, array[None], "action")
         )

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import concatenate, create_empty_array, iterate
 from numpy.typing import NDArray
 
-from course.check import count, refused
+from course.check import count, invalid
 from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces
 
 Batch = tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
@@ -46,13 +46,13 @@ class VectorizedEnv(AutoresettingVectorEnv):
         """
         count("num_envs", num_envs, 1)
         if not callable(env_fn):
-            raise refused("env_fn", env_fn, "a function that builds an environment")
+            raise invalid("env_fn", env_fn, "a function that builds an environment")
         self.envs: list[Env[Any, Any]] = []
         try:
             for i in range(num_envs):
                 env = env_fn()
                 if any(env is other for other in self.envs):
-                    raise refused("env_fn()", "the same", "a new environment at every call")
+                    raise invalid("env_fn()", "the same", "a new environment at every call")
                 self.envs.append(env)
                 first = self.envs[0]
                 check_spaces(env, first.observation_space, first.action_space, i)
@@ -157,5 +157,5 @@ def spread(values: Any, num_envs: int) -> list[Any]:
     """`values` as one for each environment."""
     spread_out = list(values) if isinstance(values, list | tuple) else [values] * num_envs
     if len(spread_out) != num_envs:
-        raise refused("len(values)", len(spread_out), f"{num_envs}, one for each environment")
+        raise invalid("len(values)", len(spread_out), f"{num_envs}, one for each environment")
     return spread_out

@@ -14,7 +14,7 @@ def listen() -> None:
         sys.stdin.reconfigure(errors="replace")
 
 
-def hear(prompt: str = "") -> str:
+def read_line(prompt: str = "") -> str:
     """The next line that is typed; where nobody reads the questions any more, there is none.
 
     Raises:

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from course.interview import scenarios
-from drills.interview import hear, listen
+from drills.interview import read_line, listen
 from drills.session import RIGHT, WRONG, Session, body, options
 from drills.terminal import Terminal
 
@@ -40,7 +40,7 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
     A line is: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
     """
     if name is None:
-        result = [scenarios.scenario(one) for one in scenarios.there()]
+        result = [scenarios.scenario(one) for one in scenarios.scenario_names()]
         for one in result:
             session.say(f"  {one.name:<10}{one.title}")
         session.say()
@@ -96,7 +96,7 @@ def _talk(
                     session.say(str(case.probe(name)))
                 case ["conclude", cause, repair]:
                     verdict = case.conclude(cause, repair)
-                    _tell(session, verdict)
+                    _print_verdict(session, verdict)
                     return verdict
                 case [word] if word in shown:
                     shown[word]()
@@ -115,7 +115,7 @@ def _lines(terminal: Terminal) -> Iterator[str]:
     prompt = "> " * (sys.stdin.isatty() and not terminal.json)
     with contextlib.suppress(EOFError):
         while True:
-            yield hear(prompt)
+            yield read_line(prompt)
 
 
 def _rows(session: Session, rows: list[tuple[str, str]]) -> None:
@@ -124,7 +124,7 @@ def _rows(session: Session, rows: list[tuple[str, str]]) -> None:
         session.wrap(text, " " * width, f"  {name:<{width - 2}}")
 
 
-def _tell(session: Session, verdict: scenarios.Verdict) -> None:
+def _print_verdict(session: Session, verdict: scenarios.Verdict) -> None:
     for sentence in verdict.sentences():
         session.wrap(sentence)
     for title, rows in (

@@ -20,7 +20,7 @@ from course.interview.rehearsal import MARKS, PARTS, Entry, Interview, Item
 from drills import cards as catalogue
 from drills import grading, present, workspace
 from drills.chapters import notebook_of
-from drills.interview import deck, hear, listen, store
+from drills.interview import deck, read_line, listen, store
 from drills.progress import SOLVED
 from drills.session import RIGHT, Session, body, options
 from drills.terminal import OutputLost
@@ -229,7 +229,7 @@ class Talk:
                 click.edit(filename=str(path))
             elif not line:
                 report = grading.graded(self.session, card, str(path), None)
-                grading.told(self.session, card, report, str(path))
+                grading.report_result(self.session, card, report, str(path))
                 if report.reason not in grading.UNCOUNTED:
                     entry.attempts.append({"verdict": report.verdict, "sentence": report.sentence})
                     verdicts.append(report.verdict)

@@ -13,7 +13,7 @@ import click
 from course import kept
 from drills import cards as catalogue
 from drills import grading, present, workspace
-from drills.interview import hear, listen, store
+from drills.interview import read_line, listen, store
 from drills.interview.deck import Entry, deck, judge, sides
 from drills.interview.rehearse import chapters_of
 from drills.interview.store import AGAIN, GOOD, HARD, RATINGS
@@ -139,7 +139,7 @@ class Round:
             self.session.wrap(f"Nothing is written yet: drills start {card.name}, then come back.")
             return False
         report = grading.graded(self.session, card, str(path), None)
-        grading.told(self.session, card, report, str(path))
+        grading.report_result(self.session, card, report, str(path))
         grades.append(report.passed)
         return report.passed
 
@@ -149,7 +149,7 @@ class Round:
 
     def _finish(self, cards: list[Entry], seed: int) -> int:
         session, now = self.session, self.clock()
-        if missing := store.gone(deck(), self.reviews):
+        if missing := store.missing_cards(deck(), self.reviews):
             session.notices.append(
                 f"The course no longer asks {len(missing)} that you rated; they are kept."
             )

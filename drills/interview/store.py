@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from course import kept
-from course.check import refused
+from course.check import invalid
 from course.kept import Damaged
 from drills.interview.deck import Entry
 
@@ -77,9 +77,9 @@ def rate(
     import fsrs
 
     if isinstance(rating, bool) or rating not in RATINGS:
-        raise refused("rating", rating, ", ".join(f"{n} ({word})" for n, word in RATINGS.items()))
+        raise invalid("rating", rating, ", ".join(f"{n} ({word})" for n, word in RATINGS.items()))
     if now.tzinfo is None:
-        raise refused("now", now.isoformat(), "a time with its zone")
+        raise invalid("now", now.isoformat(), "a time with its zone")
     now = now.astimezone(UTC)
     scheduler, notices = fsrs.Scheduler(enable_fuzzing=False), []
 
@@ -140,7 +140,7 @@ def queue(deck: Sequence[Entry], reviews: Reviews, now: datetime, seed: int) -> 
     return due(deck, reviews, now) + new
 
 
-def gone(deck: Sequence[Entry], reviews: Reviews) -> list[str]:
+def missing_cards(deck: Sequence[Entry], reviews: Reviews) -> list[str]:
     """Keys of cards that were rated and whose source is no longer there; they are kept."""
     other = {entry.key for entry in deck}
     return [key for key in reviews.cards if key not in other]

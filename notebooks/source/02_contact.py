@@ -194,9 +194,9 @@ show("circles_once_a_step")
 #
 # ![The least speed that comes through a wall, against the step](../docs/charts/tunnelling_limit.png)
 # %% jupyter={"source_hidden": true}
-said = read("tunnelling_limit").replace("none up to 400", "none").replace(" ms:", ":")
+line = read("tunnelling_limit").replace("none up to 400", "none").replace(" ms:", ":")
 figures(
-    said,
+    line,
     "checked",
     "advanced",
     "MuJoCo, default",
@@ -543,9 +543,9 @@ show("mujoco_is_velocity_level")
 # %%
 pile = scenes.tower([1.0, 100.0]).problem(0.002)
 for name, sweeps in (("pgs", {"sweeps": 10}), ("pgs", {"sweeps": 1000}), ("coulomb", {})):
-    said = solve(name, pile, **sweeps)
-    how = "solved" if said.converged else f"NOT solved, residual {said.residual:.0e} m/s"
-    print(f"{name:<8} after {said.iterations:4d} iterations: {how}")
+    line = solve(name, pile, **sweeps)
+    how = "solved" if line.converged else f"NOT solved, residual {line.residual:.0e} m/s"
+    print(f"{name:<8} after {line.iterations:4d} iterations: {how}")
 # %% [markdown]
 # **Five numbers judge any of them**, ours or an engine: penetration, Signorini's product, how far friction leaves its
 # cone, what friction could have dissipated and did not, and energy that came from nowhere.

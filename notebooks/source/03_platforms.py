@@ -63,7 +63,7 @@ known, found = engines(), recorded()
 own, mujoco = known["own code"], known["MuJoCo"]
 
 
-def said(chart, *rows):
+def print_figures(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
         if line.lstrip().startswith(rows):
@@ -277,7 +277,7 @@ figures(
 
 # %%
 facts = jobs.facts()
-table(("Job", "Pick", "Why"), [(job, *jobs.told(job)) for job in jobs.JOBS])
+table(("Job", "Pick", "Why"), [(job, *jobs.decide(job)) for job in jobs.JOBS])
 
 # %% [markdown]
 # Three jobs have an answer, and it is the same one: among these four, on these scenes. Four have none, and the table
@@ -488,7 +488,7 @@ for preset, (scene, card_, fair) in {
 # ![Error over cost on five scenes, with the pick at each tolerance](../docs/charts/platform_precision.png)
 
 # %% tags=["nbval-ignore-output"]
-said(
+print_figures(
     "platform_precision",
     *(f"{name}: pick" for name in ("tumble", "chain", "arm", "brake", "tower")),
 )
@@ -503,7 +503,7 @@ said(
 # ![Cost of a step over the size of chain, tower and field, and Python's share](../docs/charts/platform_scaling.png)
 
 # %% tags=["nbval-ignore-output"]
-said(
+print_figures(
     "platform_scaling",
     "field: MuJoCo over",
     "field: Drake",
@@ -523,7 +523,7 @@ said(
 # you can pay for it. And before the first step there is a price as well:
 
 # %% tags=["nbval-ignore-output"]
-said("platform_installs", "own", "MuJoCo", "Drake", "PyBullet")
+print_figures("platform_installs", "own", "MuJoCo", "Drake", "PyBullet")
 
 # %%
 show("lightest_install")
@@ -546,7 +546,7 @@ show("braking_short")
 # ![Share of the way that is missing over the step, with the law](../docs/charts/platform_braking.png)
 
 # %%
-said("platform_braking", "own code", "Drake  ", "MuJoCo, as", "Drake, as", "PyBullet, as")
+print_figures("platform_braking", "own code", "Drake  ", "MuJoCo, as", "Drake, as", "PyBullet, as")
 
 # %% [markdown]
 # First order, one line for all: another error that is the scheme's. What leaves the line is a default. PyBullet
@@ -598,7 +598,7 @@ predict("part_that_sinks")
 # ![Creep of a block and a part over impratio, with the law and other engines](../docs/charts/platform_creep.png)
 
 # %%
-said(
+print_figures(
     "platform_creep",
     "rest, elliptic",
     "rest, MuJoCo",
@@ -651,7 +651,7 @@ show("grasp_threshold")
 # ![How deep a tower sinks over its cubes, by engine](../docs/charts/platform_sag.png)
 
 # %%
-said("platform_sag", "MuJoCo", "Drake", "PyBullet", "own")
+print_figures("platform_sag", "MuJoCo", "Drake", "PyBullet", "own")
 cubes = [measures.position_error(mujoco, scenes.tower(n), 1e-3) for n in (1, 2, 3, 4)]
 print("MuJoCo, over one cube:", ", ".join(f"{x / cubes[0]:.2f}" for x in cubes), end="; springs: ")
 print(", ".join(f"{theory.sag_growth(n):g}" for n in (1, 2, 3, 4)))

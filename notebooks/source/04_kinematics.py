@@ -66,7 +66,7 @@ def listed(numbers):
     return " ".join(f"{number + 0.0:.2f}" for number in np.round(numbers, 2))
 
 
-def said(chart, *rows):
+def print_figures(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
         if line.lstrip().startswith(rows):
@@ -623,7 +623,7 @@ predict("one_call_or_a_batch")
 # ![States a second against the size of the batch](../docs/charts/arm_throughput.png)
 
 # %%
-said("arm_throughput", "Torques", "Accelerations", "Jacobian")
+print_figures("arm_throughput", "Torques", "Accelerations", "Jacobian")
 
 # %% [markdown]
 # All three agree to rounding, so there is no accuracy to trade. What differs is the price of the door: one state a call
@@ -638,7 +638,7 @@ predict("step_of_a_difference")
 # ![Error of a Jacobian against step, and against time](../docs/charts/jacobian_precision.png)
 
 # %%
-said("jacobian_precision", "forward", "central", "complex", "autograd", "analytic")
+print_figures("jacobian_precision", "forward", "central", "complex", "autograd", "analytic")
 
 # %% [markdown]
 # Differences make a V: Taylor's error falls with the step, rounding rises. A **complex step** has no difference to
@@ -665,7 +665,7 @@ show("converged_within_limits")
 # %%
 rates = [line for line in read("ik_success").splitlines() if "solved a second" in line]
 print("\n".join(rates[:5]))  # of the picture on the left
-said("ik_success", "poses 5 %")
+print_figures("ik_success", "poses 5 %")
 figures(read("ik_success"), summary="Steps, starts, and poses solved a second")
 
 # %% [markdown]
@@ -722,7 +722,7 @@ TradeOff(result)
 # ![Residual against steps](../docs/charts/ik_residual.png)
 
 # %%
-said("ik_residual", "An ordinary", "A target on")
+print_figures("ik_residual", "An ordinary", "A target on")
 
 # %% [markdown]
 # Damping that stays keeps a share of each error, where the others gain more with each step. On the edge of the annulus,
@@ -770,7 +770,7 @@ figures(
 # ![Damping near a singularity](../docs/charts/damping_map.png)
 
 # %%
-said("damping_map", "never", "without", "10 mm", "1 mm", "0.1 mm")
+print_figures("damping_map", "never", "without", "10 mm", "1 mm", "0.1 mm")
 
 # %% [markdown]
 # Above $\lambda = 1/(2\cdot\text{limit})$ no posture asks for too much. Below it there is a wedge beside the
@@ -818,7 +818,7 @@ for name, chain, r in (
 # ![A step in the null space](../docs/charts/null_space_step.png)
 
 # %%
-said("null_space_step", "c =", "exact", "damped")
+print_figures("null_space_step", "c =", "exact", "damped")
 
 # %% [markdown]
 # Second order for the exact projector, fourth after one step of IK, first for a damped one. Project exactly, damp the

@@ -60,7 +60,7 @@ def source(*functions):
     return Markdown(f"```python\n{text}```")
 
 
-def said(chart, *rows):
+def print_figures(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
         if line.lstrip().startswith(rows):
@@ -204,7 +204,7 @@ show("pade_is_enough")
 # ![Stable gains of PD, and MuJoCo's position servo](../docs/charts/pd_triangles.png)
 
 # %%
-said("pd_triangles", "PD on an inertia")
+print_figures("pd_triangles", "PD on an inertia")
 
 # %% [markdown]
 # ### What the encoder, friction and the motor do
@@ -224,7 +224,7 @@ show("filtered_rate_is_late")
 # ![Noise of a rate against its lag](../docs/charts/rate_estimates.png)
 
 # %%
-said("rate_estimates", "difference", "filtered", "tracking")
+print_figures("rate_estimates", "difference", "filtered", "tracking")
 
 # %% [markdown]
 # Dry friction stops a joint short of its target, and an integral then pushes until it breaks loose. If static friction
@@ -238,7 +238,7 @@ show("friction_leaves_an_error")
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 
 # %%
-said("ripple_and_hunting", "ripple", "hunting")
+print_figures("ripple_and_hunting", "ripple", "hunting")
 
 # %% [markdown]
 # **Saturation** is the limit of the torque. It takes the loop away while it lasts, and on a plant that falls over by
@@ -247,7 +247,7 @@ said("ripple_and_hunting", "ripple", "hunting")
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
 # %%
-said("saturation_region", "from rest")
+print_figures("saturation_region", "from rest")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
@@ -409,7 +409,7 @@ show("acceleration_means_inertia")
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
 # %%
-said("what_a_log_tells", "integral", "second", "coulomb")
+print_figures("what_a_log_tells", "integral", "second", "coulomb")
 
 # %% [markdown]
 # ### The best law: Riccati, limits, samples
@@ -426,7 +426,7 @@ show("mpc_beats_clipping")
 # ![What MPC saves beside a clipped regulator, and its time](../docs/charts/mpc_where.png)
 
 # %%
-said("mpc_where", "40 samples", "MPC, warm")
+print_figures("mpc_where", "40 samples", "MPC, warm")
 
 # %% [markdown]
 # **MPPI** needs neither a linear model nor a gradient: it tries plans, weights each by $e^{-\text{cost}/\lambda}$, and
@@ -435,7 +435,7 @@ said("mpc_where", "40 samples", "MPC, warm")
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 
 # %%
-said("swing_up", "upright by tries", "upright by samples")
+print_figures("swing_up", "upright by tries", "upright by samples")
 
 # %%
 show("samples_find_the_plan")
@@ -482,7 +482,7 @@ show("damping_is_safe")
 # ![What holds at a wall: force, impedance, admittance](../docs/charts/touching.png)
 
 # %%
-said("touching", "P on the force", "impedance", "least virtual")
+print_figures("touching", "P on the force", "impedance", "least virtual")
 
 # %% [markdown]
 # ### The first blow
@@ -554,7 +554,7 @@ Markdown("\n".join(lines))
 # ![First peak of the force against the stiffness of the law](../docs/charts/contact_regimes.png)
 
 # %%
-said("contact_regimes", "stiff", "soft", "force", "admittance", "hybrid")
+print_figures("contact_regimes", "stiff", "soft", "force", "admittance", "hybrid")
 
 # %% [markdown]
 # <div class="alert alert-block alert-success">
@@ -606,7 +606,7 @@ simulation("joint", "Hunting")
 # ![Tracking error against samples a second, and against computing time](../docs/charts/tracking_laws.png)
 
 # %%
-said("tracking_laws", "half-sample", "PD + gravity  ", "Pinocchio", "MuJoCo")
+print_figures("tracking_laws", "half-sample", "PD + gravity  ", "Pinocchio", "MuJoCo")
 
 # %% [markdown]
 # The parts of a plan, against SciPy and MuJoCo: rollouts of two links, Riccati equations, box QPs.
@@ -614,7 +614,7 @@ said("tracking_laws", "half-sample", "PD + gravity  ", "Pinocchio", "MuJoCo")
 # ![Rollouts beside MuJoCo, regulators and boxes beside SciPy](../docs/charts/control_speed.png)
 
 # %%
-said("control_speed", "")
+print_figures("control_speed", "")
 
 # %% [markdown]
 # *What to pick.* A good model and a known load: computed torque, half a sample ahead; nothing else buys as much for a
@@ -636,7 +636,7 @@ show("simulator_hold")
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
 
 # %%
-said("pid_stability", "largest", "MuJoCo")
+print_figures("pid_stability", "largest", "MuJoCo")
 
 # %% [markdown]
 # That settles the per cents between the map's theory and MuJoCo's marks: the marks are right, for a loop with MuJoCo's
@@ -896,7 +896,7 @@ predict("taught_elsewhere")
 # ![Learned and adapted, on the trained motion and on a larger one](../docs/charts/learned_beside_adaptive.png)
 
 # %%
-said("learned_beside_adaptive", "adaptive", "learned")
+print_figures("learned_beside_adaptive", "adaptive", "learned")
 
 # %% [markdown]
 # What that proves: the lack is a smooth function of state and acceleration, and a linear fit finds it where it was

@@ -58,7 +58,7 @@ from course.perception import Camera, Sensor, locate, pose, render, sense, shape
 from course.rigid_body.quaternion import conjugate, exp, rotate
 
 
-def said(chart, *rows):
+def print_figures(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
         if line.lstrip().startswith(rows):
@@ -90,7 +90,7 @@ def stand(part, high, x, y, yaw):
     return part.moved(compose(TABLE[:, None], on_table[:, None])[:, 0])
 
 
-def look(sensor, seed, *present):
+def take_image(sensor, seed, *present):
     """A noisy picture of the table with parts on it."""
     exact, _ = render(together([shape("plane").moved(TABLE), *present]), EYE)
     return sense(exact, EYE, sensor, np.random.default_rng(seed))
@@ -145,7 +145,7 @@ show("noise_is_one_number")
 # ![The law of noise, what averaging leaves, and shared noise](../docs/charts/depth_noise.png)
 
 # %%
-said("depth_noise", "noise", "a quarter", "window 5")
+print_figures("depth_noise", "noise", "a quarter", "window 5")
 
 # %%
 show("averaging_removes_all")
@@ -249,7 +249,7 @@ show("draws_find_the_plane")
 # ![How often the plane is found with the draws of the law](../docs/charts/ransac_draws.png)
 
 # %%
-said("ransac_draws", "no refit", "one refit", "three exact")
+print_figures("ransac_draws", "no refit", "one refit", "three exact")
 
 # %% [markdown]
 # Along a plane $1/z = a\,x/z + b\,y/z + c$ is linear in the pixel, and that is where a stereo sensor's noise is even.
@@ -262,7 +262,7 @@ show("inverse_depth_is_better")
 # ![Angle of the table over time, and its offset over noise](../docs/charts/plane_precision.png)
 
 # %%
-said("plane_precision", "the fit", "RANSAC, refit", "inverse depth:")
+print_figures("plane_precision", "the fit", "RANSAC, refit", "inverse depth:")
 
 # %% [markdown]
 # And is the largest plane the table?
@@ -342,7 +342,7 @@ show("icp_comes_home")
 # ![Where ICP comes home, and its iterations](../docs/charts/icp_basin.png)
 
 # %%
-said("icp_basin", "3", "4", "6", "points", "planes", "shape")
+print_figures("icp_basin", "3", "4", "6", "points", "planes", "shape")
 
 # %% [markdown]
 # A test of ICP is easily too kind:
@@ -372,7 +372,7 @@ show("normal_matrix_is_covariance")
 # ![Error squared over its prediction, and shared noise](../docs/charts/pose_covariance.png)
 
 # %%
-said("pose_covariance", "closest", "along", "w = 7")
+print_figures("pose_covariance", "closest", "along", "w = 7")
 
 # %% [markdown]
 # Closest points find a face that no ray met, as a noisy point near an edge may lie nearer to it. The last steps of
@@ -397,7 +397,7 @@ show("looked_through_is_wrong")
 # ![Residual and see-through of right and wrong poses](../docs/charts/silently_wrong.png)
 
 # %%
-said("silently_wrong", "right", "quarter", "cut", "scale")
+print_figures("silently_wrong", "right", "quarter", "cut", "scale")
 
 # %%
 show("not_looked_through_is_right")
@@ -434,7 +434,7 @@ show("averaging_pictures_helps")
 # ![Averages of a part that moves, and prediction over an age](../docs/charts/tracking.png)
 
 # %%
-said("tracking", "0 mm/s", "20", "100", "last", "predicted", "its own")
+print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "its own")
 
 # %% [markdown]
 # ## 4 · Design: which estimate for which question
@@ -473,7 +473,7 @@ for name, told, standing in (
     off, says = [], []
     for seed, yaw in enumerate(np.random.default_rng(3).uniform(0.3, 1.2, 12)):
         part = stand(BOX, 0.03, 0.0, 0.0, yaw)
-        found = locate(look(shared, seed, part), EYE, shared, BOX, table=told, standing=standing)[0]
+        found = locate(take_image(shared, seed, part), EYE, shared, BOX, table=told, standing=standing)[0]
         off.append(perception.apart(BOX, part.poses[:, 0], found.pose))
         says.append(found.status)
     shift, turn = np.sqrt(np.mean(np.square(off), axis=0))
@@ -528,7 +528,7 @@ for name, part, there, then in (
     ("a can", can, (stand(can, 0.04, 0.0, 0.0, 0.5),), "grasp: its turn is free"),
     ("another part", BOX, (stand(other, 0.03, 0.0, 0.0, 0.5),), "leave it, report it"),
 ):
-    found = locate(look(SENSOR, 5, *there), EYE, SENSOR, part)
+    found = locate(take_image(SENSOR, 5, *there), EYE, SENSOR, part)
     says = "; ".join(" ".join((one.status, *one.unobserved)) for one in found)
     print(f"{name:<24} {says or '[]':<13} -> {then}")
 
@@ -590,7 +590,7 @@ show("pipeline_keeps_up")
 # %%
 place = stand(BOX, 0.03, 0.05, 0.0, 0.8)
 bias, spread = perception.stand_in(EYE, shared, BOX, place.poses)
-chain = [locate(look(shared, seed, place), EYE, shared, BOX)[0].p for seed in range(40)]
+chain = [locate(take_image(shared, seed, place), EYE, shared, BOX)[0].p for seed in range(40)]
 along = rotate(conjugate(place.poses[3:, 0]), np.transpose(chain) - place.poses[:3])
 told = 1e3 * np.sqrt(np.diag(spread[:, :, 0]))[:2]
 measured = 1e3 * along[:2].std(axis=1)
@@ -672,7 +672,7 @@ simulation("Touching")
 # ![Time of the library over that of the course, and clusters by the number of points](../docs/charts/cloud_speed.png)
 
 # %%
-said("cloud_speed", "picture", "points", "voxels of 5", "plane, early", "course", "Open3D")
+print_figures("cloud_speed", "picture", "points", "voxels of 5", "plane, early", "course", "Open3D")
 
 # %% [markdown]
 # A whole frame, three boxes on a table in 640 x 480 pixels, with the chain of the listing in both and then ICP:
@@ -680,7 +680,7 @@ said("cloud_speed", "picture", "points", "voxels of 5", "plane, early", "course"
 # ![Where the time of a frame goes, beside Open3D](../docs/charts/frame_speed.png)
 
 # %%
-said("frame_speed", "course", "Open3D", "locate", "poses")
+print_figures("frame_speed", "course", "Open3D", "locate", "poses")
 
 # %% [markdown]
 # And the pose alone, over the voxel size, with white noise and with noise that neighbours share:
@@ -688,7 +688,7 @@ said("frame_speed", "course", "Open3D", "locate", "poses")
 # ![Error of a pose over its time, by voxel size](../docs/charts/pose_precision.png)
 
 # %%
-said("pose_precision", "white noise, shape", "white noise, pick", "noise shared over 5 px, pick")
+print_figures("pose_precision", "white noise, shape", "white noise, pick", "noise shared over 5 px, pick")
 
 # %% [markdown]
 # A coarse grid rounds edges and so biases the pose; a grid finer than the noise costs time and buys nothing. *What to
@@ -706,7 +706,7 @@ said("pose_precision", "white noise, shape", "white noise, pick", "noise shared 
 # ![The lowest part that is found, and clusters of bare table](../docs/charts/lost_parts.png)
 
 # %%
-said("lost_parts", "10 mm", "4 mm", "3 sigma")
+print_figures("lost_parts", "10 mm", "4 mm", "3 sigma")
 
 # %% [markdown]
 # Left, *nan* is where not even the highest part was found. Right, what a tolerance below the noise makes of a bare
@@ -727,7 +727,7 @@ said("lost_parts", "10 mm", "4 mm", "3 sigma")
 # ![Which stage loses a small part, and what each cure costs](../docs/charts/small_parts.png)
 
 # %%
-said("small_parts", "pixels", "voxels", "above", "clustered")
+print_figures("small_parts", "pixels", "voxels", "above", "clustered")
 
 # %%
 rows = "as in", "nearer", "tolerance", "grid of", "neighbours", "3 sigma,", "and 5"
@@ -979,7 +979,7 @@ predict("network_and_mirror")
 # ![Share of right poses and time by start, and what the picture says](../docs/charts/learned_start.png)
 
 # %%
-said("learned_start", "noise x 1,", "noise x 3.75, 4", "noise x 3.75, network", "a mirrored")
+print_figures("learned_start", "noise x 1,", "noise x 3.75, 4", "noise x 3.75, network", "a mirrored")
 
 # %%
 show("network_knows_its_part")

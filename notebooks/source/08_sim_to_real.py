@@ -75,7 +75,7 @@ from course.sim_to_real import (
 from course.sim_to_real.identify import arm
 
 
-def said(chart, *rows):
+def print_figures(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
         if line.lstrip().startswith(rows):
@@ -156,7 +156,7 @@ predict("late_command")
 # ![Success over delay and gain, with the limit of stability](../docs/charts/late_commands.png)
 
 # %%
-said("late_commands", "delay", "both", "success", "no range", "range 1")
+print_figures("late_commands", "delay", "both", "success", "no range", "range 1")
 
 # %%
 show("late_command")
@@ -272,7 +272,7 @@ predict("what_a_range_costs")
 for name, k in (("no range", 0), ("the widest", 10)):
     home = rollouts(sim_to_real.nominal(), recorded()["range"][k].T, posed)
     print(f"at home, {name}: success {home.rate.mean():.3f}, {home.inside.mean():.3f} s in target")
-said("success_over_gap", "no range", "range", "identified", "home", "gap 0.3", "MuJoCo")
+print_figures("success_over_gap", "no range", "range", "identified", "home", "gap 0.3", "MuJoCo")
 
 # %% [markdown]
 # The rate falls with the gap, and a range brings part of it back: much of what delay took, little of what a payload
@@ -296,7 +296,7 @@ predict("which_wins")
 # ![Success on the twin over the robot time used](../docs/charts/robot_time.png)
 
 # %%
-said("robot_time", "no range", "range", "its law", "adaptive", "identified", "and a", "fine-tuned")
+print_figures("robot_time", "no range", "range", "its law", "adaptive", "identified", "and a", "fine-tuned")
 
 # %% [markdown]
 # **Fine-tuning** searches on the robot itself. It needs no model, and a hundred times the robot time of a single log. A
@@ -343,7 +343,7 @@ for name, gains in sets.items():
 # ![All partly mended simulators, and the same parameter asked three times](../docs/charts/mending.png)
 
 # %%
-said("mending", "row", "delay", "friction", "motor", "load", "encoder")
+print_figures("mending", "row", "delay", "friction", "motor", "load", "encoder")
 rows = [line for line in read("mending").splitlines() if "hurt" in line]
 print(textwrap.fill(" ".join(rows[0].split()), 96))
 
@@ -648,7 +648,7 @@ plt.show()
 # ![Error of motions foretold over the seconds of the log](../docs/charts/learned_model.png)
 
 # %%
-said("learned_model", "learned", "our arm", "no friction")
+print_figures("learned_model", "learned", "our arm", "no friction")
 
 # %% [markdown]
 # From too short a log the learned one runs away. From ten seconds on it is better than an arm with wrong terms, which
@@ -680,7 +680,7 @@ said("learned_model", "learned", "our arm", "no friction")
 # ![Steps of learning by potential, and the share of the bound that is reached](../docs/charts/shaping_speed.png)
 
 # %%
-said("shaping_speed", "none", "gamma")
+print_figures("shaping_speed", "none", "gamma")
 
 # %% [markdown]
 # *Could a network that was trained on many simulators help on a new robot, as one trained on pictures helps in
@@ -769,7 +769,7 @@ simulation("Cancelling errors")
 # ![Error of the numbers over noise, and over time, by method](../docs/charts/what_finds_the_numbers.png)
 
 # %%
-said(
+print_figures(
     "what_finds_the_numbers", "differentiated", "filtered", "integral", "output", "mujoco", "cheap"
 )
 
@@ -792,7 +792,7 @@ show("same_as_mujoco")
 # ![True error, claimed error and alarms over what was left out](../docs/charts/believed_error_bars.png)
 
 # %%
-said("believed_error_bars", "dry friction", "delay")
+print_figures("believed_error_bars", "dry friction", "delay")
 
 # %% [markdown]
 # ### Break it: three toggles, one gripper
@@ -836,7 +836,7 @@ print(f"10 % more mass: lifted {100 * (heavy - light) / lab.Lab().height:.1f} % 
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 
 # %%
-said("break_it", "tuned for", "friction", "jaw", "by 25", "closing", "up")
+print_figures("break_it", "tuned for", "friction", "jaw", "by 25", "closing", "up")
 omega_dt = np.sqrt(5e4) * 0.02
 step = np.array([[1.0 - omega_dt**2, omega_dt], [-omega_dt, 1.0]])  # semi-implicit Euler
 radius = np.abs(np.linalg.eigvals(step)).max()

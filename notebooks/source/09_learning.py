@@ -54,7 +54,7 @@ from course.vector_env import PointReachVector
 from course.vector_env.point import optimum, plan
 
 
-def said(chart, *rows):
+def print_figures(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
         if line.lstrip().startswith(rows):
@@ -182,7 +182,7 @@ show("sparse_chance")
 # ![Share of the optimum by reward, and chance by the size of the disc](../docs/charts/rewards.png)
 
 # %%
-said("rewards", "potential", "sparse", "minus", "the same", "chance")
+print_figures("rewards", "potential", "sparse", "minus", "the same", "chance")
 
 # %%
 show("minus_distance")
@@ -237,7 +237,7 @@ show("errors_compound")
 # ![Cost over the horizon, the end of the square law, three plants, circling](../docs/charts/compounding.png)
 
 # %%
-said("compounding", "a fall", "recovers", "the law", "a =", "cloned", "DAgger")
+print_figures("compounding", "a fall", "recovers", "the law", "a =", "cloned", "DAgger")
 
 # %% [markdown]
 # So "errors compound quadratically" is the worst case of a bound. A plant whose own dynamics forgive makes it linear,
@@ -349,7 +349,7 @@ show("cloning_averages")
 # ![Success over held-out error, over time, and the share of each side](../docs/charts/many_ways.png)
 
 # %%
-said("many_ways", "mean", "mixture", "flow", "diffusion", "autoencoder", "nearest", "left")
+print_figures("many_ways", "mean", "mixture", "flow", "diffusion", "autoencoder", "nearest", "left")
 
 # %%
 show("held_out_error")
@@ -393,7 +393,7 @@ show("sampler_orders")
 # ![Error over calls of the field, exact and trained; success over calls](../docs/charts/samplers.png)
 
 # %%
-said("samplers", "Euler", "Heun", "DDIM", "flow, euler", "flow, heun", "diffusion, ddim")
+print_figures("samplers", "Euler", "Heun", "DDIM", "flow, euler", "flow, heun", "diffusion, ddim")
 
 # %%
 show("ten_denoising_steps")
@@ -416,7 +416,7 @@ predict("length_of_a_chunk")
 # ![Success over the steps executed and over the pushes; wavering and drifting](../docs/charts/commit_or_react.png)
 
 # %%
-said("commit_or_react", "pushed", "changes", "off")
+print_figures("commit_or_react", "pushed", "changes", "off")
 
 # %%
 answer("react_less", "s*k")
@@ -502,7 +502,7 @@ Markdown("\n".join(table))
 # ![PPO without each detail, and tasks on which a detail matters](../docs/charts/details_that_matter.png)
 
 # %%
-said("details_that_matter", "left out", "where")
+print_figures("details_that_matter", "left out", "where")
 
 # %% [markdown]
 # Four changes break the learner on the usual task: lambda 0 and a discount of 0.9, which take credit from early steps;
@@ -592,7 +592,7 @@ simulation()
 # ![Share of the optimum over steps and over time](../docs/charts/learning_curves.png)
 
 # %%
-said("learning_curves", "ours", "Stable", "search")
+print_figures("learning_curves", "ours", "Stable", "search")
 
 # %% [markdown]
 # *What to pick.* For a point, two numbers of the right form: section 2 drew them in fewer steps than any of these
@@ -612,7 +612,7 @@ show("gradient_cost")
 # ![Reward and success of the arm over the steps of its training](../docs/charts/learning_curve_reach.png)
 
 # %%
-said("learning_curve_reach", "targets")
+print_figures("learning_curve_reach", "targets")
 
 # %% [markdown]
 # Copied from that law, networks come near it, and what they lack is fit: at equal labels DAgger gains some, a wider net
@@ -621,7 +621,7 @@ said("learning_curve_reach", "targets")
 # ![Targets reached by copies of a written law, and by PPO](../docs/charts/arm_learned.png)
 
 # %%
-said("arm_learned", "DAgger", "cloned", "PPO")
+print_figures("arm_learned", "DAgger", "cloned", "PPO")
 
 # %% [markdown]
 # ## 8 · Debug: where it fails
@@ -634,7 +634,7 @@ said("arm_learned", "DAgger", "cloned", "PPO")
 # ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)
 
 # %%
-said("step_epochs", "3 ", "10 ", "30 ", "all")
+print_figures("step_epochs", "3 ", "10 ", "30 ", "all")
 
 # %% [markdown]
 # ### Debugging
@@ -959,7 +959,7 @@ _ = axis.legend(fontsize=7)
 plt.show()
 
 # %%
-said("commit_or_react", "1 executed", "2 executed", "delayed", "noise")
+print_figures("commit_or_react", "1 executed", "2 executed", "delayed", "noise")
 
 # %% [markdown]
 # Zhang and others (arXiv 2507.09061, 2025, from the abstract): errors of a copy can grow exponentially; chunks and

@@ -64,7 +64,7 @@ from course.middleware.schedule import hyperbolic, liu_layland, response_times, 
 from course.role import Stage, age
 
 
-def said(chart, *rows):
+def print_figures(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
         if line.lstrip().startswith(rows):
@@ -131,7 +131,7 @@ def execute(goal):
     return goal.value
 
 
-def heard(sample):
+def on_sample(sample):
     took["Topic"].append(perf_counter() - sample.value)
 
 
@@ -146,7 +146,7 @@ def ask():
     took["Parameter"].append(perf_counter() - begun)
 
 
-server.reader("joints", heard)
+server.reader("joints", on_sample)
 server.service("plan", lambda request: request)
 server.action("move", execute)
 out, plan, move = asker.writer("joints"), asker.client("plan"), ActionClient(asker, "move")
@@ -274,7 +274,7 @@ predict("late_screen")
 
 
 # %%
-def kept(offered, requested, joins=0.0, reads=1.0, every=0.1):
+def late_reader(offered, requested, joins=0.0, reads=1.0, every=0.1):
     """What a reader finds at its first look, and how old that is [s]."""
     bus = Bus()
     writer = bus.node("writer").writer("x", offered)
@@ -297,7 +297,7 @@ for name, case in {
     "late, transient local, writer's depth 2": (QoS(depth=2, **late), QoS(**late), 0.95),
     "late, transient local, depths 2 and 1": (QoS(depth=2, **late), QoS(depth=1, **late), 0.95),
 }.items():
-    values, old, dropped = kept(*case)
+    values, old, dropped = late_reader(*case)
     oldest = f"oldest {max(old):.1f} s" if old else "nothing"
     print(f"{name:<42}finds {values!s:<12} {oldest}, {dropped} dropped")
 
@@ -309,7 +309,7 @@ for name, case in {
 # ![Age of what a slow reader takes over the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
 
 # %%
-said("queue_ages", "bus", "Cyclone", "all are")
+print_figures("queue_ages", "bus", "Cyclone", "all are")
 
 # %%
 show("reliable_arrives")
@@ -392,7 +392,7 @@ print(
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
 
 # %%
-said("task_sets", "largest", "Liu", "hyperbolic", "exact", "bound")
+print_figures("task_sets", "largest", "Liu", "hyperbolic", "exact", "bound")
 
 # %% [markdown]
 # On the left, random sets; on the right the utilization at which a growing set first misses. Liu and Layland's bound
@@ -436,7 +436,7 @@ for protocol in ("none", "inheritance", "ceiling"):
 # ![Waits for a lock against the middle task's time, three protocols](../docs/charts/lock_waits.png)
 
 # %%
-said("lock_waits", "none", "inheritance", "this system")
+print_figures("lock_waits", "none", "inheritance", "this system")
 
 # %%
 show("inversion_is_bounded")
@@ -851,7 +851,7 @@ Markdown(
 # ![Round trips by size: threads, socket, shared memory, zenoh, Cyclone DDS](../docs/charts/round_trips.png)
 
 # %%
-said("round_trips", "threads", "Unix", "shared", "zenoh", "Cyclone")
+print_figures("round_trips", "threads", "Unix", "shared", "zenoh", "Cyclone")
 
 # %% [markdown]
 # Read it from the left: for small messages the carriers differ by what they do besides, waking a thread of their own,
@@ -907,7 +907,7 @@ predict("one_in_ten_thousand")
 # ![Lost messages and rounds over packets, theory beside bus and socket](../docs/charts/lost_fragments.png)
 
 # %%
-said("lost_fragments", "lost", "socket")
+print_figures("lost_fragments", "lost", "socket")
 
 # %%
 show("reliable_resends_all")
@@ -925,7 +925,7 @@ predict("late_or_lost")
 # ![Tracking error that the loss adds, over the delay of the link, both reliabilities](../docs/charts/late_or_lost.png)
 
 # %%
-said("late_or_lost", "lost", "sent")
+print_figures("late_or_lost", "lost", "sent")
 
 # %% [markdown]
 # They cross where a round costs about as much as a period. On a quick link reliable is better for a command, too; on a
@@ -943,7 +943,7 @@ show("joint_states_reliable")
 # ![Lateness of a loop beside busy processes, and the drift of a relative sleep](../docs/charts/loop_lateness.png)
 
 # %%
-said("loop_lateness", "default", "nice", "SCHED_FIFO", "sleep")
+print_figures("loop_lateness", "default", "nice", "SCHED_FIFO", "sleep")
 for one in stored("loop_lateness")[0].series:
     late_ = 1e-3 * np.interp(0.99, one.x, one.y)
     print(

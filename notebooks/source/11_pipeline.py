@@ -56,14 +56,14 @@ from course.pipeline import Scenario, Settings, Stages, theory
 from course.pipeline import blame as procedure
 from course.pipeline.blame import CASE, FAULTS, Fault, blame, contracts, injected
 from course.pipeline.rare import cross_entropy
-from course.pipeline.run import errors, many, run, successes
+from course.pipeline.run import errors, run_many, run, successes
 from course.pipeline.scenario import repair
 from course.pipeline.stages import frames, perceive
 from course.pipeline.timestep import Way, chain, prefers, repeated
 from course.role import Stage, age
 
 
-def said(chart, *rows):
+def print_figures(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
         if line.lstrip().startswith(rows):
@@ -128,7 +128,7 @@ print(f"a picture: {first.value.round(3)} m, sd {sure:.0f} mm, frame {first.fram
 print(f"captured {first.captured / 1e3:g} ms, arrived {first.arrived / 1e3:g} ms")
 print(f"a plan: {plan.value.checks} checks, {plan.value.motion.duration:.2f} s long", end=", ")
 print(f"arrived {plan.arrived / 1e3:g} ms; at the end {1e3 * record.distance:.1f} mm away")
-print(f"success of 300 seeds: {successes(many(scenario, settings, range(300))).mean():.3f}")
+print(f"success of 300 seeds: {successes(run_many(scenario, settings, range(300))).mean():.3f}")
 
 # %% [markdown]
 # ### Time: how old is what the arm acts on?
@@ -224,7 +224,7 @@ show("pictures_without_bias")
 # ![Signed means, all subsets over their prediction, shares, and errors that cancel](../docs/charts/error_budget.png)
 
 # %%
-said("error_budget", "together", "sum of", "perceive:", "age:", "control:", "errors that")
+print_figures("error_budget", "together", "sum of", "perceive:", "age:", "control:", "errors that")
 
 # %%
 predict("how_parts_add")
@@ -298,7 +298,7 @@ show("ninety_or_ninety_five")
 # ![Success, error and time with a library in each place, beside ours](../docs/charts/swap_matrix.png)
 
 # %%
-said("swap_matrix", "Open3D", "MuJoCo", "OMPL", "Pinocchio", "all of")
+print_figures("swap_matrix", "Open3D", "MuJoCo", "OMPL", "Pinocchio", "all of")
 
 # %% [markdown]
 # ## 4 · Code
@@ -398,7 +398,7 @@ Markdown(
 # ![Error against cost of physics and of perception, and times real time](../docs/charts/pipeline_speed.png)
 
 # %%
-said("pipeline_speed", "ours", "MuJoCo moves", "our camera", "two numbers", "times real time")
+print_figures("pipeline_speed", "ours", "MuJoCo moves", "our camera", "two numbers", "times real time")
 
 # %% [markdown]
 # Are two numbers enough? Here they were measured from the pictures themselves, and the errors at the end compared as
@@ -408,7 +408,7 @@ said("pipeline_speed", "ours", "MuJoCo moves", "our camera", "two numbers", "tim
 # ![Quantiles of the final error with pictures, over those with two numbers](../docs/charts/two_numbers.png)
 
 # %%
-said("two_numbers", "a picture", "two numbers", "the noise")
+print_figures("two_numbers", "a picture", "two numbers", "the noise")
 
 # %% [markdown]
 # They are, where a picture's noise is new in each frame: nothing at the end tells the two apart. They are not if one
@@ -434,7 +434,7 @@ predict("raw_estimate")
 # ![Success, plans and error over noise, and the last plan over the planner's step](../docs/charts/noise_and_filter.png)
 
 # %%
-said("noise_and_filter", "without", "20 us", "1 us")
+print_figures("noise_and_filter", "without", "20 us", "1 us")
 
 # %%
 show("raw_estimate_replans")
@@ -479,7 +479,7 @@ show("damping_and_step")
 # ![Map of stable steps, limits of the arm itself, and what success and energy see](../docs/charts/step_map.png)
 
 # %%
-said("step_map", "largest", "elbow", "Kd 8")
+print_figures("step_map", "largest", "elbow", "Kd 8")
 
 # %%
 show("largest_step")
@@ -500,7 +500,7 @@ show("look_and_move_limit")
 # ![Largest gain and noise gain over the frames of delay](../docs/charts/look_and_move.png)
 
 # %%
-said("look_and_move", "limit")
+print_figures("look_and_move", "limit")
 
 # %% [markdown]
 # ### Works nine times in ten
@@ -543,7 +543,7 @@ print(f"minimal: {len(least.discs)} discs, target at {1e3 * np.hypot(*least.velo
 # ![Whom contracts, replays alone and the last error name, by fault](../docs/charts/whose_fault.png)
 
 # %%
-said("whose_fault", "contracts", "replays", "last")
+print_figures("whose_fault", "contracts", "replays", "last")
 
 # %% [markdown]
 # Replays alone name nearly as many, in twice the runs, and only as they try physics before control: perfect tracking
@@ -552,7 +552,7 @@ said("whose_fault", "contracts", "replays", "last")
 # yet:
 
 # %%
-raw_runs = many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
+raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
 lucky = [one.what for r in raw_runs if r.success for one in contracts(r, r.settings)[:1]]
 print(f"raw pictures of 20 mm: {sum(r.success for r in raw_runs)} of {len(raw_runs)} arrive")
 print("of these broke:", ", ".join(f"{what} ({n})" for what, n in Counter(lucky).items()) or "none")
@@ -904,7 +904,7 @@ predict("rare_and_sure")
 # ![Answers of narrow and wide proposals, and which alarm sees them](../docs/charts/rare_failure.png)
 
 # %%
-said("rare_failure", "narrow", "width")
+print_figures("rare_failure", "narrow", "width")
 
 # %% [markdown]
 # The effective number is *larger* where the answer is wrong: all the weights that were seen agree. Repeats see it. What
@@ -951,7 +951,7 @@ rng, seeds = np.random.default_rng(4), range(12)
 
 def square(changed, *mended, case=scenario, some=seeds):
     """Mean squared error of some settings [mm^2]; a run that did not end costs 100 mm."""
-    error = errors(many(case, repair(replace(settings, **changed), "plan", *mended), some))
+    error = errors(run_many(case, repair(replace(settings, **changed), "plan", *mended), some))
     return 1e6 * np.mean(np.nan_to_num(np.sum(error**2, axis=0), nan=0.01))
 
 

@@ -258,10 +258,10 @@ diagnose("gap", seed=1).show()
 # %%
 from itertools import combinations
 
-from course.interview.scenarios import tells_apart, there
+from course.interview.scenarios import tells_apart, scenario_names
 
-figure_, axes = plt.subplots(1, len(there()), figsize=(10, 3.2), layout="constrained", sharex=True)
-for axis, name in zip(axes, there(), strict=True):
+figure_, axes = plt.subplots(1, len(scenario_names()), figsize=(10, 3.2), layout="constrained", sharex=True)
+for axis, name in zip(axes, scenario_names(), strict=True):
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
     parted = {

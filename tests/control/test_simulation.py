@@ -20,7 +20,7 @@ def chosen(model, preset, **values):
     return experiment
 
 
-def told(preset, **values):
+def outcome(preset, **values):
     """Overshoot, settling, error, growth and the margins of a preset of the joint."""
     return chosen(joint.MODEL, preset, **values).state["told"]
 
@@ -66,27 +66,27 @@ def test_the_run_and_its_numbers_are_the_chapters(preset):
 def test_a_delay_margin_is_the_delay_at_which_it_grows():
     """With whole samples of delay the frequency response has it to rounding."""
     at = {"kp": 40.0, "ki": 0.0, "kd": 2.0, "dt": 5.0}
-    margin = 1e3 * told("As it comes", **at)[6]
-    assert told("As it comes", **at, delay=5.0 * math.floor(margin / 5.0))[3] < 1.0
-    assert told("As it comes", **at, delay=5.0 * math.ceil(margin / 5.0))[3] > 1.0
+    margin = 1e3 * outcome("As it comes", **at)[6]
+    assert outcome("As it comes", **at, delay=5.0 * math.floor(margin / 5.0))[3] < 1.0
+    assert outcome("As it comes", **at, delay=5.0 * math.ceil(margin / 5.0))[3] > 1.0
 
 
 def test_the_presets_of_the_joint_show_what_they_say():
-    assert abs(told("P at its limit")[3] - 1.0) < 1e-8 < told("P past its limit")[3] - 1.0
-    near = told("PD at its limit")[4]
-    assert 1.0 < near < 1.03 and told("PD at its limit", kd=19.5 * near + 0.1)[3] > 1.0
-    jam = told("A jam"), told("A jam", conditional=True)
+    assert abs(outcome("P at its limit")[3] - 1.0) < 1e-8 < outcome("P past its limit")[3] - 1.0
+    near = outcome("PD at its limit")[4]
+    assert 1.0 < near < 1.03 and outcome("PD at its limit", kd=19.5 * near + 0.1)[3] > 1.0
+    jam = outcome("A jam"), outcome("A jam", conditional=True)
     assert jam[0][0] > 0.5 > 0.2 > jam[1][0]
     kick = chosen(joint.MODEL, "Derivative kick"), chosen(joint.MODEL, "As it comes")
     assert [float(np.max(e.state["run"][1])) for e in kick] == [50.0, 20.002]
     assert kick[0].state["told"][3] == kick[1].state["told"][3]
-    assert abs(told("Dry friction")[2] - 1.0 / 20.0) < 1e-4
+    assert abs(outcome("Dry friction")[2] - 1.0 / 20.0) < 1e-4
     swing = [
         np.ptp(chosen(joint.MODEL, "Hunting", static=s).state["run"][0, 3000:]) for s in (3.0, 1.0)
     ]
     assert swing[0] > 0.05 and swing[1] < 0.01
-    assert told("Z-N, P")[3] < 1.0 < told("Z-N, PI")[3] and told("Z-N, PID")[3] < 1.0
-    assert told("The quoted gains")[3] > 1.0
+    assert outcome("Z-N, P")[3] < 1.0 < outcome("Z-N, PI")[3] and outcome("Z-N, PID")[3] < 1.0
+    assert outcome("The quoted gains")[3] > 1.0
 
 
 def test_the_probe_is_the_chapters_and_stands_where_it_is_said_to():

@@ -121,7 +121,7 @@ def test_a_card_shows_the_record_whether_or_not_its_needs_are_there(item, monkey
     lacking(monkeypatch)
     assert "this needs" in unmet(item)
     with pytest.raises((ImportError, FileNotFoundError), match="this needs"):
-        item.check(derivations.Found(item.id))
+        item.check(derivations.Result(item.id))
     without = derivations.show(item.id)
     monkeypatch.undo()
     assert derivations.show(item.id)._repr_markdown_() == without._repr_markdown_()

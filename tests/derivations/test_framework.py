@@ -310,7 +310,7 @@ def test_a_check_that_finds_nothing_is_found():
 
 @pytest.mark.parametrize("fact", [1, 0.5, "yes", None, np.array([True, True]), [True]])
 def test_a_fact_is_a_bool(fact):
-    result = derivations.Found("odd_sum")
+    result = derivations.Result("odd_sum")
     with pytest.raises(ValueError, match="a fact is a bool"):
         result.corrected(fact)
     with pytest.raises(ValueError, match="a fact is a bool"):
@@ -351,7 +351,7 @@ def test_an_ask_reads_its_left_side_and_its_symbols():
 
 @pytest.mark.parametrize("name", ["of three", "formula", "of_three", "terms"])
 def test_a_figure_has_a_name_of_its_own(name):
-    result = derivations.Found("odd_sum")
+    result = derivations.Result("odd_sum")
     result.figure("of_three", 9)
     result.given("terms", 3)
     with pytest.raises(ValueError, match=f"name is '{name}'"):
@@ -361,20 +361,20 @@ def test_a_figure_has_a_name_of_its_own(name):
 @pytest.mark.parametrize("tolerance", [-1e-6, 0.6, float("nan")])
 def test_a_tolerance_leaves_something_to_say(tolerance):
     with pytest.raises(ValueError, match="allowed is 0 to"):
-        derivations.Found("odd_sum").figure("of_three", 9, tolerance)
+        derivations.Result("odd_sum").figure("of_three", 9, tolerance)
 
 
 def test_a_claim_has_one_verdict():
-    result = derivations.Found("odd_sum")
+    result = derivations.Result("odd_sum")
     result.heard(total(3) == 9)
     with pytest.raises(ValueError, match="one verdict"):
         result.heard(total(3) == 9)
 
 
 def test_draws_are_the_same_at_every_run():
-    first, second = (derivations.Found("odd_sum").rng.uniform(size=3) for _ in range(2))
+    first, second = (derivations.Result("odd_sum").rng.uniform(size=3) for _ in range(2))
     assert np.array_equal(first, second)
-    assert not np.array_equal(first, derivations.Found("another").rng.uniform(size=3))
+    assert not np.array_equal(first, derivations.Result("another").rng.uniform(size=3))
 
 
 def test_a_claim_stands_in_the_file_of_a_chapter():

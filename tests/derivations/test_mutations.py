@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from course import derivations
-from course.derivations import Found, claims, honest, records, run, settle, unmet
+from course.derivations import Result, claims, honest, records, run, settle, unmet
 from tests import optional
 from tests.derivations.test_derivations import each
 
@@ -188,7 +188,7 @@ def test_a_condition_swapped_with_its_contrary_fails(item):
     """What came out inside is put outside, and the other way about."""
     if reason := unmet(item):
         optional.skip(f"the condition of {item.id} was NOT swapped: {reason}")
-    result, swapped = run(item.id).finding, Found(item.id)
+    result, swapped = run(item.id).finding, Result(item.id)
     swapped.heard(
         result.holds,
         only_if="not " + result.condition,

@@ -99,7 +99,7 @@ def test_the_follow_up_is_on_the_weakest_line(marks: list[int]) -> None:
 def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
     """On the cause that was forgotten one is asked, and a design's words suggest its marks."""
     result = {one.key: one for one in rehearsal.spoken(["rigid_body", "interview"])}
-    assert {f"scenario/{name}" for name in scenarios.there()} <= set(result)
+    assert {f"scenario/{name}" for name in scenarios.scenario_names()} <= set(result)
     assert {one.part for one in result.values()} == set(PARTS) - {"coding"}
     for one in (one for key, one in result.items() if key.startswith("scenario/")):
         for i, words in enumerate(one.rubric):

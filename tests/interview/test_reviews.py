@@ -115,7 +115,7 @@ def test_what_is_due_weak_new_and_gone() -> None:
     assert store.weak([*cards, three], reviews) == [ONE]
     assert store.fresh([*cards, three], reviews) == [three]
     assert store.queue([three, *cards], reviews, NOON + timedelta(days=1), 0) == [ONE, three]
-    assert store.gone([TWO], reviews) == [ONE.key]
+    assert store.missing_cards([TWO], reviews) == [ONE.key]
 
 
 def test_a_clock_that_ran_backwards_holds_no_card_back() -> None:
@@ -151,7 +151,7 @@ def test_what_was_rated_is_read_again_and_a_lost_source_stays(tmp_path: Path) ->
     after, _ = store.rate(path, TWO, 1, NOON)
     read, report = store.load(path)
     assert read == after and report == () and set(read.cards) == {ONE.key, TWO.key}
-    assert store.gone([ONE], read) == [TWO.key]
+    assert store.missing_cards([ONE], read) == [TWO.key]
     assert set(store.rate(path, ONE, 4, NOON)[0].cards) == {ONE.key, TWO.key}
 
 

@@ -24,7 +24,7 @@ __all__ = ["a_place"]
 
 SEEDS = range(6)  # tests/prove has twenty
 LENGTHS = {"explodes": 4, "policy": 9, "touch": 4, "gap": 5}
-ALL = [scenarios.scenario(name) for name in scenarios.there()]
+ALL = [scenarios.scenario(name) for name in scenarios.scenario_names()]
 EACH = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
 CASES = [(one.name, cause.name) for one in ALL for cause in one.causes]
 EVERY = pytest.mark.parametrize(("name", "cause"), CASES)
@@ -308,4 +308,4 @@ def test_a_case_is_left_open_or_failed(place: Place) -> None:
     assert place.json("debug", "touch", "--seed", "5", text=f"conclude {wrong} soften")["exit"] == 1
     assert place.run("debug", "tuch").code == 2
     listed = place.json("debug")["scenarios"]
-    assert [entry["scenario"] for entry in listed] == list(scenarios.there())
+    assert [entry["scenario"] for entry in listed] == list(scenarios.scenario_names())

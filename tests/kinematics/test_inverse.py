@@ -20,7 +20,7 @@ seeds = st.integers(0, 10_000)
 LENGTHS = np.array([1.0, 0.7])
 
 
-def off(chain, target, q):
+def distance_and_angle(chain, target, q):
     """Distance and angle from the tip to targets, by forward kinematics."""
     pose = tip(chain, q)
     if len(target) == 3:
@@ -31,7 +31,7 @@ def off(chain, target, q):
 
 def contradicted(chain, target, result) -> int:
     """How many claims of success forward kinematics or the limits contradict."""
-    distance, angle = off(chain, target, result.q)
+    distance, angle = distance_and_angle(chain, target, result.q)
     other = (distance <= 1e-6) & (angle <= 1e-6) & within(chain, result.q)
     return int(np.sum(np.asarray(result.success) & ~other))
 
@@ -65,7 +65,7 @@ def test_no_step_claims_what_forward_kinematics_contradicts(method) -> None:
         result = ik(chain, target, method=method, restarts=5, iterations=60, rng=1)
         assert contradicted(chain, target, result) == 0
         assert np.all(within(chain, result.q))
-        distance, angle = off(chain, target, result.q)
+        distance, angle = distance_and_angle(chain, target, result.q)
         np.testing.assert_allclose(result.distance, distance, atol=1e-12)
         np.testing.assert_allclose(result.angle, angle, atol=1e-8)
 
@@ -233,7 +233,7 @@ def test_a_null_space_step_moves_the_tip_by_c_h_squared_and_one_step_takes_it_ba
         other = kinematics.null_space_step(chain, q, slope, h)
         assert np.linalg.norm(other - q) == pytest.approx(h)
         back = ik(chain, goal, other, method="pseudo_inverse", restarts=0, iterations=1)
-        rows.append((off(chain, goal, other)[0], off(chain, goal, back.q)[0]))
+        rows.append((distance_and_angle(chain, goal, other)[0], distance_and_angle(chain, goal, back.q)[0]))
         assert kinematics.elbow_height(chain, back.q)[0] > kinematics.elbow_height(chain, q)[0]
     moved, remaining = np.array(rows).T
     np.testing.assert_allclose(np.log2(moved[:-1] / moved[1:]), 2.0, atol=0.15)

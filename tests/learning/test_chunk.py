@@ -30,13 +30,13 @@ WAYS = TwoWays()
 SHOWN = WAYS.demonstrate(100, 0)
 
 
-def told(states, rng, length=6):
+def labelled_chunk(states, rng, length=6):
     """A chunk that says when it was made and which of its steps this is: (10 step, place)."""
     made = np.repeat(states[:, :1], length, axis=1)
     return np.stack((made, np.broadcast_to(np.arange(length), made.shape)), axis=2)
 
 
-def said(executor, steps=20):
+def actions_made(executor, steps=20):
     """(when the action was made, its place in the chunk) at each step, for two rows."""
     executor.reset()
     ran = [executor(np.full((2, 1), float(k)), np.random.default_rng(0)) for k in range(steps)]
@@ -59,10 +59,10 @@ def success(act, noise=0.0, number=400, steps=16):
 def test_each_executor_takes_the_actions_it_says(executed, delay, decay):
     k = np.arange(20)
     place = k % executed
-    assert np.array_equal(said(Commit(told, executed)), np.stack((k - place, place), axis=1))
+    assert np.array_equal(actions_made(Commit(labelled_chunk, executed)), np.stack((k - place, place), axis=1))
     made = np.maximum(k - delay, 0)
-    assert np.array_equal(said(Delayed(told, delay)), np.stack((made, k - made), axis=1))
-    for step, (when, where) in enumerate(said(Ensemble(told, decay))):
+    assert np.array_equal(actions_made(Delayed(labelled_chunk, delay)), np.stack((made, k - made), axis=1))
+    for step, (when, where) in enumerate(actions_made(Ensemble(labelled_chunk, decay))):
         made = np.arange(max(0, step - 5), step + 1)  # the oldest first
         weights = np.exp(-decay * np.arange(len(made)))
         mean = np.sum(weights * made) / weights.sum()
@@ -87,13 +87,13 @@ def test_executors_without_a_delay_or_a_chunk_are_the_policy_itself():
 def test_bad_chunks_are_refused_by_shape():
     rng = np.random.default_rng(0)
     for act, expected in (
-        (Commit(told, 7), r"chunk.shape is \(3, 6, 2\), allowed is \(3, 7 or more, a\)"),
-        (Delayed(told, 6), r"\(3, 7 or more, a\)"),
+        (Commit(labelled_chunk, 7), r"chunk.shape is \(3, 6, 2\), allowed is \(3, 7 or more, a\)"),
+        (Delayed(labelled_chunk, 6), r"\(3, 7 or more, a\)"),
         (Commit(lambda s, rng: s, 1), r"chunk.shape is \(3, 1\)"),
     ):
         with pytest.raises(ValueError, match=expected):
             act(np.zeros((3, 1)), rng)
-    for begun in (Commit(told, 3), Ensemble(told), Delayed(told, 2)):
+    for begun in (Commit(labelled_chunk, 3), Ensemble(labelled_chunk), Delayed(labelled_chunk, 2)):
         begun(np.zeros((3, 1)), rng)
         with pytest.raises(ValueError, match=r"reset\(\)"):
             begun(np.zeros((4, 1)), rng)
@@ -110,7 +110,7 @@ def test_bad_chunks_are_refused_by_shape():
 )
 def test_an_executor_with_a_bad_number_is_refused_when_it_is_made(make, value, message):
     with pytest.raises(ValueError, match=message):
-        make(told, value)
+        make(labelled_chunk, value)
 
 
 # --- commit or react ------------------------------------------------------------------------------

@@ -336,7 +336,7 @@ def measure_drag(page: Any, handle: Any) -> tuple[float, float]:
     return result[0], result[1]
 
 
-def keep(page: Any, name: str) -> None:
+def save_screenshot(page: Any, name: str) -> None:
     if os.environ.get("COURSE_SCREENSHOTS") == "1":
         folder = ROOT / "docs" / "screenshots"
         folder.mkdir(parents=True, exist_ok=True)
@@ -358,7 +358,7 @@ def exercise(page: Any, canvas: Any) -> tuple[float, float, float, float]:
     assert first["share"] > 0.01, "the canvas is blank"
     label = canvas.get_attribute("aria-label")
     assert "0.000 s" in words and "time 0.000 s" in label and "kinetic" in label
-    keep(page, "rigid_body_start.png")
+    save_screenshot(page, "rigid_body_start.png")
 
     # A key on a slider: another picture, other numbers.
     gravity = slider(page, "Gravity")
@@ -384,7 +384,7 @@ def exercise(page: Any, canvas: Any) -> tuple[float, float, float, float]:
     moving = canvas.evaluate(PIXELS)
     assert moving["sum"] != before["sum"]
     assert numbers_of(page) != words
-    keep(page, "rigid_body_playing.png")
+    save_screenshot(page, "rigid_body_playing.png")
     page.get_by_role("button", name="Pause").first.click()
     page.get_by_role("button", name="Play").first.wait_for()
     page.wait_for_timeout(300)
@@ -406,7 +406,7 @@ def exercise(page: Any, canvas: Any) -> tuple[float, float, float, float]:
     canvas.press(" ")
     page.get_by_role("button", name="Pause").first.wait_for()
     page.wait_for_timeout(2500)
-    keep(page, "rigid_body_explicit_euler.png")
+    save_screenshot(page, "rigid_body_explicit_euler.png")
     canvas.press(" ")
     page.get_by_role("button", name="Play").first.wait_for()
     return statistics.median(latencies), max(latencies), pictures, moves

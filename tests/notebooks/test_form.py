@@ -25,7 +25,7 @@ BOXES = {
 }
 
 
-def told(name: str) -> list[str]:
+def visible_text(name: str) -> list[str]:
     """What a reader of a notebook sees as text, in order: its prose and its cards."""
     texts = []
     for cell in BUILT[name].cells:
@@ -82,13 +82,13 @@ def test_no_screen_is_without_a_picture_a_question_or_a_control(name: str) -> No
 def test_the_words_of_an_interviewer_are_defined_where_they_first_appear(name: str) -> None:
     vocabulary = cards.vocabulary(CHAPTER[name])
     assert len(vocabulary) >= 15
-    assert form.undefined(told(name), vocabulary) == []
+    assert form.undefined(visible_text(name), vocabulary) == []
 
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_a_checkpoint_is_not_answered_on_its_page(name: str) -> None:
     source = "\n".join(cell.source for cell in BUILT[name].cells)
-    page = "\n".join([source, *told(name)]).replace(" ", "")
+    page = "\n".join([source, *visible_text(name)]).replace(" ", "")
     for claim in cards.gate(CHAPTER[name]):
         assert f'show("{claim}")' not in source and f'answer("{claim}"' not in source
         assert derivations.formula(claim).expression.replace(" ", "") not in page

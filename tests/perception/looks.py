@@ -14,7 +14,7 @@ CYLINDER = shape("cylinder", 0.04, 0.05)
 SPHERE = shape("sphere", 0.04)
 
 
-def seen(place=(0.02, 0.03, 0.7), yaw=0.5, tilt=0.7):
+def visible_pose(place=(0.02, 0.03, 0.7), yaw=0.5, tilt=0.7):
     """A pose in front of the camera: z of the part is `tilt` off the line towards the eye."""
     q = product(exp(np.array([np.pi - tilt, 0.0, 0.0])), exp(np.array([0.0, 0.0, yaw])))
     return np.concatenate((place, q))

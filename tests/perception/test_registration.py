@@ -22,7 +22,7 @@ from tests.perception.looks import (
     measured,
     nudged,
     on_surface,
-    seen,
+    visible_pose,
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -73,7 +73,7 @@ def test_rigid_fit_is_that_of_scipy(seed, count, kind):
 def test_exact_pictures_give_the_pose(part):
     rng = np.random.default_rng(1)
     for _ in range(5):
-        pose = seen(yaw=rng.uniform(0.3, 1.2), tilt=rng.uniform(0.5, 0.9))
+        pose = visible_pose(yaw=rng.uniform(0.3, 1.2), tilt=rng.uniform(0.5, 0.9))
         points, _ = measured(part, pose)
         fit = icp(points, part, nudged(pose, rng, 0.01, 0.1), iterations=100)
         assert fit.converged and fit.matched.all() and fit.residual < 1e-8
@@ -84,7 +84,7 @@ def test_exact_pictures_give_the_pose(part):
 def test_an_l_of_two_boxes_is_one_target():
     rng = np.random.default_rng(2)
     other = shape("box", 0.02, 0.06, 0.02, pose=(0.08, 0.04, 0.0, 1.0, 0.0, 0.0, 0.0))
-    part, pose = together([shape("box", 0.06, 0.02, 0.02), other]), seen()
+    part, pose = together([shape("box", 0.06, 0.02, 0.02), other]), visible_pose()
     points, sigma = measured(part, pose)
     fit = icp(points, part, nudged(pose, rng, 0.005, 0.05), sigma=sigma)
     assert fit.converged and fit.unobserved == ()
@@ -94,7 +94,7 @@ def test_an_l_of_two_boxes_is_one_target():
 def test_a_cloud_is_as_good_as_its_spacing():
     """On planes a cloud with exact normals ends at the same pose as the shape; points stall."""
     rng = np.random.default_rng(3)
-    pose = seen()
+    pose = visible_pose()
     target = Cloud.of(*on_surface(BOX.sizes[:, 0], 6000, rng))
     points, _ = measured(BOX, pose)
     start = nudged(pose, rng, 0.003, 0.03)
@@ -108,7 +108,7 @@ def test_every_iteration_is_that_of_open3d():
     """Points: the same at each step. Planes: Open3D composes a step from three angles, so that the
     first ones differ, and the end does not."""
     rng = np.random.default_rng(9)
-    pose = seen()
+    pose = visible_pose()
     surface, normals = on_surface(BOX.sizes[:, 0], 2000, rng)
     points, _ = measured(BOX, pose)
     start = nudged(pose, rng, 0.005, 0.05)
@@ -160,7 +160,7 @@ def calibration(part, pose, sensor, runs, seed, free=DIRECTIONS, **options):
 )
 def test_the_covariance_is_what_happens(part, tilt, blind):
     """200 pictures: within the band of chi squared, and 0.85 to 1.15 in every direction."""
-    pose = seen(tilt=tilt, place=(0.02, 0.03, 0.7) if tilt else (0.0, 0.0, 0.7))
+    pose = visible_pose(tilt=tilt, place=(0.02, 0.03, 0.7) if tilt else (0.0, 0.0, 0.7))
     ratio, nees, unobserved = calibration(part, pose, SENSOR, 200, 4)
     assert unobserved == blind
     k = 6 - len(blind)
@@ -170,15 +170,15 @@ def test_the_covariance_is_what_happens(part, tilt, blind):
 
 def test_closest_points_alone_are_sure_of_what_they_do_not_see():
     """Noise at the edges of a face passes for its neighbours: the reason for the steps on rays."""
-    ratio, nees, unobserved = calibration(BOX, seen(yaw=0.0), SENSOR, 40, 5, rays=False)
+    ratio, nees, unobserved = calibration(BOX, visible_pose(yaw=0.0), SENSOR, 40, 5, rays=False)
     assert unobserved == () and nees > 10.0 and ratio[0] > 5.0
-    ratio, nees, unobserved = calibration(BOX, seen(yaw=0.0), SENSOR, 40, 5)
+    ratio, nees, unobserved = calibration(BOX, visible_pose(yaw=0.0), SENSOR, 40, 5)
     assert unobserved == ("x",) and nees < 1.5
 
 
 def test_three_free_directions_leave_the_others():
     """Knowing where the table is helps by what the information says that it does."""
-    pose, free = seen(), ("x", "y", "turn z")
+    pose, free = visible_pose(), ("x", "y", "turn z")
     three, nees, _ = calibration(BOX, pose, SENSOR, 100, 6, free=free)
     assert abs(nees - 1.0) < 3.0 * np.sqrt(2.0 / 300) and 0.8 < three.min() < three.max() < 1.2
     points, sigma = measured(BOX, pose, SENSOR, np.random.default_rng(6))

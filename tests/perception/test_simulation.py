@@ -13,7 +13,7 @@ MODEL, LOST, CLUSTERS, OFF = table.MODEL, table.LOST, table.CLUSTERS, table.OFF
 SHIFT, TURN, SHIFT_SIGMA, TURN_SIGMA, THROUGH, TRUST = range(6)
 
 
-def seen(preset, **values):
+def outcome(preset, **values):
     """The counts, and what is said of each part: its status, and the row of numbers."""
     experiment = Experiment(MODEL)
     experiment.choose(preset)
@@ -29,7 +29,7 @@ def seen(preset, **values):
 
 @pytest.mark.parametrize(("clusters", "plane"), [(0, 0), (1, 1)])
 def test_clean_is_right_and_knows_how_right(clusters, plane):
-    report, status, result = seen("Clean", clusters=clusters, plane=plane)
+    report, status, result = outcome("Clean", clusters=clusters, plane=plane)
     assert report[CLUSTERS] == 3 and status == ["found"] * 3
     assert abs(report[OFF]) < 3e-4 and result[:, THROUGH].max() < 0.02
     assert result[0, SHIFT] < min(5e-4, 4.0 * result[0, SHIFT_SIGMA])
@@ -53,26 +53,26 @@ def test_points_are_of_what_they_are_said_to_be():
 
 @pytest.mark.slow
 def test_each_preset_shows_what_its_name_says():
-    report, status, _ = seen("Small parts lost")
+    report, status, _ = outcome("Small parts lost")
     assert status == ["lost"] * 3 + ["found"] * 2 and report[CLUSTERS] == 2
-    assert "lost" not in seen("Small parts lost", tolerance=4.0, least=12)[1]
-    assert seen("Table in clusters")[0][CLUSTERS] > 15 > 3 == seen("Clean")[0][CLUSTERS]
-    assert seen("Table in clusters", tolerance=8.0)[0][CLUSTERS] == 3
-    report, status, result = seen("Touching")
+    assert "lost" not in outcome("Small parts lost", tolerance=4.0, least=12)[1]
+    assert outcome("Table in clusters")[0][CLUSTERS] > 15 > 3 == outcome("Clean")[0][CLUSTERS]
+    assert outcome("Table in clusters", tolerance=8.0)[0][CLUSTERS] == 3
+    report, status, result = outcome("Touching")
     assert report[CLUSTERS] == 1 and status == ["ambiguous"] * 2 and result[0, THROUGH] < 0.01
     assert result[0, SHIFT] > 0.03 and result[0, SHIFT_SIGMA] < 0.0  # and it says: not seen
-    _, status, result = seen("Cut off")
+    _, status, result = outcome("Cut off")
     assert status == ["cut", "found"] and result[0, THROUGH] < 0.01
     assert result[0, SHIFT] > 0.02 and result[0, TURN] > math.radians(80.0)
-    result = seen("Symmetric part")[2]
+    result = outcome("Symmetric part")[2]
     assert result[0, TURN_SIGMA] < 0.0 < result[1, TURN_SIGMA] and result[0, SHIFT] < 5e-4
-    report, status, _ = seen("Two planes")
+    report, status, _ = outcome("Two planes")
     assert 8e-3 < abs(report[OFF]) < 20e-3 and status[0] == "refuted"
-    report, status, result = seen("Two planes", tolerance=4.0)
+    report, status, result = outcome("Two planes", tolerance=4.0)
     assert abs(report[OFF]) < 1e-3 and result[0, SHIFT] < 1e-3  # of one end nothing is seen
     assert status[0] == "ambiguous" and result[0, SHIFT_SIGMA] < 0.0
-    assert abs(seen("Two planes", tolerance=4.0, plane=1)[0][OFF]) > 8e-3
-    _, status, result = seen("Scale error")
+    assert abs(outcome("Two planes", tolerance=4.0, plane=1)[0][OFF]) > 8e-3
+    _, status, result = outcome("Scale error")
     assert status == ["found"] * 3 and result[:, THROUGH].max() < 0.02
     assert 6e-3 < result[0, SHIFT] < 10e-3 and result[0, SHIFT] > 50.0 * result[0, SHIFT_SIGMA]
 

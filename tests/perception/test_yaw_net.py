@@ -13,7 +13,7 @@ EYE = Camera.symmetric(160, 120, 1.0)
 SENSOR, PLANE = Sensor(0.075, 0.02), yaw_net.plane_of(TABLE)
 
 
-def seen(rng, part=yaw_net.L_PART):
+def image_of(rng, part=yaw_net.L_PART):
     depth, pose = yaw_net.picture(EYE, SENSOR, TABLE, rng, part)
     return yaw_net.above_table(depth, EYE, SENSOR, PLANE), pose
 
@@ -21,7 +21,7 @@ def seen(rng, part=yaw_net.L_PART):
 def test_a_patch_shows_the_part_in_the_middle_at_its_height():
     rng = np.random.default_rng(0)
     for _ in range(5):
-        points, _ = seen(rng)
+        points, _ = image_of(rng)
         patch = yaw_net.height_patch(points, PLANE)
         rows, columns = np.nonzero(patch > 0.5)
         assert (
@@ -38,9 +38,9 @@ def test_a_patch_shows_the_part_in_the_middle_at_its_height():
 def test_a_short_training_finds_the_turn_within_the_basin():
     net = yaw_net.train(EYE, SENSOR, TABLE, pictures=400, steps=150)
     rng, deviation, axes = np.random.default_rng(1), [], []
-    principal = learned.ways(net, rng)["principal axis"]
+    principal = learned.methods(net, rng)["principal axis"]
     for _ in range(40):
-        points, pose = seen(rng)
+        points, pose = image_of(rng)
         true = yaw_net.turn_of(pose, PLANE)
         text = net(yaw_net.height_patch(points, PLANE)[None])[0]
         deviation.append(abs(math.remainder(text - true, 2.0 * math.pi)))

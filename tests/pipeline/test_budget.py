@@ -8,7 +8,7 @@ import pytest
 
 from course.middleware import run_chain
 from course.perception.track import steady_gains
-from course.pipeline import Scenario, Settings, many, repair, theory
+from course.pipeline import Scenario, Settings, run_many, repair, theory
 from course.pipeline.budget import Budget, budget, predicted
 from course.pipeline.run import errors
 from course.role import Stage
@@ -79,13 +79,13 @@ def test_the_prediction_follows_the_settings(change):
     """With hardly any noise, so that a few runs show the mean to a tenth of a millimetre."""
     for ideal in ((), ("control",)):
         settings = repair(replace(PLANNED, noise=1e-5, **change), *ideal)
-        observed = errors(many(SCENE, settings, range(3))).mean(axis=1)
+        observed = errors(run_many(SCENE, settings, range(3))).mean(axis=1)
         assert np.abs(observed - predicted(SCENE, settings)[0]).max() < 4e-4, ideal
 
 
 def test_a_tilted_table_is_part_of_the_prediction():
     scene, settings = replace(SCENE, tilt=0.06), replace(PLANNED, noise=1e-5)
-    observed = errors(many(scene, settings, [0]))[:, 0]
+    observed = errors(run_many(scene, settings, [0]))[:, 0]
     report = predicted(scene, settings)[0]
     level = predicted(SCENE, settings)[0]
     assert np.linalg.norm(report - level) > 4e-3
@@ -143,5 +143,5 @@ def test_what_cannot_be_predicted_or_compared_is_refused():
 def test_a_picture_that_arrives_in_the_last_step_is_too_late_for_it():
     """A thirtieth of a second: the last but one is what an ideal arm stands at."""
     case = repair(replace(PLANNED, noise=0.0, bias=(0.0, 0.0), frame=1.0 / 30.0), "control")
-    observed = errors(many(SCENE, case, [0]))[:, 0]
+    observed = errors(run_many(SCENE, case, [0]))[:, 0]
     assert np.abs(observed - predicted(SCENE, case)[0]).max() < 5e-5

@@ -14,7 +14,7 @@ from course.middleware import run_chain
 from course.perception.track import Tracker, follow
 from course.pipeline import theory
 from course.pipeline.drive import GAP, REFERENCE, SENT, TORQUE, USED, Q, V
-from course.pipeline.run import Run, errors, many, run, successes, tip_of
+from course.pipeline.run import Run, errors, run_many, run, successes, tip_of
 from course.pipeline.scenario import STAGES, Scenario, Settings, repair
 from course.pipeline.stages import Stages, control, frames, move, perceive, plan_path
 from course.planning import check_path, clearance, time_parameterise
@@ -225,8 +225,8 @@ def test_an_ideal_pipeline_is_exact_and_each_part_is_what_theory_says():
 
 @pytest.mark.slow
 def test_a_filter_is_worth_it_and_a_raw_estimate_plans_again_and_again():
-    with_it = many(Scenario(), Settings(), range(30))
-    raw = many(Scenario(), Settings(filtered=False), range(5))
+    with_it = run_many(Scenario(), Settings(), range(30))
+    raw = run_many(Scenario(), Settings(filtered=False), range(5))
     assert successes(with_it).mean() > 0.85 > 0.2 > successes(raw).mean()
     assert np.median([len(r.plans) for r in with_it]) == 1
     assert np.median([len(r.plans) for r in raw]) > 40

@@ -9,7 +9,7 @@ from course.simulations import pipeline as whole
 from course.simulations.model import Experiment
 
 
-def seen(preset, **values):
+def outcome(preset, **values):
     experiment = Experiment(whole.MODEL)
     experiment.choose(preset)
     if values:
@@ -24,8 +24,8 @@ def distance(experiment):
 
 
 def test_the_arrows_and_the_rate_are_those_of_the_chapter():
-    experiment, report = seen("All stages")
-    scenario, settings = whole.asked(tuple(experiment.state["values"].tolist()))
+    experiment, report = outcome("All stages")
+    scenario, settings = whole.scenario_and_settings(tuple(experiment.state["values"].tolist()))
     seed = whole.SEED
     record = chapter.run(scenario, settings, seed=seed)
     assert distance(experiment) == pytest.approx(record.distance, abs=1e-12)
@@ -34,7 +34,7 @@ def test_the_arrows_and_the_rate_are_those_of_the_chapter():
         arrow = report[whole.PARTS + 2 * k : whole.PARTS + 2 * k + 2]
         assert arrow == pytest.approx(record.error - mended.error, abs=1e-12)
     # Its band holds the share of other seeds.
-    others = chapter.many(scenario, settings, range(100, 150))
+    others = chapter.run_many(scenario, settings, range(100, 150))
     assert report[whole.LOW] <= np.mean(chapter.successes(others)) <= report[whole.HIGH]
 
 
@@ -50,7 +50,7 @@ def test_the_arrows_and_the_rate_are_those_of_the_chapter():
     ],
 )
 def test_what_each_preset_breaks_first_and_what_cures_it(preset, broken, cure):
-    _, report = seen(preset)
+    _, report = outcome(preset)
     assert whole.CONTRACTS[int(report[whole.BROKEN])] == broken
     assert (report[whole.ENDED] == 0.0) == (preset == "All stages")
     assert report[whole.CURED] == (0 if cure is None else 1 + chapter.STAGES.index(cure))
@@ -59,25 +59,25 @@ def test_what_each_preset_breaks_first_and_what_cures_it(preset, broken, cure):
 
 @pytest.mark.slow
 def test_what_the_notes_say():
-    first, report = seen("Cancelling errors")
+    first, report = outcome("Cancelling errors")
     parts = report[whole.PARTS :].reshape(-1, 2)
     assert distance(first) < 0.5 * np.hypot(*parts[[0, 3]].T).min()
-    assert distance(seen("Cancelling errors", mended=1)[0]) > 3.0 * distance(first)
-    plain, ringing = (seen(p)[0] for p in ("All stages", "Kp high, Kd zero"))
+    assert distance(outcome("Cancelling errors", mended=1)[0]) > 3.0 * distance(first)
+    plain, ringing = (outcome(p)[0] for p in ("All stages", "Kp high, Kd zero"))
     late = slice(300, None)  # the last second, when the reference stands
     swing = [np.ptp(e.state["q"][0, late]) for e in (plain, ringing)]
     assert swing[1] > 3.0 * swing[0]
-    beyond, report = seen("Physics step to maximum")
+    beyond, report = outcome("Physics step to maximum")
     assert report[whole.LIMIT] < 1e-3 * beyond.controls["dt"] and report[whole.GAINED] > 0.05
-    assert seen("Physics step to maximum", dt=5.0)[1][whole.GAINED] < 1e-3
-    stiffer = seen("Physics step to maximum", kd=16.0)[1]
+    assert outcome("Physics step to maximum", dt=5.0)[1][whole.GAINED] < 1e-3
+    stiffer = outcome("Physics step to maximum", kd=16.0)[1]
     assert stiffer[whole.LIMIT] < report[whole.LIMIT]
-    filtered = seen("Noise, no filter", filtered=True)[1]
+    filtered = outcome("Noise, no filter", filtered=True)[1]
     assert filtered[whole.SHARE] > 0.8
 
 
 def test_a_target_that_is_moved_changes_nothing_that_was():
-    experiment, _ = seen("All stages")
+    experiment, _ = outcome("All stages")
     before = experiment.state["q"].copy()
     experiment.advance(0.5)
     experiment.drag(2.5, 3.7)
@@ -93,7 +93,7 @@ def test_a_target_that_is_moved_changes_nothing_that_was():
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (-9.0, 9.0), (9.0, 0.5)])
 def test_any_place_of_the_pointer_is_one_that_the_arm_reaches(place):
-    experiment, _ = seen("All stages")
+    experiment, _ = outcome("All stages")
     experiment.advance(1.0)
     experiment.drag(*place)
     target = experiment.state["target"][:, -1]

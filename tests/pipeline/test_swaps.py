@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from course.oracles import pipeline as libraries
 from course.perception import Camera
-from course.pipeline import Scenario, Settings, Sight, Stages, errors, many, run, successes
+from course.pipeline import Scenario, Settings, Sight, Stages, errors, run_many, run, successes
 from course.pipeline.drive import Q, V
 from course.pipeline.eye import Eye, find
 
@@ -29,7 +29,7 @@ def band(differences):
 def paired(name, settings, seeds):
     """Records with a library and with the course's own, and what their final errors differ by."""
     theirs, ours = libraries.swaps(EYE)[name]
-    one, other = (many(Scenario(), settings, seeds, stages) for stages in (theirs, ours))
+    one, other = (run_many(Scenario(), settings, seeds, stages) for stages in (theirs, ours))
     away = [np.linalg.norm(errors(records), axis=0) for records in (one, other)]
     return one, other, away[0] - away[1]
 

@@ -74,7 +74,7 @@ def test_noise_becomes_what_the_network_knows(monkeypatch) -> None:
     wide = 0.6  # of the normal paths; the best guess from a noisy one is linear in it
 
     def normal(x):
-        remaining = torch.tensor(learned._kept())[(x[:, -1:] * learned.STEPS).round().long()]
+        remaining = torch.tensor(learned._alpha_bar())[(x[:, -1:] * learned.STEPS).round().long()]
         return remaining.sqrt() * wide**2 * x[:, :-5] / (remaining * wide**2 + 1.0 - remaining)
 
     for steps, error in ((40, 0.1), (1000, 0.015)):

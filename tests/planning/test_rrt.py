@@ -14,7 +14,7 @@ from course.drills import GOAL_BIAS, edge_is_free, rrt
 from drills import cards as catalogue
 from drills import exercise as exercises
 from drills.catalogue.rrt.replay import Run, faults, share_inside
-from drills.catalogue.rrt.worlds import refused, worlds
+from drills.catalogue.rrt.worlds import invalid_queries, worlds
 from drills.geometry import TOLERANCE, clearances, missed_by_sampling, path_faults
 from drills.grade import attempt
 from drills.reasons import Reason
@@ -251,7 +251,7 @@ def test_the_replay_finds_nothing_wrong_with_the_reference(seed: int) -> None:
         assert faults(world, run) == [], world.label
         if world.closed:
             assert run.path is None and len(run.samples) == world.max_samples
-    for world in refused(np.random.default_rng(seed)):
+    for world in invalid_queries(np.random.default_rng(seed)):
         with pytest.raises(ValueError):
             rrt(*world.arguments(), np.random.default_rng(0))
 

@@ -21,7 +21,7 @@ TREES = ("rrt", "rrt_connect", "rrt_star", "informed_rrt_star")
 SCENES = scenes.all_scenes()
 
 
-def asked(scene, method: str, budget=1500, rng=0, **options) -> Plan:
+def planned(scene, method: str, budget=1500, rng=0, **options) -> Plan:
     return plan(
         scene.world,
         scene.start,
@@ -38,7 +38,7 @@ def asked(scene, method: str, budget=1500, rng=0, **options) -> Plan:
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
 def test_every_path_is_right(scene, method) -> None:
     for seed in range(6):
-        result = asked(scene, method, rng=seed)
+        result = planned(scene, method, rng=seed)
         assert result.samples <= 1500 and result.solved == (result.status == "solved")
         if result.path is not None:
             verdict = check_path(scene.world, result.path, scene.start, scene.goal)
@@ -80,27 +80,27 @@ def test_rrt_is_the_drill(seed: int, step: float) -> None:
 @pytest.mark.parametrize("method", TREES)
 def test_a_seed_is_an_answer_and_the_budget_holds(method) -> None:
     scene = scenes.gap(0.02)
-    one, same, other = (asked(scene, method, 777, seed) for seed in (3, 3, 4))
+    one, same, other = (planned(scene, method, 777, seed) for seed in (3, 3, 4))
     assert np.array_equal(one.nodes, same.nodes) and np.array_equal(one.parents, same.parents)
     assert one.cost == same.cost and one.edge_checks == same.edge_checks
     assert not np.array_equal(one.nodes[:, 1:4], other.nodes[:, 1:4])
     shut = plane(scenes.SQUARE, boxes=[[4, 0, 5, 10]])
     closed = scenes.Scene("shut", shut, scenes.START, scenes.GOAL, 0.5)
     for budget in (1, 63, 1000):
-        result = asked(closed, method, budget)
+        result = planned(closed, method, budget)
         assert (result.status, result.samples, result.path) == ("out of samples", budget, None)
     begun = time.process_time()
-    result = asked(closed, method, Budget(10**9, 0.05))
+    result = planned(closed, method, Budget(10**9, 0.05))
     assert result.status == "out of time" and 0.05 <= result.seconds
     assert time.process_time() - begun < 1.0 and 0 < result.samples < 10**8
 
 
 def test_a_tree_grows_beyond_its_first_arrays() -> None:
     """The same answer whether or not arrays were made larger on the way: nothing is drawn twice."""
-    result = asked(scenes.empty(), "rrt_star", 6000)
+    result = planned(scenes.empty(), "rrt_star", 6000)
     assert result.nodes.shape[1] > 5000 and result.samples == 6000
-    goals = asked(scenes.discs(), "rrt_star", 6000).history
-    first = asked(scenes.discs(), "rrt_star", 3000).history
+    goals = planned(scenes.discs(), "rrt_star", 6000).history
+    first = planned(scenes.discs(), "rrt_star", 3000).history
     assert np.array_equal(goals[[0, 2]][:, : first.shape[1]], first[[0, 2]])
 
 
@@ -181,7 +181,7 @@ OPTIMUM = 2 * math.sqrt(12) + 2 * (math.pi - 2 * math.acos(0.5))
 def test_rrt_star_keeps_its_books_and_converges(method) -> None:
     ratios = []
     for seed in range(3):
-        result = asked(ONE_DISC, method, 4000, seed)
+        result = planned(ONE_DISC, method, 4000, seed)
         lengths = np.linalg.norm(result.nodes - result.nodes[:, result.parents], axis=0)
         lengths[result.parents < 0] = 0.0
         above = np.where(result.parents < 0, 0.0, result.costs[result.parents])
@@ -192,13 +192,13 @@ def test_rrt_star_keeps_its_books_and_converges(method) -> None:
         straight = np.linalg.norm(result.nodes - ONE_DISC.start[:, None], axis=0)
         assert (result.costs >= straight * (1 - 1e-12)).all()
         ratios.append(result.cost / OPTIMUM)
-    early = [asked(ONE_DISC, method, 500, seed).cost / OPTIMUM for seed in range(len(ratios))]
+    early = [planned(ONE_DISC, method, 500, seed).cost / OPTIMUM for seed in range(len(ratios))]
     assert np.median(ratios) < min(1.012, np.median(early) - 0.001)
 
 
 def test_no_edge_of_rrt_star_could_be_shortened_at_once() -> None:
     """What rewiring promises: where a node was the newest, no neighbour is a better parent."""
-    result = asked(ONE_DISC, "rrt_star", 800, 5)
+    result = planned(ONE_DISC, "rrt_star", 800, 5)
     best = result.costs.copy()
     new = result.nodes.shape[1] - 1
     near = np.linalg.norm(result.nodes - result.nodes[:, [new]], axis=0) < 0.5
@@ -216,10 +216,10 @@ def test_a_sampler_draws_what_its_name_says(sampler) -> None:
     """The targets themselves: with an endless step and a star of free edges they are the nodes."""
     wall = plane(scenes.SQUARE, discs=[[x, float(y), 0.4] for x in (3.0, 4.4) for y in range(11)])
     scene = scenes.Scene("rows", wall, np.array([0.5, 0.5]), np.array([9.5, 9.5]), 20.0)
-    result = asked(scene, "rrt", 3000, 1, sampler=sampler, goal_bias=0.0, spread=0.5)
+    result = planned(scene, "rrt", 3000, 1, sampler=sampler, goal_bias=0.0, spread=0.5)
     if sampler in ("uniform", "halton"):
         assert result.state_checks == 2
-    drawn = asked(scenes.empty(), "rrt_star", 2000, 1, sampler=sampler, goal_bias=0.0, step=20.0)
+    drawn = planned(scenes.empty(), "rrt_star", 2000, 1, sampler=sampler, goal_bias=0.0, step=20.0)
     if sampler == "halton":  # fills the square more evenly than chance
         chance = np.random.default_rng(0).uniform(0, 10, drawn.nodes.shape)
         even = [

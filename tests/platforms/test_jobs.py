@@ -39,7 +39,7 @@ def test_there_are_seven_jobs_and_the_page_shows_what_is_computed_for_each() -> 
         if "data" in o
     ]
     (lines,) = (text.splitlines()[2:] for text in shown if text.startswith("| Job | Pick | Why |"))
-    assert lines == ["| " + " | ".join((job, *jobs.told(job))) + " |" for job in jobs.JOBS]
+    assert lines == ["| " + " | ".join((job, *jobs.decide(job))) + " |" for job in jobs.JOBS]
 
 
 @pytest.mark.parametrize("job", MEASURED)
@@ -58,7 +58,7 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
     result = choose(jobs.facts(), *jobs.JOBS[job])
     assert {one.engine for one in result.ranking} == able == set(table.ENGINES) - out
     assert result.pick == pick == min(able, key=lambda e: table.costs(ROWS, by)[e])
-    text, why = jobs.told(job)
+    text, why = jobs.decide(job)
     assert text == pick and all(row in why for row in result.deciding)
     # The named limit turns it, and each measured row that it needs can take the pick away.
     needs, cost = jobs.JOBS[job]
@@ -68,7 +68,7 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
     ]
     assert choose(jobs.facts(), turned, cost).pick == result.turn.pick != pick
     for scene in scenes:
-        assert jobs.told(job, with_errors(scene, pick, 2.0 * tolerance[scene]))[0] != pick
+        assert jobs.decide(job, with_errors(scene, pick, 2.0 * tolerance[scene]))[0] != pick
     if scenes:  # and PyBullet, second in cost, would come in by the row that it fails
         retained = with_errors("grasp", "PyBullet", 1e-4)
         assert "PyBullet" in {one.engine for one in choose(jobs.facts(retained), needs, cost).ranking}
@@ -78,7 +78,7 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
 def test_where_nothing_was_measured_no_table_makes_a_pick(job) -> None:
     row, cited = UNKNOWN[job]
     for rows in (ROWS, [[*r[:4], 0.0, *r[5:]] for r in ROWS]):
-        pick, why = jobs.told(job, rows)
+        pick, why = jobs.decide(job, rows)
         assert pick == "not measured here" and why.startswith(f"{row}: unknown of all four.")
     assert cited in why and any(f"20{year}" in why for year in range(23, 27))
     assert not any(mine[row].known for mine in jobs.facts().values())

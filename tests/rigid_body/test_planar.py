@@ -32,7 +32,7 @@ def box(*state: float, **options: Any) -> PlanarBody:
     return PlanarBody(state=np.array(state, dtype=float), **options)
 
 
-def many(n: int, seed: int, low: float = 0.6, high: float = 2.0) -> np.ndarray:
+def random_states(n: int, seed: int, low: float = 0.6, high: float = 2.0) -> np.ndarray:
     rng = np.random.default_rng(seed)
     return np.array(
         [
@@ -383,7 +383,7 @@ def test_a_leaving_corner_can_jam_under_large_friction() -> None:
 
 def test_elastic_frictionless_box_keeps_its_energy_over_100_impacts() -> None:
     parameters = box_parameters(restitution=1.0, friction=0.0)
-    state = many(20, 1)
+    state = random_states(20, 1)
     start, vx = energies(state, parameters), state[3].copy()
     total = np.zeros(20, dtype=int)
     while total.min() < 100:
@@ -405,7 +405,7 @@ def test_bodies_lose_energy_stay_above_ground_and_come_to_rest(integrator: str, 
         restitution=rng.uniform(0, 0.6, n),
         friction=rng.choice([0.2, 0.6, 2.0], n),
     )
-    state = many(n, 6)
+    state = random_states(n, 6)
     start = energies(state, parameters)
     for _ in range(12):
         before = energies(state, parameters)
@@ -424,7 +424,7 @@ def test_bodies_lose_energy_stay_above_ground_and_come_to_rest(integrator: str, 
 def test_resolved_impacts_do_not_depend_on_dt() -> None:
     """Impact times agree to 1e-9 s: then the states after them agree as closely."""
     parameters = box_parameters(restitution=0.8, friction=0.3)
-    start = many(50, 2)
+    start = random_states(50, 2)
     ends = []
     for k in (1, 2, 4, 50):
         state, counts = advance_boxes(start, parameters, 0.02 / k, 50 * k, integrator="rk4")
@@ -469,7 +469,7 @@ def test_detected_late_is_of_first_order_and_resolved_is_exact() -> None:
 
 
 def test_translation_and_mirror_symmetry() -> None:
-    start = many(40, 3)
+    start = random_states(40, 3)
     parameters = box_parameters()
     end, counts = advance_boxes(start, parameters, 0.004, 200, integrator="rk4")
     moved = start.copy()
@@ -490,7 +490,7 @@ def test_a_batch_equals_its_bodies_one_by_one() -> None:
     n = 12
     parameters = box_parameters(rng.uniform(0.5, 2, n), friction=rng.uniform(0, 1, n))
     forces = rng.normal(size=(3, n)) * [[0.2], [0.2], [0.01]]
-    start = many(n, 5)
+    start = random_states(n, 5)
     retained = start.copy(), parameters.copy(), forces.copy()
     end, counts = advance_boxes(start, parameters, 0.002, 600, forces=forces)
     assert all(map(np.array_equal, retained, (start, parameters, forces)))
@@ -517,7 +517,7 @@ def test_the_same_numbers_without_compilation() -> None:
         "s, c = advance_boxes(s, box_parameters(), 0.005, 300)\n"
         "print(s.tobytes().hex(), c.tobytes().hex())"
     )
-    start = many(4, 8)
+    start = random_states(4, 8)
     end, counts = advance_boxes(start, box_parameters(), 0.005, 300)
     out = subprocess.run(
         [sys.executable, "-c", code, start.tobytes().hex()],
@@ -714,7 +714,7 @@ def test_bad_arguments_are_named() -> None:
         body.apply_force([1, 2, 3])
     with pytest.raises(ValueError, match="point"):
         body.apply_force([1, 2], [math.nan, 0])
-    good = many(3, 0)
+    good = random_states(3, 0)
     with pytest.raises(ValueError, match="state"):
         step_boxes(good[:5], body.parameters, 0.01)
     with pytest.raises(ValueError, match="parameters"):
@@ -729,7 +729,7 @@ def test_bad_arguments_are_named() -> None:
     bad = box_parameters(mass=[1.0, 1.0, 1.0])
     bad[4, 2] = 2.0
     with pytest.raises(ValueError, match="box 2"):
-        step_boxes(many(3, 0), bad, 0.01)
+        step_boxes(random_states(3, 0), bad, 0.01)
     assert planar.PARAMETERS[4] == "restitution"
 
 

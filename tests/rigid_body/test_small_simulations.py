@@ -43,13 +43,6 @@ def test_a_simulation_is_had_by_its_name():
         simulation("spinning_plate")
 
 
-def test_a_small_simulation_is_small():
-    for model in (double_cover, flip, free_body, gimbal, spring, top, tunnelling):
-        lines = Path(str(model.__file__)).read_text(encoding="utf-8").count("\n")
-        # Tunnelling counts its shots and measures a share as well.
-        assert lines <= (132 if model is tunnelling else 120), model.__name__
-
-
 # --- turning freely -------------------------------------------------------------------------------
 
 

@@ -13,7 +13,7 @@ from course.simulations.model import Experiment
 POSED = chapter.tasks(256, 91)  # other tasks than those that the picture counts
 
 
-def seen(preset, **values):
+def outcome(preset, **values):
     """Shares of successes of the simulated and the real arm, and all else that is told."""
     experiment = Experiment(arms.MODEL)
     experiment.choose(preset)
@@ -33,7 +33,7 @@ def gains(kind, gap=0.0, width=0.0, delay=0.01):
 
 
 def test_both_rates_are_those_of_the_chapter_and_their_bands_hold_on_other_tasks():
-    home, real, report = seen("Gap")
+    home, real, report = outcome("Gap")
     posed, record = chapter.tasks(arms.COUNTED, arms.SEED), chapter.recorded()["range"][0, 0]
     assert home == chapter.rollouts(chapter.nominal(), record, posed).rate == 1.0
     assert real == chapter.rollouts(chapter.real(0.3, 0.01), record, posed).rate
@@ -42,13 +42,13 @@ def test_both_rates_are_those_of_the_chapter_and_their_bands_hold_on_other_tasks
 
 
 def test_a_gap_costs_and_a_range_brings_part_of_it_back():
-    assert seen("No gap")[:2] == (1.0, 1.0)
-    home, real, _ = seen("Gap and range")
-    assert home == 1.0 and real > seen("Gap")[1] > seen("Gap", gap=1.0)[1]
+    assert outcome("No gap")[:2] == (1.0, 1.0)
+    home, real, _ = outcome("Gap and range")
+    assert home == 1.0 and real > outcome("Gap")[1] > outcome("Gap", gap=1.0)[1]
     empty, some, wide = (gains(arms.RANGE, width=w) for w in (0.0, 0.4, 1.0))
     assert better(empty, some, chapter.real(0.3, 0.01)) > 0.0
     far = chapter.real(1.0, 0.01)
-    assert seen("Wide range, far gap")[1] < 0.7
+    assert outcome("Wide range, far gap")[1] < 0.7
     at_home = [chapter.rollouts(chapter.nominal(), each, POSED) for each in (empty, wide)]
     assert all(each.rate == 1.0 for each in at_home)
     assert np.mean(at_home[1].inside) < 0.95 * np.mean(at_home[0].inside)
@@ -56,11 +56,11 @@ def test_a_gap_costs_and_a_range_brings_part_of_it_back():
 
 
 def test_delay_breaks_what_other_errors_hold():
-    _, real, report = seen("Delay beyond the margin")
+    _, real, report = outcome("Delay beyond the margin")
     assert real < 0.15 and report[arms.LIMIT] < 0.02 and report[arms.GAIN] == 0.0
-    _, below, report = seen("Delay beyond the margin", delay=12.0)
+    _, below, report = outcome("Delay beyond the margin", delay=12.0)
     assert below > 0.7 and report[arms.GAIN] > 1.0
-    _, both, report = seen("Cancelling errors")
+    _, both, report = outcome("Cancelling errors")
     assert both > real + 0.4 and report[arms.LIMIT] > 0.02 and arms.PARTS[int(report[10])] == "delay"
     arm, policy = chapter.real(0.3, 0.02), gains(arms.NOMINAL)
     for part in arms.PARTS[:-1]:
@@ -73,8 +73,8 @@ def test_mending_the_delay_alone_hurts_and_mending_the_load_helps():
     far = chapter.real(1.0, 0.01)
     empty, delay, load = (gains(k, 1.0) for k in (arms.NOMINAL, arms.DELAY, arms.LOAD))
     assert better(delay, empty, far) > 0.05 and better(empty, load, far) > 0.2
-    assert delay[3] < empty[3] and seen("Mended delay alone")[1] < 0.35
-    assert arms.PARTS[int(seen("Mended delay alone")[2][arms.PART])] == "load"
+    assert delay[3] < empty[3] and outcome("Mended delay alone")[1] < 0.35
+    assert arms.PARTS[int(outcome("Mended delay alone")[2][arms.PART])] == "load"
 
 
 def test_the_limit_is_that_of_the_loops_matrix():

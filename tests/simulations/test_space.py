@@ -17,7 +17,7 @@ CORNERS, INDEX = space.box(1.0, 2.0, 3.0)
 
 
 def frame(pen, state, controls):
-    eye = space.look(pen, (0.0, 9.0, 0.0, 5.0), controls, 2.0)
+    eye = space.camera_view(pen, (0.0, 9.0, 0.0, 5.0), controls, 2.0)
     space.faces(pen, eye, CORNERS, INDEX, SHADES)
     draw.reading(pen, WORD, state["time"], 1)
 
@@ -40,7 +40,7 @@ BOX = Model(
 
 
 def eye_of(**values):
-    return space.look(PAPER.pen(), (0, 9, 0, 5), Record(**space.camera()).new(**values), 2.0)
+    return space.camera_view(PAPER.pen(), (0, 9, 0, 5), Record(**space.camera()).new(**values), 2.0)
 
 
 def test_a_camera_on_the_x_axis_sees_y_to_the_right_and_z_up():
@@ -80,7 +80,7 @@ def test_a_face_is_lit_by_its_slope():
     fills = np.array([SHADES[0]])
     for corners, index in (space.box(1.0, 1.0, 1.0), space.lathe([(0.0, -1.0), (1.0, 0.0)], 3)):
         pen = PAPER.pen()
-        eye = space.look(pen, (0, 9, 0, 5), BOX.controls.new(azimuth=0.0, elevation=0.0), 2.0)
+        eye = space.camera_view(pen, (0, 9, 0, 5), BOX.controls.new(azimuth=0.0, elevation=0.0), 2.0)
         space.faces(pen, eye, corners, index, np.repeat(fills, len(index)))
         shades = [item.style[0] for item in draw.decode(draw.picture(PAPER, pen)) if item.style]
         assert len(set(shades)) > 1 and all(SHADES[0] <= shade < SHADES[1] for shade in shades)
@@ -131,7 +131,7 @@ def test_solids_are_closed():
 
 def test_a_trail_leaves_out_what_is_on_the_other_side():
     pen, points = PAPER.pen(), np.array([[-1.0, -0.5, 0.5, 1.0], [0.0] * 4, [0.0] * 4])
-    eye = space.look(pen, (0, 9, 0, 5), BOX.controls.new(azimuth=0.0, elevation=0.0), 2.0)
+    eye = space.camera_view(pen, (0, 9, 0, 5), BOX.controls.new(azimuth=0.0, elevation=0.0), 2.0)
     for side, hidden in ((-1.0, [0, 0, 1, 1]), (1.0, [1, 1, 0, 0]), (0.0, [0, 0, 0, 0])):
         draw.clear(pen)
         space.trail(pen, eye, points, draw.INK, 1.0, 1.0, 0.0, 0.0, side)

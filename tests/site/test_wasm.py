@@ -43,7 +43,7 @@ def test_a_module_is_made_from_the_sources_as_they_are(name: str) -> None:
     assert set(compiler.imports(module)) <= compiler.MATHS
     has = {"memory", "__heap_base", *wasm.signatures(wasm.model(name))}
     assert hosted(name).exports.keys() == has
-    assert wasm.told(module).keys() == {"fingerprint", "numba", "llvmlite", "linker"}
+    assert wasm.read_sources(module).keys() == {"fingerprint", "numba", "llvmlite", "linker"}
     assert b".py" not in module  # no place on the machine that made it
 
 
@@ -113,7 +113,7 @@ def test_a_full_pen_is_an_error_and_nothing_is_written_past_its_end(name: str) -
 
 
 def test_the_same_sources_give_the_same_bytes() -> None:
-    report = wasm.told(wasm.file_of(SMALL).read_bytes())
+    report = wasm.read_sources(wasm.file_of(SMALL).read_bytes())
     here = {"numba": wasm.numba.__version__, "llvmlite": wasm.llvmlite.__version__}
     here["linker"] = compiler.linker()[1]
     if {name: report[name] for name in here} != here:

@@ -1,5 +1,6 @@
 """Vector environments: equal to a loop and to Gymnasium's, hostile workers, nothing left behind."""
 
+import contextlib
 import gc
 import multiprocessing
 import os
@@ -204,6 +205,16 @@ def soon(holds, seconds: float = 10.0) -> bool:
     return True
 
 
+def abandoned(before: set[str]) -> set[str]:
+    """Return the new entries of shared memory that no process of other tests has mapped."""
+    new, used = set(os.listdir("/dev/shm")) - before, ""
+    for process in os.listdir("/proc") if new else ():
+        with contextlib.suppress(OSError):
+            if process.isdigit() and int(process) != os.getpid():
+                used += Path("/proc", process, "maps").read_text()
+    return {name for name in new if f"/dev/shm/{name}" not in used}
+
+
 @pytest.fixture(autouse=True, scope="module")
 def first_use():
     """Python opens some files for good when processes are first used."""
@@ -217,7 +228,7 @@ def nothing_stays_behind():
     yield
     gc.collect()
     assert soon(lambda: children() <= processes), children() - processes
-    assert set(os.listdir("/dev/shm")) <= shared
+    assert soon(lambda: not abandoned(shared)), abandoned(shared)
     # Python keeps a block of shared memory for the next use, and a pipe to each of its helpers.
     assert len(os.listdir("/proc/self/fd")) <= descriptors + 3
 
@@ -623,7 +634,7 @@ def test_no_worker_outlives_the_main_process(envs: str, rest: str) -> None:
     pids = {int(pid) for pid in done.stdout.split()}
     assert len(pids) == 2, done.stderr
     assert soon(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids))
-    assert set(os.listdir("/dev/shm")) <= shared
+    assert soon(lambda: not abandoned(shared)), abandoned(shared)
 
 
 def test_a_fork_does_not_end_its_parents_workers() -> None:

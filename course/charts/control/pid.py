@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from course.charts import chart
-from course.check import refused
+from course.check import invalid
 from course.control import sampled
 from course.drills import PID, Array, Joint, closed_loop
 from course.measure import stability
@@ -233,7 +233,7 @@ def recovery(times: Array, angles: Array, jam: float = JAM) -> Recovery:
     """
     outside = np.flatnonzero(np.abs(angles - STEP) > BAND)
     if outside[-1] + 1 >= times.size:
-        raise refused("angles[-1]", angles[-1], f"a number within {BAND:g} rad of {STEP:g}")
+        raise invalid("angles[-1]", angles[-1], f"a number within {BAND:g} rad of {STEP:g}")
     return Recovery(float(np.max(angles) - STEP), float(times[outside[-1] + 1] - jam))
 
 

@@ -109,7 +109,7 @@ def spatial(tilt: float = 0.0, skew: float = 0.0, armature: float = 0.0) -> Arra
     return tip(chain, mujoco_chain.moved(chain, START, RATES, HELD, g, STEP, steps))[:3]
 
 
-def _off(other: Array) -> float:
+def _tip_error(other: Array) -> float:
     return float(np.linalg.norm(other - tip(ARM.chain(), closed())[:3]))
 
 
@@ -131,13 +131,13 @@ def reaching_arm() -> Scene:
         modelled=(
             Modelled(
                 "coupling of the joints",
-                lambda: _off(uncoupled()),
+                lambda: _tip_error(uncoupled()),
                 "m",
                 against="two joints on their own",
             ),
             Modelled(
                 "friction",
-                lambda: _off(tip(ARM.chain(), closed(replace(ARM, damping=(0.0, 0.0))))[:3]),
+                lambda: _tip_error(tip(ARM.chain(), closed(replace(ARM, damping=(0.0, 0.0))))[:3]),
                 "m",
                 against="closed form without",
             ),
@@ -145,13 +145,13 @@ def reaching_arm() -> Scene:
         left_out=(
             LeftOut(
                 "base out of level by 0.01 deg",
-                lambda: _off(spatial(np.radians(0.01))),
+                lambda: _tip_error(spatial(np.radians(0.01))),
                 "m",
                 against="MuJoCo in space",
             ),
             LeftOut(
                 "elbow axis skewed by 0.03 deg",
-                lambda: _off(spatial(skew=np.radians(0.03))),
+                lambda: _tip_error(spatial(skew=np.radians(0.03))),
                 "m",
                 against="MuJoCo in space",
             ),
@@ -177,15 +177,15 @@ def two_links_enough(angles: Sequence[float] = tuple(np.logspace(-3, 1, 17))) ->
         ("base out of level", lambda x: spatial(tilt=x)),
         ("elbow axis skewed", lambda x: spatial(skew=x)),
     ):
-        errors = np.array([_off(fault(np.radians(x))) for x in angles])
+        errors = np.array([_tip_error(fault(np.radians(x))) for x in angles])
         edge = float(np.interp(TOLERANCE, errors, angles))
         panel.series.append(
             Series(name, angles, errors, note=f"{name:<20} within 2 mm up to {edge:.2g} degrees")
         )
-    motor = _off(spatial(armature=0.005))
+    motor = _tip_error(spatial(armature=0.005))
     panel.notes = [
         reaching_arm().table(),
-        f"with neither fault the two agree to {_off(spatial()):.1e} m; motors of 5 g m^2 on the "
+        f"with neither fault the two agree to {_tip_error(spatial()):.1e} m; motors of 5 g m^2 on the "
         f"joints would move the tip by {1e3 * motor:.0f} mm; steps a second: chart vector_env",
     ]
     yield panel

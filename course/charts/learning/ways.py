@@ -207,7 +207,7 @@ def samplers(
     yield panel
 
 
-def looked(policy: Any, executed: int, n: int, noise: float) -> tuple[float, float]:
+def switches_and_mismatch(policy: Any, executed: int, n: int, noise: float) -> tuple[float, float]:
     """Changes of side in a run before the obstacle, and how far chunks end off their plan [m]."""
     task, rng, step = learning.TwoWays(noise), np.random.default_rng(41), 0
     state, sides, deviation = task.starts(n, rng), [], []
@@ -266,7 +266,7 @@ def commit_or_react(
         panel.series.append(shares(label, 1e3 * np.array(noises), rates, n))
     yield panel
     noise = 0.05
-    result = [looked(policy, k, n, noise) for k in executed]
+    result = [switches_and_mismatch(policy, k, n, noise) for k in executed]
     yield Panel(
         "Looks often: jitters (pushed by 50 mm)",
         "steps carried out without a look",

@@ -28,7 +28,7 @@ Ways = dict[str, Callable[[Array], Array]]
 """Points (3, N) -> turns to start from (n,) [rad]."""
 
 
-def ways(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
+def methods(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
     """Even starts, the principal axis, and the network's turn."""
     plane = yaw_net.plane_of(TABLE)
 
@@ -88,7 +88,7 @@ def learned_start(
     begin = time.process_time()
     network = yaw_net.train(EYE, SENSOR, TABLE, pictures=training, steps=steps)
     spent = time.process_time() - begin
-    plane, known = yaw_net.plane_of(TABLE), ways(network, rng)
+    plane, known = yaw_net.plane_of(TABLE), methods(network, rng)
     trade = Panel(
         "From the picture to a pose that is right",
         "processor time [ms]",

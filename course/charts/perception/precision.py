@@ -30,7 +30,7 @@ def on_table(part: Shapes, x: float, y: float, yaw: float) -> Array:
     return compose(TABLE[:, None], at[:, None])[:, 0]
 
 
-def off(result: Array, true: Array) -> float:
+def corner_error(result: Array, true: Array) -> float:
     """How far the corners of the box are from where they are, in the mean square [m]."""
     where = [rotate(q[3:], CORNERS) + q[:3, None] for q in (result, true)]
     return float(np.sqrt(np.mean(np.sum((where[0] - where[1]) ** 2, axis=0))))
@@ -48,7 +48,7 @@ Lay = Callable[[Any, Array], tuple[float, float, Array]]
 
 
 @functools.cache
-def ways(eye: Camera, model: int = 16_000) -> dict[str, tuple[Callable[..., Any], Lay]]:
+def methods(eye: Camera, model: int = 16_000) -> dict[str, tuple[Callable[..., Any], Lay]]:
     """Of each method (points, voxel) -> means, and (means, start) -> (left out, residual, pose).
 
     All lay the means onto the part by its planes, within 30 mm at first and 6 mm in the end, until
@@ -108,7 +108,7 @@ def pose_precision(
 ) -> Iterator[Panel]:
     """What a finer grid costs and what it buys, where three faces of the part are seen."""
     eye, rng = Camera.symmetric(640, 480, 1.0), np.random.default_rng(4)
-    methods = ways(eye)
+    methods = methods(eye)
     for window, noise in ((1, "white noise"), (5, "noise shared over 5 px")):
         sensor, looks = Sensor(SENSOR.baseline, SENSOR.noise, window), []
         for x, y, yaw in rng.uniform((-0.15, -0.1, 0.4), (0.15, 0.1, 1.1), (pictures, 3)):
@@ -132,7 +132,7 @@ def pose_precision(
 
             for v in voxels:
                 each = zip(clouds, looks, strict=True)
-                error = [off(run(cloud, v, start), pose) for cloud, (_, pose, start) in each]
+                error = [corner_error(run(cloud, v, start), pose) for cloud, (_, pose, start) in each]
                 rows.append((name, v, float(np.sqrt(np.mean(np.square(error))))))
                 samplers.append(calls(run, clouds[0], v, looks[0][2], clock=time.process_time))
         timings = interleaved(samplers, repeats=repeats, sample=5e-3)
@@ -196,7 +196,7 @@ def frame(
     starts for each cluster; of the answers the one that leaves out the fewest points, and of these
     the one with the smallest residual.
     """
-    grid, lay = ways(eye)["Open3D" if library else "shape"]
+    grid, lay = methods(eye)["Open3D" if library else "shape"]
     tolerance = 4.0 * float(SENSOR.sigma(0.8, eye))
     picture = open3d.Picture(depth, eye) if library else None  # made before the clock starts
     marks = [time.process_time()]

@@ -15,7 +15,7 @@ from course.measure.figure import Panel, Series
 from course.measure.stability import Map, limit
 from course.measure.success import wilson
 from course.measure.work_precision import machine
-from course.pipeline import Scenario, Settings, many, move, successes, theory
+from course.pipeline import Scenario, Settings, run_many, move, successes, theory
 from course.pipeline.blame import gained
 from course.pipeline.budget import predicted
 from course.pipeline.rare import cross_entropy, plain
@@ -119,7 +119,7 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
     for kd in (4.0, 8.0):
         h = theory.step_limit(arm, (0.624, 1.64), KP, kd)
         rows = [
-            many(
+            run_many(
                 Scenario(),
                 replace(Settings(noise=0.01, kd=kd), physics=x * h, control=x * h),
                 range(seeds),
@@ -225,7 +225,7 @@ def noise_and_filter(
     ]
     for label, filtered, n in (("with the filter", True, seeds), ("without", False, raw)):
         report = [Settings(noise=s, filtered=filtered) for s in sigmas]
-        rows = [many(Scenario(), settings, range(n)) for settings in report]
+        rows = [run_many(Scenario(), settings, range(n)) for settings in report]
         rate = [float(successes(row).mean()) for row in rows]
         plans = [float(np.mean([len(r.plans) for r in row])) for row in rows]
         rms = [1e3 * math.sqrt(np.mean([r.distance**2 for r in row])) for row in rows]
@@ -260,7 +260,7 @@ def noise_and_filter(
         lines=[("y", Scenario().seconds, "end")],
     )
     for label, cost in (("20 us a check", 20e-6), ("1 us a check", 1e-6)):
-        rows = [many(Scenario(), Settings(step=x, check_cost=cost), range(seeds)) for x in steps]
+        rows = [run_many(Scenario(), Settings(step=x, check_cost=cost), range(seeds)) for x in steps]
         when = [[1e-6 * r.plans[-1].arrived for r in row] for row in rows]
         checks = [float(np.median([r.plans[0].value.checks for r in row])) for row in rows]
         rate = [float(successes(row).mean()) for row in rows]

@@ -16,7 +16,7 @@ from course.measure.success import paired
 from course.measure.work_precision import machine
 from course.oracles import pipeline as libraries
 from course.perception import Camera
-from course.pipeline import Record, Scenario, Settings, Stages, errors, many, successes
+from course.pipeline import Record, Scenario, Settings, Stages, errors, run_many, successes
 from course.pipeline.drive import Q, V
 from course.pipeline.eye import Eye
 from course.pipeline.run import tip_of
@@ -26,7 +26,7 @@ SMALL = Eye(bodies=False, camera=Camera.symmetric(320, 240, math.radians(62.0)),
 SEEN = Settings(frame=0.2, law="computed_torque", drift=(0.02, 0.02))
 
 
-def told(name: str) -> Settings:
+def settings_for(name: str) -> Settings:
     """Settings with which a library can stand in that place."""
     sees = name in ("Open3D perceives", "MuJoCo's rays", "all of them")
     return SEEN if sees else Settings(law="computed_torque" if "Pinocchio" in name else "pd")
@@ -35,10 +35,10 @@ def told(name: str) -> Settings:
 def timed(settings: Settings, stages: Stages, seeds: Sequence[int]) -> tuple[list[Record], float]:
     """Records, and processor time of a run, the median over the seeds [s]."""
     records, each = [], []
-    many(Scenario(seconds=0.3), settings, seeds[:1], stages)
+    run_many(Scenario(seconds=0.3), settings, seeds[:1], stages)
     for seed in seeds:
         start = time.process_time()
-        records += many(Scenario(), settings, [seed], stages)
+        records += run_many(Scenario(), settings, [seed], stages)
         each.append(time.process_time() - start)
     return records, float(np.median(each))
 
@@ -71,7 +71,7 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
     for row, (name, pair) in enumerate(libraries.swaps(SMALL).items()):
         sees = pair[1].perceive is not Stages().perceive
         some = range(seeing if sees else seeds)
-        (theirs, slow), (ours, fast) = (timed(told(name), one, some) for one in pair)
+        (theirs, slow), (ours, fast) = (timed(settings_for(name), one, some) for one in pair)
         work = paired(successes(ours), successes(theirs))
         apart = 1e3 * (np.array([a.distance for a in theirs]) - [b.distance for b in ours])
         half = student.ppf(0.975, apart.size - 1) * apart.std(ddof=1) / math.sqrt(apart.size)
@@ -120,7 +120,7 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
         seeds: of runs with pictures; drawn: of runs with bias and noise in their place.
     """
     scenario, settings = Scenario(), replace(SEEN, frame=0.1)
-    full = many(scenario, settings, range(seeds), Stages(perceive=SMALL))
+    full = run_many(scenario, settings, range(seeds), Stages(perceive=SMALL))
     observed = [p for record in full for p in record.pictures]
     deviation = np.array([p.value - scenario.at(1e-6 * p.captured) for p in observed])
     stated = math.sqrt(np.mean([np.trace(np.asarray(p.covariance)) / 2.0 for p in observed]))
@@ -135,7 +135,7 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
     paths, rng = {"along": u, "across": np.array([-u[1], u[0]])}, np.random.default_rng(0)
     pictured = 1e3 * errors(full)
     for name, sigma in (("two numbers", noise), ("the noise that is stated", stated)):
-        short = 1e3 * errors(many(scenario, replace(report, noise=sigma), range(1000, 1000 + drawn)))
+        short = 1e3 * errors(run_many(scenario, replace(report, noise=sigma), range(1000, 1000 + drawn)))
         panel = Panel(
             f"Pictures and {name}",
             "error with these [mm]",

@@ -82,7 +82,7 @@ def asked_twice(world: World) -> World:
 # --- soon -----------------------------------------------------------------------------------------
 
 
-def asked(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, int], Any]]]:
+def planners(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, int], Any]]]:
     """Of each way of asking, every how many seeds it is, and the plan of a scene with a seed."""
     (state, edge), python = ompl.tests(world), ompl.plain(world)
     twice, rare = asked_twice(world), slow if world.dim == 2 else 4 * slow
@@ -106,7 +106,7 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
     without the calls into Python. `slow` is every how many OMPL is asked with states in Python, in
     the plane; of an arm a quarter of those.
     """
-    paths = asked(questions[0].world, slow)
+    paths = planners(questions[0].world, slow)
     spent: dict[str, list[float]] = {name: [] for name in [*paths, "OMPL's own part"]}
     rejected = dict.fromkeys(paths, 0)
     for seed, scene in enumerate(questions, 1):

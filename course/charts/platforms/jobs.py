@@ -55,7 +55,7 @@ DOCUMENTED = {
 }
 
 
-def told(job: str, rows: Rows | None = None) -> tuple[str, str]:
+def decide(job: str, rows: Rows | None = None) -> tuple[str, str]:
     """The pick for a job, and the rows that decided it; where none could, what is documented."""
     needs, by = JOBS[job]
     result = choose(facts(rows), needs, by)

@@ -112,7 +112,7 @@ def questions() -> dict[str, tuple[Problem, Question]]:
     return {name: (result[name], question) for name, question in rows.items()}
 
 
-def _asked(name: str) -> tuple[Problem, Question]:
+def _problem_and_question(name: str) -> tuple[Problem, Question]:
     result = questions()
     return result[one_of("name", name, result)]
 
@@ -172,7 +172,7 @@ def work_precision(
         The measured curves; `with_method` puts a step function of yours beside them (see
         `your_method`).
     """
-    problem, question = _asked(name)
+    problem, question = _problem_and_question(name)
     counts = _STEPS[name] if steps is None else steps
     rotation = problem.system.q0.shape != problem.system.v0.shape
     # Off the quaternion the renormalised method is plain RK4: one curve, not two.
@@ -215,7 +215,7 @@ def your_method(name: str, step: Callable[..., Any], label: str = "yours") -> Me
         step: (q, v, acceleration, dt, params) -> (q, v).
         label: name on the chart.
     """
-    problem, _ = _asked(name)
+    problem, _ = _problem_and_question(name)
     steps = _STEPS[name][:5]
     per_step = evaluations_per_step(problem.system, step, problem.duration / steps[0])
 

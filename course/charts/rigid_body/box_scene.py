@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from course.charts import chart
-from course.check import refused
+from course.check import invalid
 from course.measure.figure import Panel
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
 from course.measure.timing import calls, interleaved
@@ -35,7 +35,7 @@ def apex(height: np.ndarray) -> float:
     falling = np.flatnonzero(np.diff(height) < 0.0)
     top = falling[falling > rising[0]] if rising.size else rising
     if top.size == 0:
-        raise refused("height", height, "samples with a bounce and an apex after it")
+        raise invalid("height", height, "samples with a bounce and an apex after it")
     a, b, c = height[top[0] - 1 : top[0] + 2]
     return float(b - 0.125 * (c - a) ** 2 / (a + c - 2.0 * b))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from course.charts import chart
-from course.check import refused
+from course.check import invalid
 from course.measure.figure import Panel, Series
 from course.measure.timing import batches, calls, interleaved
 from course.measure.work_precision import machine
@@ -113,7 +113,7 @@ def _coarsest(errors: Callable[[float], float], tolerance: float) -> tuple[float
         error, result = result, errors(finer)
         if error <= tolerance and result <= tolerance:
             return dt, error
-    raise refused("tolerance", tolerance, f"one that a step down to {_STEPS[-1]} s meets")
+    raise invalid("tolerance", tolerance, f"one that a step down to {_STEPS[-1]} s meets")
 
 
 def box_contenders(samples: int = 24) -> list[Contender]:

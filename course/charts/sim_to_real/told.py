@@ -20,7 +20,7 @@ TRUE = np.array(list(TRUTH.values()))
 WANTED = 1.0  # of each number [%]: a tenth of what a gap of 0.3 moves the heaviest of them
 
 
-def ways(log: Log) -> dict[str, Callable[[], Array]]:
+def estimators(log: Log) -> dict[str, Callable[[], Array]]:
     """What finds five numbers in a log, prepared outside of the clock."""
     theirs = sysid.prepared(plants.ARM, log, GUESS)
     return {
@@ -65,8 +65,8 @@ def what_finds_the_numbers(
         lines=[("y", WANTED, "wanted")],
     )
     best: tuple[float, str, float] = (np.inf, "", 0.0)
-    at_noise = [[ways(record(noise=x, seed=s)) for s in range(seeds)] for x in noises]
-    at_length = [[ways(record(seed=s, seconds=t)) for s in range(seeds)] for t in lengths]
+    at_noise = [[estimators(record(noise=x, seed=s)) for s in range(seeds)] for x in noises]
+    at_length = [[estimators(record(seed=s, seconds=t)) for s in range(seeds)] for t in lengths]
     for name in at_noise[0][0]:
         some = 2 if name == "mujoco.sysid" else seeds
         y = [worst([method[name]() for method in row[:some]]) for row in at_noise]

@@ -216,7 +216,7 @@ def pd_sample_late(result):
     result.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
     result.figure("tip", sampled.pd_limit(0.625, 1, 1, "late"))
     grid = np.linspace(0.3, 0.6, 61)
-    both = max(_most(lambda k, v=v: _growth(k, v, delay=1.0, rate="filtered"), 1.0) for v in grid)
+    both = max(_largest_gain(lambda k, v=v: _growth(k, v, delay=1.0, rate="filtered"), 1.0) for v in grid)
     result.figure("both", both, 1e-3)
     result.statement = "Jury's last condition, and the loop's matrix on both sides of it."
     result.heard(sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2)
@@ -230,7 +230,7 @@ def pd_sample_late(result):
     )
 
 
-def _most(growth, high, low=0.0):
+def _largest_gain(growth, high, low=0.0):
     """The largest gain below `high` at which a growth stays within 1."""
     for _ in range(40):
         middle = 0.5 * (low + high)
@@ -259,11 +259,11 @@ def pade_is_enough(result):
 
     dt = delay / 60
     loop = {"dt": dt, "delay": delay - dt / 2}  # a hold is the other half sample
-    exact = _most(lambda k: _growth(k, k * ratio, **loop), 5.0)
-    first, second = (_most(lambda k, n=n: pade(n, k, k * ratio), 5.0) / exact - 1 for n in (1, 2))
+    exact = _largest_gain(lambda k: _growth(k, k * ratio, **loop), 5.0)
+    first, second = (_largest_gain(lambda k, n=n: pade(n, k, k * ratio), 5.0) / exact - 1 for n in (1, 2))
     slow, heavy = (
-        _most(lambda k, b=b: pade(1, k, 0.0, b), 200.0)
-        / _most(lambda k, b=b: _growth(k, 0.0, damping=b, **loop), 200.0)
+        _largest_gain(lambda k, b=b: pade(1, k, 0.0, b), 200.0)
+        / _largest_gain(lambda k, b=b: _growth(k, 0.0, damping=b, **loop), 200.0)
         - 1
         for b in (0.05, 50.0)
     )
@@ -295,7 +295,7 @@ def too_much_d(result):
         return record, step_metrics(record.times, record.q, 1.0)
 
     slow, fast = (run(kd)[1].settling for kd in (heavy, light))
-    edge = _most(
+    edge = _largest_gain(
         lambda kd: _growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5, damping=0.5),
         1e4,
     )

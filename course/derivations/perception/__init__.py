@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 
-def seen(part: Any, x: float, yaw: float, rng: np.random.Generator) -> tuple[Any, Any]:
+def image_of(part: Any, x: float, yaw: float, rng: np.random.Generator) -> tuple[Any, Any]:
     """The charts' picture of a part on their table, (H, W) [m], and the part's pose (7,)."""
     from course.charts.perception.poses import EYE, SENSOR, TABLE
     from course.kinematics.chain import compose

@@ -3,7 +3,7 @@
 import numpy as np
 
 from course.derivations import claim
-from course.derivations.perception import seen
+from course.derivations.perception import image_of
 
 
 @claim(
@@ -98,7 +98,7 @@ def picture_to_picture(result):
     from course.perception import Cloud, apart, back_project, icp, render, sense
 
     pictures = int(result.given("pictures", 32))
-    first = seen(BOX, 0.0, 0.5, result.rng)[1]
+    first = image_of(BOX, 0.0, 0.5, result.rng)[1]
     pairs, model, before, deviation = first, first, None, []
     for k in range(pictures + 1):
         true = turned_by(first, 0.001 * k, 0, 0, 0, 0, 0.008 * k)
@@ -168,7 +168,7 @@ def spread_of_symmetric_poses(result):
     alone = together([BOX, shape("sphere", 0.001)])  # of several shapes no symmetry is assumed
     turns, raw, report = [], [], []
     for yaw in result.rng.uniform(-3, 3, 10):
-        depth, pose = seen(BOX, 0.0, yaw, result.rng)
+        depth, pose = image_of(BOX, 0.0, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
         turns.append(apart(BOX, pose, one.pose)[1])
         raw.append(apart(alone, pose, one.pose)[1])
@@ -234,7 +234,7 @@ def network_knows_its_part(result):
     from course.perception import yaw_net
 
     net = yaw_net.train(EYE, SENSOR, TABLE, pictures=200, steps=150)
-    path = learned.ways(net, result.rng)["network"]
+    path = learned.methods(net, result.rng)["network"]
 
     def through(part):
         looks = [yaw_net.picture(EYE, SENSOR, TABLE, result.rng, part)[0] for _ in range(20)]

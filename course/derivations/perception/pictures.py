@@ -3,7 +3,7 @@
 import numpy as np
 
 from course.derivations import Symbol, claim
-from course.derivations.perception import seen, walls
+from course.derivations.perception import image_of, walls
 
 SYMBOLS = {
     "z": Symbol("distance [m]"),
@@ -121,7 +121,7 @@ def half_a_pixel(result):
 
     z, f, c, u = sympy.symbols("z f c u", positive=True)
     result.formula = sympy.expand(z * (u - c) / f - z * (u - c - sympy.Rational(1, 2)) / f)
-    depth, _ = seen(BOX, 0.0, 0.5, result.rng)
+    depth, _ = image_of(BOX, 0.0, 0.5, result.rng)
     right, deviation = (
         locate(depth, eye, SENSOR, BOX)[0] for eye in (EYE, replace(EYE, cx=EYE.cx + 0.5))
     )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from course.derivations import claim
-from course.derivations.perception import seen
+from course.derivations.perception import image_of
 
 
 @claim(
@@ -73,7 +73,7 @@ def a_residual_tells(result):
     from course.perception import apart, locate
 
     def first(x, yaw, scale=1.0):
-        depth, pose = seen(BOX, x, yaw, result.rng)
+        depth, pose = image_of(BOX, x, yaw, result.rng)
         one = locate(scale * depth, EYE, SENSOR, BOX)[0]
         return 1000 * apart(BOX, pose, one.pose)[0], one
 
@@ -111,7 +111,7 @@ def looked_through_is_wrong(result):
     def through(part, turn, scale=1.0):
         shares = []
         for yaw in result.rng.uniform(-3, 3, 20):
-            depth, pose = seen(part, 0.0, yaw, result.rng)
+            depth, pose = image_of(part, 0.0, yaw, result.rng)
             posed = turned_by(pose, 0, 0, 0, 0, 0, turn)
             shares.append(see_through(scale * depth, EYE, SENSOR, part.moved(posed)))
         return max(shares), min(shares)
@@ -121,7 +121,7 @@ def looked_through_is_wrong(result):
     scaled = result.figure("scaled", through(BOX, 0.0, 1.0 + result.given("off", 0.01))[1], 0.2)
     wrong = result.figure("wrong", through(BOX, 0.5 * np.pi)[1], 0.1)
     same = result.figure("square", through(square, 0.5 * np.pi)[0], 0.4)
-    depths = [seen(square, 0.0, yaw, result.rng)[0] for yaw in (-2, 0.3, 1)]
+    depths = [image_of(square, 0.0, yaw, result.rng)[0] for yaw in (-2, 0.3, 1)]
     text = [locate(depth, EYE, SENSOR, square)[0].status for depth in depths]
     result.statement = "Twenty pictures each of a box on a table, and of a nearly square one."
     result.heard(10 * right < wrong)

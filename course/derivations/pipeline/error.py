@@ -25,10 +25,10 @@ SYMBOLS = {
 
 def ends(mended=(), seeds=(0,), scenario=None, **changed):
     """Errors of the tip at the end (2, N) [m], with some stages mended."""
-    from course.pipeline import Scenario, Settings, errors, many, repair
+    from course.pipeline import Scenario, Settings, errors, run_many, repair
 
     settings = repair(replace(Settings(), **changed), *mended)
-    return errors(many(scenario or Scenario(), settings, seeds))
+    return errors(run_many(scenario or Scenario(), settings, seeds))
 
 
 def rms(away):

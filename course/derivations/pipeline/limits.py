@@ -148,16 +148,16 @@ def damping_and_step(result):
     "{calm:.3f} to {wild:.3f} of the most there was.",
 )
 def largest_step(result):
-    from course.pipeline import Scenario, Settings, many, successes, theory
+    from course.pipeline import Scenario, Settings, run_many, successes, theory
     from course.pipeline.blame import gained
 
     scene, step = Scenario(), result.given("step", 15.0)
     settings = replace(Settings(), noise=5e-3)
-    goal = many(scene, settings, [0])[0].log[-1, :2]
+    goal = run_many(scene, settings, [0])[0].log[-1, :2]
     reach = result.figure("reach", 1e3 * theory.step_limit(scene.arm, goal, 25.0, 8.0), 0.02)
     result.figure("stretched", 1e3 * theory.step_limit(scene.arm, (0.3, 0.0), 25.0, 8.0))
     runs = [
-        many(scene, replace(settings, physics=1e-3 * h, control=1e-3 * h), range(8))
+        run_many(scene, replace(settings, physics=1e-3 * h, control=1e-3 * h), range(8))
         for h in (2.0, step)
     ]
     calm, wild = (float(np.mean([gained(one, 25.0, 8.0) for one in some])) for some in runs)
@@ -424,13 +424,13 @@ def clearance_and_noise(result):
     "cost nothing {free:.0%}.",
 )
 def planner_step(result):
-    from course.pipeline import Scenario, Settings, many, successes
+    from course.pipeline import Scenario, Settings, run_many, successes
 
     cost = result.given("cost_us", 20.0)
     near = replace(Settings(), noise=1e-4)
 
     def runs(step, cost, n=12):
-        records = many(Scenario(), replace(near, step=step, check_cost=1e-6 * cost), range(n))
+        records = run_many(Scenario(), replace(near, step=step, check_cost=1e-6 * cost), range(n))
         wait = np.median([r.plans[0].arrived - r.asked[0] for r in records])
         length = np.median([r.plans[0].value.motion.duration for r in records])
         corners = np.median([r.plans[0].value.waypoints.shape[1] for r in records])
@@ -518,7 +518,7 @@ def overrun_ages(result):
 def raw_estimate_replans(result):
     import sympy
 
-    from course.pipeline import Scenario, Settings, many
+    from course.pipeline import Scenario, Settings, run_many
 
     r, s, x = sympy.symbols("r s x", positive=True)
     density = x / (2 * s**2) * sympy.exp(-(x**2) / (4 * s**2))
@@ -528,7 +528,7 @@ def raw_estimate_replans(result):
 
     def plans(noise, filtered, seeds=range(4)):
         report = replace(settings, noise=float(noise), filtered=filtered)
-        return np.mean([len(record.plans) for record in many(scene, report, seeds)])
+        return np.mean([len(record.plans) for record in run_many(scene, report, seeds)])
 
     raw = result.figure("raw", plans(sigma, False), 0.3)
     calm = result.figure("calm", plans(sigma, True, range(8)), 0.3)

@@ -18,7 +18,7 @@ def _panels() -> list[Any]:
     return stored(CHART)
 
 
-def said(words: str) -> list[float]:
+def numbers_in(words: str) -> list[float]:
     """The numbers in a line of the chart's table."""
     from course.charts import read
 
@@ -57,7 +57,7 @@ def learned_sampler_speeds_up(result):
         ("turned", "turned: learned"),
         ("turned_uniform", "turned: uniform"),
     ):
-        costs[name] = result.figure(name, *said(rf"{label} +median +(\d+) checks"))
+        costs[name] = result.figure(name, *numbers_in(rf"{label} +median +(\d+) checks"))
     worlds = [learned.slits(result.rng) for _ in range(40)]
     picture = result.figure("picture", learned.picture(worlds[0])[0].size)
     # What needs no training is asked again, in other worlds.
@@ -102,7 +102,7 @@ def diffusion_is_collision_free(result):
 
     # Shares of first proposals that collide, as they come and pushed.
     (raw, raw_pushed), (bare, bare_pushed) = (
-        np.array(said(rf"{name}, pushed out +(\d+)% collide, +(\d+)% once pushed")) / 100.0
+        np.array(numbers_in(rf"{name}, pushed out +(\d+)% collide, +(\d+)% once pushed")) / 100.0
         for name in ("noise", "bent lines")
     )
     shares = {"raw": raw, "bare": bare, "raw_pushed": raw_pushed, "bare_pushed": bare_pushed}
@@ -110,7 +110,7 @@ def diffusion_is_collision_free(result):
         result.figure(name, share)
     curves = _panels()[3]
     solved = result.figure("solved", max(curves["noise, checked"].y), 0.1)
-    paths = [said(rf"{name}.* median ([\d.]+) ms")[0] for name in ("noise, checked", "RRT-Connect")]
+    paths = [numbers_in(rf"{name}.* median ([\d.]+) ms")[0] for name in ("noise, checked", "RRT-Connect")]
     times = result.figure("times", paths[0] / paths[1])
     world = scenes.discs(count=chart.DISCS).world
     requested = learned.questions(learned.grown(world), 40, result.rng)

@@ -113,7 +113,7 @@ def drop(
 
 
 @functools.cache
-def worked(method: str) -> Bounces:
+def worked_example(method: str) -> Bounces:
     """The ball of the worked example, ten bounces."""
     return drop(method)
 
@@ -168,7 +168,7 @@ def _change(method: str) -> tuple[Any, Any]:
 )
 def free_fall_energy_error(result):
     result.formula = _change("explicit_euler")[0]
-    run = worked("explicit_euler")
+    run = worked_example("explicit_euler")
     start, first = run.energy[0, 0], run.energy[1, 0]
     result.figure("energy_at_start_j", start)
     result.figure("energy_after_step_1_j", first)
@@ -206,7 +206,7 @@ def semi_implicit_free_fall(result):
     heights, speeds = result.rng.uniform((90, -9), (150, 9), (50, 2)).T
     run = drop("semi_implicit_euler", 300, height=heights, speed=speeds)
     retained = run.energy - GRAVITY * STEP * run.v / 2
-    lost = worked("semi_implicit_euler").energy[100, 0] - START
+    lost = worked_example("semi_implicit_euler").energy[100, 0] - START
     result.figure("after_100_steps_j", lost)
     result.statement = (
         f"100 steps of 10 ms from rest lose {-lost:.4f} J. Over 50 throws up and down of 3 s the "
@@ -226,9 +226,9 @@ def semi_implicit_free_fall(result):
     "far as explicit Euler's rises.",
 )
 def worked_step_1_semi_implicit(result):
-    run = worked("semi_implicit_euler")
+    run = worked_example("semi_implicit_euler")
     y, v, e = (float(x[1, 0]) for x in (run.q, run.v, run.energy))
-    gained = worked("explicit_euler").energy[1, 0] - START
+    gained = worked_example("explicit_euler").energy[1, 0] - START
     result.figure("y_m", y)
     result.figure("v_m_per_s", v)
     result.figure("energy_j", e)
@@ -245,7 +245,7 @@ def worked_step_1_semi_implicit(result):
     "speed is that of step {step_of_that_speed:g}.",
 )
 def worked_step_100(result):
-    run = worked("explicit_euler")
+    run = worked_example("explicit_euler")
     y, v, e = (float(x[100, 0]) for x in (run.q, run.v, run.energy))
     result.figure("y_m", y)
     result.figure("v_m_per_s", v)
@@ -270,7 +270,7 @@ def worked_step_100(result):
     "added energy too, and the gain is {gain_percent:.1f} %.",
 )
 def worked_step_500(result):
-    run, step = worked("explicit_euler"), result.given("step", 500)
+    run, step = worked_example("explicit_euler"), result.given("step", 500)
     steps = np.flatnonzero(run.bounced)
     first = result.figure("first_bounce_step", steps[0])
     before = result.figure("bounces_by_step_500", (steps <= step).sum())
@@ -291,7 +291,7 @@ def worked_step_500(result):
     "{near_lowest_j:.1f} to {near_highest_j:.1f} J. Flight and bounce rule each give a part.",
 )
 def worked_ten_bounces_explicit(result):
-    run, others = worked("explicit_euler"), near("explicit_euler")
+    run, others = worked_example("explicit_euler"), near("explicit_euler")
     end, gain = run.energy[-1, 0], run.percent()
     result.figure("energy_j", end)
     result.figure("gain_percent", gain)
@@ -316,7 +316,7 @@ def worked_ten_bounces_explicit(result):
     "deep, gives back what the flight took.",
 )
 def worked_ten_bounces_semi_implicit(result):
-    run, others = worked("semi_implicit_euler"), near("semi_implicit_euler")
+    run, others = worked_example("semi_implicit_euler"), near("semi_implicit_euler")
     end = run.energy[-1, 0]
     result.figure("energy_j", end)
     result.figure("change_percent", run.percent())
@@ -371,7 +371,7 @@ def _resolved(method: str, start: Any, handled: bool = True) -> float:
 def worked_ten_bounces_rk4(result):
     from course.rigid_body import INTEGRATORS
 
-    run, others = worked("exact_flight"), near("exact_flight")
+    run, others = worked_example("exact_flight"), near("exact_flight")
     gain = result.figure("gain_percent", run.percent())
     result.figure("energy_j", run.energy[-1, 0])
     result.figure("by_rule_j", float(run.by_rule[0]))
@@ -500,7 +500,7 @@ def bounce_gives_the_loss_back(result):
     "example {added_in_ten_bounces_j:.1f} J of at most {bound_j:.1f} J in ten bounces.",
 )
 def elastic_bounce_rule(result):
-    run = worked("exact_flight")
+    run = worked_example("exact_flight")
     bound = result.figure("bound_j", (GRAVITY * np.abs(run.v) * STEP)[run.bounced].sum())
     added = result.figure("added_in_ten_bounces_j", float(run.by_rule[0]))
     result.statement = "Exact flight, so that all the energy comes from the rule."

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from course import role
-from course.check import one_of, refused
+from course.check import one_of, invalid
 from course.interview import typed_numbers
 from course.interview.fields import Figure, filled
 
@@ -147,7 +147,7 @@ class Design:
             return 1e3 * float(getattr(role.age(stages), _AGES[name]))
         what, _, unit = name.rpartition(".")
         if what not in arrows or unit not in ("hz", "ms"):
-            raise refused("drawing", name, f"{', '.join(_AGES)}, or .hz or .ms of an arrow")
+            raise invalid("drawing", name, f"{', '.join(_AGES)}, or .hz or .ms of an arrow")
         return float(getattr(arrows[what], unit))
 
     def markdown(self, figure: Figure) -> str:
@@ -179,11 +179,11 @@ def read(name: str) -> Design:
     path = FOLDER / f"{one_of('name', name, NAMES)}.md"
     pieces = path.read_text(encoding="utf-8").split("+++\n")
     if len(pieces) != 3 or pieces[0].strip():
-        raise refused(f"lines +++ of {path.name}", len(pieces) - 1, "2, and the head between them")
+        raise invalid(f"lines +++ of {path.name}", len(pieces) - 1, "2, and the head between them")
     head: dict[str, Any] = tomllib.loads(pieces[1])
     keys = Design.__dataclass_fields__.keys() - {"name", "answer"}
     if head.keys() != keys:
-        raise refused(f"the head of {path.name}", sorted(head), ", ".join(sorted(keys)))
+        raise invalid(f"the head of {path.name}", sorted(head), ", ".join(sorted(keys)))
     head["arrows"] = [Arrow(**arrow) for arrow in head["arrows"]]
     head["rubric"] = [Item(**item) for item in head["rubric"]]
     return Design(name=name, answer=pieces[2].strip(), **head)
@@ -225,7 +225,7 @@ def weakest(design: Design, answered: Mapping[str, str]) -> Item:
 def _points(design: Design, answered: Mapping[str, str]) -> dict[str, int]:
     items = [item.name for item in design.rubric]
     if set(answered) != set(items):
-        raise refused("answered", sorted(answered), f"a level for each of {', '.join(items)}")
+        raise invalid("answered", sorted(answered), f"a level for each of {', '.join(items)}")
     return {name: LEVELS.index(one_of(name, answered[name], LEVELS)) for name in items}
 
 

@@ -129,7 +129,7 @@ def _named(what: str, name: str, members: tuple[Named, ...]) -> Named:
     return next(one for one in members if one.name == name)
 
 
-def there() -> tuple[str, ...]:
+def scenario_names() -> tuple[str, ...]:
     """The names of the scenarios that are written."""
     return tuple(name for name in NAMES if (HERE / f"{name}.py").exists())
 
@@ -137,7 +137,7 @@ def there() -> tuple[str, ...]:
 @cache
 def scenario(name: str) -> Scenario:
     """The scenario of that name; ValueError for another."""
-    check.one_of("name", name, there())
+    check.one_of("name", name, scenario_names())
     result: Scenario = import_module(f"{__name__}.{name}").SCENARIO
     return result
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import POSITIVE, finite, one_of, positive, refused, vector
+from course.check import POSITIVE, finite, one_of, positive, invalid, vector
 from course.oracles.mujoco.kit import GRAVITY, BatchRunner, Runner, inertial, library, scene_xml
 from course.rigid_body import quaternion
 
@@ -243,7 +243,7 @@ def _contact_reference(
     one_of("contact", contact, ("impulse", "spring"))
     if contact == "impulse":
         if integrator in ("RK4", "discrete"):
-            raise refused(
+            raise invalid(
                 "contact",
                 contact,
                 f"'spring' with the integrator {integrator!r}: 'impulse' needs one explicit stage "
@@ -266,7 +266,7 @@ def _contact_reference(
     if integrator == "discrete":
         zeta -= 0.5 * omega * dt  # the implicit spring damps by itself
     if zeta < 0.0 or (integrator != "discrete" and 2.0 * zeta * omega * dt > 1.0):
-        raise refused(
+        raise invalid(
             "contact_steps",
             contact_steps,
             f"a larger number for restitution {restitution} with the integrator {integrator!r}",

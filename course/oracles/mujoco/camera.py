@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import refused
+from course.check import invalid
 from course.libraries import install_line
 from course.oracles.mujoco import kit
 from course.perception.camera import KINDS, Camera, Shapes
@@ -90,7 +90,7 @@ def opengl(shapes: Shapes, camera: Camera) -> Array:
     """
     middle = (0.5 * (camera.width - 1), 0.5 * (camera.height - 1))
     if camera.fx != camera.fy or (camera.cx, camera.cy) != middle:
-        raise refused("camera", camera, "one that Camera.symmetric makes")
+        raise invalid("camera", camera, "one that Camera.symmetric makes")
     mujoco = kit.library()
     try:
         from mujoco.egl import GLContext

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, one_of, refused, vector
+from course.check import finite, one_of, invalid, vector
 from course.kinematics.chain import HERE, Chain, compose, invert, turn_to
 from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, library
 from course.rigid_body.quaternion import to_matrix
@@ -69,35 +69,35 @@ def _check(model: Any) -> None:
     """Raise for what a chain lacks, by its name."""
     mujoco = library()
     if model.ntendon:
-        raise refused("model", _named(model, "tendon", 0), "an arm without tendons")
+        raise invalid("model", _named(model, "tendon", 0), "an arm without tendons")
     if model.neq:
         result = mujoco.mjtEq(int(model.eq_type[0])).name.removeprefix("mjEQ_").lower()
-        raise refused(
+        raise invalid(
             "model",
             f"equality {model.equality(0).name or 0!r} ({result})",
             "an arm without closed loops",
         )
     if model.nflex:
-        raise refused("model", _named(model, "flex", 0), "an arm of rigid bodies")
+        raise invalid("model", _named(model, "flex", 0), "an arm of rigid bodies")
     for i in np.flatnonzero(~np.isfinite(model.body_mass)).tolist():
-        raise refused(f"mass of {_named(model, 'body', i)}", model.body_mass[i], "finite [kg]")
+        raise invalid(f"mass of {_named(model, 'body', i)}", model.body_mass[i], "finite [kg]")
     hinge, slide = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
     for i in range(model.njnt):
         name, kind, dof = _named(model, "joint", i), int(model.jnt_type[i]), model.jnt_dofadr[i]
         if kind not in (hinge, slide):
             result = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
-            raise refused("model", f"{name}, a {result} joint", "joints that turn or slide")
+            raise invalid("model", f"{name}, a {result} joint", "joints that turn or slide")
         if model.jnt_range[i, 0] > model.jnt_range[i, 1]:  # MuJoCo takes it for no limit
-            raise refused(f"range of {name}", model.jnt_range[i], "limits that do not cross")
+            raise invalid(f"range of {name}", model.jnt_range[i], "limits that do not cross")
         if model.body_jntnum[model.jnt_bodyid[i]] > 1:
-            raise refused("model", f"{name} beside another of its body", "one joint a body")
+            raise invalid("model", f"{name} beside another of its body", "one joint a body")
         if model.jnt_stiffness[i] or model.dof_frictionloss[dof] or model.qpos0[dof]:
-            raise refused("model", f"{name} with a spring, dry friction or ref", "none of these")
+            raise invalid("model", f"{name} with a spring, dry friction or ref", "none of these")
         if np.any(model.dof_dampingpoly[dof]):
-            raise refused("model", f"{name} with damping that is not linear", "linear damping")
+            raise invalid("model", f"{name} with damping that is not linear", "linear damping")
     for i in range(model.nbody):
         if model.body_gravcomp[i]:
-            raise refused("model", f"{_named(model, 'body', i)} with gravcomp", "none")
+            raise invalid("model", f"{_named(model, 'body', i)} with gravcomp", "none")
 
 
 def chain(model: Any, tip: str | None = None) -> Chain:
@@ -118,7 +118,7 @@ def chain(model: Any, tip: str | None = None) -> Chain:
     _check(model)
     n = int(model.njnt)
     if not n:
-        raise refused("model", "without a joint", "one joint or more")
+        raise invalid("model", "without a joint", "one joint or more")
     # Of each body: the joint that carries it, and its frame in the frame of that joint.
     carrier, within = [-1], [np.array(HERE)]
     parent, placement = [], np.empty((7, n))
@@ -147,7 +147,7 @@ def chain(model: Any, tip: str | None = None) -> Chain:
     carried, tool = _tool(model, tip, carrier, within, last)
     if carried < 0 or carried in parent:
         result = "the world" if carried < 0 else _named(model, "joint", carried)
-        raise refused("tip", f"on the link of {result}", "on a link that carries no other")
+        raise invalid("tip", f"on the link of {result}", "on a link that carries no other")
     order = [i for i in range(n) if i != carried] + [carried]
     limited, dofs = model.jnt_limited.astype(bool), model.jnt_dofadr
     centre = first / np.maximum(mass, 1e-300)
@@ -190,10 +190,10 @@ def read(text: str, tip: str | None = None) -> Chain:
     finally:
         mujoco.set_mju_user_warning(usual)
     if message:
-        raise refused("text", message[0], "one that MuJoCo reads without a warning")
+        raise invalid("text", message[0], "one that MuJoCo reads without a warning")
     if "<robot" in text and not all(joint.name for joint in spec.joints):
         # MuJoCo takes the second of two names away.
-        raise refused("text", [joint.name for joint in spec.joints], "a name for each joint")
+        raise invalid("text", [joint.name for joint in spec.joints], "a name for each joint")
     for body in spec.bodies:
         if body.explicitinertial:
             finite(f"mass of body {body.name!r}", float(body.mass), 0.0, unit="kg")
@@ -212,7 +212,7 @@ def _tool(
         return carrier[last], within[last]
     name = "tip" if tip is None else tip
     if name not in names:
-        raise refused("tip", name, f"a site of the model: {', '.join(names) or 'it has none'}")
+        raise invalid("tip", name, f"a site of the model: {', '.join(names) or 'it has none'}")
     site = model.site(name)
     body = int(site.bodyid[0])
     return carrier[body], compose(within[body], np.concatenate([site.pos, site.quat]))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, refused
+from course.check import one_of, invalid
 from course.contact.problem import Problem
 from course.contact.soft import Softness
 from course.oracles.mujoco.kit import GRAVITY, Runner, library
@@ -238,7 +238,7 @@ def contact_state(runner: Runner) -> ContactState | None:
     contacts = [c for c in data.contact if c.efc_address >= 0]
     dims = {int(c.dim) for c in contacts}
     if len(dims) != 1 or np.any(data.efc_type[: data.nefc] < 5):
-        raise refused("runner", sorted(dims), "a model with contacts of one condim and no more")
+        raise invalid("runner", sorted(dims), "a model with contacts of one condim and no more")
     (d,) = dims
     J = np.zeros((data.nefc, model.nv))
     if mujoco.mj_isSparse(model):

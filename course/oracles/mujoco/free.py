@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import POSITIVE, positive, refused, vector
+from course.check import POSITIVE, positive, invalid, vector
 from course.oracles.mujoco.kit import (
     GRAVITY,
     BatchRunner,
@@ -80,7 +80,7 @@ def heavy_top(
     i1, i3 = vector("inertia", inertia, (2,), low=POSITIVE, unit="kg m^2").tolist()
     positive("weight", weight, unit="N m")
     if i1 <= 0.5 * i3:
-        raise refused("inertia", (i1, i3), "I1 above I3 / 2")
+        raise invalid("inertia", (i1, i3), "I1 above I3 / 2")
     shift = 0.5 * (i1 - 0.5 * i3)  # m l^2, half of the most that parallel axes allow
     mass = (weight / GRAVITY) ** 2 / shift
     distance = shift * GRAVITY / weight

@@ -28,7 +28,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, one_of, positive, refused, vector
+from course.check import POSITIVE, count, finite, one_of, positive, invalid, vector
 from course.libraries import import_error
 
 _log = logging.getLogger(__name__)
@@ -144,7 +144,7 @@ class BatchRunner:
         self.v0 = np.array(v0, dtype=float)
         n = self.q0.shape[-1]
         if self.q0.shape != (one.model.nq, n) or self.v0.shape != (one.model.nv, n) or n < 1:
-            raise refused(
+            raise invalid(
                 "(q0.shape, v0.shape)",
                 (self.q0.shape, self.v0.shape),
                 f"(({one.model.nq}, N), ({one.model.nv}, N))",
@@ -232,5 +232,5 @@ def principal_moments(name: str, value: ArrayLike) -> NDArray[np.float64]:
     moments = vector(name, value, (3,), low=POSITIVE, unit="kg m^2")
     largest = float(np.max(moments))
     if 2.0 * largest > float(np.sum(moments)) * (1.0 + 1e-9):
-        raise refused(name, moments, "three moments of which none is above the sum of the others")
+        raise invalid(name, moments, "three moments of which none is above the sum of the others")
     return moments

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import refused
+from course.check import invalid
 from course.oracles.mujoco.kit import library
 
 # What mj_setConst computes from masses and inertias; no other array of a model depends on them,
@@ -177,7 +177,7 @@ def sliding_friction(
     rise = data.qvel[z]
     mujoco.mj_step(model, data, nstep=steps)
     if data.qvel[x] <= 0.05 * speed:
-        raise refused("speed", speed, f"one that is enough to slide for {steps} steps")
+        raise invalid("speed", speed, f"one that is enough to slide for {steps} steps")
     time = steps * model.opt.timestep
     return float((speed - data.qvel[x]) / (-model.opt.gravity[2] * time + data.qvel[z] - rise))
 
@@ -202,7 +202,7 @@ def contact_friction(model: Any, geom: str, other: str = "floor") -> float:
     pair = {model.geom(geom).id, model.geom(other).id}
     result = {float(mu) for c in data.contact if set(c.geom) == pair for mu in c.friction[:2]}
     if len(result) != 1:
-        raise refused("(geom, other)", (geom, other), "two that touch with one coefficient")
+        raise invalid("(geom, other)", (geom, other), "two that touch with one coefficient")
     return result.pop()
 
 
@@ -228,7 +228,7 @@ def swing_period(model: Any, joint: str, angle: float, swings: int = 3) -> float
     passes: list[float] = []
     while len(passes) < 2 * swings + 1:
         if data.time > 100.0:
-            raise refused("angle", angle, "one from which the pendulum swings")
+            raise invalid("angle", angle, "one from which the pendulum swings")
         before = data.qpos[q], data.time
         mujoco.mj_step(model, data)
         if before[0] * data.qpos[q] < 0.0:

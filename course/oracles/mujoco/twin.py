@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import count, finite, one_of, positive, invalid, vector
 from course.control import Controller, Gains
 from course.oracles.mujoco.kit import MUJOCO_INTEGRATORS, library, scene_xml
 from course.sim_to_real import Log, Outcome, Tasks
@@ -60,7 +60,7 @@ class Hidden:
             if name != "encoder":
                 finite(name, getattr(self, name), 0.0)
         if self.backlash and not self.armature:
-            raise refused("armature", self.armature, "a positive number with a backlash [kg m^2]")
+            raise invalid("armature", self.armature, "a positive number with a backlash [kg m^2]")
 
 
 PLAIN = Hidden(

@@ -99,7 +99,7 @@ def step(controls, dt, model, body, force):
 
 
 @register_jitable
-def keep(controls, state):
+def remember(controls, state):
     """Remember gaps and forces now."""
     past = state["past"]
     time = 1e-3 * controls["timestep"] * state["steps"]
@@ -114,7 +114,7 @@ def initial(controls, state):
     """Both bodies at the start."""
     for k in range(2):
         state["bodies"][k] = controls["start"]
-    keep(controls, state)
+    remember(controls, state)
 
 
 def advance(state, controls, seconds):
@@ -127,7 +127,7 @@ def advance(state, controls, seconds):
                 state["gone"][k] = 1.0 if np.max(np.abs(state["bodies"][k])) > _GONE else 0.0
         state["steps"] += 1
         if state["steps"] % max(1, round(_SAMPLE / dt)) == 0:
-            keep(controls, state)
+            remember(controls, state)
 
 
 TITLE = "Two shapes touch: penalty and constraint at one step"

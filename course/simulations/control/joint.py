@@ -52,7 +52,7 @@ def judged(kp, ki, kd, dt, delay, target, q):
     parts = (*plant, whole, *sampled._pid(kp, ki, kd, dt, 0, 0.0))
     growth, remaining = sampled.growth_by_squares(sampled._closed(*parts)), (0.0, 0.0, 0.0, 0.0)
     if growth <= sampled.STABLE and max(kp, ki, kd) > 0.0:
-        at, lags, _, reals = sampled._found(*parts)
+        at, lags, _, reals = sampled._gain_crossover(*parts)
         remaining = sampled._margins(at, lags, reals, dt)
     gain, _, phase, later = remaining
     report = np.array([observed[0], observed[1], observed[2], growth, gain, phase, later])

@@ -148,7 +148,7 @@ def frame(pen, state, controls):
     pose, J = posed(state["q"])
     past = state["past"][:, : state["samples"]]
     middle = _CENTRE.reshape(3, 1)
-    eye = space.look(pen, _SCENE, controls, 0.62)
+    eye = space.camera_view(pen, _SCENE, controls, 0.62)
     space.sheet(pen, eye, _SQUARE - middle, _FLOOR, draw.FAINT, 1.0, 0.9)
     joints = np.zeros((3, 9))
     joints[:, 1:] = pose[:, :3].T

@@ -52,7 +52,7 @@ def frame(pen, state, controls):
     turned, q = state["turned"], exp(state["turned"] * AXIS)
     target = math.radians(controls["goal"]) - 2.0 * math.pi * controls["way"]
     end, zero, corner = exp(target * AXIS), np.zeros(3), np.array([0.75, 0.45, 0.15])
-    eye = space.look(pen, _SCENE, controls, 1.35)
+    eye = space.camera_view(pen, _SCENE, controls, 1.35)
     space.trail(pen, eye, np.outer(AXIS, np.array([-1.3, 0.0])), draw.GREY, 1.5, 1.0, 6.0, 4.0)
     path = np.zeros((3, 60))
     for k in range(60):

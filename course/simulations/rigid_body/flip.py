@@ -77,7 +77,7 @@ def frame(pen, state, controls):
     """The body, its rates, its disturbance; numbers."""
     q, spin, zero = state["q"], controls["spin"], np.zeros(3)
     past, unit = turning.recent(state), 0.9 / spin  # ω ends below the tip of L
-    eye = space.look(pen, _SCENE, controls, 1.5)
+    eye = space.camera_view(pen, _SCENE, controls, 1.5)
     half, axis = 0.5 * SIDES[controls["axis"]], rotate(q, np.eye(3)[controls["axis"]])
     turning.body(pen, eye, q, SIDES)
     space.trail(pen, eye, unit * past[4:7], draw.RED, 1.2, 0.5)

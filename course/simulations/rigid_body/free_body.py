@@ -72,7 +72,7 @@ def frame(pen, state, controls):
     sides, past = SIDES[controls["body"]], turning.recent(state)
     momentum, spin = rotate(q, moments * omega), rotate(q, omega)
     length, unit = math.sqrt(np.sum(momentum * momentum)), 1.15 / controls["spin"]
-    eye = space.look(pen, _SCENE, controls, 1.35)
+    eye = space.camera_view(pen, _SCENE, controls, 1.35)
     plane = space.circle(0.8)
     plane[2] = unit * np.sum(spin * momentum) / length
     space.sheet(pen, eye, plane, draw.GREY, draw.GREY, 1.0, 0.16)

@@ -80,7 +80,7 @@ def frame(pen, state, controls):
         q = from_euler_zyx(yaw, pitch if k > 0 else 0.0, roll if k > 1 else 0.0)
         corners[:, k * _N : (k + 1) * _N] = rotate(q, _CORNERS[:, k * _N : (k + 1) * _N])
     sigma = math.sqrt(np.sum(np.sum(axes[:3] * axes[3], axis=1) ** 2))  # of unit rates together
-    eye, shown = space.look(pen, _SCENE, controls, 1.55), 4 if sigma < 0.5 else 3
+    eye, shown = space.camera_view(pen, _SCENE, controls, 1.55), 4 if sigma < 0.5 else 3
     for k in range(shown):
         space.trail(pen, eye, np.outer(axes[k], np.array([-1.45, -0.8])), _INKS[k], 2.5)
     space.faces(pen, eye, corners, _INDEX, _FILLS)

@@ -67,7 +67,7 @@ def frame(pen, state, controls):
     i3, up = RATIOS[controls["moments"]] * I1, np.array([0.0, 0.0, 1.0])
     inertia, axis, time, path = np.array([I1, I1, i3]), rotate(q, up), past[0], past[7:10]
     momentum, torque = rotate(q, inertia * omega), WEIGHT * cross(axis, -up)
-    eye = space.look(pen, _SCENE, controls, 1.5)
+    eye = space.camera_view(pen, _SCENE, controls, 1.5)
     space.faces(pen, eye, _FOOT, _FEET, _GREY)
     space.trail(pen, eye, 1.02 * path, draw.BLUE, 1.6, 0.35, 0.0, 0.0, -1.0)
     space.faces(pen, eye, rotate(q, _CORNERS), _INDEX, _FILLS)

@@ -34,7 +34,7 @@ STATE = Record(
 
 
 @register_jitable
-def found(before, now, controls):
+def detects(before, now, controls):
     """Whether a step finds the wall, whose front is at 0; of numbers or arrays."""
     first = before if controls["sweep"] != 0 else now
     return (now >= -RADIUS) & (first <= 1e-3 * controls["wall"] + RADIUS)
@@ -56,7 +56,7 @@ def initial(controls, state):
     distance = 1e-3 * controls["timestep"] * controls["speed"]
     # The last look before the wall; if the next is beyond it, so are all others.
     x = -RADIUS - distance * (np.arange(1000) + 0.5) / 1000.0
-    state["share"] = 1.0 - np.mean(found(x, x + distance, controls))
+    state["share"] = 1.0 - np.mean(detects(x, x + distance, controls))
     shoot(controls, state, distance)
 
 
@@ -72,7 +72,7 @@ def advance(state, controls, seconds):
                 shoot(controls, state, distance)
             continue
         x[n], state["samples"] = x[n - 1] + distance, n + 1
-        state["hit"] = int(found(x[n - 1], x[n], controls))
+        state["hit"] = int(detects(x[n - 1], x[n], controls))
         state["missed"] += int(state["hit"] == 0 and x[n] > _TO)
         if state["hit"] != 0 and controls["sweep"] != 0:
             x[n] = -RADIUS

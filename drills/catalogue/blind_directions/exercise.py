@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 
 Array = NDArray[np.float64]
 LEAST = 0.02
@@ -95,9 +95,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
     ]
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Digits that are gone, or always one blind motion: which of several it is, chance decides."""
-    one = all(off(a.parts[0], 1.0) == 0.0 for a in answers)
+    one = all(largest_error(a.parts[0], 1.0) == 0.0 for a in answers)
     return coarse(answers) or ("smallest_taken_for_null" if one else "")
 
 
@@ -164,7 +164,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, "eigenvectors across a wide gap: rounding", explain=told),
+    judge=judge_of(cases, 1e-9, "eigenvectors across a wide gap: rounding", explain=explain),
     examples=(
         "blind_directions([[0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 0]], "
         "[[0, 0, 0, 0], [0, 0, 0, 0], [1, 1, 1, 1]], 1.0, 0.01)",

@@ -13,7 +13,7 @@ from drills import picture
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, Slip, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.reasons import Reason
 from drills.report import Shown
 
@@ -88,17 +88,17 @@ def _small(speed: float, restitution: float, flights: float) -> Case:
     return Case((0.0, speed, flights * 2.0 * speed / 9.81, restitution, 9.81), "small hops", "edge")
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """What a flight, an impact or a rest is off by, where the values show it."""
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(a.case.label == "gravity left out" for a in wrong):
         return "default_gravity"
-    if wrong and all(off(a.parts[0], 0.0) == off(a.parts[1], 0.0) == 0.0 for a in wrong):
+    if wrong and all(largest_error(a.parts[0], 0.0) == largest_error(a.parts[1], 0.0) == 0.0 for a in wrong):
         halved = [_rests(*a.case.args[:4], *a.case.args[4:] or (9.81,), 0.5) for a in answers]
-        still = [off(a.parts[0], 0.0) == off(a.parts[1], 0.0) == 0.0 for a in answers]
+        still = [largest_error(a.parts[0], 0.0) == largest_error(a.parts[1], 0.0) == 0.0 for a in answers]
         return "rest_time_halved" if halved == still else "rests_too_early"
     if wrong and all(
-        _rests(*a.case.args) and off(a.parts[0], -1) < off(a.parts[0], 1) for a in wrong
+        _rests(*a.case.args) and largest_error(a.parts[0], -1) < largest_error(a.parts[0], 1) for a in wrong
     ):
         return "impacts_counted"
     if any(_start_speed(a) for a in wrong):
@@ -106,12 +106,12 @@ def told(answers: Sequence[Answer]) -> str:
     for a in answers:
         y, v, dt, _, gravity = (*a.case.args, 9.81)[:5]
         risen = y + v * dt + 0.5 * gravity * dt * dt
-        if a.case.label == "falling" and off(a.parts[0], risen) <= 1e-9:
+        if a.case.label == "falling" and largest_error(a.parts[0], risen) <= 1e-9:
             return "gravity_upwards"
         _, _, dt, _, gravity = (*a.case.args, 9.81)[:5]
         if a.case.label == "falling" and not a.right[0]:
             drop = 0.5 * gravity * dt * dt
-            if min(off(a.parts[0], a.truth[0] + drop), off(a.parts[0], a.truth[0] - drop)) <= 1e-9:
+            if min(largest_error(a.parts[0], a.truth[0] + drop), largest_error(a.parts[0], a.truth[0] - drop)) <= 1e-9:
                 return "euler_flight"
     return coarse(answers)
 
@@ -123,7 +123,7 @@ def _start_speed(a: Answer) -> bool:
         return False
     remaining, up = dt - (v + math.sqrt(v * v + 2.0 * gravity * y)) / gravity, -e * v
     ends = (up * remaining - 0.5 * gravity * remaining * remaining, up - gravity * remaining), (0.0, up)
-    return any(max(map(off, a.parts, end)) <= 1e-9 for end in ends)
+    return any(max(map(largest_error, a.parts, end)) <= 1e-9 for end in ends)
 
 
 def energy(attempt: Attempt, answers: Sequence[Answer]) -> None:
@@ -395,7 +395,7 @@ EXERCISE = Exercise(
         1e-9,
         CLOSED_FORM,
         names=("height", "velocity"),
-        explain=told,
+        explain=explain,
         last=energy,
         then=("core", "a row of steps"),
     ),

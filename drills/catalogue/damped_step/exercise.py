@@ -92,7 +92,7 @@ def bounded(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> 
     )
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Digits that are lost only where the damping is tiny; what is coarse everywhere."""
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(a.case.label == TINY for a in wrong):
@@ -221,7 +221,7 @@ EXERCISE = Exercise(
         allowed,
         "singular values are known to rounding of the largest; the gain turns it by 1 / damping",
         first=bounded,
-        explain=told,
+        explain=explain,
     ),
     examples=(
         "damped_step(np.eye(2), np.array([1.0, -0.5]), 1.0)",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import Answer, Case, judge_of, off
+from drills.judge import Answer, Case, judge_of, largest_error
 
 Array = NDArray[np.float64]
 FASTEST = 0.05  # part of the sample rate
@@ -61,10 +61,10 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> float:
     return 0.1 * float(case.args[2])
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Right but for the part of a sample."""
     whole = [
-        off(a.parts[0], a.case.args[2] * np.rint(a.truth[0] / a.case.args[2])) for a in answers
+        largest_error(a.parts[0], a.case.args[2] * np.rint(a.truth[0] / a.case.args[2])) for a in answers
     ]
     near = all(w < 1e-6 * a.case.args[2] for w, a in zip(whole, answers, strict=True))
     return "whole_samples_only" if near else ""
@@ -124,7 +124,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a parabola on a smooth top, and noise of 2 %", explain=told),
+    judge=judge_of(cases, allowed, "a parabola on a smooth top, and noise of 2 %", explain=explain),
     examples=(
         "delay_from_log(np.sin(0.1 * np.arange(600)) + np.sin(0.23 * np.arange(600)), "
         "np.sin(0.1 * np.arange(-4.5, 595)) + np.sin(0.23 * np.arange(-4.5, 595)), 0.01, 0.2)",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drills.attempt import Attempt
 from drills.catalogue.rrt.worlds import paths
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Case, judge_of, off
+from drills.judge import WHOLE, Case, judge_of, largest_error
 
 Array = NDArray[np.float64]
 SHARES = np.linspace(0.0, 1.0, 401)
@@ -106,7 +106,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Whether the arm is free as far as it is said to be: looked at closely."""
-    text = 0.0 if off(parts[0], 0.0) > 1.0 else float(parts[0])
+    text = 0.0 if largest_error(parts[0], 0.0) > 1.0 else float(parts[0])
     if not text > 0.0 or not len(case.args[1]):
         return  # the comparison of the values says what is wrong with it
     shares = np.linspace(0.0, text, 301)

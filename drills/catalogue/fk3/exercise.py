@@ -13,7 +13,7 @@ from drills import picture
 from drills.attempt import Attempt, Place
 from drills.chart import Drawing
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -44,9 +44,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
     ]
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Three points for four, whatever else is wrong with them; else digits that are missing."""
-    firsts = [off(np.asarray(a.got[0]), np.zeros(2)) for a in answers if np.shape(a.got) == (3, 2)]
+    firsts = [largest_error(np.asarray(a.got[0]), np.zeros(2)) for a in answers if np.shape(a.got) == (3, 2)]
     if firsts and len(firsts) == len(answers):
         return "base_missing" if max(firsts) > 0.0 else "tip_missing"
     return coarse(answers)
@@ -188,7 +188,7 @@ EXERCISE = Exercise(
             1e-12 * (1.0 + case.args[0].sum()) * (1.0 + np.abs(case.args[1]).sum())
         ),
         "a closed form: only rounding is left, which grows with the arm's length and the angles",
-        explain=told,
+        explain=explain,
     ),
     examples=(
         "fk3(np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.0]))",

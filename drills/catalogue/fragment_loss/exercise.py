@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drills import picture
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import Answer, Case, coarse, judge_of, off
+from drills.judge import Answer, Case, coarse, judge_of, largest_error
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -51,10 +51,10 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
     return [1e-9 * max(float(value), 1e-15) for value in truth]
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Coarse values; those wrong by what a difference of numbers near 1 leaves, and only these."""
     wrong = [a for a in answers if not all(a.right)]
-    if all(off(part, t) < 1e-12 for a in wrong for part, t in zip(a.parts, a.truth, strict=True)):
+    if all(largest_error(part, t) < 1e-12 for a in wrong for part, t in zip(a.parts, a.truth, strict=True)):
         return "digits_cancelled" if wrong else ""
     return coarse(answers)
 
@@ -155,7 +155,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a sum of a few terms: rounding", explain=told),
+    judge=judge_of(cases, allowed, "a sum of a few terms: rounding", explain=explain),
     examples=("fragment_loss(921600, 1472, 1e-3)", "fragment_loss(100, 1472, 0.5)"),
     picture=over_loss,
     slips=SLIPS

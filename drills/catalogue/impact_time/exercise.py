@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drills import picture
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def allowed(case: Case, truth: tuple[Any, ...]) -> float:
 def squares(answers: Sequence[Answer]) -> str:
     """Whether only digits are wrong, and only where the balls are far from each other."""
     wrong = [a for a in answers if not all(a.right)]
-    near = [a for a in wrong if off(a.parts[0], a.truth[0]) > 1e-6 * abs(float(a.truth[0]))]
+    near = [a for a in wrong if largest_error(a.parts[0], a.truth[0]) > 1e-6 * abs(float(a.truth[0]))]
     far = all(a.case.label == FAR for a in wrong)
     return "squares_subtracted" if wrong and far and not near else coarse(answers)
 

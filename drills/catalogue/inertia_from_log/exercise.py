@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drills import picture
 from drills.attempt import Attempt
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import Answer, Case, judge_of, off
+from drills.judge import Answer, Case, judge_of, largest_error
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -96,12 +96,12 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> float:
     return (1e-4 if case.label.endswith(NOISELESS) else 1e-3) * float(truth[0])
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Too small with noise, and near without it: the mark of differences."""
     clean = [a for a in answers if a.case.label.endswith(NOISELESS)]
     noisy = [a for a in answers if not a.case.label.endswith(NOISELESS)]
-    share = [off(a.parts[0], 0.0) / float(a.truth[0]) for a in noisy]
-    near = [off(a.parts[0], a.truth[0]) < 0.02 * float(a.truth[0]) for a in clean]
+    share = [largest_error(a.parts[0], 0.0) / float(a.truth[0]) for a in noisy]
+    near = [largest_error(a.parts[0], a.truth[0]) < 0.02 * float(a.truth[0]) for a in clean]
     small = bool(share) and max(share) < 0.998 and float(np.median(share)) < 0.6
     return "differentiated" if small and near and all(near) else ""
 
@@ -206,7 +206,7 @@ EXERCISE = Exercise(
         cases,
         allowed,
         "noise of 0.1 mrad leaves 0.01 % of the inertia in doubt when nothing is differentiated",
-        explain=told,
+        explain=explain,
         timed=one_log,
     ),
     examples=(

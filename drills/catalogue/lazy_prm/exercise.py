@@ -12,7 +12,7 @@ from drills.attempt import Attempt
 from drills.catalogue.rrt.worlds import paths
 from drills.exercise import Exercise, slips, value_slips
 from drills.geometry import edge_faults
-from drills.judge import Case, judge_of, off
+from drills.judge import Case, judge_of, largest_error
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Whether the route is one: edges of the roadmap that touch no disc."""
     points, edges, discs, *_ = case.args
-    if np.ndim(parts[0]) != 1 or not 0.0 <= off(parts[0], np.zeros(len(parts[0]))) < len(points):
+    if np.ndim(parts[0]) != 1 or not 0.0 <= largest_error(parts[0], np.zeros(len(parts[0]))) < len(points):
         return  # the comparison of the values says what is wrong with it
     route = [int(i) for i in parts[0]]
     known = {tuple(sorted(edge)) for edge in edges.tolist()}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drills import picture
 from drills.attempt import Attempt
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.report import Shown
 from drills.values import Mismatch, as_float64
 
@@ -94,11 +94,11 @@ def at_rest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> 
     )
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Gains that are wrong where the loop is slow, and elsewhere right or nearly so."""
     slow = [a for a in answers if a.case.label == SLOW]
     near = [
-        off(a.parts[0], a.truth[0]) <= 1e-3 * (1e-9 + float(np.abs(a.truth[0]).max()))
+        largest_error(a.parts[0], a.truth[0]) <= 1e-3 * (1e-9 + float(np.abs(a.truth[0]).max()))
         for a in answers
         if a.case.label != SLOW
     ]
@@ -207,7 +207,7 @@ EXERCISE = Exercise(
         allowed,
         "these Riccati equations are solved to 1e-10 in double precision",
         first=at_rest,
-        explain=told,
+        explain=explain,
     ),
     examples=(
         "lqr(np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1)))",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.values import describe_call
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
     ]
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """The mistake that every answer shows in one of its parts, whatever is in the other."""
     for place, wrong in enumerate((_wrong_orders, _wrong_limits)):
         if all(answer.right[place] for answer in answers):
@@ -55,7 +55,7 @@ def told(answers: Sequence[Answer]) -> str:
         names = list(wrong(*answers[0].case.args))
         for a in answers:
             values = wrong(*a.case.args)
-            names = [name for name in names if off(a.parts[place], values[name]) <= 1e-10]
+            names = [name for name in names if largest_error(a.parts[place], values[name]) <= 1e-10]
         if names:
             return names[0]
     return coarse(answers)
@@ -252,7 +252,7 @@ EXERCISE = Exercise(
         cases,
         1e-9,
         "two differences and a logarithm: rounding",
-        explain=told,
+        explain=explain,
         last=no_order,
         then=("edge", "runs that have no order"),
     ),

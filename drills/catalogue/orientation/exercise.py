@@ -13,7 +13,7 @@ from drills import picture
 from drills.attempt import Attempt
 from drills.chart import Plan, angle_between, chart_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, either_sign, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, either_sign, judge_of, largest_error
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def _angle(case: Case) -> float:
     return abs(case.args[2]) * float(np.linalg.norm(case.args[1]))
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """NaN where nothing turns; a turn that is lost where all larger ones are right."""
     for a in answers:
         if _angle(a.case) < 1e-100 and isinstance(a.got, np.ndarray) and a.got.dtype.kind == "f":
@@ -71,7 +71,7 @@ def told(answers: Sequence[Answer]) -> str:
                 return "zero_over_zero"
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(_angle(a.case) < 0.01 for a in wrong):
-        selected = [off(a.got, either_sign(a.got, a.case.args[0])) < 1e-14 for a in wrong]
+        selected = [largest_error(a.got, either_sign(a.got, a.case.args[0])) < 1e-14 for a in wrong]
         return "small_turns_dropped" if all(selected) else coarse(answers)
     return coarse(answers)
 
@@ -262,7 +262,7 @@ EXERCISE = Exercise(
         lambda case, truth: 1e-13 * (1.0 + _angle(case)),
         "the exponential is exact; what is left is rounding, which grows with the angle",
         nearest=either_sign,
-        explain=told,
+        explain=explain,
         last=many_steps,
     ),
     given=Path(__file__).with_name("given.py").read_text(encoding="utf-8"),

@@ -579,10 +579,10 @@ def _loops(attempt: Attempt) -> None:
         joint = Joint(plant.inertia, plant.damping, dt, plant.load)
         setpoints = np.full(round(LONG / speed / dt), plant.step)
         angles, _ = closed_loop(controller, joint, setpoints)
-        _kept(attempt, controller)
+        _limits_are_respected(attempt, controller)
         if not _settled(attempt, f"settled at {1.0 / dt:g} Hz", controller, plant, angles):
             joint.reset()
-            right, _ = closed_loop(_worked(controller.numbers), joint, setpoints)
+            right, _ = closed_loop(_reference_controller(controller.numbers), joint, setpoints)
             controller.show(f"a step at {1.0 / dt:g} Hz", "angle [rad]", angles, right)
 
 
@@ -593,7 +593,7 @@ def _jams(attempt: Attempt) -> None:
             _jam(attempt, side)
 
 
-def _kept(attempt: Attempt, controller: Controller) -> None:
+def _limits_are_respected(attempt: Attempt, controller: Controller) -> None:
     numbers, over = controller.numbers, controller.over
     controller.require(
         "limits kept in the loop",
@@ -638,12 +638,12 @@ def _jam(attempt: Attempt, side: float) -> None:
     held = round(JAM / dt)
     count = held + round(LONG / speed / dt)
     angles, _ = closed_loop(controller, joint, np.full(count, plant.step), np.arange(count) < held)
-    _kept(attempt, controller)
+    _limits_are_respected(attempt, controller)
 
     def right() -> Array:
         again = MotorJoint(plant.inertia, plant.damping, dt, plant.load, substeps=10)
         blocked = np.arange(count) < held
-        return closed_loop(_worked(controller.numbers), again, np.full(count, plant.step), blocked)[
+        return closed_loop(_reference_controller(controller.numbers), again, np.full(count, plant.step), blocked)[
             0
         ]
 
@@ -670,7 +670,7 @@ def _jam(attempt: Attempt, side: float) -> None:
         controller.show("a step during a jam", "angle [rad]", angles, right())
 
 
-def _worked(numbers: Numbers) -> Any:
+def _reference_controller(numbers: Numbers) -> Any:
     """The worked answer's controller."""
     from course.drills import PID
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drills import picture
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -82,12 +82,12 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
     return [1e-10, 1e-10 * max(1.0, *(float(np.abs(value).max()) for value in case.args[:2]))]
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Digits that are gone, or a mirror image, whatever made it."""
     mirrored = [
         np.linalg.det(np.asarray(a.parts[0], dtype=float)) < -0.5
         for a in answers
-        if off(a.parts[0], a.truth[0]) < np.inf
+        if largest_error(a.parts[0], a.truth[0]) < np.inf
     ]
     return coarse(answers) or ("mirror_image" if any(mirrored) else "")
 
@@ -162,7 +162,7 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "singular vectors of a 3 x 3 matrix: rounding", explain=told),
+    judge=judge_of(cases, allowed, "singular vectors of a 3 x 3 matrix: rounding", explain=explain),
     examples=(
         "rigid_fit(np.eye(3), np.eye(3)[:, [1, 2, 0]], np.ones(3))",
         "rigid_fit([[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[1, 2, 1], [2, 2, 3], [3, 3, 3]], [1] * 3)",

@@ -13,7 +13,7 @@ from drills import picture
 from drills.attempt import Attempt, Place
 from drills.catalogue.rrt.replay import PROPERTIES, Fault, Run, drawn_from, faults
 from drills.catalogue.rrt.slips import SLIPS
-from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, World, clutter, refused, worlds
+from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, World, clutter, invalid_queries, worlds
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise
 from drills.reasons import Reason
@@ -42,7 +42,7 @@ PARTS = ("path", "nodes", "parents", "samples")
 
 def judge(attempt: Attempt) -> None:
     """One run in each world, replayed; then the targets, and queries that must be refused."""
-    wrong = refused(attempt.rng)
+    wrong = invalid_queries(attempt.rng)
     drawn = sorted(worlds(attempt.rng), key=lambda world: LEVELS.index(world.level))
     attempt.plan(
         [(world.level, world.label) for world in drawn]

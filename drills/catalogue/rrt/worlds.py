@@ -128,7 +128,7 @@ def _fair(world: World) -> bool:
     return all(clearances(p, p, world.discs).min(initial=1.0) > 1e-7 / 2.0 for p in points)
 
 
-def refused(rng: np.random.Generator) -> list[World]:
+def invalid_queries(rng: np.random.Generator) -> list[World]:
     """Queries that must raise ValueError."""
     some = clutter(rng, 10, 0.3, 0.5)
     angle, depth = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.05, 0.35)

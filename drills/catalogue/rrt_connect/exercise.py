@@ -11,7 +11,7 @@ from drills.attempt import Attempt
 from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, clutter, fence, paths, ring
 from drills.exercise import Exercise, slips, value_slips
 from drills.geometry import path_faults
-from drills.judge import Case, judge_of, off
+from drills.judge import Case, judge_of, largest_error
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Whether what came back as a path is one: that says more than its values."""
     start, goal, discs, _, step = case.args
-    if np.ndim(parts[0]) != 2 or not len(parts[0]) or off(parts[0], np.shape(parts[0])) == np.inf:
+    if np.ndim(parts[0]) != 2 or not len(parts[0]) or largest_error(parts[0], np.shape(parts[0])) == np.inf:
         return  # the comparison of the values says what is wrong with it
     result = path_faults(parts[0], start, goal, discs, np.array([LOW, HIGH]), step)
     attempt.require(

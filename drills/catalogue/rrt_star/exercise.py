@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drills.attempt import Attempt
 from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, clutter, fence, paths
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import Case, judge_of, off
+from drills.judge import Case, judge_of, largest_error
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -52,10 +52,10 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
     """Whether each cost is the length of its path: what must be true of every tree."""
     count = int(np.size(parts[1]))
     nodes, parents, costs = parts
-    if off(nodes, np.zeros((count, 2))) + off(parents, np.zeros(count)) == np.inf:
+    if largest_error(nodes, np.zeros((count, 2))) + largest_error(parents, np.zeros(count)) == np.inf:
         return  # the comparison of the values says what is wrong with it
     up = np.asarray(parents).astype(int)
-    if off(costs, np.zeros(count)) == np.inf or (up >= count).any():
+    if largest_error(costs, np.zeros(count)) == np.inf or (up >= count).any():
         return
     lengths = np.zeros(count)
     here = np.arange(count)

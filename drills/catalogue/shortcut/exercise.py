@@ -13,7 +13,7 @@ from drills.attempt import Attempt
 from drills.catalogue.rrt.worlds import paths
 from drills.exercise import Exercise, slips, value_slips
 from drills.geometry import path_faults
-from drills.judge import WHOLE, Case, judge_of, off
+from drills.judge import WHOLE, Case, judge_of, largest_error
 
 Array = NDArray[np.float64]
 EVERYWHERE = np.array([[-99.0, -99.0], [99.0, 99.0]])
@@ -76,7 +76,7 @@ def _away(p: Array, q: Array, centre: Array) -> float:
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Whether a path came back that is free and no longer than it was."""
     path, discs, _ = case.args
-    if np.ndim(parts[0]) != 2 or off(parts[0], np.shape(parts[0])) == np.inf:
+    if np.ndim(parts[0]) != 2 or largest_error(parts[0], np.shape(parts[0])) == np.inf:
         return  # the comparison of the values says what is wrong with it
     result = path_faults(parts[0], path[0], path[-1], discs, EVERYWHERE, np.inf)
     message = f"What came back is no path from end to end: {result[0].sentence}." if result else ""

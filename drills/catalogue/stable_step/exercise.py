@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 
 Array = NDArray[np.float64]
 # Mistakes that multiply the limit of one mode.
@@ -64,12 +64,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
     ]
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """A factor that the simple cases show by themselves, whatever else is wrong in the others."""
     simple = [a for a in answers if a.case.level == "simple"]
     for name, factor in FACTORS.items():
         if simple and all(
-            off(a.parts[0], factor * a.truth[0]) <= 1e-9 * a.truth[0] for a in simple
+            largest_error(a.parts[0], factor * a.truth[0]) <= 1e-9 * a.truth[0] for a in simple
         ):
             return name
     return coarse(answers)
@@ -258,7 +258,7 @@ EXERCISE = Exercise(
         cases,
         lambda case, truth: 1e-9 * float(truth[0]),
         "1e-9 of the limit: eigenvalues of these matrices are known to 1e-12",
-        explain=told,
+        explain=explain,
         last=simulated,
         then=("core", "a simulation at the limit"),
     ),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drills import picture
 from drills.attempt import Attempt
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Case, coarse, judge_of, off
+from drills.judge import WHOLE, Case, coarse, judge_of, largest_error
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
 def held(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Whether a joint is too fast: said before the values."""
     speed = np.asarray(case.args[2], dtype=float)[:, None]
-    if off(parts[2], np.zeros((len(speed), len(case.args[4])))) == np.inf:
+    if largest_error(parts[2], np.zeros((len(speed), len(case.args[4])))) == np.inf:
         return  # the comparison of the values says what is wrong with it
     largest = float(np.max(np.abs(parts[2]) / speed, initial=0.0))
     attempt.require(

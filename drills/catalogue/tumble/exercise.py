@@ -13,7 +13,7 @@ from drills import picture
 from drills.attempt import Attempt
 from drills.chart import Plan, angle_between, chart_of
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, either_sign, judge_of, off
+from drills.judge import WHOLE, Answer, Case, either_sign, judge_of, largest_error
 from drills.values import Mismatch, as_float64
 
 Array = NDArray[np.float64]
@@ -131,7 +131,7 @@ def smaller_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
     first = next(a for a in answers if a.case is case)
     for other in (steps - 1, steps + 1):
         _, rates_off = attempt.expected(q, omega, inertia, dt, other)
-        if first.parts and off(first.parts[1], rates_off) < 1e-6:
+        if first.parts and largest_error(first.parts[1], rates_off) < 1e-6:
             attempt.shown = "one_step_off"
             return
     errors = []
@@ -142,7 +142,7 @@ def smaller_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
         except (Mismatch, TypeError, IndexError):
             return
         right = np.concatenate((either_sign(end, truth[:4]), truth[4:]))
-        errors.append(off(np.concatenate((end, rates)), right))
+        errors.append(largest_error(np.concatenate((end, rates)), right))
     if 1e-9 < errors[2] < errors[1] < errors[0] < 1.0:
         orders = [math.log2(errors[i] / errors[i + 1]) for i in range(2)]
         if min(orders) > 0.7 and abs(orders[1] - orders[0]) < 0.5:

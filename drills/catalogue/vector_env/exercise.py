@@ -173,7 +173,7 @@ def _seed_zero(attempt: Attempt) -> None:
         pair.step(pair.actions())
 
 
-def _kept(attempt: Attempt) -> None:
+def _results_are_copies(attempt: Attempt) -> None:
     """The rollout's results travel after its last step: an array that changed later shows."""
     pair = Pair(attempt, int(attempt.rng.integers(3, 6)), 4, 3)
     if not pair.reset(int(attempt.rng.integers(0, 10**6))):
@@ -396,7 +396,7 @@ EXERCISE = Exercise(
     judge=staged(
         Stage("simple", "a reset and a step", _first_step),
         Stage("core", "episodes that end", _by_step),
-        Stage("core", "arrays that the caller keeps", _kept),
+        Stage("core", "arrays that the caller keeps", _results_are_copies),
         Stage("core", "closing", _closing),
         Stage("edge", "one environment", functools.partial(_by_step, num_envs=1)),
         Stage("edge", "the seed 0", _seed_zero),

@@ -78,7 +78,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
     return [*drawn, step("orbit", "planet", (1.0,), 0.1, place, across)]
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Right values at twice the price."""
     requested = {a.case.args[3].asked for a in answers}
     right = all(all(a.right) for a in answers)
@@ -325,7 +325,7 @@ EXERCISE = Exercise(
         1e-11,
         "a step is a few sums: 1e-11 leaves room for another order of adding up, and no more",
         names=NAMES,
-        explain=told,
+        explain=explain,
         last=whole_runs,
         then=("core", "evaluations, order, reversal"),
         timed=one_step,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drills import picture
 from drills.attempt import Attempt
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, judge_of, off
+from drills.judge import WHOLE, Answer, Case, judge_of, largest_error
 from drills.report import Shown
 from drills.values import Mismatch, as_float64
 
@@ -82,10 +82,10 @@ def arrived(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> 
     )
 
 
-def told(answers: Sequence[Answer]) -> str:
+def explain(answers: Sequence[Answer]) -> str:
     """Angles that are right but for full turns, in an answer that is wrong there alone."""
     wrong = [a for a in answers if not all(a.right)]
-    wrapped = [off(a.parts[0], (a.truth[0] + math.pi) % (2.0 * math.pi) - math.pi) for a in wrong]
+    wrapped = [largest_error(a.parts[0], (a.truth[0] + math.pi) % (2.0 * math.pi) - math.pi) for a in wrong]
     return "wrapped_at_the_end" if wrong and max(wrapped) < 1e-6 else ""
 
 
@@ -189,7 +189,7 @@ EXERCISE = Exercise(
         1e-6,
         "sixty steps of three tenths leave 1e-9 of the way",
         first=arrived,
-        explain=told,
+        explain=explain,
         timed=five_steps,
     ),
     examples=(

@@ -29,7 +29,7 @@ def test_exercise_is_proved(name: str) -> None:
     assert len(findings) >= 12
 
 
-def told(report: Report) -> list[Any]:
+def feedback(report: Report) -> list[Any]:
     """What a learner is told, but for the clock and the last digits: libraries may round otherwise
     in a process whose environment is another."""
     checks = [(c.name, c.reason, c.slip, c.call, c.unit, c.why) for c in report.checks]
@@ -49,7 +49,7 @@ def test_grading_in_this_process_gives_what_the_sandbox_gives(name: str) -> None
             attempt(card, text, seed=77, place=place).report
             for place in (start_child, verify.in_this_process)
         )
-        assert told(sandboxed) == told(here), label
+        assert feedback(sandboxed) == feedback(here), label
 
 
 def test_a_tight_limit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,14 +8,14 @@ import pytest
 from course.kinematics.chain import invert
 from course.oracles import open3d, small_gicp
 from course.perception import Cloud, Sensor, apart, icp, locate, render, sense, shape
-from tests.perception.looks import BOX, CAMERA, SENSOR, measured, nudged, on_surface, on_table, seen
+from tests.perception.looks import BOX, CAMERA, SENSOR, measured, nudged, on_surface, on_table, visible_pose
 from tests.perception.test_registration import calibration
 
 
 def test_icp_is_as_many_times_faster_as_it_says():
     """At equal answers, 20 steps each, least processor time of 15 turns."""
     rng = np.random.default_rng(0)
-    pose = seen()
+    pose = visible_pose()
     points, _ = measured(BOX, pose, SENSOR, rng)
     start = nudged(pose, rng, 0.005, 0.05)
     surface, normals = on_surface(BOX.sizes[:, 0], 3000, rng)
@@ -48,7 +48,7 @@ def test_covariance_over_many_poses(window):
     rng = np.random.default_rng()
     sensor, ratios = Sensor(baseline=0.075, noise=0.05, window=window), []
     for _ in range(8):
-        pose = seen(yaw=rng.uniform(0.3, 1.2), tilt=rng.uniform(0.5, 0.9))
+        pose = visible_pose(yaw=rng.uniform(0.3, 1.2), tilt=rng.uniform(0.5, 0.9))
         ratio, _, _ = calibration(BOX, pose, sensor, 150, int(rng.integers(2**31)))
         ratios.extend(ratio / window)
     assert len(ratios) >= 5 * 8  # at the ends of these ranges one shift may not be seen

@@ -12,7 +12,7 @@ LIVE = wasm.live()
 
 @pytest.mark.parametrize("name", LIVE)
 def test_the_same_sources_give_the_same_bytes(name: str) -> None:
-    report = wasm.told(wasm.file_of(name).read_bytes())
+    report = wasm.read_sources(wasm.file_of(name).read_bytes())
     here = {"numba": wasm.numba.__version__, "llvmlite": wasm.llvmlite.__version__}
     if {each: report[each] for each in here} != here or report["linker"] != compiler.linker()[1]:
         pytest.skip(f"made with {report}")
