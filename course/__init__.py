@@ -30,7 +30,7 @@ class Chapter:
     title: str
     question: str
     simulation: str
-    there: bool = False
+    ready: bool = False
 
     @property
     def module(self) -> str:
@@ -55,7 +55,7 @@ CHAPTERS = (
         "The role",
         "Which parts make up a robot's software, and how fast does each have to answer?",
         "The stack as a graph",
-        there=True,
+        ready=True,
     ),
     Chapter(
         1,
@@ -63,7 +63,7 @@ CHAPTERS = (
         "Rigid bodies, rotations, integrators",
         "How does a body move, and how far can the computed motion be trusted?",
         "A box that bounces and tumbles",
-        there=True,
+        ready=True,
     ),
     Chapter(
         2,
@@ -71,7 +71,7 @@ CHAPTERS = (
         "Contact and friction",
         "When do two bodies touch, and what do they do to each other?",
         "Two shapes to push together",
-        there=True,
+        ready=True,
     ),
     Chapter(
         3,
@@ -79,7 +79,7 @@ CHAPTERS = (
         "One scene on several simulators",
         "Which simulator for which job, and why do they disagree?",
         "The same scene, side by side",
-        there=True,
+        ready=True,
     ),
     Chapter(
         4,
@@ -87,7 +87,7 @@ CHAPTERS = (
         "Kinematics and dynamics of a chain",
         "Where is the hand, and which joint motion brings it somewhere else?",
         "A two-link arm that follows the pointer",
-        there=True,
+        ready=True,
     ),
     Chapter(
         5,
@@ -95,7 +95,7 @@ CHAPTERS = (
         "Motion planning",
         "How does a robot get from here to there without hitting anything?",
         "A tree that grows around obstacles",
-        there=True,
+        ready=True,
     ),
     Chapter(
         6,
@@ -103,7 +103,7 @@ CHAPTERS = (
         "Control",
         "Which command makes the joint do what the plan says?",
         "A joint that tracks a step",
-        there=True,
+        ready=True,
     ),
     Chapter(
         7,
@@ -111,7 +111,7 @@ CHAPTERS = (
         "Perception",
         "From a depth picture to the place and orientation of an object: how, and how well?",
         "A point cloud of a table, step by step",
-        there=True,
+        ready=True,
     ),
     Chapter(
         8,
@@ -119,7 +119,7 @@ CHAPTERS = (
         "From simulation to the real robot",
         "What differs between the two, and how is it measured and bridged?",
         "A simulated arm beside its imperfect twin",
-        there=True,
+        ready=True,
     ),
     Chapter(
         9,
@@ -127,7 +127,7 @@ CHAPTERS = (
         "Robot learning",
         "When does a learned policy beat a written one, and what does it cost to train?",
         "A policy that learns to reach",
-        there=True,
+        ready=True,
     ),
     Chapter(
         10,
@@ -135,7 +135,7 @@ CHAPTERS = (
         "Middleware and real time",
         "How do the parts talk to each other, and what happens when a message is late?",
         "A graph of nodes and topics",
-        there=True,
+        ready=True,
     ),
     Chapter(
         11,
@@ -143,7 +143,7 @@ CHAPTERS = (
         "The whole pipeline",
         "Perception, planning, control and physics together: where do the errors add up?",
         "An arm that finds its target and reaches for it",
-        there=True,
+        ready=True,
     ),
     Chapter(
         12,
@@ -151,6 +151,6 @@ CHAPTERS = (
         "The interview",
         "What is asked, and what does a good answer contain?",
         "Flashcards of the coding drills",
-        there=True,
+        ready=True,
     ),
 )

@@ -11,7 +11,7 @@ def figures() -> str:
     Returns:
         A Markdown table of three figures.
     """
-    written = sum(chapter.there for chapter in CHAPTERS)
+    written = sum(chapter.ready for chapter in CHAPTERS)
     planned = len(CHAPTERS)
     return (
         "| chapters | simulations | sides of each subject |\n"
@@ -35,8 +35,8 @@ def map_of_chapters(folder: str = "") -> str:
     rows = ["| | chapter | what it answers | simulation | |", "|---:|---|---|---|---|"]
     for chapter in CHAPTERS:
         name = chapter.notebook.removeprefix("notebooks/")
-        title = f"[{chapter.title}]({folder}{name})" if chapter.there else chapter.title
-        state = "ready" if chapter.there else "coming"
+        title = f"[{chapter.title}]({folder}{name})" if chapter.ready else chapter.title
+        state = "ready" if chapter.ready else "coming"
         rows.append(
             f"| {chapter.number} | {title} | {chapter.question} | {chapter.simulation} | {state} |"
         )
@@ -52,7 +52,7 @@ def neighbours(number: int) -> str:
     Returns:
         Markdown with links to notebooks of the same folder; only to chapters that are there.
     """
-    other = [chapter for chapter in CHAPTERS if chapter.there]
+    other = [chapter for chapter in CHAPTERS if chapter.ready]
     before = [c for c in other if c.number < number][-1:]
     behind = [c for c in other if c.number > number][:1]
     links = [

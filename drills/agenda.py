@@ -48,10 +48,10 @@ def standings(loaded: Loaded) -> list[Standing]:
     result = []
     for chapter in CHAPTERS:
         cards = [card for card in catalogue.cards() if card.chapter == chapter.number]
-        if not (chapter.there or cards):
+        if not (chapter.ready or cards):
             continue
         reading = loaded.reading(chapter.number)
-        parts = chapters.sections(chapters.notebook_of(chapter)) if chapter.there else []
+        parts = chapters.sections(chapters.notebook_of(chapter)) if chapter.ready else []
         unread = [part for part in parts if part.number not in reading.read]
         unsolved = [card for card in cards if loaded.of(card.name).state != SOLVED]
         result.append(Standing(chapter, parts, unread, cards, unsolved, reading.checkpoint))

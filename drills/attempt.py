@@ -70,7 +70,7 @@ class Learner:
         self.child = child
         self.steps: list[Step] = []
         self.loading = 0.0  # s, the submission's top level
-        self.asked = ""  # the last request, as one would type it
+        self.last_request = ""  # the last request, as one would type it
         self.last_args: tuple[Any, ...] = ()  # of the last request
         self.longest = 0.0  # s of processor time, the slowest request so far
         self._spent: list[float] = []
@@ -106,7 +106,7 @@ class Learner:
     ) -> Any:
         retained = _copied(args), _copied(kwargs)
         self.last_args = retained[0]
-        self.asked = describe_call(name, *retained) if kind in ("call", "new", "method") else ""
+        self.last_request = describe_call(name, *retained) if kind in ("call", "new", "method") else ""
         try:
             result = request(self.child, kind, name, handle, args, kwargs)
         except Raised as raised:
@@ -116,7 +116,7 @@ class Learner:
         self._spent.append(self.child.spent)
         self.steps.append(Step(kind, name, handle, *retained, result))
         if kind in ("call", "method", "new") and self.child.changed:
-            self._attempt.inputs_changed(self.asked)
+            self._attempt.inputs_changed(self.last_request)
         return result
 
 
@@ -149,7 +149,7 @@ class Attempt:
         self.shown = ""
         self.in_part = self.factor = ""
         self._part = -1
-        self.heard: dict[int, tuple[float, float]] = {}
+        self.output_ranges: dict[int, tuple[float, float]] = {}
         self.rng = np.random.default_rng(report.seed)
         self.learner = Learner(child, self)
         self.reference = InProcess(card.solution_text(), given)
@@ -164,10 +164,10 @@ class Attempt:
         before, self._part = self._part, index
         self.report.begun.add(index)
         start = len(self.learner.child.output)
-        self.heard[index] = start, math.inf
+        self.output_ranges[index] = start, math.inf
         yield  # a case that an exception leaves has not ended
         self.report.ended.add(index)
-        self.heard[index] = start, len(self.learner.child.output)
+        self.output_ranges[index] = start, len(self.learner.child.output)
         self._part = before
 
     @property

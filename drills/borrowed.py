@@ -115,7 +115,7 @@ class _Assembly:
     def __init__(self, obj: Any) -> None:
         self.obj = obj
         self.home, self.node = _located(obj, obj.__name__)
-        self.kept: list[ast.stmt] = []  # statements of the home cell
+        self.statements: list[ast.stmt] = []  # statements of the home cell
         self.simple: list[str] = []  # imports and literals, one line each
         self.carried: list[str] = []
         self.done: set[str] = set()
@@ -127,22 +127,22 @@ class _Assembly:
     def result(self) -> Assembled:
         name = self.obj.__name__
         self.done.add(name)
-        self._keep(self.node)
+        self._add(self.node)
         self._needs(self.node, self.home, _namespace(self.obj), name)
         return Assembled(self._layout(), name, self.carried)
 
     def _layout(self) -> str:
         lines: list[list[str]] = [[] for _ in self.home.lines]
-        for node in sorted(self.kept, key=lambda n: (n.lineno, n.col_offset)):
+        for node in sorted(self.statements, key=lambda n: (n.lineno, n.col_offset)):
             for number, text in enumerate(self.home.text(node).split("\n"), _first_line(node) - 1):
                 lines[number].append(text)
-        first_is_free = not any(_first_line(n) == 1 and _is_compound(n) for n in self.kept)
+        first_is_free = not any(_first_line(n) == 1 and _is_compound(n) for n in self.statements)
         while late := [n for n in self.early & self.uses.keys() if not self.uses[n] <= self.early]:
             self.early = self.early.union(*(self.uses[name] for name in late))
         before = [text for name, text in self.sources.items() if name in self.early]
         after = [text for name, text in self.sources.items() if name not in self.early]
         simple = list(dict.fromkeys(self.simple))
-        annotated = self.annotated or any(map(_is_annotated, self.kept))
+        annotated = self.annotated or any(map(_is_annotated, self.statements))
         needed_first = annotated or any(_bound(line) & self.early for line in simple)
         body = "\n".join("; ".join(parts) for parts in lines)
         head = ["from __future__ import annotations", *simple]
@@ -156,9 +156,9 @@ class _Assembly:
             return "\n\n\n".join(["; ".join(head) + "\n" + body, *after]) + "\n"
         return "\n\n\n".join([body, "\n".join(simple), *after]) + "\n"
 
-    def _keep(self, node: ast.stmt) -> None:
-        if node not in self.kept:
-            self.kept.append(node)
+    def _add(self, node: ast.stmt) -> None:
+        if node not in self.statements:
+            self.statements.append(node)
             self.early |= _names_when_run(node)
 
     def _helper(self, alias: str, obj: Any, names: dict[str, Any]) -> None:
@@ -170,7 +170,7 @@ class _Assembly:
         cell, node = _located(obj, name)
         at_home = cell.filename == self.home.filename
         if at_home:
-            self._keep(node)
+            self._add(node)
         self._needs(node, cell, _namespace(obj), name)
         extra = f"{alias} = {name}" if alias != name else ""
         if not at_home:
@@ -204,14 +204,14 @@ class _Assembly:
         imported = _import_of(cell, name)
         if imported is not None and not _is_own(imported[1]):
             if at_home and len(imported[0].names) == 1:
-                self._keep(imported[0])
+                self._add(imported[0])
             else:
                 self.simple.append(imported[1])
             self._submodules(name, node, names)
             return
         assigned = _assignment(cell, name)
         if assigned is not None and at_home:
-            self._keep(assigned)
+            self._add(assigned)
             self._needs(assigned, cell, names, user)
             return
         if name not in names:

@@ -112,10 +112,10 @@ def of_number(number: int) -> Chapter:
     Raises:
         Misuse: there is none, or it is not written yet.
     """
-    other = [str(chapter.number) for chapter in CHAPTERS if chapter.there]
+    other = [str(chapter.number) for chapter in CHAPTERS if chapter.ready]
     for chapter in CHAPTERS:
         if chapter.number == number:
-            if chapter.there:
+            if chapter.ready:
                 return chapter
             raise Misuse(
                 f"Chapter {number}, {chapter.title}, is still to come. Ready: {', '.join(other)}."
@@ -145,7 +145,7 @@ class Copy:
 
     path: Path
     state: str
-    kept: int = 0
+    preserved: int = 0
     aside: Path | None = None
 
     def sentence(self) -> str:
@@ -166,9 +166,9 @@ class Copy:
             )
         if self.state == "brought up to date":
             both = "; all you wrote is in it"
-            if self.kept:
+            if self.preserved:
                 both += (
-                    f". The course changed {self.kept} cell{'s' * (self.kept != 1)} that you "
+                    f". The course changed {self.preserved} cell{'s' * (self.preserved != 1)} that you "
                     'changed too: look for "Kept from your copy", both versions are there'
                 )
             return f"{name} is brought up to date{both}."
@@ -362,7 +362,7 @@ def _keep_base(work: Path, stem: str, version: str, book: dict[str, Any]) -> Non
 
 def _set_aside(path: Path) -> Path:
     number = 1
-    while os.path.lexists(aside := path.with_name(f"{path.stem}.kept-{number}{path.suffix}")):
+    while os.path.lexists(aside := path.with_name(f"{path.stem}.preserved-{number}{path.suffix}")):
         number += 1
     os.rename(path, aside)
     return aside

@@ -218,7 +218,7 @@ def _start_chapter(session: Session, number: int) -> int:
         "chapter": number,
         "file": str(copy.path.absolute()),
         "state": copy.state,
-        "kept": copy.kept,
+        "kept": copy.preserved,
         "backup": str(copy.aside.absolute()) if copy.aside else None,
     }
     return session.finish(RIGHT, payload)

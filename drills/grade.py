@@ -107,7 +107,7 @@ def attempt(
     _note_compiling(result)
     _conclude(result, graded)
     message = next((check.part for check in report.checks if not check.passed), -1)
-    report.output = printed(report.output, *result.heard.get(message, (0, math.inf)))
+    report.output = printed(report.output, *result.output_ranges.get(message, (0, math.inf)))
     report.seconds = time.perf_counter() - start
     return result
 
@@ -191,7 +191,7 @@ def _check_replay(attempt: Attempt, twin: Place, steps: Sequence[Step]) -> None:
 
 def _stopped(attempt: Attempt, stop: Exception) -> None:
     report = attempt.report
-    report.call = attempt.learner.asked if isinstance(stop, Ended | Raised) else ""
+    report.call = attempt.learner.last_request if isinstance(stop, Ended | Raised) else ""
     if isinstance(stop, Ended):
         report.reason, report.sentence = stop.reason, stop.sentence
     elif isinstance(stop, Mismatch):

@@ -125,7 +125,7 @@ class StandIn:
         self.elapsed = self.spent = self.used = 0.0
         self._source, self._filename, self._entry = source, filename, entry
         self._printed = io.StringIO()
-        self._kept: dict[int, Any] = {}
+        self._objects: dict[int, Any] = {}
         self._dropped: list[int] = []  # filled by the handles
         self._handles = 0
         self._functions: list[Callable[..., Any]] = []  # that the text may ask
@@ -136,7 +136,7 @@ class StandIn:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._kept.clear()
+        self._objects.clear()
 
     @property
     def output(self) -> str:
@@ -167,11 +167,11 @@ class StandIn:
 
     def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
         """The same, and the result stays here."""
-        return self._keep(self._named("submission", name), args, kwargs)
+        return self._create(self._named("submission", name), args, kwargs)
 
     def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
         """A method of an object made by `new`."""
-        value = self._kept[handle._number]
+        value = self._objects[handle._number]
         return self._answer(lambda *a, **k: getattr(value, name)(*a, **k), args, kwargs)
 
     def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
@@ -180,11 +180,11 @@ class StandIn:
 
     def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
         """The same, and the result stays here."""
-        return self._keep(self._named("given", name), args, kwargs)
+        return self._create(self._named("given", name), args, kwargs)
 
     def fetch(self, handle: Handle) -> Any:
         """The value of a handle."""
-        return self._travelled(self._kept[handle._number])
+        return self._travelled(self._objects[handle._number])
 
     def _named(self, module: str, name: str) -> Any:
         names = self._modules[module].__dict__
@@ -193,9 +193,9 @@ class StandIn:
         own = [n for n, v in names.items() if getattr(v, "__module__", "") == module]
         raise MissingName(name, [n for n in own if not n.startswith("_")])
 
-    def _keep(self, function: Callable[..., Any], args: Any, kwargs: Any) -> Handle:
+    def _create(self, function: Callable[..., Any], args: Any, kwargs: Any) -> Handle:
         self._handles += 1
-        self._kept[self._handles] = self._run(function, args, kwargs)
+        self._objects[self._handles] = self._run(function, args, kwargs)
         return Handle(self, self._handles)
 
     def _answer(self, function: Callable[..., Any], args: Any, kwargs: Any, repeat: int = 1) -> Any:
@@ -203,7 +203,7 @@ class StandIn:
 
     def _run(self, function: Callable[..., Any], args: Any, kwargs: Any, repeat: int = 1) -> Any:
         while self._dropped:
-            self._kept.pop(self._dropped.pop(), None)
+            self._objects.pop(self._dropped.pop(), None)
         self.changed = False
         sent = [self._sent(value) for value in (*args, *kwargs.values())]
         here = [wire.decode(data, self._resolved) for data in sent]
@@ -257,7 +257,7 @@ class StandIn:
         return wire.encode(plain, other, text=wire.FRAME)
 
     def _resolved(self, tag: str, number: Any) -> Any:
-        return self._kept[number] if tag == "h" else self._asking(self._functions[number])
+        return self._objects[number] if tag == "h" else self._asking(self._functions[number])
 
     def _asking(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """A function of the grader: its arguments and its answer travel."""

@@ -309,7 +309,7 @@ class Ticks(Shown):
         import ipywidgets
 
         self._chapter, self._parts = chapter, parts
-        self.left = ipywidgets.Label()
+        self.status = ipywidgets.Label()
         read = progress.load(_progress_file()).reading(chapter).read
         self.boxes = {
             part.number: ipywidgets.Checkbox(
@@ -322,8 +322,8 @@ class Ticks(Shown):
         }
         for number, one in self.boxes.items():
             one.observe(functools.partial(self._clicked, number), names="value")
-        self._tell(())
-        self._view = ipywidgets.VBox([self.left, *self.boxes.values()])
+        self._show_status(())
+        self._view = ipywidgets.VBox([self.status, *self.boxes.values()])
         super().__init__(f"The sections of chapter {chapter}: run this cell to tick them off.")
 
     def _clicked(self, number: int, change: dict[str, Any]) -> None:
@@ -331,13 +331,13 @@ class Ticks(Shown):
             self._chapter,
             lambda reading: progress.note_read(reading, [number], undo=not change["new"]),
         )
-        self._tell(loaded.notices)
+        self._show_status(loaded.notices)
 
-    def _tell(self, notices: Sequence[str]) -> None:
+    def _show_status(self, notices: Sequence[str]) -> None:
         unread = [part.minutes for part in self._parts if not self.boxes[part.number].value]
         time = agenda.duration(round(sum(unread)))
         remaining = f"{len(unread)} of {len(self._parts)} sections left, about {time}."
-        self.left.value = " ".join([f"Chapter {self._chapter}: {remaining}", *notices])
+        self.status.value = " ".join([f"Chapter {self._chapter}: {remaining}", *notices])
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
         return {**self._view._repr_mimebundle_(), **super()._repr_mimebundle_()}

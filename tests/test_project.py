@@ -21,7 +21,7 @@ pytestmark = pytest.mark.smoke
 
 
 ROOT = Path(__file__).resolve().parent.parent
-PRESENT = [chapter for chapter in CHAPTERS if chapter.there]
+PRESENT = [chapter for chapter in CHAPTERS if chapter.ready]
 TOPICS = [chapter.topic for chapter in CHAPTERS]
 
 # --- The table of contents ------------------------------------------------------------------------
@@ -43,7 +43,7 @@ def test_a_chapter_says_truly_whether_it_is_there(chapter) -> None:
         chapter.notebook: (ROOT / chapter.notebook).exists(),
         chapter.simulation_module: is_module(chapter.simulation_module),
     }
-    if chapter.there:
+    if chapter.ready:
         assert all(rooms.values()), rooms
     else:
         assert not rooms[chapter.notebook], "it has a notebook: set `there` in course/__init__.py"

@@ -269,7 +269,7 @@ def checkpoint(topic: str, **answers: str) -> Gate:
         result = answer(name, text) if text else None
         right += bool(result)
         state = result._repr_markdown_() if result else "Open."
-        lines.append(f"1. {tex(formula(name).asked())} (`{name}`)  \n   {state}")
+        lines.append(f"1. {tex(formula(name).prompt())} (`{name}`)  \n   {state}")
         plain.append(f"{name}: {result if result else 'open'}")
     is_open = right == len(desired)
     verdict = f"{right} of {len(desired)} right: gate {'cleared' if is_open else 'closed'}"

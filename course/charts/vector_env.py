@@ -45,7 +45,7 @@ class Contender:
 
     make: Callable[[int], Any]
     key: str = ""
-    most: int = SIZES[-1]
+    max_envs: int = SIZES[-1]
     style: str = "-"
     extra: bool = False
 
@@ -99,7 +99,7 @@ def measure_rates(
     rates: Rates = {name: {} for name in contenders}
     for n in sizes:
         actions = np.random.default_rng(0).uniform(-1, 1, (n, 2)).astype(np.float32)
-        running = {name: c.make(n) for name, c in contenders.items() if n <= c.most}
+        running = {name: c.make(n) for name, c in contenders.items() if n <= c.max_envs}
         for envs in running.values():
             envs.reset(seed=0)
         samplers = [calls(envs.step, actions, clock=clock) for envs in running.values()]

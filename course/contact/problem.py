@@ -113,7 +113,7 @@ class Problem:
         return self.scale[:, None] * self.delassus * self.scale
 
     @property
-    def wanted(self) -> Array:
+    def target_velocity(self) -> Array:
         """Least normal velocity after the step, shape (n,) [m/s]."""
         free, before = self.jacobian[:, 0] @ self.free, self.jacobian[:, 0] @ self.velocity
         rows = zip(self.gap, free, before, strict=True)
@@ -125,7 +125,7 @@ class Problem:
     def offset(self) -> Array:
         """b: contact velocity without contact, less what is wanted, in scaled rows, (n d,)."""
         b = self.scale * (self.rows @ self.free)
-        b[:: self.jacobian.shape[1]] -= self.wanted
+        b[:: self.jacobian.shape[1]] -= self.target_velocity
         return b
 
     def after(self, impulses: ArrayLike) -> Array:

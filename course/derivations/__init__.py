@@ -19,27 +19,31 @@ How one is written (`course/derivations/rigid_body/time_step.py` holds examples)
         source="Author, Title, year, section",
         needs=("Drake",),                                # only what `make setup` does not install
     )
-    def claim_id(found):
-        stiffness = found.given("stiffness_n_per_m", 1e5)     # goes in; the texts may quote it
-        found.figure("limit_ms", 1000 * limit(stiffness), tolerance=1e-6)     # came out
-        found.statement = "What was computed or measured, in one or two sentences."
-        found.formula = derived                               # SymPy; only where there is an ask
-        found.heard(stable(dt))                               # HOLDS or FALSE; or, conditional:
-        found.heard(False_or_true, only_if="omega dt < 2, here {limit_ms:.2f} ms",
-                    inside=[stable(x) for x in draws_inside], outside=[...])
-        found.corrected(fact, another)                        # bools that settle the correction
+    def claim_id(result):
+        stiffness = result.input("stiffness_n_per_m", 1e5)  # goes in; the texts may quote it
+        result.measure("limit_ms", 1000 * limit(stiffness), tolerance=1e-6)  # came out
+        result.statement = "What was computed or measured, in one or two sentences."
+        result.formula = derived  # SymPy; only where there is an ask
+        result.statement_holds(stable(dt))  # HOLDS or FALSE; or, with a condition:
+        result.statement_holds(
+            False_or_true,
+            only_if="omega dt < 2, here {limit_ms:.2f} ms",
+            inside=[stable(x) for x in draws_inside],
+            outside=[...],
+        )
+        result.correction_holds(fact, another)  # bools that settle the correction
 
 - The id is the function's name, the chapter the file's topic, the verdict follows.
 - `ask` is (question, "left names < expression", {wrong expression: what that is}). "dt < ..." (h is
   understood for dt), "phi, angle = ..." or only the expression. Symbols are the names in it that
   `SYMBOLS` knows. `Ask(...)` takes `also`, `tolerance` and `symbols` besides.
-- `figure(name, value, tolerance)`: relative, absolute where the value on record is 0. Both `given`
-  and `figure` return the value.
+- `measure(name, value, tolerance)`: relative, absolute where the value on record is 0. Both `input`
+  and `measure` return the value.
 - A condition is tried at 8 or more random draws inside it (all must hold) and just outside (some
-  must fail); `cases=True` where it names cases instead of a range. `found.rng` draws the same at
+  must fail); `cases=True` where it names cases instead of a range. `result.rng` draws the same at
   every run.
 - Refused as constant: a fact, verdict, draw or figure that cannot be traced in the check's source
-  to a call that computes; a literal True or False in one; x == x. `found` is not handed on.
+  to a call that computes; a literal True or False in one; x == x. `result` is not handed on.
 - Refused as typed, in the corrected sentence and in the condition: a number with a decimal point,
   a power of ten, a percentage, a unit, or two digits. Write `{name:.3g}`. Whole numbers of one
   digit, and those beside * / ^ or a bracket, belong to words and formulas. `{formula}` is the
@@ -70,7 +74,7 @@ from typing import Any
 from course import CHAPTERS, cards
 from course.derivations import honest, records
 from course.derivations.answer import Answer, Formula, Symbol, answer_formula, equivalent, parse
-from course.derivations.found import Result, Verdict
+from course.derivations.result import Result, Verdict
 
 __all__ = [
     "CLAIMS",
@@ -613,19 +617,19 @@ class _Enough(Exception):
 class _Given(Result):
     """What a check was given, which stands before what came out."""
 
-    def figure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
+    def measure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
         raise _Enough
 
-    def heard(self, *_holds: Any, **_draws: Any) -> None:
+    def statement_holds(self, *_holds: Any, **_draws: Any) -> None:
         raise _Enough
 
 
 def _given(check: Check) -> dict[str, float | str]:
-    """The inputs that a check names, `found.given("n", N)`, as far as its module knows them."""
+    """The inputs that a check names, `result.input("n", N)`, as far as its module knows them."""
     inputs: dict[str, float | str] = {}
     for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(check)))):
         match node:
-            case ast.Call(func=ast.Attribute(attr="given"), args=[ast.Constant(str(name)), value]):
+            case ast.Call(func=ast.Attribute(attr="input"), args=[ast.Constant(str(name)), value]):
                 with contextlib.suppress(NameError):  # it is computed there
                     result = eval(ast.unparse(value), dict(check.__globals__))
                     inputs[name] = result if isinstance(result, str) else float(result)

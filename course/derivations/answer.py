@@ -64,7 +64,7 @@ class Formula:
     expression: str
     symbols: Mapping[str, Symbol]
     also: Mapping[str, str] = field(default_factory=dict)
-    left: tuple[str, ...] = ()
+    left_sides: tuple[str, ...] = ()
     relation: str = "="
     tolerance: float = 0.0
     slips: Mapping[str, str] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class Formula:
             if name in self.symbols and other not in (*self.symbols, *self.also):
                 object.__setattr__(self, "also", {**self.also, other: name})
 
-    def asked(self) -> str:
+    def prompt(self) -> str:
         """The question and the symbols, for an answer that was not right."""
         return f"Asked: {self.question} In terms of {', '.join(self.symbols) or 'numbers'}."
 
@@ -496,10 +496,10 @@ def _strip_relation(formula: Formula, text: str) -> str:
         raise _Unreadable("it has more than one relation sign; write one formula")
     sides = [side.strip() for side in _RELATION.split(text)]
     sign = signs[0]
-    allowed = ", ".join(formula.left) or "nothing"
-    if sides[0] in formula.left:
+    allowed = ", ".join(formula.left_sides) or "nothing"
+    if sides[0] in formula.left_sides:
         rest = sides[1]
-    elif sides[1] in formula.left:
+    elif sides[1] in formula.left_sides:
         rest = sides[0]
         sign = sign.translate(str.maketrans("<>", "><"))
     else:
@@ -548,7 +548,7 @@ def answer_formula(formula: Formula, text: str) -> Answer:
             raise _Unreadable(f"it has {len(text)} characters; at most {MAX_LENGTH} are read")
         theirs = _read(_strip_relation(formula, text), names)
     except _Unreadable as problem:
-        return Answer(False, f"I can't read that: {problem}. {formula.asked()}")
+        return Answer(False, f"I can't read that: {problem}. {formula.prompt()}")
     difference = _difference(formula, theirs)
     if difference is None:
         how = "SymPy proves the two equal" if _proved(formula, theirs) else "checked at 45 points"
@@ -561,7 +561,7 @@ def answer_formula(formula: Formula, text: str) -> Answer:
             message = f"{message} {explanation}"
             break
     else:
-        message = f"{message} {formula.asked()}"
+        message = f"{message} {formula.prompt()}"
     return Answer(False, message, result)
 
 

@@ -32,9 +32,9 @@ class _Check:
     def __init__(self, function: Callable[..., Any]) -> None:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
         if not isinstance(tree, ast.FunctionDef) or len(tree.args.args) != 1:
-            raise ValueError("a check is a function of one argument, the found")
+            raise ValueError("a check is a function of one argument, the result")
         self.body = tree.body
-        self.found = tree.args.args[0].arg
+        self.result = tree.args.args[0].arg
         self.outer = function.__globals__
         self.sources: dict[str, list[ast.AST]] = defaultdict(list)
         for statement in self.body:
@@ -74,18 +74,18 @@ class _Check:
                 ]
 
     def calls(self, name: str) -> Iterator[ast.Call]:
-        """Calls of a method of the found."""
+        """Calls of a method of the result."""
         for statement in self.body:
             for node in ast.walk(statement):
-                if isinstance(node, ast.Call) and self.is_found(node.func, name):
+                if isinstance(node, ast.Call) and self.is_result(node.func, name):
                     yield node
 
-    def is_found(self, node: ast.AST, name: str | None = None) -> bool:
-        """Whether a node is an attribute of the found (of this name)."""
+    def is_result(self, node: ast.AST, name: str | None = None) -> bool:
+        """Whether a node is an attribute of the result (of this name)."""
         return (
             isinstance(node, ast.Attribute)
             and isinstance(node.value, ast.Name)
-            and node.value.id == self.found
+            and node.value.id == self.result
             and name in (None, node.attr)
         )
 
@@ -121,7 +121,7 @@ class _Check:
             root: ast.AST = function
             while isinstance(root, ast.Attribute):
                 root = root.value
-            if not isinstance(root, ast.Name) or root.id == self.found:
+            if not isinstance(root, ast.Name) or root.id == self.result:
                 return False
             outer = isinstance(self.outer.get(root.id), ModuleType)
             return outer and root.id not in self.sources and function.attr not in _LOOKS
@@ -164,28 +164,28 @@ def constants(function: Callable[..., Any]) -> list[str]:
     held = {
         id(node.value)
         for node in ast.walk(whole)
-        if isinstance(node, ast.Attribute) and check.is_found(node)
+        if isinstance(node, ast.Attribute) and check.is_result(node)
     }
     for node in ast.walk(whole):
-        if isinstance(node, ast.Name) and node.id == check.found and id(node) not in held:
-            wrong.append(f"{check.found} is handed on; call its methods in the check itself")
+        if isinstance(node, ast.Name) and node.id == check.result and id(node) not in held:
+            wrong.append(f"{check.result} is handed on; call its methods in the check itself")
         elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
-            if check.is_found(node.value.func, "given"):
+            if check.is_result(node.value.func, "input"):
                 wrong.append(f"{ast.unparse(node)} is not used; what is given must go in")
-    for name, what in (("corrected", "fact"), ("heard", "verdict")):
+    for name, what in (("correction_holds", "fact"), ("statement_holds", "verdict")):
         calls = list(check.calls(name))
         if not calls:
-            wrong.append(f"the check calls no {check.found}.{name}")
+            wrong.append(f"the check calls no {check.result}.{name}")
         for call in calls:
             draws = [k.value for k in call.keywords if k.arg in ("inside", "outside")]
             for value in [*call.args, *draws]:
                 if not check.computed(value) or check.excuses(value):
                     wrong.append(f"a {what} is constant, not computed: {ast.unparse(value)}")
-    for call in check.calls("figure"):
+    for call in check.calls("measure"):
         if len(call.args) > 1 and not check.computed(call.args[1]):
             wrong.append(
                 f"a figure is typed, not computed: {ast.unparse(call)}; what goes into the "
-                f"experiment is {check.found}.given(name, value)"
+                f"experiment is {check.result}.input(name, value)"
             )
     return wrong
 

@@ -55,21 +55,21 @@ def hundred_trials(result):
 
     p, d, n = sympy.symbols("p d n", positive=True)
     result.formula = sympy.solve(sympy.Eq(d, 2 * sympy.sqrt(p * (1 - p) / n)), n)[0]
-    gate, worse = result.given("gate", 0.7), result.given("worse", 0.65)
-    tried = int(result.given("n", 100))
-    passed = result.figure("passed", round(gate * tried))
-    lucky = result.figure("lucky", binom.sf(passed - 1, tried, worse))
-    fair = result.figure("fair", binom.sf(passed - 1, tried, gate))
+    gate, worse = result.input("gate", 0.7), result.input("worse", 0.65)
+    tried = int(result.input("n", 100))
+    passed = result.measure("passed", round(gate * tried))
+    lucky = result.measure("lucky", binom.sf(passed - 1, tried, worse))
+    fair = result.measure("fair", binom.sf(passed - 1, tried, gate))
     low, high = (float(x) for x in wilson(passed, tried))
-    result.figure("low", low)
-    result.figure("high", high)
+    result.measure("low", low)
+    result.measure("high", high)
     observed = np.mean(result.rng.binomial(tried, worse, 40_000) >= passed)
     needed = int(result.formula.subs({p: gate, d: 0.05}))
     draws = result.rng.binomial(needed, gate, 40_000) / needed
     inside = np.mean(np.abs(draws - gate) < 0.05)
     result.statement = "Binomial sums, and 40,000 draws of a hundred trials."
-    result.heard(lucky < 0.025)
-    result.corrected(
+    result.statement_holds(lucky < 0.025)
+    result.correction_holds(
         abs(observed - lucky) < 0.01, 0.5 < fair < 0.6, low < worse < high, 0.94 < inside < 0.97
     )
 
@@ -113,20 +113,20 @@ def imu_reads_acceleration(result):
         return data.sensordata.copy(), data.qacc[:3].copy(), data.xmat[1].reshape(3, 3)
 
     at_rest, still, _ = read(0.1, 1.0)
-    rest = result.figure("rest", at_rest[2], 1e-3)
+    rest = result.measure("rest", at_rest[2], 1e-3)
     fall = np.linalg.norm(read(5.0, 0.2)[0])
     deviation = 0.0
     for turn in result.rng.normal(size=(6, 4)):
         felt, acceleration, axes = read(5.0, 0.0, turn / np.linalg.norm(turn))
         deviation = max(deviation, np.abs(felt - axes.T @ (acceleration - model.opt.gravity)).max())
-    bias, seconds = result.given("bias", 0.05), result.given("seconds", 10)
+    bias, seconds = result.input("bias", 0.05), result.input("seconds", 10)
     dt = 1e-3
     drift = np.cumsum(np.cumsum(np.full(round(seconds / dt), bias)) * dt)[-1] * dt
-    result.figure("drift", drift, 1e-3)
+    result.measure("drift", drift, 1e-3)
     result.statement = "MuJoCo's sensor on a box at rest, falling, and turned at random."
-    result.heard(abs(rest - still[2]) < 0.1)
+    result.statement_holds(abs(rest - still[2]) < 0.1)
     report = float(result.formula.subs({b: bias, t: seconds}))
-    result.corrected(abs(rest - 9.81) < 0.01, fall < 1e-9, deviation < 1e-9, abs(drift / report - 1) < 1e-3)
+    result.correction_holds(abs(rest - 9.81) < 0.01, fall < 1e-9, deviation < 1e-9, abs(drift / report - 1) < 1e-3)
 
 
 @claim(
@@ -152,9 +152,9 @@ def stop_at_ten_newtons(result):
 
     m, k, v, x = sympy.symbols("m k v x", positive=True)
     result.formula = k * sympy.solve(sympy.Eq(k * x**2 / 2, m * v**2 / 2), x)[0]
-    mass, speed = result.given("mass", 4), result.given("speed", 0.25)
-    stiff, brake = result.given("stiff", 25_000), result.given("brake", 100)
-    late, limit = result.given("late_ms", 8) / 1000, result.given("felt", 10)
+    mass, speed = result.input("mass", 4), result.input("speed", 0.25)
+    stiff, brake = result.input("stiff", 25_000), result.input("brake", 100)
+    late, limit = result.input("late_ms", 8) / 1000, result.input("felt", 10)
 
     def peak(start, braking):
         place, rate, felt, largest, now, dt = 0.0, start, None, 0.0, 0.0, 1e-6
@@ -167,13 +167,13 @@ def stop_at_ten_newtons(result):
             largest, now = max(largest, force), now + dt
         return largest
 
-    free = result.figure("free", peak(speed, False), 1e-4)
-    braked = result.figure("braked", peak(speed, True), 1e-4)
-    slow = result.figure("slow", limit / np.sqrt(stiff * mass))
+    free = result.measure("free", peak(speed, False), 1e-4)
+    braked = result.measure("braked", peak(speed, True), 1e-4)
+    slow = result.measure("slow", limit / np.sqrt(stiff * mass))
     report = float(result.formula.subs({m: mass, k: stiff, v: speed}))
     result.statement = "A mass that runs into a spring, with and without a brake."
-    result.heard(braked < 1.5 * limit)
-    result.corrected(
+    result.statement_holds(braked < 1.5 * limit)
+    result.correction_holds(
         abs(free / report - 1) < 1e-3, braked < free, abs(peak(slow, False) / limit - 1) < 1e-3
     )
 
@@ -198,8 +198,8 @@ def stiff_is_position(result):
 
     m, g, k, x = sympy.symbols("m g k x", positive=True)
     result.formula = sympy.solve(sympy.Eq(k * x, m * g), x)[0]
-    stiff, mass = result.given("stiff", 2000), result.given("mass", 1)
-    seconds, hand, dt = result.given("seconds", 5), 3.0, 1e-4
+    stiff, mass = result.input("stiff", 2000), result.input("mass", 1)
+    seconds, hand, dt = result.input("seconds", 5), 3.0, 1e-4
 
     def remaining(integral):
         place, rate, total = 0.0, 0.0, 0.0
@@ -210,11 +210,11 @@ def stiff_is_position(result):
             place += dt * rate
         return 1000 * abs(place)
 
-    sag = result.figure("sag", remaining(0.0), 1e-3)
-    removed = result.figure("left", remaining(8000.0), 0.2)
+    sag = result.measure("sag", remaining(0.0), 1e-3)
+    removed = result.measure("left", remaining(8000.0), 0.2)
     result.statement = "A hand under a payload, with and without an integral."
-    result.heard(sag < 1)
-    result.corrected(
+    result.statement_holds(sag < 1)
+    result.correction_holds(
         abs(sag / float(result.formula.subs({m: mass, g: 9.81, k: stiff})) / 1000 - 1) < 1e-3,
         removed < 1e-3 * sag,
     )
@@ -242,7 +242,7 @@ def derivative_is_filtered(result):
 
     s, h = sympy.symbols("s h", positive=True)
     result.formula = sympy.sqrt(s**2 + s**2) / h
-    dt, noise, alpha = 1e-3, 1e-4, result.given("alpha", 0.04)
+    dt, noise, alpha = 1e-3, 1e-4, result.input("alpha", 0.04)
     samples = result.rng.normal(0, noise, 200_000)
     rates, state = np.diff(samples) / dt, 0.0
     smooth = np.empty_like(rates)
@@ -250,7 +250,7 @@ def derivative_is_filtered(result):
         state += alpha * (rate - state)
         smooth[i] = state
     report = float(result.formula.subs({s: noise, h: dt}))
-    quiet = result.figure("quiet", smooth.std() / rates.std(), 0.03)
+    quiet = result.measure("quiet", smooth.std() / rates.std(), 0.03)
 
     def settled(share):
         """After which time a step stays within a thousandth of its goal [ms]."""
@@ -264,10 +264,10 @@ def derivative_is_filtered(result):
             away = i if abs(place - 1.0) > 1e-3 else away
         return 1000 * away * dt
 
-    sharp, soft = result.figure("sharp", settled(1.0)), result.figure("soft", settled(alpha))
+    sharp, soft = result.measure("sharp", settled(1.0)), result.measure("soft", settled(alpha))
     result.statement = "200,000 noisy samples, and a step of a loop that has no noise."
-    result.heard(soft < sharp)
-    result.corrected(
+    result.statement_holds(soft < sharp)
+    result.correction_holds(
         abs(rates.std() / report - 1) < 0.01,
         soft > 1.1 * sharp,
         abs(quiet / (alpha / np.sqrt(2 - alpha)) - 1) < 0.05,
@@ -306,10 +306,10 @@ def growing_energy(result):
 
     whole, half = (growth(explicit, dt, 0.0) for dt in (4e-3, 2e-3))
     fed, fed_half = (growth(verlet, dt, -0.4) for dt in (4e-3, 2e-3))
-    result.figure("whole", whole)
-    result.figure("half", half)
-    result.figure("fed", fed)
-    result.figure("fed_half", fed_half)
+    result.measure("whole", whole)
+    result.measure("half", half)
+    result.measure("fed", fed)
+    result.measure("fed_half", fed_half)
     result.statement = "An oscillator at two steps: explicit Euler, and a damper that drives."
 
     def report(step, damping, dt):
@@ -318,14 +318,14 @@ def growing_energy(result):
         return rate > 0 and growth(step, dt / 2, damping) < 0.75 * rate
 
     steps = result.rng.uniform(2e-3, 8e-3, 8)
-    result.heard(
+    result.statement_holds(
         fed < 0.1,
         only_if="no force feeds energy in",
         inside=[report(explicit, 0.2 * 100 * h, h) for h in steps],
         outside=[report(verlet, d, 4e-3) for d in result.rng.uniform(-1, -0.1, 8)],
         cases=True,
     )
-    result.corrected(
+    result.correction_holds(
         abs(whole / half - 2) < 0.05,
         abs(fed / fed_half - 1) < 0.05,
         abs(fed - 0.4) < 0.02,
@@ -369,17 +369,17 @@ def error_by_its_shape(result):
         deviation = (replay(law, **wrong)[0] - replay(law)[0]) ** 2
         return np.sqrt(deviation[-n // 5 :].mean() / deviation[: n // 5].mean())
 
-    rough = result.figure("rough", grown(torques, friction=0.07))
-    heavy = result.figure("heavy", grown(torques, inertia=0.12))
-    held = result.figure("rough_held", grown(positions, friction=0.07))
+    rough = result.measure("rough", grown(torques, friction=0.07))
+    heavy = result.measure("heavy", grown(torques, inertia=0.12))
+    held = result.measure("rough_held", grown(positions, friction=0.07))
     places, rates = replay(torques)
     late = 10
     error = places - replay(torques, delay=late)[0]
     report = late * dt * rates
-    deviation = result.figure("off", np.sqrt(((error - report) ** 2).mean() / (report**2).mean()), 0.05)
+    deviation = result.measure("off", np.sqrt(((error - report) ** 2).mean() / (report**2).mean()), 0.05)
     result.statement = "Torques and positions replayed on a joint with one parameter off at a time."
-    result.heard(rough > 2 and held > 2)
-    result.corrected(rough > 2, heavy > 2, held < 1.5, deviation < 0.1)
+    result.statement_holds(rough > 2 and held > 2)
+    result.correction_holds(rough > 2, heavy > 2, held < 1.5, deviation < 0.1)
 
 
 @claim(
@@ -404,8 +404,8 @@ def complete_planners(result):
     import sympy
     from scipy.ndimage import label
 
-    cell = result.given("cell", 0.1)
-    narrow, wide = result.given("narrow", 0.15), result.given("wide", 0.2)
+    cell = result.input("cell", 0.1)
+    narrow, wide = result.input("narrow", 0.15), result.input("wide", 0.2)
 
     def open_share(gap, places=200):
         """Share of places of the grid for which its free cells join the two halves."""
@@ -422,18 +422,18 @@ def complete_planners(result):
     # The first edge lies x < c above the lower side of the gap; a whole cell above it has to fit.
     c, x = sympy.symbols("c x", positive=True)
     result.formula = sympy.limit(x + c, x, c, "-")
-    tight = result.figure("open_narrow", open_share(narrow), 0.3)
-    roomy = result.figure("open_wide", open_share(wide), 0.0)
+    tight = result.measure("open_narrow", open_share(narrow), 0.3)
+    roomy = result.measure("open_wide", open_share(wide), 0.0)
     shut = open_share(0.09)
     wider, closer = result.rng.uniform(2 * cell, 4 * cell, 8), result.rng.uniform(0, 2 * cell, 8)
     result.statement = "Free cells of a grid, joined, at drawn places of the grid over a gap."
-    result.heard(
+    result.statement_holds(
         tight == 1,
         only_if="a grid's cells are at most half as wide as the gap, for A*",
         inside=[open_share(gap) == 1 for gap in wider],
         outside=[open_share(gap) == 1 for gap in closer],
     )
-    result.corrected(0.3 < tight < 0.7, roomy == 1, shut == 0)
+    result.correction_holds(0.3 < tight < 0.7, roomy == 1, shut == 0)
 
 
 @claim(
@@ -460,7 +460,7 @@ def computing_and_cycle(result):
 
     D, v, a, T = sympy.symbols("D v a T", positive=True)
     result.formula = sympy.expand(sympy.solve(sympy.Eq(v * (T - v / a), D), T)[0])
-    far, fast, hard = 0.6, 1.0, result.given("acceleration", 2)
+    far, fast, hard = 0.6, 1.0, result.input("acceleration", 2)
 
     def taken(limit):
         """Time from rest to rest by small steps, as fast as it may and braking as late as it
@@ -472,17 +472,17 @@ def computing_and_cycle(result):
             place, now = place + rate * dt, now + dt
         return now
 
-    move = result.figure("move", taken(hard), 5e-3)
+    move = result.measure("move", taken(hard), 5e-3)
     report = float(result.formula.subs({D: far, v: fast, a: hard}))
-    moves, grip = result.given("moves", 4), 0.6
-    computing = result.given("compute_ms", 170) / 1000
-    plan = result.given("plan_ms", 100) / 1000
+    moves, grip = result.input("moves", 4), 0.6
+    computing = result.input("compute_ms", 170) / 1000
+    plan = result.input("plan_ms", 100) / 1000
     cycle = moves * move + grip + computing
-    won = result.figure("won", plan / 2 / cycle, 0.01)
-    quick = result.figure("quick", moves * (move - taken(2 * hard)) / cycle, 0.01)
+    won = result.measure("won", plan / 2 / cycle, 0.01)
+    quick = result.measure("quick", moves * (move - taken(2 * hard)) / cycle, 0.01)
     result.statement = "A move from rest to rest in small steps, and a cycle of four."
-    result.heard(won > 0.1)
-    result.corrected(abs(move / report - 1) < 0.01, won < 0.03, quick > 5 * won)
+    result.statement_holds(won > 0.1)
+    result.correction_holds(abs(move / report - 1) < 0.01, won < 0.03, quick > 5 * won)
 
 
 @claim(
@@ -544,9 +544,9 @@ def loss_of_a_policy(result):
         return even - better
 
     result.statement = "Gradients of policies over four actions, by differences."
-    result.heard(fell(0.0) > 0 and fell(1.0) > 0)
-    apart = result.figure("away", np.mean([deviation(0.5) for _ in range(40)]), 0.2)
-    result.corrected(max(deviation(0.0) for _ in range(8)) < 1e-6, apart > 0.05)
+    result.statement_holds(fell(0.0) > 0 and fell(1.0) > 0)
+    apart = result.measure("away", np.mean([deviation(0.5) for _ in range(40)]), 0.2)
+    result.correction_holds(max(deviation(0.0) for _ in range(8)) < 1e-6, apart > 0.05)
 
 
 @claim(
@@ -585,7 +585,7 @@ def joints_by_sums(result):
             c, s = np.cos(turn), np.sin(turn)
             frame = frame @ [[c, -s, length * c], [s, c, length * s], [0, 0, 1]]
         deviation = max(deviation, np.abs(tip - frame[:2, 2]).max())
-    result.figure("digits", np.floor(-np.log10(deviation + 1e-17)), 0.1)
+    result.measure("digits", np.floor(-np.log10(deviation + 1e-17)), 0.1)
     result.statement = "Twenty drawn arms, against products of homogeneous transforms."
-    result.heard(deviation < 1e-14)
-    result.corrected(deviation < 1e-14)
+    result.statement_holds(deviation < 1e-14)
+    result.correction_holds(deviation < 1e-14)

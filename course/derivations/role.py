@@ -83,23 +83,23 @@ def chain_age(result):
     chain = (
         Stage(
             "see",
-            result.given("see_ms", 45) / 1000,
-            1 / result.given("camera_hz", 30),
+            result.input("see_ms", 45) / 1000,
+            1 / result.input("camera_hz", 30),
             1,
             "pipelined",
         ),
-        Stage("plan", result.given("plan_ms", 60) / 1000, 1 / result.given("plan_hz", 10)),
-        Stage("act", 2e-4, 1 / result.given("loop_hz", 1000)),
+        Stage("plan", result.input("plan_ms", 60) / 1000, 1 / result.input("plan_hz", 10)),
+        Stage("act", 2e-4, 1 / result.input("loop_hz", 1000)),
     )
     report, observed = age(chain), _ages(chain, result.rng)
-    result.figure("sum_ms", 1000 * report.least)
-    result.figure("mean_ms", 1000 * report.mean)
-    result.figure("bound_ms", 1000 * report.greatest)
-    result.figure("simulated_ms", 1000 * observed.mean(), 0.02)
+    result.measure("sum_ms", 1000 * report.least)
+    result.measure("mean_ms", 1000 * report.mean)
+    result.measure("bound_ms", 1000 * report.greatest)
+    result.measure("simulated_ms", 1000 * observed.mean(), 0.02)
     result.statement = "The closed form, and event simulation at random phases and moments."
     error = report.std / np.sqrt(len(observed))
-    result.heard(abs(observed.mean() - report.least) < 5 * error)
-    result.corrected(
+    result.statement_holds(abs(observed.mean() - report.least) < 5 * error)
+    result.correction_holds(
         abs(observed.mean() - report.mean) < 5 * error,
         report.least <= observed.min(),
         observed.max() <= report.greatest,
@@ -128,18 +128,18 @@ def polling_makes_fresh(result):
 
     C, T, w = sympy.symbols("C T w", positive=True)
     result.formula = _even(C + w, w, T)
-    camera = 1 / result.given("camera_hz", 30)
+    camera = 1 / result.input("camera_hz", 30)
 
     def read(rate):
         return np.mean([_at_read(1 / rate, x, 5.0).mean() for x in result.rng.random(20)])
 
-    slow, fast = read(result.given("slow_hz", 47)), read(result.given("fast_hz", 94))
-    result.figure("slow_ms", 1000 * slow, 0.05)
-    result.figure("fast_ms", 1000 * fast, 0.05)
+    slow, fast = read(result.input("slow_hz", 47)), read(result.input("fast_hz", 94))
+    result.measure("slow_ms", 1000 * slow, 0.05)
+    result.measure("fast_ms", 1000 * fast, 0.05)
     result.statement = "Age at the moment of reading, of two readers of one camera."
-    result.heard(fast < 0.75 * slow)
+    result.statement_holds(fast < 0.75 * slow)
     report = result.formula.subs({C: 1e-6, T: camera})
-    result.corrected(abs(slow / report - 1) < 0.05, abs(fast / report - 1) < 0.05)
+    result.correction_holds(abs(slow / report - 1) < 0.05, abs(fast / report - 1) < 0.05)
 
 
 @claim(
@@ -158,17 +158,17 @@ def reaction_is_age(result):
 
     chain = [replace(s, jitter=0.3 * s.execution, lost=0.2) for s in CHAIN]
     run = simulate(chain, result.rng.random(3), 1, 400.0)
-    events = result.rng.uniform(5, 390, result.given("events", 20_000))
+    events = result.rng.uniform(5, 390, result.input("events", 20_000))
     x = result.rng.uniform(0, 0.6, events.size)
     failed = np.sum((run.reaction(events) > x) != (run.age(events + x) > x))
     old, late = run.age(events), run.reaction(events)
-    result.figure("age_ms", 1000 * old.mean(), 0.02)
-    result.figure("reaction_ms", 1000 * late.mean(), 0.02)
-    result.figure("failed", failed)
+    result.measure("age_ms", 1000 * old.mean(), 0.02)
+    result.measure("reaction_ms", 1000 * late.mean(), 0.02)
+    result.measure("failed", failed)
     apart = np.abs(np.quantile(old, (0.1, 0.5, 0.9)) / np.quantile(late, (0.1, 0.5, 0.9)) - 1)
     result.statement = "Both times at drawn moments of one event simulation."
-    result.heard(apart.max() < 0.02)
-    result.corrected(failed < 1)
+    result.statement_holds(apart.max() < 0.02)
+    result.correction_holds(failed < 1)
 
 
 @claim(
@@ -178,11 +178,11 @@ def reaction_is_age(result):
     "at {high_ms:.1f} in another, to {moved_ms:.0e} ms over a minute.",
 )
 def long_run_mean(result):
-    slow, camera = 1 / result.given("slow_hz", 10), 1 / result.given("fast_hz", 30)
+    slow, camera = 1 / result.input("slow_hz", 10), 1 / result.input("fast_hz", 30)
     low, high = (_at_read(slow, phase, camera=camera) for phase in (0.02, 0.3))
-    result.figure("low_ms", 1000 * low.mean(), 1e-3)
-    result.figure("high_ms", 1000 * high.mean(), 1e-3)
-    result.figure("moved_ms", 1000 * max(np.ptp(low), np.ptp(high)) + 1e-9, 0.5)
+    result.measure("low_ms", 1000 * low.mean(), 1e-3)
+    result.measure("high_ms", 1000 * high.mean(), 1e-3)
+    result.measure("moved_ms", 1000 * max(np.ptp(low), np.ptp(high)) + 1e-9, 0.5)
 
     def right(period, phase):
         return abs(_at_read(period, phase, 600.0).mean() / (camera / 2) - 1) < 0.1
@@ -193,13 +193,13 @@ def long_run_mean(result):
     # spaced, and their mean is off by up to T / (2 n).
     apart = [right(*x) for x in zip(draws, phases, strict=True)] + [right(1.7 * camera, 0.3)]
     locked = [right(n * camera, x) for n in (1, 1.5, 2, 50) for x in phases]
-    result.heard(
+    result.statement_holds(
         right(slow, 0.02),
         inside=apart,
         outside=locked,
         only_if="no small number of the reader's periods is a whole number of the producer's",
     )
-    result.corrected(np.ptp(low) < 1e-9, np.ptp(high) < 1e-9, abs(high.mean() - low.mean()) > 0.005)
+    result.correction_holds(np.ptp(low) < 1e-9, np.ptp(high) < 1e-9, abs(high.mean() - low.mean()) > 0.005)
 
 
 @claim(
@@ -223,14 +223,14 @@ def same_rate_in_step(result):
 
     T, r, n = sympy.symbols("T r n", positive=True)
     result.formula = T * sympy.solve(sympy.Eq(n * T * r, T), n)[0]
-    period, drift = 1 / result.given("rate_hz", 30), 1e-6 * result.given("ppm", 100)
+    period, drift = 1 / result.input("rate_hz", 30), 1e-6 * result.input("ppm", 100)
     old = _at_read(period * (1 + drift), 0.3, 800.0)
     teeth = period * (1 + drift) * np.diff(np.flatnonzero(np.abs(np.diff(old)) > 0.5 * period))
-    result.figure("beat_s", teeth.mean(), 1e-3)
-    result.figure("high_ms", 1000 * np.ptp(old), 0.01)
+    result.measure("beat_s", teeth.mean(), 1e-3)
+    result.measure("high_ms", 1000 * np.ptp(old), 0.01)
     result.statement = "800 s of two drifting clocks, event by event."
-    result.heard(np.ptp(old) < 0.1 * period)
-    result.corrected(
+    result.statement_holds(np.ptp(old) < 0.1 * period)
+    result.correction_holds(
         abs(teeth.mean() / float(result.formula.subs({T: period, r: drift})) - 1) < 1e-3,
         abs(np.ptp(old) / period - 1) < 0.01,
     )
@@ -259,17 +259,17 @@ def deep_queue(result):
 
     d, T, k = sympy.symbols("d T k", positive=True)
     result.formula = sympy.factor(sympy.summation(T, (k, 1, d - 1)))
-    camera, period = 1 / result.given("fast_hz", 30), 1.003 / result.given("slow_hz", 10)
-    deep = result.given("deep", 10)
+    camera, period = 1 / result.input("fast_hz", 30), 1.003 / result.input("slow_hz", 10)
+    deep = result.input("deep", 10)
     full, newest = (_at_read(period, 0.1, 60.0, n)[40:].mean() for n in (deep, 1))
     index = read(np.arange(3000) * camera, np.arange(900) * period, deep)
-    result.figure("deep_ms", 1000 * full, 0.02)
-    result.figure("newest_ms", 1000 * newest, 0.05)
-    result.figure("lost", 1 - np.unique(index).size / (index[-1] + 1), 0.02)
+    result.measure("deep_ms", 1000 * full, 0.02)
+    result.measure("newest_ms", 1000 * newest, 0.05)
+    result.measure("lost", 1 - np.unique(index).size / (index[-1] + 1), 0.02)
     result.statement = "Age at reading with both depths, and how many samples are ever read."
-    result.heard(np.unique(index).size > index[-1])
+    result.statement_holds(np.unique(index).size > index[-1])
     report = result.formula.subs({d: deep, T: camera})
-    result.corrected(abs((full - newest) / report - 1) < 1e-3)
+    result.correction_holds(abs((full - newest) / report - 1) < 1e-3)
 
 
 @claim(
@@ -301,11 +301,11 @@ def queue_carries_overload(result):
         run = simulate(stages, [0.0, 0.0], 0, 100.0)
         return np.polyfit(run.published[9:], (run.published - run.captured)[9:], 1)[0]
 
-    busy = 0.1 * result.given("load", 1.25)
-    result.figure("slope", slope(busy), 1e-3)
+    busy = 0.1 * result.input("load", 1.25)
+    result.measure("slope", slope(busy), 1e-3)
     result.statement = "Slope of the age of what is finished, a minute and more of overload."
-    result.heard(slope(0.101) < 1e-3)
-    result.corrected(
+    result.statement_holds(slope(0.101) < 1e-3)
+    result.correction_holds(
         all(
             abs(slope(c) / float(result.formula.subs({C: c, T: 0.1})) - 1) < 0.01
             for c in result.rng.uniform(0.11, 0.4, 8)
@@ -339,16 +339,16 @@ def losses_add_up(result):
     G = (1 - p) * n / (1 - p * n)  # generating function of the gap, in periods
     first, second = (sympy.diff(G, n, k).subs(n, 1) for k in (1, 2))
     result.formula = sympy.simplify(T * (second + first) / (2 * first))  # met by its length
-    share, half = result.given("share", 0.1), result.given("half", 0.5)
-    result.figure("times", float(result.formula.subs({T: 2, p: share})))
-    result.figure("many", float(result.formula.subs({T: 2, p: half})))
+    share, half = result.input("share", 0.1), result.input("half", 0.5)
+    result.measure("times", float(result.formula.subs({T: 2, p: share})))
+    result.measure("many", float(result.formula.subs({T: 2, p: half})))
 
     def wait(lost):
         return _ages([Stage("camera", 1e-6, 0.1, lost=lost)], result.rng, 400, 20).mean()
 
     result.statement = "Moments of a geometric gap by algebra, and simulated losses."
-    result.heard(wait(share) / wait(0.0) < 1.15)
-    result.corrected(
+    result.statement_holds(wait(share) / wait(0.0) < 1.15)
+    result.correction_holds(
         all(
             abs(wait(x) / float(result.formula.subs({T: 0.1, p: x})) - 1) < 0.06
             for x in (share, 0.3, half)
@@ -368,18 +368,18 @@ def jitter_leaves_the_mean(result):
 
     from course.role import CHAIN, Stage, age
 
-    share = result.given("jitter", 0.3)
+    share = result.input("jitter", 0.3)
     shaken = [replace(s, jitter=share * s.execution) for s in CHAIN]
     observed, report = _ages(shaken, result.rng, 600, 2), age(CHAIN)
-    result.figure("moved", abs(observed.mean() / report.mean - 1) + 1e-3, 0.5)
-    result.figure("wider_ms", 1000 * (age(shaken).greatest - report.greatest))
+    result.measure("moved", abs(observed.mean() / report.mean - 1) + 1e-3, 0.5)
+    result.measure("wider_ms", 1000 * (age(shaken).greatest - report.greatest))
     camera = Stage("camera", 0.3, 0.1, 1, "pipelined")
-    wild = replace(camera, jitter=result.given("wild", 0.9) * camera.execution)
+    wild = replace(camera, jitter=result.input("wild", 0.9) * camera.execution)
     fallen = 1 - _ages([wild], result.rng, 200).mean() / age([camera]).mean
-    result.figure("fallen", fallen, 0.1)
+    result.measure("fallen", fallen, 0.1)
     result.statement = "600 runs of the chapter's chain with jitter in all executions."
-    result.heard(abs(observed.mean() - report.mean) < 5 * report.std / np.sqrt(600))
-    result.corrected(
+    result.statement_holds(abs(observed.mean() - report.mean) < 5 * report.std / np.sqrt(600))
+    result.correction_holds(
         age(shaken).least <= observed.min(), observed.max() <= age(shaken).greatest, fallen > 0.1
     )
 
@@ -406,7 +406,7 @@ def rate_is_bandwidth(result):
 
     A, w = sympy.symbols("A w", positive=True)
     result.formula = sympy.solve(w * A - sympy.pi / 2, w)[0]  # j w = -k exp(-j w A)
-    step = 1 / result.given("rate_hz", 1000)
+    step = 1 / result.input("rate_hz", 1000)
     report = float(result.formula.subs(A, age(CHAIN).mean))
     run = simulate(CHAIN, result.rng.random(3), 0, 12.0)
     behind = np.rint(run.age(np.arange(400, 11_000) * step) / step).astype(int)
@@ -417,9 +417,9 @@ def rate_is_bandwidth(result):
             x[n + 1] = x[n] - gain * step * x[n - late]
         return np.abs(x[-2000:]).max() > np.abs(x[2000:4000]).max()
 
-    result.figure("age_ms", 1000 * age(CHAIN).mean)
-    result.figure("told", report)
-    result.figure("hz", report / (2 * np.pi))
+    result.measure("age_ms", 1000 * age(CHAIN).mean)
+    result.measure("told", report)
+    result.measure("hz", report / (2 * np.pi))
     result.statement = "The loop driven by the ages of an event simulation, on both sides of k."
-    result.heard(not grows(2 * np.pi * 50))
-    result.corrected(not grows(0.9 * report), grows(1.1 * report))
+    result.statement_holds(not grows(2 * np.pi * 50))
+    result.correction_holds(not grows(0.9 * report), grows(1.1 * report))

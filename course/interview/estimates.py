@@ -228,7 +228,7 @@ class Estimate:
     An input that is a text is what was measured, `chart.NAME/STEPS`.
     """
 
-    says: str
+    statement: str
     unit: str
     function: Callable[..., float]
     inputs: Mapping[str, Input]
@@ -248,7 +248,7 @@ class Estimate:
 
     def __str__(self) -> str:
         rows = [f"  {name:<24} {value}" for name, value in self.given().items()]
-        return "\n".join([self.says, *rows, f"  -> {self.value():.3g} {self.unit}".rstrip()])
+        return "\n".join([self.statement, *rows, f"  -> {self.value():.3g} {self.unit}".rstrip()])
 
 
 def _cases() -> dict[str, Estimate]:

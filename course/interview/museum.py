@@ -43,8 +43,8 @@ class Exhibit:
     name: str
     threads: tuple[str, ...]
     years: tuple[int, ...]
-    found: str
-    said: str
+    finding: str
+    report: str
     invariant: str
     tolerance: float
     mechanism: Callable[..., object]

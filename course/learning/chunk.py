@@ -38,7 +38,7 @@ class Coded(Policy):
 
     def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
         """Actions for states (N, d), shape (N, *shape)."""
-        rows = self.seen(states)
+        rows = self.inputs(states)
         code = rng.standard_normal((len(rows), self.latent)) * (not self.zero)
         return self.done.undo(self.draw(rows, code)).reshape(len(rows), *self.shape)
 
@@ -87,7 +87,7 @@ def chunk_policy(
     def draw(rows: Array, code: Array) -> Array:
         return predict(decoder, np.concatenate((rows, code), axis=1))
 
-    policy = Coded(blank.seen, blank.done, blank.shape, draw, latent=latent, zero=zero)
+    policy = Coded(blank.inputs, blank.done, blank.shape, draw, latent=latent, zero=zero)
     both = torch.nn.ModuleList([decoder, encoder])
     fitted(policy, both, loss, len(x), seed=seed, **how)
     return policy

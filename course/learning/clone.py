@@ -36,7 +36,7 @@ class Policy:
         losses, seconds: of each step of the fit, and processor time of it [s].
     """
 
-    seen: Normaliser
+    inputs: Normaliser
     done: Normaliser
     shape: tuple[int, ...]
     draw: Callable[..., Array]
@@ -46,7 +46,7 @@ class Policy:
 
     def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
         """Actions for states (N, d), shape (N, *shape)."""
-        drawn = self.draw(self.seen(states), rng)
+        drawn = self.draw(self.inputs(states), rng)
         return self.done.undo(drawn).reshape(len(drawn), *self.shape)
 
 
@@ -83,7 +83,7 @@ def fitted(policy: Policy, net: Any, loss: Callable[[Any], Any], rows: int, **ho
     try:
         policy.losses = fit(net, loss, rows, **how)
     except Diverged as stop:
-        stop.kept = policy
+        stop.policy = policy
         raise
     policy.seconds = time.process_time() - began
     return policy

@@ -157,7 +157,7 @@ class Drawn(Policy):
 
     def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
         """Actions for states (N, d), shape (N, *shape)."""
-        rows = self.seen(states)
+        rows = self.inputs(states)
         field = partial(self.draw, rows)
         noise = rng.standard_normal((len(rows), math.prod(self.shape)))
         if self.solver in TABLEAUS:
@@ -203,7 +203,7 @@ def _generative(
         a, s = mix(time)
         return rate if flow else a * sample + s * rate
 
-    parts = blank.seen, blank.done, blank.shape
+    parts = blank.inputs, blank.done, blank.shape
     one_of("solver", solver, SOLVERS[:3] if flow else SOLVERS[3:])
     policy = Drawn(*parts, draw, solver=solver, steps=count("sampled", sampled, 1))
     fitted(policy, net, loss, len(x), seed=seed, **how)

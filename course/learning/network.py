@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 class Diverged(ArithmeticError):
     """A loss that is no finite number any more; the network has its last good weights."""
 
-    kept: Any = None  # the policy with these weights, where one was being fitted
+    policy: Any = None  # the policy with these weights, where one was being fitted
 
 
 def pytorch() -> Any:

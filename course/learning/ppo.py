@@ -190,7 +190,7 @@ class ActorCritic:
         self.normaliser = Normaliser.blank(inputs if settings.shared else n * inputs)
         self.flat = flatten(self.actor, self.critic, self.log_std)
 
-    def seen(self, observations: Array) -> Any:
+    def to_rows(self, observations: Array) -> Any:
         """Observations (..., n, d) as the networks take them, a float32 tensor (rows, d)."""
         d = observations.shape[-1]
         scaled = self.normaliser(observations.reshape(-1, self.normaliser.mean.size))
@@ -200,7 +200,7 @@ class ActorCritic:
         """The most likely actions, (n, a); `scaled` where the observations are so already."""
         torch = pytorch()
         with torch.inference_mode():
-            rows = torch.from_numpy(observations) if scaled else self.seen(observations)
+            rows = torch.from_numpy(observations) if scaled else self.to_rows(observations)
             return self.actor(rows).numpy()
 
     def copy(self) -> ActorCritic:
@@ -339,7 +339,7 @@ def finite_rows(name: str, rows: Any, step: int) -> None:
 class Table(NamedTuple):
     """The rows that are learned from, float32: an epoch shuffles all of them at once."""
 
-    seen: Any  # (rows, d), as the networks take them
+    observations: Any  # (rows, d), as the networks take them
     actions: Any  # (rows, a)
     log_prob: Any  # of the action when it was drawn, but for a constant, (rows, 1)
     advantages: Any
@@ -350,13 +350,13 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
     """The rows of a batch with their advantages; the critic judges all of them at once."""
     T, n = rewards.shape
     with pytorch().inference_mode():
-        observed = policy.seen(batch.observations)
+        observed = policy.to_rows(batch.observations)
         values = policy.critic(observed).numpy().astype(float).reshape(T + 1, n)
         if not np.isfinite(values).all():
             raise Diverged("the critic's values are not finite: lower the rate")
         following = values[1:].copy()
         for t, after in batch.cut:
-            last = policy.critic(policy.seen(after)).numpy()[:, 0]
+            last = policy.critic(policy.to_rows(after)).numpy()[:, 0]
             following[t] = np.where(batch.truncated[t], last, following[t])
     over, late = batch.terminated, batch.truncated
     if not settings.bootstrap:
@@ -387,7 +387,7 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
     """
     torch = pytorch()
     policy.flat.grad.zero_()
-    observed, count_of = torch.from_numpy(part.seen), len(part.seen)
+    observed, count_of = torch.from_numpy(part.observations), len(part.observations)
     mean, value = policy.actor(observed), policy.critic(observed)
     log_std = policy.log_std.detach().numpy()
     std = np.exp(log_std)
@@ -411,12 +411,12 @@ def improve(
     """The epochs; divergence of the policy and share clipped. Raises `Diverged`."""
     torch, gradient = pytorch(), policy.flat.grad.numpy()
     good, before = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()
-    noise_free = policy(table.seen, scaled=True)
+    noise_free = policy(table.observations, scaled=True)
     if settings.normalise_advantages:
         level, spread = table.advantages.mean(), table.advantages.std()
         table = table._replace(advantages=(table.advantages - level) / (spread + 1e-8))
     for epoch in range(settings.epochs):
-        order = rng.permutation(len(table.seen))
+        order = rng.permutation(len(table.observations))
         shuffled = (np.array_split(x[order], settings.minibatches) for x in table)
         for part in zip(*shuffled, strict=True):
             loss = slopes(policy, Table(*part), settings)
@@ -429,7 +429,7 @@ def improve(
                 gradient *= settings.longest_gradient / size
             optimiser.step()
         if epoch == settings.epochs - 1 or settings.most_kl < math.inf:
-            after, log_std = policy(table.seen, scaled=True), policy.log_std.detach().numpy()
+            after, log_std = policy(table.observations, scaled=True), policy.log_std.detach().numpy()
             moved = ((noise_free - after) ** 2 + np.exp(2.0 * before)) * np.exp(-2.0 * log_std)
             kl = float((log_std - before + 0.5 * moved - 0.5).sum(axis=1).mean())
             if not kl < RUNAWAY:

@@ -107,7 +107,7 @@ class Curve:
     key: str = ""
     extra: bool = False
 
-    def worked(self) -> list[Point]:
+    def valid_points(self) -> list[Point]:
         """The points that did not fail."""
         return [point for point in self.points if not point.failure]
 
@@ -168,7 +168,7 @@ class WorkPrecision:
             (point.cost(by), i, curve.name, point)
             for i, curve in enumerate(self.curves)
             if curve.style in styles
-            for point in curve.worked()
+            for point in curve.valid_points()
             if point.error <= limit
         ]
         if not good:
@@ -185,7 +185,7 @@ class WorkPrecision:
         that with the smallest spread. NaN with fewer than two usable points.
         """
         floor = 10.0 * self.reference_uncertainty
-        usable = [p for p in self.curve(name).worked() if p.error > floor]
+        usable = [p for p in self.curve(name).valid_points() if p.error > floor]
         x = np.log([p.parameter for p in usable])
         y = np.log([p.error for p in usable])
         if x.size < 2:
@@ -282,7 +282,7 @@ class WorkPrecision:
         curves, _ = _measure_curves([method, *beside], **options)
         ratio = None
         if beside and self.tolerance is not None:
-            good = [p.time for p in curves[0].worked() if p.error <= self.tolerance]
+            good = [p.time for p in curves[0].valid_points() if p.error <= self.tolerance]
             ratio = min(good) / curves[1].points[0].time if good else math.inf
         return replace(
             self,
@@ -326,7 +326,7 @@ class WorkPrecision:
         pick = self.pick(positive("tolerance", tolerance), by)
         desired = f"{tolerance:.2g}{self._unit}"
         if pick is None:
-            errors = [(p.error, c.name, p) for c in self.curves for p in c.worked()]
+            errors = [(p.error, c.name, p) for c in self.curves for p in c.valid_points()]
             if not errors:
                 return "No run worked."
             error, name, point = min(errors, key=lambda entry: entry[0])
@@ -349,7 +349,7 @@ class WorkPrecision:
 
     def range(self) -> tuple[float, float]:
         """Tolerances worth asking for: decades that hold the errors of all runs, and one more."""
-        errors = [p.error for curve in self.curves for p in curve.worked()]
+        errors = [p.error for curve in self.curves for p in curve.valid_points()]
         errors = [max(error, 1e-16) for error in errors] + [self.tolerance or 1.0]
         low, high = math.floor(math.log10(min(errors))), math.ceil(math.log10(max(errors)))
         return 10.0 ** (low - 1), 10.0**high
@@ -378,7 +378,7 @@ class WorkPrecision:
         panel = Panel("", cost, f"error [{self.error_unit}]", scale="log")
         shown = self.shown()
         for curve in self.curves:
-            good = curve.worked()
+            good = curve.valid_points()
             failed = len(curve.points) - len(good)
             series = Series(
                 curve.name + (f", {failed} of {len(curve.points)} failed" if failed else ""),

@@ -282,7 +282,7 @@ class Bus:
         """A part of the software, whose callbacks an executor runs; `Direct` if there is none."""
         return Node(self, name, executor or Direct(self))
 
-    def tell(self, end: "Writer | Reader", kind: str, detail: Any = None) -> None:
+    def notify(self, end: "Writer | Reader", kind: str, detail: Any = None) -> None:
         """Tell an end what has happened."""
         side = "writer" if isinstance(end, Writer) else "reader"
         event = Event(1e-9 * self.ns, kind, end.topic, side, end.node.name, detail)
@@ -305,7 +305,7 @@ class _Watch:
         self._due = bus.ns + self._period
         if self._silent:
             self._silent = False
-            bus.tell(self._end, "alive")
+            bus.notify(self._end, "alive")
         if not self._armed:
             self._armed = True
             bus.push(self._due, CHECK, self._check)
@@ -316,7 +316,7 @@ class _Watch:
             self._due += self._period
             self._armed = self._again
             self._silent = not self._again
-            bus.tell(self._end, "deadline" if self._again else "not alive")
+            bus.notify(self._end, "deadline" if self._again else "not alive")
         if self._armed:
             bus.push(self._due, CHECK, self._check)
 
@@ -390,7 +390,7 @@ class Reader:
         self.received = self.dropped = self.expired = self.lost = self.rounds = 0
         self.callback: Callback | None = None
         self._cache: deque[tuple[int, Sample]] = deque()
-        self._kept, self._deadline = qos.kept, _deadline(self)
+        self._capacity, self._deadline = qos.history_depth, _deadline(self)
 
     def __len__(self) -> int:
         return len(self._cache)
@@ -417,7 +417,7 @@ class Reader:
         """A sample has come in, in its writer's order; None: it never will."""
         if sample is None:
             self.lost += 1
-            self.bus.tell(self, "lost", number)
+            self.bus.notify(self, "lost", number)
             return
         self.received += 1
         if self._deadline:
@@ -425,7 +425,7 @@ class Reader:
         if sample.expires <= self.bus.ns:
             self.expired += 1
             return
-        if len(self._cache) >= self._kept:
+        if len(self._cache) >= self._capacity:
             self._cache.popleft()
             self.dropped += 1
         self._cache.append((self.bus.ns, sample))
@@ -481,7 +481,7 @@ class _Match:
         number, writer = sample.number, self.writer
         if writer.dead:
             return
-        if number > writer.number - writer.qos.kept and sample.expires > self.bus.ns:
+        if number > writer.number - writer.qos.history_depth and sample.expires > self.bus.ns:
             self.send(sample, packets)
         else:
             missing = self.bus.ns + nanoseconds(self.link.delay)
@@ -712,7 +712,7 @@ def _match(writer: Writer, reader: Reader) -> None:
     if not failing:
         writer.matches.append(_Match(writer, reader))
     for end in (writer, reader) if failing else ():
-        writer.bus.tell(end, "incompatible", failing)
+        writer.bus.notify(end, "incompatible", failing)
 
 
 def _deadline(end: Writer | Reader) -> _Watch | None:

@@ -37,7 +37,7 @@ class Inversion:
     wait: float
     theory: float
     order: tuple[str, ...]
-    refused: str = ""
+    denied: str = ""
 
 
 def measure(

@@ -177,7 +177,7 @@ class Parameters:
     """
 
     def __init__(self, given: Mapping[str, Any]) -> None:
-        self.given, self.value, self.told = dict(given), dict[str, Any](), list[Any]()
+        self.given, self.value, self.callbacks = dict(given), dict[str, Any](), list[Any]()
 
     def declare(self, name: str, default: Any) -> Any:
         """Declare one; what the launch file gave goes before the default."""
@@ -190,5 +190,5 @@ class Parameters:
         if type(value) is not type(self.value[name]):
             raise invalid(name, value, f"of type {type(self.value[name]).__name__}")
         self.value[name] = value
-        for call in self.told:
+        for call in self.callbacks:
             call(name, value)

@@ -120,7 +120,7 @@ class Granted:
     cores: tuple[int, ...]
     locked: bool
     quiet: bool
-    refused: dict[str, str] = field(default_factory=dict)
+    denied: dict[str, str] = field(default_factory=dict)
 
 
 @contextlib.contextmanager

@@ -67,7 +67,7 @@ class QoS:
             _period(name, getattr(self, name))
 
     @property
-    def kept(self) -> float:
+    def history_depth(self) -> float:
         """How many samples a history holds at most, infinite under "keep_all"."""
         return math.inf if self.history == "keep_all" else self.depth
 

@@ -157,7 +157,7 @@ def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> A
     result = [
         Policy.Reliability.BestEffort if best else Policy.Reliability.Reliable(time_of(1.0)),
         getattr(Policy.Durability, KINDS[qos.durability]),
-        selected(qos.kept),
+        selected(qos.history_depth),
         Policy.Deadline(time_of(qos.deadline)),
         Policy.Lifespan(time_of(qos.lifespan)),
         getattr(Policy.Liveliness, KINDS[qos.liveliness])(time_of(qos.liveliness_lease_duration)),
@@ -167,7 +167,7 @@ def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> A
     if strength:
         result.append(Policy.OwnershipStrength(strength))
     if kept_for_late != 0:
-        result.append(Policy.DurabilityService(0, selected(kept_for_late or qos.kept), -1, -1, -1))
+        result.append(Policy.DurabilityService(0, selected(kept_for_late or qos.history_depth), -1, -1, -1))
     return Qos(*result)
 
 

@@ -142,7 +142,7 @@ def expected(offered: QoS, requested: QoS, samples: int, late: bool, retained: f
         return []
     ends = (offered, requested)
     past = all(q.reliability == "reliable" and q.durability != "volatile" for q in ends)
-    largest = requested.kept if not late else min(requested.kept, retained) if past else 0
+    largest = requested.history_depth if not late else min(requested.history_depth, retained) if past else 0
     return list(range(samples))[int(samples - min(samples, largest)) :]
 
 
@@ -175,7 +175,7 @@ def _kept_row(
 ) -> Row:
     result = history(offered, requested, samples, late=late, kept_for_late=retained)
     # Cyclone's own default of the durability service is to keep the last one.
-    depth = offered.kept if retained is None else retained or 1
+    depth = offered.history_depth if retained is None else retained or 1
     service = "" if retained is None else f", service {depth}" if retained else ", service as by default"
     text = [_label("several", qos) for qos in (offered, requested)]
     ours = expected(offered, requested, samples, late, depth)
@@ -196,7 +196,7 @@ class Missed:
     offered: int
     requested: int
     least: int
-    most: int
+    at_most: int
 
 
 def missed(deadline: float = SHORT, gap: float = 0.12, gaps: int = 5) -> Missed:
@@ -263,8 +263,8 @@ def event_rows() -> list[Row]:
         report = missed(deadline)
         counts = (report.offered, report.requested)
         cyclone = f"{counts[0]} events at the writer, {counts[1]} at the reader"
-        right = all(report.least <= n <= report.most for n in counts)
-        ours = cyclone if right else f"{report.least} to {report.most} at each"
+        right = all(report.least <= n <= report.at_most for n in counts)
+        ours = cyclone if right else f"{report.least} to {report.at_most} at each"
         rows.append(Row("deadline missed", f"{deadline:g} s", "five gaps of 0.12 s", cyclone, ours))
     for kind in ORDERS["liveliness"]:
         known = (0, 1, 1) if kind == "automatic" else (1, 0, 1)

@@ -188,8 +188,8 @@ def _all(name: str) -> dict[str, Reading]:
     result = {"sound": usual}
     for model in MODELS:
         reading = _alone(read, model.text)
-        new = "" if reading.said == usual.said else reading.said
-        result[model.name] = Reading(reading.refused, reading.crashed, new, reading.facts)
+        new = "" if reading.messages == usual.messages else reading.messages
+        result[model.name] = Reading(reading.rejection, reading.crashed, new, reading.facts)
     return result
 
 

@@ -175,9 +175,9 @@ def ppo(
 
         def _on_rollout_start(self) -> None:  # after the update of the iteration before
             if self.num_timesteps and self.num_timesteps // batch % every == 0:
-                self.look()
+                self.record_progress()
 
-        def look(self) -> None:
+        def record_progress(self) -> None:
             spent = time.process_time() - self.started
 
             def policy(observations: Any) -> Any:
@@ -219,6 +219,6 @@ def ppo(
         watch.started = time.process_time()
         model.learn(steps // batch * batch, callback=watch)
         if not rows or rows[-1][0] < model.num_timesteps:
-            watch.look()
+            watch.record_progress()
     table = np.array(rows)
     return Curve(table[:, 0].astype(np.int64), table[:, 1], table[:, 2])

@@ -124,7 +124,7 @@ class Tracker:
         self.patience = count("patience", patience)
         self.state, self.covariance = np.zeros(6), np.zeros((6, 6))
         self.stamp = -math.inf
-        self.refused = 0
+        self.rejected = 0
 
     def _at(self, stamp: float) -> tuple[Array, Array]:
         """State and covariance at a time from the last picture on."""
@@ -179,8 +179,8 @@ class Tracker:
         S = H @ P @ H.T + R
         gate = self.gate if self.gate is not None else _GATES[max(0, report.sum() - 1)]
         if report.any() and r[report] @ np.linalg.solve(S, r[report]) > gate:
-            self.refused += 1
-            if self.patience and self.refused >= self.patience and report.all():
+            self.rejected += 1
+            if self.patience and self.rejected >= self.patience and report.all():
                 self._start(seen_at, given, R)
                 return True
             return False
@@ -192,11 +192,11 @@ class Tracker:
         # Joseph's form holds for any gain, and keeps the covariance positive.
         remaining = np.eye(6) - K @ H
         self.state, self.covariance = x + K @ r[report], remaining @ P @ remaining.T + K @ R @ K.T
-        self.stamp, self.refused = seen_at, 0
+        self.stamp, self.rejected = seen_at, 0
         return True
 
     def _start(self, stamp: float, z: Array, R: Array) -> None:
         self.state = np.concatenate((z, np.zeros(3)))
         self.covariance = np.zeros((6, 6))
         self.covariance[:3, :3], self.covariance[3:, 3:] = R, np.diag(self.speed**2)
-        self.stamp, self.refused = stamp, 0
+        self.stamp, self.rejected = stamp, 0

@@ -67,7 +67,7 @@ def contracts(record: Record, agreed: Settings) -> list[Broken]:
         if np.abs(z).max() > SURE + 1.0:
             result.append(Broken("perceive", "errors do not agree with the covariance"))
     known = {one.captured: one.value for one in record.estimates}
-    for requested, crossing in zip(record.asked, record.plans, strict=False):
+    for requested, crossing in zip(record.plan_requests, record.plans, strict=False):
         path = crossing.value
         if path.motion is None:
             result.append(Broken("plan", f"no path: {path.status}"))

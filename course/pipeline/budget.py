@@ -80,7 +80,7 @@ class Budget:
 
     parts: tuple[str, ...]
     errors: dict[Subset, Array]
-    told: dict[Subset, tuple[Array, Array]]
+    moments: dict[Subset, tuple[Array, Array]]
 
     def only(self, *parts: str) -> Subset:
         """What is mended where only these parts are as they were."""
@@ -93,7 +93,7 @@ class Budget:
 
     def rms(self, mended: Subset) -> tuple[float, float]:
         """Root of the mean squared error, measured and predicted [m]."""
-        mean, covariance = self.told[mended]
+        mean, covariance = self.moments[mended]
         square = float(np.mean(np.sum(self.errors[mended] ** 2, axis=0)))
         return math.sqrt(square), math.sqrt(float(mean @ mean + np.trace(covariance)))
 
@@ -178,7 +178,7 @@ class Compared(NamedTuple):
         saved: how many times as many runs it takes on seeds of their own, for the squares.
     """
 
-    worked: NDArray[np.bool_]
+    succeeded: NDArray[np.bool_]
     square: Band
     saved: float
 

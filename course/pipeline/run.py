@@ -51,9 +51,9 @@ class Record:
     time: float
     log: Array
     timetable: Frames
-    seen: Array
+    sightings: Array
     plans: list[Crossing]
-    asked: list[int]
+    plan_requests: list[int]
 
     @property
     def success(self) -> bool:
@@ -83,15 +83,15 @@ class Record:
     @property
     def estimates(self) -> list[Crossing]:
         """What went on to plan and reference: after the filter, at the stamp of its picture."""
-        used = (k for k in self._arrived() if self.seen[k, by.USED] > 0.0)
+        used = (k for k in self._arrived() if self.sightings[k, by.USED] > 0.0)
         return [self._crossing(k, GUESS, GUESS_SPREAD) for k in used]
 
     def _arrived(self) -> list[int]:
         order = np.argsort(self.timetable.arrived, kind="stable")
-        return [int(k) for k in order if self.seen[k, by.USED] != 0.0]
+        return [int(k) for k in order if self.sightings[k, by.USED] != 0.0]
 
     def _crossing(self, k: int, place: int, spread: int) -> Crossing:
-        row = self.seen[k]
+        row = self.sightings[k]
         xx, xy, yy = row[spread : spread + 3]
         stamp, arrived = int(row[by.WHEN]), int(self.timetable.arrived[k])
         return Crossing(
@@ -183,12 +183,12 @@ class Run:
         self.scenario, self.settings, self.stages = scenario, settings, stages
         self.seed, self.wrong = count("seed", seed), ""
         self.plans: list[Crossing] = []
-        self.asked: list[int] = []
-        self._told = ideal_settings(settings)
-        self.timetable = timetable = _timetable(self._told, scenario.seconds, seed, disturb)
-        self._numbers = _numbers(scenario, self._told)
+        self.plan_requests: list[int] = []
+        self._settings = ideal_settings(settings)
+        self.timetable = timetable = _timetable(self._settings, scenario.seconds, seed, disturb)
+        self._numbers = _numbers(scenario, self._settings)
         steps = -(-microseconds(scenario.seconds) // step_of(settings))
-        self.seen, self.log = np.zeros((timetable.captured.size, 14)), np.zeros((steps + 1, 11))
+        self.sightings, self.log = np.zeros((timetable.captured.size, 14)), np.zeros((steps + 1, 11))
         self._ints, self._changing = np.zeros(11, dtype=np.int64), np.zeros(15)
         self._ints[by.DUE], self._changing[by.STAMP] = by.FAR, -1.0
         self._changing[by.WAIT : by.GOAL] = scenario.start
@@ -205,7 +205,7 @@ class Run:
             self._changing,
             np.zeros(4),
             np.zeros((4, 4)),
-            self.seen,
+            self.sightings,
         )
         self._fixed = (
             self.log,
@@ -220,7 +220,7 @@ class Run:
     def _stages(self) -> tuple[Any, tuple[Any, Any]]:
         """The driver and what it calls: compiled, or of a learner's or library's functions."""
         drive, *ours = by.kernels()
-        stages, scenario, settings = self.stages, self.scenario, self._told
+        stages, scenario, settings = self.stages, self.scenario, self._settings
         observed, law, moved = (
             getattr(stages, name) is getattr(OURS, name) for name in ("perceive", "control", "move")
         )
@@ -239,13 +239,13 @@ class Run:
         if not (law and moved):
             pair = by.law_loop if law else their_law, by.step_loop if moved else their_step
             between = functools.partial(by.advance, *pair)
-        return by.drive, (compiled(by.observe, by.LOOK) if observed else self._look, between)
+        return by.drive, (compiled(by.observe, by.LOOK) if observed else self._observe, between)
 
-    def _look(self, k, n, times, noise, log, ints, observed) -> None:
+    def _observe(self, k, n, times, noise, log, ints, observed) -> None:
         when, q = int(times[k, 0]), log[ints[by.NOW], Q:V].copy()
         target = self.scenario.at(1e-6 * when) + noise[k, :2]
         sight = Sight(int(k), when, target, q, noise[k, 3:].copy(), float(noise[k, 2]))
-        place, covariance, frame, stamp = self.stages.perceive(sight, self.scenario, self._told)
+        place, covariance, frame, stamp = self.stages.perceive(sight, self.scenario, self._settings)
         spread = np.asarray(covariance, dtype=float)
         observed[k, PLACE:SPREAD] = place
         observed[k, SPREAD : SPREAD + 3] = spread[0, 0], spread[0, 1], spread[1, 1]
@@ -277,7 +277,7 @@ class Run:
 
     def _ask(self) -> None:
         """A plan from where the reference is, and when it will be ready."""
-        ints, settings = self._ints, self._told
+        ints, settings = self._ints, self._settings
         k = self._order[ints[by.ARRIVED] - 1]
         now = int(self.timetable.arrived[k])
         start = self.log[ints[by.NOW], REFERENCE:SENT].copy()
@@ -292,8 +292,8 @@ class Run:
             elif np.abs(path.motion.table[0, 4:6] - start).max() > 1e-9:
                 self.wrong = "plan: a path that does not begin where the arm should be"
         ints[by.DUE] = due = now + round(1e6 * settings.check_cost * path.checks)
-        self.asked.append(now)
-        self.plans.append(Crossing(path, None, "joints", int(self.seen[k, by.WHEN]), due))
+        self.plan_requests.append(now)
+        self.plans.append(Crossing(path, None, "joints", int(self.sightings[k, by.WHEN]), due))
 
     def _take(self) -> None:
         """The plan that was waited for comes into force, if there is one."""
@@ -332,9 +332,9 @@ class Run:
             time,
             log,
             self.timetable,
-            self.seen,
+            self.sightings,
             self.plans,
-            self.asked,
+            self.plan_requests,
         )
 
 
@@ -390,7 +390,7 @@ def _numbers(scenario: Scenario, settings: Settings) -> Array:
             "age" in ideal,
             *settings.drift,
             settings.replan,
-            settings.kept,
+            settings.hysteresis,
             0.0,
         ],
         dtype=float,

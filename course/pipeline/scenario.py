@@ -136,7 +136,7 @@ class Settings:
     check_cost: float = 20e-6
     margin: float = 0.05
     replan: float = 0.1
-    kept: bool = False
+    hysteresis: bool = False
     rate: float = 1.5
     acceleration: float = 4.0
     law: str = "pd"

@@ -131,7 +131,7 @@ class Query:
     progress: Callable[[str], None] | None = None
     counts: Ints = field(default_factory=lambda: np.zeros(16, dtype=np.int64))
     calls: int = 0  # of a user's function, before this question
-    _told: float = 0.0
+    _last_report: float = 0.0
 
     @property
     def seconds(self) -> float:
@@ -148,7 +148,7 @@ class Query:
         """Whether a state is free, counted."""
         self.counts[STATE_CHECKS] += 1
         free = bool(self.world.kernels[0](self.world.obstacles, self.world.body, q))
-        self.tell("begins")
+        self.report_progress("begins")
         return free
 
     def goal_root(self) -> Array | None:
@@ -158,7 +158,7 @@ class Query:
         draws = (np.asarray(self.rng.uniform(*self.goal)) for _ in range(TRIES))
         return next((q for q in draws if self.is_free(q)), None)
 
-    def tell(self, done: str) -> None:
+    def report_progress(self, done: str) -> None:
         """Say how far a long run is, every two seconds; and pass on what a function raised."""
         function = function_behind(self.world)
         if function is not None and function.raised is not None:
@@ -168,9 +168,9 @@ class Query:
                 raise error
             message = f"a function that answers; it raised {error!r} at {q.tolist()}"
             raise invalid("valid", function.valid, message) from error
-        if self.seconds - self._told > _TELL_AFTER:
-            self._told = self.seconds
-            text = f"{self.method}: {done} after {self._told:.0f} s"
+        if self.seconds - self._last_report > _TELL_AFTER:
+            self._last_report = self.seconds
+            text = f"{self.method}: {done} after {self._last_report:.0f} s"
             if self.progress is not None:
                 self.progress(text)
             elif os.environ.get("COURSE_QUIET") != "1":

@@ -338,7 +338,7 @@ class Roadmap:
         pairs: the two nodes of each edge, shape (e, 2).
         status: of each edge: `FREE`, `BLOCKED`, `UNKNOWN`, `AGAIN`, shape (e,).
         fresh: rows of obstacles that edges with `AGAIN` have not been asked about.
-        first, ways: the edges at node i are ways[first[i] : first[i + 1]].
+        first, edges: the edges at node i are edges[first[i] : first[i + 1]].
         links: the k-d tree of the nodes.
     """
 
@@ -348,7 +348,7 @@ class Roadmap:
     status: Ints
     fresh: Array
     first: Ints
-    ways: Ints
+    edges: Ints
     links: Ints
 
     @property
@@ -532,7 +532,7 @@ def _shortest_path(query: Query, roadmap: Roadmap, begins: Array, ends: Array, g
         roadmap.pairs,
         roadmap.status,
         roadmap.first,
-        roadmap.ways,
+        roadmap.edges,
         begins,
         ends,
         goal,
@@ -569,7 +569,7 @@ def prm(query: Query) -> Plan:
             path = _shortest_path(query, roadmap, begins, ends, root)
             growing.status[: len(roadmap.status)] = roadmap.status
         chunk = min(2 * chunk, 256)
-        query.tell(f"{query.counts[SAMPLES]} of {budget.samples} samples")
+        query.report_progress(f"{query.counts[SAMPLES]} of {budget.samples} samples")
     graph = {"nodes": roadmap.nodes.T, "edges": roadmap.pairs[roadmap.status == FREE].T}
     if path:
         return query.answer(SOLVED, roadmap.nodes[path], **graph)
@@ -663,7 +663,7 @@ def on_roadmap(query: Query) -> Plan:
             halves = [trees[side, here[::-1]], trees[1 - side, other]]
             met = np.concatenate(halves if side == 0 else [x[::-1] for x in halves[::-1]])
             return query.answer(SOLVED, met)
-        query.tell(f"{counts[SAMPLES]} of {budget.samples} samples")
+        query.report_progress(f"{counts[SAMPLES]} of {budget.samples} samples")
 
 
 METHODS.update(prm=prm, prm_star=prm, lazy_prm=prm, roadmap=on_roadmap)

@@ -500,7 +500,7 @@ def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
         # Only where time is limited do the chunks depend on a clock.
         if code == GO_ON and chunk < 1024 and not (timed and now - last >= 1e-3):
             chunk *= 2
-        query.tell(f"{done} of {samples} samples")
+        query.report_progress(f"{done} of {samples} samples")
     nodes, parents, _, costs, room, _ = arrays
     _, _, _, _, count, others, _, _, end, _, _, far, onward, *_ = counts.tolist()
     tree = {"nodes": nodes[0, :count], "parents": parents[0, :count], "costs": costs[0, :count]}

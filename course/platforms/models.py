@@ -185,9 +185,9 @@ class Reading:
             each), "damping", "friction", "dof", "mimic".
     """
 
-    refused: str = ""
+    rejection: str = ""
     crashed: bool = False
-    said: str = ""
+    messages: str = ""
     facts: dict[str, Any] | None = None
 
 
@@ -231,9 +231,9 @@ def verdict(model: Model, reading: Reading) -> str:
     """
     if reading.crashed:
         return "crashed"
-    if reading.refused:
+    if reading.rejection:
         return "refused"
-    if reading.said:
+    if reading.messages:
         return "warned"
     assert reading.facts is not None
     if model.kind == "feature":

@@ -73,7 +73,7 @@ class Canvas(anywidget.AnyWidget):
     _keys = traitlets.List(traitlets.Unicode()).tag(sync=True)
 
     def __init__(self, frame: Picture, **options: Any) -> None:
-        super().__init__(_paper=frame.paper.told(), _first=_buffer(frame), **options)
+        super().__init__(_paper=frame.paper.declaration(), _first=_buffer(frame), **options)
         self._frame = frame
         self._traffic = _Traffic()
         self._lock = threading.RLock()

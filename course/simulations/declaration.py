@@ -48,7 +48,7 @@ def names() -> tuple[str, ...]:
 
 def _names() -> Iterator[str]:
     for chapter in CHAPTERS:
-        if chapter.there:
+        if chapter.ready:
             whole = importlib.import_module(chapter.simulation_module)
             inner = [each.name for each in pkgutil.iter_modules(getattr(whole, "__path__", ()))]
             for name in [f"{chapter.topic}.{each}" for each in inner] or [chapter.topic]:
@@ -110,7 +110,7 @@ def declaration(name: str) -> dict[str, Any]:
     return {
         "name": name,
         "title": made.title,
-        "paper": made.paper.told(),
+        "paper": made.paper.declaration(),
         "pen": {
             "size": drawing.HEADER + made.paper.room,
             "header": made.paper.pen()[: drawing.HEADER].tolist(),

@@ -102,7 +102,7 @@ class Paper:
             raise invalid("window", self.window, "xmin < xmax, ymin < ymax")
         positive("width", self.width, unit="pixels")
 
-    def told(self) -> dict[str, Any]:
+    def declaration(self) -> dict[str, Any]:
         """What a browser has to know once."""
         return {
             "label": self.label,

@@ -193,8 +193,8 @@ def shown(values, moves):
     rows = np.minimum((times / (1e-6 * record.step) + 1e-9).astype(int), len(record.log) - 1)
     observed = np.zeros((8, FRAMES))
     observed[0] = NEVER
-    pictures = [k for k in np.flatnonzero(record.seen[:, drive.USED] > 0.0)][:FRAMES]
-    table, row = record.timetable, record.seen[pictures]
+    pictures = [k for k in np.flatnonzero(record.sightings[:, drive.USED] > 0.0)][:FRAMES]
+    table, row = record.timetable, record.sightings[pictures]
     observed[0, : len(pictures)] = 1e-6 * table.arrived[pictures]
     observed[1, : len(pictures)] = 1e-6 * table.captured[pictures]
     columns = [drive.PLACE, drive.PLACE + 1, drive.GUESS, drive.GUESS + 1]

@@ -137,7 +137,7 @@ def _print_verdict(session: Session, verdict: scenarios.Verdict) -> None:
             (
                 f"{row.probe} {row.figure:.3g} {row.unit}".rstrip(),
                 f"rules out {', '.join(row.ruled_out) or 'none'}; left: "
-                f"{', '.join(row.left) or 'none'}",
+                f"{', '.join(row.remaining) or 'none'}",
             )
             for row in rows
         ]

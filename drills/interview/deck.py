@@ -189,9 +189,9 @@ def _exhibit(entry: Entry) -> Sides:
     back = [
         f"`{shown.invariant}`: {caught} Allowed is {shown.tolerance:g}; measured as it was done: "
         f"{wrong:.2g}, done right: {right:.2g}.",
-        shown.said,
+        shown.report,
         *([f"Still so in {shown.live}"] if shown.live else []),
         f"{', '.join(shown.threads)} ({min(shown.years)})",
     ]
-    front = f"**{shown.name.capitalize()}.** {shown.found} Which invariant catches it?"
+    front = f"**{shown.name.capitalize()}.** {shown.finding} Which invariant catches it?"
     return Sides(front, "\n\n".join(back))

@@ -73,7 +73,7 @@ class Flashcards(ipywidgets.VBox):
         self.entry: Entry | None = None
         self.turned = False
         self._head, self._face = ipywidgets.HTML(), ipywidgets.HTMLMath()
-        self.said = ipywidgets.Text(continuous_update=False, layout=_WIDE)
+        self.answer_box = ipywidgets.Text(continuous_update=False, layout=_WIDE)
         self.turn = ipywidgets.Button(description="Reveal", button_style="primary", layout=_WIDE)
         self.next = ipywidgets.Button(description="Next", layout=_WIDE)
         self.ratings = {
@@ -88,7 +88,7 @@ class Flashcards(ipywidgets.VBox):
             button.on_click(lambda _, number=number: self.rate(number))
         self.strip.on_msg(lambda _widget, content, _buffers: self.press(content))
         row = ipywidgets.HBox([self.turn, self.next, *self.ratings.values()])
-        super().__init__([self._head, self._face, self.said, row, self.strip, self.note])
+        super().__init__([self._head, self._face, self.answer_box, row, self.strip, self.note])
         self._deal()
 
     def reveal(self) -> None:
@@ -97,7 +97,7 @@ class Flashcards(ipywidgets.VBox):
             if self.entry is None or self.turned:
                 return
             self.turned = True
-            right, sentence = judge(self.entry, self.said.value)
+            right, sentence = judge(self.entry, self.answer_box.value)
             if right is not None:
                 self.ratings[GOOD if right else AGAIN].button_style = "info"
             shown = sides(self.entry, tex)
@@ -147,15 +147,15 @@ class Flashcards(ipywidgets.VBox):
         where = f"{self.entry.kind}, chapter {self.entry.chapter}" if self.entry else "No more now"
         self._head.value = f"<b>{where}</b> ({due} due, {new} new)"
         self._face.value = rendered(sides(self.entry, tex).front) if self.entry else ""
-        self.said.value = ""
+        self.answer_box.value = ""
         for button in self.ratings.values():
             button.button_style = ""
         self._enable()
 
     def _enable(self) -> None:
         hint = _HINT.get(self.entry.kind, "") if self.entry else ""
-        self.said.placeholder = hint
-        self.said.layout.display = None if hint and not self.turned else "none"
+        self.answer_box.placeholder = hint
+        self.answer_box.layout.display = None if hint and not self.turned else "none"
         self.turn.disabled = self.entry is None or self.turned
         self.next.disabled = self.entry is None
         for button in self.ratings.values():

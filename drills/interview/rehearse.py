@@ -85,7 +85,7 @@ class Talk:
     editor: bool = False
 
     def __post_init__(self) -> None:
-        self.looked = self.clock()
+        self.last_look = self.clock()
         self.folder = self.session.work / "interview"
         progress = self.session.progress_file
         self.file = progress and progress.with_name("interviews.json")
@@ -114,7 +114,7 @@ class Talk:
             what = ", ".join(left_out)
             self.session.notices.append(f"Left out for lack of time or of choice: {what}.")
         self.interview = Interview(
-            self.looked.isoformat(timespec="milliseconds"), seed, minutes, entries
+            self.last_look.isoformat(timespec="milliseconds"), seed, minutes, entries
         )
 
     def past(self) -> Past:
@@ -127,7 +127,7 @@ class Talk:
         """The cards that are due now."""
         reviews, notices = store.load(store.beside(self.session.progress_file))
         self.session.notices += notices
-        return store.due(deck.deck(), reviews, self.looked)
+        return store.due(deck.deck(), reviews, self.last_look)
 
     def resume(self) -> None:
         """Go on with the last interview that is not over."""
@@ -144,11 +144,11 @@ class Talk:
             notices = (str(problem),)
         self.session.notices += [one for one in notices if one not in self.session.notices]
 
-    def keep(self, entry: Entry) -> None:
+    def book_time(self, entry: Entry) -> None:
         """Book the time since the last look on an entry, and write all that was said."""
         now = self.clock()
-        entry.seconds += max((now - self.looked).total_seconds(), 0.0)  # clocks are set back
-        self.looked = now
+        entry.seconds += max((now - self.last_look).total_seconds(), 0.0)  # clocks are set back
+        self.last_look = now
         interview = self.interview
         if interview.seconds > 60 * interview.minutes and not interview.over:
             interview.over = entry.title
@@ -174,10 +174,10 @@ class Talk:
         self.show(text)  # before the terminal was killed
         paths = " A blank line at once opens your editor." * self.editor
         self.session.say(f"A blank line or a dot ends your answer.{paths}")
-        while (line := self.hear().rstrip()) not in ("", "."):
+        while (line := self.read_line().rstrip()) not in ("", "."):
             text += f"{line}\n"
             setattr(entry, name, text)
-            self.keep(entry)
+            self.book_time(entry)
         if self.editor and not text and not line:
             draft.touch()  # what an editor that was killed has saved is there
             click.edit(filename=str(draft))
@@ -190,21 +190,21 @@ class Talk:
             self.ask(item.title)
             self.take(entry, "answer")
             entry.answered = True
-            self.keep(entry)
+            self.book_time(entry)
         levels = ", ".join(f"{i} {mark}" for i, mark in enumerate(MARKS))
         self.session.say(f"\nHow good was that? {levels}")
         hints = [f" [by its words {mark}]" for mark in item.aid(entry.answer)]
         for at in range(len(entry.marks), len(item.rubric)):
             line = item.fill(item.rubric[at], figure) + (hints[at] if hints else "")
             self.session.wrap(line, "      ", f"  {at + 1:>2}. ")
-            while (mark := self.hear().strip()) not in tuple("0123"):
+            while (mark := self.read_line().strip()) not in tuple("0123"):
                 self.session.say(f"      0 to {len(MARKS) - 1}")
             entry.marks.append(MARKS[int(mark)])
-            self.keep(entry)
+            self.book_time(entry)
         entry.score = rehearsal.share(entry.marks)
         requested = rehearsal.follow_up(item, entry.marks)
-        entry.weakest, entry.asked = (item.fill(text, figure) for text in requested)
-        self.ask(entry.asked)
+        entry.weakest, entry.follow_up = (item.fill(text, figure) for text in requested)
+        self.ask(entry.follow_up)
         self.take(entry, "reply")
         self.show(f"---\n\n{item.fill(item.answer, figure)}")
 
@@ -215,14 +215,14 @@ class Talk:
         if not entry.answered:
             workspace.write_start(path, card, replace=True)  # keeps what is there
             entry.answered = True
-            self.keep(entry)
+            self.book_time(entry)
         self.ask(f"{card.title}: write {card.entry} in {workspace.shown(path)}.")
         self.show(present.task(card))
         verdicts: list[str] = [attempt["verdict"] for attempt in entry.attempts]
         while "pass" not in verdicts:
             editor = "e opens your editor, " * self.editor
             self.session.say(f"A blank line grades it, {editor}n goes on without.")
-            line = self.hear().strip().lower()
+            line = self.read_line().strip().lower()
             if line == "n":
                 break
             if line == "e" and self.editor:
@@ -233,7 +233,7 @@ class Talk:
                 if report.reason not in grading.UNCOUNTED:
                     entry.attempts.append({"verdict": report.verdict, "sentence": report.sentence})
                     verdicts.append(report.verdict)
-            self.keep(entry)
+            self.book_time(entry)
         entry.score = 1 / len(verdicts) if "pass" in verdicts else 0.0
         entry.weakest = item.rubric[0]
 
@@ -250,7 +250,7 @@ class Talk:
                     session.notices.append(f"The course no longer asks: {entry.title}")
                 entry.read = to_read(entry)
                 entry.done = True
-                self.keep(entry)
+                self.book_time(entry)
             self.interview.cards_due = [card.key for card in self.due()]
             path = self.folder / f"report-{re.sub('[^0-9]', '', self.interview.started)[:17]}.json"
             result = {**asdict(self.interview), "seconds": self.interview.seconds}
@@ -258,7 +258,7 @@ class Talk:
             workspace.write_over(path.with_suffix(".md"), rehearsal.markdown(self.interview))
         except (KeyboardInterrupt, EOFError, OutputLost, click.ClickException):
             if self.file:
-                self.keep(entry)
+                self.book_time(entry)
                 session.notices.append("What you said is kept: drills interview --resume goes on.")
             raise
         except OSError as error:

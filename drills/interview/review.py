@@ -55,7 +55,7 @@ class Round:
         session, cards, passed = self.session, deck(chosen), set[str]()
         self.path = store.beside(session.progress_file)
         self.reviews, report = store.load(self.path)
-        self._tell(report)
+        self._show_status(report)
         try:
             while len(self.rated) < limit:
                 line = store.queue(cards, self.reviews, self.clock(), seed)
@@ -110,18 +110,18 @@ class Round:
             report = (str(problem),)
             self.path = None  # said once; the round goes on
             self.reviews, _ = store.rate(None, entry, rating, now, self.reviews)
-        self._tell(report)
+        self._show_status(report)
         due = self.reviews.cards[entry.key]["due"]
         self.session.say(f"Again in {span(datetime.fromisoformat(due) - now)}.")
         one = {"card": entry.key, "kind": entry.kind, "chapter": entry.chapter, "right": right}
         self.rated.append({**one, "rating": rating, "due": due})
 
-    def _tell(self, notices: tuple[str, ...]) -> None:
+    def _show_status(self, notices: tuple[str, ...]) -> None:
         report = self.session.notices
         report += [one for one in notices if one not in report]
 
     def _line(self) -> str:
-        line = self.hear().strip()
+        line = self.read_line().strip()
         if line == "quit":
             raise Over
         return line

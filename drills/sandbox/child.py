@@ -58,7 +58,7 @@ class Answers:
 
     def __init__(self, wire: Any, inspect: Any) -> None:
         self.wire, self.inspect = wire, inspect
-        self.kept: dict[int, Any] = {}
+        self.objects: dict[int, Any] = {}
         self.modules: dict[str, types.ModuleType] = {}
         self.attempts: list[str] = []  # functions called that start a process
         self.filename = "submission.py"
@@ -69,7 +69,7 @@ class Answers:
     def value(self, data: Any) -> Any:
         """An argument: plain data, with handles and the grader's functions resolved."""
         return self.wire.decode(
-            data, lambda tag, number: self.kept[number] if tag == "h" else self.asking(number)
+            data, lambda tag, number: self.objects[number] if tag == "h" else self.asking(number)
         )
 
     def asking(self, number: int) -> Any:
@@ -156,7 +156,7 @@ class Answers:
         """Call a function of a module or a method of a kept object."""
         where, name = request["where"], request["name"]
         if isinstance(where, int):
-            function = getattr(self.kept[where], name)
+            function = getattr(self.objects[where], name)
         else:
             module = self.modules[where]
             if name not in module.__dict__:
@@ -167,7 +167,7 @@ class Answers:
         for _ in range(request["repeat"]):
             result = function(*args, **kwargs)
         if request["keep"]:
-            self.kept[request["keep"]] = result
+            self.objects[request["keep"]] = result
             answer = None
         else:
             answer = self.plain(result)
@@ -186,7 +186,7 @@ class Answers:
 
     def fetch(self, request: dict[str, Any]) -> dict[str, Any]:
         """The value of a kept object."""
-        return {"ok": self.plain(self.kept[request["where"]])}
+        return {"ok": self.plain(self.objects[request["where"]])}
 
     def raised(self, error: BaseException) -> dict[str, Any]:
         """An exception as data; whatever it does when it is asked for its text."""
@@ -348,7 +348,7 @@ def _serve(answers: Answers, report: dict[str, str]) -> None:
     while True:
         request = loads(_frame().decode())
         for number in request["drop"]:
-            answers.kept.pop(number, None)
+            answers.objects.pop(number, None)
         answers.attempts.clear()
         answers.request = request["id"]
         try:

@@ -314,7 +314,7 @@ class Child:
 
     def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
         """Call a function or class of the submission; the result stays in the child."""
-        return self._keep("submission", name, args, kwargs)
+        return self._create("submission", name, args, kwargs)
 
     def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
         """Call a method of an object in the child."""
@@ -326,7 +326,7 @@ class Child:
 
     def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
         """Call a function of the drill's own module; the result stays in the child."""
-        return self._keep("given", name, args, kwargs)
+        return self._create("given", name, args, kwargs)
 
     def fetch(self, handle: Handle) -> Any:
         """The value of an object in the child, as plain data."""
@@ -368,7 +368,7 @@ class Child:
 
         return plain(value)
 
-    def _keep(self, where: Any, name: str, args: Any, kwargs: Any) -> Handle:
+    def _create(self, where: Any, name: str, args: Any, kwargs: Any) -> Handle:
         self._handles += 1
         handle = Handle(self, self._handles)
         self._call(where, name, args, kwargs, retain=handle._number)
@@ -425,7 +425,7 @@ class Child:
         self.spent = self.elapsed = 0.0
         answer = self._wait(identity, seconds, where)
         while "ask" in answer:
-            self._pending = memoryview(wire.pack({"id": identity, **self._asked(answer)}))
+            self._pending = memoryview(wire.pack({"id": identity, **self._answer_query(answer)}))
             answer = self._wait(identity, seconds, where)
         if "raised" in answer:
             raise self._raised(answer, where)
@@ -446,7 +446,7 @@ class Child:
             raise self._garbled()
         return answer
 
-    def _asked(self, question: dict[str, Any]) -> dict[str, Any]:
+    def _answer_query(self, question: dict[str, Any]) -> dict[str, Any]:
         """Answer a question of the submission to a function that stays on this side."""
         number, listed = question["ask"], question.get("args")
         if type(number) is not int or not 0 <= number < len(self._functions):
@@ -596,7 +596,7 @@ class Child:
         except BlockingIOError:
             return False
         if not part:
-            raise self._gone(where)
+            raise self._pipe_ended(where)
         self._received += part
         if len(self._received) < 4:
             return False
@@ -644,7 +644,7 @@ class Child:
         if self._status() is not None:
             # Dead, though somebody may hold the pipe open: what it said last is still read.
             if not (select.select([self._replies], [], [], 0)[0]):
-                raise self._gone(where)
+                raise self._pipe_ended(where)
 
     def _status(self) -> int | None:
         """How the process ended, as `Popen.returncode`; None while it runs.
@@ -662,7 +662,7 @@ class Child:
             return None
         return result.si_status if result.si_code == os.CLD_EXITED else -result.si_status
 
-    def _gone(self, where: str) -> Ended:
+    def _pipe_ended(self, where: str) -> Ended:
         """The verdict on a reply pipe that is at its end."""
         patience = time.monotonic() + 0.5
         while (status := self._status()) is None and time.monotonic() < patience:

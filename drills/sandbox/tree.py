@@ -102,7 +102,7 @@ class Tree:
         self.root, self.file_size, self.token, self.procfs = root, file_size, token, procfs
         status = _status(root) if procfs else None
         self.started = status[3] if status else 0
-        self.seen: dict[int, int] = {}  # descendants by start time
+        self.known: dict[int, int] = {}  # descendants by start time
         self._handles: dict[int, psutil.Process] = {}  # descendants, where there is no /proc
         self._others: set[tuple[int, int]] = set()  # our other children, examined before
         self._processor = 0.0
@@ -112,7 +112,7 @@ class Tree:
         if not self.procfs:
             return self._descendants_by_psutil()
         result: dict[int, int] = {}
-        pending = [self.root, *self._orphans(), *self.seen]
+        pending = [self.root, *self._orphans(), *self.known]
         visited = {os.getpid()}
         while pending:
             process = pending.pop()
@@ -121,10 +121,10 @@ class Tree:
             visited.add(process)
             if process != self.root:
                 status = _status(process)
-                if status is None or self.seen.get(process, status[3]) != status[3]:
-                    self.seen.pop(process, None)
+                if status is None or self.known.get(process, status[3]) != status[3]:
+                    self.known.pop(process, None)
                     continue
-                self.seen[process] = status[3]
+                self.known[process] = status[3]
                 if status[0] not in "ZX":
                     result[process] = status[3]
             pending += _children(process)
@@ -132,7 +132,7 @@ class Tree:
 
     def _orphans(self) -> Iterator[int]:
         for process in _children(os.getpid()):
-            if process in ROOTS or process in self.seen:
+            if process in ROOTS or process in self.known:
                 continue
             status = _status(process)
             if status is None or (process, status[3]) in self._others:
@@ -261,7 +261,7 @@ class Tree:
             handle = os.pidfd_open(process)
             try:
                 status = _status(process)
-                if status is not None and status[3] == self.seen.get(process):
+                if status is not None and status[3] == self.known.get(process):
                     signal.pidfd_send_signal(handle, signal.SIGKILL)
             finally:
                 os.close(handle)
@@ -269,7 +269,7 @@ class Tree:
             pass  # it ended by itself
 
     def _reap(self) -> None:
-        for process in [*self.seen, *self._handles]:
+        for process in [*self.known, *self._handles]:
             try:
                 os.waitpid(process, os.WNOHANG)
             except OSError:

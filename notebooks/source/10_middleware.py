@@ -958,7 +958,7 @@ for one in stored("loop_lateness")[0].series:
 
 # %% tags=["nbval-ignore-output"]
 with loop.urgent() as granted:
-    no = textwrap.shorten("; ".join(f"{k}: {v}" for k, v in granted.refused.items()), 80)
+    no = textwrap.shorten("; ".join(f"{k}: {v}" for k, v in granted.denied.items()), 80)
     print(
         f"scheduler {granted.scheduler}, priority {granted.priority}, "
         f"memory locked: {granted.locked}; refused: {no or 'nothing'}"

@@ -83,7 +83,7 @@ def test_the_convex_law_is_the_least_change_of_velocity(
     result = solve("convex", problem)
     assert result.converged
     u = problem.jacobian @ result.velocity
-    w = u[:, 0] - problem.wanted - np.linalg.norm(problem.friction * u[:, 1:], axis=1)
+    w = u[:, 0] - problem.target_velocity - np.linalg.norm(problem.friction * u[:, 1:], axis=1)
     gap, outside = duality_gap(problem, result.impulses)
     assert np.min(w) > -1e-8 and outside < 1e-8
     assert abs(gap) < 1e-8 * max(1.0, np.sum(result.impulses[:, 0]))
@@ -95,7 +95,7 @@ def test_the_convex_law_is_the_least_change_of_velocity(
     for _ in range(20):
         near = result.velocity + 0.1 * rng.normal(size=change.size)
         v = problem.jacobian @ near
-        open_ = v[:, 0] - problem.wanted >= np.linalg.norm(problem.friction * v[:, 1:], axis=1)
+        open_ = v[:, 0] - problem.target_velocity >= np.linalg.norm(problem.friction * v[:, 1:], axis=1)
         if np.all(open_):
             assert (near - problem.free) @ problem.mass @ (near - problem.free) > cost - 1e-9
 

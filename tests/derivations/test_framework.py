@@ -28,11 +28,11 @@ def only(check, received=SAID[0], corrected=SAID[1], **options):
 
 
 def odd_sum(result):
-    terms = result.given("terms", 3)
-    result.figure("of_three", total(terms))
+    terms = result.input("terms", 3)
+    result.measure("of_three", total(terms))
     result.statement = "Added."
-    result.heard(total(terms) == terms)
-    result.corrected(total(terms) == terms**2)
+    result.statement_holds(total(terms) == terms)
+    result.correction_holds(total(terms) == terms**2)
 
 
 def _on_record(item):
@@ -121,7 +121,7 @@ def _yes(whatever):
 
 
 def _by_another(result):
-    result.corrected(True)
+    result.correction_holds(True)
 
 
 @pytest.fixture
@@ -131,9 +131,9 @@ def written(tmp_path):
     def write(**changes):
         lines = {
             "first": "pass",
-            "figure": 'found.figure("of_three", total(3))',
-            "heard": "found.heard(total(3) == 3)",
-            "corrected": "found.corrected(total(3) == 9)",
+            "figure": 'found.measure("of_three", total(3))',
+            "heard": "found.statement_holds(total(3) == 3)",
+            "corrected": "found.correction_holds(total(3) == 9)",
         } | changes
         body = "".join(f"    {line}\n" for line in lines.values())
         path = tmp_path / "small.py"
@@ -148,35 +148,35 @@ def written(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"corrected": "found.corrected(True)"}, "a fact is constant, not computed: True"),
-        ({"corrected": "found.corrected(total(3) == 9, 9 == 9)"}, "not computed: 9 == 9"),
-        ({"corrected": "found.corrected(total(3) == 10 or True)"}, "total(3) == 10 or True"),
+        ({"corrected": "found.correction_holds(True)"}, "a fact is constant, not computed: True"),
+        ({"corrected": "found.correction_holds(total(3) == 9, 9 == 9)"}, "not computed: 9 == 9"),
+        ({"corrected": "found.correction_holds(total(3) == 10 or True)"}, "total(3) == 10 or True"),
         (
-            {"corrected": "found.corrected(bool(total(3) == total(3)))"},
+            {"corrected": "found.correction_holds(bool(total(3) == total(3)))"},
             "bool(total(3) == total(3))",
         ),
         (
             {
                 "first": "fine = [2 + 2 == 4, bool(np.all(np.array([True])))]",
-                "corrected": "found.corrected(all(fine))",
+                "corrected": "found.correction_holds(all(fine))",
             },
             "a fact is constant, not computed: all(fine)",
         ),
         (
-            {"first": "sure = lambda: True", "corrected": "found.corrected(sure())"},
+            {"first": "sure = lambda: True", "corrected": "found.correction_holds(sure())"},
             "a fact is constant, not computed: sure()",
         ),
-        ({"corrected": "found.corrected(_yes(2 + 2))"}, "not computed: _yes(2 + 2)"),
-        ({"heard": "found.heard(False)"}, "a verdict is constant, not computed: False"),
-        ({"figure": 'found.figure("of_three", 9)'}, "a figure is typed, not computed"),
+        ({"corrected": "found.correction_holds(_yes(2 + 2))"}, "not computed: _yes(2 + 2)"),
+        ({"heard": "found.statement_holds(False)"}, "a verdict is constant, not computed: False"),
+        ({"figure": 'found.measure("of_three", 9)'}, "a figure is typed, not computed"),
         (
             {
-                "heard": "found.heard(total(3) == 3, only_if='n is 1', inside=[total(1) == 1] * 8, "
+                "heard": "found.statement_holds(total(3) == 3, only_if='n is 1', inside=[total(1) == 1] * 8, "
                 "outside=np.zeros(8, bool))"
             },
             "not computed: np.zeros(8, bool)",
         ),
-        ({"first": 'found.given("terms", 4)'}, "is not used; what is given must go in"),
+        ({"first": 'found.input("terms", 4)'}, "is not used; what is given must go in"),
         ({"first": "_by_another(found)"}, "found is handed on"),
     ],
 )
@@ -210,10 +210,10 @@ def computed_everywhere(result):
     good = True
     good &= sums[-1] == 16
     first, *others = sums
-    result.figure("of_three", (largest := max(table.values())))
+    result.measure("of_three", (largest := max(table.values())))
     result.statement = "Added."
-    result.heard(any(s == n for n, s in enumerate(sums, 2)))
-    result.corrected(
+    result.statement_holds(any(s == n for n, s in enumerate(sums, 2)))
+    result.correction_holds(
         good,
         odd(3),
         first == 1,
@@ -236,7 +236,7 @@ def test_what_is_computed_is_not_called_constant():
 
 def _only_if(text, inside, outside, more="", holds="total(3) == 3"):
     return {
-        "heard": f"found.heard({holds}, only_if={text!r}, inside=[{inside}], "
+        "heard": f"found.statement_holds({holds}, only_if={text!r}, inside=[{inside}], "
         f"outside=[{outside}]{more})"
     }
 
@@ -298,7 +298,7 @@ def empty(result):
 
 
 def test_a_correction_that_does_not_hold_is_found(written):
-    (text,) = written(corrected="found.corrected(total(3) == 9, total(4) == 15)").faults
+    (text,) = written(corrected="found.correction_holds(total(3) == 9, total(4) == 15)").faults
     assert "fact 2 of 2 is false" in text
 
 
@@ -312,9 +312,9 @@ def test_a_check_that_finds_nothing_is_found():
 def test_a_fact_is_a_bool(fact):
     result = derivations.Result("odd_sum")
     with pytest.raises(ValueError, match="a fact is a bool"):
-        result.corrected(fact)
+        result.correction_holds(fact)
     with pytest.raises(ValueError, match="a fact is a bool"):
-        result.heard(fact)
+        result.statement_holds(fact)
 
 
 def asks(result):
@@ -322,10 +322,10 @@ def asks(result):
 
     n, i = sympy.symbols("n i", positive=True, integer=True)
     result.formula = sympy.simplify(sympy.summation(2 * i - 1, (i, 1, n)))
-    result.figure("of_three", result.formula.subs(n, 3))
+    result.measure("of_three", result.formula.subs(n, 3))
     result.statement = "Summed."
-    result.heard(result.formula == n)
-    result.corrected(result.formula == n**2)
+    result.statement_holds(result.formula == n)
+    result.correction_holds(result.formula == n**2)
 
 
 ASK = ("The sum?", "s = n^2", {"n": "That is their number.", "2*n": "No.", "n^3": "No."})
@@ -341,7 +341,7 @@ def test_the_formula_asked_for_is_the_one_derived():
 
 def test_an_ask_reads_its_left_side_and_its_symbols():
     formula = Ask("?", "dt < 2*n", {}, tolerance=0.1, also={"twice": "2*n"}).formula(SYMBOLS)
-    assert (formula.left, formula.relation, formula.expression) == (("h", "dt"), "<", "2*n")
+    assert (formula.left_sides, formula.relation, formula.expression) == (("h", "dt"), "<", "2*n")
     assert set(formula.symbols) == {"n"} and formula.tolerance == 0.1
     assert Ask("?", "phi, angle = m", {}).formula(SYMBOLS).left == ("phi", "angle")
     assert Ask("?", "m", {"n": "?"}).formula(SYMBOLS).left == ()
@@ -352,10 +352,10 @@ def test_an_ask_reads_its_left_side_and_its_symbols():
 @pytest.mark.parametrize("name", ["of three", "formula", "of_three", "terms"])
 def test_a_figure_has_a_name_of_its_own(name):
     result = derivations.Result("odd_sum")
-    result.figure("of_three", 9)
-    result.given("terms", 3)
+    result.measure("of_three", 9)
+    result.input("terms", 3)
     with pytest.raises(ValueError, match=f"name is '{name}'"):
-        result.figure(name, 1)
+        result.measure(name, 1)
 
 
 @pytest.mark.parametrize("tolerance", [-1e-6, 0.6, float("nan")])
@@ -366,9 +366,9 @@ def test_a_tolerance_leaves_something_to_say(tolerance):
 
 def test_a_claim_has_one_verdict():
     result = derivations.Result("odd_sum")
-    result.heard(total(3) == 9)
+    result.statement_holds(total(3) == 9)
     with pytest.raises(ValueError, match="one verdict"):
-        result.heard(total(3) == 9)
+        result.statement_holds(total(3) == 9)
 
 
 def test_draws_are_the_same_at_every_run():

@@ -96,21 +96,21 @@ def _item(id):
         ("semi_implicit_unconditional", "is stable for any", "is unstable for any", "heard on"),
         (
             "stable_at_the_limit",
-            "found.heard(after[2] < 10)",
-            "found.heard(after[2] >= 10)",
+            "found.statement_holds(after[2] < 10)",
+            "found.statement_holds(after[2] >= 10)",
             "verdict on record",
         ),
         (
             "rk4_limit",
-            "found.heard(abs(measured - 8) < 0.1)",
-            "found.heard(measured < 8)",
+            "found.statement_holds(abs(measured - 8) < 0.1)",
+            "found.statement_holds(measured < 8)",
             "verdict on record",
         ),
         # A constant that settles the correction.
         (
             "rk4_limit",
-            "found.corrected(abs(measured / np.sqrt(8) - 1) < 1e-4)",
-            "found.corrected(True)",
+            "found.correction_holds(abs(measured / np.sqrt(8) - 1) < 1e-4)",
+            "found.correction_holds(True)",
             "constant, not computed: True",
         ),
         ("verlet_limit", "abs(verlet - 2) < 1e-6,", "2 - 2 == 0,", "constant, not computed"),

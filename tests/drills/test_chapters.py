@@ -173,7 +173,7 @@ def test_a_copy_is_made_kept_and_brought_up_to_date(tmp_path: Path) -> None:
     assert done.state == "brought up to date" and "all you wrote is in it" in done.sentence()
     assert sources(copied) == ["new title", "answer = 42", "end"]
     notebook(tmp_path, "new title", "another task", "end")
-    assert bring(source, work, closed).kept == 1
+    assert bring(source, work, closed).preserved == 1
     assert sources(copied) == ["new title", "another task", "NOTE", "answer = 42", "end"]
     assert bring(source, work, closed).state == "as it was"
     assert sorted(one.name for one in work.iterdir()) == [".course", source.name]
@@ -211,7 +211,7 @@ def test_what_the_course_does_not_know_is_set_aside(tmp_path: Path, content: byt
     for number in (1, 2):
         (work / source.name).write_bytes(content)
         done = bring(source, work, closed)
-        aside = work / f"01_rigid_body.kept-{number}.ipynb"
+        aside = work / f"01_rigid_body.preserved-{number}.ipynb"
         assert (done.state, done.aside) == ("set aside", aside)
         assert aside.read_bytes() == content and str(aside) in done.sentence()
         assert sources(work / source.name) == ["title", "answer"]
@@ -419,7 +419,7 @@ def test_a_chapter_to_come_is_named_with_those_that_are_ready(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     first, *others = CHAPTERS
-    planned = dataclasses.replace(first, there=False)
+    planned = dataclasses.replace(first, ready=False)
     monkeypatch.setattr(chapters, "CHAPTERS", (planned, *others))
     with pytest.raises(
         Misuse, match=rf"{first.title}, is still to come\. Ready: {others[0].number},"
@@ -472,7 +472,7 @@ def test_the_chapter_that_was_opened_last_goes_on(progress_file: Path) -> None:
 def test_a_click_marks_a_section_as_read(progress_file: Path) -> None:
     shown = page_home.ticks()
     assert isinstance(shown, page_home.Ticks)
-    number = next(chapter.number for chapter in CHAPTERS if chapter.there)
+    number = next(chapter.number for chapter in CHAPTERS if chapter.ready)
     parts = chapters.sections(chapters.notebook_of(chapters.of_number(number)))
     assert list(shown.boxes) == [part.number for part in parts]
     before = shown.left.value
@@ -487,7 +487,7 @@ def test_a_click_marks_a_section_as_read(progress_file: Path) -> None:
     assert "application/vnd.jupyter.widget-view+json" in bundle
     assert bundle["text/plain"].startswith(f"The sections of chapter {number}")
     for chapter in CHAPTERS:
-        if chapter.there:
+        if chapter.ready:
             parts = chapters.sections(chapters.notebook_of(chapter))
             note = functools.partial(progress.note_read, numbers=[part.number for part in parts])
             progress.change_chapter(progress_file, chapter.number, note)

@@ -33,7 +33,7 @@ from tests.drills.place import (
 
 __all__ = ["a_place"]
 
-FIRST = next(chapter for chapter in CHAPTERS if chapter.there)
+FIRST = next(chapter for chapter in CHAPTERS if chapter.ready)
 
 
 # --- A newcomer's way -----------------------------------------------------------------------------

@@ -58,7 +58,7 @@ def test_what_is_said_of_a_claim_is_judged(file: Path, right: bool, number: int)
     panel = a_panel("claim")
     assert panel.entry is not None
     verdict = records.load(panel.entry.file)[panel.entry.name]["verdict"]
-    panel.said.value = next(k for k, v in VERDICTS.items() if (v == verdict) == right)
+    panel.answer_box.value = next(k for k, v in VERDICTS.items() if (v == verdict) == right)
     panel.reveal()
     assert [n for n, b in panel.ratings.items() if b.button_style] == [number]
 

@@ -54,7 +54,7 @@ def test_an_exhibit_is_whole_and_small(one: museum.Exhibit) -> None:
     assert len(one.threads) == len(one.years)
     assert all(re.fullmatch(r"[\w.-]+/[\w.-]+#\d+", thread) for thread in one.threads)
     assert all(2016 <= year <= 2026 for year in one.years)
-    assert one.found.endswith(".") and one.said.endswith(".")
+    assert one.finding.endswith(".") and one.report.endswith(".")
     assert inspect.isfunction(getattr(invariants, one.invariant))
     assert f"invariants.{one.invariant}" in inspect.getsource(one.evidence)
     assert "wrong" in inspect.signature(one.mechanism).parameters

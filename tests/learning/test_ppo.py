@@ -124,7 +124,7 @@ def test_no_stored_step_crosses_a_reset(mode):
     assert batch.valid.all() == (mode == "SameStep")
     # What follows the last step is its own last observation: the way goes on from there.
     table = judged(batch, batch.rewards, policy, settings)
-    assert len(table.seen) == batch.valid.sum()
+    assert len(table.observations) == batch.valid.sum()
     wrong = judged(batch, batch.rewards, policy, replace(settings, crossing=True))
     assert len(wrong.seen) == 17 * 3
     for t in np.flatnonzero(batch.truncated[:, 0]).tolist():
@@ -132,8 +132,8 @@ def test_no_stored_step_crosses_a_reset(mode):
         moved = batch.observations[t, 0, :2] - last[0, :2]
         np.testing.assert_allclose(moved, 0.05 * last[0, 2:], atol=1e-12)
         with torch.no_grad():
-            value = policy.critic(policy.seen(last[:1])).item()
-            now = policy.critic(policy.seen(batch.observations[t, :1])).item()
+            value = policy.critic(policy.to_rows(last[:1])).item()
+            now = policy.critic(policy.to_rows(batch.observations[t, :1])).item()
         row = int(batch.valid[:t].sum())
         assert table.advantages[row, 0] == pytest.approx(5.0 + 0.99 * value - now, rel=1e-5)
     ended = judged(batch, batch.rewards, policy, replace(settings, bootstrap=False))

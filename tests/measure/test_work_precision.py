@@ -106,7 +106,7 @@ def test_failures_stay_as_failures():
     assert "not finite" in points[0].failure
     assert "above" in points[1].failure
     assert "lost" in points[2].failure
-    assert len(chart.curve("bad").worked()) == 1
+    assert len(chart.curve("bad").valid_points()) == 1
     assert chart.table().count("failed:") == 3
 
 

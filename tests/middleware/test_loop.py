@@ -53,9 +53,9 @@ def test_what_was_granted_is_what_the_system_says_and_all_is_restored():
         assert granted.cores == tuple(os.sched_getaffinity(0)) == (core,)
         assert not gc.isenabled() and granted.quiet
         fifo = os.sched_getscheduler(0) == os.SCHED_FIFO
-        assert (granted.scheduler == "fifo") == fifo == ("fifo" not in granted.refused)
+        assert (granted.scheduler == "fifo") == fifo == ("fifo" not in granted.denied)
         assert granted.priority == (20 if fifo else 0)
-        assert granted.locked == ("lock" not in granted.refused)
+        assert granted.locked == ("lock" not in granted.denied)
     assert (loop.given(), gc.isenabled(), gc.get_freeze_count()) == before
 
 
@@ -68,8 +68,8 @@ def test_a_refusal_is_told_and_the_loop_runs_all_the_same(monkeypatch):
         monkeypatch.setattr(os, name, refuse)
     with loop.urgent(core=10_000, nice=-20) as granted:
         record = loop.run(lambda k: None, 1e-3, 3)
-    assert {"fifo", "nice", "core"} <= set(granted.refused)
-    assert granted.scheduler == "other" and "not permitted" in granted.refused["fifo"]
+    assert {"fifo", "nice", "core"} <= set(granted.denied)
+    assert granted.scheduler == "other" and "not permitted" in granted.denied["fifo"]
     assert record.release[0] == 0 and record.skipped + len(record.release) == 3
 
 
@@ -85,7 +85,7 @@ def test_a_loop_among_busy_processes_counts_every_period():
         assert np.all(np.diff(row.record.release) > 0)
         assert len(row.record.release) + row.record.skipped == 100
         assert list(row.quantiles) == sorted(row.quantiles)
-        assert row.granted.scheduler == "fifo" or row.name == "default" or row.granted.refused
+        assert row.granted.scheduler == "fifo" or row.name == "default" or row.granted.denied
     assert loop.given()[0] == "other"
 
 

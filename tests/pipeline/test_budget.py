@@ -26,7 +26,7 @@ def found():
 @pytest.mark.slow
 def test_each_part_alone_and_all_together_are_what_was_predicted(found):
     for some in subsets(PARTS):
-        (mean, deviation), (report, covariance) = found.mean(some), found.told[some]
+        (mean, deviation), (report, covariance) = found.mean(some), found.moments[some]
         n = found.errors[some].shape[1]
         chance = np.maximum(deviation, math.sqrt(covariance[0, 0] / n))
         assert np.all(np.abs(mean - report) < 4.0 * chance + 2e-4), some

@@ -111,14 +111,14 @@ def test_the_same_source_runs_compiled_and_plain(names, law):
     settings = Settings(law=law, carried=True, actuator=Actuator(lag=0.01, delay=0.004))
     one, other = run(tilted, settings, seed=3), run(tilted, settings, Stages(**theirs), 3)
     np.testing.assert_allclose(one.log, other.log, atol=1e-10)
-    np.testing.assert_allclose(one.seen, other.seen, atol=1e-12)
+    np.testing.assert_allclose(one.sightings, other.seen, atol=1e-12)
     assert [p.arrived for p in one.plans] == [p.arrived for p in other.plans]
 
 
 def test_a_seed_gives_one_record_and_a_stop_on_the_way_changes_nothing():
     settings = Settings(lost=0.1)
     one, again, other = (run(SHORT, settings, seed=seed) for seed in (5, 5, 6))
-    assert np.array_equal(one.log, again.log) and np.array_equal(one.seen, again.seen)
+    assert np.array_equal(one.log, again.log) and np.array_equal(one.sightings, again.seen)
     assert not np.array_equal(one.log, other.log)
     halting = Run(SHORT, settings, seed=5)
     for when in (0.1234567, 0.2, 0.35, 0.6):
@@ -184,7 +184,7 @@ def test_what_an_overrun_does():
 def test_a_plan_arrives_after_its_checks_and_is_timed_by_count():
     settings = replace(QUIET, check_cost=1e-3)
     record = run(Scenario(), settings)
-    plan, requested = record.plans[0], record.asked[0]
+    plan, requested = record.plans[0], record.plan_requests[0]
     assert requested == 100_000 and plan.captured == 0
     assert plan.arrived - requested == 1000 * plan.value.checks
     waits = round(plan.arrived / record.step)

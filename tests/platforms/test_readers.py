@@ -116,8 +116,8 @@ def test_a_verdict_follows_from_what_was_loaded() -> None:
     }
     faulty, feature = BY_NAME["NaN mass"], BY_NAME["mimic"]
     assert verdict(faulty, Reading(crashed=True)) == "crashed"
-    assert verdict(faulty, Reading(refused="no")) == "refused"
-    assert verdict(faulty, Reading(said="hm", facts=sound)) == "warned"
+    assert verdict(faulty, Reading(rejection="no")) == "refused"
+    assert verdict(faulty, Reading(messages="hm", facts=sound)) == "warned"
     assert verdict(faulty, Reading(facts=sound)) == "repaired"
     for key, value in {
         "masses": [float("nan")],

@@ -28,7 +28,7 @@ class Browser:
         self.frames.append(content)
         self.pictures.append(struct.unpack(f"<{len(buffers[0]) // 8}d", buffers[0])[-1])
 
-    def says(self, **content):
+    def message(self, **content):
         self.canvas._handle_custom_msg(content, [])
 
 
@@ -43,9 +43,9 @@ def test_nothing_is_sent_before_a_browser_looks_then_the_newest():
     browser = Browser(canvas)
     canvas.show(numbered(1))
     assert browser.frames == [] and not canvas.watched
-    browser.says(type="ready")
+    browser.message(type="ready")
     assert browser.pictures == [1]
-    browser.says(type="gone")
+    browser.message(type="gone")
     canvas.show(numbered(2))
     assert len(browser.frames) == 1 and not canvas.watched
 
@@ -53,16 +53,16 @@ def test_nothing_is_sent_before_a_browser_looks_then_the_newest():
 def test_a_slow_browser_gets_the_newest_frame_and_no_flood():
     canvas = Canvas(numbered(0))
     browser = Browser(canvas)
-    browser.says(type="ready")
+    browser.message(type="ready")
     for k in range(1, 50):
         canvas.show(numbered(k))
     assert browser.pictures == [0, 1]
-    browser.says(type="drawn", id=browser.frames[-1]["id"])
+    browser.message(type="drawn", id=browser.frames[-1]["id"])
     assert browser.pictures[-1] == 49
     assert canvas.traffic == {"sent": 3, "drawn": 2, "dropped": 47}
-    browser.says(type="drawn", id=3)
+    browser.message(type="drawn", id=3)
     assert len(browser.frames) == 3
-    browser.says(type="drawn", id=99)  # never sent
+    browser.message(type="drawn", id=99)  # never sent
     assert canvas.traffic["drawn"] == 3
 
 
@@ -71,7 +71,7 @@ def test_a_browser_that_never_answers_does_not_stop_the_pictures(monkeypatch):
     monkeypatch.setattr("course.simulations.canvas.time.monotonic", lambda: clock[0])
     canvas = Canvas(numbered(0))
     browser = Browser(canvas)
-    browser.says(type="ready")
+    browser.message(type="ready")
     canvas.show(numbered(1))
     canvas.show(numbered(2))
     assert len(browser.frames) == 2
@@ -87,13 +87,13 @@ def test_pointer_and_keys_reach_the_callbacks():
     canvas = Canvas(numbered(0))
     browser = Browser(canvas)
     observed: list[Any] = []
-    browser.says(type="down", x=1.0, y=2.0)
+    browser.message(type="down", x=1.0, y=2.0)
     assert not canvas._pointer
     canvas.on_pointer(observed.append)
     canvas.on_key(["r"], observed.append)
     assert canvas._pointer and canvas._keys == ["r"]
-    browser.says(type="down", x=1.0, y=2)
-    browser.says(type="key", key="r")
+    browser.message(type="down", x=1.0, y=2)
+    browser.message(type="key", key="r")
     assert observed == [Pointer("down", 1.0, 2.0), Key("r")]
 
 

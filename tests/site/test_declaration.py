@@ -43,7 +43,7 @@ def strict(text: str) -> Any:
 
 def test_every_chapter_has_simulations_in_its_order() -> None:
     chapters = [name.partition(".")[0] for name in told.names()]
-    assert list(dict.fromkeys(chapters)) == [c.topic for c in CHAPTERS if c.there]
+    assert list(dict.fromkeys(chapters)) == [c.topic for c in CHAPTERS if c.ready]
     assert len(set(told.names())) == len(told.names())
     with pytest.raises(ValueError, match=r"rigid_body\.bouncing_box"):
         told.model("no such")

@@ -115,15 +115,15 @@ class Nested(gymnasium.Env):
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
-        return self._look(0), {}
+        return self._observation(0), {}
 
-    def _look(self, k):
+    def _observation(self, k):
         x = self.np_random.random((2, 2)).astype(np.float32)
         return {"x": x, "pair": (k, np.array([k % 2, 1, 0], np.int8))}
 
     def step(self, action):
         k = int(action["go"])
-        return self._look(k), float(np.sum(action["how"])), k == 4, False, {}
+        return self._observation(k), float(np.sum(action["how"])), k == 4, False, {}
 
 
 class Talker(gymnasium.Env):

@@ -38,13 +38,13 @@ class Pixels(gymnasium.Env):
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
-        return self._look(), {"start": 1}
+        return self._observation(), {"start": 1}
 
-    def _look(self):
+    def _observation(self):
         return self.np_random.integers(0, 256, (8, 8, 3)).astype(np.uint8)
 
     def step(self, action):
-        return self._look(), float(action), bool(action == 3), False, {"action": int(action)}
+        return self._observation(), float(action), bool(action == 3), False, {"action": int(action)}
 
 
 class Lasting(VectorWrapper):

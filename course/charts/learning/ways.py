@@ -150,7 +150,7 @@ def samplers(
 
     def drawn(policy: Any, solver: str, steps: int) -> Array:
         """Samples of a trained net, at the state 0 that tells nothing."""
-        field = partial(policy.draw, policy.seen(np.zeros((n, 1))))
+        field = partial(policy.draw, policy.inputs(np.zeros((n, 1))))
         if solver in ("ddim", "ddpm"):
             return policy.done.undo(
                 learning.denoise(field, noise, steps, rng, float(solver == "ddpm"))

@@ -33,7 +33,7 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
     for tried in loop.among_busy(busy=busy, periods=periods):
         late = np.sort(1e3 * tried.record.lateness)
         share = (np.arange(late.size) + 0.5) / late.size
-        rejected = "; ".join(f"{k}: {v}" for k, v in tried.granted.refused.items())
+        rejected = "; ".join(f"{k}: {v}" for k, v in tried.granted.denied.items())
         half, largest, worst = (1e3 * q for q in tried.quantiles)
         panel.series.append(
             Series(

@@ -230,8 +230,8 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
     for inherit in (False, True):
         observed = [inversion.measure(inherit, holds, middle) for middle in middles]
         name = "this system, inheritance" if inherit else "this system, none"
-        if observed[0].refused:
-            panel.notes.append(f"{name}: {observed[0].refused}")
+        if observed[0].denied:
+            panel.notes.append(f"{name}: {observed[0].denied}")
             continue
         waits = [1e3 * each.wait for each in observed]
         message = ", ".join(

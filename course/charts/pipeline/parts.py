@@ -24,7 +24,7 @@ def vectors(result: Budget) -> Panel:
     at, report = np.zeros(2), np.zeros(2)
     for part in result.parts:
         mean, chance = result.mean(result.only(part))
-        path, guess = 1e3 * np.stack((at, at + mean), axis=1), result.told[result.only(part)][0]
+        path, guess = 1e3 * np.stack((at, at + mean), axis=1), result.moments[result.only(part)][0]
         words = ", ".join("({:+.2f} {:+.2f})".format(*(1e3 * x)) for x in (mean, chance, guess))
         panel.series.append(
             Series(part, path[0], path[1], note=f"{part} alone, mean, +-, predicted: {words}")

@@ -52,7 +52,7 @@ class Contender:
 class Rate:
     """Median and quartiles of the body-steps per second of a contender with n bodies."""
 
-    who: Contender
+    contender: Contender
     n: int
     steps_per_second: float
     low: float
@@ -62,7 +62,7 @@ class Rate:
     @property
     def seconds_per_second(self) -> float:
         """Simulated body-seconds per second."""
-        return self.steps_per_second * self.who.dt
+        return self.steps_per_second * self.contender.dt
 
 
 BOX = (0.3, 0.2)
@@ -249,7 +249,7 @@ def memory_bandwidth(megabytes: int = 256) -> float:
 def ratios(rates: Sequence[Rate], ours: str, theirs: str) -> tuple[float, float]:
     """Best rate of ours over the best of theirs: (body-steps, simulated seconds) per second."""
     steps, seconds = (
-        {name: max(by(r) for r in rates if r.who.name == name) for name in (ours, theirs)}
+        {name: max(by(r) for r in rates if r.contender.name == name) for name in (ours, theirs)}
         for by in (lambda r: r.steps_per_second, lambda r: r.seconds_per_second)
     )
     return steps[ours] / steps[theirs], seconds[ours] / seconds[theirs]
@@ -258,7 +258,7 @@ def ratios(rates: Sequence[Rate], ours: str, theirs: str) -> tuple[float, float]
 def _limit_text(rates: list[Rate], name: str, bytes_per_body: int) -> str:
     """What limits a rate: bytes it must move if a body's state passes once per step."""
     bandwidth = memory_bandwidth()
-    best = max(r.steps_per_second for r in rates if r.who.name == name)
+    best = max(r.steps_per_second for r in rates if r.contender.name == name)
     share = best * bytes_per_body / bandwidth
     kind = "arithmetic and latency, not by memory" if share < 0.5 else "memory bandwidth"
     return (
@@ -278,7 +278,7 @@ def _at_rest(samples: int = 1000) -> float:
 def _table(rates: Sequence[Rate]) -> str:
     lines = [f"{'who':<30} {'N':>7} {'dt':>8} {'error':>9} {'body-steps/s':>13} {'sim s / s':>10}"]
     lines += [
-        f"{r.who.name:<30} {r.n:>7} {r.who.dt:>8.4g} {r.who.error:>9.1e} "
+        f"{r.contender.name:<30} {r.n:>7} {r.contender.dt:>8.4g} {r.contender.error:>9.1e} "
         f"{r.steps_per_second:>13.3g} {r.seconds_per_second:>10.3g}"
         for r in rates
     ]
@@ -288,8 +288,8 @@ def _table(rates: Sequence[Rate]) -> str:
 def _panel(title: str, y: str, rates: Sequence[Rate], per_step: bool) -> Panel:
     panel = Panel(title, "number of bodies N", y, scale="log")
     panel.footer = machine(max(r.busy for r in rates)) + "; one core"
-    for name in dict.fromkeys(r.who for r in rates):
-        rows = [r for r in rates if r.who == name]
+    for name in dict.fromkeys(r.contender for r in rates):
+        rows = [r for r in rates if r.contender == name]
         middle, low, high = (
             [value * (1.0 if per_step else name.dt) for value in values]
             for values in (
@@ -325,7 +325,7 @@ def throughput(
         repeats: rounds.
     """
     boxes = measure_rates(box_contenders(samples), sizes, repeats, horizon=horizon)
-    same = [r for r in boxes if "own" not in r.who.name]
+    same = [r for r in boxes if "own" not in r.contender.name]
     left = _panel("Planar boxes on the ground, same step", "body-steps per second", same, True)
     step, _ = ratios(boxes, "course", "mujoco.batch")
     _, own = ratios(boxes, "course, its own step", "mujoco.batch")
@@ -346,8 +346,8 @@ def throughput(
         False,
     )
     fastest = sorted(bodies, key=lambda r: r.seconds_per_second)
-    theirs = [r.who.name for r in fastest if "mujoco" in r.who.name][-1]
-    ours = [r.who.name for r in fastest if "course" in r.who.name][-1]
+    theirs = [r.contender.name for r in fastest if "mujoco" in r.contender.name][-1]
+    ours = [r.contender.name for r in fastest if "course" in r.contender.name][-1]
     same_step, second = ratios(bodies, ours, theirs)
     right.notes = [
         _table(bodies),

@@ -35,7 +35,7 @@ def _ball(gap, speed, dt):
 def contact_velocity_jumps(result):
     from course.contact import solve
 
-    dt = result.given("dt_us", 100.0) * 1e-6
+    dt = result.input("dt_us", 100.0) * 1e-6
 
     def lost(model, speed, step):
         v = solve(model, _ball(-1e-9, -speed, step)).velocity[0]
@@ -43,9 +43,9 @@ def contact_velocity_jumps(result):
 
     speeds, steps = result.rng.uniform(0.5, 3.0, 8), 10 ** result.rng.uniform(-7, -4, 8)
     soft = solve("soft", _ball(-1e-9, -1.0, dt)).velocity[0] + 1.0
-    result.figure("soft_share", soft, tolerance=1e-3)
+    result.measure("soft_share", soft, tolerance=1e-3)
     result.statement = f"A ball at 1 m/s, a step of {dt:g} s: the soft model takes {soft:.4f} m/s."
-    result.heard(
+    result.statement_holds(
         lost("soft", 1.0, dt),
         only_if="bodies are rigid",
         inside=[lost(m, *row) for m in RIGID for row in zip(speeds, steps, strict=True)],
@@ -54,7 +54,7 @@ def contact_velocity_jumps(result):
         ],
     )
     shorter = solve("soft", _ball(-1e-9, -1.0, 0.1 * dt)).velocity[0] + 1.0
-    result.corrected(abs(shorter / soft - 0.1) < 0.02)
+    result.correction_holds(abs(shorter / soft - 0.1) < 0.02)
 
 
 @claim(
@@ -68,13 +68,13 @@ def one_of_force_and_gap_is_zero(result):
 
     table = solve("lcp", scenes.table((0.1, 0.05)).problem(0.01))
     end = np.abs(table.velocity).max()
-    idle = result.figure("idle", np.sum(np.abs(table.impulses[:, 0]) < 1e-9))
+    idle = result.measure("idle", np.sum(np.abs(table.impulses[:, 0]) < 1e-9))
     thrown = [solve(m, _ball(0.0, v, 1e-3)).impulses[0, 0] for m in RIGID for v in (0.1, 1.0)]
     result.statement = f"The table stays (velocity {end:.0e}) and {idle} of its touching legs idle."
     soft = scenes.run(scenes.ball_drop(0.0), "soft", 2e-3, 500)
-    sunk = result.figure("sunk_mm", -1e3 * soft.q[0, -1], tolerance=1e-4)
-    result.heard(idle == 0)
-    result.corrected(
+    sunk = result.measure("sunk_mm", -1e3 * soft.q[0, -1], tolerance=1e-4)
+    result.statement_holds(idle == 0)
+    result.correction_holds(
         idle >= 1, end < 1e-9, max(np.abs(thrown)) == 0.0, sunk > 0.1, soft.impulses[0, 0, -1] > 0
     )
 
@@ -88,23 +88,23 @@ def one_of_force_and_gap_is_zero(result):
 def never_both_positive(result):
     from course.contact import solve
 
-    gap, margin = result.given("gap_mm", 5.0) * 1e-3, result.given("margin_mm", 10.0) * 1e-3
+    gap, margin = result.input("gap_mm", 5.0) * 1e-3, result.input("margin_mm", 10.0) * 1e-3
 
     def both(model, gap, **options):
         return bool(solve(model, _ball(gap, 0.0, 1e-3), **options).impulses[0, 0] > 0)
 
     force = solve("soft", _ball(gap, 0.0, 1e-3), margin=margin).impulses[0, 0] / 1e-3
-    result.figure("force_n", force, tolerance=1e-6)
+    result.measure("force_n", force, tolerance=1e-6)
     gaps = result.rng.uniform(1e-3, 8e-3, 8)
     closing = solve("lcp", _ball(1e-4, -1.0, 1e-3)).impulses[0, 0]
     result.statement = f"MuJoCo's model, 1 kg at rest {gap:g} m above the ground: {force:.3f} N."
-    result.heard(
+    result.statement_holds(
         not both("soft", gap, margin=margin),
         only_if="the model has no margin and the gap is not about to close",
         inside=[not both(m, x) for m in (*RIGID, "soft", "penalty") for x in gaps],
         outside=[not both("soft", x, margin=margin) for x in gaps],
     )
-    result.corrected(force > 0, closing > 0)
+    result.correction_holds(force > 0, closing > 0)
 
 
 @claim(
@@ -146,12 +146,12 @@ def potential_of_contact(result):
     pulled = replace(base, force=base.force + 100.0 * 0.05)
     force = solve("coulomb", pulled.problem(1e-3)).impulses[0, 0] / 1e-3
     desired = float(result.formula.subs({m: 2, g: scenes.GRAVITY, k: 100, c: 0.05}))
-    result.figure("force_n", force, tolerance=1e-9)
+    result.measure("force_n", force, tolerance=1e-9)
     result.statement = (
         f"U at phi = 0 for forces of 0, 1, 50 N: {idle}; the load asks for {force:.2f}."
     )
-    result.heard(slope != 0)
-    result.corrected(abs(force - desired) < 1e-9, max(np.abs(idle)) == 0.0)
+    result.statement_holds(slope != 0)
+    result.correction_holds(abs(force - desired) < 1e-9, max(np.abs(idle)) == 0.0)
 
 
 @claim(
@@ -162,16 +162,16 @@ def potential_of_contact(result):
 def contact_law_is_set_valued(result):
     from course.contact import scenes, solve
 
-    low, high = result.given("low_n", 1.0), result.given("high_n", 1000.0)
+    low, high = result.input("low_n", 1.0), result.input("high_n", 1000.0)
     loads = np.geomspace(low, high, 12)
     base = scenes.ball_drop(0.0)
     answers = [solve("coulomb", replace(base, force=np.array([-x])).problem(1e-3)) for x in loads]
     forces = np.array([answer.impulses[0, 0] for answer in answers]) / 1e-3
     still = max(abs(answer.velocity[0]) for answer in answers)
-    result.figure("largest_over_least", forces.max() / forces.min(), tolerance=1e-9)
+    result.measure("largest_over_least", forces.max() / forces.min(), tolerance=1e-9)
     result.statement = f"Forces from {forces.min():.3g} to {forces.max():.3g} N, all at gap zero."
-    result.heard(np.ptp(forces) > 1.0 and still < 1e-12)
-    result.corrected(np.allclose(forces, loads, rtol=1e-9))
+    result.statement_holds(np.ptp(forces) > 1.0 and still < 1e-12)
+    result.correction_holds(np.allclose(forces, loads, rtol=1e-9))
 
 
 @claim(
@@ -195,22 +195,22 @@ def contact_is_an_lcp(result):
         problem = scenes.pinch(5.0, seed).problem(0.01)
         return defect(problem, solve("lcp", problem).impulses) < 1e-9
 
-    degrees, mu = result.given("degrees", 22.5), result.given("mu", 0.5)
-    step = result.given("step_ms", 10.0)
+    degrees, mu = result.input("degrees", 22.5), result.input("mu", 0.5)
+    step = result.input("step_ms", 10.0)
     between = linear(0.0, mu, degrees)
     t = np.radians(degrees)
     problem = scenes.block(0.0, mu, (np.cos(t), np.sin(t))).problem(1e-3 * step)
     beside = solve("lcp", problem).velocity - solve("coulomb", problem).velocity
-    missed = result.figure("missed_mm_s", 1e3 * np.linalg.norm(beside), tolerance=1e-6)
+    missed = result.measure("missed_mm_s", 1e3 * np.linalg.norm(beside), tolerance=1e-6)
     result.statement = f"Sliding at {degrees} degrees to an edge: {missed:.2f} mm/s."
     mus = result.rng.uniform(0.05, 1.0, 10)
-    result.heard(
+    result.statement_holds(
         between < 1e-9,
         only_if="there is no friction, one direction of it, or a pyramid instead of the cone",
         inside=[planar(mu) for mu in mus] + [linear(0.0, 0.0, a) < 1e-9 for a in 90 * mus],
         outside=[linear(0.0, mu, a) < 1e-9 for mu, a in zip(mus, 10 + 70 * mus, strict=True)],
     )
-    result.corrected(between > 1e-3, missed > 1.0)
+    result.correction_holds(between > 1e-3, missed > 1.0)
 
 
 @claim(
@@ -240,7 +240,7 @@ def velocity_lcp_without_gap(result):
 
     m, v, a, h, f = sympy.symbols("m v a h f", real=True)
     result.formula = sympy.factor(sympy.solve(v + h * (a + f / m), f)[0])
-    height = result.given("height_m", 1.0)
+    height = result.input("height_m", 1.0)
 
     def stops(gap):
         """Whether the printed law, which has no gap, and the step disagree with free fall."""
@@ -249,18 +249,18 @@ def velocity_lcp_without_gap(result):
         return abs(problem.after(z[:, None])[0]) < 1e-12
 
     air = solve("lcp", _ball(height, -1.0, 1e-3)).velocity[0]
-    result.figure("speed_with_gap_m_s", air, tolerance=1e-9)
+    result.measure("speed_with_gap_m_s", air, tolerance=1e-9)
     touching = solve("lcp", _ball(0.0, -1.0, 1e-3)).impulses[0, 0] / 1e-3
     desired = result.formula.subs({m: 1, v: -1, a: -scenes.GRAVITY, h: 1e-3})
     gaps = result.rng.uniform(0.1, 2.0, 8)
     result.statement = f"Falling at 1 m/s {height:g} m up: with the gap it goes on at {air:.4f} m/s."
-    result.heard(
+    result.statement_holds(
         not stops(height),
         only_if="the contact is closed",
         inside=[stops(-1e-9 * x) for x in gaps],
         outside=[not stops(x) for x in gaps],
     )
-    result.corrected(air < -1.0, abs(touching - float(desired)) < 1e-6)
+    result.correction_holds(air < -1.0, abs(touching - float(desired)) < 1e-6)
 
 
 @claim(
@@ -272,7 +272,7 @@ def velocity_lcp_without_gap(result):
 def penalty_is_a_step(result):
     from course.contact import solve
 
-    speed, damping = result.given("speed", 1.0), result.given("damping", 50.0)
+    speed, damping = result.input("speed", 1.0), result.input("damping", 50.0)
 
     def force(gap, u, b):
         problem = _ball(gap, u, 1e-3)
@@ -280,12 +280,12 @@ def penalty_is_a_step(result):
 
     tiny = 10 ** result.rng.uniform(-12, -7, 8)
     ramp = max(force(-x, 0.0, 0.0) - force(x, 0.0, 0.0) for x in tiny)
-    jump = result.figure("jump_n", force(-1e-12, -speed, damping) - force(1e-12, -speed, damping))
+    jump = result.measure("jump_n", force(-1e-12, -speed, damping) - force(1e-12, -speed, damping))
     result.statement = (
         f"Across gap zero the spring's force changes by {ramp:.1e} N, the damper's {jump}."
     )
-    result.heard(ramp > 1.0)
-    result.corrected(ramp < 1e-2, abs(jump - damping * speed) < 1e-6)
+    result.statement_holds(ramp > 1.0)
+    result.correction_holds(ramp < 1e-2, abs(jump - damping * speed) < 1e-6)
 
 
 @claim(
@@ -303,14 +303,14 @@ def contact_gradients_vanish(result):
 
     before = [push(p) for p in result.rng.uniform(0.05, 0.19, 4)]
     after = [push(p) for p in result.rng.uniform(0.21, 0.5, 4)]
-    result.figure("after_s", np.median(after), tolerance=1e-2)
+    result.measure("after_s", np.median(after), tolerance=1e-2)
     bounce = [slope(rebound, s, 1e-7) for s in result.rng.uniform(0.3, 0.5, 9)]
-    stepped = result.figure("stepped", np.median(bounce), tolerance=1e-5)
+    stepped = result.measure("stepped", np.median(bounce), tolerance=1e-5)
     result.statement = (
         f"Derivatives before touch {np.round(before, 4)}, behind it {np.round(after, 4)}."
     )
-    result.heard(max(np.abs(after)) < 1e-6)
-    result.corrected(max(np.abs(before)) < 1e-9, abs(np.median(after) - 0.25) < 0.01, stepped < -0.9)
+    result.statement_holds(max(np.abs(after)) < 1e-6)
+    result.correction_holds(max(np.abs(before)) < 1e-9, abs(np.median(after) - 0.25) < 0.01, stepped < -0.9)
 
 
 @claim(
@@ -326,19 +326,19 @@ def penalty_is_differentiable(result):
     from course.charts.contact.models import pushed, slope
     from course.contact import solve
 
-    step = result.given("step_ms", 5.0)
+    step = result.input("step_ms", 5.0)
 
     def end(speed):
         return pushed(speed, "penalty", 1e-3 * step)
 
     slopes = [slope(end, p, 1e-5) for p in result.rng.uniform(0.3, 0.5, 15)]
-    along = result.figure("slope_s", np.median(slopes), tolerance=0.02)
-    whole = result.figure("rise_s", (end(0.5) - end(0.3)) / 0.2, tolerance=0.02)
+    along = result.measure("slope_s", np.median(slopes), tolerance=0.02)
+    whole = result.measure("rise_s", (end(0.5) - end(0.3)) / 0.2, tolerance=0.02)
 
     def force(gap):
         return solve("penalty", _ball(gap, 0.0, 1e-3), stiffness=5000.0).impulses[0, 0] / 1e-3
 
     one, other = (force(1e-6) - force(0.0)) / 1e-6, (force(0.0) - force(-1e-6)) / 1e-6
     result.statement = f"Slopes of the force at touch: {one:.0f} and {other:.0f} N/m."
-    result.heard(abs(one - other) < 1.0)
-    result.corrected(abs(one) < 1.0, abs(other + 5000) < 1.0, along > 1.5 * whole)
+    result.statement_holds(abs(one - other) < 1.0)
+    result.correction_holds(abs(one) < 1.0, abs(other + 5000) < 1.0, along > 1.5 * whole)

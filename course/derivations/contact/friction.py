@@ -38,7 +38,7 @@ def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
 def below_the_limit_sticks(result):
     from course.contact import scenes
 
-    share = result.given("slope", 0.4)
+    share = result.input("slope", 0.4)
 
     def sticks(model, mu, part, **options):
         scene = scenes.block(np.arctan(mu * part), mu)
@@ -49,10 +49,10 @@ def below_the_limit_sticks(result):
     creep = scenes.run(
         scenes.block(np.arctan(0.5) * share, 0.5), "soft", 0.002, 500, cone="elliptic"
     ).v[0, -1]
-    result.figure("creep_mm_s", 1e3 * creep, tolerance=1e-4)
+    result.measure("creep_mm_s", 1e3 * creep, tolerance=1e-4)
     above = [sticks(model, 0.5, 1.05) for model in RIGID]
     result.statement = f"MuJoCo's model creeps at {1e3 * creep:.3f} mm/s."
-    result.heard(
+    result.statement_holds(
         abs(creep) < 1e-9,
         only_if="friction is Coulomb's, not regularised and not soft",
         inside=[sticks(m, *draw) for m in RIGID for draw in zip(mus, parts, strict=True)],
@@ -60,7 +60,7 @@ def below_the_limit_sticks(result):
             sticks(m, *draw) for m in ("soft", "penalty") for draw in zip(mus, parts, strict=True)
         ],
     )
-    result.corrected(
+    result.correction_holds(
         creep > 1e-4,
         not any(above),
         all(sticks(m, a, 1.0) for m in RIGID for a in mus[:4]),
@@ -96,8 +96,8 @@ def mujoco_creeps(result):
 
     R, f, b, v = sympy.symbols("R f b v", positive=True)
     result.formula = sympy.solve(R * f - b * v, v)[0]
-    angle = result.given("angle_rad", 0.2)
-    creep = result.figure("creep_mm_s", 1e3 * _creep(angle=angle), tolerance=1e-6)
+    angle = result.input("angle_rad", 0.2)
+    creep = result.measure("creep_mm_s", 1e3 * _creep(angle=angle), tolerance=1e-6)
     runner = contact.block(contact.Options(), angle)
     runner.run(500)
     state = contact.contact_state(runner)
@@ -108,7 +108,7 @@ def mujoco_creeps(result):
     theory = float(
         result.formula.subs({R: compliance, f: scenes.GRAVITY * np.sin(angle), b: damping})
     )
-    mu = result.given("mu", 0.5)
+    mu = result.input("mu", 0.5)
     slippery = 1e3 * _creep(mu=2 * mu, angle=angle)
     tenth = creep / (1e3 * _creep(impratio=10.0, angle=angle))
     shorter = 1e3 * _creep(solref=(0.01, 1.0), angle=angle)
@@ -116,11 +116,11 @@ def mujoco_creeps(result):
     def pyramids(mu):
         return 1e3 * _creep(mu=mu, cone="pyramidal", angle=angle) / creep
 
-    pyramid = result.figure("pyramid", pyramids(mu), tolerance=1e-2)
-    twice = result.figure("pyramid_twice", pyramids(2 * mu), tolerance=1e-2)
+    pyramid = result.measure("pyramid", pyramids(mu), tolerance=1e-2)
+    twice = result.measure("pyramid_twice", pyramids(2 * mu), tolerance=1e-2)
     result.statement = f"Measured {creep:.4f} mm/s, R f / b is {1e3 * theory:.4f} mm/s."
-    result.heard(creep < 1e-6)
-    result.corrected(
+    result.statement_holds(creep < 1e-6)
+    result.correction_holds(
         abs(creep / (1e3 * theory) - 1) < 1e-3,
         abs(slippery / creep - 1) < 1e-6,
         abs(tenth - 10) < 0.05,
@@ -165,14 +165,14 @@ def more_friction_holds_the_glass(result):
         options = contact.Options(cone=cone, friction=(times * needed, 0.005, 0.0001))
         return 1e3 * -contact.pinch(options).run(500)[1][3]
 
-    slow = result.figure("creep_mm_s", creep(2.0), tolerance=1e-3)
-    result.figure("needed", needed, tolerance=1e-9)
+    slow = result.measure("creep_mm_s", creep(2.0), tolerance=1e-3)
+    result.measure("needed", needed, tolerance=1e-9)
     two, four, eight = [
-        result.figure(f"pyramid_{n}", creep(n, "pyramidal"), tolerance=1e-2) for n in (2, 4, 8)
+        result.measure(f"pyramid_{n}", creep(n, "pyramidal"), tolerance=1e-2) for n in (2, 4, 8)
     ]
     result.statement = f"mu of {needed:.4f} is needed; with twice it creeps at {slow:.3f} mm/s."
-    result.heard(slow < 1e-3)
-    result.corrected(
+    result.statement_holds(slow < 1e-3)
+    result.correction_holds(
         all(falls(model, 0.999) for model in RIGID),
         not any(falls(model, 1.001) for model in RIGID),
         *[abs(creep(x) / slow - 1) < 1e-2 for x in (1.02, 4.0, 8.0)],
@@ -192,7 +192,7 @@ def pyramid_slips(result):
     from course.charts.contact.models import stopped
     from course.contact import scenes, solve
 
-    degrees = result.given("degrees", 22.5)
+    degrees = result.input("degrees", 22.5)
 
     def slips(angle, load=0.97, model="lcp", **options):
         """Under a load of this share of mu f_n, in this direction."""
@@ -203,22 +203,22 @@ def pyramid_slips(result):
         return bool(np.abs(v.velocity[:2]).max() > 1e-9)
 
     distance, direction = stopped("lcp", degrees, 2e-4, 1.0)
-    result.figure("stretched", distance, tolerance=1e-3)
-    result.figure("turned", direction, tolerance=1e-3)
+    result.measure("stretched", distance, tolerance=1e-3)
+    result.measure("turned", direction, tolerance=1e-3)
     between = result.rng.uniform(5.0, 85.0, 10)
 
     def share(angle):
         return 1.0 / (abs(np.cos(np.radians(angle))) + abs(np.sin(np.radians(angle))))
 
     result.statement = f"Way {distance:.4f}, sqrt(1 + sin^2 2t) = {np.hypot(1, np.sin(np.pi / 4)):.4f}."
-    result.heard(
+    result.statement_holds(
         slips(0.0),
         only_if="the load is above the cone's over |cos t| + |sin t|, t its angle to an edge",
         inside=[slips(angle, 1.001 * share(angle)) for angle in between],
         outside=[slips(angle, 0.999 * share(angle)) for angle in between],
     )
     t = np.radians(degrees)
-    result.corrected(
+    result.correction_holds(
         not any(slips(angle, model="coulomb") for angle in between),
         slips(45.0, 0.71) and not slips(45.0, 0.70),
         abs(distance - np.sqrt(1 + np.sin(2 * t) ** 2)) < 2e-3,
@@ -238,7 +238,7 @@ def box_of_limits(result):
     from course.charts.contact.models import stopped
     from course.contact.scenes import GRAVITY
 
-    degrees, half, dt = result.given("degrees", 22.5), result.given("half", 45.0), 2e-3
+    degrees, half, dt = result.input("degrees", 22.5), result.input("half", 45.0), 2e-3
     angles = np.array([degrees, half, *result.rng.uniform(0.0, 90.0, 6)])
     distances, turned = np.array([stopped("lcp", a, dt, around=True) for a in angles]).T
     # The new velocity moves the block: half a step of the first one is lost on the way.
@@ -246,15 +246,15 @@ def box_of_limits(result):
         1j * np.radians(angles)
     )
     distances, turned = np.abs(end), np.degrees(np.angle(end))
-    result.figure("short", distances[0], tolerance=1e-3)
-    result.figure("turned", turned[0], tolerance=1e-3)
-    diagonal = result.figure("diagonal", distances[1], tolerance=1e-3)
+    result.measure("short", distances[0], tolerance=1e-3)
+    result.measure("turned", turned[0], tolerance=1e-3)
+    diagonal = result.measure("diagonal", distances[1], tolerance=1e-3)
     t = np.radians(angles)
     path = np.abs(distances - np.sqrt(1 - np.sin(2 * t) ** 2 / 2)).max()
     turn = np.abs(turned - np.degrees(np.arctan(np.tan(t) ** 2))).max()
     result.statement = f"They miss theory by {path:.1e} of the way and {turn:.2f} degrees at most."
-    result.heard(abs(diagonal - 1) < 0.05)
-    result.corrected(path < 2e-3, turn < 0.1, abs(diagonal - np.sqrt(0.5)) < 1e-3)
+    result.statement_holds(abs(diagonal - 1) < 0.05)
+    result.correction_holds(path < 2e-3, turn < 0.1, abs(diagonal - np.sqrt(0.5)) < 1e-3)
 
 
 @claim(
@@ -280,18 +280,18 @@ def friction_has_a_step_limit(result):
         return np.abs(v).max() / slip, dt, bears
 
     trembles, step, bears = remaining(0.5, 1e-3, 2.0)
-    result.figure("trembles", trembles, tolerance=1e-3)
-    result.figure("step_ms", 1e3 * step, tolerance=1e-9)
-    result.figure("spring_ms", 1e3 * bears, tolerance=1e-9)
+    result.measure("trembles", trembles, tolerance=1e-3)
+    result.measure("step_ms", 1e3 * step, tolerance=1e-9)
+    result.measure("spring_ms", 1e3 * bears, tolerance=1e-9)
     draws = result.rng.uniform((0.1, 1e-4, 0.05), (1.2, 1e-2, 0.95), (8, 3))
     result.statement = f"At {1e3 * step:.3f} ms it trembles at {trembles:.3f} times the slip speed."
-    result.heard(
+    result.statement_holds(
         trembles < 1e-3,
         only_if="the step is also below 2 m v_s/(mu f_n)",
         inside=[remaining(*draw)[0] < 1e-3 for draw in draws],
         outside=[remaining(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws],
     )
-    result.corrected(remaining(0.5, 1e-3, 0.98)[0] < 1e-3, remaining(0.5, 1e-3, 1.02)[0] > 0.1, trembles > 1)
+    result.correction_holds(remaining(0.5, 1e-3, 0.98)[0] < 1e-3, remaining(0.5, 1e-3, 1.02)[0] > 0.1, trembles > 1)
 
 
 @claim(
@@ -316,10 +316,10 @@ def condim_4_is_the_full_cone(result):
         options = contact.Options(condim=condim, friction=(0.5, 0.05, 0.0001))
         return contact.spinning_disc(options, 10.0).run(200)[1][3]
 
-    stretched = result.figure("stretched", path("pyramidal", 4) / path("elliptic", 4), tolerance=1e-3)
+    stretched = result.measure("stretched", path("pyramidal", 4) / path("elliptic", 4), tolerance=1e-3)
     same = path("elliptic", 4) / path("elliptic", 3)
     retained, lost = spin(3), spin(4)
-    result.figure("spin_left_rad_s", retained, tolerance=1e-9)
+    result.measure("spin_left_rad_s", retained, tolerance=1e-9)
     result.statement = f"10 rad/s after 0.4 s: condim 3 {retained:.3f}, condim 4 {lost:.1e} rad/s."
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><geom type="plane" size="9 9 1"/><body pos="0 0 .02"><freejoint/>'
@@ -328,8 +328,8 @@ def condim_4_is_the_full_cone(result):
     standing = mujoco.MjData(model)
     standing.qvel[5] = 10.0
     mujoco.mj_step(model, standing, 300)
-    result.heard(abs(stretched - 1) < 0.01)
-    result.corrected(
+    result.statement_holds(abs(stretched - 1) < 0.01)
+    result.correction_holds(
         stretched > 1.3,
         abs(same - 1) < 1e-6,
         abs(retained - 10) < 1e-9,
@@ -353,10 +353,10 @@ def condim_1_is_frictionless(result):
 
     draws = [retained(*row) for row in result.rng.uniform((0.0, 0.1), (2.0, 3.0), (8, 2))]
     braked = contact.block(contact.Options(), 0.0, (1.0, 0.0)).run(200)[1][0]
-    result.figure("with_condim_3_m_s", braked, tolerance=1e-6)
+    result.measure("with_condim_3_m_s", braked, tolerance=1e-6)
     result.statement = f"{sum(draws)} of {len(draws)} blocks keep 200 steps' speed exactly."
-    result.heard(all(draws))
-    result.corrected(abs(braked) < 0.01)
+    result.statement_holds(all(draws))
+    result.correction_holds(abs(braked) < 0.01)
 
 
 @claim(
@@ -374,12 +374,12 @@ def default_friction(result):
         mujoco.mj_forward(model, data)
         return float(data.contact[0].friction[0])
 
-    default = result.figure("default", friction("", ""))
+    default = result.measure("default", friction("", ""))
     larger = friction('friction="0.3"', 'friction="0.7"')
     ranked = friction('friction="0.3" priority="1"', 'friction="0.7"')
     result.statement = f"Two spheres without a word: {default}; 0.3 against 0.7: {larger}."
-    result.heard(abs(default - 0.5) < 1e-9)
-    result.corrected(abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9, abs(ranked - 0.3) < 1e-9)
+    result.statement_holds(abs(default - 0.5) < 1e-9)
+    result.correction_holds(abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9, abs(ranked - 0.3) < 1e-9)
 
 
 def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
@@ -409,19 +409,19 @@ def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
 def damping_makes_things_stick(result):
     from course.oracles.mujoco.box import spring_restitution
 
-    remaining = result.figure("left", _hit(1.0, False), tolerance=1e-2)
+    remaining = result.measure("left", _hit(1.0, False), tolerance=1e-2)
     zetas = result.rng.uniform(1.05, 3.0, 8)
     result.statement = (
         f"zeta = 1, clipped: {remaining:.4f} m/s; theory exp(-2) {spring_restitution(1.0):.4f}."
     )
-    result.heard(
+    result.statement_holds(
         bool(np.isnan(_hit(1.5, False))),
         only_if="the damper may pull and is at least critical",
         inside=[bool(np.isnan(_hit(z, True))) for z in zetas],
         outside=[bool(np.isnan(_hit(z, False))) for z in zetas]
         + [bool(np.isnan(_hit(z, True))) for z in 0.3 * zetas],
     )
-    result.corrected(abs(remaining - spring_restitution(1.0)) < 0.01)
+    result.correction_holds(abs(remaining - spring_restitution(1.0)) < 0.01)
 
 
 @claim(
@@ -431,13 +431,13 @@ def damping_makes_things_stick(result):
     "that is pushed less the other's, along the normal: k d n - b (v_rel . n) n, clipped at zero.",
 )
 def penalty_law_has_a_plus(result):
-    zeta = result.given("zeta", 0.1)
-    gain = result.figure("gain", _hit(zeta, False, sign=1.0), tolerance=1e-2)
+    zeta = result.input("zeta", 0.1)
+    gain = result.measure("gain", _hit(zeta, False, sign=1.0), tolerance=1e-2)
     loss = _hit(zeta, False)
     zetas = result.rng.uniform(0.05, 0.6, 8)
     result.statement = f"1 m/s comes back as {gain:.3f} m/s with a plus, {loss:.3f} with a minus."
-    result.heard(gain <= 1.0)
-    result.corrected(gain > 1.0, all(_hit(z, False) < 1.0 for z in zetas))
+    result.statement_holds(gain <= 1.0)
+    result.correction_holds(gain > 1.0, all(_hit(z, False) < 1.0 for z in zetas))
 
 
 @claim(
@@ -450,7 +450,7 @@ def damper_damps(result):
     from course.charts.contact.models import step_limit
     from course.contact import scenes
 
-    speed = result.given("speed", 1.0)
+    speed = result.input("speed", 1.0)
 
     def swing(ratio, share):
         """Height [m] over which a ball that starts off its rest still swings."""
@@ -462,13 +462,13 @@ def damper_damps(result):
     ratios, shares = result.rng.uniform(0.1, 1.5, 8), result.rng.uniform(0.2, 0.95, 8)
     scene = scenes.block(0.0, 0.0, (speed, 0.0))
     slid = scenes.run(scene, "penalty", 1e-4, 1000, stiffness=1e4, damping=100.0)
-    retained = result.figure("kept_m_s", slid.v[0, -1], tolerance=1e-9)
+    retained = result.measure("kept_m_s", slid.v[0, -1], tolerance=1e-9)
     result.statement = "A ball on a damped spring, steps below and above the limit."
-    result.heard(
+    result.statement_holds(
         swing(1.0, 1.1) < 1e-6,
         only_if="the step is below the scheme's limit",
         inside=[swing(z, s) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
         outside=[swing(z, 1.02 + s / 3) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
     )
     # Past the limit the contact may only rattle, but it leaves rest.
-    result.corrected(abs(retained - speed) < 1e-12, all(swing(z, 1.03) > 1e-6 for z in ratios))
+    result.correction_holds(abs(retained - speed) < 1e-12, all(swing(z, 1.03) > 1e-6 for z in ratios))

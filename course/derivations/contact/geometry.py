@@ -72,10 +72,10 @@ def aabb_all_axes(result):
     poses = random_poses(result.rng, 400, 1.0)
     i, j = contact.overlapping_pairs(contact.bounds(rod, poses))
     apart = contact.distance(rod, poses[:, i], rod, poses[:, j]).distance > 0.0
-    result.figure("apart_percent", 100.0 * apart.mean(), 0.02)
+    result.measure("apart_percent", 100.0 * apart.mean(), 0.02)
     result.statement = f"{apart.size} pairs of overlapping boxes among 400 random capsules."
-    result.heard(bool((low <= high).all()))
-    result.corrected(missed == 0, bool(apart.any()), bool((low <= high).all()))
+    result.statement_holds(bool((low <= high).all()))
+    result.correction_holds(missed == 0, bool(apart.any()), bool((low <= high).all()))
 
 
 class _Watched:
@@ -104,14 +104,14 @@ def aabb_six_numbers(result):
         return overlap, len(set(watched.read)), len(watched.read) // 2
 
     overlap, numbers, comparisons = cost(np.array([[0.0, 0.5]] * 3), 1.0)
-    result.figure("numbers", numbers)
-    result.figure("comparisons", comparisons)
+    result.measure("numbers", numbers)
+    result.measure("comparisons", comparisons)
     draws = [cost(result.rng.uniform(0.0, 5.0, (3, 2)), 1.0) for _ in range(300)]
     counts = [took for together, _, took in draws if not together]
-    mean = result.figure("mean_comparisons", np.mean(counts), 0.02)
+    mean = result.measure("mean_comparisons", np.mean(counts), 0.02)
     result.statement = f"The course's own test, counted; {len(counts)} random boxes that are apart."
-    result.heard(numbers == 6)
-    result.corrected(overlap, numbers == 12, comparisons == 6, mean < comparisons, min(counts) == 1)
+    result.statement_holds(numbers == 6)
+    result.correction_holds(overlap, numbers == 12, comparisons == 6, mean < comparisons, min(counts) == 1)
 
 
 @claim(
@@ -141,10 +141,10 @@ def aabb_listing_two_axes(result):
     }
     true = set(map(tuple, contact.brute_force(boxes)[0].T.tolist()))
     flat = set(map(tuple, contact.brute_force(boxes[:, :2])[0].T.tolist()))
-    result.figure("false_percent", 100.0 * len(reported - true) / len(reported), 0.02)
+    result.measure("false_percent", 100.0 * len(reported - true) / len(reported), 0.02)
     result.statement = f"{len(reported)} pairs reported among 60 boxes, {len(true)} overlap."
-    result.heard(reported == true)
-    result.corrected(reported == flat, true < reported)
+    result.statement_holds(reported == true)
+    result.correction_holds(reported == flat, true < reported)
 
 
 @claim(
@@ -170,12 +170,12 @@ def brute_force_pairs(result):
     result.formula = sympy.factor(
         sympy.summation(n - 1 - sympy.symbols("i"), (sympy.symbols("i"), 0, n - 1))
     )
-    objects = result.given("objects", 100)
+    objects = result.input("objects", 100)
     tests = [contact.brute_force(np.zeros((2, 3, size)))[1] for size in (objects, 2, 57)]
-    result.figure("tests", tests[0])
+    result.measure("tests", tests[0])
     result.statement = "The tests of `brute_force`, counted, and the sum."
-    result.heard(tests[0] == 4950)
-    result.corrected(
+    result.statement_holds(tests[0] == 4950)
+    result.correction_holds(
         *[
             bool(result.formula.subs(n, size) == count)
             for size, count in zip((objects, 2, 57), tests, strict=True)
@@ -210,18 +210,18 @@ def sweep_and_prune_n_log_n(result):
     rows = [_exponent(lambda n: _row(result.rng, n)) for _ in range(8)]
     spread = [_exponent(lambda n: broad.crowd("spread", n, result.rng)) for _ in range(8)]
     for kind, exponent in crowds.items():
-        result.figure(kind, exponent, 0.03)
-    result.figure("row", np.mean(rows), 0.03)
+        result.measure(kind, exponent, 0.03)
+    result.measure("row", np.mean(rows), 0.03)
     # N log N from 500 to 4000 boxes has the exponent 1.14.
     largest = 1.0 + float(np.log(np.log(4000) / np.log(500)) / np.log(8.0))
     result.statement = "Overlap tests counted at 500 and 4,000 boxes of a metre, one a cubic metre."
-    result.heard(
+    result.statement_holds(
         max(crowds.values()) <= largest,
         only_if="the bodies stand in a row along the axis that is swept",
         inside=[exponent <= largest for exponent in rows],
         outside=[exponent <= largest for exponent in spread],
     )
-    result.corrected(
+    result.correction_holds(
         abs(crowds["spread"] - 5 / 3) < 0.06,
         abs(crowds["settled"] - 3 / 2) < 0.06,
         abs(crowds["aligned"] - 2) < 0.06,
@@ -277,22 +277,22 @@ def pile_of_a_hundred(result):
         "cubes": ('<geom type="box" size="0.035 0.035 0.035"/>', contact.box([0.035] * 3)),
         "rods": ('<geom type="capsule" size="0.015 0.105"/>', contact.capsule(0.015, 0.105)),
     }
-    bodies = result.given("bodies", 100)
+    bodies = result.input("bodies", 100)
     remaining, speeds = {}, []
     for name, (geom, shape) in scenes.items():
         count, touching, speed = _pile(geom, 0.2, shape, bodies)
-        remaining[name] = result.figure(name, count, 0.15)
-        result.figure(f"{name}_touch", touching, 0.15)
+        remaining[name] = result.measure(name, count, 0.15)
+        result.measure(f"{name}_touch", touching, 0.15)
         speeds.append(speed)
-    again = result.figure(
+    again = result.measure(
         "cubes_again", _pile(scenes["cubes"][0], 0.2, scenes["cubes"][1], bodies, seed=2)[0], 0.15
     )
     result.statement = (
         "Dropped by MuJoCo into a bin 0.4 m wide for 1.5 s; median speed at the end at most "
         f"{max(speeds):.3f} m/s; touching is within 1 mm."
     )
-    result.heard(all(150 <= count <= 250 for count in remaining.values()))
-    result.corrected(
+    result.statement_holds(all(150 <= count <= 250 for count in remaining.values()))
+    result.correction_holds(
         remaining["rods"] > 2 * max(remaining["balls"], remaining["cubes"]),
         max(speeds) < 0.1,
         remaining["balls"] > max(remaining["cubes"], again),
@@ -326,12 +326,12 @@ def gjk_minkowski(result):
     place[:3] = result.rng.uniform((0.0, -0.4, 0.05), (0.3, 0.4, 0.3), (200, 3)).T
     clear = np.min([contact.distance(p, at, ball, place).distance for p, at in plates], 0) > 0.0
     observed = contact.distance(contact.points(corners), _still(), ball, place).distance <= 0.0
-    result.figure("clear_percent", 100.0 * clear.mean(), 0.02)
-    wrong = result.figure("wrong_percent", 100.0 * (observed & clear).mean(), 0.02)
-    result.figure("share_inside", np.mean(inside), 0.02)
+    result.measure("clear_percent", 100.0 * clear.mean(), 0.02)
+    wrong = result.measure("wrong_percent", 100.0 * (observed & clear).mean(), 0.02)
+    result.measure("share_inside", np.mean(inside), 0.02)
     result.statement = "60 pairs of random hulls against the hull of all differences by Qhull."
-    result.heard(all(agree))
-    result.corrected(all(agree), wrong > 20.0, bool((observed | ~clear).all()), 0 < np.mean(inside) < 1)
+    result.statement_holds(all(agree))
+    result.correction_holds(all(agree), wrong > 20.0, bool((observed | ~clear).all()), 0 < np.mean(inside) < 1)
 
 
 # Two cubes with aligned faces, in a process that has asked Coal about nothing, or about a rod at a
@@ -373,19 +373,19 @@ def coal_is_the_truth(result):
         error = np.abs(contact.distance(a, qa, b, qb).distance - truth).max() / (a.size + b.size)
         return truth, error, coal.Pair(a, b, None).distances(qa, qb)
 
-    tight = result.given("tight", 1e-12)
+    tight = result.input("tight", 1e-12)
     n, cube = 500, contact.box([0.5] * 3)
     aligned, beside = (np.tile(_still()[:, None], n) for _ in range(2))
     beside[0] = 1.0 + 10.0 ** result.rng.uniform(-9.0, -1.0, n)
     beside[1:3] = result.rng.uniform(-0.4, 0.4, (2, n))
-    result.figure("usual", coal.Pair(cube, cube, None).request.gjk_tolerance, 1e-9)
+    result.measure("usual", coal.Pair(cube, cube, None).request.gjk_tolerance, 1e-9)
     gap, near, coals = compared(cube, cube, aligned, beside)
-    touch = result.figure("touch_um", 1e6 * gap[coals <= 0.0].max(), 0.05)
+    touch = result.measure("touch_um", 1e6 * gap[coals <= 0.0].max(), 0.05)
     big, small = contact.box([500.0] * 3), contact.box([5e-4] * 3)
     pose = random_poses(result.rng, n, 700.0)
     truth, far, other = compared(big, small, aligned, pose)
-    missed = result.figure("far_um", 1e6 * np.abs(other - truth).max(), 0.5)
-    ours = result.figure("ours", max(near, far, 1e-15), 0.5)
+    missed = result.measure("far_um", 1e6 * np.abs(other - truth).max(), 0.5)
+    ours = result.measure("ours", max(near, far, 1e-15), 0.5)
     first, turned = (
         abs(
             float(
@@ -399,11 +399,11 @@ def coal_is_the_truth(result):
         )
         for how in ("aligned", "turned")
     )
-    result.figure("large", first, 0.01)
-    result.figure("plain", turned, 1e-6)
+    result.measure("large", first, 0.01)
+    result.measure("plain", turned, 1e-6)
     result.statement = f"The same two cubes: off by {first:.1e} m, or {turned:.0e} m."
-    result.heard(touch < 1e-3 and missed < 1.0)
-    result.corrected(
+    result.statement_holds(touch < 1e-3 and missed < 1.0)
+    result.correction_holds(
         0.5 < touch < 2.0,
         coals[gap > 2e-6].min() > 0.0,
         missed > 1.0,
@@ -423,7 +423,7 @@ def coal_is_the_truth(result):
 def epa_gives_the_contact(result):
     from course import contact
 
-    radius, wall = result.given("ball_mm", 20.0) / 1000, result.given("wall_mm", 10.0) / 1000
+    radius, wall = result.input("ball_mm", 20.0) / 1000, result.input("wall_mm", 10.0) / 1000
     middle = radius + wall / 2
     ball, slab = contact.sphere(radius), contact.box([1.0, 1.0, wall / 2])
 
@@ -434,19 +434,19 @@ def epa_gives_the_contact(result):
     low, high = 0.0, 2.0 * middle
     while high - low > 1e-9:
         low, high = ((low + high) / 2, high) if back((low + high) / 2) else (low, (low + high) / 2)
-    result.figure("middle_mm", 1000 * high)
+    result.measure("middle_mm", 1000 * high)
     cube = contact.box([0.5, 0.5, 0.5])
     pair = np.stack((_still(), _still(0.1, 0.2, 0.99)), axis=1)
-    corners = result.figure("corners", contact.contacts([cube, cube], pair).distance.size)
+    corners = result.measure("corners", contact.contacts([cube, cube], pair).distance.size)
     result.statement = "A ball is pressed into a wall from above, to random depths."
-    result.heard(
+    result.statement_holds(
         back(1.5 * middle),
         only_if="it is sunk by less than {middle_mm:.1f} mm",
         inside=[back(share * middle) for share in result.rng.uniform(0.01, 0.999, 12)],
         outside=[back(share * middle) for share in result.rng.uniform(1.001, 1.9, 12)],
     )
     single = contact.distance(cube, pair[:, 0], cube, pair[:, 1])
-    result.corrected(abs(single.distance + 0.01) < 1e-12, corners == 4, abs(high - middle) < 1e-8)
+    result.correction_holds(abs(single.distance + 0.01) < 1e-12, corners == 4, abs(high - middle) < 1e-8)
 
 
 @claim(
@@ -471,12 +471,12 @@ def circle_test_concentric(result):
     theirs = [listing(np.zeros(2), 0.7, p, 0.5)[0] for p in places]
     depth, normal = listing(np.zeros(2), 0.7, np.zeros(2), 0.5)
     deepest = contact.distance(a, (0, 0, 0), b, (0, 0, 0))
-    result.figure("depth_m", -deepest.distance)
+    result.measure("depth_m", -deepest.distance)
     result.statement = (
         f"The usual listing at equal centres: depth {depth}, normal {normal.tolist()}."
     )
-    result.heard(depth > 0)
-    result.corrected(
+    result.statement_holds(depth > 0)
+    result.correction_holds(
         bool(np.allclose(np.maximum(0.0, np.negative(ours)), theirs, atol=1e-12)),
         not normal.any(),
         abs(np.linalg.norm(deepest.normal) - 1.0) < 1e-12,
@@ -512,15 +512,15 @@ def circles_once_a_step(result):
 
     inside, all_inside = flights(0.1, 1.0)
     outside, all_outside = flights(1.001, 3.0)
-    result.figure("missed_percent", 100.0 * (1.0 - np.mean(outside)), 0.02)
+    result.measure("missed_percent", 100.0 * (1.0 - np.mean(outside)), 0.02)
     result.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="a step is no longer than the way on which the circles overlap",
         inside=inside,
         outside=outside,
     )
-    result.corrected(all(inside), all_inside, all_outside, not all(outside))
+    result.correction_holds(all(inside), all_inside, all_outside, not all(outside))
 
 
 @claim(
@@ -535,13 +535,13 @@ def soft_wall(result):
     from course.charts.contact.geometry import RADIUS, WALL, checked, in_mujoco
 
     radius, wall = (
-        result.given("ball_mm", 1e3 * RADIUS) / 1e3,
-        result.given("wall_mm", 1e3 * WALL) / 1e3,
+        result.input("ball_mm", 1e3 * RADIUS) / 1e3,
+        result.input("wall_mm", 1e3 * WALL) / 1e3,
     )
-    dt = result.given("step_ms", 0.5) / 1000
+    dt = result.input("step_ms", 0.5) / 1000
     # Deepest point of a critically damped contact, hit with 1 m/s: w = 1 / (dmax timeconst).
     t = np.linspace(0.0, 0.2, 20_001)
-    soft = result.figure("soft_m_per_s", (radius + wall / 2) / np.max(t * np.exp(-t / 0.019)))
+    soft = result.measure("soft_m_per_s", (radius + wall / 2) / np.max(t * np.exp(-t / 0.019)))
 
     def bisected(passes, low, high):
         while high - low > 0.005 * low:
@@ -556,13 +556,13 @@ def soft_wall(result):
     def through(speed, step):
         return any(in_mujoco(step, speed, phase) for phase in np.arange(3) / 3)
 
-    geometric = result.figure("geometric_m_per_s", bisected(unseen, 50.0, 200.0), 0.02)
+    geometric = result.measure("geometric_m_per_s", bisected(unseen, 50.0, 200.0), 0.02)
     limits = [bisected(lambda v, h=h: through(v, h), 2.0, 6.0) for h in (dt, 2 * dt, 4 * dt)]
-    result.figure("smallest_m_per_s", min(limits), 0.05)
-    result.figure("largest_m_per_s", max(limits), 0.05)
+    result.measure("smallest_m_per_s", min(limits), 0.05)
+    result.measure("largest_m_per_s", max(limits), 0.05)
     result.statement = "Bisected over the speed, the ball's start shifted by thirds of a step."
-    result.heard(limits[0] > 2 * limits[2])
-    result.corrected(
+    result.statement_holds(limits[0] > 2 * limits[2])
+    result.correction_holds(
         *[abs(limit / soft - 1.0) < 0.15 for limit in limits],
         abs(soft / (math.e * (radius + wall / 2) / 0.019) - 1.0) < 1e-6,
         abs(geometric * dt / (2 * radius + wall) - 1.0) < 0.02,
@@ -627,13 +627,13 @@ def concave_mesh_is_its_hull(result):
     depth, _ = _depth_in_mesh(mesh, place[:3])
     free = min(float(contact.distance(plate, at, ball, place).distance) for plate, at in plates)
     hull = contact.distance(contact.points(corners), _still(), ball, place).distance
-    result.figure("free_mm", 1000 * free)
-    result.figure("depth_mm", 1000 * depth, 1e-3)
+    result.measure("free_mm", 1000 * free)
+    result.measure("depth_mm", 1000 * depth, 1e-3)
     result.statement = (
         f"MuJoCo's contact is {1000 * depth:.2f} mm deep, the hull's {-1000 * hull:.2f}."
     )
-    result.heard(depth == 0.0)
-    result.corrected(free > 0.05, depth > 0.0, abs(depth + hull) < 1e-6)
+    result.statement_holds(depth == 0.0)
+    result.correction_holds(free > 0.05, depth > 0.0, abs(depth + hull) < 1e-6)
 
 
 @claim(
@@ -650,7 +650,7 @@ def mug_and_its_hull(result):
     from course import contact
 
     # Two triangles for each square of its 25 bands, and a fan at each of both ends.
-    around, rings = result.given("triangles", 5200) // 52, 13
+    around, rings = result.input("triangles", 5200) // 52, 13
     angle = 2 * np.pi * np.arange(around) / around
     # Outside from the bottom up, over the rim, inside down again; closed by two middles.
     profile = [(0.04, z) for z in np.linspace(0.0, 0.1, rings)]
@@ -659,22 +659,22 @@ def mug_and_its_hull(result):
         [[r * np.cos(angle), r * np.sin(angle), z + 0 * angle] for r, z in profile]
     )
     hull = ConvexHull(vertices.T)
-    faces = result.figure("faces", len(hull.simplices))
+    faces = result.measure("faces", len(hull.simplices))
 
     place = _still(0.01, 0.003, 0.05)
     (whole, retained), (reduced, same) = (
         _depth_in_mesh(f'vertex="{_text(some.T)}"', place[:3])
         for some in (vertices, vertices[:, hull.vertices])
     )
-    result.figure("kept", retained)
+    result.measure("kept", retained)
     inside = contact.distance(
         contact.points(vertices), _still(), contact.sphere(0.02), place
     ).distance
-    result.figure("depth_mm", -1000 * inside, 1e-3)
+    result.measure("depth_mm", -1000 * inside, 1e-3)
     result.statement = (
         f"MuJoCo: {1000 * whole:.3f} mm deep in the mesh, {1000 * reduced:.3f} in its hull."
     )
-    result.heard(faces < 40)
-    result.corrected(
+    result.statement_holds(faces < 40)
+    result.correction_holds(
         faces > 100, abs(whole - reduced) < 1e-6, whole > 0.0, inside < -0.02, retained == same
     )

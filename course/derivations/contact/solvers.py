@@ -57,7 +57,7 @@ def mujoco_is_convex_and_unique(result):
         others.append(forces(made, "CG"))
         spreads.append(max(np.abs(f - truth).max() for f in others) / np.abs(truth).max())
     spread = max(spreads)
-    result.figure("digits", min(9, np.floor(-np.log10(max(spread, 1e-16)))), tolerance=0.2)
+    result.measure("digits", min(9, np.floor(-np.log10(max(spread, 1e-16)))), tolerance=0.2)
     same = scenes.table((0.1, 0.05)).problem(0.01)
     rigid = [solve(model, same).impulses[:, 0] for model in ("lcp", "pgs")]
 
@@ -71,10 +71,10 @@ def mujoco_is_convex_and_unique(result):
     lost = max(
         sliding("Newton", n)[0] for n in range(5, 30) if not np.abs(sliding("PGS", n)).max() > 1e-9
     )
-    result.figure("newton_n", lost, tolerance=1e-3)
+    result.measure("newton_n", lost, tolerance=1e-3)
     result.statement = f"8 random warm starts and CG differ by {spread:.1e} of the largest force."
-    result.heard(spread < 1e-6)
-    result.corrected(np.abs(rigid[0] - rigid[1]).max() > 0.01, lost > 1.0)
+    result.statement_holds(spread < 1e-6)
+    result.correction_holds(np.abs(rigid[0] - rigid[1]).max() > 0.01, lost > 1.0)
 
 
 @claim(
@@ -91,12 +91,12 @@ def iterations_50_to_100(result):
     for steps in range(1, 60):
         runner.run(steps)
         taken.append(int(runner.data.solver_niter[0]))
-    newton = result.figure("newton", max(taken), tolerance=0.3)
-    ratio = result.given("ratio", 1000.0)
-    sweeps = result.figure("sweeps", sweeps_needed([1.0, ratio]), tolerance=1e-2)
+    newton = result.measure("newton", max(taken), tolerance=0.3)
+    ratio = result.input("ratio", 1000.0)
+    sweeps = result.measure("sweeps", sweeps_needed([1.0, ratio]), tolerance=1e-2)
     result.statement = f"Newton: {newton} at most over 60 steps; sweeps {sweeps}."
-    result.heard(50 <= newton <= 100 and 50 <= sweeps <= 100)
-    result.corrected(newton < 30, sweeps > 1000)
+    result.statement_holds(50 <= newton <= 100 and 50 <= sweeps <= 100)
+    result.correction_holds(newton < 30, sweeps > 1000)
 
 
 @claim(
@@ -119,7 +119,7 @@ def nconmax_helps(result):
         mujoco.mj_step(model, data, 300)
         return data.qpos.copy() if not warned else int(data.ncon)
 
-    allowed = result.given("allowed", 2)
+    allowed = result.input("allowed", 2)
     small = f'njmax="6" nconmax="{allowed}"'
     sizes = ("", small, 'njmax="2000" nconmax="500"', 'memory="10M"')
     speeds = result.rng.uniform(-1.0, 1.0, (8, 6))
@@ -127,10 +127,10 @@ def nconmax_helps(result):
         all(np.array_equal(end(sizes[0], v, False), end(s, v, False)) for s in sizes[1:])
         for v in speeds
     ]
-    touching = result.figure("contacts", max(end(small, v, True) for v in speeds))
+    touching = result.measure("contacts", max(end(small, v, True) for v in speeds))
     result.statement = f"{sum(same)} of {len(same)} boxes end alike with any size."
-    result.heard(not all(same))
-    result.corrected(all(same), touching > allowed)
+    result.statement_holds(not all(same))
+    result.correction_holds(all(same), touching > allowed)
 
 
 @claim(
@@ -160,14 +160,14 @@ def sweeps_and_masses(result):
     exact = sympy.log(1 / e) / sympy.log((1 + r) / r)
     result.formula = (1 + r) * sympy.log(1 / e)
     ratio_of_both = sympy.limit(exact / result.formula, r, sympy.oo)
-    ratio = result.given("ratio", 300.0)
-    sweeps = result.figure("sweeps", sweeps_needed([1.0, ratio]), tolerance=1e-2)
-    upside = result.figure("upside", sweeps_needed([ratio, 1.0]), tolerance=0.01)
+    ratio = result.input("ratio", 300.0)
+    sweeps = result.measure("sweeps", sweeps_needed([1.0, ratio]), tolerance=1e-2)
+    upside = result.measure("upside", sweeps_needed([ratio, 1.0]), tolerance=0.01)
     ratios = result.rng.uniform(50.0, 2000.0, 6)
     counted = [sweeps_needed([1.0, x]) / ((1 + x) * np.log(1e6)) for x in ratios]
     result.statement = f"Counted over (1 + r) ln(1/e): {min(counted):.3f} to {max(counted):.3f}."
-    result.heard(sweeps < 2 * upside)
-    result.corrected(bool(ratio_of_both == 1), np.allclose(counted, 1.0, atol=0.03), upside < 10)
+    result.statement_holds(sweeps < 2 * upside)
+    result.correction_holds(bool(ratio_of_both == 1), np.allclose(counted, 1.0, atol=0.03), upside < 10)
 
 
 @claim(
@@ -200,25 +200,25 @@ def convex_cone_is_coulomb(result):
     u = sympy.Symbol("u", positive=True)
     slid = sympy.solve(sympy.diff((u - v) ** 2 + (mu * u) ** 2, u), u)[0]
     result.formula = sympy.factor((mu * slid) ** 2 / (2 * g))
-    speed = result.given("speed", 1.0)
+    speed = result.input("speed", 1.0)
     dt = 1e-4
     hop = scenes.run(scenes.block(0.0, 0.5, (speed, 0.0)), "convex", dt, 1000).q[2].max()
-    result.figure("hop_mm", 1e3 * hop, tolerance=1e-3)
+    result.measure("hop_mm", 1e3 * hop, tolerance=1e-3)
     theory = float(result.formula.subs({mu: 0.5, v: speed, g: scenes.GRAVITY}))
-    blocks, deviation, high, stops = result.given("blocks", 12), [], [], []
+    blocks, deviation, high, stops = result.input("blocks", 12), [], [], []
     for speed in result.rng.uniform(2.0, 8.0, blocks):
         runner = contact.block(contact.Options(0.002), 0.0, (speed, 0.0))
         path = runner.samples(round(speed / 0.0065))
         deviation.append(np.mean(path.q[2, path.v[0] > 0.05] > 0.0))
         high.append(path.q[2].max())
         stops.append(abs(path.q[0, -1] / (speed**2 / scenes.GRAVITY) - 1.0))
-    result.figure("off", np.mean(deviation), tolerance=0.05)
-    result.figure("high_mm", 1e3 * max(high), tolerance=0.05)
-    stop = result.figure("stop", max(stops), tolerance=0.1)
+    result.measure("off", np.mean(deviation), tolerance=0.05)
+    result.measure("high_mm", 1e3 * max(high), tolerance=0.05)
+    stop = result.measure("stop", max(stops), tolerance=0.1)
     sticks = solve("convex", scenes.block(0.2, 0.5).problem(0.01)).velocity
     result.statement = f"Hop {1e3 * hop:.3f} mm, theory {1e3 * theory:.3f} mm."
-    result.heard(hop < 1e-6)
-    result.corrected(abs(hop / theory - 1) < 0.02, np.abs(sticks).max() < 1e-9, abs(stop) < 0.01)
+    result.statement_holds(hop < 1e-6)
+    result.correction_holds(abs(hop / theory - 1) < 0.02, np.abs(sticks).max() < 1e-9, abs(stop) < 0.01)
 
 
 @claim(
@@ -235,7 +235,7 @@ def heavy_on_light_sinks(result):
     from course.contact import scenes
     from course.oracles.mujoco import contact
 
-    heavy = result.given("heavy", 100.0)
+    heavy = result.input("heavy", 100.0)
 
     def depths(mass, solver="Newton"):
         """Of the light one in the ground, of the heavy one in the light one [mm]."""
@@ -247,28 +247,28 @@ def heavy_on_light_sinks(result):
         return depths(mass, solver)[0]
 
     newton, others = depth(heavy), [depth(heavy, solver) for solver in ("CG", "PGS")]
-    huge, radius = result.given("huge", 10_000.0), result.given("radius_mm", 100.0)
+    huge, radius = result.input("huge", 10_000.0), result.input("radius_mm", 100.0)
     swallowed = [depths(huge, solver) for solver in contact.SOLVERS]
-    result.figure("swallowed_mm", swallowed[0][1], tolerance=1e-3)
-    result.figure("deep_mm", newton, tolerance=1e-3)
-    equal = result.figure("equal_mm", depth(1.0), tolerance=1e-3)
-    steps, sweeps = result.given("steps", 50), result.given("sweeps", 10)
+    result.measure("swallowed_mm", swallowed[0][1], tolerance=1e-3)
+    result.measure("deep_mm", newton, tolerance=1e-3)
+    equal = result.measure("equal_mm", depth(1.0), tolerance=1e-3)
+    steps, sweeps = result.input("steps", 50), result.input("sweeps", 10)
 
     def sunk(mass, model, **options):
         return np.abs(scenes.run(scenes.tower([1.0, mass]), model, 0.01, steps, **options).q).max()
 
     rigid = sunk(heavy, "coulomb")
-    swept = result.figure("swept_mm", 1e3 * sunk(heavy, "pgs", sweeps=sweeps), tolerance=1e-2)
+    swept = result.measure("swept_mm", 1e3 * sunk(heavy, "pgs", sweeps=sweeps), tolerance=1e-2)
     masses = result.rng.uniform(50.0, 500.0, 8)
-    result.figure("rigid_mm", max(1e3 * rigid, 1e-12), tolerance=0.5)
+    result.measure("rigid_mm", max(1e3 * rigid, 1e-12), tolerance=0.5)
     result.statement = f"Newton {newton:.4f} mm, CG and PGS {others[0]:.4f}, {others[1]:.4f} mm."
-    result.heard(
+    result.statement_holds(
         np.abs(np.array(others) / newton - 1).max() > 1e-3,
         only_if="the contact is rigid and sweeps are cut short",
         inside=[sunk(m, "pgs", sweeps=sweeps) > 1e-3 > 1e3 * sunk(m, "lcp") for m in masses],
         outside=[sunk(m, "pgs", sweeps=20000) > 1e-3 for m in masses],
     )
-    result.corrected(
+    result.correction_holds(
         newton > 10 * equal,
         rigid < 1e-9,
         swept > 1.0,
@@ -300,24 +300,24 @@ def tower_sags(result):
         q = scenes.run(scenes.tower([1.0] * n), "penalty", 1e-3, 5000, **options).q[:, -1]
         return q[-1] / (q[-1] - q[-2]) / (n * (n + 1) / 2)
 
-    n, few = result.given("n", 10), result.given("few", 3)
+    n, few = result.input("n", 10), result.input("few", 3)
     # On the ground (1 - d) g = d k d r for one body, k = 1/(d T)^2.
     ground, constant = 0.1 * scenes.GRAVITY * 0.02**2, (0.9, 0.9, 0.001, 0.5, 2.0)
     square = [depths(m, solimp=constant)[0] / (m**2 * ground) for m in (few, 5, n)]
     shares = {m: depths(m)[1] for m in (few, 5, n)}
     big, small = (
-        result.figure("share", shares[n], 1e-3),
-        result.figure("share_few", shares[few], 1e-3),
+        result.measure("share", shares[n], 1e-3),
+        result.measure("share_few", shares[few], 1e-3),
     )
     result.statement = f"Constant impedance over n^2 ground units: {np.round(square, 9)}."
-    result.heard(
+    result.statement_holds(
         abs(big - 1) < 0.02,
         only_if="all contacts are equal springs",
         inside=[abs(springs(m, k) - 1) < 1e-4 for m, k in ((3, 3e4), (6, 1e4), (n, 1e4))],
         outside=[abs(share - 1) < 0.02 for share in shares.values()],
         cases=True,
     )
-    result.corrected(np.allclose(square, 1.0, atol=1e-9), big < 0.7, abs(big / small - 1) > 0.02)
+    result.correction_holds(np.allclose(square, 1.0, atol=1e-9), big < 0.7, abs(big / small - 1) > 0.02)
 
 
 @claim(
@@ -333,19 +333,19 @@ def refsafe_keeps_it_stable(result):
     from course.charts.contact.models import SAVED, calm, soft_limit
     from course.measure.stability import limit
 
-    low = result.given("zeta", 0.3)
+    low = result.input("zeta", 0.3)
     measured = limit(lambda ratio: calm(low, ratio, True), 0.3, 0.6, rel=1e-3)
-    result.figure("measured", measured, tolerance=1e-2)
+    result.measure("measured", measured, tolerance=1e-2)
     high, shares = result.rng.uniform(SAVED + 0.02, 2.0, 8), result.rng.uniform(1.05, 20.0, 8)
     below = result.rng.uniform(0.1, SAVED - 0.02, 8)
     result.statement = f"In theory {soft_limit(low):.4f}, with refsafe {measured:.4f} T."
-    result.heard(
+    result.statement_holds(
         calm(low, 1.0, True),
         only_if="the damping ratio is 1/sqrt(8) or more",
         inside=[calm(z, s * soft_limit(z), True) for z, s in zip(high, shares, strict=True)],
         outside=[calm(z, s * soft_limit(z), True) for z, s in zip(below, shares, strict=True)],
     )
-    result.corrected(
+    result.correction_holds(
         abs(measured / soft_limit(low) - 1) < 0.01,
         not any(calm(z, 1.02 * soft_limit(z), False) for z in high),
         all(calm(z, 0.98 * soft_limit(z), False) for z in (*high, *below)),
@@ -380,11 +380,11 @@ def default_tolerance(result):
 
     usual = mujoco.MjModel.from_xml_string("<mujoco/>").opt
     given, solvers = (usual.tolerance, usual.ls_tolerance), contact.SOLVERS
-    deviation = [result.figure(solver, worst(solver, *given), tolerance=0.5) for solver in solvers]
+    deviation = [result.measure(solver, worst(solver, *given), tolerance=0.5) for solver in solvers]
     tight = worst("Newton", 0.0, 1e-6)
     result.statement = f"Tolerance {given[0]:g}; at 0 Newton is off by {tight:.0e}."
-    result.heard(max(deviation) < 1e-9)
-    result.corrected(tight < 1e-9, 1e-6 < min(deviation), max(deviation) < 1e-2)
+    result.statement_holds(max(deviation) < 1e-9)
+    result.correction_holds(tight < 1e-9, 1e-6 < min(deviation), max(deviation) < 1e-2)
 
 
 @claim(
@@ -400,7 +400,7 @@ def mujoco_is_velocity_level(result):
     from course.contact import scenes, solve
     from course.oracles.mujoco import contact
 
-    short, long = result.given("short_ms", 0.5), result.given("long_ms", 4.0)
+    short, long = result.input("short_ms", 0.5), result.input("long_ms", 4.0)
 
     def force(ms, integrator="Euler"):
         runner = contact.block(contact.Options(1e-3 * ms, integrator), 0.0, (0.0, 0.0), -0.001)
@@ -415,18 +415,18 @@ def mujoco_is_velocity_level(result):
         return solve("lcp", problem).impulses[0, 0] / dt
 
     change = abs(force(long) / force(short) - 1)
-    result.figure("change", max(change, 1e-12), tolerance=0.5)
+    result.measure("change", max(change, 1e-12), tolerance=0.5)
     grown = rigid(short) / rigid(long)
-    result.figure("rigid_growth", grown, tolerance=1e-6)
+    result.measure("rigid_growth", grown, tolerance=1e-6)
     result.statement = (
         f"{force(short):.4f} and {force(long):.4f} N; rigid ones differ {grown:.2f}-fold."
     )
     standard = ("Euler", "RK4", "implicit", "implicitfast")
     selected = [abs(force(long, i) / force(short, i) - 1) < 1e-9 for i in standard]
     other = 1 - force(long, "discrete") / force(short, "discrete")
-    discrete = result.figure("discrete", other, tolerance=1e-3)
-    result.heard(change > 0.1)
-    result.corrected(
+    discrete = result.measure("discrete", other, tolerance=1e-3)
+    result.statement_holds(change > 0.1)
+    result.correction_holds(
         all(selected),
         grown > 5,
         discrete > 0.1,
@@ -448,7 +448,7 @@ def constraints_take_larger_steps(result):
     from course.charts.contact.models import measured_limit
     from course.contact import scenes
 
-    dt = result.given("dt_ms", 20.0) * 1e-3
+    dt = result.input("dt_ms", 20.0) * 1e-3
 
     def blows_up(model, step, **options):
         path = scenes.run(scenes.tower([1.0] * 3), model, step, 60, **options)
@@ -462,19 +462,19 @@ def constraints_take_larger_steps(result):
         return abs(end[0, -1] - route)
 
     route = 1.0 / scenes.GRAVITY
-    result.figure("rest_um", max(1e6 * rest, 1e-9), tolerance=0.5)
-    result.figure("missed_mm", 1e3 * missed(dt), tolerance=1e-2)
-    result.figure("way_mm", 1e3 * route, tolerance=1e-6)
+    result.measure("rest_um", max(1e6 * rest, 1e-9), tolerance=0.5)
+    result.measure("missed_mm", 1e3 * missed(dt), tolerance=1e-2)
+    result.measure("way_mm", 1e3 * route, tolerance=1e-6)
     limit = measured_limit(0.3, "semi-implicit") / np.sqrt(1e5)
     steps = limit * result.rng.uniform(1.5, 6.0, 6)
     worse = [blows_up("penalty", h, **stiff) for h in steps]
     result.statement = (
         f"The penalty contact's limit is {1e3 * limit:.2f} ms; rigid at {dt:g} s: {rest:.1e} m."
     )
-    soft = 1e-3 * result.given("soft_ms", 50.0)
+    soft = 1e-3 * result.input("soft_ms", 50.0)
     calm = [blows_up(m, h) for m in ("lcp", "pgs", "coulomb", "convex") for h in (dt, 0.1, 1.0)]
-    result.heard(all(worse) and not any(blows_up("coulomb", h) for h in (*steps, dt)))
-    result.corrected(
+    result.statement_holds(all(worse) and not any(blows_up("coulomb", h) for h in (*steps, dt)))
+    result.correction_holds(
         rest < 1e-9,
         abs(missed(dt) / missed(0.1 * dt) - 10) < 2,
         not any(calm),
@@ -493,7 +493,7 @@ def constraints_take_larger_steps(result):
 def steel_stiffness(result):
     from course.charts.contact.models import measured_limit
 
-    radius, load = result.given("radius_mm", 10.0) * 1e-3, result.given("load_n", 10.0)
+    radius, load = result.input("radius_mm", 10.0) * 1e-3, result.input("load_n", 10.0)
     modulus = 210e9 / (1 - 0.3**2) / 2  # both of steel
 
     def stiffness(force):
@@ -504,13 +504,13 @@ def steel_stiffness(result):
 
         return 2e-3 * force / (depth(1.001 * force) - depth(0.999 * force))
 
-    k = result.figure("stiffness_mn_m", 1e-6 * stiffness(load), tolerance=1e-5)
+    k = result.measure("stiffness_mn_m", 1e-6 * stiffness(load), tolerance=1e-5)
     step = 1e3 * measured_limit(0.01, "semi-implicit") / np.sqrt(1e6 * k)
-    result.figure("step_ms", step, tolerance=1e-3)
+    result.measure("step_ms", step, tolerance=1e-3)
     loads = result.rng.uniform(1.0, 1e4, 8)
     result.statement = f"{k:.1f} MN/m under {load:g} N."
-    result.heard(any(stiffness(f) <= 5e5 for f in loads))
-    result.corrected(k > 5, stiffness(10 * load) > 1.5e6 * k)
+    result.statement_holds(any(stiffness(f) <= 5e5 for f in loads))
+    result.correction_holds(k > 5, stiffness(10 * load) > 1.5e6 * k)
 
 
 @claim(
@@ -521,14 +521,14 @@ def steel_stiffness(result):
 def mujoco_timer(result):
     import mujoco
 
-    steps = result.given("steps", 50)
+    steps = result.input("steps", 50)
     runner = _stack()
     data = mujoco.MjData(runner.model)
     for _ in range(steps):
         mujoco.mj_step(runner.model, data)
     stage = data.timer[mujoco.mjtTimer.mjTIMER_STEP]
     collision = data.timer[mujoco.mjtTimer.mjTIMER_POS_COLLISION]
-    calls = result.figure("calls", stage.number)
+    calls = result.measure("calls", stage.number)
     result.statement = f"A step has a time above 0: {bool(stage.duration > 0)}."
-    result.heard(bool(stage.duration > 0) and stage.number > 0)
-    result.corrected(calls == steps, bool(0 < collision.duration < stage.duration))
+    result.statement_holds(bool(stage.duration > 0) and stage.number > 0)
+    result.correction_holds(calls == steps, bool(0 < collision.duration < stage.duration))

@@ -47,15 +47,15 @@ def integral_clamp(result):
         angles, _ = closed_loop(controller, joint, np.full(steps, target), blocked)
         return np.max(angles) - target, target - angles[-1]
 
-    jam = result.given("blocked_s", 3)
-    kp, ki = result.given("kp", 4), result.given("ki", 1)
-    free = result.figure("overshoot_no_anti_windup_rad", run(np.inf, jam=jam)[0], 1e-3)
-    wide = result.figure("overshoot_wide_clamp_rad", run(20.0, jam=jam)[0], 1e-3)
-    conditional = result.figure("overshoot_conditional_rad", run(jam=jam)[0], 2e-3)
-    remaining = result.figure("error_left_by_narrow_clamp_rad", run(0.1, jam=0)[1], 0.01)
-    slow_free = result.figure("slow_free_rad", run(np.inf, kp, ki)[0], 1e-3)
-    slow_clamped = result.figure("slow_clamped_rad", run(2.0, kp, ki)[0], 1e-3)
-    short = result.figure("short_jam_rad", run(target=0.3)[0] - run(target=0.3, jam=0)[0], 0.01)
+    jam = result.input("blocked_s", 3)
+    kp, ki = result.input("kp", 4), result.input("ki", 1)
+    free = result.measure("overshoot_no_anti_windup_rad", run(np.inf, jam=jam)[0], 1e-3)
+    wide = result.measure("overshoot_wide_clamp_rad", run(20.0, jam=jam)[0], 1e-3)
+    conditional = result.measure("overshoot_conditional_rad", run(jam=jam)[0], 2e-3)
+    remaining = result.measure("error_left_by_narrow_clamp_rad", run(0.1, jam=0)[1], 0.01)
+    slow_free = result.measure("slow_free_rad", run(np.inf, kp, ki)[0], 1e-3)
+    slow_clamped = result.measure("slow_clamped_rad", run(2.0, kp, ki)[0], 1e-3)
+    short = result.measure("short_jam_rad", run(target=0.3)[0] - run(target=0.3, jam=0)[0], 0.01)
     fitting = run(2.0, jam=jam)[0]
     result.statement = (
         f"Overshoot after 3 s blocked: {free:.2f} rad without anti-windup, {wide:.2f} with a wide "
@@ -76,7 +76,7 @@ def integral_clamp(result):
         overshoot, remaining = run(bound, **case)
         return overshoot - max(run(bound, **case | {"jam": 0})[0], 0.0) < 0.05 and remaining < 0.02
 
-    result.heard(
+    result.statement_holds(
         wide < 0.5 * free and slow_clamped < 0.5 * slow_free,
         only_if="the range is just what the load needs, a few hundredths above it, and the load "
         "is known and constant",
@@ -85,7 +85,7 @@ def integral_clamp(result):
     )
     cases = [drawn() for _ in range(8)]
     added = [run(**case)[0] - max(run(**case | {"jam": 0})[0], 0.0) for case in cases]
-    result.corrected(
+    result.correction_holds(
         abs(wide - free) < 1e-9,
         conditional < 0.2 * free,
         remaining > 0.01,

@@ -22,7 +22,7 @@ def mpc_beats_clipping(result):
 
     from course.charts.control import plans
 
-    far, ahead = result.given("far_m", 4.0), result.given("ahead", 40)
+    far, ahead = result.input("far_m", 4.0), result.input("ahead", 40)
 
     def saved(x):
         """What MPC saves, and whether the clipped law meets a limit after it was free of it."""
@@ -37,16 +37,16 @@ def mpc_beats_clipping(result):
     starts = 10 ** result.rng.uniform(-1.7, 0.2, (30, 1)) * result.rng.normal(size=(30, 2))
     draws = [saved(x) for x in [*starts, np.array([-0.14, 0.3])]]  # the last one brakes too late
     coming, less = ([s for s, late in draws if late == desired] for desired in (True, False))
-    result.figure("gain", 1 + saved(np.array([far, 0.0]))[0], 1e-3)
-    result.figure("same", max(np.abs(less).max(), 1e-12), 0.5)
+    result.measure("gain", 1 + saved(np.array([far, 0.0]))[0], 1e-3)
+    result.measure("same", max(np.abs(less).max(), 1e-12), 0.5)
     result.statement = "Costs of runs to rest from drawn places and speeds, 2 s ahead."
-    result.heard(
+    result.statement_holds(
         min(s for s, _ in draws) > 1e-9,
         only_if="a limit begins to bind after the start",
         inside=[s > 1e-9 for s in coming],
         outside=[s > 1e-9 for s in less],
     )
-    result.corrected(max(coming) > 0.05, draws[-1][0] > 0.05, np.abs(less).max() < 1e-9)
+    result.correction_holds(max(coming) > 0.05, draws[-1][0] > 0.05, np.abs(less).max() < 1e-9)
 
 
 @claim(
@@ -59,18 +59,18 @@ def mpc_beats_clipping(result):
 def samples_find_the_plan(result):
     from course.charts.control import plans
 
-    seeds, few, more = result.given("seeds", 6), result.given("few", 2), result.given("many", 128)
-    ahead, short = result.given("ahead", 20), result.given("short", 4)
+    seeds, few, more = result.input("seeds", 6), result.input("few", 2), result.input("many", 128)
+    ahead, short = result.input("ahead", 20), result.input("short", 4)
 
     def won(samples, ahead):
         return np.sum([plans.swings_up(samples, ahead, 100 + seed) for seed in range(seeds)])
 
-    result.figure("few_won", won(few, ahead), 1e-6)
-    result.figure("many_won", won(more, ahead), 1e-6)
-    result.figure("short_won", won(more, short), 1e-6)
+    result.measure("few_won", won(few, ahead), 1e-6)
+    result.measure("many_won", won(more, ahead), 1e-6)
+    result.measure("short_won", won(more, short), 1e-6)
     result.statement = "A pendulum under MPPI, judged after seven seconds, one seed a run."
-    result.heard(won(more, short) >= seeds / 2)
-    result.corrected(won(more, ahead) > seeds / 2 > won(few, ahead))
+    result.statement_holds(won(more, short) >= seeds / 2)
+    result.correction_holds(won(more, ahead) > seeds / 2 > won(few, ahead))
 
 
 @claim(
@@ -98,18 +98,18 @@ def inertia_by_differences(result):
 
     s, h = sympy.symbols("s h", positive=True)
     result.formula = sympy.sqrt(sum(w**2 for w in (1, -2, 1))) * s / h**2
-    noise, dt = result.given("noise", 1e-4), 1 / result.given("rate", 500)
+    noise, dt = result.input("noise", 1e-4), 1 / result.input("rate", 500)
     drawn = np.diff(result.rng.normal(0, noise, 100_000), 2) / dt**2
     models = [logs.changed(result.rng, "inertia")[1] for _ in range(6)]
     pairs = list(zip(logs.record(models, dt=dt, noise=noise), models, strict=True))
     diff = np.array([logs.twice_differentiated(log, m) / m.inertia - 1 for log, m in pairs])
     deviation = np.array([identify(log).model.inertia / m.inertia - 1 for log, m in pairs])
-    result.figure("worst", float(result.formula.subs({s: noise, h: dt})))
-    result.figure("diff", -np.median(diff), 0.01)
-    result.figure("integral", np.abs(deviation).max(), 0.05)
+    result.measure("worst", float(result.formula.subs({s: noise, h: dt})))
+    result.measure("diff", -np.median(diff), 0.01)
+    result.measure("integral", np.abs(deviation).max(), 0.05)
     result.statement = "Inertias out of six drawn joints' logs, friction and gravity known."
-    result.heard(np.abs(diff).max() < 0.05)
-    result.corrected(
+    result.statement_holds(np.abs(diff).max() < 0.05)
+    result.correction_holds(
         abs(drawn.std() / float(result.formula.subs({s: noise, h: dt})) - 1) < 0.02,
         np.abs(deviation).max() < 0.005,
         np.max(diff) < -0.1,
@@ -143,9 +143,9 @@ def acceleration_means_inertia(result):
     names = [cause for cause in CAUSES for _ in range(2)]
     cases = report([logs.changed(result.rng, cause) for cause in names])
     named = [found_out == {cause} for found_out, cause in zip(cases, names, strict=True)]
-    result.figure("flat", np.sum([both == {"inertia", "constant"} for both in flat]), 1e-6)
-    result.figure("named", np.sum(named), 1e-6)
-    result.figure("drawn", len(cases) + 0 * np.sum(named))
+    result.measure("flat", np.sum([both == {"inertia", "constant"} for both in flat]), 1e-6)
+    result.measure("named", np.sum(named), 1e-6)
+    result.measure("drawn", len(cases) + 0 * np.sum(named))
     result.statement = "Logs of drawn joints, one number other than believed, 0.03 mrad of noise."
-    result.heard(all(causes == {"inertia"} for causes in flat))
-    result.corrected(all(both == {"inertia", "constant"} for both in flat), np.mean(named) > 0.9)
+    result.statement_holds(all(causes == {"inertia"} for causes in flat))
+    result.correction_holds(all(both == {"inertia", "constant"} for both in flat), np.mean(named) > 0.9)

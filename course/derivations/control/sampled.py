@@ -57,22 +57,22 @@ def p_at_any_gain(result):
     J, b, w = sympy.symbols("J b w", positive=True)
     # K e^(-i w T) = J w^2 - i b w: its size is the gain, its angle the delay
     result.formula = sympy.simplify(sympy.sqrt((J * w**2) ** 2 + (b * w) ** 2))
-    inertia, damping = result.given("inertia", 0.5), result.given("damping", 0.5)
-    dt, late = 1 / result.given("rate_hz", 1000), result.given("delay_ms", 10) / 1000
+    inertia, damping = result.input("inertia", 0.5), result.input("damping", 0.5)
+    dt, late = 1 / result.input("rate_hz", 1000), result.input("delay_ms", 10) / 1000
     system = sampled.joint_system(inertia, damping)
     gains = {D: sampled.ultimate_gain(*system, dt, D) for D in (0.0, dt, 3.7 * dt, late, 100 * dt)}
-    result.figure("held_n_m_per_rad", gains[0.0][0])
-    result.figure("late_n_m_per_rad", gains[late][0])
+    result.measure("held_n_m_per_rad", gains[0.0][0])
+    result.measure("late_n_m_per_rad", gains[late][0])
     theory = {D: sampled.delay_limit(inertia, damping, D + dt / 2) for D in gains}
-    result.figure("worst", max(abs(gains[D][0] / theory[D][0] - 1) for D in gains), 0.01)
+    result.measure("worst", max(abs(gains[D][0] / theory[D][0] - 1) for D in gains), 0.01)
     coarse = sampled.ultimate_gain(*sampled.joint_system(1.0, 1.0), 1.0)[0]
-    result.figure("coarse", coarse / sampled.delay_limit(1.0, 1.0, 0.5)[0] - 1, 0.01)
+    result.measure("coarse", coarse / sampled.delay_limit(1.0, 1.0, 0.5)[0] - 1, 0.01)
     edges = [
         _edge(gains[D][0], 0.0, dt=dt, delay=D, inertia=inertia, damping=damping) for D in gains
     ]
     result.statement = "Ultimate gain of the exact sampled joint at five delays."
-    result.heard(_growth(1e5, 0.0, dt=dt, inertia=inertia, damping=damping) <= 1)
-    result.corrected(
+    result.statement_holds(_growth(1e5, 0.0, dt=dt, inertia=inertia, damping=damping) <= 1)
+    result.correction_holds(
         all(edges),
         max(abs(gains[D][0] / theory[D][0] - 1) for D in gains) < 1e-4,
         all(
@@ -132,10 +132,10 @@ def pd_exact_rate(result):
     result.formula = limit.subs(V, kd * h / J) * J / h**2
     draws = result.rng.uniform(0.05, 1.95, 20)
     highest = sympy.solve(sympy.Eq(1 - middle + product, 0), V)[0]
-    result.figure("tip", limit.subs(V, highest))
+    result.measure("tip", limit.subs(V, highest))
     result.statement = "Jury's conditions, and the loop's matrix at twenty gains on both sides."
-    result.heard(max(_growth(3 * V, V) for V in draws) <= 1)
-    result.corrected(
+    result.statement_holds(max(_growth(3 * V, V) for V in draws) <= 1)
+    result.correction_holds(
         all(_edge(sampled.pd_limit(V, 1, 1), V) for V in draws),
         all(abs(sampled.pd_limit(v, 1, 1) - float(limit.subs(V, v))) < 1e-12 for v in draws),
         _growth(1e-3, float(highest) + 1e-3) > 1,
@@ -170,12 +170,12 @@ def pd_difference(result):
     result.formula = sympy.factor(limit)
     best = sympy.solve(sympy.diff(limit, c), c)
     tip = max(float(2 * limit.subs(c, x)) for x in best if x > 0)
-    result.figure("tip", tip)
-    result.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
+    result.measure("tip", tip)
+    result.measure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
     draws = result.rng.uniform(0.05, 1.95, 20)
     result.statement = "Jury's last condition, and the loop's matrix on both sides of it."
-    result.heard(all(_edge(2 * V, V, rate="filtered") for V in draws))
-    result.corrected(
+    result.statement_holds(all(_edge(2 * V, V, rate="filtered") for V in draws))
+    result.correction_holds(
         all(_edge(sampled.pd_limit(V, 1, 1, "difference"), V, rate="filtered") for V in draws),
         all(
             abs(sampled.pd_limit(2 * x, 1, 1, "difference") - 2 * float(limit.subs(c, x))) < 1e-12
@@ -213,14 +213,14 @@ def pd_sample_late(result):
     limit = max(roots, key=lambda r: float(r.subs(V, sympy.Rational(1, 2))))
     result.formula = limit
     draws = result.rng.uniform(0.02, 0.98, 20)
-    result.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
-    result.figure("tip", sampled.pd_limit(0.625, 1, 1, "late"))
+    result.measure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
+    result.measure("tip", sampled.pd_limit(0.625, 1, 1, "late"))
     grid = np.linspace(0.3, 0.6, 61)
     both = max(_largest_gain(lambda k, v=v: _growth(k, v, delay=1.0, rate="filtered"), 1.0) for v in grid)
-    result.figure("both", both, 1e-3)
+    result.measure("both", both, 1e-3)
     result.statement = "Jury's last condition, and the loop's matrix on both sides of it."
-    result.heard(sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2)
-    result.corrected(
+    result.statement_holds(sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2)
+    result.correction_holds(
         all(_edge(sampled.pd_limit(V, 1, 1, "late"), V, delay=1.0) for V in draws),
         all(
             _edge(1e6 * sampled.pd_limit(V, 1, 1, "late"), 1e3 * V, dt=1e-3, delay=1e-3)
@@ -247,7 +247,7 @@ def _largest_gain(growth, high, low=0.0):
     "so that the swing is slow, and allows {heavy:.0%} too much where friction is large.",
 )
 def pade_is_enough(result):
-    delay, turned = 1.0, result.given("turned", 1.55)
+    delay, turned = 1.0, result.input("turned", 1.55)
     ratio = np.tan(turned) / turned  # kd / kp with which the loop swings at w = turned / delay
 
     def pade(order, kp, kd, damping=0.0):
@@ -267,13 +267,13 @@ def pade_is_enough(result):
         - 1
         for b in (0.05, 50.0)
     )
-    result.figure("first", first, 0.02)
-    result.figure("second", second, 0.05)
-    result.figure("slow", abs(slow), 0.3)
-    result.figure("heavy", heavy, 0.02)
+    result.measure("first", first, 0.02)
+    result.measure("second", second, 0.05)
+    result.measure("slow", abs(slow), 0.3)
+    result.measure("heavy", heavy, 0.02)
     result.statement = "The loop's matrix at 60 samples a delay against the approximations' roots."
-    result.heard(first < 0.05)
-    result.corrected(first > 0.2, 0.0 < second < 0.02, abs(slow) < 0.005, heavy > 0.2)
+    result.statement_holds(first < 0.05)
+    result.correction_holds(first > 0.2, 0.0 < second < 0.02, abs(slow) < 0.005, heavy > 0.2)
 
 
 @claim(
@@ -285,8 +285,8 @@ def pade_is_enough(result):
 def too_much_d(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
 
-    joint, dt, late = Joint(0.5, 0.5), 0.001, result.given("late_ms", 2) / 1000
-    heavy, light = result.given("heavy", 60), result.given("light", 4)
+    joint, dt, late = Joint(0.5, 0.5), 0.001, result.input("late_ms", 2) / 1000
+    heavy, light = result.input("heavy", 60), result.input("light", 4)
 
     def run(kd, seconds=20.0):
         record = run_joint(
@@ -301,19 +301,19 @@ def too_much_d(result):
     )
     swing = run(1.02 * edge, 1.0)[0].v[500:]
     turns = np.count_nonzero(np.diff(np.sign(swing))) / 2 / (swing.size * dt)
-    result.figure("slow_s", slow)
-    result.figure("fast_s", fast)
-    result.figure("edge", edge)
-    result.figure("hertz", turns, 0.02)
+    result.measure("slow_s", slow)
+    result.measure("fast_s", fast)
+    result.measure("edge", edge)
+    result.measure("hertz", turns, 0.02)
     result.statement = "A step of 1 rad with kp = 20, and the loop's matrix."
-    result.heard(
+    result.statement_holds(
         max(
             _growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5, damping=0.5)
             for kd in (2 * edge, 10 * edge)
         )
         <= 1
     )
-    result.corrected(
+    result.correction_holds(
         slow > 4 * fast,
         run(0.98 * edge, 2.0)[1].overshoot < 1,
         run(1.05 * edge)[1].settling > 19,
@@ -331,8 +331,8 @@ def too_much_d(result):
 def encoder_ripple(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint
 
-    dt, kp, kd = 1 / result.given("rate_hz", 1000), 20.0, result.given("kd", 2.0)
-    bits = int(result.given("bits", 12))
+    dt, kp, kd = 1 / result.input("rate_hz", 1000), 20.0, result.input("kd", 2.0)
+    bits = int(result.input("bits", 12))
     line = Encoder(bits).line
 
     def ripple(tau, kd=kd, target=0.3, bits=bits):
@@ -348,10 +348,10 @@ def encoder_ripple(result):
         )
         return np.ptp(run.command[2000:]), np.ptp(run.measured[2000:]) < 1.5 * line
 
-    tau = result.given("tau_ms", 10) / 1000
-    plain, soft = result.figure("measured_n_m", ripple(0.0)[0], 0.02), ripple(tau)[0]
-    result.figure("bound_n_m", 2 * kd * line / dt)
-    result.figure("filtered_n_m", soft, 0.02)
+    tau = result.input("tau_ms", 10) / 1000
+    plain, soft = result.measure("measured_n_m", ripple(0.0)[0], 0.02), ripple(tau)[0]
+    result.measure("bound_n_m", 2 * kd * line / dt)
+    result.measure("filtered_n_m", soft, 0.02)
     draws = [
         (line * (2 * kd / (tau + dt) + kp), *ripple(tau, kd, target))
         for tau, kd, target in zip(
@@ -364,8 +364,8 @@ def encoder_ripple(result):
     result.statement = (
         "The last second of a step with a load, the encoder's noise a fifth of a line."
     )
-    result.heard(plain < 3 * kp * line)
-    result.corrected(
+    result.statement_holds(plain < 3 * kp * line)
+    result.correction_holds(
         all(size <= bound * (1 + 1e-9) for bound, size, flickers in draws if flickers),
         sum(flickers for *_, flickers in draws) > 3,
         plain > kd * line / dt,

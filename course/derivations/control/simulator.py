@@ -17,7 +17,7 @@ def simulator_hold(result):
     from course.control import sampled
     from course.oracles.mujoco.joint import MotorJoint
 
-    inertia, damping, dt = 0.5, 0.5, 1 / result.given("rate_hz", 1000)
+    inertia, damping, dt = 0.5, 0.5, 1 / result.input("rate_hz", 1000)
 
     def mujoco(steps):
         joint = MotorJoint(inertia, damping, dt, substeps=steps)
@@ -30,14 +30,14 @@ def simulator_hold(result):
     robot = sampled.ultimate_gain(*sampled.joint_system(inertia, damping), dt)[0]
     read = {n: mujoco(n) for n in (1, 10, 50)}
     error = max(abs(read[n] / matrix(n) - 1) for n in read)
-    result.figure("robot", robot)
-    result.figure("one", read[1], 1e-4)
-    result.figure("ten", read[10], 1e-4)
-    result.figure("same", error + 1e-6, 0.5)
+    result.measure("robot", robot)
+    result.measure("one", read[1], 1e-4)
+    result.measure("ten", read[10], 1e-4)
+    result.measure("same", error + 1e-6, 0.5)
     theory = [sampled.delay_limit(inertia, damping, (dt - dt / n) / 2)[0] for n in (10, 50)]
     result.statement = "Limits by bisection of the loop's growth, MuJoCo's joint and the matrix."
-    result.heard(abs(read[1] / robot - 1) < 0.1)
-    result.corrected(
+    result.statement_holds(abs(read[1] / robot - 1) < 0.1)
+    result.correction_holds(
         error < 1e-5,
         read[1] > 1000 * robot,
         max(abs(read[n] / t - 1) for n, t in zip((10, 50), theory, strict=True)) < 1e-3,
@@ -64,13 +64,13 @@ def servo_is_a_sampled_loop(result):
         np.array([limit(name, kv) for kv in kvs]) for name in ("Euler", "implicitfast", "discrete")
     )
     sampled_limit = np.array([sampled.pd_limit(kv, 1, 1) for kv in kvs])
-    result.figure("at_rest", limit("Euler", 0.0), 1e-4)
-    result.figure(
+    result.measure("at_rest", limit("Euler", 0.0), 1e-4)
+    result.measure(
         "edge", max(kd for kd in np.linspace(0, 3, 301) if sampled.pd_limit(kd, 1, 1)), 0.01
     )
     result.statement = "Growth per step of MuJoCo's servo at drawn kv; one step a sample."
-    result.heard(np.all(np.abs(fast / sampled_limit - 1) < 0.1))
-    result.corrected(
+    result.statement_holds(np.all(np.abs(fast / sampled_limit - 1) < 0.1))
+    result.correction_holds(
         np.allclose(euler, 4 - 2 * kvs, rtol=1e-4),
         np.allclose(fast, 4 + 2 * kvs, rtol=1e-4),
         np.all(discrete >= 1e5),
@@ -87,8 +87,8 @@ def delay_delays_the_loop(result):
     from course.control import sampled
     from course.oracles.mujoco.joint import MotorJoint
 
-    dt, seconds = 0.005, result.given("seconds", 3)
-    delay, kp, kd = result.given("delay_ms", 50) / 1000, result.given("kp", 30), 0.5
+    dt, seconds = 0.005, result.input("seconds", 3)
+    delay, kp, kd = result.input("delay_ms", 50) / 1000, result.input("kp", 30), 0.5
     late = f'delay="{delay}" nsample="60"'
 
     def joint(drive):
@@ -101,11 +101,11 @@ def delay_delays_the_loop(result):
         swings.append(motor.step(kp * (1.0 - motor.q) - kd * motor.v))
     plant = sampled.held(*sampled.joint_system(0.05, 0.1), dt, delay)
     law = sampled.pid_law(kp, 0, kd, dt=dt, rate="exact")
-    result.figure("servo_rad", abs(angles[-1] - 1), 0.1)
-    result.figure("motor_rad", np.max(np.abs(swings)), 0.1)
+    result.measure("servo_rad", abs(angles[-1] - 1), 0.1)
+    result.measure("motor_rad", np.max(np.abs(swings)), 0.1)
     result.statement = "A step of 1 rad through MuJoCo's servo and through a late motor."
-    result.heard(np.max(np.abs(angles)) > 10)
-    result.corrected(
+    result.statement_holds(np.max(np.abs(angles)) > 10)
+    result.correction_holds(
         abs(angles[-1] - 1) < 1e-3,
         np.max(np.abs(swings)) > 1e3,
         sampled.growth(sampled.loop_matrix(plant, law)) > 1.01,
@@ -123,7 +123,7 @@ def pid_actuator_guards(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint
     from course.oracles.mujoco.joint import MotorJoint
 
-    dt, jam = 0.002, result.given("jam_s", 3)
+    dt, jam = 0.002, result.input("jam_s", 3)
     held = np.arange(5000) < round(jam / dt)
 
     def mujoco(extra=""):
@@ -136,15 +136,15 @@ def pid_actuator_guards(result):
         parts = Joint(0.05, 0.2, -0.3), Actuator(), Encoder()
         return np.max(run_joint(*parts, gains, 1.0, dt, 10.0, blocked=held).q) - 1
 
-    ranges = result.given("tight", 0.06), result.given("wide", 1.0)
+    ranges = result.input("tight", 0.06), result.input("wide", 1.0)
     bare, clamped, wide = mujoco(), *(mujoco(f'imax="{x}"') for x in ranges)
-    result.figure("bare_rad", bare, 0.01)
-    result.figure("clamped_rad", clamped, 0.05)
-    result.figure("wide_rad", wide, 0.01)
-    result.figure("conditional_rad", ours("conditional"), 0.01)
+    result.measure("bare_rad", bare, 0.01)
+    result.measure("clamped_rad", clamped, 0.05)
+    result.measure("wide_rad", wide, 0.01)
+    result.measure("conditional_rad", ours("conditional"), 0.01)
     result.statement = "A step of 1 rad, the joint blocked at first, MuJoCo's actuator and ours."
-    result.heard(bare < 0.2)
-    result.corrected(abs(bare - ours("none")) < 0.1, clamped < 0.1 < wide, ours("conditional") < 0.1)
+    result.statement_holds(bare < 0.2)
+    result.correction_holds(abs(bare - ours("none")) < 0.1, clamped < 0.1 < wide, ours("conditional") < 0.1)
 
 
 @claim(
@@ -157,7 +157,7 @@ def friction_loss_holds(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint
     from course.oracles.mujoco.joint import MotorJoint
 
-    dt, share, inertia = 0.005, result.given("share", 0.8), result.given("inertia", 0.2)
+    dt, share, inertia = 0.005, result.input("share", 0.8), result.input("inertia", 0.2)
 
     def creep(inertia, defaults):
         """Speed over the second half of two seconds [rad/s]."""
@@ -169,11 +169,11 @@ def friction_loss_holds(result):
     exact = run_joint(
         Joint(inertia, 0.1, share * 0.2, 0.2), Actuator(), Encoder(), Gains(0.0), 0.0, dt, 2.0
     )
-    result.figure("creep_mrad_s", 1000 * here, 0.01)
-    result.figure("stiff_mrad_s", 1000 * creep(inertia, False), 0.05)
+    result.measure("creep_mrad_s", 1000 * here, 0.01)
+    result.measure("stiff_mrad_s", 1000 * creep(inertia, False), 0.05)
     result.statement = "MuJoCo's hinge under a constant torque, over a second."
-    result.heard(here < 1e-6)
-    result.corrected(
+    result.statement_holds(here < 1e-6)
+    result.correction_holds(
         here > 1e-4,
         creep(inertia / 10, True) > 5 * here,
         creep(inertia, False) < here / 100,
@@ -193,18 +193,18 @@ def friction_loss_holds(result):
 def contact_is_the_wall(result):
     from course.charts.control import touch
 
-    ke, delay = result.given("ke", 1e5), result.given("delay_ms", 2) / 1000
-    soft_d, default_d = result.given("soft_d", 0.02), result.given("default_d", 0.9)
+    ke, delay = result.input("ke", 1e5), result.input("delay_ms", 2) / 1000
+    soft_d, default_d = result.input("soft_d", 0.02), result.input("default_d", 0.9)
     exact = touch.force_edge(ke, delay)
     spring = touch.force_edge_mujoco(ke, delay, "spring", 10)
     soft, default = (
         touch.force_edge_mujoco(ke, delay, "contact", 10, d) for d in (soft_d, default_d)
     )
-    result.figure("wall", exact)
-    result.figure("spring", spring, 0.01)
-    result.figure("soft", soft, 0.01)
-    result.figure("default", default, 0.01)
-    result.figure("hopeful", default / exact, 0.02)
+    result.measure("wall", exact)
+    result.measure("spring", spring, 0.01)
+    result.measure("soft", soft, 0.01)
+    result.measure("default", default, 0.01)
+    result.measure("hopeful", default / exact, 0.02)
     friction, late = touch.ARM.damping, delay + touch.DT / 2
     tried = [(k, D, touch.force_edge_mujoco(k, D, "contact", 1, default_d))
              for k, D in ((1e4, 0.002), (1e5, 0.001), (1e6, 0.004))]  # fmt: skip
@@ -212,8 +212,8 @@ def contact_is_the_wall(result):
         k * (D + touch.DT / 2) * (1 - default_d) / default_d / 2 < friction for k, D, _ in tried
     ]
     result.statement = "Gain limits of P on the force, by bisection of runs in MuJoCo."
-    result.heard(abs(default / exact - 1) < 0.1)
-    result.corrected(
+    result.statement_holds(abs(default / exact - 1) < 0.1)
+    result.correction_holds(
         abs(spring / exact - 1) < 0.05,
         abs(soft / exact - 1) < 0.1,
         all(

@@ -22,7 +22,7 @@ SYMBOLS = {
 def hold_is_half_a_sample(result):
     from course.control import sampled
 
-    turn, draws = result.given("turn", 1), int(result.given("draws", 20))
+    turn, draws = result.input("turn", 1), int(result.input("draws", 20))
 
     def deviation(inertia, damping, dt, turn=turn):
         """Phase of the held joint, against the continuous one half a sample late [rad]."""
@@ -32,11 +32,11 @@ def hold_is_half_a_sample(result):
         return abs(np.angle(held / late))
 
     worst = max(deviation(*10 ** result.rng.uniform([-2, -2, -4], [1, 0, -2])) for _ in range(draws))
-    result.figure("off_rad", worst, 0.01)
-    result.figure("fast_rad", deviation(1.0, 1.0, 1.0, result.given("fast", 3)), 0.01)
+    result.measure("off_rad", worst, 0.01)
+    result.measure("fast_rad", deviation(1.0, 1.0, 1.0, result.input("fast", 3)), 0.01)
     result.statement = "Phase of the held loop, against the continuous one times a delay."
-    result.heard(worst < 0.05 * turn)
-    result.corrected(deviation(1.0, 0.0, 1e-3) < 1e-9, worst > 1e-6)
+    result.statement_holds(worst < 0.05 * turn)
+    result.correction_holds(deviation(1.0, 0.0, 1e-3) < 1e-9, worst > 1e-6)
 
 
 @claim(
@@ -48,21 +48,21 @@ def hold_is_half_a_sample(result):
 def filtered_rate_is_late(result):
     from course.control.pid import rates
 
-    dt, tau = 1 / result.given("rate_hz", 1000), result.given("tau_ms", 10) / 1000
+    dt, tau = 1 / result.input("rate_hz", 1000), result.input("tau_ms", 10) / 1000
     t = dt * np.arange(4000)
     noise = result.rng.standard_normal(40_000)
 
     def lag(kind, tau):
         return t[-1] - rates(0.5 * t**2, dt, kind, tau)[-1]
 
-    result.figure("filtered_ms", 1000 * lag("filtered", tau))
-    result.figure("observer_ms", 1000 * lag("observer", tau))
+    result.measure("filtered_ms", 1000 * lag("filtered", tau))
+    result.measure("observer_ms", 1000 * lag("observer", tau))
     remaining = [np.std(rates(noise, dt, kind, tau)[4000:]) for kind in ("observer", "filtered")]
-    result.figure("share", remaining[0] / remaining[1], 0.05)
+    result.measure("share", remaining[0] / remaining[1], 0.05)
     taus = result.rng.uniform(10 * dt, 0.1, 8)
     result.statement = "Lag under a steady acceleration, and what white noise becomes."
-    result.heard(all(abs(lag("filtered", x) / x - 1) < 0.06 for x in taus))
-    result.corrected(
+    result.statement_holds(all(abs(lag("filtered", x) / x - 1) < 0.06 for x in taus))
+    result.correction_holds(
         all(abs(lag("filtered", x) - x - dt / 2) < 1e-9 for x in taus / 20),
         lag("observer", tau) > 1.9 * lag("filtered", tau),
     )
@@ -76,16 +76,16 @@ def filtered_rate_is_late(result):
 def half_the_ultimate_gain(result):
     from course.charts.control.limits import ziegler_nichols
 
-    shares = np.geomspace(result.given("low", 0.01), result.given("high", 10), 5)
+    shares = np.geomspace(result.input("low", 0.01), result.input("high", 10), 5)
     rows = [ziegler_nichols("P", x) for x in shares]
     remaining = [row.margins() for row in rows]
     over = [row.overshoot for row in rows]
-    result.figure("phase_deg", np.degrees(min(m.phase for m in remaining)), 1e-3)
-    result.figure("least", min(over), 1e-3)
-    result.figure("most", max(over), 1e-3)
+    result.measure("phase_deg", np.degrees(min(m.phase for m in remaining)), 1e-3)
+    result.measure("least", min(over), 1e-3)
+    result.measure("most", max(over), 1e-3)
     result.statement = "Margins of the row for P at five delays, and its steps."
-    result.heard(all(abs(m.gain - 2) < 1e-3 for m in remaining))
-    result.corrected(min(m.phase for m in remaining) < 0.1, max(over) > 0.5)
+    result.statement_holds(all(abs(m.gain - 2) < 1e-3 for m in remaining))
+    result.correction_holds(min(m.phase for m in remaining) < 0.1, max(over) > 0.5)
 
 
 @claim(
@@ -111,18 +111,18 @@ def friction_leaves_an_error(result):
     F, kp, e = sympy.symbols("F kp e", positive=True)
     result.formula = sympy.solve(kp * e - F, e)[0]
     share = []
-    for _ in range(int(result.given("runs", 40))):
+    for _ in range(int(result.input("runs", 40))):
         friction, gain, ratio, target = result.rng.uniform([0.1, 5, 0.1, 0.2], [1, 60, 1.5, 1.5])
         gains = Gains(gain, 0.0, 2 * ratio * np.sqrt(0.5 * gain), rate="exact")
         joint = Joint(0.5, 0.1, 0.0, friction)
         run = run_joint(joint, Actuator(), Encoder(), gains, target, 1e-3, 12.0)
         allowed = float(result.formula.subs({F: friction, kp: gain}))
         share.append(abs(target - run.q[-1]) / allowed)
-    result.figure("worst", max(share), 1e-3)
-    result.figure("median", np.median(share), 0.02)
+    result.measure("worst", max(share), 1e-3)
+    result.measure("median", np.median(share), 0.02)
     result.statement = "Steps of drawn joints and gains, with exact sticking."
-    result.heard(max(share) <= 1 + 1e-3)
-    result.corrected(max(share) > 0.9)
+    result.statement_holds(max(share) <= 1 + 1e-3)
+    result.correction_holds(max(share) > 0.9)
 
 
 @claim(
@@ -148,7 +148,7 @@ def wall_in_series(result):
 
     d, K, ke, x = sympy.symbols("d K ke x", positive=True)
     result.formula = sympy.factor(ke * sympy.solve(K * (d - x) - ke * x, x)[0])
-    deep, wall = result.given("deep_mm", 20) / 1000, result.given("ke", 1e4)
+    deep, wall = result.input("deep_mm", 20) / 1000, result.input("ke", 1e4)
 
     def pressed(stiffness, wall, deep):
         law = TouchLaw(stiffness, 2 * np.sqrt(stiffness * 4.0))
@@ -158,11 +158,11 @@ def wall_in_series(result):
     def theory(stiffness, wall, deep):
         return float(result.formula.subs({d: deep, K: stiffness, ke: wall}))
 
-    result.figure("soft_n", pressed(result.given("soft", 500), wall, deep), 1e-3)
-    result.figure("stiff_n", pressed(result.given("stiff", 4000), wall, deep), 1e-3)
+    result.measure("soft_n", pressed(result.input("soft", 500), wall, deep), 1e-3)
+    result.measure("stiff_n", pressed(result.input("stiff", 4000), wall, deep), 1e-3)
     draws = np.exp(result.rng.uniform(*np.log([[50, 500, 1e-3], [5e3, 5e4, 0.05]]), (12, 3)))
     error = [abs(pressed(*row) / theory(*row) - 1) for row in draws]
-    result.figure("worst", max(max(error), 1e-9), 0.5)
+    result.measure("worst", max(max(error), 1e-9), 0.5)
     result.statement = "Steady forces of the exact probe at drawn stiffnesses and depths."
-    result.heard(max(error) < 0.01)
-    result.corrected(max(error) < 1e-4)
+    result.statement_holds(max(error) < 0.01)
+    result.correction_holds(max(error) < 1e-4)

@@ -57,18 +57,18 @@ def force_gain_is_free(result):
     # the swing's imaginary part: b w = g ke sin(w T), with w T small
     balance = b * w - g * ke * sympy.series(sympy.sin(w * T), w, 0, 2).removeO()
     result.formula = sympy.solve(balance, g)[0].subs(T, D + h / 2)
-    late, wall = result.given("delay_ms", 2) / 1000, result.given("ke", 1e5)
-    friction = result.given("b", 20)
+    late, wall = result.input("delay_ms", 2) / 1000, result.input("ke", 1e5)
+    friction = result.input("b", 20)
     assert friction == touch.ARM.damping
     theory = [sampled.force_limit(friction, k, late + touch.DT / 2) for k in WALLS[:7]]
     exact = [touch.force_edge(k, late) for k in WALLS[:7]]
-    result.figure("hard", touch.force_edge(wall, late))
-    stiff = result.given("stiff", 1e6)
+    result.measure("hard", touch.force_edge(wall, late))
+    stiff = result.input("stiff", 1e6)
     fast = sampled.force_limit(friction, stiff, late + touch.DT / 2) / touch.force_edge(stiff, late)
-    result.figure("off", 1 - fast, 1e-2)
+    result.measure("off", 1 - fast, 1e-2)
     result.statement = "Largest gain by the loop's matrix, at walls of 100 N/m to 100 kN/m."
-    result.heard(min(exact) > 0.5)
-    result.corrected(
+    result.statement_holds(min(exact) > 0.5)
+    result.correction_holds(
         all(-1e-6 < x / t - 1 < 0.05 for x, t in zip(exact, theory, strict=True)),
         exact[0] > 100 * exact[-1],
     )
@@ -100,17 +100,17 @@ def stiffness_depends_on_the_wall(result):
 
     b, D, h, K = sympy.symbols("b D h K", positive=True)
     result.formula = sympy.together(sympy.solve(K * (D + h / 2) - b, K)[0])
-    friction = result.given("b", 20)
-    dt, late = 1 / result.given("rate_hz", 1000), result.given("delay_ms", 2) / 1000
+    friction = result.input("b", 20)
+    dt, late = 1 / result.input("rate_hz", 1000), result.input("delay_ms", 2) / 1000
     assert (friction, dt) == (touch.ARM.damping, touch.DT)
-    result.figure("bound", sampled.passive_stiffness(friction, dt))
-    result.figure("late", sampled.passive_stiffness(friction, dt, late))
+    result.measure("bound", sampled.passive_stiffness(friction, dt))
+    result.measure("late", sampled.passive_stiffness(friction, dt, late))
     limits = {D: np.array([touch.stiffest(k, D) for k in WALLS]) for D in (0.0, late)}
     bounds = {D: sampled.passive_stiffness(friction, dt, D) for D in limits}
-    result.figure("spread", np.ptp(limits[0.0]) / bounds[0.0], 0.05)
+    result.measure("spread", np.ptp(limits[0.0]) / bounds[0.0], 0.05)
     result.statement = "Largest stiffness by the loop's matrix at nine walls."
-    result.heard(np.ptp(limits[0.0]) > 0.5 * bounds[0.0])
-    result.corrected(
+    result.statement_holds(np.ptp(limits[0.0]) > 0.5 * bounds[0.0])
+    result.correction_holds(
         all(np.all(limits[D] > bounds[D]) for D in limits),
         all(np.max(limits[D][:5]) < 1.05 * bounds[D] for D in limits),
         all(
@@ -130,8 +130,8 @@ def stiffness_depends_on_the_wall(result):
 def damping_is_safe(result):
     from course.charts.control import touch
 
-    late = result.given("delay_ms", 2) / 1000
-    soft, hard = result.given("soft", 1e2), result.given("hard", 1e6)
+    late = result.input("delay_ms", 2) / 1000
+    soft, hard = result.input("soft", 1e2), result.input("hard", 1e6)
     own, active = touch.stiffest(soft, 0.0), touch.stiffest_damped(soft, 0.0)
     late_soft, late_hard = (touch.stiffest_damped(k, late) for k in (soft, hard))
 
@@ -139,14 +139,14 @@ def damping_is_safe(result):
         return touch.growth(touch.TouchLaw(1.0, damping), 1e4, late) <= 1 + 1e-9
 
     edge = next(d for d in np.geomspace(100, 1e5, 400) if not held(d))
-    result.figure("own", own)
-    result.figure("active", active, 0.01)
-    result.figure("late_soft", late_soft, 0.01)
-    result.figure("late_hard", late_hard, 0.01)
-    result.figure("too_much", edge, 0.02)
+    result.measure("own", own)
+    result.measure("active", active, 0.01)
+    result.measure("late_soft", late_soft, 0.01)
+    result.measure("late_hard", late_hard, 0.01)
+    result.measure("too_much", edge, 0.02)
     result.statement = "Largest stiffness by the loop's matrix, the damping varied."
-    result.heard(all(held(d) for d in np.geomspace(20, 1e5, 30)))
-    result.corrected(
+    result.statement_holds(all(held(d) for d in np.geomspace(20, 1e5, 30)))
+    result.correction_holds(
         active > 50 * own, late_hard < late_soft / 3, not held(2 * edge), held(0.5 * edge)
     )
 
@@ -163,16 +163,16 @@ def admittance_is_light(result):
     from course.charts.control import touch
 
     names = ("soft_wall", "middle_wall", "hard_wall")
-    walls = [result.given(n, k) for n, k in zip(names, (1e2, 1e3, 1e5), strict=True)]
+    walls = [result.input(n, k) for n, k in zip(names, (1e2, 1e3, 1e5), strict=True)]
     soft, middle, hard = (touch.lightest(k) for k in walls)
-    result.figure("soft", soft, 0.02)
-    result.figure("middle", middle, 0.02)
-    result.figure("hard", hard, 0.02)
-    damped = result.figure("damped", touch.lightest(walls[2], damping=10.0), 0.02)
-    result.figure("own", touch.ARM.mass * float(np.sign(hard)))
+    result.measure("soft", soft, 0.02)
+    result.measure("middle", middle, 0.02)
+    result.measure("hard", hard, 0.02)
+    damped = result.measure("damped", touch.lightest(walls[2], damping=10.0), 0.02)
+    result.measure("own", touch.ARM.mass * float(np.sign(hard)))
     result.statement = "Least stable virtual mass by the loop's matrix, over a stiff inner loop."
-    result.heard(hard < 0.1)
-    result.corrected(
+    result.statement_holds(hard < 0.1)
+    result.correction_holds(
         soft < 0.01 < middle < 1 < hard < touch.ARM.mass,
         damped < hard / 2,
         np.all(np.diff([touch.lightest(k) for k in WALLS[2:]]) > 0),
@@ -202,13 +202,13 @@ def vibration_needs_softness(result):
 
     force = TouchLaw(200.0, 0.0, force_gain=gain)
     give = TouchLaw(4e4, 800.0, mass=light, give=1.0, hold=2000.0)
-    result.figure("growth_force", touch.growth(force, 1e4))
-    result.figure("growth_admittance", touch.growth(give, 1e4))
-    result.figure("growth_impedance", touch.growth(TouchLaw(edge), 1e4))
+    result.measure("growth_force", touch.growth(force, 1e4))
+    result.measure("growth_admittance", touch.growth(give, 1e4))
+    result.measure("growth_impedance", touch.growth(TouchLaw(edge), 1e4))
     result.statement = (
         "Growth per sample at a wall of 10 kN/m, and with a twentieth of the stiffness."
     )
-    result.heard(
+    result.statement_holds(
         calmed(force) and calmed(give),
         only_if="what is too high is the stiffness, an impedance's or an inner loop's",
         inside=[
@@ -221,7 +221,7 @@ def vibration_needs_softness(result):
         outside=[calmed(force), calmed(give)]
         + [calmed(TouchLaw(100.0, 0.0, force_gain=x * gain)) for x in result.rng.uniform(1, 4, 6)],
     )
-    result.corrected(
+    result.correction_holds(
         touch.growth(force, 1e4) > 1,
         touch.growth(give, 1e4) > 1,
         touch.growth(TouchLaw(0.0, 0.0, force_gain=gain), 1e4) > 1,
@@ -248,16 +248,16 @@ def critical_in_contact(result):
 
     M, K, ke = sympy.symbols("M K ke", positive=True)
     result.formula = sympy.simplify(2 * sympy.sqrt(K * M) / (2 * sympy.sqrt((K + ke) * M)))
-    stiff, wall, mass = result.given("K", 100.0), result.given("ke", 1e4), 4.0
+    stiff, wall, mass = result.input("K", 100.0), result.input("ke", 1e4), 4.0
     text, needed = (2 * float(sympy.sqrt(x * mass)) for x in (stiff, stiff + wall))
-    result.figure("ratio", _damping_ratio(stiff, text, wall), 1e-3)
-    result.figure("needed", needed)
-    result.figure("said", text)
+    result.measure("ratio", _damping_ratio(stiff, text, wall), 1e-3)
+    result.measure("needed", needed)
+    result.measure("said", text)
     draws = 10 ** result.rng.uniform([1.5, 2], [3.5, 6], (8, 2))
     ratios = [_damping_ratio(k, 2 * np.sqrt(k * mass), w) for k, w in draws]
     result.statement = "Poles of the law and the wall at a megahertz, eight drawn pairs."
-    result.heard(min(ratios) > 0.9)
-    result.corrected(
+    result.statement_holds(min(ratios) > 0.9)
+    result.correction_holds(
         all(
             abs(r / float(result.formula.subs({K: k, ke: w})) - 1) < 5e-3
             for r, (k, w) in zip(ratios, draws, strict=True)
@@ -292,7 +292,7 @@ def stiff_control_hurts(result):
 
     m, ke, v, F = sympy.symbols("m ke v F", positive=True)
     result.formula = sympy.solve(m * v**2 / 2 - F**2 / (2 * ke), F)[0]
-    mass, speed, wall = result.given("mass", 4.0), result.given("speed", 0.5), result.given("ke", 1e5)
+    mass, speed, wall = result.input("mass", 4.0), result.input("speed", 0.5), result.input("ke", 1e5)
 
     def run(stiffness, wall=wall):
         """(first peak, force held) while the set-point goes 2 cm into the wall [N]."""
@@ -302,17 +302,17 @@ def stiff_control_hurts(result):
         force = run_touch(probe, law, aim, 1e-3, 12.0, start=(0.0, speed)).torque
         return force[np.argmax(np.diff(force) < 0)], np.mean(force[-500:])
 
-    stiff, soft = run(result.given("stiff_k", 2000.0)), run(result.given("soft_k", 20.0))
+    stiff, soft = run(result.input("stiff_k", 2000.0)), run(result.input("soft_k", 20.0))
     hard = run(2e4, 1e4)[0] / run(20.0, 1e4)[0] - 1
     theory = float(result.formula.subs({m: mass, ke: wall, v: speed}))
-    result.figure("peak_n", theory)
-    result.figure("change", abs(stiff[0] / soft[0] - 1), 0.05)
-    result.figure("harder", hard, 0.02)
-    result.figure("held_stiff", stiff[1], 0.02)
-    result.figure("held_soft", soft[1], 0.05)
+    result.measure("peak_n", theory)
+    result.measure("change", abs(stiff[0] / soft[0] - 1), 0.05)
+    result.measure("harder", hard, 0.02)
+    result.measure("held_stiff", stiff[1], 0.02)
+    result.measure("held_soft", soft[1], 0.05)
     result.statement = "The exact probe at 1 kHz, a law of 2000 and of 20 N/m."
-    result.heard(soft[0] < 0.5 * stiff[0])
-    result.corrected(
+    result.statement_holds(soft[0] < 0.5 * stiff[0])
+    result.correction_holds(
         abs(soft[0] / theory - 1) < 0.1,
         abs(stiff[0] / theory - 1) < 0.1,
         soft[1] < stiff[1] / 20,
@@ -335,9 +335,9 @@ def impedance_sign(result):
         law = sampled.Law(law.A, law.B, law.C, sign * np.array([K, B]))
         return sampled.growth(sampled.loop_matrix(plant, law))
 
-    result.figure("wrong", growth(1, 200.0, 50.0))
-    result.figure("right", growth(-1, 200.0, 50.0))
+    result.measure("wrong", growth(1, 200.0, 50.0))
+    result.measure("right", growth(-1, 200.0, 50.0))
     draws = result.rng.uniform([50, 10], [2000, 200], (8, 2))
     result.statement = "Growth per sample in free space with both signs, at drawn gains."
-    result.heard(growth(1, 200.0, 50.0) < 1)
-    result.corrected(all(growth(1, K, B) > 1 > growth(-1, K, B) for K, B in draws))
+    result.statement_holds(growth(1, 200.0, 50.0) < 1)
+    result.correction_holds(all(growth(1, K, B) > 1 > growth(-1, K, B) for K, B in draws))

@@ -34,10 +34,10 @@ def computed_torque_law(result):
         tau = computed_torque(arm, q, v, deviation, v, a_ref, 0.0, 0.0) + pd(q, v, deviation, v, 100.0, 20.0)
         a = forward_dynamics(arm, q, v, tau) - a_ref
         outside.append(np.abs(a[1:]).max() / np.abs(a[0]))
-    result.figure("outside", np.median(outside), 1e-6)
+    result.measure("outside", np.median(outside), 1e-6)
     result.statement = "Accelerations of twelve drawn arms under the law, against those asked for."
-    result.heard(max(inside) < 1e-9)
-    result.corrected(np.median(outside) > 0.1)
+    result.statement_holds(max(inside) < 1e-9)
+    result.correction_holds(np.median(outside) > 0.1)
 
 
 @claim(
@@ -50,7 +50,7 @@ def perfect_model_perfect_tracking(result):
     from course.charts.control import tracking
 
     law = tracking.LAWS
-    rate = result.given("rate", 1000)
+    rate = result.input("rate", 1000)
 
     def errors(name, **how):
         return [
@@ -63,11 +63,11 @@ def perfect_model_perfect_tracking(result):
         for name in ("computed torque", "half-sample preview")
     )
     for name, key in (("plain", "computed torque"), ("ahead", "half-sample preview")):
-        result.figure(name, tracking.error(law[key](tracking.ARM, 1 / rate), 1 / rate), 1e-3)
+        result.measure(name, tracking.error(law[key](tracking.ARM, 1 / rate), 1 / rate), 1e-3)
     result.statement = "Largest error at the samples, at two sample times and eight drawn motions."
-    result.heard(np.max(plain) < 1e-6)
+    result.statement_holds(np.max(plain) < 1e-6)
     orders = [np.log2(x[:, 0] / x[:, 1]) for x in (plain, ahead)]
-    result.corrected(
+    result.correction_holds(
         np.abs(orders[0] - 1).max() < 0.1,
         np.abs(orders[1] - 2).max() < 0.2,
         (ahead < plain / 20).all(),
@@ -102,7 +102,7 @@ def error_follows_acceleration(result):
     r, p, w = sympy.symbols("r p w", positive=True)
     answer = (r - 1) / (p**2 - w**2 + 2 * sympy.I * p * w)
     result.formula = sympy.simplify(sympy.re(sympy.expand_complex(answer)))
-    fast, pole = result.given("w", 4.0), result.given("p", 10.0)
+    fast, pole = result.input("w", 4.0), result.input("p", 10.0)
     one = TwoLink(masses=(1.0, 1e-6), damping=(0.0, 0.0))  # next to nothing on the second joint
 
     def share(ratio, rate, pole, dt=2e-3):
@@ -120,7 +120,7 @@ def error_follows_acceleration(result):
         q, e = run.q[0, :-1][last], (run.setpoint[0] - run.q[0, :-1])[last]
         return -(e @ q) / (rate**2 * (q @ q)) / ((ratio - 1) / pole**2)
 
-    result.figure("share", share(1.2, fast, pole), 0.01)
+    result.measure("share", share(1.2, fast, pole), 0.01)
     draws = result.rng.uniform([0.75, 5], [1.3, 15], (8, 2))
     slow = [
         share(a, s * b, b) for (a, b), s in zip(draws, result.rng.uniform(0.02, 0.1, 8), strict=True)
@@ -130,13 +130,13 @@ def error_follows_acceleration(result):
     ]
     theory = float(result.formula.subs({r: 1.2, p: pole, w: fast})) / (0.2 / pole**2)
     result.statement = "A joint whose model is wrong, followed over a period; slopes of eight draws."
-    result.heard(
+    result.statement_holds(
         abs(share(1.2, fast, pole) - 1) < 0.1,
         only_if="the motion is ten times slower than the poles",
         inside=[abs(x - 1) < 0.1 for x in slow],
         outside=[abs(x - 1) < 0.1 for x in quick],
     )
-    result.corrected(abs(share(1.2, fast, pole) / theory - 1) < 0.03)
+    result.correction_holds(abs(share(1.2, fast, pole) / theory - 1) < 0.03)
 
 
 @claim(
@@ -150,7 +150,7 @@ def adaptive_finds_parameters(result):
     from course.charts.control import tracking
     from course.control import track
 
-    seconds, truth = result.given("seconds", 20.0), tracking.ARM.parameters
+    seconds, truth = result.input("seconds", 20.0), tracking.ARM.parameters
 
     def run(motion, rate=5.0, dt=5e-3):
         law = tracking.adaptive(tracking.WRONG, dt, rate)
@@ -160,13 +160,13 @@ def adaptive_finds_parameters(result):
 
     still = run(lambda t: [x * (k == 0) for k, x in enumerate(tracking.motion(0 * t))])
     moving, fixed = run(tracking.motion), run(tracking.motion, 1e-9)
-    result.figure("still", still[0], 0.02)
-    result.figure("moving", moving[0], 0.02)
-    result.figure("error_mrad", moving[1], 0.02)
-    result.figure("fixed_mrad", fixed[1], 0.02)
+    result.measure("still", still[0], 0.02)
+    result.measure("moving", moving[0], 0.02)
+    result.measure("error_mrad", moving[1], 0.02)
+    result.measure("fixed_mrad", fixed[1], 0.02)
     result.statement = "Estimates and errors at the end, from the numbers of a lighter arm on."
-    result.heard(still[0] < 0.05 and moving[0] < 0.05)
-    result.corrected(still[1] < 1e-3, still[0] > 0.1, moving[0] > 0.1, moving[1] < fixed[1] / 20)
+    result.statement_holds(still[0] < 0.05 and moving[0] < 0.05)
+    result.correction_holds(still[1] < 1e-3, still[0] > 0.1, moving[0] > 0.1, moving[1] < fixed[1] / 20)
 
 
 @claim(
@@ -190,7 +190,7 @@ def residual_of_the_state(result):
             tracking.WRONG, track(tracking.ARM, law, lambda t: motion(t + start), dt, seconds)
         )
 
-    end = result.given("seconds", 8.0)
+    end = result.input("seconds", 8.0)
     logs = {"seen": log(0.0, end), "later": log(end, 4.0)}
 
     def remaining(rows, tried):
@@ -201,12 +201,12 @@ def residual_of_the_state(result):
         return [np.std(torque - w.weights @ w.waves(x[:rows])) / np.std(torque) for w in waves]
 
     observed, later, whole = remaining(4, "seen"), remaining(4, "later"), remaining(6, "later")
-    result.figure("seen", np.median(observed), 0.1)
-    result.figure("later", np.median(later), 0.1)
-    result.figure("whole", np.median(whole), 0.1)
+    result.measure("seen", np.median(observed), 0.1)
+    result.measure("later", np.median(later), 0.1)
+    result.measure("whole", np.median(whole), 0.1)
     result.statement = "Torques that a lighter model lacks, fitted by 200 waves, five draws of them."
-    result.heard(max(later) < 0.1)
-    result.corrected(max(observed) < 0.05, min(later) > 3 * max(whole))
+    result.statement_holds(max(later) < 0.1)
+    result.correction_holds(max(observed) < 0.05, min(later) > 3 * max(whole))
 
 
 @claim(
@@ -222,7 +222,7 @@ def residual_learning_is_faster(result):
 
     from course.charts.control import tracking
 
-    bar, draws, rounds = result.given("bar", 0.02), result.given("draws", 2), result.given("rounds", 4)
+    bar, draws, rounds = result.input("bar", 0.02), result.input("draws", 2), result.input("rounds", 4)
     empty = replace(tracking.WRONG, masses=(1e-6, 1e-6), damping=(0.0, 0.0))
 
     def needed(model, at_most=rounds, shown=None):
@@ -230,11 +230,11 @@ def residual_learning_is_faster(result):
 
     near, alone = needed(tracking.WRONG), needed(empty)
     report = needed(empty, rounds + 1, tracking.WRONG)
-    result.figure("near", np.max(near), 1e-6)
-    result.figure("shown", np.max(report), 1e-6)
+    result.measure("near", np.max(near), 1e-6)
+    result.measure("shown", np.max(report), 1e-6)
     result.statement = "Rounds of collecting and fitting, with each draw of the waves."
-    result.heard(np.max(near) < np.min(alone))
-    result.corrected(np.isinf(alone).all(), np.isfinite(near).all(), np.max(report) <= rounds)
+    result.statement_holds(np.max(near) < np.min(alone))
+    result.correction_holds(np.isinf(alone).all(), np.isfinite(near).all(), np.max(report) <= rounds)
 
 
 @claim(
@@ -269,11 +269,11 @@ def axes_of_a_surface(result):
         return abs(-a[3] - push), abs(along @ (J @ a[:3] + drift - requested))
 
     right, swapped = (np.array([deviation(s) for _ in range(12)]) for s in (False, True))
-    result.figure("right", max(np.max(right), 1e-9))
-    result.figure("swapped", np.median(swapped[:, 0]), 1e-6)
+    result.measure("right", max(np.max(right), 1e-9))
+    result.measure("swapped", np.median(swapped[:, 0]), 1e-6)
     result.statement = "Reaction and acceleration of a hard, smooth surface at twelve drawn angles."
-    result.heard(np.max(swapped) < 1e-6)
-    result.corrected(np.max(right) < 1e-7, np.min(swapped) > 0.1)
+    result.statement_holds(np.max(swapped) < 1e-6)
+    result.correction_holds(np.max(right) < 1e-7, np.min(swapped) > 0.1)
 
 
 @claim(
@@ -286,19 +286,19 @@ def impedance_holds_a_force(result):
     from course.charts.control import touch
     from course.control import TouchLaw
 
-    deviation = result.given("off_mm", 2.0) / 1000
+    deviation = result.input("off_mm", 2.0) / 1000
     soft, stiff = (touch.REGIMES[name] for name in ("soft impedance", "stiff position"))
-    result.figure("K", soft.stiffness + 0 * deviation)
-    result.figure("K_stiff", stiff.stiffness + 0 * deviation)
-    result.figure("soft", touch.surface_error(soft, deviation), 1e-3)
-    result.figure("stiff", touch.surface_error(stiff, deviation), 1e-3)
+    result.measure("K", soft.stiffness + 0 * deviation)
+    result.measure("K_stiff", stiff.stiffness + 0 * deviation)
+    result.measure("soft", touch.surface_error(soft, deviation), 1e-3)
+    result.measure("stiff", touch.surface_error(stiff, deviation), 1e-3)
     loops = [abs(touch.surface_error(touch.REGIMES[n], deviation)) for n in ("force", "admittance")]
-    result.figure("loop", np.max(loops) // 1e-3 * 1e-3 + 1e-3)
+    result.measure("loop", np.max(loops) // 1e-3 * 1e-3 + 1e-3)
     draws = 10 ** result.rng.uniform(1.7, 3.6, 8)
     laws = [TouchLaw(k, 2 * np.sqrt(k * touch.ARM.mass)) for k in draws]
     result.statement = "Steady forces of the exact probe, its surface moved, at drawn stiffnesses."
-    result.heard(abs(touch.surface_error(soft, deviation)) < 0.01)
-    result.corrected(
+    result.statement_holds(abs(touch.surface_error(soft, deviation)) < 0.01)
+    result.correction_holds(
         all(
             abs(touch.surface_error(law, deviation) / touch.series_stiffness(law, deviation) - 1) < 1e-3
             for law in laws

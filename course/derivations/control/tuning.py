@@ -72,20 +72,20 @@ def p_alone_overshoots(result):
         joint, slow = Joint(J, b), J / b
         return _overshoot(kp, 0, 0, joint=joint, dt=2e-3 * slow, seconds=60 * slow)
 
-    mine, own = result.given("inertia", J), result.given("damping", B)
-    result.figure("low_n_m_per_rad", result.formula.subs({inertia: mine, friction: own}))
-    high = result.given("high", 20)
-    result.figure("over", _overshoot(high, 0, 0))
+    mine, own = result.input("inertia", J), result.input("damping", B)
+    result.measure("low_n_m_per_rad", result.formula.subs({inertia: mine, friction: own}))
+    high = result.input("high", 20)
+    result.measure("over", _overshoot(high, 0, 0))
     result.statement = "Steps of the exact joint at gains on both sides of critical damping."
     draws = result.rng.uniform([0.1, 0.1], [2, 2], (8, 2))
     above, below = (1.6, 1.8, 2, 4, 8, 20, 50, 90), np.linspace(0.2, 0.98, 8)
-    result.heard(
+    result.statement_holds(
         over(J, B, 0.9) > 0,
         only_if="kp is above b^2/(4*J)",
         inside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, above, strict=True)],
         outside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, below, strict=True)],
     )
-    result.corrected(over(mine, own, 0.99) < 1e-12, over(mine, own, 2.0) > 1e-3)
+    result.correction_holds(over(mine, own, 0.99) < 1e-12, over(mine, own, 2.0) > 1e-3)
 
 
 @claim(
@@ -109,22 +109,22 @@ def integral_removes_the_error(result):
     n = 15_000
     sticky = Joint(0.05, 0.05, 0.0, 0.1, 0.2)
     swing = _step(Gains(6.4, 25.6, 0.7, 0.005), joint=sticky, target=0.5, seconds=40.0)[0].q
-    result.figure("left_with_p", remaining(Gains(20, 0, 6, rate="exact")))
-    result.figure("left_with_i", remaining(), 0.5)
-    result.figure("ramp", remaining(extra=-0.1 * 2e-3 * np.arange(n)), 1e-3)
-    result.figure(
+    result.measure("left_with_p", remaining(Gains(20, 0, 6, rate="exact")))
+    result.measure("left_with_i", remaining(), 0.5)
+    result.measure("ramp", remaining(extra=-0.1 * 2e-3 * np.arange(n)), 1e-3)
+    result.measure(
         "limited",
         remaining(Gains(20, 20, 6, rate="exact", u_min=-1.5, u_max=1.5), joint=Joint(J, B, -2.0, 0.0)),
         1e-3,
     )
-    result.figure("hunting", np.ptp(swing[-15_000:]), 0.05)
+    result.measure("hunting", np.ptp(swing[-15_000:]), 0.05)
     result.statement = "Steps of 1 rad, 30 s long; hunting over the last 15 of 40 s."
     loads = result.rng.uniform(-3, 3, 8)
     sets = [
         Gains(kp, share * (B + kd) * kp / J, kd, rate="exact")
         for kp, kd, share in result.rng.uniform([10, 2, 0.2], [40, 8, 0.5], (8, 3))
     ]
-    result.heard(
+    result.statement_holds(
         remaining(extra=-0.1 * 2e-3 * np.arange(n)) < 1e-3,
         only_if="the loop is stable, load and set-point stay constant, the command has room, "
         "and friction is viscous",
@@ -132,7 +132,7 @@ def integral_removes_the_error(result):
         outside=[remaining(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads]
         + [remaining(replace(g, ki=3 * g.ki / 0.5)) < 1e-4 for g in sets[:3]],
     )
-    result.corrected(
+    result.correction_holds(
         remaining(Gains(20, 0, 6, rate="exact")) > 0.05, remaining() < 1e-6, np.ptp(swing[-15_000:]) > 0.01
     )
 
@@ -168,7 +168,7 @@ def _as_printed(seconds, steps=1000):
 def listing_friction(result):
     from course.control import sampled
 
-    inertia = result.given("inertia", 0.5)
+    inertia = result.input("inertia", 0.5)
     times, angles, sent, _ = _as_printed(1.0)
 
     def distance(damping):
@@ -181,12 +181,12 @@ def listing_friction(result):
         return worst
 
     trial = np.linspace(0.1, 0.6, 501)
-    result.figure("friction", trial[np.argmin([distance(b) for b in trial])], 0.02)
-    result.figure("same", distance(0.5 * inertia), 0.2)
-    result.figure("off", distance(0.5), 1e-3)
+    result.measure("friction", trial[np.argmin([distance(b) for b in trial])], 0.02)
+    result.measure("same", distance(0.5 * inertia), 0.2)
+    result.measure("off", distance(0.5), 1e-3)
     result.statement = "The exact joint under the same commands, friction varied."
-    result.heard(distance(0.5) < distance(0.5 * inertia))
-    result.corrected(distance(0.5) > 20 * distance(0.5 * inertia))
+    result.statement_holds(distance(0.5) < distance(0.5 * inertia))
+    result.correction_holds(distance(0.5) > 20 * distance(0.5 * inertia))
 
 
 @claim(
@@ -203,15 +203,15 @@ def listing_settles(result):
     metrics = step_metrics(long[0], long[1], 1.0)
     roots = np.roots([0.5, 0.25 + 8, 20, 5])
     error = 1.0 - angles[-1]
-    result.figure("error_mrad", 1000 * abs(error), 1e-3)
-    result.figure("side", "short of" if error > 0 else "past")
-    result.figure("slow_s", -1 / np.max(roots.real))
-    result.figure("first_n_m", sent[0])
+    result.measure("error_mrad", 1000 * abs(error), 1e-3)
+    result.measure("side", "short of" if error > 0 else "past")
+    result.measure("slow_s", -1 / np.max(roots.real))
+    result.measure("first_n_m", sent[0])
     late = metrics.settling > 3.0
-    result.figure("settled", f"after {metrics.settling:.1f} s" if late else "within them")
+    result.measure("settled", f"after {metrics.settling:.1f} s" if late else "within them")
     result.statement = "The listing's own arithmetic, 3 s and 60 s; its roots without sampling."
-    result.heard(abs(error) < 1e-3)
-    result.corrected(
+    result.statement_holds(abs(error) < 1e-3)
+    result.correction_holds(
         abs(error) > 1e-3, -1 / np.max(roots.real) > 2, sent[0] > 49, abs(long[1][-1] - 1) < 1e-6
     )
 
@@ -225,20 +225,20 @@ def listing_settles(result):
 def error_derivative_kick(result):
     from course.control import Controller, Gains
 
-    dt = 1 / result.given("rate_hz", 1000)
+    dt = 1 / result.input("rate_hz", 1000)
 
     def kick(kd, tau, step, weight):
         controller = Controller(Gains(2.0, 0, kd, tau, rate_weight=weight), dt)
         controller.update(0.0, 0.0)
         return controller.update(step, 0.0) - 2.0 * step
 
-    kd = result.given("kd", 8)
-    result.figure("kick_n_m", kick(kd, 0.0, 1.0, 1.0))
-    result.figure("none_n_m", kick(kd, 0.0, 1.0, 0.0), 1e-9)
+    kd = result.input("kd", 8)
+    result.measure("kick_n_m", kick(kd, 0.0, 1.0, 1.0))
+    result.measure("none_n_m", kick(kd, 0.0, 1.0, 0.0), 1e-9)
     draws = result.rng.uniform([0.1, 0, 0.1], [9, 0.1, 2], (9, 3))
     result.statement = "First command after a step, at drawn gains, filters and steps."
-    result.heard(abs(kick(kd, 0.0, 1.0, 1.0)) < abs(kick(kd, 0.0, 1.0, 0.0)))
-    result.corrected(
+    result.statement_holds(abs(kick(kd, 0.0, 1.0, 1.0)) < abs(kick(kd, 0.0, 1.0, 0.0)))
+    result.correction_holds(
         all(abs(kick(d[0], d[1], d[2], 1.0) - d[0] * d[2] / (d[1] + dt)) < 1e-9 for d in draws),
         all(abs(kick(d[0], d[1], d[2], 0.0)) < 1e-12 for d in draws),
     )
@@ -255,12 +255,12 @@ def overshoot_means_p(result):
     from course.control import Gains
 
     ki, kd, limits = 30.0, 4.0, (1, 2, 4, 8, 16, np.inf, np.inf, np.inf)
-    low, high = result.given("p_low", 12), result.given("p_high", 60)
-    result.figure("low_p", _overshoot(low, ki, kd), 1e-3)
-    result.figure("high_p", _overshoot(high, ki, kd), 1e-3)
+    low, high = result.input("p_low", 12), result.input("p_high", 60)
+    result.measure("low_p", _overshoot(low, ki, kd), 1e-3)
+    result.measure("high_p", _overshoot(high, ki, kd), 1e-3)
 
     gentle = Gains(low, ki, kd, rate="exact", weight=0.0)
-    result.figure("weighted", _step(gentle)[1].overshoot, 1e-3)
+    result.measure("weighted", _step(gentle)[1].overshoot, 1e-3)
 
     def mended(kp, ki, kd, delay=0.0, at_most=np.inf):
         """Whether a fifth less P and a fifth more D both lower a loop's overshoot."""
@@ -271,14 +271,14 @@ def overshoot_means_p(result):
 
     draws = result.rng.uniform([20, 0.5], [80, 3], (8, 2))
     result.statement = "Steps of the joint with the exact rate."
-    result.heard(
+    result.statement_holds(
         mended(low, ki, kd),
         only_if="there is no integral, and delay is far from limiting kd",
         inside=[mended(kp, 0, kd, at_most=x) for (kp, kd), x in zip(draws, limits, strict=True)],
         outside=[mended(0.4 * kp, 1.2 * kp, kd + 1) for kp, kd in draws]
         + [mended(kp, 0, 5.0, 0.1) for kp, _ in draws[:3]],
     )
-    result.corrected(_overshoot(low, ki, kd) > 1.5 * _overshoot(high, ki, kd))
+    result.correction_holds(_overshoot(low, ki, kd) > 1.5 * _overshoot(high, ki, kd))
 
 
 @claim(
@@ -317,14 +317,14 @@ def tenth_of_p(result):
         return float(-np.sum(poles.real) / 2 / np.sqrt(np.abs(np.prod(poles))))
 
     stiffness = [
-        result.given(f"p_{n}", p) for n, p in (("soft", 5), ("middle", 70), ("stiff", 2000))
+        result.input(f"p_{n}", p) for n, p in (("soft", 5), ("middle", 70), ("stiff", 2000))
     ]
     for name, kp_ in zip(("soft", "middle", "stiff"), stiffness, strict=True):
-        result.figure(name, ratio(kp_, 0.1 * kp_), 1e-3)
+        result.measure(name, ratio(kp_, 0.1 * kp_), 1e-3)
     result.statement = "Poles of the loop at a megahertz, where sampling no longer shows."
-    result.heard(all(0.4 < ratio(p, 0.1 * p) < 1.2 for p in stiffness))
+    result.statement_holds(all(0.4 < ratio(p, 0.1 * p) < 1.2 for p in stiffness))
     numbers = {J_: J, b: B, zeta: 0.7}
-    result.corrected(
+    result.correction_holds(
         all(
             abs(ratio(p, float(result.formula.subs(numbers).subs(kp, p))) - 0.7) < 1e-3
             for p in stiffness
@@ -340,7 +340,7 @@ def tenth_of_p(result):
 def critical_settles_fastest(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
 
-    band = result.given("band_percent", 2) / 100
+    band = result.input("band_percent", 2) / 100
 
     def settling(zeta):
         """In units of 1/omega: J = 1, kp = 1."""
@@ -357,11 +357,11 @@ def critical_settles_fastest(result):
 
     ratios = np.linspace(0.6, 1.2, 601)
     times = np.array([settling(z) for z in ratios])
-    result.figure("best", ratios[np.argmin(times)], 5e-3)
-    result.figure("share", times.min() / settling(1.0), 0.01)
+    result.measure("best", ratios[np.argmin(times)], 5e-3)
+    result.measure("share", times.min() / settling(1.0), 0.01)
     result.statement = "Settling time over the damping ratio, every thousandth."
-    result.heard(settling(1.0) <= times.min() + 0.01)
-    result.corrected(0.5 < times.min() / settling(1.0) < 0.8, settling(1.2) > settling(1.0))
+    result.statement_holds(settling(1.0) <= times.min() + 0.01)
+    result.correction_holds(0.5 < times.min() / settling(1.0) < 0.8, settling(1.2) > settling(1.0))
 
 
 @claim(
@@ -373,7 +373,7 @@ def critical_settles_fastest(result):
 def overdamped_cure(result):
     from course.control import Gains, sampled
 
-    V, low, high = result.given("V", 0.85), result.given("low", 0.02), result.given("high", 0.3)
+    V, low, high = result.input("V", 0.85), result.input("low", 0.02), result.input("high", 0.3)
     unit = J / 1e-3**2
 
     def settling(kp, kd, delay=0.0, seconds=6.0):
@@ -391,11 +391,11 @@ def overdamped_cure(result):
             < now
         )
 
-    result.figure("slow_samples", -1 / np.log(growth(low)))
-    result.figure("growth_high", growth(high))
+    result.measure("slow_samples", -1 / np.log(growth(low)))
+    result.measure("growth_high", growth(high))
     result.statement = "Growth per sample of PD on an inertia, one sample late, and steps without."
     slow = result.rng.uniform([20, 1.5], [80, 2.0], (8, 2))
-    result.heard(
+    result.statement_holds(
         cured(0.24 * unit, V * J / 1e-3, 1e-3, 0.2),
         only_if="the loop is far from the limits that sampling and delay set",
         inside=[cured(kp, 2 * z * np.sqrt(kp * J)) for kp, z in slow],
@@ -403,7 +403,7 @@ def overdamped_cure(result):
             cured(P * unit, V * J / 1e-3, 1e-3, 0.2) for P in result.rng.uniform(0.22, 0.32, 8)
         ],
     )
-    result.corrected(growth(low) < 1 < growth(high))
+    result.correction_holds(growth(low) < 1 < growth(high))
 
 
 @claim(
@@ -417,10 +417,10 @@ def overdamped_cure(result):
 def every_joint_has_ku(result):
     from course.control import Gains, sampled
 
-    dt = 1 / result.given("rate_hz", 1000)
+    dt = 1 / result.input("rate_hz", 1000)
     gain, period = sampled.ultimate_gain(*sampled.joint_system(J, B), dt)
-    result.figure("gain", gain)
-    result.figure("period_s", period)
+    result.measure("gain", gain)
+    result.measure("period_s", period)
 
     def swing(factor):
         run = _step(Gains(factor * gain, u_min=-5, u_max=5), dt=dt, seconds=20.0, target=0.05)[0]
@@ -430,8 +430,8 @@ def every_joint_has_ku(result):
     steady = [swing(f) for f in (2, 10)]
     fast = [sampled.ultimate_gain(*sampled.joint_system(J, B), x)[0] for x in (1e-3, 1e-4, 1e-5)]
     result.statement = "Exact ultimate gains at three rates; swings under a limited torque."
-    result.heard(_growth(1e-3, 0, 0) < 1 and abs(fast[2] / fast[0] - 1) < 0.1)
-    result.corrected(max(steady) < 0.05, fast[2] > 90 * fast[0], _growth(0.99 * gain, 0, 0) < 1)
+    result.statement_holds(_growth(1e-3, 0, 0) < 1 and abs(fast[2] / fast[0] - 1) < 0.1)
+    result.correction_holds(max(steady) < 0.05, fast[2] > 90 * fast[0], _growth(0.99 * gain, 0, 0) < 1)
 
 
 @claim(
@@ -443,21 +443,21 @@ def every_joint_has_ku(result):
 def quoted_ku_tu(result):
     from course.control import sampled
 
-    text, said_s = result.given("said", 45), result.given("said_s", 0.45)
+    text, said_s = result.input("said", 45), result.input("said_s", 0.45)
     lateness = np.geomspace(3e-4, 1, 4000)
     table = np.array([sampled.delay_limit(J, B, T) for T in lateness])
     i = int(np.argmin(np.abs(table[:, 0] - text)))
     k = int(np.argmin(np.abs(table[:, 1] - said_s)))
-    result.figure("period", table[i, 1], 2e-3)
-    result.figure("late_ms", 1000 * lateness[i], 2e-3)
-    result.figure("gain", table[k, 0], 2e-3)
+    result.measure("period", table[i, 1], 2e-3)
+    result.measure("late_ms", 1000 * lateness[i], 2e-3)
+    result.measure("gain", table[k, 0], 2e-3)
     held, held_s = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3)
-    result.figure("held", held)
-    result.figure("held_s", held_s)
+    result.measure("held", held)
+    result.measure("held_s", held_s)
     error = np.min(np.abs(np.log(table / [text, said_s])).max(axis=1))
     result.statement = "Gain and period at 4000 delays, and the exact loop."
-    result.heard(error < 0.02)
-    result.corrected(error > 0.15, abs(held - text) > 900)
+    result.statement_holds(error < 0.02)
+    result.correction_holds(error > 0.15, abs(held - text) > 900)
 
 
 @claim(
@@ -470,21 +470,21 @@ def quoted_ku_tu(result):
 def quoted_gains_overshoot(result):
     from course.control import Gains, sampled
 
-    late, text = result.given("late_ms", 10.64) / 1000, result.given("said", 45)
-    kp, ki, kd = (result.given(n, v) for n, v in (("kp", 27.0), ("ki", 120.0), ("kd", 1.5)))
+    late, text = result.input("late_ms", 10.64) / 1000, result.input("said", 45)
+    kp, ki, kd = (result.input(n, v) for n, v in (("kp", 27.0), ("ki", 120.0), ("kd", 1.5)))
 
     def per_second(delay=0.0, dt=1e-3):
         return _growth(kp, ki, kd, delay, dt) ** (1 / dt)
 
     roots = np.roots([J, B + kd, kp, ki])
-    result.figure("left", (B + kd) * kp * float(np.sign(per_second())))
-    result.figure("right", J * ki * float(np.sign(per_second())))
-    result.figure("factor", per_second(dt=1e-5), 1e-3)
-    result.figure("delayed", per_second(late), 1e-3)
+    result.measure("left", (B + kd) * kp * float(np.sign(per_second())))
+    result.measure("right", J * ki * float(np.sign(per_second())))
+    result.measure("factor", per_second(dt=1e-5), 1e-3)
+    result.measure("delayed", per_second(late), 1e-3)
     gain = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3, late)[0]
     result.statement = "Routh's condition, and the loop's matrix."
-    result.heard(_step(Gains(kp, ki, kd), delay=late, seconds=20.0)[1].settling < 20)
-    result.corrected(
+    result.statement_holds(_step(Gains(kp, ki, kd), delay=late, seconds=20.0)[1].settling < 20)
+    result.correction_holds(
         np.max(roots.real) > 0,
         per_second(late) > 1,
         all(_growth(kp, ki, kd, dt=dt) > 1 for dt in np.geomspace(1e-5, 1, 30)),
@@ -501,21 +501,21 @@ def quoted_gains_overshoot(result):
     "second.",
 )
 def safer_set(result):
-    kp, ki, kd = (result.given(n, v) for n, v in (("kp", 19.0), ("ki", 120.0), ("kd", 2.3)))
-    late = result.given("late_ms", 10.64) / 1000
+    kp, ki, kd = (result.input(n, v) for n, v in (("kp", 19.0), ("ki", 120.0), ("kd", 2.3)))
+    late = result.input("late_ms", 10.64) / 1000
 
     def grown(name, delay, dt=1e-4):
         """Growth a second of the set, of the one before, and with that one's kp."""
         sets = (kp, ki, kd), (27, 120, 1.5), (27, ki, kd)
         found_out = [_growth(p, i, d, delay, dt) ** (1 / dt) for p, i, d in sets]
         for word, value in zip(("factor", "before", "kept"), found_out, strict=True):
-            result.figure(name + word, value, 1e-3)
+            result.measure(name + word, value, 1e-3)
         return found_out
 
     now, then = grown("", 0.0), grown("late_", late)
     result.statement = "Growth of both sets by the loop's matrix, without further delay and with it."
-    result.heard(max(now[0], then[0]) < 1)
-    result.corrected(now[0] > now[1] > 1 > now[2], then[1] > then[0] > 1 > then[2])
+    result.statement_holds(max(now[0], then[0]) < 1)
+    result.correction_holds(now[0] > now[1] > 1 > now[2], then[1] > then[0] > 1 > then[2])
 
 
 @claim(
@@ -529,19 +529,19 @@ def safer_set(result):
 def ziegler_nichols_is_safe(result):
     from course.charts.control.limits import ROWS, placed, ziegler_nichols
 
-    low, high = result.given("low", 0.01), result.given("high", 10)
+    low, high = result.input("low", 0.01), result.input("high", 10)
     shares = np.geomspace(low, high, 25)
     rows = {name: [ziegler_nichols(name, x) for x in shares] for name in ROWS}
     stable = {name: np.mean([r.growth < 1 for r in row]) for name, row in rows.items()}
-    result.figure("pid_ok", stable["PID"], 0.05)
-    result.figure("pi_ok", stable["PI"], 0.05)
+    result.measure("pid_ok", stable["PID"], 0.05)
+    result.measure("pi_ok", stable["PI"], 0.05)
     over = min(r.overshoot for r in rows["PID"] if r.growth < 1)
-    result.figure("over_low", over, 0.02)
+    result.measure("over_low", over, 0.02)
     mine = [placed(x) for x in shares]
-    result.figure("placed", max(r.overshoot for r in mine), 0.05)
+    result.measure("placed", max(r.overshoot for r in mine), 0.05)
     result.statement = "Every row at 25 delays: growth, margins and a step."
-    result.heard(min(stable.values()) == 1 and over < 0.2)
-    result.corrected(
+    result.statement_holds(min(stable.values()) == 1 and over < 0.2)
+    result.correction_holds(
         over > 0.2, all(r.growth < 1 for r in mine), max(r.overshoot for r in mine) < over
     )
 
@@ -560,14 +560,14 @@ def one_gain_one_symptom(result):
 
     now, more_d = metrics(20, 30, 4), metrics(20, 30, 4.8)
     alone = [metrics(kp, 0, kd, -2.0).error for kp, kd in ((20, 4), (24, 4), (20, 4.8))]
-    result.figure("i_over", metrics(20, 36, 4).overshoot - now.overshoot, 1e-2)
-    result.figure("p_over", now.overshoot - metrics(24, 30, 4).overshoot, 1e-2)
-    draws = result.rng.uniform([15, 5, 2], [60, 60, 8], (int(result.given("draws", 40)), 3))
+    result.measure("i_over", metrics(20, 36, 4).overshoot - now.overshoot, 1e-2)
+    result.measure("p_over", now.overshoot - metrics(24, 30, 4).overshoot, 1e-2)
+    draws = result.rng.uniform([15, 5, 2], [60, 60, 8], (int(result.input("draws", 40)), 3))
     later = [metrics(1.2 * a, b, c).settling > metrics(a, b, c).settling for a, b, c in draws]
-    result.figure("p_later", np.mean(later), 0.05)
+    result.measure("p_later", np.mean(later), 0.05)
     result.statement = "Steps of the joint, one gain changed by a fifth at a time."
-    result.heard(np.mean(later) == 0 and metrics(20, 36, 4).overshoot <= now.overshoot)
-    result.corrected(
+    result.statement_holds(np.mean(later) == 0 and metrics(20, 36, 4).overshoot <= now.overshoot)
+    result.correction_holds(
         0.05 < np.mean(later),
         metrics(20, 36, 4).overshoot > now.overshoot,
         metrics(24, 30, 4).overshoot < now.overshoot,
@@ -604,14 +604,14 @@ def high_gain_catches(result):
     u, m, g, length = sympy.symbols("u m g l", positive=True)
     sine = sympy.Symbol("sine")  # of the angle at which gravity's torque is all of the motor's
     result.formula = sympy.asin(sympy.solve(u - m * g * length * sine, sine)[0])
-    share = result.given("share", 0.5)
+    share = result.input("share", 0.5)
 
     edges = [edge_of_rest(share, gain) for gain in (3.0, 10.0, 30.0)]
     theory = float(result.formula.subs({u: share, m: 1, g: 1, length: 1}))
-    result.figure("edge_rad", edges[1], 1e-6)
+    result.measure("edge_rad", edges[1], 1e-6)
     result.statement = "Saturated feedback at three gains, the limit by bisection."
-    result.heard(caught(1.2, 0.0, share, 30.0).all())
-    result.corrected(
+    result.statement_holds(caught(1.2, 0.0, share, 30.0).all())
+    result.correction_holds(
         all(abs(x / theory - 1) < 1e-3 for x in edges),
         abs(edge_of_rest(share, linear=True) / share - 1) < 1e-3,
     )

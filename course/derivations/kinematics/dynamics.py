@@ -77,20 +77,20 @@ def two_link_mass_matrix(result):
         apart = np.abs(np.ravel(tau) - arm.inverse_dynamics(*state)).max()
         return max(float(apart), float(np.abs(matrix - arm.mass_matrix(state[0])).max()))
 
-    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
-    masses = result.given("m1_kg", 1.0), result.given("m2_kg", 0.8)
+    lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
+    masses = result.input("m1_kg", 1.0), result.input("m2_kg", 0.8)
     arm = TwoLink(lengths=lengths, masses=masses)
     swing = arm.mass_matrix(np.array([np.zeros(721), np.linspace(0, np.pi, 721)]))
-    result.figure("ratio", swing[0, 0, 0] / swing[0, 0, -1], 1e-6)
-    result.figure("m12_stretched", swing[0, 1, 0])
+    result.measure("ratio", swing[0, 0, 0] / swing[0, 0, -1], 1e-6)
+    result.measure("m12_stretched", swing[0, 1, 0])
     draws = result.rng.uniform((0.2,) * 4 + (-3,) * 6, (2,) * 4 + (3,) * 6, (30, 10))
     turn = np.arccos(-2 * lengths[1] / (3 * lengths[0]))
     result.statement = (
         "Lagrange's equations of two rods with gravity, by algebra, against the course's closed "
         "form at 30 random arms and states."
     )
-    result.heard(np.ptp(swing[0, 0]) < 1e-9 and np.abs(swing[0, 1]).max() < 1e-9)
-    result.corrected(
+    result.statement_holds(np.ptp(swing[0, 0]) < 1e-9 and np.abs(swing[0, 1]).max() < 1e-9)
+    result.correction_holds(
         max(deviation(draw) for draw in draws) < 1e-10,
         M == M.T,
         swing[0, 0, 0] > swing[0, 0, -1],
@@ -155,34 +155,34 @@ def articulated_bodies_lose_fewer_digits(result):
             measured.append(np.linalg.norm(both - truth, axis=1) / np.linalg.norm(truth))
         return np.median(np.maximum(measured, unit), axis=0)
 
-    few, more = result.given("few", 2), result.given("many", 8)
-    factor = result.given("factor", 1e6)
+    few, more = result.input("few", 2), result.input("many", 8)
+    factor = result.input("factor", 1e6)
     short, long, loaded = errors(few, 1, 400), errors(more, 1, 40), errors(more, factor, 40)
     # Errors at the level of rounding depend on the CPU, so the figures are coarse on purpose: whole
     # digits, and the ratio to the nearest half.
-    result.figure("digits", np.round(np.log10(long[1] / long[0])))
-    result.figure("digits_heavy", np.round(np.log10(loaded[1] / loaded[0])))
-    result.figure("lost", np.round(np.log10(loaded[0] / long[0])))
-    result.figure("ratio", np.round(2.0 * short[1] / short[0]) / 2.0)
+    result.measure("digits", np.round(np.log10(long[1] / long[0])))
+    result.measure("digits_heavy", np.round(np.log10(loaded[1] / loaded[0])))
+    result.measure("lost", np.round(np.log10(loaded[0] / long[0])))
+    result.measure("ratio", np.round(2.0 * short[1] / short[0]) / 2.0)
     result.statement = (
         "Median errors over 400 arms and postures with two links and 40 with more. The truth is a "
         "solution with 60 digits."
     )
-    clear = result.given("clear", 5)
+    clear = result.input("clear", 5)
 
     def better(n: int, load: float) -> bool:
         ours, other = errors(n, load, 30)
         return bool(other > clear * ours)
 
     draws = list(zip(result.rng.integers(8, 11, 8), 10 ** result.rng.uniform(0, 6, 8), strict=True))
-    result.heard(
+    result.statement_holds(
         short[1] > clear * short[0] and long[1] > clear * long[0],
         only_if="the arm is long and its tip not light: with {many:g} planar links or more, the "
         "last as heavy as the others or heavier, by more than a factor of {clear:g} in the median",
         inside=[better(int(n), load) for n, load in draws],
         outside=[better(2, load) for _, load in draws] + [better(8, 1e-6) for _ in draws],
     )
-    result.corrected(
+    result.correction_holds(
         0.4 < short[1] / short[0] < 2.5,
         long[1] > 5 * long[0],
         loaded[1] > 20 * loaded[0],
@@ -212,8 +212,8 @@ def torques_tell_ten_numbers(result):
         return int(np.sum(s > 1e-9 * s[0]))
 
     matrix = rows(60)
-    numbers = result.figure("numbers", matrix.shape[1])
-    observed = result.figure("seen", rank(matrix))
+    numbers = result.measure("numbers", matrix.shape[1])
+    observed = result.measure("seen", rank(matrix))
     # Numbers that differ along the unseen directions give the same torques elsewhere.
     unseen = np.linalg.svd(matrix)[2][observed:]
     arm, q, v, a = motions(20)
@@ -222,8 +222,8 @@ def torques_tell_ten_numbers(result):
     torques += arm.armature[:, None] * a + arm.damping[:, None] * v
     more = rank(rows(90))
     result.statement = f"Rank of the regressor over 60 random motions; with 90 it is {more}."
-    result.heard(observed == numbers)
-    result.corrected(
+    result.statement_holds(observed == numbers)
+    result.correction_holds(
         np.allclose(torques, inverse_dynamics(arm, q, v, a), atol=1e-9),
         observed < numbers,
         more == observed,

@@ -37,16 +37,16 @@ def one_joint_to_spare(result):
         N = null_space(jacobian(arm, postures))
         return np.round(np.trace(N), 6)
 
-    result.figure("spare_usual", np.median(spare(q)))
-    result.figure("spare_singular", np.median(spare(lost)))
+    result.measure("spare_usual", np.median(spare(q)))
+    result.measure("spare_singular", np.median(spare(lost)))
     result.statement = "Trace of the projector at 60 random postures, and at 60 singular ones."
-    result.heard(
+    result.statement_holds(
         (spare(lost) == 1).all(),
         only_if="J has full rank there",
         inside=spare(q) == 1,
         outside=spare(lost) == 1,
     )
-    result.corrected((spare(lost) == 2).all(), (spare(q) == 1).all())
+    result.correction_holds((spare(lost) == 2).all(), (spare(q) == 1).all())
 
 
 @claim(
@@ -90,15 +90,15 @@ def null_motion_leaves_the_tip(result):
     steps = np.array([0.2, 0.1, 0.05])
     drift, remaining = np.median([sizes(x) for x in steps], axis=2).T
     orders = [np.polyfit(np.log(steps), np.log(x), 1)[0] for x in (drift, remaining)]
-    step = result.given("step_rad", 0.1)
-    result.figure("c_m", np.median(c), 1e-3)
-    result.figure("drift_mm", 1000 * np.median(sizes(step)[0]), 1e-3)
-    result.figure("left_um", 1e6 * np.median(sizes(step)[1]), 1e-2)
-    result.figure("order_before", orders[0], 1e-2)
-    result.figure("order_after", orders[1], 1e-2)
+    step = result.input("step_rad", 0.1)
+    result.measure("c_m", np.median(c), 1e-3)
+    result.measure("drift_mm", 1000 * np.median(sizes(step)[0]), 1e-3)
+    result.measure("left_um", 1e6 * np.median(sizes(step)[1]), 1e-2)
+    result.measure("order_before", orders[0], 1e-2)
+    result.measure("order_after", orders[1], 1e-2)
     result.statement = f"{q.shape[1]} random postures with no singular value below 0.05."
-    result.heard(drift.max() < 1e-9)
-    result.corrected(
+    result.statement_holds(drift.max() < 1e-9)
+    result.correction_holds(
         np.allclose(sizes(1e-3)[0], c * 1e-6, rtol=0.05, atol=1e-9),
         abs(orders[0] - 2) < 0.05,
         abs(orders[1] - 4) < 0.2,
@@ -139,18 +139,18 @@ def projector_of_the_null_space(result):
         damped = np.eye(7) - damped_inverse(rows, value) @ J
         return np.linalg.norm(J @ damped, 2, axis=(1, 2))
 
-    value = result.given("damping", 0.1)
-    result.figure("leak_mm", 1000 * float(result.formula.subs(lam, value)))
-    result.figure("seen_mm", 1000 * leaks(value).max(), 1e-3)
+    value = result.input("damping", 0.1)
+    result.measure("leak_mm", 1000 * float(result.formula.subs(lam, value)))
+    result.measure("seen_mm", 1000 * leaks(value).max(), 1e-3)
     exact = np.abs(J @ N).max(axis=(1, 2)) < 1e-12
     result.statement = "500 random postures of the 7-R arm, the three rows of position."
-    result.heard(
+    result.statement_holds(
         (leaks(value) < 1e-9).all(),
         only_if="J^+ is the exact pseudo-inverse, not a damped one",
         inside=exact[:40],
         outside=leaks(value)[:40] < 1e-9,
     )
-    result.corrected(
+    result.correction_holds(
         exact.all(),
         np.abs(N - N.transpose(0, 2, 1)).max() < 1e-12,
         np.abs(N @ N - N).max() < 1e-12,
@@ -194,16 +194,16 @@ def second_task(result):
     n, r = sympy.symbols("n r", positive=True)
     result.formula = (n - r) / n
     law = sympy.lambdify((n, r), result.formula)
-    step = result.given("step_rad", 0.2)
+    step = result.input("step_rad", 0.2)
     second = np.einsum("ijk,jk->ik", null_space(J), wish)
     first = np.linalg.norm(np.einsum("ijk,jk->ik", J, second), axis=0)
     second *= step / np.linalg.norm(second, axis=0)
     missing = np.linalg.norm((tip(arm, q + second) - tip(arm, q))[:3], axis=0)
-    result.figure("disturbed_mm", 1000 * np.median(missing), 0.01)
-    result.figure("kept_percent", 100 * selected(6), 0.05)
+    result.measure("disturbed_mm", 1000 * np.median(missing), 0.01)
+    result.measure("kept_percent", 100 * selected(6), 0.05)
     result.statement = "3000 random postures with a random wish each; ranks 3 and 6."
-    result.heard(missing.max() < 1e-9)
-    result.corrected(
+    result.statement_holds(missing.max() < 1e-9)
+    result.correction_holds(
         first.max() < 1e-9,
         np.median(missing) > 1e-4,
         all(abs(selected(rows) - law(7, rows)) < 0.01 for rows in (3, 6)),
@@ -222,8 +222,8 @@ def second_task(result):
 def flow_samples_all(result):
     from course.kinematics import two_link_ik
 
-    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
-    mm, deg = result.given("mm", 10), result.given("deg", 2)
+    lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
+    mm, deg = result.input("mm", 10), result.input("deg", 2)
     t = np.linspace(0, 1, 401)
 
     def strays(arm: Any, r: float, wiggle: np.ndarray, turn: int) -> float:
@@ -237,7 +237,7 @@ def flow_samples_all(result):
     def least(arm: Any, r: float) -> float:
         return min(sum(arm) - r, r - abs(arm[0] - arm[1]))
 
-    r = result.given("r_m", 1.2)
+    r = result.input("r_m", 1.2)
     arms = result.rng.uniform(0.3, 1.5, (100, 2))
     reach = abs(arms[:, 0] - arms[:, 1]) + 2 * arms.min(axis=1) * result.rng.uniform(0.05, 0.95, 100)
     ratios = [
@@ -245,11 +245,11 @@ def flow_samples_all(result):
         for k, (arm, x) in enumerate(zip(arms, reach, strict=True))
     ]
     best = min(strays(lengths, r, np.zeros((2, 1)), k) for k in (0, 1))
-    result.figure("strays_m", best, 1e-3)
-    result.figure("least_ratio", min(ratios), 0.01)
+    result.measure("strays_m", best, 1e-3)
+    result.measure("least_ratio", min(ratios), 0.01)
     result.statement = (
         f"{len(ratios)} ways between the branches of random arms, elbow through 0 or pi; none "
         f"strays less than the bound. Accuracy ({mm} mm, {deg} degrees) is the paper's abstract."
     )
-    result.heard(min(ratios) < 1e-6)
-    result.corrected(min(ratios) >= 0.999, best >= least(lengths, r) - 1e-3, best < 1.5)
+    result.statement_holds(min(ratios) < 1e-6)
+    result.correction_holds(min(ratios) >= 0.999, best >= least(lengths, r) - 1e-3, best < 1.5)

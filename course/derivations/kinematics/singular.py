@@ -86,15 +86,15 @@ def pseudo_inverse_beside(result):
         J = planar_jacobian(lengths, [0.0, beside])
         return float(np.linalg.norm(np.linalg.pinv(J, rcond=1e-12) @ [-error, 0.0]))
 
-    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
-    beside = result.given("delta_rad", 1e-6)
-    result.figure("step_rad", requested(lengths, beside, 0.01), 1e-5)
-    result.figure("at_it_rad", requested(lengths, 0.0, 0.01))
+    lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
+    beside = result.input("delta_rad", 1e-6)
+    result.measure("step_rad", requested(lengths, beside, 0.01), 1e-5)
+    result.measure("at_it_rad", requested(lengths, 0.0, 0.01))
     draws = result.rng.uniform((0.3, 0.3, 0.001, -6), (1.5, 1.5, 0.1, -4), (40, 4))
     ratios = [requested(d[:2], 10 ** d[3], d[2]) / law(*d[:3], 10 ** d[3]) for d in draws]
     result.statement = "Two-link Jacobian by algebra; pinv of NumPy at 40 random arms and angles."
-    result.heard(not requested(lengths, 0.0, 0.01) < 1e6)
-    result.corrected(
+    result.statement_holds(not requested(lengths, 0.0, 0.01) < 1e6)
+    result.correction_holds(
         requested(lengths, 0.0, 0.01) == 0,
         requested(lengths, beside, 0.01) > 1e4,
         np.allclose(ratios, 1, atol=1e-3),
@@ -125,18 +125,18 @@ def damped_gain(result):
     gain = s / (s**2 + damping**2)
     (best,) = sympy.solve(sympy.diff(gain, s), s)
     result.formula = sympy.simplify(gain.subs(s, best))
-    lam = result.given("damping", 0.1)
+    lam = result.input("damping", 0.1)
     q = result.rng.uniform(-np.pi, np.pi, (2, 4000))
     q[1, ::2] *= 10 ** result.rng.uniform(-6, 0, 2000)  # half of them near stretched
     J, gains = planar_jacobian(ARM, q), {}
     for value in (0.01, lam, 1.0):
         gains[value] = 2 * value * np.linalg.norm(damped_inverse(J, value), 2, axis=(1, 2))
-    result.figure("step_rad", gains[lam].max() / (2 * lam), 1e-3)
+    result.measure("step_rad", gains[lam].max() / (2 * lam), 1e-3)
     values = np.linalg.svd(np.moveaxis(J, 2, 0))[1] / lam
     law = (2 * values / (values**2 + 1)).max(axis=1)
     result.statement = "Norm of the damped inverse at 4000 postures, half of them near stretched."
-    result.heard(all(x.max() <= 1 + 1e-9 for x in gains.values()))
-    result.corrected(
+    result.statement_holds(all(x.max() <= 1 + 1e-9 for x in gains.values()))
+    result.correction_holds(
         best == damping,
         gains[lam].max() > 0.999,
         np.abs(gains[lam] - law).max() < 1e-9,
@@ -166,8 +166,8 @@ def damping_is_free(result):
     s, lam = sympy.symbols("s lambda", positive=True)
     result.formula = sympy.simplify(1 - s * s / (s**2 + lam**2))
     law = sympy.lambdify((s, lam), result.formula)
-    damping = result.given("damping", 0.1)
-    lengths = result.given("l1_m", ARM[0]), result.given("l2_m", ARM[1])
+    damping = result.input("damping", 0.1)
+    lengths = result.input("l1_m", ARM[0]), result.input("l2_m", ARM[1])
     q = result.rng.uniform(-np.pi, np.pi, (2, 2000))
     J = planar_jacobian(lengths, q)
     stack = np.moveaxis(J, 2, 0)
@@ -179,12 +179,12 @@ def damping_is_free(result):
         return np.linalg.norm(along - stack @ (damped_inverse(J, value) @ along), axis=(1, 2))
 
     error = [np.abs(remaining(i, v) - law(values[:, i], v)).max() for i in (0, 1) for v in (0.01, 0.1, 1)]
-    result.figure("left_percent", 100 * np.median(remaining(1, damping)), 1e-3)
+    result.measure("left_percent", 100 * np.median(remaining(1, damping)), 1e-3)
     result.statement = (
         f"2000 random postures, both directions, three dampings: law to {max(error):.0e}."
     )
-    result.heard(np.max(remaining(1, damping)) < 1e-3)
-    result.corrected(max(error) < 1e-9, np.median(remaining(1, damping)) > 0.01)
+    result.statement_holds(np.max(remaining(1, damping)) < 1e-3)
+    result.correction_holds(max(error) < 1e-9, np.median(remaining(1, damping)) > 0.01)
 
 
 @claim(
@@ -202,16 +202,16 @@ def rank_loss_is_failure(result):
     start = result.rng.uniform(-np.pi, np.pi, (2, 500))
     answer = two_link_ik(ARM, edge)
     closed = np.hypot(*(planar_tip(ARM, answer.q[:, 0]) - edge))
-    damping, more = result.given("damping", 0.03), result.given("more", 0.1)
+    damping, more = result.input("damping", 0.03), result.input("more", 0.1)
     (_, remaining, slow), (_, _, quick) = (_listing(x, start, damping, 3000) for x in (edge, inside))
     _, also, slower = _listing(edge, start, more, 3000)
     rank = [np.linalg.matrix_rank(planar_jacobian(ARM, q), 1e-6) for q in answer.q[:, 0].T[:50]]
-    result.figure("steps_edge", np.median(slow), 0.05)
-    result.figure("steps_inside", np.median(quick), 0.05)
-    result.figure("steps_more", np.median(slower), 0.05)
+    result.measure("steps_edge", np.median(slow), 0.05)
+    result.measure("steps_inside", np.median(quick), 0.05)
+    result.measure("steps_more", np.median(slower), 0.05)
     result.statement = f"500 targets; at most {remaining.max():.1e} m are left on the edge."
-    result.heard(remaining.max() > 1e-3 or closed.max() > 1e-3)
-    result.corrected(
+    result.statement_holds(remaining.max() > 1e-3 or closed.max() > 1e-3)
+    result.correction_holds(
         closed.max() < 1e-12,
         (remaining < 1e-4).all(),
         (also < 1e-4).all(),
@@ -235,8 +235,8 @@ def singular_start(result):
     from course.kinematics import ik, planar
     from course.kinematics.inverse import METHODS
 
-    away, damping = result.given("away_m", 0.5), 0.1
-    steps = result.given("steps", 100)
+    away, damping = result.input("away_m", 0.5), 0.1
+    steps = result.input("steps", 100)
 
     def remaining(bend: float, error: float, value: float = damping) -> float:
         return float(_listing([sum(ARM) - error, 0.0], [0.0, bend], value, steps)[1][0])
@@ -258,13 +258,13 @@ def singular_start(result):
     draws = result.rng.uniform((0.01, 0.03), (1.0, 0.5), (30, 2))
     arm, goal, options = planar(ARM), [sum(ARM) - away, 0, 0], {"restarts": 0, "iterations": steps}
     stuck = [ik(arm, goal, [0.0, 0.0], method=method, **options).q for method in METHODS]
-    result.figure("growth", growth(1e-5, away, damping), 1e-4)
+    result.measure("growth", growth(1e-5, away, damping), 1e-4)
     stretched = planar_jacobian(ARM, [0.0, 0.0])
     still = [stretched.T @ [-away, 0.0], np.linalg.pinv(stretched) @ [-away, 0.0]]
-    bent = result.figure("left_bent_m", remaining(1e-9, away), 0.5)
+    bent = result.measure("left_bent_m", remaining(1e-9, away), 0.5)
     result.statement = f"Started with the elbow at 0 and at 1e-9 rad, which ends {bent:.0e} m off."
-    result.heard(remaining(0.0, away) < 1e-3)
-    result.corrected(
+    result.statement_holds(remaining(0.0, away) < 1e-3)
+    result.correction_holds(
         all(remaining(0.0, e, value) == abs(sum(ARM) - (sum(ARM) - e)) for e, value in draws),
         all(abs(growth(1e-5, *d) / law(*d) - 1) < 1e-4 for d in draws),
         bent < 1e-4,
@@ -285,19 +285,19 @@ def listing_reaches_its_target(result):
     from course.kinematics import two_link_ik
 
     target = np.array([1.2, 0.5])
-    _, remaining, steps = _listing(target, [result.given("start_rad", 0.5)] * 2)
+    _, remaining, steps = _listing(target, [result.input("start_rad", 0.5)] * 2)
     starts = result.rng.uniform(-np.pi, np.pi, (2, 1000))
     spread, away, _ = _listing(np.tile(target[:, None], 1000), starts)
     answers = two_link_ik(ARM, target).q
     gap = np.angle(np.exp(1j * (spread[:, None] - answers[:, :, None])))
-    result.figure("steps", steps[0])
-    result.figure("left_mm", 1000 * remaining[0], 1e-4)
-    result.figure("share_percent", 100 * np.mean(away < 1e-4), 2e-3)
+    result.measure("steps", steps[0])
+    result.measure("left_mm", 1000 * remaining[0], 1e-4)
+    result.measure("share_percent", 100 * np.mean(away < 1e-4), 2e-3)
     same = np.sin(spread[1]) * np.sin(starts[1]) > 0
-    result.figure("same_percent", 100 * same.mean(), 0.05)
+    result.measure("same_percent", 100 * same.mean(), 0.05)
     result.statement = "The listing from its own start and from 1000 random ones."
-    result.heard(remaining[0] < 1e-4)
-    result.corrected(
+    result.statement_holds(remaining[0] < 1e-4)
+    result.correction_holds(
         np.mean(away < 1e-4) > 0.98,
         remaining[0] > 1e-6,
         0.55 < same.mean() < 0.75,
@@ -321,15 +321,15 @@ def listing_converges(result):
             _listing(_around(result.rng, low, high, 1000), start, damping, steps)[1] < 1e-4
         )
 
-    outer = result.figure("outer_percent", reached(1.79, 1.8), 0.02)
-    edge = result.figure("edge_percent", reached(1.7999, 1.8), 0.5)
-    more = result.figure("more_percent", reached(1.79, 1.8, 0.3), 0.5)
-    less = result.figure("less_percent", reached(1.79, 1.8, 0.1 / 3), 0.02)
+    outer = result.measure("outer_percent", reached(1.79, 1.8), 0.02)
+    edge = result.measure("edge_percent", reached(1.7999, 1.8), 0.5)
+    more = result.measure("more_percent", reached(1.79, 1.8, 0.3), 0.5)
+    less = result.measure("less_percent", reached(1.79, 1.8, 0.1 / 3), 0.02)
     inside, beyond = reached(0.4, 1.6), reached(1.801, 3.0)
-    result.figure("inside_percent", inside, 0.01)
+    result.measure("inside_percent", inside, 0.01)
     result.statement = f"1000 random targets and starts each; inside {inside:.1f} %."
-    result.heard(edge > 90 and more > outer)
-    result.corrected(inside > 98, edge < 5, more < 5, 80 < outer < less, beyond == 0)
+    result.statement_holds(edge > 90 and more > outer)
+    result.correction_holds(inside > 98, edge < 5, more < 5, 80 < outer < less, beyond == 0)
 
 
 @claim(
@@ -350,11 +350,11 @@ def condition_is_a_product(result):
     # The joint steps that unit motions of the tip ask for, by direction.
     around, inverse = np.linspace(0, np.pi, 721), np.linalg.inv(np.moveaxis(large, 2, 0))
     requested = np.linalg.norm(inverse @ [np.cos(around), np.sin(around)], axis=1)
-    result.figure("shrunk", np.median(ratio))
-    result.figure("ratio_at_right_angle", np.linalg.cond(planar_jacobian(ARM, [0.0, np.pi / 2])))
+    result.measure("shrunk", np.median(ratio))
+    result.measure("ratio_at_right_angle", np.linalg.cond(planar_jacobian(ARM, [0.0, np.pi / 2])))
     result.statement = "300 random postures of two links, and the same arm a tenth as long."
-    result.heard(np.allclose(ours, top * low))
-    result.corrected(
+    result.statement_holds(np.allclose(ours, top * low))
+    result.correction_holds(
         np.allclose(ours, top / low),
         np.allclose(top * low, manipulability(large)),
         np.allclose(manipulability(large), np.abs(np.linalg.det(np.moveaxis(large, 2, 0)))),
@@ -377,8 +377,8 @@ def condition_above_hundred(result):
     from course.kinematics import condition_number, jacobian
     from course.measure.stability import limit
 
-    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
-    short = result.given("short", 120)
+    lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
+    short = result.input("short", 120)
 
     def cond(bend: float, arm: Any = lengths) -> float:
         return float(np.linalg.cond(planar_jacobian(arm, [0.0, bend])))
@@ -387,13 +387,13 @@ def condition_above_hundred(result):
     stubby = [cond(bend, (1.0, 1.0 / short)) for bend in np.linspace(0.01, np.pi - 0.01, 400)]
     J = jacobian(*panda_postures(result.rng, 4000))
     above = {unit: 100 * np.mean(condition_number(J, unit) > 100) for unit in (1.0, 0.001)}
-    result.figure("beside_deg", np.degrees(np.pi / 2 - beside), 1e-3)
-    result.figure("least_of_the_stubby", min(stubby), 1e-3)
-    result.figure("percent_m", above[1.0], 0.02)
-    result.figure("percent_mm", above[0.001], 0.02)
+    result.measure("beside_deg", np.degrees(np.pi / 2 - beside), 1e-3)
+    result.measure("least_of_the_stubby", min(stubby), 1e-3)
+    result.measure("percent_m", above[1.0], 0.02)
+    result.measure("percent_mm", above[0.001], 0.02)
     result.statement = "Sweeps of the elbow, and 4000 random postures of the 7-R arm."
-    result.heard(min(stubby) < 100 and above[0.001] < 50)
-    result.corrected(min(stubby) > 100, above[1.0] < 20, above[0.001] > 99, cond(0.5) < 100)
+    result.statement_holds(min(stubby) < 100 and above[0.001] < 50)
+    result.correction_holds(min(stubby) > 100, above[1.0] < 20, above[0.001] > 99, cond(0.5) < 100)
 
 
 @claim(
@@ -408,13 +408,13 @@ def condition_needs_a_length(result):
 
     J = jacobian(*panda_postures(result.rng, 4000))
     factor = condition_number(J, 0.001) / condition_number(J, 1.0)
-    result.figure("factor", np.median(factor), 0.02)
-    result.figure("least", np.percentile(factor, 5), 0.05)
-    result.figure("most", np.percentile(factor, 95), 0.05)
+    result.measure("factor", np.median(factor), 0.02)
+    result.measure("least", np.percentile(factor, 5), 0.05)
+    result.measure("most", np.percentile(factor, 95), 0.05)
     position = np.moveaxis(J[:3], 2, 0)
     result.statement = "4000 random postures; rows of position divided by 1 m and by 1 mm."
-    result.heard(np.allclose(factor, 1))
-    result.corrected(
+    result.statement_holds(np.allclose(factor, 1))
+    result.correction_holds(
         np.median(factor) > 50,
         np.allclose(np.linalg.cond(position), np.linalg.cond(1e3 * position)),
     )
@@ -434,7 +434,7 @@ def euler_jacobian_locks(result):
     from course.rigid_body import quaternion
 
     arm, draws = panda_postures(result.rng, 60)
-    near, lock = result.given("near_deg", 1), result.given("lock_deg", 90)
+    near, lock = result.input("near_deg", 1), result.input("lock_deg", 90)
 
     def painted(q: np.ndarray, pitch: float) -> tuple[float, float]:
         """Conditions (geometric, analytic) with the hand's frame turned to a pitch [deg]."""
@@ -445,11 +445,11 @@ def euler_jacobian_locks(result):
         return tuple(condition_number(f(other, q), 1.0) for f in (jacobian, analytic_jacobian))
 
     flat, locked = (np.array([painted(q, x) for q in draws.T]) for x in (0, lock - near))
-    result.figure("factor", np.median(locked[:, 1] / locked[:, 0]), 1e-3)
-    result.figure("factor_at_pitch_0", np.median(flat[:, 1] / flat[:, 0]), 1e-3)
+    result.measure("factor", np.median(locked[:, 1] / locked[:, 0]), 1e-3)
+    result.measure("factor_at_pitch_0", np.median(flat[:, 1] / flat[:, 0]), 1e-3)
     result.statement = "60 random postures, each with the hand's frame turned two ways."
-    result.heard(np.allclose(locked[:, 1], locked[:, 0], rtol=1))
-    result.corrected(
+    result.statement_holds(np.allclose(locked[:, 1], locked[:, 0], rtol=1))
+    result.correction_holds(
         np.allclose(flat[:, 0], locked[:, 0]),
         (locked[:, 1] > 5 * locked[:, 0]).mean() > 0.9,
         np.median(flat[:, 1] / flat[:, 0]) < 2,
@@ -467,19 +467,19 @@ def converged_within_limits(result):
     from course.kinematics import ik, tip, within
     from course.oracles.pinocchio import Arm
 
-    count = result.given("poses", 400)
+    count = result.input("poses", 400)
     arm, q = panda_postures(result.rng, count)
     poses, (_, starts), loop = tip(arm, q), panda_postures(result.rng, count), Arm(arm)
     ends = [loop.usual_ik(pose, start[None]) for pose, start in zip(poses.T, starts.T, strict=True)]
     other, last = np.array([end[1] for end in ends]), np.array([end[0] for end in ends]).T
     selected, error = other & within(arm, last), np.abs((tip(arm, last) - poses)[:3, other])
     ours = ik(arm, poses)
-    result.figure("there_percent", 100 * other.mean(), 0.01)
-    result.figure("within_percent", 100 * selected.mean(), 0.3)
-    result.figure("ours_percent", 100 * np.mean(ours.success & within(arm, ours.q)), 0.02)
+    result.measure("there_percent", 100 * other.mean(), 0.01)
+    result.measure("within_percent", 100 * selected.mean(), 0.3)
+    result.measure("ours_percent", 100 * np.mean(ours.success & within(arm, ours.q)), 0.02)
     result.statement = f"{count} reachable poses, Pinocchio's functions in the loop of its example."
-    result.heard(selected.sum() == other.sum())
-    result.corrected(
+    result.statement_holds(selected.sum() == other.sum())
+    result.correction_holds(
         other.mean() > 0.8,
         selected.mean() < 0.4,
         error.max() < 1e-5,

@@ -54,17 +54,17 @@ def fk_is_a_product(result):
             factors.append(np.vstack([rows, [0, 0, 0, 1]]))
         return np.linalg.multi_dot(factors[::-1] if backwards else factors)[:3, 3]
 
-    joints, apart, deviation = result.given("joints", 7), [], []
+    joints, apart, deviation = result.input("joints", 7), [], []
     for k in range(60):
         arm = random_chain(joints, result.rng, tree=k % 2 == 1)
         q = result.rng.uniform(-3, 3, joints)
         other = tip(arm, q)[:3]
         deviation.append(np.abs(product(arm, q, False) - other).max())
         apart.append(np.linalg.norm(product(arm, q, True) - other))
-    result.figure("reversed_m", np.median(apart), 1e-3)
+    result.measure("reversed_m", np.median(apart), 1e-3)
     result.statement = "60 random chains and trees with both kinds of joints, as 4 x 4 matrices."
-    result.heard(max(deviation) < 1e-12)
-    result.corrected(min(apart[::2]) > 1e-3, max(deviation) < 1e-12)
+    result.statement_holds(max(deviation) < 1e-12)
+    result.correction_holds(min(apart[::2]) > 1e-3, max(deviation) < 1e-12)
 
 
 @claim(
@@ -74,7 +74,7 @@ def fk_is_a_product(result):
     "{l1_m} m and {l2_m} m up to {worst_m:.2f} m off.",
 )
 def two_link_position(result):
-    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
+    lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
 
     def deviation(lengths: Any, q: np.ndarray, absolute: bool = False) -> float:
         """Distance between the quoted formula and the course's arm [m]."""
@@ -86,19 +86,19 @@ def two_link_position(result):
     draws = result.rng.uniform(-np.pi, np.pi, (40, 2))
     arms = _lengths(result.rng, 40)
     grid = [deviation(lengths, np.array([a, 0.3]), absolute=True) for a in np.linspace(-3.1, 3.1, 63)]
-    result.figure("worst_m", max(grid), 1e-3)
+    result.measure("worst_m", max(grid), 1e-3)
     plain, absolute = (
         [deviation(arm, q, direction) < 1e-12 for arm, q in zip(arms, draws, strict=True)]
         for direction in (False, True)
     )
     result.statement = "40 random arms and postures, against the product of transforms."
-    result.heard(
+    result.statement_holds(
         all(plain) and max(grid) < 1e-12,
         only_if="q2 is measured from the first link",
         inside=plain,
         outside=absolute,
     )
-    result.corrected(max(grid) > lengths[1], max(grid) <= 2 * lengths[1] + 1e-12)
+    result.correction_holds(max(grid) > lengths[1], max(grid) <= 2 * lengths[1] + 1e-12)
 
 
 @claim(
@@ -132,13 +132,13 @@ def two_link_jacobian(result):
         np.abs(numeric(*a, *q) - planar_jacobian(a, q)).max()
         for a, q in zip(arms, draws, strict=True)
     ]
-    result.figure("det_at_right_angle", np.linalg.det(planar_jacobian((1.0, 0.8), [0.3, np.pi / 2])))
+    result.measure("det_at_right_angle", np.linalg.det(planar_jacobian((1.0, 0.8), [0.3, np.pi / 2])))
     result.statement = (
         "The formulas of the tip differentiated by algebra, and 50 random arms and postures of "
         "the course's geometric Jacobian."
     )
-    result.heard(sympy.simplify(derived - quoted) == sympy.zeros(2) and max(deviation) < 1e-12)
-    result.corrected(
+    result.statement_holds(sympy.simplify(derived - quoted) == sympy.zeros(2) and max(deviation) < 1e-12)
+    result.correction_holds(
         sympy.diff(result.formula, q1) == 0,
         all(
             abs(np.linalg.det(planar_jacobian(a, q)) - a[0] * a[1] * np.sin(q[1])) < 1e-12
@@ -159,7 +159,7 @@ def singular_stretched_or_folded(result):
     from course.kinematics import jacobian, panda, singular_values, tip
 
     arm = panda()
-    half = np.radians(result.given("q3_deg", 90))
+    half = np.radians(result.input("q3_deg", 90))
 
     def rank(J: np.ndarray) -> int:
         s = singular_values(J)
@@ -174,8 +174,8 @@ def singular_stretched_or_folded(result):
     usual = [result.rng.uniform(arm.lower, arm.upper) for _ in range(30)]
     shown = np.array([0.0, 0.0, half, -1.8, 0.0, 1.5, 0.0])
     reach = np.linalg.norm(tip(arm, shown)[:3] - [0, 0, arm.placement[2, 0]]) / arm.reach[1]
-    result.figure("rank_bent", rank(jacobian(arm, shown)))
-    result.figure("reach_percent", 100 * reach, 1e-3)
+    result.measure("rank_bent", rank(jacobian(arm, shown)))
+    result.measure("reach_percent", 100 * reach, 1e-3)
     arms, ends = _lengths(result.rng, 20), np.array([0.0, np.pi, -np.pi])
     turns = result.rng.uniform(-3, 3, (20, 2))
     straight = [
@@ -184,7 +184,7 @@ def singular_stretched_or_folded(result):
         for end in ends
     ]
     result.statement = "Singular values of 20 random two-link arms and 60 postures of the 7-R arm."
-    result.heard(
+    result.statement_holds(
         all(rank(jacobian(arm, q)) == 6 for q in bent),
         only_if="it has two links in a plane (or its joints are such that nothing else lines up)",
         inside=[rank(planar_jacobian(a, q)) == 2 for a, q in zip(arms, turns, strict=True)]
@@ -192,7 +192,7 @@ def singular_stretched_or_folded(result):
         outside=[rank(jacobian(arm, q)) == 6 for q in bent],
         cases=True,
     )
-    result.corrected(
+    result.correction_holds(
         all(rank(jacobian(arm, q)) == 5 for q in bent),
         all(rank(jacobian(arm, q)) == 6 for q in usual),
         0.3 < reach < 0.9,
@@ -242,21 +242,21 @@ def reachable_annulus(result):
     folded = sympy.Matrix([l1 + l2 * sympy.cos(beta), l2 * sympy.sin(beta)])
     result.formula = sympy.sqrt(sympy.trigsimp(sympy.expand(folded.dot(folded))))
     law = sympy.lambdify((l1, l2, beta), result.formula)
-    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
-    stop = result.given("beta_rad", 2.5)
-    result.figure("hole_m", hole(lengths, stop))
-    result.figure("free_m", hole(lengths, np.pi))
+    lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
+    stop = result.input("beta_rad", 2.5)
+    result.measure("hole_m", hole(lengths, stop))
+    result.measure("free_m", hole(lengths, np.pi))
     result.statement = "Closed form and product of transforms at 200 points for each of 24 arms."
     arms = _lengths(result.rng, 24)
     clouds = [result.rng.uniform(-1, 1, (2, 200)) * 1.2 * a.sum() for a in arms]
     stops = result.rng.uniform(0.5, 2.8, 24)
-    result.heard(
+    result.statement_holds(
         all(right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)),
         only_if="no joint stops on the way round",
         inside=[right(a, np.pi, p) for a, p in zip(arms, clouds, strict=True)],
         outside=[right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)],
     )
-    result.corrected(
+    result.correction_holds(
         all(abs(hole(a, b) - law(*a, b)) < 1e-9 for a, b in zip(arms, stops, strict=True)),
         hole(lengths, stop) > 1.5 * hole(lengths, np.pi),
     )
@@ -299,16 +299,16 @@ def number_of_solutions(result):
     thirds = result.rng.uniform(0.2, 1.0, (40, 3))
     headed = [heading_ways(a, result.rng.uniform(-3, 3, 3)) for a in thirds]
     for name, ways_of in (("inside", inner), ("edge", edge), ("beyond", outer)):
-        result.figure(name, np.median(ways_of))
-    result.figure("heading", max(headed))
-    result.figure("free_3_links", round(free(3), 9))
+        result.measure(name, np.median(ways_of))
+    result.measure("heading", max(headed))
+    result.measure("free_3_links", round(free(3), 9))
     result.statement = (
         "40 random arms each, answers put through the product of transforms; the number for 6-R "
         "is the source's."
     )
     folded = planar_tip((1.0, 1.0), np.array([result.rng.uniform(-3, 3, 9), np.full(9, np.pi)]))
-    result.heard(all(count != 2 for count in inner))
-    result.corrected(
+    result.statement_holds(all(count != 2 for count in inner))
+    result.correction_holds(
         np.abs(folded).max() < 1e-12,
         set(inner) == {2},
         set(edge) == {1},
@@ -329,7 +329,7 @@ def number_of_solutions(result):
 def tip_plans_need_joints(result):
     from course.kinematics import singular_values, two_link_ik
 
-    lengths = result.given("l1_m", 1.0), result.given("l2_m", 0.8)
+    lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
     t = np.linspace(0, 1, 201)
     a, b = (_ring(result.rng, lengths, 1000)[:, :, None] for _ in (0, 1))
     lines = a * (1 - t) + b * t
@@ -339,17 +339,17 @@ def tip_plans_need_joints(result):
     with np.errstate(divide="ignore"):
         rates = 1 / singular_values(planar_jacobian(lengths, answer.q[:, 0]))[-1]
     worst = rates.reshape(lines.shape[1:]).max(axis=1)[stays]
-    result.figure("hole_percent", 100 * (1 - stays.mean()), 1e-3)
-    result.figure("rate", np.percentile(worst, 90), 1e-3)
+    result.measure("hole_percent", 100 * (1 - stays.mean()), 1e-3)
+    result.measure("rate", np.percentile(worst, 90), 1e-3)
     turned = np.hypot(*planar_tip(lengths, result.rng.uniform(-np.pi, np.pi, (2, 4000))))
     result.statement = "1000 lines between random points of the annulus, 201 points on each."
-    result.heard(
+    result.statement_holds(
         reached.all(),
         only_if="the straight way between them stays in the annulus",
         inside=reached[stays],
         outside=reached[~stays],
     )
-    result.corrected(
+    result.correction_holds(
         0.05 < 1 - stays.mean() < 0.5,
         np.percentile(worst, 90) > 4,
         (turned > lengths[0] - lengths[1] - 1e-9).all(),

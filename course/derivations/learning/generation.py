@@ -82,10 +82,10 @@ def cloning_averages(result):
     p, w, x = sympy.symbols("p w x", positive=True)
     error = p * (x - w) ** 2 + (1 - p) * (x + w) ** 2
     result.formula = sympy.factor(sympy.solve(sympy.diff(error, x), x)[0])
-    mean, *others = (result.figure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
+    mean, *others = (result.measure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
     result.statement = "2,000 first chunks of 8 steps each, from policies of 100 demonstrations."
     averages = [mean > 0.5, *(share > 0.5 for share in others)]
-    result.heard(
+    result.statement_holds(
         all(averages),
         only_if="it is fitted by squared error",
         inside=averages[:1],
@@ -93,7 +93,7 @@ def cloning_averages(result):
         cases=True,
     )
     shown = policy("nearest")(np.zeros((1, 2)), result.rng)
-    result.corrected(mean > 0.95, max(others) < 0.01, shown.shape == (1, 8, 2))
+    result.correction_holds(mean > 0.95, max(others) < 0.01, shown.shape == (1, 8, 2))
 
 
 @claim(
@@ -127,17 +127,17 @@ def held_out_error(result):
         return np.sqrt(np.mean(deviation**2))
 
     low, high = (
-        result.figure("low", error("mean"), 0.05),
-        result.figure("high", error("mixture"), 0.05),
+        result.measure("low", error("mean"), 0.05),
+        result.measure("high", error("mixture"), 0.05),
     )
     mean, mixture = (
-        result.figure(n, passed(Commit(policy(n), 8)), 0.5 if n == "mean" else 0.05)
+        result.measure(n, passed(Commit(policy(n), 8)), 0.5 if n == "mean" else 0.05)
         for n in ("mean", "mixture")
     )
-    ratio = result.figure("ratio", (high / low) ** 2, 0.1)
+    ratio = result.measure("ratio", (high / low) ** 2, 0.1)
     result.statement = "1,000 held-out demonstrations at their start, where the ways part [m]."
-    result.heard((low < high) == (mean > mixture))
-    result.corrected(low < high, mean < 0.1, mixture > 0.8, abs(ratio - 2.0) < 0.2)
+    result.statement_holds((low < high) == (mean > mixture))
+    result.correction_holds(low < high, mean < 0.1, mixture > 0.8, abs(ratio - 2.0) < 0.2)
 
 
 @claim(
@@ -150,17 +150,17 @@ def held_out_error(result):
 def diffusion_between(result):
     from course.learning import TwoWays
 
-    largest = int(result.given("most", 50))
+    largest = int(result.input("most", 50))
     ten, fifty = (
-        result.figure(name, between("diffusion", steps=n), 0.2)
+        result.measure(name, between("diffusion", steps=n), 0.2)
         for name, n in (("ten", 10), ("fifty", largest))
     )
-    mixture = result.figure("mixture", between("mixture"))
-    remaining = result.figure("left", np.mean(aside("diffusion", steps=largest) > 0.0), 0.05)
-    shown = result.figure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
+    mixture = result.measure("mixture", between("mixture"))
+    remaining = result.measure("left", np.mean(aside("diffusion", steps=largest) > 0.0), 0.05)
+    shown = result.measure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
     result.statement = "2,000 first chunks by DDIM, weights on record, 64 wide."
-    result.heard(fifty == 0.0)
-    result.corrected(ten > fifty, fifty > mixture, abs(remaining - shown) < 0.1)
+    result.statement_holds(fifty == 0.0)
+    result.correction_holds(ten > fifty, fifty > mixture, abs(remaining - shown) < 0.1)
 
 
 @claim(
@@ -206,22 +206,22 @@ def one_euler_step(result):
         end = integrate(two_modes().velocity, start, steps, "euler")
         return end[end > 0.0].std()
 
-    two, ten, exact = (result.figure(name, spread(n), 1e-3)
+    two, ten, exact = (result.measure(name, spread(n), 1e-3)
                        for name, n in (("two", 2), ("ten", 10), ("exact", 160)))  # fmt: skip
     worst = max(deviation(*result.rng.integers(1, 5, 2)) for _ in range(20))
     half = integrate(two_modes().velocity, start, 2, "euler")  # its first step is 1/2 of a step
     first = 0.5 * start + 0.5 * two_modes().velocity(0.5 * start, 0.5)
     result.statement = "20 drawn mixtures with exact fields, two modes of width 0.1, a flow net."
-    net = result.figure("net", between("flow", steps=1), 0.15)
-    mean = result.figure("mean", between("mean"), 0.15)
-    result.heard(
+    net = result.measure("net", between("flow", steps=1), 0.15)
+    mean = result.measure("mean", between("mean"), 0.15)
+    result.statement_holds(
         net > 0.9,
         only_if="the field is the exact one",
         cases=True,
         inside=[worst < 1e-9],
         outside=[net > 0.9],
     )
-    result.corrected(
+    result.correction_holds(
         np.allclose(half, first), two > 2.0 * exact, ten < 0.9 * exact, net < 0.9 * mean
     )
 
@@ -250,7 +250,7 @@ def sampler_orders(result):
 
     first = (np.array([0.3, 0.7]), np.array([[-1.0], [1.0]]), np.array([0.4, 0.5]))
     euler, ddim, heun, rk4 = (
-        result.figure(x, gain(x, *first, 20 if x == "rk4" else 80), 0.02)
+        result.measure(x, gain(x, *first, 20 if x == "rk4" else 80), 0.02)
         for x in ("euler", "ddim", "heun", "rk4")
     )
     rng = result.rng
@@ -259,19 +259,19 @@ def sampler_orders(result):
         for _ in range(8)
     ]
     narrow = (np.full(2, 0.5), first[1], np.full(2, 0.1))
-    few = result.figure("few", gain("euler", *narrow, 2), 0.02)
+    few = result.measure("few", gain("euler", *narrow, 2), 0.02)
     inside, outside = (
         [abs(gain(x, *made) - 2.0) < 0.1 for made in drawn] for x in ("euler", "heun")
     )
     outside.append(abs(few - 2.0) < 0.1)
     result.statement = "Mixtures of two in a line, exact fields, 80 steps and 160."
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="the sampler is of first order, its steps are short",
         inside=inside,
         outside=outside,
     )
-    result.corrected(
+    result.correction_holds(
         abs(euler - 2.0) < 0.1,
         abs(ddim - 2.0) < 0.1,
         abs(heun - 4.0) < 0.4,
@@ -293,17 +293,17 @@ def ten_denoising_steps(result):
     def remaining(steps):
         return np.mean(np.abs(denoise(two_modes().clean, noise, steps, result.rng)) < 0.5)
 
-    five, ten = result.figure("five", remaining(5), 0.05), result.figure("ten", remaining(10), 0.1)
+    five, ten = result.measure("five", remaining(5), 0.05), result.measure("ten", remaining(10), 0.1)
     nine = remaining(9)
     result.statement = "20,000 samples, modes at -1 and 1 of width 0.1; between is within 0.5."
     inside, outside = (
         [bool(nine > share) for share in result.rng.uniform(*some, 8)]
         for some in ((0.2 * ten, ten), (five, 2.0 * five))
     )
-    result.heard(
+    result.statement_holds(
         nine > five, only_if="less than {ten:.2%} may fall between", inside=inside, outside=outside
     )
-    result.corrected(five > 5.0 * ten, ten < 0.005)
+    result.correction_holds(five > 5.0 * ten, ten < 0.005)
 
 
 @claim(
@@ -344,10 +344,10 @@ def ensembling_averages(result):
         "coin": Ensemble(coin, 0.0),
         "whole": Commit(coin, 16),
     }
-    mixture, _, tossed, whole = (result.figure(n, passed(a), 0.2) for n, a in acts.items())
+    mixture, _, tossed, whole = (result.measure(n, passed(a), 0.2) for n, a in acts.items())
     result.statement = "400 runs each of two ways, no noise."
     selected = [passed(Ensemble(policy(n))) > 0.7 for n in ("flow", "diffusion", "mixture")]
-    result.heard(
+    result.statement_holds(
         mixture < 0.2,
         only_if="the chunks don't follow what was begun",
         inside=[tossed < 0.2],
@@ -355,7 +355,7 @@ def ensembling_averages(result):
         cases=True,
     )
     mean = np.mean(result.rng.choice([-1.0, 1.0], (20_000, 8)), axis=1)
-    result.corrected(all(selected), whole > 0.95, abs(mean.std() * np.sqrt(8) - 1) < 0.03)
+    result.correction_holds(all(selected), whole > 0.95, abs(mean.std() * np.sqrt(8) - 1) < 0.03)
 
 
 @claim(
@@ -382,14 +382,14 @@ def react_less(result):
 
     s, k = sympy.symbols("s k", positive=True)
     result.formula = sympy.sqrt(k * s**2)
-    size = result.given("size", 0.05)
+    size = result.input("size", 0.05)
     steps = {"two": 2, "eight": 8}
     two, eight = (
-        result.figure(n, passed(Commit(policy("mixture"), k), size), 0.15) for n, k in steps.items()
+        result.measure(n, passed(Commit(policy("mixture"), k), size), 0.15) for n, k in steps.items()
     )
     for name, each in steps.items():
-        result.figure(f"quiet_{name}", passed(Commit(policy("mixture"), each)), 0.05)
-    result.figure("each", passed(Commit(policy("mixture"), 1), size), 0.15)
+        result.measure(f"quiet_{name}", passed(Commit(policy("mixture"), each)), 0.05)
+    result.measure("each", passed(Commit(policy("mixture"), 1), size), 0.15)
     heads = ("mixture", "flow", "diffusion", "nearest")
     less = [
         np.mean([passed(Commit(policy(n), 8), size, x) for x in (3, 4)])
@@ -400,8 +400,8 @@ def react_less(result):
     still = roll(task, lambda states, rng: 0.0 * states, np.zeros((4000, 2)), 8, rng).states
     deviation = still[:, 8, 0].std() / float(result.formula.subs({s: size, k: 8}))
     result.statement = "400 runs each; the four heads on record, twice 400 runs."
-    result.heard(all(less))
-    result.corrected(abs(deviation - 1.0) < 0.05, eight < two - 0.04)
+    result.statement_holds(all(less))
+    result.correction_holds(abs(deviation - 1.0) < 0.05, eight < two - 0.04)
 
 
 @claim(
@@ -430,18 +430,18 @@ def pauses(result):
         ran = roll(TwoWays(), act, shown.states[:, 0], 60, np.random.default_rng(0))
         return np.mean(ran.states[:, :, 0].max(axis=1) < 0.9)
 
-    pause = int(result.given("pause", 4))
-    within = result.figure("stuck", stuck(pause, pause, 0))
-    over = result.figure("through", stuck(pause, pause + 1, 0))
-    drawn = result.figure("drawn", stuck(pause, 1, 0, drawing))
+    pause = int(result.input("pause", 4))
+    within = result.measure("stuck", stuck(pause, pause, 0))
+    over = result.measure("through", stuck(pause, pause + 1, 0))
+    drawn = result.measure("drawn", stuck(pause, 1, 0, drawing))
     pairs = [(result.rng.integers(1, 8), result.rng.random()) for _ in range(8)]
     result.statement = "30 demonstrations, chunks of 8 steps, 60 steps of time."
     inside = [stuck(n, 1 + int(part * n), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside = [stuck(n, n + 1 + int(part * (8 - n)), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside.append(drawn == 1.0)
     only_if = "it draws nothing, and carries out no more steps than a pause has"
-    result.heard(over == 1.0, only_if=only_if, inside=inside, outside=outside)
-    result.corrected(within == 1.0, over == 0.0, drawn < 0.1, not any(outside))
+    result.statement_holds(over == 1.0, only_if=only_if, inside=inside, outside=outside)
+    result.correction_holds(within == 1.0, over == 0.0, drawn < 0.1, not any(outside))
 
 
 @claim(
@@ -474,22 +474,22 @@ def ways_missed(result):
         remaining = (ends.reshape(sets, number) > 0.0).sum(axis=1)
         return np.mean(remaining == 0), np.mean((remaining == 0) | (remaining == number))
 
-    n, share = int(result.given("n", 50)), result.given("share", 0.02)
-    rare = result.figure("rare", missed(share, n, 1000, 0)[0], 0.1)
+    n, share = int(result.input("n", 50)), result.input("share", 0.02)
+    rare = result.measure("rare", missed(share, n, 1000, 0)[0], 0.1)
     result.statement = "1,000 sets of demonstrations, then 300 of drawn shares."
     limit = 1.0 - 0.01 ** (1.0 / n)
     inside, outside = (
         [bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(result.rng.uniform(*some, 8))]
         for some in ((limit, 0.5), (0.1 * limit, 0.5 * limit))
     )
-    result.heard(
+    result.statement_holds(
         rare < 0.03,
         only_if="it is taken by a share above 1 - (1/100)^(1/n)",
         inside=inside,
         outside=outside,
     )
     five = missed(0.3, 5, 4000, 1)[1]
-    result.corrected(
+    result.correction_holds(
         abs(rare - (1.0 - share) ** n) < 0.05, abs(five - float(result.formula.subs(p, 0.3))) < 0.03
     )
 
@@ -502,11 +502,11 @@ def ways_missed(result):
 )
 def code_of_zero(result):
     zero, drawn, _ = (
-        result.figure(n, between(name), 0.15)
+        result.measure(n, between(name), 0.15)
         for n, name in (("zero", "zero"), ("drawn", "autoencoder"), ("mixture", "mixture"))
     )
     same = policy("zero")(np.zeros((100, 2)), np.random.default_rng(0))
     free = policy("autoencoder")(np.zeros((100, 2)), np.random.default_rng(0))
     result.statement = "The recorded autoencoder, a code of one number."
-    result.heard(same.std(axis=0).max() < 1e-9)
-    result.corrected(same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn)
+    result.statement_holds(same.std(axis=0).max() < 1e-9)
+    result.correction_holds(same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn)

@@ -71,23 +71,23 @@ def errors_compound(result):
     def square(share, T):
         return bool(np.divide(*expected_cost(share, [2 * T, T], recovers=False)) > 3.4)
 
-    alone = result.figure("alone", exponent(0.001, False), 0.04)
-    mended = result.figure("mended", exponent(0.001, True), 0.08)
-    lost = result.figure("lost", exponent(0.3, False), 0.04)
+    alone = result.measure("alone", exponent(0.001, False), 0.04)
+    mended = result.measure("mended", exponent(0.001, True), 0.08)
+    lost = result.measure("lost", exponent(0.3, False), 0.04)
     result.statement = "20,000 episodes each of a table of contexts; doubled times by the formula."
     drawn = list(result.rng.integers(20, 200, 10))
     inside, outside = (
         [square(x / T, T) for x, T in zip(result.rng.uniform(*some, 10), drawn, strict=True)]
         for some in ((0.01, 0.3), (0.7, 3.0))
     )
-    result.heard(
+    result.statement_holds(
         square(0.1, 80),
         only_if="nothing leads back, and eps T is below a third",
         inside=inside,
         outside=outside,
     )
     three = expected_cost(0.2, 3.0, recovers=False) - result.formula.subs(eps, 0.2)
-    result.corrected(1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12)
+    result.correction_holds(1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12)
 
 
 @claim(
@@ -125,20 +125,20 @@ def clone_error_grows(result):
         total = accumulated(factor, 0.01, 600)
         return bool(total[599] > 100.0 * total[299])
 
-    low = result.given("low", 0.9)
-    below, one = result.figure("below", exponent(low)), result.figure("one", exponent(1.0))
+    low = result.input("low", 0.9)
+    below, one = result.measure("below", exponent(low)), result.measure("one", exponent(1.0))
     result.statement = "2,000 steps from rest with the same error in each."
     inside, outside = (
         [explodes(x) for x in result.rng.uniform(*some, 10)] for some in ((1.05, 1.5), (0.5, 1.0))
     )
-    result.heard(
+    result.statement_holds(
         explodes(low),
         only_if="a deviation grows by itself, |a| above 1",
         inside=inside,
         outside=outside,
     )
     three = float(result.formula.subs({a: low, e: 0.01}))
-    result.corrected(
+    result.correction_holds(
         abs(below - 1.0) < 0.02,
         abs(one - 2.0) < 0.01,
         abs(accumulated(low, 0.01, 3)[-1] - three) < 1e-12,
@@ -174,8 +174,8 @@ def perfect_fit(result):
     states, labels = ran.states[:, :-1].reshape(-1, 2), ran.actions.reshape(-1, 1)
     law = linear(states, labels)
     missed = np.abs(law(states, result.rng) - labels).max()
-    result.figure("expert", task.radius(task.K))
-    copy = result.figure("copy", task.radius(law.gain[0]))
+    result.measure("expert", task.radius(task.K))
+    copy = result.measure("copy", task.radius(law.gain[0]))
 
     def as_good(plant, injected):
         return bool(law_of(1, plant, rounds=0, injected=injected) < plant.radius(plant.K) + 1e-6)
@@ -183,7 +183,7 @@ def perfect_fit(result):
     plants = [regulator(result.rng) for _ in range(10)]
     result.statement = "20 runs of 40 steps, then drawn plants, each with states on a line or not."
     inside, outside = ([as_good(plant, x) for plant in plants] for x in (0.01, 0.0))
-    result.heard(
+    result.statement_holds(
         copy < 1.0,
         only_if="the states it was shown span all directions",
         inside=inside,
@@ -191,7 +191,7 @@ def perfect_fit(result):
     )
     mode = task.slow_mode()
     values = dict(zip((K1, K2, c, s), (*task.K, *mode), strict=True))
-    result.corrected(
+    result.correction_holds(
         missed < 1e-9,
         law.rank == 1,
         copy > 1.1,
@@ -210,26 +210,26 @@ def perfect_fit(result):
 def dagger_fixes_drift(result):
     from course.learning import Regulator
 
-    task, rounds, size = Regulator(), int(result.given("rounds", 5)), result.given("size", 0.01)
-    n, least = int(result.given("n", 30)), result.given("least", 1e-6)
-    quiet = result.figure("quiet", law_of(0, task, rounds=rounds), 1e-3)
+    task, rounds, size = Regulator(), int(result.input("rounds", 5)), result.input("size", 0.01)
+    n, least = int(result.input("n", 30)), result.input("least", 1e-6)
+    quiet = result.measure("quiet", law_of(0, task, rounds=rounds), 1e-3)
     two, one = ([law_of(k, task, rounds=r, label_noise=least) for k in range(n)] for r in (2, 1))
-    mended, worst = result.figure("mended", max(two), 1e-2), result.figure("worst", max(one), 0.1)
-    pushed = result.figure("pushed", law_of(0, task, rounds=0, injected=size))
+    mended, worst = result.measure("mended", max(two), 1e-2), result.measure("worst", max(one), 0.1)
+    pushed = result.measure("pushed", law_of(0, task, rounds=0, injected=size))
     sizes = 10.0 ** result.rng.uniform(-6.0, -1.5, 10)
     result.statement = "Ten runs of 40 steps a round, a linear learner."
     inside, outside = (
         [law_of(k, task, rounds=2, label_noise=x) < 1.0 for k, x in enumerate(some)]
         for some in (sizes, 0.0 * sizes)
     )
-    result.heard(
+    result.statement_holds(
         quiet < 1.0,
         only_if="something takes the learner off the line that was shown",
         inside=inside,
         outside=outside,
     )
     expert = task.radius(task.K)
-    result.corrected(
+    result.correction_holds(
         quiet > 1.1,
         abs(mended - expert) < 0.01,
         worst > 1.3,
@@ -259,27 +259,27 @@ def dagger_needs_room(result):
         ran = [roll(task, r.policy, task.starts(100, rng), 160, rng).states for r in each[::2]]
         return [np.cumsum(task.cost(states[:, 1:]).mean(axis=0)) for states in ran]
 
-    long, short = int(result.given("long", 600)), int(result.given("short", 150))
-    n = int(result.given("n", 6))
+    long, short = int(result.input("long", 600)), int(result.input("short", 150))
+    n = int(result.input("n", 6))
     runs = [costs(long, 0), costs(long, 1), *(costs(short, seed) for seed in range(n))]
     T = np.array([10, 20, 40, 80, 160])
     grown = [np.polyfit(np.log(T), np.log(first[T - 1]), 1)[0] for first, _ in runs]
-    result.figure("exponent", max(grown), 0.1)
+    result.measure("exponent", max(grown), 0.1)
     ends = np.array([[first[-1], last[-1]] for first, last in runs])
     for name, some in (("long", ends[:2]), ("short", ends[2:])):
-        result.figure(f"{name}_clone", np.median(some[:, 0]), 0.2)
-        result.figure(f"{name}_dagger", np.median(some[:, 1]), 0.4)
+        result.measure(f"{name}_clone", np.median(some[:, 0]), 0.2)
+        result.measure(f"{name}_dagger", np.median(some[:, 1]), 0.4)
     lower = [bool(last < first) for first, last in ends]
-    worse = result.figure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
+    worse = result.measure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
     result.statement = "20 laps of 40 steps a round, 32 units a layer, medians of all seeds."
-    result.heard(
+    result.statement_holds(
         all(lower),
         only_if="it is trained long enough to fit the new states",
         inside=lower[:2],
         outside=lower[2:],
         cases=True,
     )
-    result.corrected(max(grown) < 1.35, min(grown) > 0.7, worse > 0.5 * n)
+    result.correction_holds(max(grown) < 1.35, min(grown) > 0.7, worse > 0.5 * n)
 
 
 @claim(
@@ -305,10 +305,10 @@ def diffusion_mends_drift(result):
         far = np.abs(roll(task, policy, task.starts(100, rng), 100, rng).states).max(axis=2)
         return np.mean(far[:, -1] > 10.0 * far[:, 0])
 
-    size = result.given("size", 1.0)
-    plain, taught = result.figure("lost", lost(0.0), 0.1), result.figure("taught", lost(size), 0.03)
-    little = result.figure("little", lost(0.1 * size), 0.3)
+    size = result.input("size", 1.0)
+    plain, taught = result.measure("lost", lost(0.0), 0.1), result.measure("taught", lost(size), 0.03)
+    little = result.measure("little", lost(0.1 * size), 0.3)
     result.statement = "Trained on 100 runs of 40 steps, driven for 100 steps without noise."
-    result.heard(plain < 0.1)
+    result.statement_holds(plain < 0.1)
     law = law_of(0, task, rounds=0, injected=0.1 * size)
-    result.corrected(plain > 0.85, taught < 0.05, little > 0.5, law < 1.0)
+    result.correction_holds(plain > 0.85, taught < 0.05, little > 0.5, law < 1.0)

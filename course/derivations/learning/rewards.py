@@ -82,10 +82,10 @@ def lambda_mixes(result):
         gae(a, b, c, e, f, gamma, trace) - double(a, b, c, e, f)
         for a, b, c, e, f, _ in (drawn(result.rng, 0.1) for _ in range(20))
     ]
-    result.figure("worst", np.abs(deviation).max(), 0.5)
+    result.measure("worst", np.abs(deviation).max(), 0.5)
     result.statement = "20 drawn runs of 40 steps."
-    result.heard(np.abs(deviation).max() < 1e-12)
-    result.corrected(np.abs(deviation).max() < 1e-12)
+    result.statement_holds(np.abs(deviation).max() < 1e-12)
+    result.correction_holds(np.abs(deviation).max() < 1e-12)
 
 
 @claim(
@@ -114,16 +114,16 @@ def next_row(result):
         return np.abs(gae(rewards, values, row, ended, late) - right).max()
 
     ended, cut = ([deviation(c) for _ in range(10)] for c in (0.0, 0.1))
-    result.figure("worst", max(cut))
+    result.measure("worst", max(cut))
     result.statement = "Drawn runs of 40 steps, a tenth of them ends; without or with cuts."
     inside, outside = ([x < 1e-12 for x in some] for some in (ended, cut))
-    result.heard(
+    result.statement_holds(
         all(outside),
         inside=inside,
         outside=outside,
         only_if="no episode is cut off and reset within the step",
     )
-    result.corrected(
+    result.correction_holds(
         min(cut) > 1e-3, max(ended) < 1e-12, follows("NextStep"), not follows("SameStep")
     )
 
@@ -159,19 +159,19 @@ def beyond_the_clip(result):
 
     size, over = result.rng.uniform(0.1, 3.0, 10), result.rng.uniform(0.21, 0.9, 10)
     signs = np.resize([1.0, -1.0], 10)
-    result.figure("slope", objective(np.array([1.5]), np.array([-1.0]))[1][0])
+    result.measure("slope", objective(np.array([1.5]), np.array([-1.0]))[1][0])
     result.statement = "Finite differences of the objective, clip 0.2, at drawn ratios."
     inside, outside = (
         [flat(1.0 + s * k * x, s * y) for s, x, y in zip(signs, over, size, strict=True)]
         for k in (1.0, -1.0)
     )
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="it has moved the way its advantage pushes",
         inside=inside,
         outside=outside,
     )
-    result.corrected(
+    result.correction_holds(
         not any(outside),
         abs(objective(np.array([1.5]), np.array([-2.0]))[0][0] + 3.0) < 1e-12,
         not flat(1.1, 1.0),
@@ -192,15 +192,15 @@ def clip_keeps(result):
     envs = PointReachVector(64, "potential", autoreset_mode="SameStep")
     settings = Settings(hidden=(16, 16), rate=1e-3, anneal=False)
     report = list(ppo(envs, settings, steps=64 * 32 * 3, seed=0))
-    share = result.figure("share", np.mean([x.clipped for x in report]), 0.5)
-    result.figure("kl", np.mean([x.kl for x in report]), 0.5)
+    share = result.measure("share", np.mean([x.clipped for x in report]), 0.5)
+    result.measure("kl", np.mean([x.kl for x in report]), 0.5)
     result.statement = (
         "Three iterations of 2,048 steps, five epochs, two layers 16 wide, rate 0.001, clip 0.2."
     )
     advantage = result.rng.normal(size=100)
     first = objective(np.ones(100), advantage)[1]
-    result.heard(share == 0.0)
-    result.corrected(share > 0.02, np.array_equal(first, advantage))
+    result.statement_holds(share == 0.0)
+    result.correction_holds(share > 0.02, np.array_equal(first, advantage))
 
 
 @claim(
@@ -246,7 +246,7 @@ def first_to_finish(result):
         ("true_more", more),
         ("read_more", read_more),
     ):
-        result.figure(name, value, 0.05)
+        result.measure(name, value, 0.05)
 
     def shows(share, slow):
         """A longer game in whole steps: successes take one step, failures `slow` steps."""
@@ -263,14 +263,14 @@ def first_to_finish(result):
 
     result.statement = "128 environments, 100 steps at most; then games of drawn shares."
     inside, outside = ([shows(s, n) for s in result.rng.uniform(0.2, 0.8, 8)] for n in (1, 30))
-    result.heard(
+    result.statement_holds(
         abs(read_more - more) < 0.05,
         only_if="failures take as long as successes",
         inside=inside,
         outside=outside,
     )
     law = float(result.formula.subs(p, true))
-    result.corrected(abs(read - law) < 0.1, read_more == 1.0, more < 0.8)
+    result.correction_holds(abs(read - law) < 0.1, read_more == 1.0, more < 0.8)
 
 
 @claim(
@@ -283,7 +283,7 @@ def own_normaliser(result):
     from course.learning import Normaliser
     from course.vector_env import PointReachVector
 
-    n = int(result.given("n", 4))
+    n = int(result.input("n", 4))
 
     def turned(episodes, shared, N=512):
         """Share of environments in which the way along x to a new goal has the wrong sign."""
@@ -300,11 +300,11 @@ def own_normaliser(result):
         report = normaliser(new.reshape(-1, table.shape[1])).reshape(N, 4)
         return np.mean(report[:, 0] * new[:, 0] < 0.0)
 
-    own, later = (result.figure(x, turned(k, False), 0.1) for x, k in (("own", 1), ("later", n)))
-    shared = result.figure("shared", turned(1, True), 0.5)
+    own, later = (result.measure(x, turned(k, False), 0.1) for x, k in (("own", 1), ("later", n)))
+    shared = result.measure("shared", turned(1, True), 0.5)
     result.statement = "512 points pushed at random, new goals for all."
-    result.heard(own < 0.05)
-    result.corrected(own > later + 0.03, later > shared + 0.05, shared < 0.05)
+    result.statement_holds(own < 0.05)
+    result.correction_holds(own > later + 0.03, later > shared + 0.05, shared < 0.05)
 
 
 @claim(
@@ -349,21 +349,21 @@ def sparse_chance(result):
         envs = PointReachVector(N, radius=radius)
         return evaluate(lambda observed: pushes(N), envs, 0).success.mean()
 
-    report = result.figure("law", law(0.05), 0.05)
-    observed = result.figure("measured", measured(0.05), 0.1)
-    result.figure("small", measured(0.0125), 0.2)
+    report = result.measure("law", law(0.05), 0.05)
+    observed = result.measure("measured", measured(0.05), 0.1)
+    result.measure("small", measured(0.0125), 0.2)
     result.statement = "2,000 episodes of 100 steps each."
     inside, outside = (
         [bool(measured(x) < 0.01) for x in result.rng.uniform(*some, 8)]
         for some in ((0.001, 0.015), (0.03, 0.2))
     )
-    result.heard(
+    result.statement_holds(
         observed < 0.01,
         only_if="{formula}, taken where goals are dense, is below 1/100",
         inside=inside,
         outside=outside,
     )
-    result.corrected(abs(report / observed - 1.0) < 0.3, abs(measured(0.1) / law(0.1) - 1.0) < 0.3)
+    result.correction_holds(abs(report / observed - 1.0) < 0.3, abs(measured(0.1) / law(0.1) - 1.0) < 0.3)
 
 
 @claim(
@@ -388,13 +388,13 @@ def minus_distance(result):
         best, *others = (evaluate_policy(sparse, policy)[0] for policy in policies)
         return np.isclose(others, best)
 
-    n = int(result.given("n", 60))
+    n = int(result.input("n", 60))
     retained = np.array([tried() for _ in range(n)])
-    plain = result.figure("plain", np.sum(~retained[:, 0]))
-    potential = result.figure("potential", np.sum(~retained[:, 1]), 0.0)
+    plain = result.measure("plain", np.sum(~retained[:, 0]))
+    potential = result.measure("potential", np.sum(~retained[:, 1]), 0.0)
     result.statement = "Two ways of up to ten steps to one end with a prize, solved exactly."
-    result.heard(plain == 0)
-    result.corrected(plain > 0.05 * n, potential == 0)
+    result.statement_holds(plain == 0)
+    result.correction_holds(plain > 0.05 * n, potential == 0)
 
 
 @claim(
@@ -431,23 +431,23 @@ def hovering(result):
             value_iteration(Process(moves, pays, discount, np.array([False, True]))).policy[0] == 0
         )
 
-    steps = int(result.given("steps", 30))
+    steps = int(result.input("steps", 30))
     envs = PointReachVector(1, "hover", bonus=1.0)
     envs.reset(seed=0)
     still = np.zeros((1, 2), np.float32)
-    result.figure("paid", np.sum([envs.step(still)[1][0] for _ in range(steps)]), 0.0)
+    result.measure("paid", np.sum([envs.step(still)[1][0] for _ in range(steps)]), 0.0)
     tasks = list(
         zip(result.rng.uniform(0.6, 0.98, 10), result.rng.uniform(0.5, 20.0, 10), strict=True)
     )
     result.statement = "Two states with drawn discounts and prizes; a point that rests near."
     inside, outside = ([hovers(x, *task) for task in tasks] for x in (1.05, 0.95))
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="the bonus is above (1 - gamma) / gamma of the prize",
         inside=inside,
         outside=outside,
     )
-    result.corrected(not any(outside), result.figures["paid"] == steps)
+    result.correction_holds(not any(outside), result.figures["paid"] == steps)
 
 
 @claim(
@@ -467,20 +467,20 @@ def no_time_penalty(result):
         envs = PointReachVector(64, max_steps=1000)
         return evaluate(act, envs, 0, discount=gamma).returns.mean()
 
-    discount = result.given("discount", 0.99)
+    discount = result.input("discount", 0.99)
     slow, fast = (
-        result.figure(x, worth(gain, discount), 1e-3) for x, gain in (("slow", 0.3), ("fast", 2.0))
+        result.measure(x, worth(gain, discount), 1e-3) for x, gain in (("slow", 0.3), ("fast", 2.0))
     )
     same = [bool(abs(worth(0.3, x) - worth(2.0, x)) < 1e-9) for x in (1.0, 0.999, 0.95)]
     result.statement = "64 starts, up to 1,000 steps, critically damped laws of 0.3 / s and 2 / s."
-    result.heard(
+    result.statement_holds(
         all(same[1:]),
         only_if="nothing is discounted and no clock runs out",
         inside=same[:1],
         outside=same[1:],
         cases=True,
     )
-    result.corrected(fast > slow + 0.1, not any(same[1:]))
+    result.correction_holds(fast > slow + 0.1, not any(same[1:]))
 
 
 @claim(
@@ -506,7 +506,7 @@ def two_gains(result):
         episodes = evaluate(act, PointReachVector(len(each)), seeds)
         return episodes.returns.reshape(len(gains), n).mean(axis=1), episodes.steps.sum()
 
-    laws, n = int(result.given("laws", 24)), int(result.given("n", 10))
+    laws, n = int(result.input("laws", 24)), int(result.input("n", 10))
     best, each = [], []
     for seed in range(n):
         some = np.random.default_rng(seed).uniform(0.0, 5.0, (laws, 2))
@@ -515,12 +515,12 @@ def two_gains(result):
         each.append(steps)
     starts, _ = PointReachVector(500).reset(seed=9000)
     shares = played(np.array(best), 9000, 500)[0] / optimum(starts).mean()
-    share = result.figure("share", np.median(shares), 0.02)
-    least = result.figure("least", shares.min(), 0.02)
-    hours = result.figure("hours", result.figure("steps", np.median(each), 0.02) * 0.05 / 3600, 0.02)
+    share = result.measure("share", np.median(shares), 0.02)
+    least = result.measure("least", shares.min(), 0.02)
+    hours = result.measure("hours", result.measure("steps", np.median(each), 0.02) * 0.05 / 3600, 0.02)
     result.statement = "32 starts a law, tested on 500 others, steps of 0.05 s; medians."
-    result.heard(share < 0.5 and hours == 0.0)
-    result.corrected(share > 0.8, least > 0.7, hours > 0.2)
+    result.statement_holds(share < 0.5 and hours == 0.0)
+    result.correction_holds(share > 0.8, least > 0.7, hours > 0.2)
 
 
 @claim(
@@ -570,12 +570,12 @@ def gradient_cost(result):
             net(observed).square().mean().backward()
         return *(x.get_total_flops() / (2 * rows) for x in (forward, backward)), calls.number
 
-    width, widths = int(result.given("width", 64)), (8, 64, 256)
+    width, widths = int(result.input("width", 64)), (8, 64, 256)
     forward, back, calls = counted(width)
-    result.figure("ratio", back / forward)
-    result.figure("calls", calls, 0.3)
+    result.measure("ratio", back / forward)
+    result.measure("calls", calls, 0.3)
     each = [counted(x) for x in widths]
     law = [float(result.formula.subs({d: 4, h: x, m: 2})) for x in widths]
     result.statement = "PyTorch's own count of products and calls, 4 inputs and 2 outputs."
-    result.heard(all(b <= 2.0 * f for f, b, _ in each))
-    result.corrected(np.allclose([b for _, b, _ in each], law), len({c for *_, c in each}) == 1)
+    result.statement_holds(all(b <= 2.0 * f for f, b, _ in each))
+    result.correction_holds(np.allclose([b for _, b, _ in each], law), len({c for *_, c in each}) == 1)

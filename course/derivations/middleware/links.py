@@ -54,21 +54,21 @@ def picture_lost_like_packet(result):
     p = sympy.Symbol("p", positive=True)
     through = sympy.prod([1 - p] * 12)
     result.formula = 1 - through
-    n, loss = int(result.given("n", Link().fragments(640 * 480 * 3))), result.given("p", 1e-3)
-    twelve = int(result.given("twelve", 12))
+    n, loss = int(result.input("n", Link().fragments(640 * 480 * 3))), result.input("p", 1e-3)
+    twelve = int(result.input("twelve", 12))
 
     def share(packets, loss, messages=4000):
         return lossy("best_effort", packets, loss, messages)[0].lost / messages
 
-    lost = result.figure("lost", share(n, loss), 0.1)
-    few = result.figure("few", share(twelve, loss, 20_000), 0.3)
+    lost = result.measure("lost", share(n, loss), 0.1)
+    few = result.measure("few", share(twelve, loss, 20_000), 0.3)
     drawn = result.rng.uniform(0.01, 0.3, 6)
     # As many losses, in rows of ten.
     rows = result.rng.random((4000, n)) < loss / 10
     rows = np.logical_or.reduce([np.roll(rows, k) for k in range(10)])
     result.statement = "Messages on the bus, each packet drawn; losses in rows of ten by themselves."
-    result.heard(lost < 2.0 * loss)
-    result.corrected(
+    result.statement_holds(lost < 2.0 * loss)
+    result.correction_holds(
         abs(lost - (1.0 - (1.0 - loss) ** n)) < 0.03,
         abs(few - float(result.formula.subs(p, loss))) < 0.004,
         all(abs(share(12, float(x)) - float(result.formula.subs(p, x))) < 0.04 for x in drawn),
@@ -117,7 +117,7 @@ def reliable_resends_all(result):
 
     n, p, k = sympy.symbols("n p k", positive=True)
     result.formula = sympy.simplify(n * (1 + (sympy.Sum(p**k, (k, 1, sympy.oo)).doit().args[0][0])))
-    size, loss = int(result.given("n", 627)), result.given("p", 1e-3)
+    size, loss = int(result.input("n", 627)), result.input("p", 1e-3)
 
     def packets(size, loss, messages=300, rate=1e9):
         """Of each message in the mean, and rounds: the wire never rests before all is through."""
@@ -126,15 +126,15 @@ def reliable_resends_all(result):
         return sent / messages, 1.0 + reader.rounds / messages
 
     sent, rounds = packets(size, loss, 3000)
-    result.figure("more", sent / size - 1.0, 0.2)
-    result.figure("rounds", rounds, 0.03)
+    result.measure("more", sent / size - 1.0, 0.2)
+    result.measure("rounds", rounds, 0.03)
     alone = lossy("best_effort", size, loss, 4000)[0]
-    whole = result.figure("whole", 4000 / alone.received, 0.1)
+    whole = result.measure("whole", 4000 / alone.received, 0.1)
     drawn = [(int(a), float(b)) for a, b in result.rng.uniform((5, 0.05), (200, 0.5), (5, 2))]
     observed = [(packets(a, b)[0], float(result.formula.subs({n: a, p: b}))) for a, b in drawn]
     result.statement = "Bytes on the bus's wire; what asks for them is not lost and not counted."
-    result.heard(bool(abs(rounds / whole - 1.0) < 0.1))
-    result.corrected(
+    result.statement_holds(bool(abs(rounds / whole - 1.0) < 0.1))
+    result.correction_holds(
         all(abs(a / b - 1.0) < 0.03 for a, b in observed),
         rounds < whole - 0.2,
         sent < 1.01 * size,
@@ -186,14 +186,14 @@ def gigabit_is_enough(result):
         stamp, old = np.transpose(observed)
         return float(np.polyfit(stamp, old, 1)[0])
 
-    wire = 1e6 * result.given("cable", 125)
-    camera = result.figure("camera", rate(1280, 720, 5, 30) / 1e6)
-    vga = result.figure("vga", rate(640, 480, 3, 30) / 1e6)
-    packets = result.figure("packets", Link().fragments(int(rate(640, 480, 3, 1))))
-    grows = result.figure("slope_ms", 1e3 * slope(int(rate(1280, 720, 5, 1)), wire), 0.01)
+    wire = 1e6 * result.input("cable", 125)
+    camera = result.measure("camera", rate(1280, 720, 5, 30) / 1e6)
+    vga = result.measure("vga", rate(640, 480, 3, 30) / 1e6)
+    packets = result.measure("packets", Link().fragments(int(rate(640, 480, 3, 1))))
+    grows = result.measure("slope_ms", 1e3 * slope(int(rate(1280, 720, 5, 1)), wire), 0.01)
     result.statement = "Arithmetic, and pictures on a wire of that many bytes a second, no headers."
-    result.heard(grows < 1.0)
-    result.corrected(
+    result.statement_holds(grows < 1.0)
+    result.correction_holds(
         camera > 125.0,
         abs(grows / (1e3 * (camera / 125.0 - 1.0)) - 1.0) < 0.01,
         abs(slope(int(rate(640, 480, 3, 1)), wire)) < 1e-6,
@@ -214,8 +214,8 @@ def command_waits_for_picture(result):
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
-    speed, size = 1e6 * result.given("mb_s", 125), 1e6 * result.given("mb", 0.9)
-    period = 1.0 / result.given("hz", 1000)
+    speed, size = 1e6 * result.input("mb_s", 125), 1e6 * result.input("mb", 0.9)
+    period = 1.0 / result.input("hz", 1000)
 
     def waited(reliability, shared, phase=0.37, spread=0.0):
         bus, late, wire = Bus(), list[float](), Link(rate=speed)
@@ -240,17 +240,17 @@ def command_waits_for_picture(result):
         return 1e3 * max(late)
 
     kinds = ("reliable", "best_effort")
-    keeps = result.figure(
+    keeps = result.measure(
         "keeps_ms", 1e3 * Link(rate=speed).fragments(int(size)) * 1472 / speed, 0.01
     )
-    largest = result.figure("waited_ms", max(waited(kind, True) for kind in kinds), 0.05)
-    alone = result.figure("alone_ms", waited("reliable", False), 0.05)
-    spread = 1e-3 * result.given("spread_ms", 20)
-    paced = result.figure("paced_ms", waited("reliable", True, spread=spread), 0.1)
+    largest = result.measure("waited_ms", max(waited(kind, True) for kind in kinds), 0.05)
+    alone = result.measure("alone_ms", waited("reliable", False), 0.05)
+    spread = 1e-3 * result.input("spread_ms", 20)
+    paced = result.measure("paced_ms", waited("reliable", True, spread=spread), 0.1)
     drawn = [waited(kind, True, x) for kind in kinds for x in result.rng.uniform(0.1, 0.9, 4)]
     result.statement = "Pictures and commands on one wire of the bus, in ten phases."
-    result.heard(all(x > 0.8 * keeps for x in drawn))
-    result.corrected(max(largest, *drawn) < 1.01 * keeps, alone < 0.01, paced < 0.02)
+    result.statement_holds(all(x > 0.8 * keeps for x in drawn))
+    result.correction_holds(max(largest, *drawn) < 1.01 * keeps, alone < 0.01, paced < 0.02)
 
 
 def newest(reliability, loss, repair, seconds=5.0):
@@ -284,13 +284,13 @@ def newest(reliability, loss, repair, seconds=5.0):
     "reliable.",
 )
 def joint_states_reliable(result):
-    loss, kinds = result.given("loss", 0.1), ("best_effort", "reliable")
-    slow, quick = (1e-3 * result.given(*x) for x in (("slow_ms", 3), ("quick_ms", 0.3)))
+    loss, kinds = result.input("loss", 0.1), ("best_effort", "reliable")
+    slow, quick = (1e-3 * result.input(*x) for x in (("slow_ms", 3), ("quick_ms", 0.3)))
     best, sure = (newest(kind, loss, slow) for kind in kinds)
     for name, some in (("best", best), ("sure", sure)):
-        result.figure(f"{name}_ms", some.mean(), 0.1)
-        result.figure(f"{name}_tail", np.quantile(some, 0.99), 0.2)
-    again = result.figure("quick", newest("reliable", loss, quick).mean(), 0.1)
+        result.measure(f"{name}_ms", some.mean(), 0.1)
+        result.measure(f"{name}_tail", np.quantile(some, 0.99), 0.2)
+    again = result.measure("quick", newest("reliable", loss, quick).mean(), 0.1)
     fair = [newest(kind, 0.0, slow).mean() for kind in kinds]
 
     def fresher(loss, repair):
@@ -302,13 +302,13 @@ def joint_states_reliable(result):
         result.rng.uniform((0.1, 1.3e-3), (0.3, 4e-3), (8, 2)),
     )
     result.statement = "Joint states on the bus, 5 s each, looked at in all phases."
-    result.heard(
+    result.statement_holds(
         bool(sure.mean() < best.mean()),
         only_if="what was lost is there again before the next state",
         inside=[fresher(*x) for x in within],
         outside=[fresher(*x) for x in after],
     )
-    result.corrected(
+    result.correction_holds(
         bool(again < best.mean()),
         abs(fair[0] / fair[1] - 1.0) < 1e-6,
         bool(np.quantile(sure, 0.99) > np.quantile(best, 0.99)),
@@ -328,8 +328,8 @@ def topics_many_to_many(result):
     from course.middleware.qos import QoS
     from course.oracles.cyclonedds import Topic, participant, take
 
-    count, others = int(result.given("writers", 3)), int(result.given("readers", 4))
-    turns = int(result.given("turns", 10))
+    count, others = int(result.input("writers", 3)), int(result.input("readers", 4))
+    turns = int(result.input("turns", 10))
     with participant() as member:
         topic, second = Topic(member), Topic(member)
         writers = [topic.writer(QoS()) for _ in range(count)]
@@ -349,11 +349,11 @@ def topics_many_to_many(result):
         for k in range(turns):
             third.write((weak, strong)[k % 2], k % 2)
         alone = take(drive)
-    result.figure("all", sum(map(len, got)))
-    changes = result.figure("changes", int(np.count_nonzero(np.diff(obeyed))))
+    result.measure("all", sum(map(len, got)))
+    changes = result.measure("changes", int(np.count_nonzero(np.diff(obeyed))))
     result.statement = "Writers and readers on Cyclone DDS."
-    result.heard(got == [list(range(count))] * others)
-    result.corrected(changes == turns - 1, report == 0, set(alone) == {1})
+    result.statement_holds(got == [list(range(count))] * others)
+    result.correction_holds(changes == turns - 1, report == 0, set(alone) == {1})
 
 
 def answered(work, busy=0.0, phase=0.0, clients=1):
@@ -399,19 +399,19 @@ def answered(work, busy=0.0, phase=0.0, clients=1):
 def service_takes_five(result):
     from course.middleware.qos import QoS
 
-    work = 1e-3 * result.given("work_ms", 2)
-    busy = 1e-3 * result.given("busy_ms", 40)
+    work = 1e-3 * result.input("work_ms", 2)
+    busy = 1e-3 * result.input("busy_ms", 40)
     phases = np.linspace(-0.05, 0.05, 41)
     observed = [1e3 * answered(work, busy, float(x))[0][0] for x in phases]
-    least = result.figure("least_ms", min(observed), 0.01)
-    largest = result.figure("most_ms", max(observed), 0.05)
-    crowd = answered(work, clients=int(result.given("clients", 5)))
-    last = result.figure("last_ms", 1e3 * max(x for x, _ in crowd), 0.01)
-    depth = result.figure("depth", QoS().depth)
-    received = result.figure("heard", len(answered(work, clients=int(result.given("many", 20)))))
+    least = result.measure("least_ms", min(observed), 0.01)
+    largest = result.measure("most_ms", max(observed), 0.05)
+    crowd = answered(work, clients=int(result.input("clients", 5)))
+    last = result.measure("last_ms", 1e3 * max(x for x, _ in crowd), 0.01)
+    depth = result.measure("depth", QoS().depth)
+    received = result.measure("heard", len(answered(work, clients=int(result.input("many", 20)))))
     result.statement = "A server with a second callback on the bus, and clients that ask at once."
-    result.heard(len(crowd) < 2 or largest < 1.5 * least)
-    result.corrected(
+    result.statement_holds(len(crowd) < 2 or largest < 1.5 * least)
+    result.correction_holds(
         all(right for _, right in crowd),
         len(crowd) == 5,
         largest > 10.0 * least,

@@ -53,12 +53,12 @@ def reliability_both_ways(result):
         for (a, b), one in zip(pairs, verdicts(pairs), strict=True)
     }
     silent = [pair for pair, one in received.items() if not one]
-    result.figure("silent", len(silent))
-    reader = through(QoS(), QoS("best_effort"), Link(loss=result.given("loss", 0.2)))
-    lost = result.figure("lost", reader.lost / 2000, 0.2)
+    result.measure("silent", len(silent))
+    reader = through(QoS(), QoS("best_effort"), Link(loss=result.input("loss", 0.2)))
+    lost = result.measure("lost", reader.lost / 2000, 0.2)
     result.statement = "All pairs on Cyclone DDS; a link with losses on the bus."
-    result.heard(not received["reliable", "best_effort"] and not received["best_effort", "reliable"])
-    result.corrected(
+    result.statement_holds(not received["reliable", "best_effort"] and not received["best_effort", "reliable"])
+    result.correction_holds(
         silent == [tuple(kinds)],
         reader.rounds == 0,
         bool(abs(lost - 0.2) < 0.05),
@@ -82,13 +82,13 @@ def mismatch_is_late(result):
 
     pair = QoS("best_effort"), QoS()
     (report,) = verdicts([pair])
-    sent = int(result.given("sent", 20))
-    came = result.figure("came", len(history(*pair, sent)))
-    result.figure("policy", report.writer)
+    sent = int(result.input("sent", 20))
+    came = result.measure("came", len(history(*pair, sent)))
+    result.measure("policy", report.writer)
     events = through(*pair, Link(), 3).bus.events
     result.statement = "On Cyclone DDS, and the events of the bus."
-    result.heard(came > 0)
-    result.corrected(
+    result.statement_holds(came > 0)
+    result.correction_holds(
         came == 0,
         report.writer == report.reader == "reliability",
         [one.end for one in events] == ["writer", "reader"],
@@ -126,21 +126,21 @@ def stronger_offer(result):
     from course.middleware.qos import ORDERS, QoS, compatible
     from course.oracles.cyclonedds import verdicts
 
-    requests = [drawn(result.rng) for _ in range(int(result.given("tried", 24)))]
+    requests = [drawn(result.rng) for _ in range(int(result.input("tried", 24)))]
     offers = [
         replace(drawn(result.rng, least=one), depth=int(result.rng.integers(1, 20)))
         for one in requests
     ]
     observed = verdicts(list(zip(offers, requests, strict=True)))
     ends: list[dict[str, Any]] = [{n: k[at] for n, k in ORDERS.items()} for at in (0, -1)]
-    result.figure("ordered", len(compatible(QoS(**ends[0]), QoS(**ends[1], deadline=0.1))))
+    result.measure("ordered", len(compatible(QoS(**ends[0]), QoS(**ends[1], deadline=0.1))))
     unlike = [QoS(ownership=kind) for kind in ("shared", "exclusive")]
     mixed = verdicts([(unlike[0], unlike[1]), (unlike[1], unlike[0])])
     # The other way round a pair is silent as soon as one policy is really stronger.
     back = [bool(compatible(a, b)) for a, b in zip(requests, offers, strict=True)]
     result.statement = "Pairs by chance on Cyclone DDS."
-    result.heard(all(one.delivered == 1 for one in observed))
-    result.corrected(
+    result.statement_holds(all(one.delivered == 1 for one in observed))
+    result.correction_holds(
         not any(compatible(*pair) for pair in zip(offers, requests, strict=True)),
         not any(one.matched for one in mixed),
         all(back),
@@ -157,12 +157,12 @@ def volatile_is_no_past(result):
     from course.middleware.qos import QoS, compatible
     from course.oracles.qos_matrix import history
 
-    sent = int(result.given("sent", 8))
-    came = result.figure("came", len(history(QoS(), late(), sent)))
-    back = result.figure("back", len(history(late(), QoS(), sent)))
+    sent = int(result.input("sent", 8))
+    came = result.measure("came", len(history(QoS(), late(), sent)))
+    back = result.measure("back", len(history(late(), QoS(), sent)))
     result.statement = "On Cyclone DDS."
-    result.heard(came == sent)
-    result.corrected(came == 0, back == sent, compatible(QoS(), late()) == ("durability",))
+    result.statement_holds(came == sent)
+    result.correction_holds(came == 0, back == sent, compatible(QoS(), late()) == ("durability",))
 
 
 @claim(
@@ -175,7 +175,7 @@ def deadline_for_deadline(result):
     from course.middleware.qos import QoS
     from course.oracles.cyclonedds import verdicts
 
-    requested = result.rng.uniform(0.05, 20.0, int(result.given("asked", 10)))
+    requested = result.rng.uniform(0.05, 20.0, int(result.input("asked", 10)))
     name = {"deadline": "deadline", "lease": "liveliness_lease_duration"}
 
     def received(policy, factors):
@@ -189,15 +189,15 @@ def deadline_for_deadline(result):
     below, above = result.rng.uniform(0.3, 1.0, requested.size), result.rng.uniform(1.001, 1.1, 10)
     below[0] = 1.0
     inside, outside = received("deadline", below), received("deadline", above)
-    met = result.figure("met", sum(received("deadline", np.full(requested.size, math.inf))))
+    met = result.measure("met", sum(received("deadline", np.full(requested.size, math.inf))))
     result.statement = "Deadlines and leases by chance on Cyclone DDS."
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="the writer's is at most as long as the reader's",
         inside=inside,
         outside=outside,
     )
-    result.corrected(
+    result.correction_holds(
         met == 0, all(received("lease", below)), not any(received("lease", above)), not any(outside)
     )
 
@@ -220,11 +220,11 @@ def event_names_all(result):
         if report.writer != report.reader or report.delivered:
             break
         offered = replace(offered, **{report.reader: getattr(requested, report.reader)})
-    result.figure("failing", len(failing))
-    one = result.figure("named", len(named[0]))
+    result.measure("failing", len(failing))
+    one = result.measure("named", len(named[0]))
     result.statement = "On Cyclone DDS, mended policy by policy."
-    result.heard(len(failing) == one)
-    result.corrected(len(named) == len(failing), set().union(*named) == set(failing))
+    result.statement_holds(len(failing) == one)
+    result.correction_holds(len(named) == len(failing), set().union(*named) == set(failing))
 
 
 @claim(
@@ -240,15 +240,15 @@ def reliable_arrives(result):
     from course.middleware.qos import QoS
     from course.oracles.qos_matrix import history
 
-    burst, depth = int(result.given("burst", 8)), int(result.given("depth", 3))
-    retained = result.figure("kept", len(history(QoS(), QoS(depth=depth), burst)))
+    burst, depth = int(result.input("burst", 8)), int(result.input("depth", 3))
+    retained = result.measure("kept", len(history(QoS(), QoS(depth=depth), burst)))
     best = history(QoS("best_effort"), QoS("best_effort", depth=depth), burst)
-    link = Link(delay=0.01, loss=result.given("loss", 0.2))
+    link = Link(delay=0.01, loss=result.input("loss", 0.2))
     short, long = (
         through(replace(QoS(depth=1), history=kind), QoS(history="keep_all"), link)
         for kind in ("keep_last", "keep_all")
     )
-    missing = result.figure("gone", short.lost / 2000, 0.2)
+    missing = result.measure("gone", short.lost / 2000, 0.2)
     quick = through(QoS(depth=1), QoS(history="keep_all"), replace(link, delay=1e-4))
 
     def all_of(n, writer, reader):
@@ -261,14 +261,14 @@ def reliable_arrives(result):
     ]
     outside = [all_of(k, k, k - 1) for k in n]
     result.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
-    result.heard(
+    result.statement_holds(
         retained == burst,
         only_if="the two have met, neither end's history overruns, no lifespan ends and "
         "the writer lives on",
         inside=[*inside, long.lost == 0],
         outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]],
     )
-    result.corrected(
+    result.correction_holds(
         len(best) == retained == depth, missing > 0.1, not any(outside), long.rounds > 0, quick.lost == 0
     )
 
@@ -319,14 +319,14 @@ def best_effort_is_fresh(result):
 
     d, T, w = sympy.symbols("d T w", positive=True)
     result.formula = sympy.factor(sympy.integrate((d - 1) * T + w, (w, 0, T)) / T)
-    depth = int(result.given("depth", 10))
-    deep = result.figure("deep", queue_ages(depth, 3, 20, "best_effort").ages[-1])
-    newest = result.figure("newest", queue_ages(1, 3, 20, "reliable").ages[-1])
+    depth = int(result.input("depth", 10))
+    deep = result.measure("deep", queue_ages(depth, 3, 20, "best_effort").ages[-1])
+    newest = result.measure("newest", queue_ages(1, 3, 20, "reliable").ages[-1])
     drawn = zip(result.rng.integers(1, 12, 6), result.rng.uniform(1.3, 4.0, 6), strict=True)
     observed = [(int(k), ages(int(k), float(r), ORDERS["reliability"][int(k) % 2])) for k, r in drawn]
     result.statement = "On Cyclone DDS in turns, and on the bus with clocks of their own."
-    result.heard(deep == 0)
-    result.corrected(
+    result.statement_holds(deep == 0)
+    result.correction_holds(
         deep == depth - 1,
         newest == 0,
         all(k - 1 - 1e-6 < a.min() and a.max() < k + 1e-6 for k, a in observed),
@@ -368,10 +368,10 @@ def late_joiner_gets_the_last(result):
         name: [gets(late(**{"depth": 1, name: a}), late(**{name: b})) for a in some for b in some]
         for name, some in kinds.items()
     }
-    result.figure("given", sum(given["durability"]))
-    result.figure("reliable", sum(given["reliability"]))
+    result.measure("given", sum(given["durability"]))
+    result.measure("reliable", sum(given["reliability"]))
     result.statement = "Pairs on Cyclone DDS; lifespan and the writer's end on the bus."
-    result.heard(
+    result.statement_holds(
         all(given["reliability"]),
         cases=True,
         only_if="both ends are transient-local and reliable, its lifespan lasts and its writer "
@@ -384,7 +384,7 @@ def late_joiner_gets_the_last(result):
             still_there(dies=True),
         ],
     )
-    result.corrected(
+    result.correction_holds(
         sum(given["durability"]) == 1,
         sum(given["reliability"]) == 1,
         not still_there(lifespan=0.5),
@@ -414,18 +414,18 @@ def late_joiner_depth(result):
             )
         )
 
-    depth = int(result.given("depth", 3))
-    plain = result.figure("plain", handed(depth, 0))
+    depth = int(result.input("depth", 3))
+    plain = result.measure("plain", handed(depth, 0))
     depths = result.rng.integers(2, 10, 8)
     result.statement = "Late readers on Cyclone DDS, after 12 samples."
-    result.heard(
+    result.statement_holds(
         plain == depth,
         only_if="its durability service has the depth d as well, and the reader no less",
         inside=[handed(k, k) == k for k in depths],
         outside=[handed(k, k - 1) == k for k in depths]
         + [handed(k, k, int(k) - 1) == k for k in depths],
     )
-    result.corrected(plain == 1, handed(5, 5, reader=2) == 2)
+    result.correction_holds(plain == 1, handed(5, 5, reader=2) == 2)
 
 
 def usable(lifespan, delay, seconds):
@@ -456,18 +456,18 @@ def lifespan_bounds_age(result):
     from course.middleware.qos import QoS
     from course.oracles.cyclonedds import Topic, participant, take
 
-    life, link = (1e-3 * result.given(*x) for x in (("life_ms", 100), ("link_ms", 60)))
+    life, link = (1e-3 * result.input(*x) for x in (("life_ms", 100), ("link_ms", 60)))
     waits = [1e-3 * k for k in range(120) if usable(life, link, 1e-3 * k)]
-    remaining = result.figure("left_ms", 1e3 * max(waits), 0.05)
-    ago, lasts = result.given("ago_s", 60), result.given("life_s", 30)
+    remaining = result.measure("left_ms", 1e3 * max(waits), 0.05)
+    ago, lasts = result.input("ago_s", 60), result.input("life_s", 30)
     with participant() as member:
         topic = Topic(member)
         writer, reader = topic.writer(QoS(lifespan=lasts)), topic.reader(QoS())
-        topic.write(writer, *range(int(result.given("sent", 3))), stamp=time.time() - ago)
-        came = result.figure("came", len(take(reader)))
+        topic.write(writer, *range(int(result.input("sent", 3))), stamp=time.time() - ago)
+        came = result.measure("came", len(take(reader)))
     result.statement = "Times of taking on the bus; early stamps on Cyclone DDS, in one process."
-    result.heard(came == 0)
-    result.corrected(came == 3, 1e3 * (life - link) - 1.5 < remaining < 1e3 * (life - link))
+    result.statement_holds(came == 0)
+    result.correction_holds(came == 3, 1e3 * (life - link) - 1.5 < remaining < 1e3 * (life - link))
 
 
 def missed_on_the_bus(gap, deadline):
@@ -499,29 +499,29 @@ def deadline_is_one_event(result):
     from course.oracles.cyclonedds import Topic, participant
     from course.oracles.qos_matrix import missed
 
-    gap = 1e-3 * result.given("gap_ms", 120)
-    deadline = 1e-3 * result.given("deadline_ms", 50)
+    gap = 1e-3 * result.input("gap_ms", 120)
+    deadline = 1e-3 * result.input("deadline_ms", 50)
 
-    events = result.figure("events", missed_on_the_bus(gap, deadline)[1])
+    events = result.measure("events", missed_on_the_bus(gap, deadline)[1])
     with participant() as member:
         topic = Topic(member)
         _, reader = topic.writer(QoS(deadline=0.02)), topic.reader(QoS(deadline=0.02))
         time.sleep(0.1)
-        never = result.figure("never", reader.get_requested_deadline_missed_status().total_count)
+        never = result.measure("never", reader.get_requested_deadline_missed_status().total_count)
         topic = Topic(member)
         writer, reader = topic.writer(QoS(deadline=0.02)), topic.reader(QoS(deadline=0.02))
         topic.write(writer, 1)
         del writer
         gc.collect()
         time.sleep(0.1)
-        closed = result.figure("closed", reader.get_requested_deadline_missed_status().total_count)
+        closed = result.measure("closed", reader.get_requested_deadline_missed_status().total_count)
     real = missed(deadline, gap, 2)
     draws = result.rng.uniform((0.05, 0.01), (0.5, 0.049), (20, 2))
     result.statement = "Gaps on the bus, and those that there really were on Cyclone DDS."
-    result.heard(events == 1)
-    result.corrected(
+    result.statement_holds(events == 1)
+    result.correction_holds(
         all(missed_on_the_bus(float(g), float(d)) == [math.floor(g / d)] * 2 for g, d in draws),
         never == closed == 0,
-        real.least <= real.offered <= real.most,
-        real.least <= real.requested <= real.most,
+        real.least <= real.offered <= real.at_most,
+        real.least <= real.requested <= real.at_most,
     )

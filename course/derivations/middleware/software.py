@@ -33,14 +33,14 @@ def node_is_a_process(result):
         node = bus.node(name)
         node.timer(0.1, lambda name=name: at.__setitem__(name, os.getpid()))
     bus.run(0.5)
-    nodes = result.figure("nodes", len(at))
-    processes = result.figure("processes", len(set(at.values())))
+    nodes = result.measure("nodes", len(at))
+    processes = result.measure("processes", len(set(at.values())))
     listed = launch.nodes(launch.USUAL)
-    written = result.figure("written", len(listed))
-    started = result.figure("started", len({(x.package, x.executable) for x in listed}))
+    written = result.measure("written", len(listed))
+    started = result.measure("started", len({(x.package, x.executable) for x in listed}))
     result.statement = "Process numbers seen by the callbacks of a stack; a launch file, run."
-    result.heard(processes == nodes)
-    result.corrected(processes == 1, nodes == 5, started == written)
+    result.statement_holds(processes == nodes)
+    result.correction_holds(processes == 1, nodes == 5, started == written)
 
 
 CRASH = """
@@ -101,11 +101,11 @@ def processes_isolate(result):
     answer = other.communicate("are you?\n")[0]
     silent, done = told_of_a_crash(float("inf"))
     noticed, _ = told_of_a_crash(0.1)
-    result.figure("events", len(silent))
-    report = result.figure("told", len(noticed))
+    result.measure("events", len(silent))
+    report = result.measure("told", len(noticed))
     result.statement = "A process with two threads, one of which reads address 0; leases on the bus."
-    result.heard(answer.strip() == "alive" and crashed.returncode != 0)
-    result.corrected(text == "", silent == [], report == 1 and noticed == ["not alive"], not done)
+    result.statement_holds(answer.strip() == "alive" and crashed.returncode != 0)
+    result.correction_holds(text == "", silent == [], report == 1 and noticed == ["not alive"], not done)
 
 
 @claim(
@@ -138,14 +138,14 @@ def callback_sets_the_rate(result):
         bus.run(0.9999)
         return np.array(sent)
 
-    hz = result.given("hz", 200)
-    sent = result.figure("sent", commands(hz).size)
-    times = commands(hz, busy=1e-3 * result.given("busy_ms", 200))
-    burst = result.figure("burst", int(np.unique(times, return_counts=True)[1].max()))
+    hz = result.input("hz", 200)
+    sent = result.measure("sent", commands(hz).size)
+    times = commands(hz, busy=1e-3 * result.input("busy_ms", 200))
+    burst = result.measure("burst", int(np.unique(times, return_counts=True)[1].max()))
     late = commands(hz, stops=0.5)
     result.statement = "Joint states at some rates on the bus, one second each."
-    result.heard(sent > 900)
-    result.corrected(
+    result.statement_holds(sent > 900)
+    result.correction_holds(
         all(commands(float(x)).size == np.ceil(0.9999 * x) for x in (50, 333, 1000)),
         sent == hz,
         bool(late.max() < 0.5),
@@ -172,20 +172,20 @@ def any_joint_message(result):
     targets, six = [[0.5] * 6], [6, *[0.1] * 6, 6, *[0.2] * 6]
     wrong = [[7, *[0.1] * 7, 7, *[0.2] * 7], [6, *[0.1] * 6, 0]]
     settings = result.rng.uniform(0.1, 5.0, (4, 6))
-    rows = result.rng.normal(0.0, 2.0, (int(result.given("updates", 100)), 12))
+    rows = result.rng.normal(0.0, 2.0, (int(result.input("updates", 100)), 12))
     with tempfile.TemporaryDirectory() as folder:
         program = controller.build(Path(folder))
         fine = controller.drive(program, "callback", targets, [six, six])
         failed = [controller.drive(program, "callback", targets, [row]) for row in wrong]
         ours = controller.drive(program, "update", settings, rows)
-    result.figure("bad", len(failed))
-    stopped = result.figure("stopped", sum(bool(one.report) for one in failed))
-    made = result.figure("made", min(fine.allocations), 0.5)
-    empty = result.figure("none", sum(ours.allocations))
+    result.measure("bad", len(failed))
+    stopped = result.measure("stopped", sum(bool(one.report) for one in failed))
+    made = result.measure("made", min(fine.allocations), 0.5)
+    empty = result.measure("none", sum(ours.allocations))
     report = [controller.torques(row[:6], row[6:], *settings) for row in rows]
     result.statement = "Both in C++ under the address sanitizer, and the same law in Python."
-    result.heard(all(one.code == 0 for one in failed))
-    result.corrected(
+    result.statement_holds(all(one.code == 0 for one in failed))
+    result.correction_holds(
         stopped == len(wrong),
         fine.code == 0 and made >= 2,
         empty == 0,
@@ -209,14 +209,14 @@ def launch_comments(result):
     def ends(text):
         return sum(len(launch.overrides(node.parameters)) for node in launch.nodes(text))
 
-    usual, ours = result.figure("usual", ends(launch.USUAL)), result.figure("ours", ends(launch.OURS))
+    usual, ours = result.measure("usual", ends(launch.USUAL)), result.measure("ours", ends(launch.OURS))
     (control,) = (x for x in launch.nodes(launch.USUAL) if "rate" in x.parameters)
     node = launch.Parameters(control.parameters)
-    remaining = result.figure("left", node.declare("update_rate", int(result.given("default", 100))))
+    remaining = result.measure("left", node.declare("update_rate", int(result.input("default", 100))))
     requested = control.parameters["rate"]
     result.statement = "Both files run against stand-ins of launch, their parameters read by name."
-    result.heard(usual > 0)
-    result.corrected(
+    result.statement_holds(usual > 0)
+    result.correction_holds(
         usual == 0,
         ours > 4,
         remaining != requested,
@@ -253,16 +253,16 @@ def parameters_are_tunable(result):
     paths = ("read", "told", "copied", "undeclared")
     drawn = result.rng.uniform(1.0, 100.0, (8, 2))
     works = {method: [stiffness(method, float(a), float(b)) == b for a, b in drawn] for method in paths}
-    result.figure("kinds", len(works))
-    tuned = result.figure("tuned", sum(all(one) for one in works.values()))
+    result.measure("kinds", len(works))
+    tuned = result.measure("tuned", sum(all(one) for one in works.values()))
     result.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."
-    result.heard(
+    result.statement_holds(
         all(works["copied"]),
         only_if="it is declared, not read-only, and read anew or followed by a callback",
         inside=works["read"] + works["told"],
         outside=works["copied"] + works["undeclared"],
     )
-    result.corrected(tuned == 2, not any(works["copied"]), not any(works["undeclared"]))
+    result.correction_holds(tuned == 2, not any(works["copied"]), not any(works["undeclared"]))
 
 
 @claim(
@@ -308,25 +308,25 @@ def seven_billion_on_board(result):
         values = {n: model, b: float(size), f: rate, k: float(actions)}
         return float(result.formula.subs(values)) / 1e9
 
-    pc, chunk = result.given("pc", 89.6), result.given("chunk", 8)
-    each = result.figure("each", traffic(2))
-    result.figure("few", traffic(2, chunk))
-    link = 1e-3 * result.given("link_ms", 40)
+    pc, chunk = result.input("pc", 89.6), result.input("chunk", 8)
+    each = result.measure("each", traffic(2))
+    result.measure("few", traffic(2, chunk))
+    link = 1e-3 * result.input("link_ms", 40)
     stages = [Stage("camera", 0.01, 1 / 30), Stage("policy", 0.09, 0.1), Stage("drive", 1e-4, 1e-3)]
     near = age(stages).mean
     far = age([stages[0], Stage("link", link, overload="pipelined"), *stages[1:]]).mean
-    result.figure("near_ms", 1e3 * near)
-    result.figure("far_ms", 1e3 * far)
+    result.measure("near_ms", 1e3 * near)
+    result.measure("far_ms", 1e3 * far)
     sizes, few = result.rng.uniform(1.4, 4.0, 8), result.rng.uniform(2.0, 16.0, 8)
     result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
-    result.heard(
+    result.statement_holds(
         bool(traffic(2, chunk) > pc),
         only_if="each action takes a pass of its own, the memory beside the processor is "
         "too slow for that, and no link to another computer is quick enough",
         inside=[traffic(x) > pc for x in sizes],
         outside=[traffic(min(x, 2.5), a) > pc for x, a in zip(sizes, few, strict=True)],
     )
-    result.corrected(
+    result.correction_holds(
         each > pc,
         abs(far - near - link) < 1e-9,
         all(
@@ -363,8 +363,8 @@ def chunks_hide_latency(result):
 
     C, H, T, x = sympy.symbols("C H T x", positive=True)
     result.formula = C + sympy.integrate(1, (x, 0, H * T))
-    a_pass, action = (1e-3 * result.given(*x) for x in (("pass_ms", 100), ("action_ms", 20)))
-    played = int(result.given("played", 25))
+    a_pass, action = (1e-3 * result.input(*x) for x in (("pass_ms", 100), ("action_ms", 20)))
+    played = int(result.input("played", 25))
 
     def ages(a_pass, chunk):
         """Ages behind the motion on the bus [s]: a pass as each chunk is to end [s]."""
@@ -372,13 +372,13 @@ def chunks_hide_latency(result):
         return run.age(result.rng.uniform(5.0 * chunk, 58.0 * chunk, 4000))
 
     observed, short = ages(a_pass, played * action), ages(a_pass, a_pass)
-    worst = result.figure("worst_ms", 1e3 * observed.max(), 0.01)
-    mean = result.figure("mean_ms", 1e3 * observed.mean(), 0.03)
-    result.figure("short_ms", 1e3 * short.max(), 0.01)
+    worst = result.measure("worst_ms", 1e3 * observed.max(), 0.01)
+    mean = result.measure("mean_ms", 1e3 * observed.mean(), 0.03)
+    result.measure("short_ms", 1e3 * short.max(), 0.01)
     drawn = [(float(a), float(h)) for a, h in result.rng.uniform((0.02, 0.1), (0.1, 0.6), (5, 2))]
     result.statement = "A policy as a stage of chapter 0 on the bus, ages at drawn moments."
-    result.heard(worst < 1.1e3 * a_pass)
-    result.corrected(
+    result.statement_holds(worst < 1.1e3 * a_pass)
+    result.correction_holds(
         all(
             abs(ages(a, h).max() / float(result.formula.subs({C: a, H: 1, T: h})) - 1.0) < 0.01
             for a, h in drawn

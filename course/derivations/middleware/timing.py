@@ -44,11 +44,11 @@ def liu_layland_says_no(result):
 
     u, x = sympy.symbols("u x", positive=True)
     result.formula = sympy.factor(sympy.solve(sympy.Eq((u + 1) * (x + 1), 2), x)[0])
-    n, sets = int(result.given("n", 4)), int(result.given("sets", 1000))
-    load = result.given("load", 0.85)
-    bound = result.figure("bound", liu_layland(n))
+    n, sets = int(result.input("n", 4)), int(result.input("sets", 1000))
+    load = result.input("load", 0.85)
+    bound = result.measure("bound", liu_layland(n))
     C, T = random_sets(n, load, sets, result.rng)
-    meet = result.figure("meet", np.isfinite(response_times(C, T)).all(axis=0).mean(), 0.15)
+    meet = result.measure("meet", np.isfinite(response_times(C, T)).all(axis=0).mean(), 0.15)
 
     def safe(share, other, ratios):
         """Whether two tasks are in time at all these ratios of periods, either the quicker one."""
@@ -63,11 +63,11 @@ def liu_layland_says_no(result):
     # The worst ratio of periods of all: there a little more is too much.
     worst = [np.append(ratios, [1.0 + a, 1.0 + b]) for a, b in report]
     short, long = Work("control", 1e-3, 0.02), Work("camera", 0.025, 1 / 30, "subscription")
-    two = result.figure("two", sum(w.execution / w.period for w in (short, long)))
+    two = result.measure("two", sum(w.execution / w.period for w in (short, long)))
     waits = respond([short, long], "timers first", 1, (0.1, 0.0), 0.2)["control"].max()
     result.statement = "Exact response times of random sets, and of pairs at 800 ratios of periods."
-    result.heard(meet < 0.01)
-    result.corrected(
+    result.statement_holds(meet < 0.01)
+    result.correction_holds(
         meet > 0.5,
         load > bound,
         two < liu_layland(2),
@@ -89,7 +89,7 @@ def liu_layland_says_no(result):
 def critical_instant(result):
     from course.middleware.schedule import random_sets, response_times, run
 
-    sets = int(result.given("sets", 400))
+    sets = int(result.input("sets", 400))
     C, T = random_sets(4, 0.85, sets, result.rng)
     text = response_times(C, T)
     meets = np.isfinite(text)
@@ -97,15 +97,15 @@ def critical_instant(result):
     equal = np.abs(first.longest - text)[meets].max() < 1e-9
     phases = [run(C, T, 2.0, phase=result.rng.random(T.shape) * T).longest for _ in range(5)]
     later = [np.any((observed > first.longest + 1e-9) & meets, axis=0).sum() for observed in phases]
-    result.figure("later", sum(later))
-    result.figure("tried", sum(observed.shape[1] for observed in phases))
+    result.measure("later", sum(later))
+    result.measure("tried", sum(observed.shape[1] for observed in phases))
     held = response_times(C, T, 1e-3)
     result.statement = "The analysis, runs from the critical instant, and runs with other phases."
-    result.heard(sum(later) == 0)
+    result.statement_holds(sum(later) == 0)
     late = np.zeros_like(T)
     late[0] = 0.5 * T[0]
     output, ran = response_times(C, T, jitter=late), run(C, T, 2.0, jitter=late).longest
-    result.corrected(
+    result.correction_holds(
         bool(equal),
         bool(np.array_equal(first.late == 0, meets)),
         bool(np.any((ran > first.longest + 1e-9)[1:] & meets[1:])),
@@ -126,12 +126,12 @@ def critical_instant(result):
 def by_rate_is_best(result):
     from course.middleware.schedule import random_sets, response_times
 
-    C, T = random_sets(4, 0.85, int(result.given("sets", 400)), result.rng, ratio=20.0)
+    C, T = random_sets(4, 0.85, int(result.input("sets", 400)), result.rng, ratio=20.0)
     orders = [list(order) for order in permutations(range(4))]
     good = np.array([np.isfinite(response_times(C[o], T[o])).all(axis=0) for o in orders])
     some = good.any(axis=0)
-    result.figure("some", some.sum(), 0.1)
-    wrong = result.figure("wrong", good[:, some].mean(), 0.2)
+    result.measure("some", some.sum(), 0.1)
+    wrong = result.measure("wrong", good[:, some].mean(), 0.2)
     # A slow task with an early deadline is in time in front of a quicker one, and not behind it.
     late = response_times([0.3, 0.2], [1.0, 2.0])[1], response_times([0.2, 0.3], [2.0, 1.0])
     J = T * np.where(result.rng.random(T.shape) < 0.3, 0.6, 0.0)
@@ -139,8 +139,8 @@ def by_rate_is_best(result):
         [np.isfinite(response_times(0.8 * C[o], T[o], 0.0, J[o])).all(axis=0) for o in orders]
     )
     result.statement = "Exact response times in all 24 orders of priority."
-    result.heard(bool(np.array_equal(good[0], some)))
-    result.corrected(
+    result.statement_holds(bool(np.array_equal(good[0], some)))
+    result.correction_holds(
         wrong < 0.8,
         some.sum() > 100,
         jitter[0].sum() < jitter.any(axis=0).sum(),
@@ -179,7 +179,7 @@ def high_waits(protocol, section, middle, between):
 def inversion_is_bounded(result):
     from course.middleware.schedule import run
 
-    section, middle = (1e-3 * result.given(*x) for x in (("section_ms", 20), ("middle_ms", 100)))
+    section, middle = (1e-3 * result.input(*x) for x in (("section_ms", 20), ("middle_ms", 100)))
 
     def bounded(protocol, hold, between, count):
         return high_waits(protocol, float(hold), float(between), int(count)) < hold + 1e-6
@@ -187,9 +187,9 @@ def inversion_is_bounded(result):
     one, five = (high_waits("none", section, middle, n) for n in (1, 5))
     kinds = ("inheritance", "ceiling")
     held = [high_waits(kind, section, middle, 5) for kind in kinds]
-    result.figure("one_ms", 1e3 * one, 1e-3)
-    result.figure("five_ms", 1e3 * five, 1e-3)
-    result.figure("held_ms", 1e3 * max(held), 1e-3)
+    result.measure("one_ms", 1e3 * one, 1e-3)
+    result.measure("five_ms", 1e3 * five, 1e-3)
+    result.measure("held_ms", 1e3 * max(held), 1e-3)
     top = [
         run(
             [middle, 0.01, section],
@@ -203,17 +203,17 @@ def inversion_is_bounded(result):
         - 0.01
         for kind in kinds
     ]
-    result.figure("top_ms", 1e3 * max(top), 1e-3)
+    result.measure("top_ms", 1e3 * max(top), 1e-3)
     drawn = result.rng.uniform((0.001, 0.01, 1.0), (0.1, 0.5, 6.99), (8, 3))
     result.statement = "Three to eight tasks and a lock on one simulated core."
-    result.heard(
+    result.statement_holds(
         one < section + 1e-6,
         only_if="the lock hands on the priority of who waits, or has a ceiling, its "
         "holder waits for no other, and nobody is above",
         inside=[bounded(kind, *x) for x in drawn for kind in kinds],
         outside=[bounded("none", *x) for x in drawn] + [bool(x < section + 1e-6) for x in top],
     )
-    result.corrected(
+    result.correction_holds(
         abs(one - section - middle) < 1e-4,
         abs(five - section - 5 * middle) < 1e-4,
         all(x < section + 1e-6 for x in held),
@@ -232,7 +232,7 @@ def inversion_is_bounded(result):
 def not_real_time_by_default(result):
     from course.middleware.executor import ORDERS, Work, bounds, respond
 
-    short, long = (1e-3 * result.given(*x) for x in (("control_ms", 1), ("camera_ms", 25)))
+    short, long = (1e-3 * result.input(*x) for x in (("control_ms", 1), ("camera_ms", 25)))
     works = [Work("control", short, 0.05), Work("camera", long, 1 / 30, "subscription")]
     apart = [works[0], Work("camera", long, 1 / 30, "subscription", "own")]
     phases = np.linspace(0.0, 1 / 3, 40)
@@ -247,12 +247,12 @@ def not_real_time_by_default(result):
         for x in phases[:10]
         for order in ORDERS
     )
-    worst = result.figure("worst_ms", 1e3 * max(observed.values()), 0.02)
-    result.figure("own_ms", 1e3 * own, 0.01)
+    worst = result.measure("worst_ms", 1e3 * max(observed.values()), 0.02)
+    result.measure("own_ms", 1e3 * own, 0.01)
     report = [1e3 * bounds(works, order)["control"] for order in ORDERS]
     result.statement = "Three orders of an executor on the bus, 40 phases, and their bounds."
-    result.heard(all(x > 0.9 * (short + long) for x in observed.values()))
-    result.corrected(
+    result.statement_holds(all(x > 0.9 * (short + long) for x in observed.values()))
+    result.correction_holds(
         all(worst <= x + 1e-6 for x in report),
         bool(own < 1.01 * short),
         max(report) < 1e3 * (short + long) + 1e-6,
@@ -312,22 +312,22 @@ def relative_sleep(result):
 
     T, C, L, k = sympy.symbols("T C L k", positive=True)
     result.formula = 1 / sympy.simplify(sympy.diff(k * (T + C + L), k))
-    work, wake = (1e-6 * result.given(*x) for x in (("work_us", 100), ("wake_us", 15)))
-    requested = result.given("asked", 1000)
+    work, wake = (1e-6 * result.input(*x) for x in (("work_us", 100), ("wake_us", 15)))
+    requested = result.input("asked", 1000)
 
     def rate(work, wake, period, relative=True):
         begun = looped(lambda: wake, work, 1000, relative, period)[0][1:]
         return (begun.size - 1) / (begun[-1] - begun[0])
 
     begun, record = looped(lambda: wake, work, relative=True)
-    result.figure("hz", rate(work, wake, 1.0 / requested), 1e-3)
-    result.figure("drift_us", 1e6 * np.diff(record.lateness)[1:].mean(), 1e-3)
+    result.measure("hz", rate(work, wake, 1.0 / requested), 1e-3)
+    result.measure("drift_us", 1e6 * np.diff(record.lateness)[1:].mean(), 1e-3)
     held = looped(lambda: wake, work)[1]
-    late = result.figure("held_us", 1e6 * held.lateness.max(), 1e-3)
+    late = result.measure("held_us", 1e6 * held.lateness.max(), 1e-3)
     drawn = result.rng.uniform((1e-4, 1e-6, 1e-3), (2e-3, 2e-4, 1e-2), (8, 3))
     result.statement = "The chapter's loop on a clock that only sleep and work move."
-    result.heard(abs(rate(work, wake, 1e-3) / requested - 1.0) < 1e-3)
-    result.corrected(
+    result.statement_holds(abs(rate(work, wake, 1e-3) / requested - 1.0) < 1e-3)
+    result.correction_holds(
         all(
             abs(rate(*map(float, x)) / float(result.formula.subs({C: x[0], L: x[1], T: x[2]})) - 1.0)
             < 1e-4
@@ -366,7 +366,7 @@ def jitter_below_a_period(result):
     T, J, v, x, y = sympy.symbols("T J v x y", positive=True)
     square = sympy.integrate(sympy.integrate((x - y) ** 2, (x, 0, J)), (y, 0, J)) / J**2
     result.formula = sympy.simplify(v * sympy.sqrt(square) / T)
-    good = 1e-6 * result.given("good_us", 20)
+    good = 1e-6 * result.input("good_us", 20)
 
     def error(jitter, period=1e-3, periods=20_000, late=None):
         """Of a velocity of 1 rad/s over the nominal period; intervals [s]; periods skipped."""
@@ -377,15 +377,15 @@ def jitter_below_a_period(result):
 
     wrong, apart, skipped = error(0.99e-3)
     other = cycle((0.0, 0.99e-3))
-    turns = result.figure("turns", error(0.0, late=lambda: next(other))[0], 0.01)
-    result.figure("wrong", wrong, 0.05)
-    fair = result.figure("fair", error(good)[0], 0.1)
-    result.figure("least_us", 1e6 * apart.min(), 0.5)
-    result.figure("most_us", 1e6 * apart.max(), 0.05)
+    turns = result.measure("turns", error(0.0, late=lambda: next(other))[0], 0.01)
+    result.measure("wrong", wrong, 0.05)
+    fair = result.measure("fair", error(good)[0], 0.1)
+    result.measure("least_us", 1e6 * apart.min(), 0.5)
+    result.measure("most_us", 1e6 * apart.max(), 0.05)
     drawn = [(float(a), float(b)) for a, b in result.rng.uniform((1e-4, 1e-3), (9e-4, 5e-3), (4, 2))]
     result.statement = "The chapter's loop on a clock whose wake-ups are late by chance."
-    result.heard(bool(wrong < 0.05))
-    result.corrected(
+    result.statement_holds(bool(wrong < 0.05))
+    result.correction_holds(
         all(
             abs(error(j, t)[0] / float(result.formula.subs({J: j, T: t, v: 1})) - 1.0) < 0.03
             for j, t in drawn
@@ -429,22 +429,22 @@ def callback_over_a_period(result):
     inside, outside = (
         [control_misses(float(a), float(b), own) for a, b in drawn] for own in (False, True)
     )
-    short, several = 1e-3 * result.given("short_ms", 0.5), int(result.given("several", 3))
-    starts = result.rng.uniform(6e-4, 9.9e-4, int(result.given("tried", 8)))
-    missed = result.figure("missed", sum(control_misses(short, x, count=several) for x in starts))
+    short, several = 1e-3 * result.input("short_ms", 0.5), int(result.input("several", 3))
+    starts = result.rng.uniform(6e-4, 9.9e-4, int(result.input("tried", 8)))
+    missed = result.measure("missed", sum(control_misses(short, x, count=several) for x in starts))
     alone = [control_misses(short, x) for x in starts]
-    long, phases = 1e-3 * result.given("long_ms", 1.2), np.linspace(0.0, 1e-3, 50, endpoint=False)
-    share = result.figure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
+    long, phases = 1e-3 * result.input("long_ms", 1.2), np.linspace(0.0, 1e-3, 50, endpoint=False)
+    share = result.measure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
     early = result.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
     result.statement = "An executor on the bus, the callback just in front of a release of the loop."
     outside += [control_misses(float(a), float(b)) for a, b in early]
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="both wait for the same thread and it begins just before the loop is due",
         inside=inside,
         outside=outside,
     )
-    result.corrected(missed == starts.size, not any(alone), not any(outside), share < 0.5)
+    result.correction_holds(missed == starts.size, not any(alone), not any(outside), share < 0.5)
 
 
 def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, callers=1):
@@ -496,19 +496,19 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
     source="ROS 2 documentation, Using callback groups, Humble 2022",
 )
 def threads_cure_deadlock(result):
-    threads = int(result.given("threads", 8))
+    threads = int(result.input("threads", 8))
     answers, stuck, _ = calling(threads)
-    result.figure("answers", answers)
+    result.measure("answers", answers)
     enough = min(n for n in range(1, 5) if calling(n, own=True)[0] > 2)
-    result.figure("enough", enough)
+    result.measure("enough", enough)
     # Two that wait hold two threads, and both hang.
     three = min(n for n in range(1, 6) if calling(n, own=True, callers=2, work=0.01)[0] > 2)
-    result.figure("three", three)
+    result.measure("three", three)
     reentrant = min(n for n in range(1, 5) if calling(n, own="reentrant")[0] > 2)
     free = calling(1, waits=False)
     result.statement = "A timer's callback that asks a service, on the bus; who waits for whom."
-    result.heard(answers > 0)
-    result.corrected(
+    result.statement_holds(answers > 0)
+    result.correction_holds(
         len(stuck) == 1,
         enough == 2,
         three == 3,
@@ -531,7 +531,7 @@ def service_blocks(result):
     from course.middleware.bus import Bus
     from course.middleware.executor import Executor
 
-    work = 1e-3 * result.given("work_ms", 800)
+    work = 1e-3 * result.input("work_ms", 800)
 
     def held(waits, work, apart=False):
         return calling(2, True, waits, float(work), 9.95, apart)[2]
@@ -552,21 +552,21 @@ def service_blocks(result):
         bus.run(9.95)
         return len(ticks)
 
-    due = result.figure("due", held(False, 0.001))
-    ran = result.figure("held", held(True, work), 0.05)
-    free = result.figure("free", held(False, work), 0.05)
-    aside = result.figure("apart", held(True, work, True), 0.05)
-    result.figure("served", served(work), 0.05)
+    due = result.measure("due", held(False, 0.001))
+    ran = result.measure("held", held(True, work), 0.05)
+    free = result.measure("free", held(False, work), 0.05)
+    aside = result.measure("apart", held(True, work, True), 0.05)
+    result.measure("served", served(work), 0.05)
     drawn = result.rng.uniform(0.25, 0.9, 8)
     result.statement = "A node with two timers on the bus, ten seconds."
-    result.heard(
+    result.statement_holds(
         free < 0.9 * due,
         only_if="they share group or thread with what waits for the answer or makes it",
         inside=[held(True, x) < 0.9 * due for x in drawn] + [served(x) < due for x in drawn],
         outside=[held(False, x) < 0.9 * due for x in drawn]
         + [held(True, x, apart=True) < 0.9 * due for x in drawn],
     )
-    result.corrected(ran < 0.5 * due, free == due == aside)
+    result.correction_holds(ran < 0.5 * due, free == due == aside)
 
 
 def burdened(periods, litter, pages=0, **requested):
@@ -613,17 +613,17 @@ def burdened(periods, litter, pages=0, **requested):
 def fifo_makes_real_time(result):
     from course.middleware import loop
 
-    periods, litter = int(result.given("periods", 200)), int(result.given("litter", 100))
+    periods, litter = int(result.input("periods", 200)), int(result.input("litter", 100))
     noisy = burdened(periods, litter, quiet=False)
     quiet = burdened(periods, litter, quiet=True)
-    runs = result.figure("runs", noisy.collections, 0.3)
-    result.figure("quiet", quiet.collections)
+    runs = result.measure("runs", noisy.collections, 0.3)
+    result.measure("quiet", quiet.collections)
     fresh = burdened(20, 0, pages=64, quiet=True)
     with loop.urgent(core=100_000, lock=False, scheduler="other") as granted:
-        rejected = list(granted.refused)
+        rejected = list(granted.denied)
     result.statement = "Under SCHED_FIFO where the system grants it; collections and faults counted."
-    result.heard(noisy.collections == 0)
-    result.corrected(runs > 10, quiet.collections == 0, fresh.faults > 10, rejected == ["core"])
+    result.statement_holds(noisy.collections == 0)
+    result.correction_holds(runs > 10, quiet.collections == 0, fresh.faults > 10, rejected == ["core"])
 
 
 @claim(
@@ -659,15 +659,15 @@ def gc_hits_the_loop(result):
             record = loop.run(work, 1e-3, times, now=clock.now, sleep=clock.sleep)
         return record.collections, sum(theirs)
 
-    here = result.figure("here", collections(False, 3)[0])
+    here = result.measure("here", collections(False, 3)[0])
     other, theirs = collections(True, 3)
-    result.figure("there", other)
+    result.measure("there", other)
     result.statement = "Collections counted by the chapter's loop, in its process and in another."
-    result.heard(
+    result.statement_holds(
         other > 0,
         only_if="both are in one interpreter of Python",
         cases=True,
         inside=[collections(False, n)[0] == n for n in (1, 5)],
         outside=[other > 0],
     )
-    result.corrected(other == 0, theirs >= 3, here == 3)
+    result.correction_holds(other == 0, theirs >= 3, here == 3)

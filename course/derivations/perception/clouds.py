@@ -21,21 +21,21 @@ SYMBOLS = {
 def small_parts_have_few_pixels(result):
     from course.perception import Camera, render, shape
 
-    eye = Camera.symmetric(int(result.given("wide", 640)), 480, 1.0)
+    eye = Camera.symmetric(int(result.input("wide", 640)), 480, 1.0)
 
     def counted(side, z, tilt=0.0):
         turn = np.cos(tilt / 2), np.sin(tilt / 2), 0, 0
         tile = shape("box", 0.5 * side, 0.5 * side, 1e-4, pose=(0, 0, z + 1e-4, *turn))
         return np.count_nonzero(render(tile, eye)[0])
 
-    side, far = result.given("side_mm", 10) / 1000, result.given("far", 1.0)
-    few = result.figure("pixels", counted(side, far))
-    result.figure("near", counted(side, far / 2))
+    side, far = result.input("side_mm", 10) / 1000, result.input("far", 1.0)
+    few = result.measure("pixels", counted(side, far))
+    result.measure("near", counted(side, far / 2))
     tilts = [(counted(0.05, 1.0, x), np.cos(x)) for x in result.rng.uniform(0.2, 1.2, 8)]
     draws = result.rng.uniform([0.005, 0.2], [0.05, 2.0], (40, 2))
     result.statement = "Pixels of square tiles in exact pictures, and 40 random ones."
-    result.heard(few < 1e-3 * eye.width * eye.height)
-    result.corrected(
+    result.statement_holds(few < 1e-3 * eye.width * eye.height)
+    result.correction_holds(
         all(abs(np.sqrt(counted(a, z)) - eye.fx * a / z) <= 1 for a, z in draws),
         all(abs(n / counted(0.05, 1.0) / c - 1) < 0.12 for n, c in tilts),
     )
@@ -51,7 +51,7 @@ def small_parts_have_few_pixels(result):
 def voxels_remove_small_parts(result):
     from course.perception import dbscan, voxel_mean
 
-    sides = result.rng.uniform(0.002, 0.01, int(result.given("parts", 200)))
+    sides = result.rng.uniform(0.002, 0.01, int(result.input("parts", 200)))
     parts = [result.rng.uniform(-x, x, (3, 60)) / 2 + result.rng.uniform(0, 1, (3, 1)) for x in sides]
     means = [voxel_mean(part, 0.01, [-1.0] * 3)[0] for part in parts]
     counts = np.array([x.shape[1] for x in means])
@@ -63,13 +63,13 @@ def voxels_remove_small_parts(result):
         origin = -1 - result.rng.uniform(0, 0.01, 3)
         return voxel_mean([x, y, side * top], 0.01, origin)[0][2].max() / side
 
-    low = result.given("low", 4) / 1000
-    high = result.figure("high", np.quantile([stands(low) for _ in range(60)], 0.1), 0.4)
+    low = result.input("low", 4) / 1000
+    high = result.measure("high", np.quantile([stands(low) for _ in range(60)], 0.1), 0.4)
     whole = min(stands(0.02) for _ in range(8))  # a cube as large as two voxels has one of its own
-    result.figure("left", np.median(counts))
+    result.measure("left", np.median(counts))
     result.statement = "Clouds of small cubes at random places on a grid of 10 mm."
-    result.heard(counts.min() == 0)
-    result.corrected(
+    result.statement_holds(counts.min() == 0)
+    result.correction_holds(
         all(dbscan(x, 0.02, 10)[0].max() < 0 for x in means),
         all(dbscan(x, 0.02, 10)[0].min() == 0 for x in parts),
         counts.min() > 0,
@@ -109,18 +109,18 @@ def fifty_neighbours(result):
     def retained(cloud, least=50):
         return np.mean(dbscan(cloud, 0.02, least)[0] >= 0)
 
-    side, part = result.given("large_mm", 200) / 1000, result.given("small_mm", 30) / 1000
+    side, part = result.input("large_mm", 200) / 1000, result.input("small_mm", 30) / 1000
     large, tilted = face(side), face(side, 0.6)
     counts = [np.median(np.diff(radius_search(x, x, 0.02)[0])) for x in (large, tilted)]
-    flat = result.figure("flat", counts[0])
-    result.figure("tilted", counts[1], 0.05)
-    share = result.figure("kept", retained(large), 0.3)
-    dense = result.figure("dense", retained(face(side, count=240_000)), 0.3)
+    flat = result.measure("flat", counts[0])
+    result.measure("tilted", counts[1], 0.05)
+    share = result.measure("kept", retained(large), 0.3)
+    dense = result.measure("dense", retained(face(side, count=240_000)), 0.3)
     law = float(result.formula.subs({r: 0.02, v: 0.005}))
     result.statement = "Voxels of square faces with 60,000 points each, and one with 240,000."
-    result.heard(share == 1)
+    result.statement_holds(share == 1)
     third = [retained(x, int(law / 3)) == 1 for x in (large, face(part))]
-    result.corrected(
+    result.correction_holds(
         abs(flat / law - 1) < 0.1,
         dense < 0.5 * share,
         retained(tilted) == 1,
@@ -137,7 +137,7 @@ def fifty_neighbours(result):
 def dbscan_separates(result):
     from course.perception import dbscan, voxel_mean
 
-    eps = result.given("eps_mm", 20) / 1000
+    eps = result.input("eps_mm", 20) / 1000
 
     def clusters(gap, turn=0.0, voxel=0.004):
         x = result.rng.uniform(-0.03, 0.03, (3, 8000)) * [[1], [1], [0]]
@@ -146,10 +146,10 @@ def dbscan_separates(result):
         means, _ = voxel_mean(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ x, voxel)
         return dbscan(means, eps, 10)[0].max() + 1
 
-    joined = result.figure("joined", clusters(result.given("gap_mm", 12) / 1000))
+    joined = result.measure("joined", clusters(result.input("gap_mm", 12) / 1000))
     draws = result.rng.uniform((0, 0), (1, np.pi), (12, 2))
     result.statement = "Two faces of 60 mm at random turns, on voxels of 4 mm."
-    result.heard(
+    result.statement_holds(
         joined == 2,
         only_if="the gaps are wider than eps, and eps three voxels or more",
         inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws],
@@ -158,7 +158,7 @@ def dbscan_separates(result):
             *(clusters(2 * eps, t, eps * (0.7 + x)) == 2 for x, t in draws),
         ],
     )
-    result.corrected(joined == 1, clusters(0.0) == 1)
+    result.correction_holds(joined == 1, clusters(0.0) == 1)
 
 
 @claim(
@@ -186,18 +186,18 @@ def draws_find_the_plane(result):
 
     P, w, n = sympy.symbols("P w n", positive=True)
     result.formula = sympy.solve(sympy.log(1 - P) - n * sympy.log(1 - w**3), n)[0]
-    largest = round(draws_needed(0.5, result.given("asked", 0.9)))
-    drawn = result.figure("drawn", share_found(None, 0, 2000, 200, largest), 0.03)
-    tolerance = result.given("sigmas", 2.5)
+    largest = round(draws_needed(0.5, result.input("asked", 0.9)))
+    drawn = result.measure("drawn", share_found(None, 0, 2000, 200, largest), 0.03)
+    tolerance = result.input("sigmas", 2.5)
     plain, again = (share_found(tolerance, k, 600, 200, largest) for k in (0, 1))
-    result.figure("found_it", plain, 0.1)
-    result.figure("refitted", again, 0.06)
+    result.measure("found_it", plain, 0.1)
+    result.measure("refitted", again, 0.06)
     result.statement = (
         f"600 to 2,000 runs of {largest} draws from 200 points, half of them a plane's; a run "
         "that finds nine of ten of these has it."
     )
-    result.heard(plain > 0.85)
-    result.corrected(
+    result.statement_holds(plain > 0.85)
+    result.correction_holds(
         abs(drawn - 0.9) < 0.03,
         again > plain + 0.2,
         largest == round(float(result.formula.subs({P: 0.9, w: 0.5}))),
@@ -215,7 +215,7 @@ def inverse_depth_is_better(result):
     from course import perception as see
     from course.rigid_body.quaternion import exp, rotate
 
-    eye, sensor = see.Camera.symmetric(160, 120, 1.0), see.Sensor(0.05, result.given("noise", 0.3))
+    eye, sensor = see.Camera.symmetric(160, 120, 1.0), see.Sensor(0.05, result.input("noise", 0.3))
 
     def times(sensor, tilts, even=0.0):
         """The points' error of the angle over the linear fit's, and both mean offsets [m]."""
@@ -235,15 +235,15 @@ def inverse_depth_is_better(result):
         return points / own, np.mean(deviation, axis=0)[:, 1]
 
     ratio, mean = times(sensor, result.rng.uniform(0.4, 0.9, 40))
-    result.figure("ratio", ratio, 0.25)
-    other = result.figure("other", times(sensor, result.rng.uniform(0.4, 0.9, 40), 1e-3)[0], 0.2)
-    offset = result.figure("offset_mm", 1000 * abs(mean[1]), 0.3)
+    result.measure("ratio", ratio, 0.25)
+    other = result.measure("other", times(sensor, result.rng.uniform(0.4, 0.9, 40), 1e-3)[0], 0.2)
+    offset = result.measure("offset_mm", 1000 * abs(mean[1]), 0.3)
     draws = result.rng.uniform((0.4, 0.1), (0.9, 0.3), (8, 2))
     facing = times(sensor, [0.0] * 30)[0]
     result.statement = (
         "Tables with tilts of 0.4 to 0.9 rad, 0.8 m away, ten pictures or more of each."
     )
-    result.heard(min(times(see.Sensor(0.05, s), [t] * 10)[0] for t, s in draws) > 1)
-    result.corrected(
+    result.statement_holds(min(times(see.Sensor(0.05, s), [t] * 10)[0] for t, s in draws) > 1)
+    result.correction_holds(
         ratio > 1.5, 1000 * abs(mean[0]) < 0.3 * offset, other < 1, abs(facing - 1) < 0.1
     )

@@ -38,14 +38,14 @@ def depth_bias(result):
 
     z, f, B, s, d = sympy.symbols("z f B s d", positive=True)
     result.formula = (sympy.diff(f * B / d, d, 2) / 2 * s**2).subs(d, f * B / z)
-    far, noise = result.given("far", 3.0), result.given("noise", 0.5)
+    far, noise = result.input("far", 3.0), result.input("noise", 0.5)
     observed = walls(far, result.rng, 60, noise=noise)
-    bias = result.figure("bias_mm", 1000 * (np.mean(observed) - far), 0.1)
+    bias = result.measure("bias_mm", 1000 * (np.mean(observed) - far), 0.1)
     law = 1000 * float(result.formula.subs({z: far, f: 600, B: 0.05, s: noise}))
     remaining = 1000 * abs(1 / np.mean(1 / observed) - far)
     result.statement = "The mean over 1,176,000 pixels of a wall."
-    result.heard(abs(bias) < 1.0)
-    result.corrected(abs(bias / law - 1) < 0.1, remaining < 0.1 * bias)
+    result.statement_holds(abs(bias) < 1.0)
+    result.correction_holds(abs(bias / law - 1) < 0.1, remaining < 0.1 * bias)
 
 
 @claim(
@@ -71,8 +71,8 @@ def farthest_part(result):
     h, f, B, k, s, z = sympy.symbols("h f B k s z", positive=True)
     result.formula = sympy.solve(sympy.Eq(z**2 * s / (f * B), h / k), z)[0]
     eye = Camera(140, 140, 600.0, 600.0, 69.5, 69.5)
-    sensor = Sensor(0.05, 0.1, far=result.given("range", 10.0))
-    height, sigmas = result.given("height_mm", 10) / 1000, result.given("k", 4)
+    sensor = Sensor(0.05, 0.1, far=result.input("range", 10.0))
+    height, sigmas = result.input("height_mm", 10) / 1000, result.input("k", 4)
 
     def above(z):
         """Share of the pixels of the part's top that are so much higher than the table."""
@@ -83,11 +83,11 @@ def farthest_part(result):
     for _ in range(12):
         middle = 0.5 * (near + far)
         near, far = (middle, far) if above(middle) > 0.5 else (near, middle)
-    limit = result.figure("far", near, 0.02)
+    limit = result.measure("far", near, 0.02)
     law = float(result.formula.subs({h: height, f: 600, B: 0.05, k: sigmas, s: 0.1}))
     result.statement = "Where half of a part's pixels are higher, by halving over the distance."
-    result.heard(limit > sensor.far)
-    result.corrected(abs(limit / law - 1) < 0.03)
+    result.statement_holds(limit > sensor.far)
+    result.correction_holds(abs(limit / law - 1) < 0.03)
 
 
 @claim(
@@ -122,10 +122,10 @@ def fit_residual(result):
             squares.append(np.mean((R @ a + p[:, None] - b) ** 2))
         return 1000 * np.sqrt(np.mean(squares))
 
-    counts = int(result.given("n", 4)), 10, int(result.given("most", 40))
+    counts = int(result.input("n", 4)), 10, int(result.input("most", 40))
     observed = [residual(n) for n in counts]
     law = [float(result.formula.subs({sigma: 1, N: n})) for n in counts]
-    few, more = result.figure("few", observed[0], 0.03), result.figure("many", observed[2], 0.03)
+    few, more = result.measure("few", observed[0], 0.03), result.measure("many", observed[2], 0.03)
     result.statement = "2,000, 500 and 105 fits to 4, 10 and 40 points: of each 12,000 free errors."
-    result.heard(more < few)
-    result.corrected(np.allclose(observed, law, rtol=0.03), few < more < 1.0)
+    result.statement_holds(more < few)
+    result.correction_holds(np.allclose(observed, law, rtol=0.03), few < more < 1.0)

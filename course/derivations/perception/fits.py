@@ -32,11 +32,11 @@ def kabsch_without_determinant(result):
             best = best and np.linalg.det(R) > 0.999 and np.linalg.norm(R @ c - d) < least + 1e-7
         return mirrored / runs, best
 
-    flat = result.figure("flat", fits(result.given("thin", 0.1), 400)[0], 0.15)
-    least = result.given("least", 2)
+    flat = result.measure("flat", fits(result.input("thin", 0.1), 400)[0], 0.15)
+    least = result.input("least", 2)
     draws = result.rng.uniform(0, 1, (2, 10))
     result.statement = "Fits of 12 noisy points, and of 4, flat and thick, beside SciPy's."
-    result.heard(
+    result.statement_holds(
         flat == 0,
         only_if="the points are a dozen or more, and their thinnest spread is "
         "{least:.0f} times the noise or more",
@@ -46,7 +46,7 @@ def kabsch_without_determinant(result):
             *(fits(least * (1 + x), 25, 4)[0] == 0 for x in draws[1]),
         ],
     )
-    result.corrected(0.2 < flat < 0.7, all(fits(x)[1] for x in (0.0, 0.3, 3.0)))
+    result.correction_holds(0.2 < flat < 0.7, all(fits(x)[1] for x in (0.0, 0.3, 3.0)))
 
 
 @claim(
@@ -60,7 +60,7 @@ def own_points_come_home(result):
     from course.charts.perception.poses import BOX, STILL, turned_by
     from course.perception import Cloud, icp
 
-    half, grid, faces = BOX.sizes[:, 0], result.given("grid_mm", 4) / 1000, []
+    half, grid, faces = BOX.sizes[:, 0], result.input("grid_mm", 4) / 1000, []
     for k in range(3):
         line = [np.arange(-h, h + 1e-9, grid) for h in half]
         for sign in (-1.0, 1.0):
@@ -75,12 +75,12 @@ def own_points_come_home(result):
         fit = icp(points, model, start, method=method, iterations=200)
         return abs(np.degrees(np.arctan2(fit.R[1, 0], fit.R[0, 0])))
 
-    start, near = result.given("start", 4), result.given("near", 1)
-    stall = result.figure("stall", remaining(start), 0.01)
+    start, near = result.input("start", 4), result.input("near", 1)
+    stall = result.measure("stall", remaining(start), 0.01)
     ends = [remaining(x) for x in result.rng.uniform(start, 10, 6)]
     result.statement = "A box of 4 mm points registered to itself, turned by up to ten degrees."
-    result.heard(stall < 0.1)
-    result.corrected(
+    result.statement_holds(stall < 0.1)
+    result.correction_holds(
         np.allclose(ends, stall, atol=0.01),
         remaining(near) < 1e-6,
         max(remaining(x, "plane") for x in (near, start, 9)) < 1e-3,
@@ -97,7 +97,7 @@ def picture_to_picture(result):
     from course.kinematics.chain import compose
     from course.perception import Cloud, apart, back_project, icp, render, sense
 
-    pictures = int(result.given("pictures", 32))
+    pictures = int(result.input("pictures", 32))
     first = image_of(BOX, 0.0, 0.5, result.rng)[1]
     pairs, model, before, deviation = first, first, None, []
     for k in range(pictures + 1):
@@ -110,11 +110,11 @@ def picture_to_picture(result):
             pairs = compose(step[:, None], pairs[:, None])[:, 0]
         before = cloud
         deviation.append([1000 * apart(BOX, true, pose)[0] for pose in (pairs, model)])
-    last = result.figure("pairs_mm", deviation[-1][0], 0.1)
-    worst = result.figure("model_mm", max(row[1] for row in deviation[1:]), 0.3)
+    last = result.measure("pairs_mm", deviation[-1][0], 0.1)
+    worst = result.measure("model_mm", max(row[1] for row in deviation[1:]), 0.3)
     result.statement = "A box that moves by 1 mm and 0.5 degrees from picture to picture."
-    result.heard(last < 2 * deviation[1][0])
-    result.corrected(last > 3 * deviation[len(deviation) // 4][0] / 2, worst < 0.5, last > 10 * worst)
+    result.statement_holds(last < 2 * deviation[1][0])
+    result.correction_holds(last > 3 * deviation[len(deviation) // 4][0] / 2, worst < 0.5, last > 10 * worst)
 
 
 @claim(
@@ -142,13 +142,13 @@ def not_looked_through_is_right(result):
         for cause in ("its twin beside it", "as it is")
     )
     deviation, through, agrees = zip(*(run[:3] for run in twins), strict=True)
-    worst = result.figure("off_mm", max(deviation), 0.1)
-    observed = result.figure("through", through[int(np.argmax(deviation))], 0.5)
-    share, least = result.figure("agrees", np.median(agrees), 0.1), result.given("least", 0.9)
-    own = result.figure("alone", min(run[2] for run in alone), 0.02)
+    worst = result.measure("off_mm", max(deviation), 0.1)
+    observed = result.measure("through", through[int(np.argmax(deviation))], 0.5)
+    share, least = result.measure("agrees", np.median(agrees), 0.1), result.input("least", 0.9)
+    own = result.measure("alone", min(run[2] for run in alone), 0.02)
     result.statement = "Twelve pictures each of a box alone and beside its twin."
-    result.heard(worst < 2 or observed > 0.1)
-    result.corrected(
+    result.statement_holds(worst < 2 or observed > 0.1)
+    result.correction_holds(
         share < max(agrees) < least < own,
         not any(run[3] for run in twins),
         all(run[3] != (len(run) > 4) for run in alone),
@@ -173,11 +173,11 @@ def spread_of_symmetric_poses(result):
         turns.append(apart(BOX, pose, one.pose)[1])
         raw.append(apart(alone, pose, one.pose)[1])
         report.append(one.covariance[5, 5])
-    far = result.figure("raw", np.degrees(max(raw)), 0.02)
-    near = result.figure("up_to", np.degrees(np.sqrt(np.mean(np.square(turns)))), 0.3)
+    far = result.measure("raw", np.degrees(max(raw)), 0.02)
+    near = result.measure("up_to", np.degrees(np.sqrt(np.mean(np.square(turns)))), 0.3)
     result.statement = "Ten pictures of a box on a table, at random turns."
-    result.heard(far < 10 * near)
-    result.corrected(min(raw) < 0.02, far > 170, near < 4 * np.degrees(np.sqrt(np.mean(report))))
+    result.statement_holds(far < 10 * near)
+    result.correction_holds(min(raw) < 0.02, far > 170, near < 4 * np.degrees(np.sqrt(np.mean(report))))
 
 
 @claim(
@@ -207,7 +207,7 @@ def dbscan_has_no_order(result):
         np.array([moves(path) for _ in range(100)])
         for path in (by_open3d, lambda points: dbscan(points, 1.0, 8)[0])
     )
-    moved = result.figure("moved", np.mean(theirs[:, 0]), 0.3)
+    moved = result.measure("moved", np.mean(theirs[:, 0]), 0.3)
     retained = []
     for _ in range(20):  # who is noise, and which core points are together
         cloud, order = result.rng.normal(scale=2.5, size=(3, 200)), result.rng.permutation(200)
@@ -217,8 +217,8 @@ def dbscan_has_no_order(result):
         same = [x[core][:, None] == x[core] for x in (a, b)]
         retained.append(np.array_equal(a < 0, b < 0) and np.array_equal(*same))
     result.statement = "100 times two rows of points with one between, each in two orders."
-    result.heard(moved == 0)
-    result.corrected(
+    result.statement_holds(moved == 0)
+    result.correction_holds(
         moved > 0.2, not own[:, 0].any(), theirs[:, 1].all(), own[:, 1].all(), all(retained)
     )
 
@@ -242,8 +242,8 @@ def network_knows_its_part(result):
         return np.mean([share > 0.1 for _, _, share in answers]), np.isfinite(answers[0][0]).all()
 
     (own, _), (other, text) = through(yaw_net.L_PART), through(learned.MIRRORED)
-    result.figure("own", own, 0.5)
-    refuted = result.figure("refuted", other, 0.15)
+    result.measure("own", own, 0.5)
+    refuted = result.measure("refuted", other, 0.15)
     result.statement = "A network after a short training, 20 pictures each of part and image."
-    result.heard(not text)
-    result.corrected(refuted > 0.7, own < 0.1)
+    result.statement_holds(not text)
+    result.correction_holds(refuted > 0.7, own < 0.1)

@@ -43,7 +43,7 @@ def tutorial_runs(result):
         except RuntimeError:
             return len(o3d.io.read_point_cloud(file).points) == 0
 
-    boxes = int(result.given("boxes", 3))
+    boxes = int(result.input("boxes", 3))
     places = [
         (x, 0.0, yaw) for x, yaw in zip((-0.25, 0.0, 0.25), result.rng.uniform(0, 1, 3), strict=True)
     ]
@@ -51,18 +51,18 @@ def tutorial_runs(result):
     depth, _ = render(together([shape("plane").moved(TABLE), *things]), EYE)
     other = str(Path(folder.name) / "scene.ply")
     o3d.io.write_point_cloud(other, Picture(sense(depth, EYE, SENSOR, result.rng), EYE).cloud())
-    count = result.figure("there", clusters(other))
+    count = result.measure("there", clusters(other))
     empty = str(Path(folder.name) / "none.pcd")  # a reader that says nothing by itself
-    result.figure("empty", len(o3d.io.read_point_cloud(empty).points))
+    result.measure("empty", len(o3d.io.read_point_cloud(empty).points))
     result.statement = "The steps with the tutorial's numbers, with a file and without."
-    result.heard(
+    result.statement_holds(
         fails(other),
         only_if="a file of points is there",
         inside=[count == boxes],
         outside=[not fails(empty)],
         cases=True,
     )
-    result.corrected(count == boxes, fails(empty))
+    result.correction_holds(count == boxes, fails(empty))
 
 
 @claim(
@@ -106,19 +106,19 @@ def ransac_takes_the_table(result):
 
     small = [table_found(x) for x in result.rng.uniform(0.03, 0.15, 8)]
     large = [table_found(x) for x in result.rng.uniform(0.27, 0.3, 8)]
-    result.figure("more", min(share for _, share in large), 0.1)
+    result.measure("more", min(share for _, share in large), 0.1)
     plates = [slant(x, 0.006 * h) for x, h in result.rng.uniform((0.02, 2), (0.1, 3), (8, 2))]
-    result.figure("share", max(share for _, share, _ in plates), 0.1)
-    tilt = result.figure("tilt", np.degrees(np.median([tilt for tilt, _, _ in plates])), 0.3)
+    result.measure("share", max(share for _, share, _ in plates), 0.1)
+    tilt = result.measure("tilt", np.degrees(np.median([tilt for tilt, _, _ in plates])), 0.3)
     result.statement = "Square boards of 60 to 600 mm, 100 mm high, and low plates, on a table."
-    result.heard(
+    result.statement_holds(
         all(ok for ok, _ in large),
         only_if="nothing flat shows more than the table, or is "
         "as large and only a few tolerances higher",
         inside=[ok for ok, _ in small],
         outside=[ok for ok, _ in large] + [ok for _, _, ok in plates],
     )
-    result.corrected(
+    result.correction_holds(
         tilt > 0.5,
         max(share for _, share, _ in plates) < 1,
         not any(ok for ok, _ in large),
@@ -154,20 +154,20 @@ def extent_is_size(result):
     turn = sympy.Matrix([[sympy.cos(phi), -sympy.sin(phi)], [sympy.sin(phi), sympy.cos(phi)]])
     result.formula = sympy.expand(2 * (turn * sympy.Matrix([L / 2, -W / 2]))[0])
     long, wide = 2000 * BOX.sizes[:2, 0]
-    result.figure("long", long)
-    result.figure("wide", wide)
+    result.measure("long", long)
+    result.measure("wide", wide)
 
     def extent(yaw):
         points, _ = back_project(render(BOX.moved(on_table(BOX, 0.0, 0.0, yaw)), EYE)[0], EYE)
         back = invert(TABLE[:, None])[:, 0]
         return 1000 * np.ptp(rotate(back[3:], points)[0])
 
-    turns = [result.given("turn", 0.6), *result.rng.uniform(0.1, 1.4, 6)]
+    turns = [result.input("turn", 0.6), *result.rng.uniform(0.1, 1.4, 6)]
     law = [float(result.formula.subs({L: long, W: wide, phi: x})) for x in turns]
-    measured = result.figure("measured", extent(turns[0]), 0.02)
+    measured = result.measure("measured", extent(turns[0]), 0.02)
     result.statement = "Extents along the table's x of exact pictures of a box at seven turns."
-    result.heard(abs(measured - long) < 5)
-    result.corrected(np.allclose([extent(x) for x in turns], law, atol=5.0), measured > long + 10)
+    result.statement_holds(abs(measured - long) < 5)
+    result.correction_holds(np.allclose([extent(x) for x in turns], law, atol=5.0), measured > long + 10)
 
 
 @claim(
@@ -180,22 +180,22 @@ def pipeline_keeps_up(result):
     from course.perception import Tracker
     from course.role import Stage, age
 
-    camera, work = result.given("camera", 30), result.given("work_ms", 100) / 1000
+    camera, work = result.input("camera", 30), result.input("work_ms", 100) / 1000
     alone = Stage("pipeline", work, overload="skip")
     turns = Stage("pipeline", work, overload="pipelined")
-    rate = result.figure("rate", 1 / alone.interval(1 / camera))
-    speed = result.given("speed", 200) / 1000
+    rate = result.measure("rate", 1 / alone.interval(1 / camera))
+    speed = result.input("speed", 200) / 1000
     stages = [age([Stage("camera", 1e-6, 1 / camera), one]).least for one in (alone, turns)]
-    late = result.figure("late_mm", 1000 * speed * stages[1], 1e-3)
+    late = result.measure("late_mm", 1000 * speed * stages[1], 1e-3)
     tracker, noise = Tracker(), 2e-4
     for k in range(30):
         z = np.array([speed * k / camera, 0, 0]) + noise * result.rng.standard_normal(3)
         tracker.update(k / camera, z, noise**2 * np.eye(3))
     ahead = tracker.predict(29 / camera + work)[0][0] - speed * (29 / camera + work)
-    remaining = result.figure("left_mm", 1000 * abs(ahead), 0.1)
+    remaining = result.measure("left_mm", 1000 * abs(ahead), 0.1)
     result.statement = "Chapter 0's chain of a camera and one stage; a filter on 30 pictures."
-    result.heard(rate >= camera)
-    result.corrected(
+    result.statement_holds(rate >= camera)
+    result.correction_holds(
         rate < camera,
         abs(1 / turns.interval(1 / camera) - camera) < 1e-6,
         min(stages) > 0.99 * work,
@@ -227,8 +227,8 @@ def two_millimetres_will_do(result):
     W, b, e, t, y = sympy.symbols("W b e t y", positive=True)
     side = sympy.solve(-sympy.sin(t) * b / 2 + sympy.cos(t) * (y - e) - W / 2, y)[0]
     result.formula = sympy.simplify(side - W / 2)
-    width, error = 0.05, result.given("error_mm", 2) / 1000
-    play, turn = result.given("play", 2.5) / 1000, np.radians(result.given("turn_deg", 2))
+    width, error = 0.05, result.input("error_mm", 2) / 1000
+    play, turn = result.input("play", 2.5) / 1000, np.radians(result.input("turn_deg", 2))
 
     def gap(finger, shift=error, angle=turn):
         """Least distance of a finger from the turned part, of one on each side."""
@@ -247,15 +247,15 @@ def two_millimetres_will_do(result):
 
     law = sympy.lambdify((W, b, e, t), result.formula)
     largest = (play - error - width * (1 / np.cos(turn) - 1) / 2) * 2 / np.tan(turn)
-    narrow, wide = result.figure("narrow", 700 * largest), result.figure("wide", 1300 * largest)
+    narrow, wide = result.measure("narrow", 700 * largest), result.measure("wide", 1300 * largest)
     draws = result.rng.uniform(0, 1, (2, 8))
     result.statement = "Chapter 2's distances between a turned part and two fingers."
-    result.heard(
+    result.statement_holds(
         gap(wide / 1000) > 0,
         only_if="the fingers are narrow",
         inside=[gap(0.98 * x * largest) > 0 for x in draws[0]],
         outside=[gap((1.02 + x) * largest) > 0 for x in draws[1]],
     )
-    result.corrected(
+    result.correction_holds(
         gap(narrow / 1000) > 0 > gap(wide / 1000), abs(law(width, largest, error, turn) - play) < 1e-9
     )

@@ -34,14 +34,14 @@ def noise_is_one_number(result):
 
     z, f, B, s, d = sympy.symbols("z f B s d", positive=True)
     result.formula = (-s * sympy.diff(f * B / d, d)).subs(d, f * B / z)
-    places = [result.given("near", 0.3), result.given("mid", 0.7), result.given("far", 3.0)]
+    places = [result.input("near", 0.3), result.input("mid", 0.7), result.input("far", 3.0)]
     spread = [np.std(walls(x, result.rng)) for x in places]
     for k, name in enumerate(("low", "middle", "high")):
-        result.figure(name, 1000 * spread[k], 0.03)
+        result.measure(name, 1000 * spread[k], 0.03)
     law = [float(result.formula.subs({z: x, f: 600, B: 0.05, s: 0.1})) for x in places]
     result.statement = "The spread over 19,600 pixels of a wall at three distances."
-    result.heard(max(spread) < 1e-3 or all(1e-3 <= x <= 3e-3 for x in spread))
-    result.corrected(np.allclose(spread, law, rtol=0.02))
+    result.statement_holds(max(spread) < 1e-3 or all(1e-3 <= x <= 3e-3 for x in spread))
+    result.correction_holds(np.allclose(spread, law, rtol=0.02))
 
 
 @claim(
@@ -58,18 +58,18 @@ def averaging_removes_all(result):
         observed = 30.0 / walls(z, result.rng, 6, noise=share * step, step=step)
         return abs(np.mean(observed) / step - 40 - between)
 
-    place = result.given("between", 0.25)  # where noise leaves most; without it the middle is worst
-    silent = result.figure("silent", remaining(0.0, place))
-    third = result.figure("third", remaining(1 / 3, place), 0.15)
-    least, draws = result.given("least", 0.45), result.rng.uniform(size=(2, 12))
+    place = result.input("between", 0.25)  # where noise leaves most; without it the middle is worst
+    silent = result.measure("silent", remaining(0.0, place))
+    third = result.measure("third", remaining(1 / 3, place), 0.15)
+    least, draws = result.input("least", 0.45), result.rng.uniform(size=(2, 12))
     result.statement = "117,600 pixels of a wall between two steps, over noise and place."
-    result.heard(
+    result.statement_holds(
         silent < 0.01,
         only_if="the noise is above {least} of a step; a hundredth of a step is left then",
         inside=[remaining(least + x, y) < 0.01 for x, y in draws.T],
         outside=[remaining(0.7 * least * x, y) < 0.01 for x, y in draws.T],
     )
-    result.corrected(silent > 0.2, abs(third - np.exp(-2 * np.pi**2 / 9) / np.pi) < 0.005)
+    result.correction_holds(silent > 0.2, abs(third - np.exp(-2 * np.pi**2 / 9) / np.pi) < 0.005)
 
 
 @claim(
@@ -83,17 +83,17 @@ def pixels_are_independent(result):
         means = (30.0 / walls(1.0, result.rng, count, n, window=window)).mean(axis=(1, 2))
         return np.std(means) / 0.1 * n
 
-    side, window = int(result.given("side", 48)), int(result.given("window", 5))
-    amount = result.figure("ratio", ratio(side, window, 600), 0.1)
+    side, window = int(result.input("side", 48)), int(result.input("window", 5))
+    amount = result.measure("ratio", ratio(side, window, 600), 0.1)
     sides = result.rng.integers(8, 49, 10)
     result.statement = "The spread of the mean over 150 to 600 pictures of a wall."
-    result.heard(
+    result.statement_holds(
         abs(amount - 1.0) < 0.3,
         only_if="the noise is white: the window is one pixel",
         inside=[abs(ratio(n, 1) - 1.0) < 0.3 for n in sides],
         outside=[abs(ratio(n, w) - 1.0) < 0.3 for n in sides for w in (2, 7)],
     )
-    result.corrected(0.9 * window < amount < 1.1 * window)
+    result.correction_holds(0.9 * window < amount < 1.1 * window)
 
 
 @claim(
@@ -125,13 +125,13 @@ def half_a_pixel(result):
     right, deviation = (
         locate(depth, eye, SENSOR, BOX)[0] for eye in (EYE, replace(EYE, cx=EYE.cx + 0.5))
     )
-    shift = result.figure("shift_mm", 1000 * abs(deviation.p[0] - right.p[0]), 0.03)
-    same = result.figure("same", deviation.residual / right.residual, 1e-3)
-    report = result.figure("told_mm", 1000 * np.sqrt(deviation.covariance[:3, :3].max()), 0.03)
-    law = 1000 * float(result.formula.subs({z: result.figure("far", right.p[2], 1e-3), f: EYE.fx}))
+    shift = result.measure("shift_mm", 1000 * abs(deviation.p[0] - right.p[0]), 0.03)
+    same = result.measure("same", deviation.residual / right.residual, 1e-3)
+    report = result.measure("told_mm", 1000 * np.sqrt(deviation.covariance[:3, :3].max()), 0.03)
+    law = 1000 * float(result.formula.subs({z: result.measure("far", right.p[2], 1e-3), f: EYE.fx}))
     result.statement = "One picture of a box on a table, located with both principal points."
-    result.heard(shift < 3 * report)
-    result.corrected(abs(same - 1) < 0.01, deviation.status == "found", abs(shift / law - 1) < 0.05)
+    result.statement_holds(shift < 3 * report)
+    result.correction_holds(abs(same - 1) < 0.01, deviation.status == "found", abs(shift / law - 1) < 0.05)
 
 
 @claim(
@@ -159,8 +159,8 @@ def calibration_residual(result):
 
     sigma, N = sympy.symbols("sigma N", positive=True)
     result.formula = sympy.sqrt(3 * sigma**2 * N / N**2)  # of a mean of N, three coordinates
-    at, seen_at, report = np.array([[0, 0], [0, 0], [0, result.given("away", 0.6)]]), [], []
-    wide = result.given("wide", 0.3)
+    at, seen_at, report = np.array([[0, 0], [0, 0], [0, result.input("away", 0.6)]]), [], []
+    wide = result.input("wide", 0.3)
     for n in (3, 30):
         points = result.rng.uniform(-0.5, 0.5, (3, n)) * [[wide], [0.7 * wide], [0.1 * wide]]
         if n == 3:  # a thin triangle, drawn by chance, has any error
@@ -176,11 +176,11 @@ def calibration_residual(result):
         middle = float(result.formula.subs({sigma: 1e-3, N: n}))
         report.append([*target_error(points, at, 1e-3), middle])
     (three, near, far), (count, _, less) = 1000 * np.array(seen_at)
-    result.figure("three_mm", three, 0.05)
-    result.figure("far_mm", far, 0.05)
+    result.measure("three_mm", three, 0.05)
+    result.measure("far_mm", far, 0.05)
     result.statement = "1,000 fits to 3 and to 30 points with 1 mm of noise."
-    result.heard(far < 2 * three)
-    result.corrected(
+    result.statement_holds(far < 2 * three)
+    result.correction_holds(
         np.allclose([x[[1, 2, 1]] for x in seen_at], report, rtol=0.1),
         near < far,
         count > three,
@@ -201,7 +201,7 @@ def motions_calibrate_any_arm(result):
     from course.rigid_body.quaternion import exp
 
     X = np.array([0.05, 0.02, 0.12, *exp(np.array([0.4, 0.3, -0.5]))])
-    noise = result.given("noise", 1e-3)
+    noise = result.input("noise", 1e-3)
 
     def solved(count, tilt):
         """The answer where the axes of the turns are z, but for a share `tilt` of others."""
@@ -211,10 +211,10 @@ def motions_calibrate_any_arm(result):
         wrong = np.concatenate((0 * shifts, exp(noise * result.rng.standard_normal((3, count)))))
         return hand_eye(A, compose(compose(compose(invert(by), A), by), wrong))
 
-    flat = solved(int(result.given("many", 200)), 0.0)
-    rank = result.figure("rank", flat.rank)
-    error = result.figure("off_mm", 1000 * abs(flat.pose[2] - X[2]), 0.1)
+    flat = solved(int(result.input("many", 200)), 0.0)
+    rank = result.measure("rank", flat.rank)
+    error = result.measure("off_mm", 1000 * abs(flat.pose[2] - X[2]), 0.1)
     free = [solved(20, x).pose[2] - X[2] for x in result.rng.uniform(0.2, 1.0, 10)]
     result.statement = "Motions of a hand at random, in a plane and in space."
-    result.heard(rank == 3)
-    result.corrected(rank == 2, error > 20.0, abs(flat.pose[2]) < 1e-3 < 0.01 > np.abs(free).max())
+    result.statement_holds(rank == 3)
+    result.correction_holds(rank == 2, error > 20.0, abs(flat.pose[2]) < 1e-3 < 0.01 > np.abs(free).max())

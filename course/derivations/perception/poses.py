@@ -26,15 +26,15 @@ def icp_comes_home(result):
         return abs(np.arctan2(*laid(n, share).R[1::-1, 0])) < 0.02
 
     draws = [(n, x) for n in targets for x in result.rng.uniform(0, 1, 4)]
-    same = result.figure("same", laid(4, 1.3).residual / laid(4, 0.3).residual, 0.05)
+    same = result.measure("same", laid(4, 1.3).residual / laid(4, 0.3).residual, 0.05)
     result.statement = "Prisms of 3, 4 and 6 sides, 1,200 points on one of 4,800."
-    result.heard(
+    result.statement_holds(
         home(4, 1.3),
         only_if="a regular prism starts in place, turned by up to nine tenths of pi/n",
         inside=[home(n, 0.9 * x) for n, x in draws],
         outside=[home(n, 1.1 + 0.5 * x) for n, x in draws],
     )
-    result.corrected(abs(same - 1) < 0.1)
+    result.correction_holds(abs(same - 1) < 0.1)
 
 
 @claim(
@@ -53,10 +53,10 @@ def what_is_not_seen(result):
         return icp(points, part, pose, sigma=1e-3, gate=0.01).unobserved
 
     cans = [blind(shape("cylinder", 0.04, 0.05), x) for x in result.rng.uniform(0.3, 1.2, 10)]
-    result.figure("can", max(len(x) for x in cans))
+    result.measure("can", max(len(x) for x in cans))
     result.statement = "Exact pictures of a can at ten tilts, of a ball, and of a box from above."
-    result.heard(all(x == ("turn z",) for x in cans))
-    result.corrected(
+    result.statement_holds(all(x == ("turn z",) for x in cans))
+    result.correction_holds(
         blind(shape("sphere", 0.04), 0.5) == ("turn x", "turn y", "turn z"),
         blind(shape("box", 0.08, 0.05, 0.03), 0.0) == ("x", "y", "turn z"),
     )
@@ -78,14 +78,14 @@ def a_residual_tells(result):
         return 1000 * apart(BOX, pose, one.pose)[0], one
 
     right, cut = ([first(x, yaw) for yaw in np.linspace(0.2, 2.9, 6)] for x in (0.0, 0.45))
-    scaled, scale = first(0.0, 0.6, 1.0 + result.given("scale_off", 0.01))
+    scaled, scale = first(0.0, 0.6, 1.0 + result.input("scale_off", 0.01))
     worst, one = max(cut, key=lambda run: run[0])
-    result.figure("cut_mm", worst, 0.2)
-    ratio = result.figure("ratio", one.residual / np.mean([r.residual for _, r in right]), 0.2)
-    result.figure("scale_mm", scaled, 0.05)
+    result.measure("cut_mm", worst, 0.2)
+    ratio = result.measure("ratio", one.residual / np.mean([r.residual for _, r in right]), 0.2)
+    result.measure("scale_mm", scaled, 0.05)
     result.statement = "The whole chain on 13 pictures of one box on a table."
-    result.heard(worst < 2)
-    result.corrected(
+    result.statement_holds(worst < 2)
+    result.correction_holds(
         max(far for far, _ in right) < 1,
         ratio < 1.3,
         one.matched > 0.95,
@@ -117,15 +117,15 @@ def looked_through_is_wrong(result):
         return max(shares), min(shares)
 
     square = shape("box", 0.05, 0.0499, 0.03)
-    right = result.figure("right", through(BOX, 0.0)[0], 0.03)
-    scaled = result.figure("scaled", through(BOX, 0.0, 1.0 + result.given("off", 0.01))[1], 0.2)
-    wrong = result.figure("wrong", through(BOX, 0.5 * np.pi)[1], 0.1)
-    same = result.figure("square", through(square, 0.5 * np.pi)[0], 0.4)
+    right = result.measure("right", through(BOX, 0.0)[0], 0.03)
+    scaled = result.measure("scaled", through(BOX, 0.0, 1.0 + result.input("off", 0.01))[1], 0.2)
+    wrong = result.measure("wrong", through(BOX, 0.5 * np.pi)[1], 0.1)
+    same = result.measure("square", through(square, 0.5 * np.pi)[0], 0.4)
     depths = [image_of(square, 0.0, yaw, result.rng)[0] for yaw in (-2, 0.3, 1)]
     text = [locate(depth, EYE, SENSOR, square)[0].status for depth in depths]
     result.statement = "Twenty pictures each of a box on a table, and of a nearly square one."
-    result.heard(10 * right < wrong)
-    result.corrected(scaled > 0.5, same < 0.1 < wrong, all(word == "ambiguous" for word in text))
+    result.statement_holds(10 * right < wrong)
+    result.correction_holds(scaled > 0.5, same < 0.1 < wrong, all(word == "ambiguous" for word in text))
 
 
 @claim(
@@ -140,17 +140,17 @@ def normal_matrix_is_covariance(result):
     def honest(tilt, window, along):
         return 0.6 < laid_again(BOX, 0.0, tilt, window, along, 30)[0] < 1.6
 
-    closest = result.figure("closest", laid_again(BOX, 0.0, 0.0, 1, False, 30)[0], 0.4)
-    rays = result.figure("rays", laid_again(BOX, 0.0, 0.0, 1, True, 30)[0], 0.3)
+    closest = result.measure("closest", laid_again(BOX, 0.0, 0.0, 1, False, 30)[0], 0.4)
+    rays = result.measure("rays", laid_again(BOX, 0.0, 0.0, 1, True, 30)[0], 0.3)
     result.statement = "30 noisy pictures of each view; squares per direction that is told."
-    result.heard(
+    result.statement_holds(
         0.6 < closest < 1.6,
         only_if="points are compared along their rays, and the noise is white",
         inside=[honest(x, 1, True) for x in (0.0, 0.7)],
         outside=[honest(0.0, 1, False), honest(0.7, 3, True)],
         cases=True,
     )
-    result.corrected(0.6 < rays < 1.6, closest > 2)
+    result.correction_holds(0.6 < rays < 1.6, closest > 2)
 
 
 @claim(
@@ -162,8 +162,8 @@ def normal_matrix_is_covariance(result):
 def averaging_pictures_helps(result):
     from course.perception import averaged_error
 
-    period, sigma = result.given("period_ms", 33) / 1000, result.given("sigma_mm", 1)
-    limit = result.figure("speed", 2 * sigma / np.sqrt(5 * 4) / period)
+    period, sigma = result.input("period_ms", 33) / 1000, result.input("sigma_mm", 1)
+    limit = result.measure("speed", 2 * sigma / np.sqrt(5 * 4) / period)
 
     def better(k, share, common=0.0):
         """At a share of that speed, and with a share of the variance that all pictures have."""
@@ -174,13 +174,13 @@ def averaging_pictures_helps(result):
 
     draws = [(k, x) for k in (3, 4, 5) for x in result.rng.uniform(0, 1, 4)]
     result.statement = "20,000 draws for each of 24 speeds."
-    result.heard(
+    result.statement_holds(
         better(5, 1.5),
         only_if="the errors are independent, and it moves by less than "
         "2 sigma / sqrt(k (k - 1)) between two pictures",
         inside=[better(k, 0.95 * x) for k, x in draws],
         outside=[better(k, 1.05 + x) for k, x in draws],
     )
-    result.corrected(
+    result.correction_holds(
         not better(5, 0.9, 0.5), abs(averaged_error(5, sigma, period, limit) / sigma - 1) < 1e-12
     )

@@ -26,12 +26,12 @@ def ninety_or_ninety_five(result):
     from course.measure.success import wilson
     from course.sim_to_real import trials
 
-    n, answer = int(result.given("n", 100)), int(result.given("worked", 90))
+    n, answer = int(result.input("n", 100)), int(result.input("worked", 90))
     low, high = (float(end) for end in wilson(answer, n))
-    result.figure("low", low)
-    result.figure("high", high)
-    own = int(result.figure("own", trials(0.9, 0.95), 0.0))
-    same = int(result.figure("same", trials(0.9, 0.95, together=0.9), 0.0))
+    result.measure("low", low)
+    result.measure("high", high)
+    own = int(result.measure("own", trials(0.9, 0.95), 0.0))
+    same = int(result.measure("same", trials(0.9, 0.95, together=0.9), 0.0))
 
     def observed(first, second, n):
         middle = 0.5 * (first + second)
@@ -42,8 +42,8 @@ def ninety_or_ninety_five(result):
     # On the same seeds only those count that one wins and the other loses: here none is lost.
     paired = 2.0 * 0.5 ** result.rng.binomial(same, 0.05, 20_000) < 0.05
     result.statement = "Wilson's interval, and 20,000 experiments of each kind, tested at 5 %."
-    result.heard(bool(observed(answer / n, 0.95, n)))
-    result.corrected(
+    result.statement_holds(bool(observed(answer / n, 0.95, n)))
+    result.correction_holds(
         low < 0.85,
         high < 0.95,
         bool(abs(power.mean() - 0.8) < 0.02),
@@ -63,14 +63,14 @@ def one_repair_cures(result):
 
     late = Fault("late", "age", disturb=lambda f, s: replace(f, arrived=f.arrived + 500_000))
     case = Scenario(velocity=(-0.04, 0.03)), replace(CASE[1], kd=12.0)
-    n = result.given("n", 5)
+    n = result.input("n", 5)
     text, taken, _ = confusion(n, (late,), case)
-    pairs = result.figure("pairs", text[0, len(STAGES)], 0.3)
-    result.figure("runs", np.mean(taken[0]), 0.3)
+    pairs = result.measure("pairs", text[0, len(STAGES)], 0.3)
+    result.measure("runs", np.mean(taken[0]), 0.3)
     single, *_ = confusion(2, (FAULTS[0],))
     result.statement = "Frames half a second late, Kd 12, a target of 50 mm/s; replays of each run."
-    result.heard(text[0, : len(STAGES)].sum() == n)
-    result.corrected(pairs >= 3, single[0, 0] == 2)
+    result.statement_holds(text[0, : len(STAGES)].sum() == n)
+    result.correction_holds(pairs >= 3, single[0, 0] == 2)
 
 
 @claim(
@@ -84,11 +84,11 @@ def last_error_blames(result):
 
     text, _, last = confusion(1)
     right = np.arange(len(FAULTS)), [STAGES.index(fault.stage) for fault in FAULTS]
-    ours = result.figure("ours", text[right].sum() / text.sum(), 0.05)
-    theirs = result.figure("last", last[right].sum() / last.sum(), 0.2)
+    ours = result.measure("ours", text[right].sum() / text.sum(), 0.05)
+    theirs = result.measure("last", last[right].sum() / last.sum(), 0.2)
     result.statement = "One failing run of each of ten injected faults."
-    result.heard(theirs > 0.9)
-    result.corrected(ours > 0.8, theirs < 0.7)
+    result.statement_holds(theirs > 0.9)
+    result.correction_holds(ours > 0.8, theirs < 0.7)
 
 
 WORST: dict[str, dict[str, Any]] = {
@@ -131,10 +131,10 @@ def contracts_before_sliders(result):
         return next(i for i, some in enumerate(choices) if tried(frozenset(some), seed).success) + 1
 
     seeds = range(3)
-    ours = result.figure("contracts", np.mean([by_contracts(seed) for seed in seeds]), 0.2)
+    ours = result.measure("contracts", np.mean([by_contracts(seed) for seed in seeds]), 0.2)
     every = [some for n in range(6) for some in combinations(WORST, n)]
-    theirs = result.figure("sliders", np.mean([first_that_works(every, k) for k in seeds]), 0.4)
-    retained = result.figure(
+    theirs = result.measure("sliders", np.mean([first_that_works(every, k) for k in seeds]), 0.4)
+    retained = result.measure(
         "kept",
         np.mean(
             [
@@ -146,8 +146,8 @@ def contracts_before_sliders(result):
         0.2,
     )
     result.statement = "Five stages at their worst, three seeds."
-    result.heard(ours < min(retained, theirs))
-    result.corrected(
+    result.statement_holds(ours < min(retained, theirs))
+    result.correction_holds(
         ours <= len(WORST) + 1,
         theirs > 1.5 * ours,
         retained < 1.4 * ours,
@@ -190,10 +190,10 @@ def reward_by_the_step(result):
     half = prefers(chain(path, new, per_step=paid))
     mended = prefers(chain(path, new))
     for name, value in (("before", before), ("after", after), ("half", half), ("mended", mended)):
-        result.figure(name, value[0])
+        result.measure(name, value[0])
     result.statement = "A walker's chain of 20 and of 200 steps, solved exactly."
-    result.heard(after[0] == before[0])
-    result.corrected(
+    result.statement_holds(after[0] == before[0])
+    result.correction_holds(
         mended[0] == before[0], after[0] != before[0], abs(mended[1] / before[1] - 1.0) < 0.1
     )
 
@@ -209,19 +209,19 @@ def repeated_actions(result):
 
     path = Way()
     old, new = chain(path, 0.01), repeated(chain(path, 0.001), 10)
-    result.figure("best", prefers(new)[0])
+    result.measure("best", prefers(new)[0])
     retained = float(
         np.abs(new.transition[0:200:10, 0][:, 0:200:10] - old.transition[:20, 0, :20]).max()
     )
-    result.figure("moved", abs(prefers(new)[1] / prefers(old)[1] - 1.0), 0.5)
+    result.measure("moved", abs(prefers(new)[1] / prefers(old)[1] - 1.0), 0.5)
     draws = [
         Way(cost=float(c), fall=float(f), effort=float(e))
         for c, f, e in result.rng.uniform((20.0, 0.5, 30.0), (150.0, 3.0, 90.0), (2, 3))
     ]
     pairs = [(prefers(chain(w, 0.01)), prefers(repeated(chain(w, 0.001), 10))) for w in draws]
     result.statement = "The walker's chain at 10 ms, and at 1 ms with each action ten times."
-    result.heard(all(abs(a[1] - b[1]) < 2.0 for a, b in pairs))
-    result.corrected(
+    result.statement_holds(all(abs(a[1] - b[1]) < 2.0 for a, b in pairs))
+    result.correction_holds(
         prefers(new)[0] == prefers(old)[0], retained < 1e-9, abs(new.gamma / old.gamma - 1.0) < 1e-9
     )
 
@@ -235,7 +235,7 @@ def repeated_actions(result):
 def mesh_cost(result):
     from course.oracles.mujoco.heap import Heap
 
-    few, some, several = (result.given(*x) for x in (("few", 20), ("some", 200), ("many", 2000)))
+    few, some, several = (result.input(*x) for x in (("few", 20), ("some", 200), ("many", 2000)))
 
     def cost(points):
         heap = Heap(int(points), 8)
@@ -243,13 +243,13 @@ def mesh_cost(result):
         return np.mean([x.rows for x in costs]), min(x.collision for x in costs)
 
     sphere, box, hull, fine, finest = (cost(points) for points in (0, 1, few, some, several))
-    boxes = result.figure("box", box[0] / sphere[0], 0.3)
-    hulls = result.figure("hull", hull[0] / sphere[0], 0.3)
-    more = result.figure("more", finest[0] / fine[0] - 1.0, 0.5)
-    search = result.figure("search", finest[1] / fine[1], 0.5)
+    boxes = result.measure("box", box[0] / sphere[0], 0.3)
+    hulls = result.measure("hull", hull[0] / sphere[0], 0.3)
+    more = result.measure("more", finest[0] / fine[0] - 1.0, 0.5)
+    search = result.measure("search", finest[1] / fine[1], 0.5)
     result.statement = "Eight bodies in MuJoCo on one core, by its own counts and timers; no GPU."
-    result.heard(boxes < 1.2)
-    result.corrected(boxes > 1.5, hulls > 1.5, more < 0.5, search > 1.0 + 2.0 * more)
+    result.statement_holds(boxes < 1.2)
+    result.correction_holds(boxes > 1.5, hulls > 1.5, more < 0.5, search > 1.0 + 2.0 * more)
 
 
 @claim(
@@ -265,7 +265,7 @@ def rare_and_sure(result):
 
     from course.pipeline.rare import cross_entropy
 
-    share, n = 4.9e-4, int(result.given("n", 60))
+    share, n = 4.9e-4, int(result.input("n", 60))
     edge, far = norm.isf(share), norm.isf(0.5 * share)
 
     def one_side(x):
@@ -283,9 +283,9 @@ def rare_and_sure(result):
         [one for one in some if one.share + 3.0 * one.error < share]
         for some in (narrow, wide, both)
     )
-    result.figure("low", len(low), 0.5)
-    result.figure("wide", len(fair), 0.5)
-    result.figure("sides", len(half), 0.3)
+    result.measure("low", len(low), 0.5)
+    result.measure("wide", len(fair), 0.5)
+    result.measure("sides", len(half), 0.3)
 
     def typical(some, name):
         return float(np.median([getattr(one, name) for one in some]))
@@ -294,8 +294,8 @@ def rare_and_sure(result):
         np.std([one.share for one in some]) / typical(some, "error") for some in (narrow, both)
     ]
     result.statement = "Half-spaces of known probability in six dimensions, 2,500 runs a repeat."
-    result.heard(len(low) <= 0.01 * n)
-    result.corrected(
+    result.statement_holds(len(low) <= 0.01 * n)
+    result.correction_holds(
         len(low) > 3 * len(fair),
         len(half) > 0.3 * n,
         min(apart) > 1.5,

@@ -62,20 +62,20 @@ def lag_of_the_arm(result):
     result.formula = sympy.solve(sympy.Eq(kp * e - kd * v - c * v, 0), e)[0]
     scene, only = Scenario(seconds=7.0), ("perceive", "age", "plan")
     velocity = np.array(scene.velocity)
-    speed = result.given("speed", 1e3 * float(np.hypot(*velocity)))
+    speed = result.input("speed", 1e3 * float(np.hypot(*velocity)))
 
     def behind(kp, kd):
         away = ends(only, scenario=scene, kp=kp, kd=kd)[:, 0]
         return -1e6 * float(away @ velocity) / speed
 
-    lag, twice = (result.figure(n, behind(25.0, x), 0.02) for n, x in (("lag", 8), ("twice", 16)))
+    lag, twice = (result.measure(n, behind(25.0, x), 0.02) for n, x in (("lag", 8), ("twice", 16)))
     law = speed * float(result.formula.subs({kp: 25, kd: 8, c: scene.arm.damping[0], v: 1}))
     same = 1e3 * np.hypot(*theory.lag(scene.arm, (0.6, 1.6), 25.0, 8.0, velocity))
     result.statement = "The last instant of runs of 7 s with everything but the arm mended."
     stiff = result.rng.uniform(20.0, 60.0, 6)
     rows = [[behind(float(k), x * float(k)) for x in (0.15, 0.3, 0.45)] for k in stiff]
-    result.heard(all(a < b < c for a, b, c in rows))
-    result.corrected(
+    result.statement_holds(all(a < b < c for a, b, c in rows))
+    result.correction_holds(
         abs(lag / law - 1) < 0.05, abs(same / law - 1) < 1e-9, abs(twice / lag - 16.2 / 8.2) < 0.1
     )
 
@@ -122,16 +122,16 @@ def latency_is_not_age(result):
             ]
         )
 
-    late, period = 0.1, 1e-3 * result.given("period_ms", 300.0)
+    late, period = 0.1, 1e-3 * result.input("period_ms", 300.0)
     observed = ages(late, period)
-    mean = result.figure("age_ms", 1e3 * observed.mean(), 0.02)
+    mean = result.measure("age_ms", 1e3 * observed.mean(), 0.02)
     camera = Stage("camera", late, period, overload="pipelined")
-    result.figure("worst_ms", 1e3 * age([camera]).greatest)
+    result.measure("worst_ms", 1e3 * age([camera]).greatest)
     result.statement = "Runs with twelve phases of the camera and an arm without lag."
-    result.heard(bool(abs(mean / (1e3 * late) - 1.0) < 0.1))
+    result.statement_holds(bool(abs(mean / (1e3 * late) - 1.0) < 0.1))
     drawn = result.rng.uniform((0.05, 0.1), (0.3, 0.4), (4, 2))
     each = [(ages(*x).mean(), float(result.formula.subs({L: x[0], T: x[1], v: 1}))) for x in drawn]
-    result.corrected(
+    result.correction_holds(
         all(abs(a / b - 1.0) < 0.04 for a, b in each),
         abs(mean / 250.0 - 1.0) < 0.02,
         observed.max() < late + period,
@@ -165,8 +165,8 @@ def filter_calms(result):
     A = sympy.Matrix([[1 - a, 1 - a], [-b, 1 - b]])
     B, P = sympy.Matrix([a, b]), sympy.Matrix([[xx, xy], [xy, yy]])
     result.formula = sympy.factor(sympy.solve(P - A * P * A.T - B * B.T, [xx, xy, yy])[xx])
-    alpha, beta = result.given("alpha", 0.3), result.given("beta", 0.05)
-    wild = result.given("beta_wild", 0.9)
+    alpha, beta = result.input("alpha", 0.3), result.input("beta", 0.05)
+    wild = result.input("beta_wild", 0.9)
 
     def gain(alpha, beta):
         """The same by SciPy, of the matrices as numbers."""
@@ -174,20 +174,20 @@ def filter_calms(result):
         take = np.array([alpha, beta])
         return float(solve_discrete_lyapunov(matrix, np.outer(take, take))[0, 0])
 
-    calm = result.figure("calm", theory.filter_gain(alpha, beta))
-    loud = result.figure("wild", theory.filter_gain(alpha, wild))
+    calm = result.measure("calm", theory.filter_gain(alpha, beta))
+    loud = result.measure("wild", theory.filter_gain(alpha, wild))
     drawn = result.rng.uniform(0.05, 0.95, 30)
     inside, outside = ([gain(x, share * 2.0 * x) < 1.0 for x in drawn] for share in (0.97, 1.03))
     outside += [gain(1.0 + 0.3 * x, 1.0) < 1.0 for x in drawn]
     both = [(theory.filter_gain(x, x), gain(x, x)) for x in drawn]
     result.statement = "By algebra, and with numbers on both sides of the condition."
-    result.heard(
+    result.statement_holds(
         loud < 1.0,
         only_if="the gain of the place is below 1 and that of the rate below twice it",
         inside=inside,
         outside=outside,
     )
-    result.corrected(
+    result.correction_holds(
         not any(outside),
         all(abs(x / y - 1.0) < 1e-9 for x, y in both),
         calm < 0.3,
@@ -209,14 +209,14 @@ def pictures_without_bias(result):
     def deviation(rate, **changed):
         return rms(ends(only, range(16), frame=1.0 / rate, **changed))
 
-    slow, fast = result.given("slow", 10), result.given("fast", 400)
-    few = result.figure("few", deviation(slow), 0.1)
-    count = result.figure("many", deviation(fast), 0.1)
-    bias = result.figure("bias", 1e3 * np.hypot(*Settings().bias))
+    slow, fast = result.input("slow", 10), result.input("fast", 400)
+    few = result.measure("few", deviation(slow), 0.1)
+    count = result.measure("many", deviation(fast), 0.1)
+    bias = result.measure("bias", 1e3 * np.hypot(*Settings().bias))
     fair = deviation(fast, bias=(0.0, 0.0))
     result.statement = "16 runs each, with only perception as it is."
-    result.heard(count < 0.5 * bias)
-    result.corrected(few > 2.0 * count, count > 0.9 * bias, fair < 0.9 * count)
+    result.statement_holds(count < 0.5 * bias)
+    result.correction_holds(few > 2.0 * count, count > 0.9 * bias, fair < 0.9 * count)
 
 
 @functools.cache
@@ -242,20 +242,20 @@ def root_sum_square(result):
     parts = ("perceive", "age", "control")
     alone = [1e3 * made.rms(made.only(part))[0] for part in parts]
     for name, value in zip(("eye", "age", "arm"), alone, strict=True):
-        result.figure(name, value, 0.05)
-    rss = result.figure("rss", float(np.hypot(np.hypot(alone[0], alone[1]), alone[2])), 0.05)
-    whole = result.figure("whole", 1e3 * made.rms(frozenset())[0], 0.1)
+        result.measure(name, value, 0.05)
+    rss = result.measure("rss", float(np.hypot(np.hypot(alone[0], alone[1]), alone[2])), 0.05)
+    whole = result.measure("whole", 1e3 * made.rms(frozenset())[0], 0.1)
     # Parts of mean 0 that know nothing of each other: there the rule is right.
     rng = result.rng
     noise = {part: 1e-3 * rng.standard_normal((2, 4000)) for part in parts}
     sets = {
         s: sum((noise[p] for p in parts if p not in s), np.zeros((2, 4000))) for s in made.errors
     }
-    fair = Budget(parts, sets, made.told)
+    fair = Budget(parts, sets, made.moments)
     right = fair.rms(frozenset())[0] / np.sqrt(sum(fair.rms(fair.only(p))[0] ** 2 for p in parts))
     result.statement = "Six runs for each of the eight subsets, and noise alone."
-    result.heard(abs(whole / rss - 1.0) < 0.1)
-    result.corrected(rss > 2.0 * whole, bool(abs(right - 1.0) < 0.05))
+    result.statement_holds(abs(whole / rss - 1.0) < 0.1)
+    result.correction_holds(rss > 2.0 * whole, bool(abs(right - 1.0) < 0.05))
 
 
 @claim(
@@ -266,9 +266,9 @@ def root_sum_square(result):
 def signed_parts_add_up(result):
     made = cancelling()
     lengths = [1e3 * np.hypot(*made.mean(made.only(p))[0]) for p in ("perceive", "age", "control")]
-    summed = result.figure("lengths", sum(lengths), 0.05)
-    result.figure("gap", 1e3 * float(np.hypot(*made.gap()[0])), 0.5)
-    whole = result.figure("whole", 1e3 * float(np.hypot(*made.mean(frozenset())[0])), 0.2)
+    summed = result.measure("lengths", sum(lengths), 0.05)
+    result.measure("gap", 1e3 * float(np.hypot(*made.gap()[0])), 0.5)
+    whole = result.measure("whole", 1e3 * float(np.hypot(*made.mean(frozenset())[0])), 0.2)
 
     def adds(kp, kd, late):
         one = cancelling(2, kp=float(kp), kd=float(kd), latency=float(late))
@@ -277,8 +277,8 @@ def signed_parts_add_up(result):
     drawn = result.rng.uniform((25.0, 4.0, 0.02), (40.0, 8.0, 0.15), (3, 3))
     holds = all(adds(*x) for x in drawn) and float(np.hypot(*made.gap()[0])) < 3e-4
     result.statement = "The same budget, and three with other gains and latencies: within 0.3 mm."
-    result.heard(holds)
-    result.corrected(summed > 2.0 * whole)
+    result.statement_holds(holds)
+    result.correction_holds(summed > 2.0 * whole)
 
 
 @claim(
@@ -294,15 +294,15 @@ def mending_makes_worse(result):
     mended = ((), ("perceive",), ("control",), ("perceive", "control"))
     whole, eye, arm, both = (1e3 * made.rms(frozenset(some))[0] for some in mended)
     for name, value in (("whole", whole), ("eye", eye), ("arm", arm), ("both", both)):
-        result.figure(name, value, 0.1)
-    result.figure("orders", len(list(permutations(made.parts))))
-    safe = result.figure("safe", len(made.orders()))
+        result.measure(name, value, 0.1)
+    result.measure("orders", len(list(permutations(made.parts))))
+    safe = result.measure("safe", len(made.orders()))
     # Without a bias there is nothing to cancel.
     fair = ends(("plan",), range(6), noise=1e-3, bias=(0.0, 0.0))
     better = ends(("plan", "control"), range(6), noise=1e-3, bias=(0.0, 0.0))
     result.statement = "Six runs for each of the eight subsets."
-    result.heard(eye <= whole and arm <= whole)
-    result.corrected(eye > 2.0 * whole, arm > 1.5 * whole, rms(better) < rms(fair), safe < 6)
+    result.statement_holds(eye <= whole and arm <= whole)
+    result.correction_holds(eye > 2.0 * whole, arm > 1.5 * whole, rms(better) < rms(fair), safe < 6)
 
 
 @claim(
@@ -328,7 +328,7 @@ def sag_without_kd(result):
 
     m, g, d, s, kp, e = sympy.symbols("m g d s kp e", positive=True)
     result.formula = sympy.solve(sympy.Eq(kp * e, m * g * d * sympy.sin(s)), e)[0]
-    tilt = result.given("tilt", 0.06)
+    tilt = result.input("tilt", 0.06)
     level = Scenario(velocity=(0.0, 0.0), seconds=6.0)
     tilted = replace(level, tilt=tilt)
     only = ("perceive", "age", "plan")
@@ -338,13 +338,13 @@ def sag_without_kd(result):
         return 1e3 * float(np.hypot(*(first - second)))
 
     each = [sag(float(kd)) for kd in result.rng.uniform(3.0, 12.0, 6)]
-    here = result.figure("sag", sag(8.0), 0.02)
+    here = result.measure("sag", sag(8.0), 0.02)
     stiff = sag(9.0, 50.0)
     report = predicted(tilted, Settings(kp=25.0))[0] - predicted(level, Settings(kp=25.0))[0]
     bends = [theory.sag(tilted.plant, (0.0, 0.0), x)[1] for x in (25, 50)]
     result.statement = "Ends of runs of 6 s on a tilted and a level table, six values of Kd."
-    result.heard(bool(np.ptp(each) < 0.02 * here))
-    result.corrected(
+    result.statement_holds(bool(np.ptp(each) < 0.02 * here))
+    result.correction_holds(
         bool(abs(1e3 * np.hypot(*report) / here - 1.0) < 0.1),
         abs(stiff / here - 0.5) < 0.02,
         bool(abs(bends[0] / bends[1] - 2.0) < 1e-9),
@@ -366,12 +366,12 @@ def same_seeds(result):
     first = repair(Settings(), "plan")
     second, scene = replace(first, noise=1.1 * first.noise), Scenario(seconds=3.2)
     sets = [compare(scene, first, second, seeds) for seeds in (range(20), range(20, 40))]
-    saved = result.figure("saved", min(one.saved for one in sets), 0.5)
-    bias = 1e-3 * result.given("bias_mm", 20.0)
+    saved = result.measure("saved", min(one.saved for one in sets), 0.5)
+    bias = 1e-3 * result.input("bias_mm", 20.0)
     turned = [replace(first, bias=(x, 0.0)) for x in (bias, -bias)]
-    lost = result.figure("lost", 1.0 / compare(scene, turned[0], turned[1], range(40)).saved, 0.3)
+    lost = result.measure("lost", 1.0 / compare(scene, turned[0], turned[1], range(40)).saved, 0.3)
     other = compare(scene, first, replace(first, frame=2.0 * first.frame), range(40)).saved
-    result.figure("other", other, 0.3)
+    result.measure("other", other, 0.3)
     result.statement = "Twice 20 seeds, the lesser of the two savings; 40 for bias and pictures."
-    result.heard(saved < 1.0)
-    result.corrected(saved > 4.0, lost > 1.2, other < 2.0, all(one.square[1] > 0.0 for one in sets))
+    result.statement_holds(saved < 1.0)
+    result.correction_holds(saved > 4.0, lost > 1.2, other < 2.0, all(one.square[1] > 0.0 for one in sets))

@@ -91,13 +91,13 @@ def step_by_posture(result):
     both = np.array([[0.3, 0.3], [0.0, 2.9]])
     gains = np.full(2, 25.0), np.full(2, 8.0)
     far, near = 1e3 * limits(both, *gains)
-    result.figure("stretched", far)
-    result.figure("folded", near)
+    result.measure("stretched", far)
+    result.measure("folded", near)
     q, kp, kd = drawn(result.rng)
     at = limits(q, kp, kd)
     result.statement = "The arm itself, from 1e-6 rad, 3 % to both sides of twelve limits."
-    result.heard(not leaves(both, *gains, 1e-3 * np.sqrt(far * near)).any())
-    result.corrected(
+    result.statement_holds(not leaves(both, *gains, 1e-3 * np.sqrt(far * near)).any())
+    result.correction_holds(
         bool(leaves(q, kp, kd, 1.03 * at).all()),
         not leaves(q, kp, kd, 0.97 * at).any(),
         near > 2.0 * far,
@@ -114,10 +114,10 @@ def damping_and_step(result):
     from course.kinematics import TwoLink
     from course.pipeline import theory
 
-    kp, kd = result.given("kp", 25.0), result.given("kd", 8.0)
+    kp, kd = result.input("kp", 25.0), result.input("kd", 8.0)
     empty, amount = (1e3 * theory.step_limit(TwoLink(), (0.3, 0.0), kp, x) for x in (0.0, kd))
-    result.figure("none", empty)
-    result.figure("much", amount)
+    result.measure("none", empty)
+    result.measure("much", amount)
     q, springs, dampers = drawn(result.rng)
     less, more = limits(q, springs, dampers), limits(q, springs, 1.2 * dampers)
     between = np.sqrt(less * more)
@@ -131,8 +131,8 @@ def damping_and_step(result):
 
     new = [implicit(*x) for x in zip(springs, dampers, strict=True)]
     result.statement = "Twelve arms with drawn gains, and the same with a fifth more damping."
-    result.heard(bool(np.all(more < less)))
-    result.corrected(
+    result.statement_holds(bool(np.all(more < less)))
+    result.correction_holds(
         amount < 0.5 * empty,
         max(new) < 1.0,
         bool(leaves(q, springs, 1.2 * dampers, between).sum() >= 6),
@@ -151,29 +151,29 @@ def largest_step(result):
     from course.pipeline import Scenario, Settings, run_many, successes, theory
     from course.pipeline.blame import gained
 
-    scene, step = Scenario(), result.given("step", 15.0)
+    scene, step = Scenario(), result.input("step", 15.0)
     settings = replace(Settings(), noise=5e-3)
     goal = run_many(scene, settings, [0])[0].log[-1, :2]
-    reach = result.figure("reach", 1e3 * theory.step_limit(scene.arm, goal, 25.0, 8.0), 0.02)
-    result.figure("stretched", 1e3 * theory.step_limit(scene.arm, (0.3, 0.0), 25.0, 8.0))
+    reach = result.measure("reach", 1e3 * theory.step_limit(scene.arm, goal, 25.0, 8.0), 0.02)
+    result.measure("stretched", 1e3 * theory.step_limit(scene.arm, (0.3, 0.0), 25.0, 8.0))
     runs = [
         run_many(scene, replace(settings, physics=1e-3 * h, control=1e-3 * h), range(8))
         for h in (2.0, step)
     ]
     calm, wild = (float(np.mean([gained(one, 25.0, 8.0) for one in some])) for some in runs)
-    result.figure("calm", calm, 0.01)
-    result.figure("wild", wild, 0.2)
-    share = result.figure("share", successes(runs[1]).mean(), 0.2)
+    result.measure("calm", calm, 0.01)
+    result.measure("wild", wild, 0.2)
+    share = result.measure("share", successes(runs[1]).mean(), 0.2)
     q, kp, kd = drawn(result.rng)
     at = limits(q, kp, kd)
     result.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
-    result.heard(
+    result.statement_holds(
         bool(leaves(q, kp, kd, 0.9 * at).all()),
         only_if="the step is above (sqrt(d^2 + 4 k) - d) / k in the posture that it is in",
         inside=leaves(q, kp, kd, 1.03 * at).tolist(),
         outside=leaves(q, kp, kd, 0.97 * at).tolist(),
     )
-    result.corrected(step > reach, share > 0.7, wild > 10.0 * max(calm, 1e-3))
+    result.correction_holds(step > reach, share > 0.7, wild > 10.0 * max(calm, 1e-3))
 
 
 @claim(
@@ -195,15 +195,15 @@ def high_gain_overshoots(result):
         return max(0.0, float(-(observed @ shapes[:, 0]).min()) / 1e-5), float(modes.overshoot[0])
 
     bent = (0.624, 1.64)
-    amount, little, kd = (result.given(*x) for x in (("much", 400.0), ("little", 25.0), ("kd", 8.0)))
+    amount, little, kd = (result.input(*x) for x in (("much", 400.0), ("little", 25.0), ("kd", 8.0)))
     high, report = beyond(amount, 0.0, bent)
-    low = result.figure("low", beyond(little, 0.0, bent)[0], 0.02)
-    result.figure("high", high, 0.02)
+    low = result.measure("low", beyond(little, 0.0, bent)[0], 0.02)
+    result.measure("high", high, 0.02)
     calm = beyond(little, kd, bent)[0]
     draws = zip(result.rng.uniform(100.0, 1000.0, 6), result.rng.uniform(0.0, 3.0, 6), strict=True)
     result.statement = "Small steps of the slow mode, in drawn postures."
-    result.heard(all(beyond(kp, 0.0, (0.3, q2))[0] > 0.5 for kp, q2 in draws))
-    result.corrected(abs(high / report - 1.0) < 0.02, low > 0.8, calm < 1e-3)
+    result.statement_holds(all(beyond(kp, 0.0, (0.3, q2))[0] > 0.5 for kp, q2 in draws))
+    result.correction_holds(abs(high / report - 1.0) < 0.02, low > 0.8, calm < 1e-3)
 
 
 @claim(
@@ -234,7 +234,7 @@ def swings_die(result):
     result.formula = sympy.simplify(-1 / sum(part for part in root.args if not part.has(kp)))
     bent = (0.624, 1.64)
     value, shapes = np.linalg.eigh(np.linalg.inv(TwoLink().mass_matrix(np.array(bent))))
-    soft, stiff = result.given("soft", 25.0), result.given("stiff", 250.0)
+    soft, stiff = result.input("soft", 25.0), result.input("stiff", 250.0)
 
     def rate(kp):
         """Of decay, from the largest swings of the first and of the last third [1/s]."""
@@ -248,10 +248,10 @@ def swings_die(result):
     slow, fast = rate(soft), rate(stiff)
     law = float(1 / result.formula.subs({kd: 0, c: 0.2, m: value[0]}))
     ring = [theory.modes(TwoLink(), bent, x, 0.0).ring[0] for x in (soft, stiff)]
-    result.figure("off", abs(fast / slow - 1.0), 0.5)
+    result.measure("off", abs(fast / slow - 1.0), 0.5)
     result.statement = "Peaks of a swing of 1e-5 rad without Kd."
-    result.heard(fast < 1.02 * slow)
-    result.corrected(
+    result.statement_holds(fast < 1.02 * slow)
+    result.correction_holds(
         abs(slow / law - 1.0) < 0.03,
         abs(fast / law - 1.0) < 0.03,
         bool(abs(ring[0] / ring[1] - 1.0) < 1e-9),
@@ -291,21 +291,21 @@ def look_and_move_limit(result):
     # z^n (z - 1) = -g on the circle: the angles n w + w / 2 + pi / 2 = pi, the sizes 2 sin(w / 2).
     angle = sympy.solve(sympy.Eq(n * w + w / 2 + sympy.pi / 2, sympy.pi), w)[0]
     result.formula = 2 * sympy.sin(sympy.simplify(angle / 2))
-    result.figure("one", theory.look_limit(1))
-    four = result.figure("four", theory.look_limit(4))
+    result.measure("one", theory.look_limit(1))
+    four = result.measure("four", theory.look_limit(4))
     late = [int(x) for x in result.rng.integers(0, 9, 12)]
     inside, outside = (
         [not wanders(x * theory.look_limit(k), k) for k in late] for x in (0.98, 1.02)
     )
     exact = [float(result.formula.subs(n, k)) / theory.look_limit(k) for k in late]
     result.statement = "The loop itself, 2 % to both sides of the limits of 0 to 8 late frames."
-    result.heard(
+    result.statement_holds(
         not any(wanders(x, 4) for x in (0.2, 0.5, 1.0)),
         inside=inside,
         outside=outside,
         only_if="the gain is below 2 sin(pi / (2 (2 n + 1)))",
     )
-    result.corrected(
+    result.correction_holds(
         all(abs(x - 1.0) < 1e-9 for x in exact), not any(outside), four < 0.5, not wanders(0.9, 0)
     )
 
@@ -333,7 +333,7 @@ def look_and_move_noise(result):
 
     g, V = sympy.symbols("g V", positive=True)
     result.formula = sympy.simplify(sympy.solve(sympy.Eq(V, (1 - g) ** 2 * V + g**2), V)[0])
-    gain, late = result.given("gain", 0.3), int(result.given("late", 2))
+    gain, late = result.input("gain", 0.3), int(result.input("late", 2))
 
     def measured(gain, late):
         """Variance over that of a picture, of 400 places after 400 frames each."""
@@ -342,12 +342,12 @@ def look_and_move_noise(result):
             past.append(past[-1] - gain * (past[-1 - late] + result.rng.standard_normal(2000)))
         return float(np.var(past[-60:]))
 
-    part = result.figure("part", theory.look_noise(gain, 0))
-    more = result.figure("more", theory.look_noise(gain, late))
+    part = result.measure("part", theory.look_noise(gain, 0))
+    more = result.measure("more", theory.look_noise(gain, late))
     observed = measured(gain, 0), measured(gain, late), measured(1.0, 0)
     result.statement = "2,000 loops with white noise, beside the formula."
-    result.heard(observed[2] < 0.1)
-    result.corrected(
+    result.statement_holds(observed[2] < 0.1)
+    result.correction_holds(
         abs(observed[0] / part - 1) < 0.05,
         abs(observed[1] / more - 1) < 0.05,
         more > part,
@@ -389,7 +389,7 @@ def clearance_and_noise(result):
         for name, turn in bends.items()
     }
     for name, value in law.items():
-        result.figure(name, value)
+        result.measure(name, value)
     error = result.rng.standard_normal((2, 80_000))  # of the disc, in standard deviations
 
     def touched(turn, radius=4.0):
@@ -405,13 +405,13 @@ def clearance_and_noise(result):
     result.statement = "80,000 places of a disc that was seen with noise, and paths about it."
     straight = [touched(0.0, x) < 1.0 / 40.0 for x in result.rng.uniform(3.0, 20.0, 8)]
     sharp = [touched(x) < 1.0 / 40.0 for x in result.rng.uniform(0.4, np.pi, 8)]
-    result.heard(
+    result.statement_holds(
         all(straight) and all(sharp),
         only_if="the path passes it straight",
         inside=straight,
         outside=sharp,
     )
-    result.corrected(
+    result.correction_holds(
         all(abs(touched(turn) / law[name] - 1.0) < 0.05 for name, turn in bends.items())
     )
 
@@ -426,12 +426,12 @@ def clearance_and_noise(result):
 def planner_step(result):
     from course.pipeline import Scenario, Settings, run_many, successes
 
-    cost = result.given("cost_us", 20.0)
+    cost = result.input("cost_us", 20.0)
     near = replace(Settings(), noise=1e-4)
 
     def runs(step, cost, n=12):
         records = run_many(Scenario(), replace(near, step=step, check_cost=1e-6 * cost), range(n))
-        wait = np.median([r.plans[0].arrived - r.asked[0] for r in records])
+        wait = np.median([r.plans[0].arrived - r.plan_requests[0] for r in records])
         length = np.median([r.plans[0].value.motion.duration for r in records])
         corners = np.median([r.plans[0].value.waypoints.shape[1] for r in records])
         return successes(records).mean(), 1e-3 * wait, length, corners
@@ -443,10 +443,10 @@ def planner_step(result):
     )
     rows = {"paid": paid, "free": free, "wait_ms": wait, "slow": slow, "quick": quick}
     for name, value in (rows | {"corners": corners, "few": few}).items():
-        result.figure(name, value, 0.3)
+        result.measure(name, value, 0.3)
     result.statement = "12 runs with steps of 0.3 and 0.002 rad, nearly without noise."
-    result.heard(free > 0.9)
-    result.corrected(paid < 0.6, paid < free < 0.9 < fine, slow > 1.2 * quick, corners > few)
+    result.statement_holds(free > 0.9)
+    result.correction_holds(paid < 0.6, paid < free < 0.9 < fine, slow > 1.2 * quick, corners > few)
 
 
 @claim(
@@ -473,7 +473,7 @@ def overrun_ages(result):
 
     L, t = sympy.symbols("L t", positive=True)
     result.formula = sympy.integrate(L + t, (t, 0, L)) / L
-    seconds = result.given("seconds", 3.0)
+    seconds = result.input("seconds", 3.0)
     scene = Scenario(velocity=(-0.02, 0.015), seconds=seconds)
     u = np.array(scene.velocity)
     plain = replace(Settings(), noise=0.0, bias=(0.0, 0.0), filtered=False)
@@ -489,12 +489,12 @@ def overrun_ages(result):
 
     block, drop, queue = (age(rule, 0.25, 0.1) for rule in ("block", "drop", "queue"))
     for name, value in (("block_ms", block), ("drop_ms", drop), ("queue_ms", queue)):
-        result.figure(name, 1e3 * value, 0.03)
+        result.measure(name, 1e3 * value, 0.03)
     law = float(result.formula.subs(L, 0.25))
     others = [(age("block", late, 0.1), age("drop", late, 0.1)) for late in (0.11, 0.19)]
     result.statement = "Runs with eight phases of a camera at 10 Hz whose pictures take 250 ms."
-    result.heard(block > drop)
-    result.corrected(
+    result.statement_holds(block > drop)
+    result.correction_holds(
         abs(block / law - 1.0) < 0.03, all(a < b for a, b in others), queue > 3.0 * drop
     )
 
@@ -524,26 +524,26 @@ def raw_estimate_replans(result):
     density = x / (2 * s**2) * sympy.exp(-(x**2) / (4 * s**2))
     result.formula = sympy.integrate(density, (x, r, sympy.oo))
     scene, settings = Scenario(seconds=1.5), Settings()
-    sigma = result.given("sigma", settings.noise)
+    sigma = result.input("sigma", settings.noise)
 
     def plans(noise, filtered, seeds=range(4)):
         report = replace(settings, noise=float(noise), filtered=filtered)
         return np.mean([len(record.plans) for record in run_many(scene, report, seeds)])
 
-    raw = result.figure("raw", plans(sigma, False), 0.3)
-    calm = result.figure("calm", plans(sigma, True, range(8)), 0.3)
+    raw = result.measure("raw", plans(sigma, False), 0.3)
+    calm = result.measure("calm", plans(sigma, True, range(8)), 0.3)
     jumps = np.hypot(*(sigma * result.rng.standard_normal((2, 2, 50_000)).sum(axis=0)))
     far = float(np.mean(jumps > settings.replan))
     law = float(result.formula.subs({r: settings.replan, s: sigma}))
     third, draws = settings.replan / 3.0, result.rng.uniform(0.0, 1.0, 8)
     result.statement = "Runs of 1.5 s with raw and filtered estimates."
-    result.heard(
+    result.statement_holds(
         calm > 6.0,
         only_if="they come raw, with a third of that distance on each axis or more",
         inside=[bool(plans((1.15 + 0.5 * x) * third, False) > 6.0) for x in draws],
         outside=[bool(plans((0.85 - 0.5 * x) * third, False) > 6.0) for x in draws],
     )
-    result.corrected(raw > 5.0 * calm, bool(abs(far / law - 1.0) < 0.05))
+    result.correction_holds(raw > 5.0 * calm, bool(abs(far / law - 1.0) < 0.05))
 
 
 @claim(
@@ -556,16 +556,16 @@ def every_stage_its_clock(result):
     from course.pipeline import Scenario, Settings, run
 
     scene, settings = Scenario(), Settings()
-    seconds = result.given("seconds", scene.seconds)
+    seconds = result.input("seconds", scene.seconds)
     record = run(replace(scene, seconds=seconds), settings)
-    laws = result.figure("laws", len(record.log) - 1)
-    pictures = result.figure("pictures", len(record.timetable.captured))
-    plans = result.figure("plans", len(record.plans))
+    laws = result.measure("laws", len(record.log) - 1)
+    pictures = result.measure("pictures", len(record.timetable.captured))
+    plans = result.measure("plans", len(record.plans))
     control = 1e6 * settings.control
-    periods = (record.plans[0].arrived - record.asked[0]) / control
-    result.figure("periods", periods, 0.3)
+    periods = (record.plans[0].arrived - record.plan_requests[0]) / control
+    result.measure("periods", periods, 0.3)
     first = record.pictures[0]
-    ages = result.figure("ages", (first.arrived - first.captured) / control)
+    ages = result.measure("ages", (first.arrived - first.captured) / control)
     result.statement = "Counted in one run with the settings of the chapter."
-    result.heard(laws == pictures == plans)
-    result.corrected(plans < pictures < laws, periods > 1.0, ages > 10.0)
+    result.statement_holds(laws == pictures == plans)
+    result.correction_holds(plans < pictures < laws, periods > 1.0, ages > 10.0)

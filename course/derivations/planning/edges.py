@@ -40,7 +40,7 @@ def edge_by_ten_points(result):
     r, s, d = sympy.symbols("r s d", positive=True)
     chord = sympy.sqrt(r**2 - (r - d) ** 2)  # half of it, of depth d
     result.formula = min(sympy.solve(4 * chord**2 - s**2, d), key=lambda x: x.subs({r: 2, s: 1}))
-    edge = result.given("edge_m", 1.0)
+    edge = result.input("edge_m", 1.0)
     gap, tried = edge / 11, np.linspace(0.0, edge, 12)  # ten and the ends
 
     def unseen(discs, growth=0.0):
@@ -55,11 +55,11 @@ def edge_by_ten_points(result):
         depth = radius - np.hypot(outside, centres[:, 1])
         return np.column_stack((centres, np.full(count, radius)))[depth >= 0], depth[depth >= 0]
 
-    large, small = result.given("large_m", 0.1), result.given("small_m", 0.03)
+    large, small = result.input("large_m", 0.1), result.input("small_m", 0.03)
     (wide, deep), (narrow, _) = hit(large, 100_000), hit(small, 100_000)
-    share = result.figure("large_share", np.mean(unseen(wide)), tolerance=0.02)
-    result.figure("small_share", np.mean(unseen(narrow)), tolerance=0.02)
-    deepest = 1e-3 * result.figure("deepest_mm", 1000 * deep[unseen(wide)].max(), tolerance=0.05)
+    share = result.measure("large_share", np.mean(unseen(wide)), tolerance=0.02)
+    result.measure("small_share", np.mean(unseen(narrow)), tolerance=0.02)
+    deepest = 1e-3 * result.measure("deepest_mm", 1000 * deep[unseen(wide)].max(), tolerance=0.05)
     middles = np.array([[4.5 * gap, 0.0, x * gap / 2] for x in (0.999, 1.001)])
     sample = [*wide[unseen(wide)][:300], *narrow[:300], middles[0]]
     wrong = sum(edge_is_free(np.zeros(2), np.array([edge, 0.0]), disc[None]) for disc in sample)
@@ -68,14 +68,14 @@ def edge_by_ten_points(result):
     def none_missed(growth):
         return not np.any(unseen(hit(10 ** result.rng.uniform(-2, 0.5), 20_000)[0], growth))
 
-    result.heard(
+    result.statement_holds(
         share == 0.0,
         only_if="every disc is grown to the radius sqrt(r^2 + s^2 / 4), s being the distance of "
         "two points tried",
         inside=[none_missed(1.0) for _ in range(10)],
         outside=[none_missed(0.9) for _ in range(10)],
     )
-    result.corrected(
+    result.correction_holds(
         wrong == 0,
         bool(unseen(middles)[0]),
         not unseen(middles)[1],
@@ -111,8 +111,8 @@ def thin_wall_missed(result):
 
     w, s, x = sympy.symbols("w s x", positive=True)
     result.formula = sympy.expand(sympy.integrate(1 / s, (x, w, s)))  # x: from point to wall's end
-    spacing, wall = result.given("spacing_m", 0.14), result.given("wall_m", 0.05)
-    angle = np.deg2rad(result.given("angle_deg", 30))
+    spacing, wall = result.input("spacing_m", 0.14), result.input("wall_m", 0.05)
+    angle = np.deg2rad(result.input("angle_deg", 30))
 
     def missed(width, count, turn=0.0):
         """Share of edges, twenty spacings long, that are passed though they cross the wall."""
@@ -130,7 +130,7 @@ def thin_wall_missed(result):
     def law(width):
         return max(0.0, float(result.formula.subs({w: width, s: spacing})))
 
-    share = result.figure("missed", missed(wall, 1500, angle), 0.03)
+    share = result.measure("missed", missed(wall, 1500, angle), 0.03)
     resolution = ompl.defaults()["resolution"]
 
     def through(opening, name):
@@ -151,13 +151,13 @@ def thin_wall_missed(result):
             for seed in range(1, 41)
         ]
         bad = [not planning.check_path(requested.world, path.T) for path in paths if path is not None]
-        return result.figure(name, np.mean(bad), 0.3)
+        return result.measure(name, np.mean(bad), 0.3)
 
-    result.figure("ompl_m", resolution * planning.scenes.empty().world.extent)
-    slit = through(result.given("open", 0.02), "refused")
-    half = through(result.given("half", 0.5), "refused_half")
+    result.measure("ompl_m", resolution * planning.scenes.empty().world.extent)
+    slit = through(result.input("open", 0.02), "refused")
+    half = through(result.input("half", 0.5), "refused_half")
     result.statement = "1500 edges across a wall; 40 seeds of OMPL's RRT-Connect at each."
-    result.heard(
+    result.statement_holds(
         share == 0.0,
         only_if="the points are closer than the wall is thick, and it is crossed from side to side",
         inside=[missed(spacing * x, 60) == 0.0 for x in result.rng.uniform(1.001, 2.0, 8)],
@@ -167,7 +167,7 @@ def thin_wall_missed(result):
     fine = planning.from_function(lambda q: planning.state_free(block, q), block.bounds, 0.001)
     cut = np.array([-1.0, 1.0002]), np.array([1.0002, -1.0])  # to the diagonal side of a corner
     cuts = [(a - 0.0004, b - 0.0004 + x) for x in np.linspace(0, 1e-3, 9) for a, b in [cut]]
-    result.corrected(
+    result.correction_holds(
         any(planning.edge_free(fine, *c) > planning.edge_free(block, *c) for c in cuts),
         abs(share - law(wall / np.cos(angle))) < 0.03,
         slit > 0.8,
@@ -187,20 +187,20 @@ def near_the_goal(result):
     from course import planning
     from course.planning import scenes
 
-    requested, step = scenes.discs(), result.given("step_m", 1.0)
+    requested, step = scenes.discs(), result.input("step_m", 1.0)
 
     def first_near(answer, goal):
         away = np.linalg.norm(answer.nodes - goal[:, None], axis=0)
         return answer.nodes[:, np.flatnonzero(away < step)[0]]
 
     ends = np.array([first_near(answer, requested.goal) for answer in runs("discs", "rrt", 100)])
-    result.figure("short_m", np.median(np.linalg.norm(ends - requested.goal, axis=1)), 0.02)
+    result.measure("short_m", np.median(np.linalg.norm(ends - requested.goal, axis=1)), 0.02)
     wall = scenes.gap(0.1, 0.05)
-    goal = np.array([5.025 + result.given("behind_m", 0.3), 2.0])
+    goal = np.array([5.025 + result.input("behind_m", 0.3), 2.0])
     ask = {"world": wall.world, "start": wall.start, "goal": goal, "method": "rrt", "step": step}
     firsts = [first_near(planning.plan(**ask, rng=seed), goal) for seed in range(100)]
     across = np.mean([not planning.edge_free(wall.world, first, goal) for first in firsts])
-    result.figure("across", across, 0.05)
+    result.measure("across", across, 0.05)
 
     def joined(low, high):
         """Whether all free states within so many clearances of a goal can be joined to it."""
@@ -213,11 +213,11 @@ def near_the_goal(result):
         return all(planning.edge_free(here, q, aim) for q in free)
 
     result.statement = "100 seeds each; random goals among discs, 100 states around each."
-    result.heard(
+    result.statement_holds(
         across == 0.0,
         only_if="that node is joined to it, and the step is below the goal's clearance",
         inside=[joined(0.5, 0.999) for _ in range(12)],
         outside=[joined(1.2, 3.0) for _ in range(12)],
     )
     verdicts = [planning.check_path(requested.world, end[:, None], end, requested.goal) for end in ends]
-    result.corrected(across > 0.1, not any(bool(verdict) for verdict in verdicts))
+    result.correction_holds(across > 0.1, not any(bool(verdict) for verdict in verdicts))

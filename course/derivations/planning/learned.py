@@ -57,9 +57,9 @@ def learned_sampler_speeds_up(result):
         ("turned", "turned: learned"),
         ("turned_uniform", "turned: uniform"),
     ):
-        costs[name] = result.figure(name, *numbers_in(rf"{label} +median +(\d+) checks"))
+        costs[name] = result.measure(name, *numbers_in(rf"{label} +median +(\d+) checks"))
     worlds = [learned.slits(result.rng) for _ in range(40)]
-    picture = result.figure("picture", learned.picture(worlds[0])[0].size)
+    picture = result.measure("picture", learned.picture(worlds[0])[0].size)
     # What needs no training is asked again, in other worlds.
     untrained = sampled([None], worlds, "uniform", "search of the picture")
     again = {x.name: x.budget()[0] for x in untrained}
@@ -70,14 +70,14 @@ def learned_sampler_speeds_up(result):
         some = (0.25, 0.5, 0.75, 0.9)
         return [within(panel, "learned", x) < within(panel, "uniform", x) for x in some]
 
-    result.heard(
+    result.statement_holds(
         all(fewer(1) + fewer(2)),
         only_if="the world is of the family that it has learned, and its picture costs nothing",
         inside=fewer(1),
         outside=fewer(2),
         cases=True,
     )
-    result.corrected(
+    result.correction_holds(
         2 * costs["learned"] < costs["uniform"],
         costs["turned"] > 1.3 * costs["turned_uniform"],
         costs["learned"] < costs["search"] < costs["uniform"],
@@ -107,11 +107,11 @@ def diffusion_is_collision_free(result):
     )
     shares = {"raw": raw, "bare": bare, "raw_pushed": raw_pushed, "bare_pushed": bare_pushed}
     for name, share in shares.items():
-        result.figure(name, share)
+        result.measure(name, share)
     curves = _panels()[3]
-    solved = result.figure("solved", max(curves["noise, checked"].y), 0.1)
+    solved = result.measure("solved", max(curves["noise, checked"].y), 0.1)
     paths = [numbers_in(rf"{name}.* median ([\d.]+) ms")[0] for name in ("noise, checked", "RRT-Connect")]
-    times = result.figure("times", paths[0] / paths[1])
+    times = result.measure("times", paths[0] / paths[1])
     world = scenes.discs(count=chart.DISCS).world
     requested = learned.questions(learned.grown(world), 40, result.rng)
     lines = [scenes.Scene("discs", world, q.start, q.goal, 1.0) for q in requested]
@@ -119,8 +119,8 @@ def diffusion_is_collision_free(result):
     again = np.mean([not check_path(world, path) for _, path in first])
     pushed = np.mean([not check_path(world, chart.pushed(q, path)) for q, path in first[:20]])
     result.statement = "100 held-out questions, three networks; lines again, for 40 other questions."
-    result.heard(raw == 0.0)
-    result.corrected(
+    result.statement_holds(raw == 0.0)
+    result.correction_holds(
         raw > 0.4,
         raw < bare,
         raw_pushed < bare_pushed < 0.5 * bare,

@@ -20,8 +20,8 @@ from course.derivations.planning import samples
 )
 def step_through_a_passage(result):
     steps = {"short": 0.1, "middle": 1.0, "long": 10.0}
-    steps = {name: result.given(name, step) for name, step in steps.items()}
-    slit, middles = result.given("slit", 0.02), {}
+    steps = {name: result.input(name, step) for name, step in steps.items()}
+    slit, middles = result.input("slit", 0.02), {}
     for place, method, *at in (
         ("gap", "rrt", slit, 0.5),
         ("discs", "rrt"),
@@ -35,10 +35,10 @@ def step_through_a_passage(result):
             drawn = np.median(
                 samples(place, method, 40 if size == "short" else 150, *at, step=step)
             )
-            middles[name, size] = result.figure(f"{name}_{size}", drawn, 0.1)
+            middles[name, size] = result.measure(f"{name}_{size}", drawn, 0.1)
     result.statement = "Medians of 150 seeds, with the short step 40; a square of ten metres."
-    result.heard(middles["slit", "short"] < middles["slit", "middle"])
-    result.corrected(
+    result.statement_holds(middles["slit", "short"] < middles["slit", "middle"])
+    result.correction_holds(
         middles["slit", "long"] < middles["slit", "short"],
         middles["discs", "short"] > 5.0 * middles["discs", "middle"],
         middles["trap", "long"] > 4.0 * middles["trap", "middle"],
@@ -64,19 +64,19 @@ def blocked_ends_are_named(result):
         end: [plan(requested.world, *pair, method=x, **cached.get(x, {})) for x in METHODS]
         for end, pair in ends.items()
     }
-    budget = result.given("budget", 300)
+    budget = result.input("budget", 300)
     theirs = {
         (end, x): ompl.solve(requested.world.bounds, *pair, x, 1.0, budget, 1, *ompl.tests(requested.world))
         for end, pair in ends.items()
         for x in ("rrt", "rrt_connect")
     }
-    result.figure("methods", len(ours["start"]))
+    result.measure("methods", len(ours["start"]))
     named = all(x.status == f"{end} in collision" for end, some in ours.items() for x in some)
     spent = {x: theirs["goal", x].samples for x in ("rrt", "rrt_connect")}
-    grown = result.figure("grown", len(theirs["goal", "rrt"].nodes), 0.3)
+    grown = result.measure("grown", len(theirs["goal", "rrt"].nodes), 0.3)
     result.statement = "Each method of `plan`, and OMPL's RRT and RRT-Connect, in front of a wall."
-    result.heard(named and max(spent.values()) < budget)
-    result.corrected(
+    result.statement_holds(named and max(spent.values()) < budget)
+    result.correction_holds(
         named,
         not any(x.samples or x.nodes.size for some in ours.values() for x in some),
         all(theirs["start", x].samples == 0 for x in ("rrt", "rrt_connect")),
@@ -129,19 +129,19 @@ def slow_plans_are_slow_questions(result):
     # What the scatter of five seeds adds to the means of questions is taken off.
     within = logs.var(axis=1, ddof=1).mean()
     between = logs.mean(axis=1).var(ddof=1) - within / spent.shape[1]
-    part = result.figure("between", between / (between + within), 0.1)
-    out = result.figure("out", stats.spearmanr(share, middles).statistic, 0.1)
-    clear = result.figure("clear", stats.spearmanr(gaps, middles).statistic, 0.3)
+    part = result.measure("between", between / (between + within), 0.1)
+    out = result.measure("out", stats.spearmanr(share, middles).statistic, 0.1)
+    clear = result.measure("clear", stats.spearmanr(gaps, middles).statistic, 0.3)
     narrow = share <= np.median(share)
-    hard = result.figure("hard", np.median(middles[narrow]), 0.2)
-    easy = result.figure("easy", np.median(middles[~narrow]), 0.2)
+    hard = result.measure("hard", np.median(middles[narrow]), 0.2)
+    easy = result.measure("easy", np.median(middles[~narrow]), 0.2)
     tail = spent[:, 0] >= np.percentile(spent[:, 0], 90)
-    slow = result.figure("slow", np.median(spent[tail, 0]), 0.2)
-    again = result.figure("again", np.median(spent[tail, 1:]), 0.2)
-    usual = result.figure("all", np.median(spent), 0.2)
+    slow = result.measure("slow", np.median(spent[tail, 0]), 0.2)
+    again = result.measure("again", np.median(spent[tail, 1:]), 0.2)
+    usual = result.measure("all", np.median(spent), 0.2)
     result.statement = "36 questions of the 7-R arm, five seeds each."
-    result.heard(part > 0.5)
-    result.corrected(
+    result.statement_holds(part > 0.5)
+    result.correction_holds(
         out < -0.6, abs(clear) < abs(out), hard > 2.0 * easy, 3.0 * usual < again < slow
     )
 
@@ -179,7 +179,7 @@ def limits_keep_an_arm_from_itself(result):
         return np.min(apart, axis=0)
 
     states = result.rng.uniform(arm.lower, arm.upper, (500, 7)).T
-    number, share, deepest = result.given("asked", 60), {}, 0.0
+    number, share, deepest = result.input("asked", 60), {}, 0.0
     for name, limit in (("open", 0.05), ("tight", 0.5)):  # of a record of 0 it is absolute
         place, rng = shelf(name), np.random.default_rng(0)
         touching = []
@@ -188,10 +188,10 @@ def limits_keep_an_arm_from_itself(result):
             assert path is not None
             edges = [np.linspace(a, b, 8) for a, b in itertools.pairwise(path.T)]
             touching.append(gaps(np.vstack(edges).T).min())
-        share[name] = result.figure(name, np.mean(np.array(touching) < 0.0), limit)
+        share[name] = result.measure(name, np.mean(np.array(touching) < 0.0), limit)
         deepest = min(deepest, *touching)
-    result.figure("deep_mm", -1000.0 * deepest, 0.3)
-    hits = result.figure("uniform", np.mean(gaps(states) < 0.0), 0.1)
+    result.measure("deep_mm", -1000.0 * deepest, 0.3)
+    hits = result.measure("uniform", np.mean(gaps(states) < 0.0), 0.1)
     result.statement = "500 postures; paths of RRT-Connect at each shelf, at eight places an edge."
-    result.heard(hits == 0.0)
-    result.corrected(hits > 0.1, share["tight"] < 0.5 * hits, share["open"] < 0.5 * hits)
+    result.statement_holds(hits == 0.0)
+    result.correction_holds(hits > 0.1, share["tight"] < 0.5 * hits, share["open"] < 0.5 * hits)

@@ -33,23 +33,23 @@ def _past_disc(radius, method, budget, seed):
     "Solovey and others, Revisiting the asymptotic optimality of RRT*, ICRA 2020",
 )
 def rrt_star_converges(result):
-    few, more = result.given("few", 1000), result.given("many", 20_000)
+    few, more = result.input("few", 1000), result.input("many", 20_000)
     late = [_past_disc(2.0, "rrt_star", more, seed) for seed in range(10)]
     early = [_past_disc(2.0, "rrt_star", few, seed) for seed in range(10)]
     ratios = np.array([[x.cost / best for x, best in some] for some in (early, late)]).T
-    result.figure("early", np.median(ratios[:, 0]), 0.01)
-    result.figure("late", np.median(ratios[:, 1]), 2e-3)
+    result.measure("early", np.median(ratios[:, 0]), 0.01)
+    result.measure("late", np.median(ratios[:, 1]), 2e-3)
     errors = []
     for answer, _ in late:
         edges = np.linalg.norm(answer.nodes[:, 1:] - answer.nodes[:, answer.parents[1:]], axis=0)
         errors.append(np.abs(answer.costs[1:] - answer.costs[answer.parents[1:]] - edges).max())
-    result.figure("error", max(errors), 0.5)
+    result.measure("error", max(errors), 0.5)
     result.statement = "Ten seeds past a disc of 2 m, its shortest path in closed form."
-    result.heard(
+    result.statement_holds(
         all((np.diff(answer.history[2]) <= 0).all() for answer, _ in late)
         and np.median(ratios[:, 1]) - 1 < 0.3 * (np.median(ratios[:, 0]) - 1)
     )
-    result.corrected(ratios.min() >= 1.0, max(errors) < 1e-12, np.median(ratios[:, 1]) < 1.01)
+    result.correction_holds(ratios.min() >= 1.0, max(errors) < 1e-12, np.median(ratios[:, 1]) < 1.01)
 
 
 @claim(
@@ -60,7 +60,7 @@ def rrt_star_converges(result):
     source="Gammell, Srinivasa and Barfoot, Informed RRT*, IROS 2014",
 )
 def informed_rrt_star(result):
-    budget = result.given("budget", 3000)
+    budget = result.input("budget", 3000)
 
     def pair(seed, radius=2.0, count=budget):
         return [_past_disc(radius, x, count, seed) for x in ("rrt_star", "informed_rrt_star")]
@@ -78,22 +78,22 @@ def informed_rrt_star(result):
     pairs = [pair(seed) for seed in range(10)]
     over = np.array([[answer.cost / best - 1 for answer, best in row] for row in pairs])
     star, informed = np.median(over, axis=0)
-    result.figure("star", star, 0.1)
-    result.figure("informed", informed, 0.1)
+    result.measure("star", star, 0.1)
+    result.measure("informed", informed, 0.1)
     draws = zip(result.rng.uniform(0.3, 1.6, 10), result.rng.integers(1000, 4000, 10), strict=True)
     inside = [pair(k, radius, int(count)) for k, (radius, count) in enumerate(draws)]
     result.statement = "Ten seeds past a disc of 2 m, ten discs of other sizes, eight bug traps."
     outside = [shorter("bug_trap", seed) for seed in range(8)]
     before = [runs("gap", x, 50, 0.02, 0.5, budget=200) for x in ("rrt_star", "informed_rrt_star")]
     unsolved = [pair for pair in zip(*before, strict=True) if not pair[0].solved]
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="a path is known, the shortest has an ellipse below a quarter of the square, "
         "and a thousand samples or more are drawn",
         inside=[b[0].cost < a[0].cost and ellipse(a[1]) < 0.25 for a, b in inside],
         outside=outside,
     )
-    result.corrected(
+    result.correction_holds(
         all(np.array_equal(a.nodes, b.nodes) for a, b in unsolved),
         len(unsolved) > 10,
         informed < 0.6 * star,
@@ -136,19 +136,19 @@ def informed_area(result):
         )
 
     low, high = np.asarray(scenes.SQUARE)
-    apart = result.figure("d_m", np.linalg.norm(scenes.GOAL - scenes.START))
-    times = result.given("near", 1.02), result.given("far", 2.0)
+    apart = result.measure("d_m", np.linalg.norm(scenes.GOAL - scenes.START))
+    times = result.input("near", 1.02), result.input("far", 2.0)
     tight, loose = (share(scenes.START, scenes.GOAL, k * apart, low, high) for k in times)
-    result.figure("tight", tight, 0.03)
-    result.figure("loose", loose, 0.03)
+    result.measure("tight", tight, 0.03)
+    result.measure("loose", loose, 0.03)
     errors = []
     for length in result.rng.uniform(1.0, 4.0, 20):
         p = share(np.array([-0.5, 0.0]), np.array([0.5, 0.0]), length, -length, length)
         truth = area(length, 1.0) / (2 * length) ** 2
         errors.append((p - truth) / np.sqrt(truth * (1 - truth) / 200_000))
     result.statement = "200,000 uniform states a length; twenty lengths from 1 to 4 times d."
-    result.heard(loose < 0.3)
-    result.corrected(np.abs(errors).max() < 4.0, tight < 0.3, loose > 0.9)
+    result.statement_holds(loose < 0.3)
+    result.correction_holds(np.abs(errors).max() < 4.0, tight < 0.3, loose > 0.9)
 
 
 SCENES = {"empty": (), "gap": (0.02, 0.5), "bug_trap": (), "discs": (), "arm": ()}
@@ -184,7 +184,7 @@ def shortcut_never_lengthens(result):
                 length(b) < length(a) * (1 + 1e-12) and check_path(world, b, *a.T[[0, -1]]).free
                 for a, b in zip(paths, cuts, strict=True)
             ]
-    result.figure("paths", len(retained))
+    result.measure("paths", len(retained))
     walks = result.rng.uniform(0.0, 1.0, (2000, 4, 3)).cumsum(axis=2)  # one joint is straightened
     walks = walks[:, :2] - walks[:, 2:]
 
@@ -195,10 +195,10 @@ def shortcut_never_lengthens(result):
     arcs = np.insert(np.linalg.norm(np.diff(walks), axis=1).cumsum(axis=1), 0, 0.0, axis=1)
     by_arc = [longer(walk, arc) for walk, arc in zip(walks, arcs, strict=True)]
     by_number = [longer(walk, np.arange(3.0)) for walk in walks]
-    result.figure("longer", np.mean(by_number), 0.1)
+    result.measure("longer", np.mean(by_number), 0.1)
     result.statement = "Paths of RRT before and after; 2000 random corners of two joints."
-    result.heard(all(retained))
-    result.corrected(not any(by_arc), any(by_number))
+    result.statement_holds(all(retained))
+    result.correction_holds(not any(by_arc), any(by_number))
 
 
 @claim(
@@ -227,18 +227,18 @@ def shortcut_share(result):
         ("rrt_least", ("rrt", "empty")),
         ("rrt_most", ("rrt", "arm")),
     ):
-        result.figure(name, shares[key], 0.1)
+        result.measure(name, shares[key], 0.1)
     for name, scene, k in (
         ("discs_points", "discs", 0),
         ("gap_points", "gap", 0),
         ("after_points", "discs", 1),
         ("after_gap", "gap", 1),
     ):
-        result.figure(name, points[scene][k], 0.1)
-    result.figure("edges", max(edges.values()), 0.1)
+        result.measure(name, points[scene][k], 0.1)
+    result.measure("edges", max(edges.values()), 0.1)
     result.statement = "Medians of 12 seeds, up to 200 rounds of partial shortcuts."
-    result.heard(all(0.3 <= share <= 0.5 for share in shares.values()))
-    result.corrected(
+    result.statement_holds(all(0.3 <= share <= 0.5 for share in shares.values()))
+    result.correction_holds(
         shares["rrt_connect", "empty"] == min(shares.values()),
         shares["rrt", "arm"] > 0.5,
         shares["rrt_connect", "empty"] < 0.02,
@@ -262,7 +262,7 @@ def optimisers_get_stuck(result):
     requested = scenes.discs()
     planned = plan(requested.world, requested.start, requested.goal, rng=3, step=1.0).path
     assert planned is not None
-    vias = result.rng.uniform(0.5, 9.5, (result.given("starts", 20), 2))
+    vias = result.rng.uniform(0.5, 9.5, (result.input("starts", 20), 2))
     free, known, worse = {}, [], []
     for name, optimise, options in (  # steps so small that the descent settles
         ("chomp", covariant_gradient, {"iterations": 600, "weight": 100.0, "rate": 0.005}),
@@ -276,11 +276,11 @@ def optimisers_get_stuck(result):
         free[name], costs = passed[1:], np.array([end.costs[-1] for end in ends])
         known.append(passed[0])
         worse.append(np.median(costs[1:][~free[name]]) / costs[0])
-        result.figure(name, 1 - free[name].mean(), 0.15)
-    result.figure("worse", min(worse), 0.1)
+        result.measure(name, 1 - free[name].mean(), 0.15)
+    result.measure("worse", min(worse), 0.1)
     result.statement = "One world of discs that RRT-Connect solves from every seed."
-    result.heard(not all(x.all() for x in free.values()))
-    result.corrected(
+    result.statement_holds(not all(x.all() for x in free.values()))
+    result.correction_holds(
         all(x.any() and not x.all() for x in free.values()),
         all(known),
         min(worse) > 1.3,
@@ -304,13 +304,13 @@ def trajopt_minimises_jerk(result):
     shaped = sequential_convex(arch, world, margin=margin, points=30).path
     third = [np.linalg.norm(np.diff(path, 3), axis=0).max() for path in (arch, shaped)]
     keeps = [np.linalg.norm(path - 5.0, axis=0).min() - 2.0 for path in (arch, shaped)]
-    result.figure("shorter", 1 - length(shaped) / length(arch), 0.05)
-    result.figure("third_mm", 1000 * third[1], 0.2)
+    result.measure("shorter", 1 - length(shaped) / length(arch), 0.05)
+    result.measure("third_mm", 1000 * third[1], 0.2)
     free = plane(scenes.SQUARE, [[0.5, 0.5, 0.1]])
     steps = sequential_convex(arch, free, margin=margin, points=30).path
     result.statement = "30 waypoints past a disc of 2 m; then nothing near."
-    result.heard(third[1] <= third[0])
-    result.corrected(
+    result.statement_holds(third[1] <= third[0])
+    result.correction_holds(
         third[0] < 1e-12 < 1e-3 < third[1],
         min(keeps) > 0.99 * margin,
         length(shaped) < length(arch),
@@ -342,15 +342,15 @@ def shortcut_leaves_corners(result):
         np.median([_turns(x).max() for x in some]) for some in (paths, cuts, rounded, nothing)
     ]
     for name, value in zip(("sharp", "kept", "round", "bare"), sharpest, strict=True):
-        result.figure(name, value, 0.1)
+        result.measure(name, value, 0.1)
     for name, some in (("before", paths), ("after", cuts)):
-        result.figure(name, np.median([x.shape[1] - 2 for x in some]), 0.1)
+        result.measure(name, np.median([x.shape[1] - 2 for x in some]), 0.1)
     stops = [
         int((np.abs(time_parameterise(x, (1.0, 1.0)).speeds[1:-1]) < 1e-9).sum()) for x in cuts
     ]
     result.statement = "12 seeds; speeds by the time parameterisation without rounding."
-    result.heard(sharpest[1] < 1.0)
-    result.corrected(
+    result.statement_holds(sharpest[1] < 1.0)
+    result.correction_holds(
         stops == [x.shape[1] - 2 for x in cuts],
         sharpest[1] > 0.2 * sharpest[0],
         1.0 < sharpest[2] < sharpest[1],
@@ -370,7 +370,7 @@ def limits_between_grid_points(result):
     from course.planning import time_parameterise
 
     path = np.array([[0.0, 1.0, 1.2, 0.3, 2.0], [0.0, 0.2, 1.0, 1.5, 2.0]])
-    times = np.linspace(0.0, 1.0, result.given("times", 20_001))
+    times = np.linspace(0.0, 1.0, result.input("times", 20_001))
 
     def peaks(grid):
         """Largest acceleration, limit 1, of the chapter's motion, and with one end constrained."""
@@ -398,11 +398,11 @@ def limits_between_grid_points(result):
             worst = max(worst, np.abs((f[i] + h[i] * c[i]) * u + c[i] * x[i + 1]).max())
         return np.abs(motion(times * motion.duration)[2]).max(), worst
 
-    coarse = peaks(result.given("coarse", 16))
-    fine = peaks(result.given("fine", 128))
-    result.figure("over", coarse[1] - 1, 0.05)
-    result.figure("over_fine", fine[1] - 1, 0.05)
-    result.figure("both", max(coarse[0], fine[0]), 1e-4)
+    coarse = peaks(result.input("coarse", 16))
+    fine = peaks(result.input("fine", 128))
+    result.measure("over", coarse[1] - 1, 0.05)
+    result.measure("over_fine", fine[1] - 1, 0.05)
+    result.measure("both", max(coarse[0], fine[0]), 1e-4)
     result.statement = "Two joints, three rounded corners; acceleration at both ends of an interval."
-    result.heard(fine[1] < 1 + 1e-6)
-    result.corrected(max(coarse[0], fine[0]) < 1 + 1e-9, 1 < fine[1] < coarse[1])
+    result.statement_holds(fine[1] < 1 + 1e-6)
+    result.correction_holds(max(coarse[0], fine[0]) < 1 + 1e-9, 1 < fine[1] < coarse[1])

@@ -22,20 +22,20 @@ def lazy_tests_the_final_path(result):
 
     lazy, eager = edges("discs", "lazy_prm"), edges("discs", "prm")
     final = np.array([x.path.shape[1] - 1 for x in runs("discs", "lazy_prm", 40, budget=20_000)])
-    result.figure("lazy", np.median(lazy), 0.15)
-    result.figure("path", np.median(final), 0.2)
-    result.figure("eager", np.median(eager), 0.15)
-    result.figure("slit", np.median(edges("gap", "lazy_prm", 0.02, 0.5)), 0.3)
+    result.measure("lazy", np.median(lazy), 0.15)
+    result.measure("path", np.median(final), 0.2)
+    result.measure("eager", np.median(eager), 0.15)
+    result.measure("slit", np.median(edges("gap", "lazy_prm", 0.02, 0.5)), 0.3)
     result.statement = "40 seeds, ten neighbours a state as in OMPL's PRM; its lazy one has five."
     open_ones = runs("empty", "lazy_prm", 40, budget=20_000)
-    result.heard(
+    result.statement_holds(
         all(lazy == final),
         only_if="the first path proposed is free, as where nothing is in the way",
         inside=[x.edge_checks == x.path.shape[1] - 1 for x in open_ones],
         outside=(lazy == final).tolist(),
     )
     middle = np.median(lazy)
-    result.corrected(all(lazy >= final), 3 * np.median(final) < middle < 0.8 * np.median(eager))
+    result.correction_holds(all(lazy >= final), 3 * np.median(final) < middle < 0.8 * np.median(eager))
 
 
 @functools.cache
@@ -59,23 +59,23 @@ def both_ends_first(result):
     from course.planning import plan
 
     world, queries = _bay_to_bay()
-    budget, some = result.given("budget", 2000), queries[: result.given("asked", 20)]
-    steps, solved, middle = (result.given("short", 1.0), result.given("long", 5.0)), {}, {}
+    budget, some = result.input("budget", 2000), queries[: result.input("asked", 20)]
+    steps, solved, middle = (result.input("short", 1.0), result.input("long", 5.0)), {}, {}
     for method in ("rrt", "rrt_connect"):
         for step in steps:
             x = [plan(world, *q, method=method, rng=1, budget=budget, step=step) for q in some]
             solved[method, step] = sum(answer.solved for answer in x)
             middle[method, step] = np.median([answer.samples for answer in x])
     short, long = steps
-    result.figure("rrt", solved["rrt", short], 0.3)
-    result.figure("connect", solved["rrt_connect", short], 0.1)
-    result.figure("middle", middle["rrt_connect", short], 0.2)
-    result.figure("rrt_long", solved["rrt", long], 0.1)
-    result.figure("middle_rrt", middle["rrt", long], 0.3)
-    result.figure("middle_long", middle["rrt_connect", long], 0.3)
+    result.measure("rrt", solved["rrt", short], 0.3)
+    result.measure("connect", solved["rrt_connect", short], 0.1)
+    result.measure("middle", middle["rrt_connect", short], 0.2)
+    result.measure("rrt_long", solved["rrt", long], 0.1)
+    result.measure("middle_rrt", middle["rrt", long], 0.3)
+    result.measure("middle_long", middle["rrt_connect", long], 0.3)
     result.statement = "20 queries of the 7-R arm; the chart of the ladder has the times."
-    result.heard(solved["rrt", short] == len(some))
-    result.corrected(
+    result.statement_holds(solved["rrt", short] == len(some))
+    result.correction_holds(
         solved["rrt", short] < 0.7 * len(some),
         solved["rrt", long] > 0.9 * len(some),
         all(solved["rrt_connect", step] == len(some) for step in steps),
@@ -97,9 +97,9 @@ def cached_roadmap(result):
     cached = build_roadmap(world, 500, 0)
     answers = [plan(world, *q, method="roadmap", roadmap=cached, rng=1, step=1.0) for q in queries]
     requested = np.array([x.edge_checks for x in answers])
-    result.figure("median", np.median(requested), 0.3)
-    result.figure("tail", np.percentile(requested, 90), 0.4)
-    slit = result.given("slit", 0.02)
+    result.measure("median", np.median(requested), 0.3)
+    result.measure("tail", np.percentile(requested, 90), 0.4)
+    slit = result.input("slit", 0.02)
 
     def joined(samples, seed):
         scene = scenes.gap(slit)
@@ -108,12 +108,12 @@ def cached_roadmap(result):
         crossing = remaining[graph.pairs[:, 0]] != remaining[graph.pairs[:, 1]]
         return bool((graph.status[crossing] == 1).any())
 
-    sizes = result.given("few", 100), result.given("many", 2000)
+    sizes = result.input("few", 100), result.input("many", 2000)
     counts = [sum(joined(size, seed) for seed in range(10)) for size in sizes]
-    result.figure("joined", counts[0], 0.4)
+    result.measure("joined", counts[0], 0.4)
     result.statement = "30 queries; states drawn uniformly, seeds 0 to 9."
-    result.heard(np.percentile(requested, 90) == 0 and counts[0] == 10)
-    result.corrected(
+    result.statement_holds(np.percentile(requested, 90) == 0 and counts[0] == 10)
+    result.correction_holds(
         requested.min() > 0,
         np.percentile(requested, 90) > 4 * np.median(requested),
         counts[0] < 10,
@@ -135,9 +135,9 @@ def bridge_test(result):
     from course.planning import clearance, plan, plane, scenes
     from course.planning.samplers import TRIES
 
-    scene, disc = scenes.gap(result.given("gap", 0.05), 4.0), plane(scenes.SQUARE, [[5, 5, 2]])
+    scene, disc = scenes.gap(result.input("gap", 0.05), 4.0), plane(scenes.SQUARE, [[5, 5, 2]])
 
-    spread, little = result.given("spread", 0.5), result.given("little", 0.2)
+    spread, little = result.input("spread", 0.5), result.input("little", 0.2)
 
     def drawn(world, sampler, spread=spread):
         answer = plan(
@@ -155,16 +155,16 @@ def bridge_test(result):
     inside = {}
     for name in ("bridge", "gaussian", "uniform"):
         inside[name] = np.mean(np.abs(drawn(scene.world, name)[0][:, 0] - 5.0) < 2.0)
-        result.figure(name, inside[name], 0.3)
+        result.measure(name, inside[name], 0.3)
     short = np.mean(np.abs(drawn(scene.world, "bridge", little)[0][:, 0] - 5.0) < 2.0)
-    result.figure("short", short, 0.3)
+    result.measure("short", short, 0.3)
     by_disc = {name: drawn(disc, name) for name in ("gaussian", "bridge", "uniform")}
     away = [np.median([clearance(disc, q) for q in states]) for states, _ in by_disc.values()]
-    result.figure("near_m", away[0], 0.1)
-    result.figure("far_m", away[1], 0.1)
+    result.measure("near_m", away[0], 0.1)
+    result.measure("far_m", away[1], 0.1)
     result.statement = "2000 samples each; the bridge test gives up after 100 tries of two states."
-    result.heard(away[1] < 2 * away[0])
-    result.corrected(
+    result.statement_holds(away[1] < 2 * away[0])
+    result.correction_holds(
         inside["bridge"] > 1.2 * inside["gaussian"],
         inside["gaussian"] > 4 * inside["uniform"],
         away[1] > 0.5 * away[2],
@@ -187,13 +187,13 @@ def ompl_defaults(result):
 
     chosen = {oracle.defaults(dim)["planner"] for dim in (2, 3, 7)}
     text, exact, short = oracle.approximate()
-    result.figure("version", version("ompl"))
-    result.figure("planner", " or ".join(sorted(chosen)))
-    result.figure("said", str(text).lower())
-    result.figure("short", short, 0.05)
+    result.measure("version", version("ompl"))
+    result.measure("planner", " or ".join(sorted(chosen)))
+    result.measure("said", str(text).lower())
+    result.measure("short", short, 0.05)
     result.statement = "Asked in 2, 3 and 7 dimensions; an RRT of OMPL's with a budget of 200."
-    result.heard(chosen == {"RRTConnect"} and not text)
-    result.corrected("RRTConnect" not in chosen, text, not exact, short > 0.49)
+    result.statement_holds(chosen == {"RRTConnect"} and not text)
+    result.correction_holds("RRTConnect" not in chosen, text, not exact, short > 0.49)
 
 
 @claim(
@@ -208,14 +208,14 @@ def one_dimension_a_joint(result):
     from course.kinematics import panda
 
     dims = [planning.planar_arm(np.ones(n)).dim for n in range(1, 9)]
-    result.figure("six", dims[5])
-    result.figure("seven", panda().n)
-    ends = result.given("from_deg", 170), result.given("to_deg", -170)
+    result.measure("six", dims[5])
+    result.measure("seven", panda().n)
+    ends = result.input("from_deg", 170), result.input("to_deg", -170)
     answer = planning.plan(planning.planar_arm([1.0]), *np.radians([ends]).T)
-    result.figure("way_deg", np.degrees(answer.cost))
+    result.measure("way_deg", np.degrees(answer.cost))
     result.statement = "Arms of one to eight links; one joint among nothing."
-    result.heard(dims[5] == 6)
-    result.corrected(dims == list(range(1, 9)), np.degrees(answer.cost) > 300)
+    result.statement_holds(dims[5] == 6)
+    result.correction_holds(dims == list(range(1, 9)), np.degrees(answer.cost) > 300)
 
 
 def _tip_world(rng, radius):
@@ -250,10 +250,10 @@ def tip_path_then_ik(result):
         free = [x for x, p in zip(q, tip(chain, q.T)[:2].T, strict=True) if state_free(point, p)]
         return np.mean([not state_free(arm, x) for x in free])
 
-    radius = result.given("radius_m", 0.05)
+    radius = result.input("radius_m", 0.05)
     thin, thick = (np.mean([hits(x) for _ in range(10)]) for x in (0.0, radius))
-    result.figure("thin", thin, 0.1)
-    result.figure("thick", thick, 0.1)
+    result.measure("thin", thin, 0.1)
+    result.measure("thick", thick, 0.1)
     blocked: list[list[bool]] = []
     while len(blocked) < 100:
         arm, point = _tip_world(result.rng, 0.0)
@@ -271,8 +271,8 @@ def tip_path_then_ik(result):
             ]
         )
     neither, one = np.all(blocked, axis=1), np.sum(blocked, axis=1) == 1
-    result.figure("neither", neither.mean(), 0.3)
-    result.figure("one", one.mean(), 0.2)
+    result.measure("neither", neither.mean(), 0.3)
+    result.measure("one", one.mean(), 0.2)
     result.statement = "Two links among five random discs; 100 such questions."
-    result.heard(thin == 0.0 and not neither.any())
-    result.corrected(thin > 0.1, thick < 2 * thin, neither.mean() > 0.01, one.mean() > 0.1)
+    result.statement_holds(thin == 0.0 and not neither.any())
+    result.correction_holds(thin > 0.1, thick < 2 * thin, neither.mean() > 0.01, one.mean() > 0.1)

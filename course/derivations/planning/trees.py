@@ -23,7 +23,7 @@ def rrt_loop(result):
     from course.planning import plan, scenes
 
     same, nodes, edges = [], 0, []
-    for seed in range(result.given("worlds", 20)):
+    for seed in range(result.input("worlds", 20)):
         requested = scenes.discs(seed)
         world, discs = requested.world, requested.world.obstacles[:, 1:4]
         ours = plan(
@@ -41,11 +41,11 @@ def rrt_loop(result):
         same.append(np.array_equal(parents, ours.parents) and np.allclose(tree.T, ours.nodes))
         nodes += len(tree)
         edges.append(np.linalg.norm(tree[1:] - tree[parents[1:]], axis=1))
-    result.figure("nodes", nodes, 0.02)
-    result.figure("short", np.mean(np.concatenate(edges) < 1.0 - 1e-9), 0.05)
+    result.measure("nodes", nodes, 0.02)
+    result.measure("short", np.mean(np.concatenate(edges) < 1.0 - 1e-9), 0.05)
     result.statement = "The loop in plain Python against the compiled planner, with the same draws."
-    result.heard(all(same))
-    result.corrected(
+    result.statement_holds(all(same))
+    result.correction_holds(
         all(same),
         any((x < 1.0 - 1e-9).any() for x in edges),
         max(x.max() for x in edges) < 1.0 + 1e-9,
@@ -64,12 +64,12 @@ def rrt_complete(result):
     from course import planning
     from course.planning import plan, plane, scenes
 
-    slit, budget = result.given("slit", 0.02), result.given("budget", 500)
+    slit, budget = result.input("slit", 0.02), result.input("budget", 500)
     spent = samples("gap", "rrt", 300, slit, 0.5)
-    result.figure("half", np.median(spent), 0.1)
-    result.figure("late", np.percentile(spent, 95), 0.2)
+    result.measure("half", np.median(spent), 0.1)
+    result.measure("late", np.percentile(spent, 95), 0.2)
     early = runs("gap", "rrt", 200, slit, 0.5, budget=budget)
-    result.figure("failed", np.mean([not x.solved for x in early]), 0.1)
+    result.measure("failed", np.mean([not x.solved for x in early]), 0.1)
     ring = [[8, 8, 10, 8.2], [8, 9.8, 10, 10], [8, 8, 8.2, 10], [9.8, 8, 10, 10]]
     ends = plane(scenes.SQUARE, boxes=ring), scenes.START, scenes.GOAL
     # A way without any width: one line through the wall.
@@ -91,13 +91,13 @@ def rrt_complete(result):
         return tree.solved
 
     result.statement = "300 seeds through the slit; random gaps, steps and biases."
-    result.heard(
+    result.statement_holds(
         solved(1.0, 5000),
         only_if="a path keeps clear, and targets come from everywhere: a goal bias below 1",
         inside=[solved(bias, 300_000) for bias in result.rng.uniform(0.0, 0.8, 20)],
         outside=[solved(1.0, 5000) for _ in range(16)] + by_line,
     )
-    result.corrected(
+    result.correction_holds(
         all(x.solved for x in runs("gap", "rrt", 300, slit, 0.5)),
         {x.status for x in early if not x.solved} == set(walled),
         not any(by_line),
@@ -117,20 +117,20 @@ def connect_is_two_rrts(result):
     from course.planning import plan, scenes
 
     empty = scenes.empty()
-    questions = result.rng.uniform(*empty.world.bounds, (result.given("questions", 200), 2, 2))
+    questions = result.rng.uniform(*empty.world.bounds, (result.input("questions", 200), 2, 2))
     one = [
         plan(empty.world, a, b, rng=k, step=result.rng.uniform(0.05, 3.0)).samples == 1
         for k, (a, b) in enumerate(questions)
     ]
     least = np.ceil(np.linalg.norm(empty.goal - empty.start) / (2 * empty.step))
-    result.figure("open", sum(one))
-    result.figure("least", least)
+    result.measure("open", sum(one))
+    result.measure("least", least)
     # The two roots are there before, and the state where the trees meet is in both.
     added = [x.nodes.shape[1] - 3 for x in runs("empty", "rrt_connect", 200)]
-    result.figure("added", np.median(added), 0.1)
+    result.measure("added", np.median(added), 0.1)
     result.statement = "200 random questions in an empty square, 200 seeds of one."
-    result.heard(min(samples("empty", "rrt_connect", 200)) >= least)
-    result.corrected(all(one), least > 1, np.median(added) > 2)
+    result.statement_holds(min(samples("empty", "rrt_connect", 200)) >= least)
+    result.correction_holds(all(one), least > 1, np.median(added) > 2)
 
 
 @claim(
@@ -149,10 +149,10 @@ def connect_is_two_rrts(result):
 def gap_table(result):
     from course.planning import length, scenes, shortcut
 
-    wall, short = result.given("wall_m", 0.5), result.given("short_m", 0.1)
+    wall, short = result.input("wall_m", 0.5), result.input("short_m", 0.1)
     scene = scenes.gap(0.02, wall)
-    result.figure("side_m", scene.world.bounds[1, 0])
-    result.figure("step_m", scene.step)
+    result.measure("side_m", scene.world.bounds[1, 0])
+    result.measure("step_m", scene.step)
     report = {"rrt": (80, 2500, 60_000), "rrt_connect": (30, 400, 8000)}
     ratios, over, after = [], {}, []
     for method in BOTH:
@@ -160,20 +160,20 @@ def gap_table(result):
         for (name, share), number in zip(GAPS.items(), report[method], strict=True):
             answers, best = runs("gap", method, 300, share, wall), through_gap(share, wall)
             middle = np.median([x.samples for x in answers])
-            ratios.append(result.figure(f"{tag}_{name}", middle, 0.1) / number)
+            ratios.append(result.measure(f"{tag}_{name}", middle, 0.1) / number)
             over[tag, name] = np.median([x.cost for x in answers]) / best
-            result.figure(f"{tag}_{name}_length", over[tag, name], 0.02)
+            result.measure(f"{tag}_{name}_length", over[tag, name], 0.02)
         after += [length(shortcut(x.path, scene.world, result.rng)) / best for x in answers[:25]]
-    result.figure("after", np.median(after) - 1, 0.3)
+    result.measure("after", np.median(after) - 1, 0.3)
     low, high = np.percentile(samples("gap", "rrt", 300, 0.02, wall), (25, 75))
-    result.figure("low", low, 0.2)
-    result.figure("high", high, 0.2)
-    shorter = result.figure(
+    result.measure("low", low, 0.2)
+    result.measure("high", high, 0.2)
+    shorter = result.measure(
         "short_wide", np.median(samples("gap", "rrt", 60, 0.5, wall, step=short)), 0.1
     )
     result.statement = "300 seeds of each; the shortest path goes around two corners of the gap."
-    result.heard(all(0.5 < ratio < 2.0 for ratio in ratios))
-    result.corrected(
+    result.statement_holds(all(0.5 < ratio < 2.0 for ratio in ratios))
+    result.correction_holds(
         all(ratio < 0.5 for ratio in ratios),
         high > 3 * low,
         min(after) > 1 - 1e-9,
@@ -196,8 +196,8 @@ def gap_table(result):
 def connect_in_narrow_passages(result):
     from course.planning import scenes
 
-    seeds = result.given("seeds", 300)
-    walls = result.given("thin_m", 0.05), result.given("thick_m", 6.0)
+    seeds = result.input("seeds", 300)
+    walls = result.input("thin_m", 0.05), result.input("thick_m", 6.0)
 
     def gain(*place, scene="gap", what="samples", count=seeds, **options):
         rrt, connect = (
@@ -206,23 +206,23 @@ def connect_in_narrow_passages(result):
         )
         return rrt / connect
 
-    gains = {name: result.figure(name, gain(share, 0.5), 0.1) for name, share in GAPS.items()}
-    edges = result.figure("edges", gain(0.02, 0.5, what="edge_checks"), 0.1)
-    trap = result.figure("trap", gain(scene="bug_trap"), 0.15)
-    empty = result.figure("empty", gain(scene="empty"), 0.15)
-    thin = result.figure("thin", gain(0.1, walls[0]), 0.1)
-    thick = result.figure("thick", gain(0.1, walls[1]), 0.1)
-    result.figure("step_m", scenes.bug_trap().step)
-    far = {"many": 100, "step": result.given("long_m", 10.0)}
-    trap_long = result.figure("trap_long", gain(scene="bug_trap", **far), 0.3)
+    gains = {name: result.measure(name, gain(share, 0.5), 0.1) for name, share in GAPS.items()}
+    edges = result.measure("edges", gain(0.02, 0.5, what="edge_checks"), 0.1)
+    trap = result.measure("trap", gain(scene="bug_trap"), 0.15)
+    empty = result.measure("empty", gain(scene="empty"), 0.15)
+    thin = result.measure("thin", gain(0.1, walls[0]), 0.1)
+    thick = result.measure("thick", gain(0.1, walls[1]), 0.1)
+    result.measure("step_m", scenes.bug_trap().step)
+    far = {"many": 100, "step": result.input("long_m", 10.0)}
+    trap_long = result.measure("trap_long", gain(scene="bug_trap", **far), 0.3)
     # With other steps a passage a hundred times as long gains a little, not a multiple.
     others = [
         gain(0.1, walls[1], count=100, step=x) / gain(0.1, walls[0], count=100, step=x)
         for x in (0.3, 3.0)
     ]
     result.statement = "RRT with a goal bias of 5 %, a step of a tenth of the square."
-    result.heard(all(3.0 <= gains[name] <= 8.0 for name in ("narrow", "slit")))
-    result.corrected(
+    result.statement_holds(all(3.0 <= gains[name] <= 8.0 for name in ("narrow", "slit")))
+    result.correction_holds(
         gains["slit"] < gains["narrow"] < gains["wide"],
         gains["slit"] < 3.0,
         edges < gains["slit"],
@@ -241,7 +241,7 @@ def connect_in_narrow_passages(result):
     "{most:.0%} {trap_most:.0f}: what is drawn at the goal is not drawn at the way out.",
 )
 def goal_bias_in_passages(result):
-    largest, middles = result.given("most", 0.5), {}
+    largest, middles = result.input("most", 0.5), {}
     places = {
         "empty": ("empty",),
         "tenth": ("gap", 0.1, 0.5),
@@ -254,10 +254,10 @@ def goal_bias_in_passages(result):
             runs_of = samples(scene, "rrt", 300, *place, goal_bias=bias)
             needed[name, tag] = (1.0 - bias) * runs_of.mean()
             middles[name, tag] = np.median(runs_of)
-            result.figure(f"{name}_{tag}", middles[name, tag], 0.1)
+            result.measure(f"{name}_{tag}", middles[name, tag], 0.1)
     result.statement = "Medians of 300 seeds."
-    result.heard(all(middles[name, "20"] < middles[name, "5"] for name in ("slit", "trap")))
-    result.corrected(
+    result.statement_holds(all(middles[name, "20"] < middles[name, "5"] for name in ("slit", "trap")))
+    result.correction_holds(
         all(middles[x, "20"] < middles[x, "5"] for x in ("empty", "tenth")),
         all(
             abs(drawn / needed[x, "5"] - 1) < 0.25
@@ -296,7 +296,7 @@ def passage_in_more_dimensions(result):
     # The wall parts the segment as r to 1, r uniform; the middle then has the density 1 + r.
     tube = w ** (n - 1) * sympy.integrate((1 + r) ** (n - 1), (r, 0, 1))
     result.formula = tube.subs(n, 3)
-    width = result.given("width", 0.1)
+    width = result.input("width", 0.1)
 
     def observed(dim, narrow, share=width, pairs=400_000):
         """Share of random pairs whose segment crosses the middle of the wall in the opening."""
@@ -305,21 +305,21 @@ def passage_in_more_dimensions(result):
         cross = (ends[0, :-1] * b + ends[1, :-1] * a) / (a + b)
         return np.mean((np.abs(cross[:narrow]) < share / 2).all(axis=0))
 
-    tubes = {k: result.figure(f"tube_{k}", observed(k, k - 1), 0.1) for k in (2, 3, 4)}
-    slabs = {k: result.figure(f"slab_{k}", observed(k, 1), 0.05) for k in (2, 6)}
+    tubes = {k: result.measure(f"tube_{k}", observed(k, k - 1), 0.1) for k in (2, 3, 4)}
+    slabs = {k: result.measure(f"slab_{k}", observed(k, 1), 0.05) for k in (2, 6)}
     world = scenes.gap(width, 1e-6).world
     low, high = result.rng.uniform((0, 0), (5, 10), (2, 20_000, 2))
     ours = np.mean([edge_free(world, a, b + [5, 0]) for a, b in zip(low, high, strict=True)])
     law = {k: float(tube.subs({w: width, n: k})) for k in tubes}
     result.statement = f"400,000 pairs each; the chapter's edge test in the plane: {ours:.3f}."
     draws = list(zip(result.rng.integers(2, 4, 8), result.rng.uniform(0.1, 0.3, 8), strict=True))
-    result.heard(
+    result.statement_holds(
         slabs[6] < 0.9 * slabs[2],
         only_if="it is narrow in the directions that come with them: a tube, not a slab",
         inside=[observed(k + 1, k, x) < 0.9 * observed(k, k - 1, x) for k, x in draws],
         outside=[observed(k + 1, 1, x) < 0.9 * observed(k, 1, x) for k, x in draws],
     )
-    result.corrected(
+    result.correction_holds(
         abs(ours - law[2]) < 0.01,
         all(abs(tubes[k] / law[k] - 1) < 0.12 for k in tubes),
         abs(slabs[6] / slabs[2] - 1) < 0.05,

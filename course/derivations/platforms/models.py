@@ -40,7 +40,7 @@ def compiled(joint, more="", links=1):
 def hello_world_winds(result):
     import mujoco
 
-    seconds, damping = result.given("seconds", 2.0), result.given("damping", 0.5)
+    seconds, damping = result.input("seconds", 2.0), result.input("damping", 0.5)
     motors = '<motor joint="j0"/><motor joint="j1"/>'
 
     def moved(joint, torques=(0.5, -0.3), dt=0.002):
@@ -56,14 +56,14 @@ def hello_world_winds(result):
 
     limited = f'damping="{damping}" range="-150 150"'
     (largest, free), (little, held) = moved(""), moved(limited)
-    turns = result.figure("turns", largest, 0.02)
-    result.figure("calm", little, 0.02)
-    apart = result.figure("apart", abs(moved("", dt=0.001)[1] - free), 0.1)
-    near = result.figure("near", abs(moved(limited, dt=0.001)[1] - held), 0.2)
+    turns = result.measure("turns", largest, 0.02)
+    result.measure("calm", little, 0.02)
+    apart = result.measure("apart", abs(moved("", dt=0.001)[1] - free), 0.1)
+    near = result.measure("near", abs(moved(limited, dt=0.001)[1] - held), 0.2)
     draws = result.rng.uniform((0.2, -0.5), (0.7, -0.2), (8, 2))
     result.statement = "MuJoCo at 2 and at 1 ms; the same at eight random pairs of torques."
-    result.heard(turns < 0.5)
-    result.corrected(
+    result.statement_holds(turns < 0.5)
+    result.correction_holds(
         turns > 2.0,
         all(moved("", x)[0] > 1.0 for x in draws),
         apart > 10.0 * near,
@@ -88,16 +88,16 @@ def motor_is_torque(result):
         mujoco.mj_forward(model, data)
         return float(data.qfrc_actuator[0])
 
-    ctrl = result.given("ctrl", 0.7)
-    result.figure("torque", torque("general", ctrl))
-    kp = result.figure("kp", torque("position", 1.0))
+    ctrl = result.input("ctrl", 0.7)
+    result.measure("torque", torque("general", ctrl))
+    kp = result.measure("kp", torque("position", 1.0))
     draws = result.rng.uniform(-2.0, 2.0, (8, 2))
     direct = [
         abs(torque(kind, x, y) - x) < 1e-12 for x, y in draws for kind in ("motor", "general")
     ]
     result.statement = "What MuJoCo says that it applies, at random controls and angles."
-    result.heard(all(direct))
-    result.corrected(
+    result.statement_holds(all(direct))
+    result.correction_holds(
         all(abs(torque("position", x, y) - kp * (x - y)) < 1e-12 for x, y in draws),
         compiled("")[0].nu == 0,
     )
@@ -111,8 +111,8 @@ def motor_is_torque(result):
 def damping_realism(result):
     import mujoco
 
-    added = result.given("added", 0.1)
-    amount, little = result.given("much", 0.2), result.given("little", 0.02)
+    added = result.input("added", 0.1)
+    amount, little = result.input("much", 0.2), result.input("little", 0.02)
 
     def swing(damping):
         model, data = compiled(f'damping="{damping}"')
@@ -127,21 +127,21 @@ def damping_realism(result):
         true = swing(robot)
         return float(np.linalg.norm(swing(added) - true) / np.linalg.norm(swing(0.0) - true))
 
-    better = result.figure("better", remaining(amount, added), 0.02)
-    worse = result.figure("worse", remaining(little, added), 0.02)
+    better = result.measure("better", remaining(amount, added), 0.02)
+    worse = result.measure("worse", remaining(little, added), 0.02)
     robots = result.rng.uniform(0.002, 0.01, 8)
     inside, outside = (
         [remaining(x, x * share) < 1.0 for x, share in zip(robots, shares, strict=True)]
         for shares in (result.rng.uniform(0.1, 1.9, 8), result.rng.uniform(2.2, 4.0, 8))
     )
     result.statement = "Two seconds of a hanging link that was let go at half a radian."
-    result.heard(
+    result.statement_holds(
         worse < 1.0,
         only_if="it is less than twice the robot's own, and both are weak",
         inside=inside,
         outside=outside,
     )
-    result.corrected(better < 1.0, worse > 1.0)
+    result.correction_holds(better < 1.0, worse > 1.0)
 
 
 @claim(
@@ -176,16 +176,16 @@ def servo_droops(result):
         mujoco.mj_step(model, data, 5000)
         return data.qpos[0] - 0.5 * np.pi, model.actuator_gainprm[0, 0]
 
-    stiff = result.given("stiff", 200.0)
+    stiff = result.input("stiff", 200.0)
     (low, plain), (little, _) = droop(), droop(f'kp="{stiff}"')
-    result.figure("kp", plain)
-    result.figure("default", np.degrees(low), 0.01)
-    result.figure("droop", np.degrees(little), 0.01)
+    result.measure("kp", plain)
+    result.measure("default", np.degrees(low), 0.01)
+    result.measure("droop", np.degrees(little), 0.01)
     gains = result.rng.uniform(60.0, 400.0, 4)
     law = [float(result.formula.subs({kp: k, m: 1, g: 9.81, d: 0.15})) for k in gains]
     result.statement = "A link of 1 kg whose centre is 0.15 m out, after 10 s."
-    result.heard(bool(np.degrees(low) < 1.0))
-    result.corrected(
+    result.statement_holds(bool(np.degrees(low) < 1.0))
+    result.correction_holds(
         *(
             bool(abs(droop(f'kp="{k}"')[0] / x - 1.0) < 0.01)
             for k, x in zip(gains, law, strict=True)
@@ -207,14 +207,14 @@ def lightest_install(result):
     from course.oracles.installs import size_of
 
     simulators(MUJOCO, DRAKE, PYBULLET)
-    bullet = result.figure("bullet", size_of(PYBULLET), 0.3)
-    drake = result.figure("drake", size_of(DRAKE), 0.3)
-    mujoco = result.figure("mujoco", size_of(MUJOCO), 0.4)
+    bullet = result.measure("bullet", size_of(PYBULLET), 0.3)
+    drake = result.measure("drake", size_of(DRAKE), 0.3)
+    mujoco = result.measure("mujoco", size_of(MUJOCO), 0.4)
     examples = [x.size or 0 for x in files("pybullet") or [] if "pybullet_data" in str(x)]
-    data = result.figure("data", sum(examples) / 1e6, 0.3)
+    data = result.measure("data", sum(examples) / 1e6, 0.3)
     result.statement = "Sizes in the packages' own metadata."
-    result.heard(bullet < min(drake, mujoco))
-    result.corrected(bullet > drake > mujoco, data > 0.3 * bullet)
+    result.statement_holds(bullet < min(drake, mujoco))
+    result.correction_holds(bullet > drake > mujoco, data > 0.3 * bullet)
 
 
 def read_by(reader, texts):
@@ -266,7 +266,7 @@ def loaded_is_not_sound(result):
     from course.platforms.models import MODELS
 
     texts = [model for model in MODELS if model.kind == "impossible"]
-    n = result.figure("n", len(texts) and sum(model.kind == "impossible" for model in MODELS), 0.0)
+    n = result.measure("n", len(texts) and sum(model.kind == "impossible" for model in MODELS), 0.0)
     simulators(DRAKE, PYBULLET)
     report = {
         name: read_by(name, texts) for name in ("chapter 4", "Pinocchio", MUJOCO, DRAKE, PYBULLET)
@@ -275,14 +275,14 @@ def loaded_is_not_sound(result):
         name: sum(v in ("swallowed", "repaired") for v in rows.values())
         for name, rows in report.items()
     }
-    bullet = result.figure("bullet", silent[PYBULLET], 0.0)
-    result.figure("pinocchio", silent["Pinocchio"], 0.4)
-    mujoco = result.figure("mujoco", silent[MUJOCO], 0.4)
-    drake = result.figure("drake", silent[DRAKE], 0.4)
-    rejected = result.figure("refused", list(report["chapter 4"].values()).count("refused"), 0.0)
+    bullet = result.measure("bullet", silent[PYBULLET], 0.0)
+    result.measure("pinocchio", silent["Pinocchio"], 0.4)
+    mujoco = result.measure("mujoco", silent[MUJOCO], 0.4)
+    drake = result.measure("drake", silent[DRAKE], 0.4)
+    rejected = result.measure("refused", list(report["chapter 4"].values()).count("refused"), 0.0)
     result.statement = "Each reader with each text; what it printed about the sound one is no word."
-    result.heard(max(bullet, mujoco, drake) == 0)
-    result.corrected(
+    result.statement_holds(max(bullet, mujoco, drake) == 0)
+    result.correction_holds(
         rejected == n,
         report[PYBULLET]["NaN mass"] == "swallowed",
         bullet > n / 2,
@@ -307,11 +307,11 @@ def friction_of_a_urdf(result):
     texts = [model for model in MODELS if model.name in ("friction", "damping")]
     rows = {name: read_by(name, texts) for name in (MUJOCO, DRAKE, PYBULLET)}
     for name, short in ((MUJOCO, "mujoco"), (DRAKE, "drake"), (PYBULLET, "bullet")):
-        result.figure(f"{short}_damping", rows[name]["damping"])
-        result.figure(short, rows[name]["friction"])
+        result.measure(f"{short}_damping", rows[name]["damping"])
+        result.measure(short, rows[name]["friction"])
     result.statement = "A two-link arm with both in its elbow, read by each."
-    result.heard(all(set(row.values()) == {"kept"} for row in rows.values()))
-    result.corrected(
+    result.statement_holds(all(set(row.values()) == {"kept"} for row in rows.values()))
+    result.correction_holds(
         rows[PYBULLET]["friction"] == "swallowed",
         rows[DRAKE]["friction"] == "warned",
         set(rows[MUJOCO].values()) == {"kept"},
@@ -332,14 +332,14 @@ def controller_moves(result):
     fair = [measures.reach(engine, 2e-3, FAIR) for engine in every]
     shipped = [measures.reach(engine, 2e-3, AS_SHIPPED) for engine in every]
     alone = measures.reach(every[2], 2e-3, AS_SHIPPED.using(but=("motors",)))
-    result.figure("fair", 1e3 * max(one.error for one in fair), 0.3)
-    error = result.figure("shipped", 1e3 * shipped[2].error, 0.1)
+    result.measure("fair", 1e3 * max(one.error for one in fair), 0.3)
+    error = result.measure("shipped", 1e3 * shipped[2].error, 0.1)
     result.statement = "A reach of the 7-R arm in 1.5 s: within 5 mm, slower than 5 cm/s."
-    result.heard(
+    result.statement_holds(
         all(one.success for one in shipped),
         only_if="nothing acts that the model doesn't know",
         inside=[one.success for one in fair],
         outside=[one.success for one in shipped],
         cases=True,
     )
-    result.corrected(error > 50.0, alone.error < 0.5 * shipped[2].error)
+    result.correction_holds(error > 50.0, alone.error < 0.5 * shipped[2].error)

@@ -44,20 +44,20 @@ def errors(names, scene, dt, **settings):
 def engines_agree(result):
     from course.platforms import scenes
 
-    short, long = result.given("short", 0.3), result.given("long", 2.0)
+    short, long = result.input("short", 0.3), result.input("long", 2.0)
     tumble = errors(FOUR, scenes.tumble(1.0), 1e-3)
     arm = errors(FOUR, scenes.arm(0.2), 1e-3)
-    result.figure("tumble", 1e3 * tumble.mean(), 1e-3)
-    result.figure("arm", 1e3 * arm.mean(), 1e-3)
+    result.measure("tumble", 1e3 * tumble.mean(), 1e-3)
+    result.measure("arm", 1e3 * arm.mean(), 1e-3)
     tried = [tumble, arm, errors(FOUR, scenes.chain(3, 0.3), 1e-3)]
     for dt in 1e-3 * result.rng.uniform(short, long, 4):
         tried += [errors(FOUR, scenes.tumble(0.5), dt), errors(FOUR, scenes.arm(0.1), dt)]
     brake = errors((MUJOCO, DRAKE, PYBULLET), scenes.brake(0.3), 1e-3)
-    touch = result.figure("touch", np.ptp(brake) / brake.min(), 0.2)
-    spread = result.figure("spread", max(np.ptp(row) / row.min() for row in tried), 0.3)
+    touch = result.measure("touch", np.ptp(brake) / brake.min(), 0.2)
+    spread = result.measure("spread", max(np.ptp(row) / row.min() for row in tried), 0.3)
     result.statement = "All four with fair settings, beside a truth that is tighter."
-    result.heard(any(row[2] < 0.9 * row[1] < 0.81 * row[3] for row in tried))
-    result.corrected(spread < 0.01, touch > 0.1, min(row.min() for row in tried) > 1e-6)
+    result.statement_holds(any(row[2] < 0.9 * row[1] < 0.81 * row[3] for row in tried))
+    result.correction_holds(spread < 0.01, touch > 0.1, min(row.min() for row in tried) > 1e-6)
 
 
 @claim(
@@ -75,14 +75,14 @@ def defaults_differ(result):
     cases = {"tumble": scenes.tumble(1.0), "chain": scenes.chain(6, 0.5), "arm": scenes.arm(0.2)}
     found_by = {name: measures.effects(bullet, scene, 1e-3) for name, scene in cases.items()}
     for name, rows in found_by.items():
-        result.figure(name, rows[0].shipped / rows[0].fair, 0.05)
+        result.measure(name, rows[0].shipped / rows[0].fair, 0.05)
     without = {row.key: row.without / row.fair for row in found_by["arm"]}
     damped = {row.key: row.without / row.fair for row in found_by["tumble"]}
     others = simulators(MUJOCO, DRAKE)
     settled = [measures.effects(e, scenes.arm(0.2), 1e-3) for e in others]
     result.statement = "Errors at 1 ms, all changes made, none, and all but one."
-    result.heard(all(rows[0].shipped < 1.1 * rows[0].fair for rows in found_by.values()))
-    result.corrected(
+    result.statement_holds(all(rows[0].shipped < 1.1 * rows[0].fair for rows in found_by.values()))
+    result.correction_holds(
         damped["damping"] > 10,
         without["motors"] > 10,
         without["inertia"] > 10,
@@ -108,12 +108,12 @@ def halving_halves(result):
         [orders(scenes.tumble(0.5), 1e-3 * dt) for dt in result.rng.uniform(0.5, 2.0, 3)]
         + [orders(scenes.arm(0.16), 1e-3)]
     )
-    result.figure("lowest", tried.min(), 0.02)
-    result.figure("highest", tried.max(), 0.02)
-    rk4 = result.figure("rk4", orders(scenes.tumble(1.0), 0.02, scheme="RK4")[0], 0.02)
+    result.measure("lowest", tried.min(), 0.02)
+    result.measure("highest", tried.max(), 0.02)
+    rk4 = result.measure("rk4", orders(scenes.tumble(1.0), 0.02, scheme="RK4")[0], 0.02)
     result.statement = "Tumble at three random steps and the arm, each against half the step."
-    result.heard(bool(np.all(np.abs(tried - 1.0) < 0.1)))
-    result.corrected(bool(np.all(np.abs(tried - 1.0) < 0.1)), abs(rk4 - 4.0) < 0.2)
+    result.statement_holds(bool(np.all(np.abs(tried - 1.0) < 0.1)))
+    result.correction_holds(bool(np.all(np.abs(tried - 1.0) < 0.1)), abs(rk4 - 4.0) < 0.2)
 
 
 @claim(
@@ -128,25 +128,25 @@ def rk4_and_contact(result):
     def both(scene, dt):
         return [errors((MUJOCO,), scene, dt, scheme=name)[0] for name in ("Euler", "RK4")]
 
-    ms = result.given("ms", 1.0)
+    ms = result.input("ms", 1.0)
     plain, better = both(scenes.chain(2, 0.5), 1e-3 * ms)
-    smooth = result.figure("smooth", np.log10(plain / better), 0.1)
-    n = int(result.given("n", 16))
+    smooth = result.measure("smooth", np.log10(plain / better), 0.1)
+    n = int(result.input("n", 16))
     draws = [
         (scenes.brake(float(a), float(v)), 1e-3 * dt)
         for a, v, dt in result.rng.uniform((0.1, 1.0, 0.5), (0.7, 3.0, 2.0), (n, 3))
     ]
     touching = [both(scene, dt) for scene, dt in draws]
-    worse = result.figure("worse", sum(b > a for a, b in touching), 0.4)
+    worse = result.measure("worse", sum(b > a for a, b in touching), 0.4)
     free = [both(scenes.tumble(0.5), 1e-3 * dt) for dt in result.rng.uniform(0.5, 5.0, 8)]
     result.statement = "Tumbles at random steps; blocks at random speeds, headings and steps."
-    result.heard(
+    result.statement_holds(
         worse == 0,
         only_if="nothing touches",
         inside=[b < a for a, b in free],
         outside=[b < a for a, b in touching],
     )
-    result.corrected(smooth > 3, worse >= 2, all(b < 1e-3 * a for a, b in free))
+    result.correction_holds(smooth > 3, worse >= 2, all(b < 1e-3 * a for a, b in free))
 
 
 @claim(
@@ -163,11 +163,11 @@ def fresh_worlds_repeat(result):
     rows = [
         measures.repeatability(e, scene, dt, 40) for scene, dt in cases for e in simulators(*FOUR)
     ]
-    result.figure("n", len(rows), 0.0)
-    largest = result.figure("most", max(max(row.fresh, row.saved) for row in rows), 0.0)
+    result.measure("n", len(rows), 0.0)
+    largest = result.measure("most", max(max(row.fresh, row.saved) for row in rows), 0.0)
     result.statement = "Two worlds built alike and a saved state, compared bit by bit."
-    result.heard(largest == 0.0)
-    result.corrected(all(row.fresh == 0.0 == row.saved for row in rows))
+    result.statement_holds(largest == 0.0)
+    result.correction_holds(all(row.fresh == 0.0 == row.saved for row in rows))
 
 
 @claim(
@@ -192,7 +192,7 @@ def reset_world(result):
     ]
     bullet = [same(PYBULLET, *case) for case in cases]
     others = [same(name, *case) for name in (MUJOCO, DRAKE) for case in cases]
-    deviation = result.figure("off", 1e6 * same(PYBULLET, scenes.brake(0.0), 1e-3), 0.5)
+    deviation = result.measure("off", 1e6 * same(PYBULLET, scenes.brake(0.0), 1e-3), 0.5)
     (engine,) = simulators(PYBULLET)
     run = engine.build(scenes.brake(0.0), 1e-3)
     run.run(200)
@@ -204,11 +204,11 @@ def reset_world(result):
     run.reset()
     run.run(200)
     result.statement = "Braking blocks, 200 steps, then the same after a reset, bit by bit."
-    result.heard(
+    result.statement_holds(
         max(bullet) == 0.0,
         only_if="the reset covers all that the engine keeps between steps, as in MuJoCo and Drake",
         inside=[x == 0.0 for x in others],
         outside=[x == 0.0 for x in bullet],
         cases=True,
     )
-    result.corrected(deviation > 0.0, max(others) == 0.0, run.state().same(first))
+    result.correction_holds(deviation > 0.0, max(others) == 0.0, run.state().same(first))

@@ -57,20 +57,20 @@ def braking_short(result):
     mu, g, dt, v, n = sympy.symbols("mu g dt v n", positive=True)
     places = sympy.summation(dt * (v - n * mu * g * dt), (n, 1, v / (mu * g * dt)))
     result.formula = sympy.simplify(1 - places / (v**2 / (2 * mu * g)))
-    ms = result.given("ms", 2.0)
+    ms = result.input("ms", 2.0)
     law = float(result.formula.subs({mu: 0.5, g: 9.81, dt: 1e-3 * ms, v: 2}))
-    result.figure("theory", law)
+    result.measure("theory", law)
 
     def missing(ms):
         return np.array([1.0 - stops(x, 0.0, 1e-3 * ms)[0][0] for x in (MUJOCO, DRAKE, PYBULLET)])
 
     short = missing(ms)
-    result.figure("lowest", short.min(), 0.02)
-    result.figure("highest", short.max(), 0.02)
+    result.measure("lowest", short.min(), 0.02)
+    result.measure("highest", short.max(), 0.02)
     others = [missing(x) - law * x / ms for x in (3.0,)]
     result.statement = "A block of 1 kg sent off at 2 m/s along an axis, friction 0.5."
-    result.heard(bool(np.ptp(short) < 3e-4))
-    result.corrected(
+    result.statement_holds(bool(np.ptp(short) < 3e-4))
+    result.correction_holds(
         bool(np.all(np.abs(short / law - 1.0) < 0.03)), bool(np.all(np.abs(others) < 3e-4))
     )
 
@@ -103,18 +103,18 @@ def pyramid_inscribed(result):
     x = (c**2 - s**2) / 2 + s**2
     y = s * (c - s) + s**2
     result.formula = D * sympy.sqrt(sympy.simplify(4 * x**2) + sympy.simplify(4 * y**2))
-    degrees, between = result.given("degrees", 45.0), result.given("between", 22.5)
+    degrees, between = result.input("degrees", 45.0), result.input("between", 22.5)
     far, _ = stops(MUJOCO, np.radians(degrees), 1e-3, AS_SHIPPED)
     _, turn = stops(MUJOCO, np.radians(between), 1e-3, AS_SHIPPED)
     _, fair = stops(MUJOCO, np.radians(between), 1e-3)
-    result.figure("measured", far[0] - 1.0, 0.02)
-    result.figure("turn", np.degrees(turn[0]), 0.02)
+    result.measure("measured", far[0] - 1.0, 0.02)
+    result.measure("turn", np.degrees(turn[0]), 0.02)
     headings = result.rng.uniform(0.0, 0.25 * np.pi, 8)
     length, steered = stops(MUJOCO, headings, 1e-3, FAIR.using(cone="pyramidal"))
     law = np.array([float(result.formula.subs({D: 1, phi: a})) for a in headings])
     result.statement = "MuJoCo's block at eight random headings up to 45 degrees beside the law."
-    result.heard(far[0] < 1.05)
-    result.corrected(
+    result.statement_holds(far[0] < 1.05)
+    result.correction_holds(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
         bool(np.all(np.abs(steered - theory.stop(headings, "inscribed")[1]) < 0.02)),
         abs(far[0] / np.sqrt(2.0) - 1.0) < 0.01,
@@ -149,25 +149,25 @@ def pyramid_box(result):
     # Each axis loses speed at the rate mu g until it has none: the square of its share, over 2.
     paths = [sympy.integrate(u - t, (t, 0, u)) for u in (sympy.cos(phi), sympy.sin(phi))]
     result.formula = D * sympy.sqrt(sum((2 * method) ** 2 for method in paths))
-    degrees, between = result.given("degrees", 45.0), result.given("between", 22.5)
+    degrees, between = result.input("degrees", 45.0), result.input("between", 22.5)
     box = FAIR.using(enableConeFriction=0)
     near, _ = stops(PYBULLET, np.radians(degrees), 1e-3, box)
     _, turn = stops(PYBULLET, np.radians(between), 1e-3, box)
     cone, straight = stops(PYBULLET, np.radians(between), 1e-3)
-    result.figure("measured", near[0], 0.02)
-    result.figure("turn", -np.degrees(turn[0]), 0.02)
+    result.measure("measured", near[0], 0.02)
+    result.measure("turn", -np.degrees(turn[0]), 0.02)
     headings = result.rng.uniform(0.0, 0.25 * np.pi, 8)
     length, steered = stops(PYBULLET, headings, 1e-3, box)
     law = np.array([float(result.formula.subs({D: 1, phi: a})) for a in headings])
     pyramid, _ = stops(MUJOCO, headings.clip(0.1), 1e-3, FAIR.using(cone="pyramidal"))
     result.statement = "PyBullet's block at eight random headings up to 45 degrees beside the law."
-    result.heard(
+    result.statement_holds(
         near[0] > 1.0,
         only_if="it lies inside the cone, and the heading off its axes",
         inside=[x > 1.01 for x in pyramid],
         outside=[x > 1.01 for x in length],
     )
-    result.corrected(
+    result.correction_holds(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
         bool(np.all(np.abs(steered - theory.stop(headings, "box")[1]) < 0.02)),
         abs(cone[0] - 1.0) < 0.005,
@@ -202,7 +202,7 @@ def creep_not_friction(result):
     d, w, f, b, r, v = sympy.symbols("d w f b r v", positive=True)
     result.formula = sympy.solve(sympy.Eq(f * (1 - d) * w / (d * r), b * v), v)[0]
     (mujoco,) = simulators(MUJOCO)
-    ratio = result.given("ratio", 10.0)
+    ratio = result.input("ratio", 10.0)
 
     def creeps(angle=0.1, friction=0.5, impratio=1.0, dt=2e-3):
         """Speed, and that of the law fed with the contacts that the engine reports [m/s]."""
@@ -227,17 +227,17 @@ def creep_not_friction(result):
         ]
         return measures.creep(mujoco, scene, dt, message), float(np.mean(law))
 
-    low, high = result.given("low", 0.5), result.given("high", 2.5)
+    low, high = result.input("low", 0.5), result.input("high", 2.5)
     plain, rough, hard = creeps(friction=low), creeps(friction=high), creeps(impratio=ratio)
-    result.figure("speed", 1e6 * plain[0], 0.01)
-    result.figure("stiff", plain[0] / hard[0], 0.01)
+    result.measure("speed", 1e6 * plain[0], 0.01)
+    result.measure("stiff", plain[0] / hard[0], 0.01)
     tried = [
         creeps(*map(float, x))
         for x in result.rng.uniform((0.03, 0.5, 1.0), (0.15, 2.0, 30.0), (4, 3))
     ]
     result.statement = "A block that rests on gentle slopes, beside the law fed with its contacts."
-    result.heard(rough[0] < 0.5 * plain[0])
-    result.corrected(
+    result.statement_holds(rough[0] < 0.5 * plain[0])
+    result.correction_holds(
         all(abs(a / b - 1.0) < 0.01 for a, b in (plain, rough, hard, *tried)),
         abs(rough[0] / plain[0] - 1.0) < 1e-3,
     )
@@ -267,7 +267,7 @@ def grasp_threshold(result):
 
     m, g, mu, F = sympy.symbols("m g mu F", positive=True)
     result.formula = sympy.solve(sympy.Eq(2 * mu * F, m * g), F)[0]
-    ratio = result.given("ratio", 1.3)
+    ratio = result.input("ratio", 1.3)
     mujoco, bullet = simulators(MUJOCO, PYBULLET)
 
     def sinks(engine, share, friction=0.5):
@@ -281,18 +281,18 @@ def grasp_threshold(result):
         load = report.only((report.bodies == 1).any(axis=0)).normal_force
         return float(load.max() / load.sum())
 
-    deep = result.figure("pybullet", sinks(bullet, ratio), 0.5)
-    held = result.figure("mujoco", sinks(mujoco, ratio), 0.05)
-    share = result.figure("corner", corner(bullet), 0.2)
+    deep = result.measure("pybullet", sinks(bullet, ratio), 0.5)
+    held = result.measure("mujoco", sinks(mujoco, ratio), 0.05)
+    share = result.measure("corner", corner(bullet), 0.2)
     draws = result.rng.uniform((1.02, 0.3), (2.0, 1.0), (8, 2))
     result.statement = "A part of 0.2 kg for 0.5 s, held if it sinks by less than a millimetre."
-    result.heard(
+    result.statement_holds(
         max(deep, held) < 1.0,
         only_if="pads share their load, as in MuJoCo",
         inside=[sinks(mujoco, *map(float, x)) < 1.0 for x in draws],
         outside=[sinks(bullet, *map(float, x)) < 1.0 for x in draws],
     )
-    result.corrected(
+    result.correction_holds(
         all(sinks(mujoco, float(x), float(y)) > 1.0 for x, y in draws * [0.48, 1.0]),
         share > 0.6,
         corner(mujoco) < 0.3,
@@ -339,18 +339,18 @@ def friction_rules(result):
         pair = (plant.CoulombFriction(x, x) for x in (a, b))
         return plant.CalcContactFrictionFromSurfaceProperties(*pair).dynamic_friction()
 
-    a, b, same = result.given("a", 0.2), result.given("b", 0.8), result.given("same", 0.5)
+    a, b, same = result.input("a", 0.2), result.input("b", 0.8), result.input("same", 0.5)
     rules: list[Any] = [(in_mujoco, max), (in_drake, lambda x, y: 2 * x * y / (x + y)),
              (in_pybullet, lambda x, y: x * y)]  # fmt: skip
     made = [rule(a, b) for rule, _ in rules]
     for name, value in zip(("mujoco", "drake", "pybullet"), made, strict=True):
-        result.figure(name, value, 0.02)
-    twice = result.figure("twice", in_pybullet(same, same), 0.02)
+        result.measure(name, value, 0.02)
+    twice = result.measure("twice", in_pybullet(same, same), 0.02)
     draws = result.rng.uniform(0.1, 0.9, (4, 2)).tolist()
     deviation = [rule(*pair) / report(*pair) - 1.0 for pair in draws for rule, report in rules]
     result.statement = "MuJoCo's contact, Drake's own function, a block that slows down in PyBullet."
-    result.heard(max(made) < 1.05 * min(made))
-    result.corrected(bool(np.max(np.abs(deviation)) < 0.03), abs(twice / same**2 - 1.0) < 0.03)
+    result.statement_holds(max(made) < 1.05 * min(made))
+    result.correction_holds(bool(np.max(np.abs(deviation)) < 0.03), abs(twice / same**2 - 1.0) < 0.03)
 
 
 @claim(
@@ -369,15 +369,15 @@ def drake_hydroelastic(result):
     low, patch = (1e3 * _fallen(drake, tower, report) for report in (AS_SHIPPED, FAIR))
     run = prepared(drake, tower, 2e-3, AS_SHIPPED)
     run.run(50)
-    points = result.figure("point", run.contacts().gap.size, 0.0)
-    result.figure("sunk", low, 0.3)
-    result.figure("patch", patch, 0.05)
+    points = result.measure("point", run.contacts().gap.size, 0.0)
+    result.measure("sunk", low, 0.3)
+    result.measure("patch", patch, 0.05)
 
     def stays(n, options):
         return _fallen(drake, scenes.tower(n), options) < 1e-3
 
     result.statement = "Towers of cubes at 2 ms, shapes as they come and with a modulus of 1 MPa."
-    result.heard(
+    result.statement_holds(
         stays(2, AS_SHIPPED),
         only_if="the shapes were given hydroelastic properties",
         inside=[stays(n, FAIR) for n in (1, 2)],
@@ -387,7 +387,7 @@ def drake_hydroelastic(result):
     from pydrake.multibody.plant import MultibodyPlantConfig
 
     first = MultibodyPlantConfig().contact_model
-    result.corrected(first == "hydroelastic_with_fallback", points == 2, low > 30.0 * patch)
+    result.correction_holds(first == "hydroelastic_with_fallback", points == 2, low > 30.0 * patch)
 
 
 def _fallen(engine, scene, settings):
@@ -407,19 +407,19 @@ def _fallen(engine, scene, settings):
 def tower_by_engine(result):
     from course.platforms import scenes, theory
 
-    n = int(result.given("n", 3))
+    n = int(result.input("n", 3))
 
     def grown(name, n):
         one, more = (errors((name,), scenes.tower(k), 2e-3)[0] for k in (1, n))
         return float(more / one)
 
-    mujoco = result.figure("mujoco", grown(MUJOCO, n), 0.02)
-    drake = result.figure("drake", grown(DRAKE, n), 0.02)
-    bullet = result.figure("pybullet", grown(PYBULLET, n), 0.2)
+    mujoco = result.measure("mujoco", grown(MUJOCO, n), 0.02)
+    drake = result.measure("drake", grown(DRAKE, n), 0.02)
+    bullet = result.measure("pybullet", grown(PYBULLET, n), 0.2)
     more = [grown(MUJOCO, k) / theory.sag_growth(k, "inverse mass") for k in (2, 4, 5)]
     result.statement = "How deep the top is at rest, over that of one cube, fair settings, 2 ms."
-    result.heard(all(abs(x / theory.sag_growth(n) - 1.0) < 0.05 for x in (mujoco, drake, bullet)))
-    result.corrected(
+    result.statement_holds(all(abs(x / theory.sag_growth(n) - 1.0) < 0.05 for x in (mujoco, drake, bullet)))
+    result.correction_holds(
         all(abs(x - 1.0) < 0.02 for x in more),
         abs(mujoco / n**2 - 1.0) < 0.02,
         abs(drake / n**2 - 1.0) < 0.02,
@@ -447,15 +447,15 @@ def bullet_less_accurate(result):
     slide = scenes.slope(0.5, 0.2)
     kinds = (scenes.slope(), slide, scenes.brake(), scenes.tower(3), scenes.drop())
     ratios = np.array([over(scene) for scene in kinds])
-    grasp = result.figure("grasp", over(scenes.grasp(3.0)), 0.5)
-    largest = result.figure("most", ratios.max(), 0.2)
-    level = result.figure("slide", over(slide), 0.1)
-    tower = result.figure("tower", 1.0 / over(scenes.tower(3), AS_SHIPPED), 0.2)
+    grasp = result.measure("grasp", over(scenes.grasp(3.0)), 0.5)
+    largest = result.measure("most", ratios.max(), 0.2)
+    level = result.measure("slide", over(slide), 0.1)
+    tower = result.measure("tower", 1.0 / over(scenes.tower(3), AS_SHIPPED), 0.2)
     brake = measures.position_error(both[1], scenes.brake(), 1e-3, AS_SHIPPED)
-    result.figure("brake", 1e3 * brake, 0.02)
+    result.measure("brake", 1e3 * brake, 0.02)
     result.statement = "Errors of PyBullet over those of MuJoCo at 1 ms."
-    result.heard(bool(np.all(ratios > 1.1)))
-    result.corrected(
+    result.statement_holds(bool(np.all(ratios > 1.1)))
+    result.correction_holds(
         grasp > 50.0,
         1.0 / ratios.min() < largest < 6.0,
         abs(level - 1.0) < 0.15,

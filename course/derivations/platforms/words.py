@@ -44,13 +44,13 @@ def built_on(result):
         return measures.stop(simulators(name)[0], heading, 2e-3, options).distance
 
     fair = [length(name) for name in (MUJOCO, DRAKE, PYBULLET)]
-    shipped = result.figure("shipped", length(PYBULLET, options=AS_SHIPPED) / fair[2] - 1.0, 0.02)
-    spread = result.figure("spread", max(fair) / min(fair) - 1.0, 0.5)
+    shipped = result.measure("shipped", length(PYBULLET, options=AS_SHIPPED) / fair[2] - 1.0, 0.02)
+    spread = result.measure("spread", max(fair) / min(fair) - 1.0, 0.5)
     headings = result.rng.uniform(0.0, 1.5, 3)
     others = [length(PYBULLET, x, AS_SHIPPED) / length(PYBULLET, x) for x in headings]
     result.statement = "A block sent off at 2 m/s with friction 0.5; step 2 ms."
-    result.heard(abs(shipped) < 0.02)
-    result.corrected(spread < 0.005, min(others) > 1.3)
+    result.statement_holds(abs(shipped) < 0.02)
+    result.correction_holds(spread < 0.005, min(others) > 1.3)
 
 
 @claim(
@@ -66,17 +66,17 @@ def default_of_learning(result):
     specs = gymnasium.registry.values()
     modules = [str(spec.entry_point).split(":")[0].split(".") for spec in specs]
     families = [m[2] for m in modules if m[:2] == ["gymnasium", "envs"]]
-    mujoco = result.figure("mujoco", families.count("mujoco"), 0.3)
-    everything = result.figure("all", len(families), 0.3)
+    mujoco = result.measure("mujoco", families.count("mujoco"), 0.3)
+    everything = result.measure("all", len(families), 0.3)
     result.statement = "Entry points of the registry, by the package that they name."
-    result.heard(
+    result.statement_holds(
         mujoco == everything,
         only_if="Gymnasium's Ant, Hopper and Humanoid are meant",
         inside=["mujoco" in m for m in modules if m[-1].startswith(("ant", "hopper", "humanoid"))],
         outside=["mujoco" in m for m in modules if m[:2] == ["gymnasium", "envs"]],
         cases=True,
     )
-    result.corrected(0.2 < mujoco / everything < 0.8)
+    result.correction_holds(0.2 < mujoco / everything < 0.8)
 
 
 @claim(
@@ -88,7 +88,7 @@ def default_of_learning(result):
     needs=("Drake",),
 )
 def drake_guarantees(outcome):
-    n = int(outcome.given("n", 5))
+    n = int(outcome.input("n", 5))
 
     def costs(bend, tilt):
         """What SNOPT ends with from several starts for (x^2 - bend)^2 + tilt x."""
@@ -106,17 +106,17 @@ def drake_guarantees(outcome):
 
     simulators(DRAKE)
     both = costs(1.0, 0.3)
-    outcome.figure("best", both.min(), 1e-3)
-    outcome.figure("worst", both.max(), 1e-3)
+    outcome.measure("best", both.min(), 1e-3)
+    outcome.measure("worst", both.max(), 1e-3)
     draws = outcome.rng.uniform((0.3, 0.05), (1.5, 0.3), (8, 2))
     outcome.statement = "A quartic in one variable; it is convex where its bend is not positive."
-    outcome.heard(
+    outcome.statement_holds(
         np.ptp(both) < 1e-4,
         only_if="the problem is convex",
         inside=[np.ptp(costs(-b, t)) < 1e-4 for b, t in draws],
         outside=[np.ptp(costs(b, t)) < 1e-4 for b, t in draws],
     )
-    outcome.corrected(both.max() - both.min() > 0.1)
+    outcome.correction_holds(both.max() - both.min() > 0.1)
 
 
 @claim(
@@ -140,15 +140,15 @@ def drake_planners(result):
     gain, _ = controllers.LinearQuadraticRegulator(A, B, np.eye(2), np.eye(1))
     error = np.abs(gain / (B.T @ solve_continuous_are(A, B, np.eye(2), np.eye(1))) - 1.0).max()
     names = [name for name in dir(controllers) if name[0].isupper() and "_" not in name]
-    mpc = result.figure("mpc", sum("Predictive" in name or "Mpc" in name for name in names), 0.0)
-    result.figure("n", len(names), 0.5)
+    mpc = result.measure("mpc", sum("Predictive" in name or "Mpc" in name for name in names), 0.0)
+    result.measure("n", len(names), 0.5)
     plans = [getattr(pydrake.planning, x) for x in dir(pydrake.planning) if "TrajectoryOpt" in x]
-    result.figure("plans", sum(isinstance(plan, type) for plan in plans), 0.5)
-    digits = result.figure("digits", np.floor(-np.log10(max(error, 1e-10))), 0.3)
+    result.measure("plans", sum(isinstance(plan, type) for plan in plans), 0.5)
+    digits = result.measure("digits", np.floor(-np.log10(max(error, 1e-10))), 0.3)
     solvers = [getattr(pydrake.solvers, name)() for name in ("SnoptSolver", "IpoptSolver")]
     result.statement = "Names of the module, and the gain of an unstable second-order plant."
-    result.heard(mpc > 0)
-    result.corrected(
+    result.statement_holds(mpc > 0)
+    result.correction_holds(
         digits >= 7,
         len(plans) > 0,
         *(s.available() and s.enabled() for s in solvers),
@@ -166,7 +166,7 @@ def drake_planners(result):
     needs=("Drake",),
 )
 def proof_never_falls(result):
-    more, share = result.given("more", 0.1), result.given("start", 0.98)
+    more, share = result.input("more", 0.1), result.input("start", 0.98)
     simulators(DRAKE)
     from pydrake.symbolic import Variable
     from pydrake.systems.analysis import RegionOfAttraction, Simulator
@@ -191,17 +191,17 @@ def proof_never_falls(result):
     level = RegionOfAttraction(system, system.CreateDefaultContext())
     (variable,) = level.GetVariables()
     at = level.Evaluate({variable: 1.0})
-    edge = result.figure("edge", np.sqrt(1.0 / at), 1e-3)
+    edge = result.measure("edge", np.sqrt(1.0 / at), 1e-3)
     missing = not stands(share * edge, 1.0 + more)
     draws = result.rng.uniform((0.5, 0.0), (0.98, 0.2), (8, 2))
     result.statement = "Sums of squares for the set, Drake's own simulator for the runs."
-    result.heard(
+    result.statement_holds(
         not missing,
         only_if="the model is right and the start is in the set that was proved",
         inside=[stands(x * edge, 1.0) for x, _ in draws],
         outside=[stands(0.98 * edge, 1.02 + y) for _, y in draws],
     )
-    result.corrected(abs(edge - 1.0) < 1e-3, missing, not stands(1.02 * edge, 1.0))
+    result.correction_holds(abs(edge - 1.0) < 1e-3, missing, not stands(1.02 * edge, 1.0))
 
 
 @claim(
@@ -217,7 +217,7 @@ def headless_renders(result):
     from course.oracles.pybullet import library
     from course.platforms import FAIR, scenes
 
-    side = int(result.given("side", 64))
+    side = int(result.input("side", 64))
     (bullet,) = simulators(PYBULLET)
     lib, run = library(), bullet.build(scenes.field(4), 1e-3, FAIR)
     view = lib.computeViewMatrix([1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
@@ -230,13 +230,13 @@ def headless_renders(result):
 
     run.run(50)
     cost = seconds(picture, 5) / seconds(lambda: run.run(50), 4) * 50.0
-    steps = result.figure("steps", np.log10(cost), 0.25)
+    steps = result.measure("steps", np.log10(cost), 0.25)
     windows = lib.getConnectionInfo(run.client)["connectionMethod"] != lib.DIRECT
     observed = np.unique(np.reshape(picture()[4], -1)).size
     run.close()
     result.statement = "Four cubes; the pixels' own numbers of bodies, and times of one process."
-    result.heard(observed < 2)
-    result.corrected(not windows, observed >= 4, steps > 0.5)
+    result.statement_holds(observed < 2)
+    result.correction_holds(not windows, observed >= 4, steps > 0.5)
 
 
 @claim(
@@ -254,15 +254,15 @@ def python_first(result):
     folder = Path(mujoco.__file__).parent
     header = (folder / "include" / "mujoco" / "mujoco.h").read_text(encoding="utf-8")
     names = set(re.findall(r"MJAPI [\w\s*]*?\b(mj\w*_\w+)\(", header))
-    n = result.figure("n", len(names), 0.3)
-    same = result.figure("same", sum(hasattr(mujoco, name) for name in names), 0.3)
+    n = result.measure("n", len(names), 0.3)
+    same = result.measure("same", sum(hasattr(mujoco, name) for name in names), 0.3)
     log = (folder / "doc" / "changelog.rst").read_text(encoding="utf-8")
     news = log[: log.index("Added new :doc:`Python bindings")]
-    first = result.figure("first", re.findall(r"^Version ([\d.]+)", news, re.M)[-1])
+    first = result.measure("first", re.findall(r"^Version ([\d.]+)", news, re.M)[-1])
     result.statement = "The header, the manual and the changelog that are installed with it."
-    result.heard(int(first.split(".")[0]) >= 3)
+    result.statement_holds(int(first.split(".")[0]) >= 3)
     page = (folder / "doc" / "python.rst").read_text(encoding="utf-8")
-    result.corrected(same > 0.4 * n, "consistent with the underlying C API" in page)
+    result.correction_holds(same > 0.4 * n, "consistent with the underlying C API" in page)
 
 
 @claim(
@@ -287,12 +287,12 @@ def opened(result):
         month, year = row
         return 12 * int(year) + months.index(month) // 3
 
-    gap = result.figure("months", dated("2.2.0") - dated("2.1.0"), 0.0)
-    licence = result.figure("licence", metadata("mujoco")["License-Expression"])
+    gap = result.measure("months", dated("2.2.0") - dated("2.1.0"), 0.0)
+    licence = result.measure("licence", metadata("mujoco")["License-Expression"])
     opening = log[log.index("Version 2.2.0") :][:200]
     result.statement = "Dates and words of the installed changelog, licence of the package."
-    result.heard("Open Sourcing" in opening and licence == "Apache-2.0")
-    result.corrected("Open Sourcing" in opening, 0 < gap < 12)
+    result.statement_holds("Open Sourcing" in opening and licence == "Apache-2.0")
+    result.correction_holds("Open Sourcing" in opening, 0 < gap < 12)
 
 
 @claim(
@@ -307,13 +307,13 @@ def bullet_on_gpu(result):
     from course.oracles.pybullet import library
 
     names = [name.lower() for name in dir(library()) if not name.startswith("_")]
-    result.figure("n", len(names), 0.2)
+    result.measure("n", len(names), 0.2)
     on_gpu = [name for name in names if any(word in name for word in ("gpu", "cuda", "opencl"))]
-    gpu = result.figure("gpu", len(on_gpu), 0.0)
-    gl = result.figure("gl", sum("opengl" in name for name in names), 0.5)
+    gpu = result.measure("gpu", len(on_gpu), 0.0)
+    gl = result.measure("gl", sum("opengl" in name for name in names), 0.5)
     result.statement = "Names of the installed module."
-    result.heard(gpu == 0)
-    result.corrected(gl > 0, "stepsimulation" in names)
+    result.statement_holds(gpu == 0)
+    result.correction_holds(gl > 0, "stepsimulation" in names)
 
 
 @claim(
@@ -342,7 +342,7 @@ def fewer_environments(result):
     a, b, N = sympy.symbols("a b N", positive=True)
     rate = N / (a + b * N)
     result.formula = sympy.solve(sympy.Eq(rate, sympy.limit(rate, N, sympy.oo) / 2), N)[0]
-    arm, count = kinematics.panda(), int(result.given("many", 256))
+    arm, count = kinematics.panda(), int(result.input("many", 256))
 
     def cost(n):
         q = result.rng.uniform(-1.0, 1.0, (arm.n, n))
@@ -351,10 +351,10 @@ def fewer_environments(result):
         return seconds(lambda: kinematics.forward_dynamics(arm, q, still, still), 1000 // n + 2)
 
     one, some, lots = (cost(n) for n in (1, 16, count))
-    gain = result.figure("gain", np.log10(count * one / lots), 0.3)
+    gain = result.measure("gain", np.log10(count * one / lots), 0.3)
     result.statement = "Forward dynamics of the 7-R arm, vectorised, in processor time."
-    result.heard(1.0 / one > count / lots)
-    result.corrected(gain > 0.3, one < some < lots, 16 / some > 1 / one)
+    result.statement_holds(1.0 / one > count / lots)
+    result.correction_holds(gain > 0.3, one < some < lots, 16 / some > 1 / one)
 
 
 @claim(
@@ -379,15 +379,15 @@ def steps_per_second(result):
         run.run(100)
         return seconds(lambda: run.run(steps), 1) / steps
 
-    n = int(result.given("n", 16))
+    n = int(result.input("n", 16))
     pendulum = cost(scenes.chain(1), 20_000)
-    short = result.figure("short", np.log10(1e7 * pendulum), 0.3)
+    short = result.measure("short", np.log10(1e7 * pendulum), 0.3)
     cubes = scenes.field(n)
     more = cost(cubes, 300) / cost(cubes, 1000, free=True)
-    ground = result.figure("ground", np.log10(more), 0.3)
+    ground = result.measure("ground", np.log10(more), 0.3)
     result.statement = "Processor time of steps in MuJoCo's own loop, fair settings."
-    result.heard(short <= 0.0)
-    result.corrected(short > 0.3, ground > 0.5)
+    result.statement_holds(short <= 0.0)
+    result.correction_holds(short > 0.3, ground > 0.5)
 
 
 @claim(
@@ -421,13 +421,13 @@ def radar_area(result):
         return 0.5 * np.sin(0.4 * np.pi) * np.sum(turned * np.roll(turned, 1, axis=-1), axis=-1)
 
     figures = areas([1.0, 0.9, 0.2, 0.1, 0.8])
-    largest = result.figure("most", figures.max() / figures.min(), 1e-6)
-    pairs = areas(result.rng.uniform(0.1, 1.0, (int(result.given("n", 2000)), 2, 5)))
+    largest = result.measure("most", figures.max() / figures.min(), 1e-6)
+    pairs = areas(result.rng.uniform(0.1, 1.0, (int(result.input("n", 2000)), 2, 5)))
     first = pairs[:, 0] > pairs[:, 1]
-    turned = result.figure("turned", np.mean(first.any(axis=1) & ~first.all(axis=1)), 0.1)
+    turned = result.measure("turned", np.mean(first.any(axis=1) & ~first.all(axis=1)), 0.1)
     result.statement = "All twelve orders of five axes."
-    result.heard(turned == 0.0)
-    result.corrected(
+    result.statement_holds(turned == 0.0)
+    result.correction_holds(
         largest > 1.3,
         turned > 0.1,
         bool(abs(areas([1.0] * 5)[0] / float(result.formula.subs({n: 5, r: 1})) - 1) < 1e-9),

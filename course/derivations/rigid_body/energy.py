@@ -92,10 +92,10 @@ def explicit_energy_factor(result):
     ratio = _energy_ratio("explicit_euler")
     result.formula = sympy.expand(ratio[0, 0])
     value = result.formula.subs({omega: 2 * sympy.pi, h: sympy.Rational(1, 100)})
-    result.figure("factor_1_hz_10_ms", value)
+    result.measure("factor_1_hz_10_ms", value)
     result.statement = f"A^T E A = ({ratio[0, 0]}) E for the matrix A of the step."
-    result.heard(float(value) > 1)
-    result.corrected(ratio == ratio[0, 0] * sympy.eye(2))
+    result.statement_holds(float(value) > 1)
+    result.correction_holds(ratio == ratio[0, 0] * sympy.eye(2))
 
 
 @claim(
@@ -129,21 +129,21 @@ def explicit_growth_per_second(result):
 
     _, h, omega = _matrix("explicit_euler")
     per_step = np.log2(np.expm1(growth(2e-4, 1)) / np.expm1(growth(1e-4, 1)))
-    small = result.given("small", 0.05)
-    result.figure("power_of_dt_per_step", per_step, 1e-3)
-    result.figure("power_of_dt_per_second", power(1e-4), 1e-3)
-    result.figure("per_second_1_hz_1_ms", np.exp(growth(1e-3, 1000)), 1e-3)
+    small = result.input("small", 0.05)
+    result.measure("power_of_dt_per_step", per_step, 1e-3)
+    result.measure("power_of_dt_per_second", power(1e-4), 1e-3)
+    result.measure("per_second_1_hz_1_ms", np.exp(growth(1e-3, 1000)), 1e-3)
     result.formula = sympy.exp(sympy.series(sympy.log(1 + omega**2 * h**2) / h, h, 0, 3).removeO())
     result.statement = (
         "Growth of an oscillator's energy at dt and 2 dt, over a step and over a time."
     )
-    result.heard(
+    result.statement_holds(
         abs(per_step - 1) < 0.1,
         only_if="it is the growth of ln E per second, and omega dt stays below {small}",
         inside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in result.rng.uniform(0.01, 1, 12) * small],
         outside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in result.rng.uniform(1, 4, 12) * small],
     )
-    result.corrected(abs(per_step - 2) < 0.01)
+    result.correction_holds(abs(per_step - 2) < 0.01)
 
 
 @claim(
@@ -165,11 +165,11 @@ def explicit_adds_always(result):
     draws = result.rng.uniform((-np.pi, -5.0), (np.pi, 5.0), (200, 2)).T
     law = (g_over_l * np.cos(draws[0]) * draws[1] ** 2 + (g_over_l * np.sin(draws[0])) ** 2) / 2
     bottom, top = float(change(0.3, 2.0)), float(change(np.pi - 0.1, 2.0))
-    result.figure("bottom_over_h2", bottom, 1e-3)
-    result.figure("top_over_h2", top, 1e-3)
+    result.measure("bottom_over_h2", bottom, 1e-3)
+    result.measure("top_over_h2", top, 1e-3)
     result.statement = "Change of a pendulum's energy in one step, near the bottom and near the top."
-    result.heard(bottom > 0 and top > 0)
-    result.corrected(top < 0, np.abs(change(*draws) - law).max() < 1e-3 * np.abs(law).max())
+    result.statement_holds(bottom > 0 and top > 0)
+    result.correction_holds(top < 0, np.abs(change(*draws) - law).max() < 1e-3 * np.abs(law).max())
 
 
 @claim(
@@ -184,7 +184,7 @@ def explicit_adds_without_forces(result):
     from course.rigid_body import problems, quaternion
     from course.rigid_body.spatial import free_flight_acceleration as flight
 
-    n, h, names = 50, result.given("step_ms", 1.0) / 1000, ("explicit_euler", "semi_implicit_euler")
+    n, h, names = 50, result.input("step_ms", 1.0) / 1000, ("explicit_euler", "semi_implicit_euler")
     moments = np.sort(result.rng.uniform(1.0, 1.8, (3, n)), axis=0) + [[0.0], [0.1], [0.2]]
     omega, velocity = result.rng.normal(size=(2, 3, n))
     weights = np.vstack((np.ones((3, n)), moments))
@@ -201,18 +201,18 @@ def explicit_adds_without_forces(result):
     steady, straight = (gains(names[0], spin) for spin in (about_axis, 0 * omega))
     alpha = flight(q, np.vstack((velocity, omega)), params)[3:]
     law = h * h * (moments * alpha**2).sum(axis=0) / 2
-    tumble, seconds = problems.tumble(), result.given("seconds", 20.0)
+    tumble, seconds = problems.tumble(), result.input("seconds", 20.0)
     energy = _energies(tumble, names[0], h, round(seconds / h))
-    result.figure("rate_rad_per_s", np.linalg.norm(tumble.system.v0))
-    result.figure("gain_percent", 100 * (energy[-1] / energy[0] - 1), 1e-3)
+    result.measure("rate_rad_per_s", np.linalg.norm(tumble.system.v0))
+    result.measure("gain_percent", 100 * (energy[-1] / energy[0] - 1), 1e-3)
     result.statement = "50 random bodies that tumble, spin about an axis, or only fly, 200 steps."
-    result.heard(
+    result.statement_holds(
         (straight > 0).all(),
         only_if="it turns, and not about a principal axis",
         inside=tumbling[0] > 0,
         outside=np.concatenate((straight, steady)) > 0,
     )
-    result.corrected(
+    result.correction_holds(
         np.array_equal(tumbling[0], tumbling[1]),
         not straight.any(),
         (np.diff(energy) > 0).all(),
@@ -249,11 +249,11 @@ def usual_listing_is_explicit(result):
         ]
         return float(np.abs(np.array([lines(*draw) for draw in draws]) - steps).max())
 
-    result.figure("from_semi_implicit", apart(listing, semi_implicit_euler), 1e-15)
-    result.figure("from_explicit_m", apart(listing, explicit_euler), 0.5)
+    result.measure("from_semi_implicit", apart(listing, semi_implicit_euler), 1e-15)
+    result.measure("from_explicit_m", apart(listing, explicit_euler), 0.5)
     result.statement = "Largest difference over 100 random states and steps of a pendulum."
-    result.heard(apart(listing, explicit_euler) < 1e-12)
-    result.corrected(apart(listing, semi_implicit_euler) == 0, apart(swapped, explicit_euler) == 0)
+    result.statement_holds(apart(listing, explicit_euler) < 1e-12)
+    result.correction_holds(apart(listing, semi_implicit_euler) == 0, apart(swapped, explicit_euler) == 0)
 
 
 @claim(
@@ -284,21 +284,21 @@ def semi_implicit_dissipates(result):
     c = sympy.Symbol("c")
     form = sympy.Matrix([[omega**2 / 2, c / 2], [c / 2, sympy.Rational(1, 2)]])
     (solution,) = sympy.solve(list((A.T * form * A - form).applyfunc(sympy.expand)), c, dict=True)
-    u, steps = result.given("omega_h", 0.1), result.given("steps", 1000)
+    u, steps = result.input("omega_h", 0.1), result.input("steps", 1000)
     spring = problems.oscillator(omega=1.0)
     energy = _energies(spring, "semi_implicit_euler", u, 200 * steps)
     drift = abs(energy[-20_000:].mean() / energy[:20_000].mean() - 1)
     explicit = _energies(spring, "explicit_euler", u, steps, steps)
     result.formula = solution[c]
-    result.figure("lowest", energy.min() / energy[0], 1e-4)
-    result.figure("highest", energy.max() / energy[0], 1e-4)
-    result.figure("explicit_after_1000", explicit[1] / explicit[0], 1e-4)
+    result.measure("lowest", energy.min() / energy[0], 1e-4)
+    result.measure("highest", energy.max() / energy[0], 1e-4)
+    result.measure("explicit_after_1000", explicit[1] / explicit[0], 1e-4)
     result.statement = f"200,000 steps: the mean energy moves by {drift:.0e} of itself."
     h, start = result.rng.uniform(0.05, 1.9, 50), result.rng.normal(size=(2, 1, 50))
     x, v = _steps("semi_implicit_euler", _spring(), start[0], start[1], h, 500)
     retained = v**2 / 2 + x**2 / 2 - h * x * v / 2
-    result.heard(drift > 1e-3)
-    result.corrected(drift < 1e-5, np.ptp(retained, axis=0).max() < 1e-9 * retained.max())
+    result.statement_holds(drift > 1e-3)
+    result.correction_holds(drift < 1e-5, np.ptp(retained, axis=0).max() < 1e-9 * retained.max())
 
 
 @claim(
@@ -323,27 +323,27 @@ def semi_implicit_energy_swing(result):
         middle = (energy.max(axis=0) + energy.min(axis=0)) / 2
         return np.abs(energy[0] - middle) < 0.25 * np.ptp(energy, axis=0)
 
-    u, spring = result.given("omega_h", 0.1), problems.oscillator(omega=1.0)
+    u, spring = result.input("omega_h", 0.1), problems.oscillator(omega=1.0)
     # Released at rest, where the conserved value is the energy of the start.
     runs = [_energies(spring, "semi_implicit_euler", x, 100_000) for x in (u, u / 2)]
     swing, mean = np.array([[np.ptp(e) / e[0] / 2, e.mean() / e[0] - 1] for e in runs]).T
     top = energies(np.full(1, np.pi / 4), u)[:, 0]
-    result.figure("swing_over_omega_h", swing[1] / (u / 2), 2e-3)
-    result.figure("power_of_swing", np.log2(swing[0] / swing[1]), 2e-3)
-    result.figure("power_of_mean", np.log2(mean[0] / mean[1]), 2e-3)
-    result.figure("low", top.min() / top[0], 1e-4)
-    result.figure("high", top.max() / top[0], 1e-4)
+    result.measure("swing_over_omega_h", swing[1] / (u / 2), 2e-3)
+    result.measure("power_of_swing", np.log2(swing[0] / swing[1]), 2e-3)
+    result.measure("power_of_mean", np.log2(mean[0] / mean[1]), 2e-3)
+    result.measure("low", top.min() / top[0], 1e-4)
+    result.measure("high", top.max() / top[0], 1e-4)
     result.statement = f"Half the range of the relative energy: {swing[0]:.5f} at omega h = {u}, "
     result.statement += f"{swing[1]:.5f} at half of it."
     h, phase = result.rng.uniform((0.02, 0), (0.9, 2 * np.pi), (40, 2)).T
     outside = about(phase, h)
-    result.heard(
+    result.statement_holds(
         outside.all(),
         only_if="the run starts where x v = 0, at a turning point or in the middle",
         inside=about(np.round(phase / (np.pi / 2)) * np.pi / 2, h),
         outside=outside,
     )
-    result.corrected(
+    result.correction_holds(
         abs(swing[1] / (u / 2) - 0.5) < 1e-3,
         abs(mean[1]) < 0.1 * swing[1],
         abs(top.max() / top[0] - 1) < 1e-12,
@@ -372,14 +372,14 @@ def swapping_two_lines(result):
         return spectral_radius("semi_implicit_euler", u) <= 1 + 1e-9
 
     crossing = brentq(faster, 2.01, 2.5)
-    result.figure("inside", spectral_radius("semi_implicit_euler", 1.9), 1e-4)
-    result.figure("outside", spectral_radius("semi_implicit_euler", 2.5), 1e-4)
-    result.figure("explicit_outside", spectral_radius("explicit_euler", 2.5), 1e-4)
-    result.figure("faster_from", crossing)
+    result.measure("inside", spectral_radius("semi_implicit_euler", 1.9), 1e-4)
+    result.measure("outside", spectral_radius("semi_implicit_euler", 2.5), 1e-4)
+    result.measure("explicit_outside", spectral_radius("explicit_euler", 2.5), 1e-4)
+    result.measure("faster_from", crossing)
     result.statement = "Largest growth factor of an oscillator's amplitude per step."
     above = result.rng.uniform(2.0001, 2.2, 20)
     pull, params = _pendulum()
-    large = result.given("pendulum_omega_h", 1.5)
+    large = result.input("pendulum_omega_h", 1.5)
 
     def share(u: float) -> float:
         """Of swings whose energy above the bottom grows more than tenfold in 2000 steps."""
@@ -389,14 +389,14 @@ def swapping_two_lines(result):
         energy = (v / rate) ** 2 / 2 + 1 - np.cos(q)
         return float((energy.max(axis=0) > 10 * energy[0]).mean())
 
-    diffuses = result.figure("pendulum_share", share(large), 0.2)
-    result.heard(
+    diffuses = result.measure("pendulum_share", share(large), 0.2)
+    result.statement_holds(
         bounded(2.5),
         only_if="it is an undamped spring and omega h < 2",
         inside=[bounded(u) for u in result.rng.uniform(0, 2, 50)],
         outside=[bounded(u) for u in above],
     )
-    result.corrected(
+    result.correction_holds(
         all(faster(u) < 0 for u in np.linspace(2.001, 0.999 * crossing, 20)),
         all(faster(u) > 0 for u in np.linspace(1.001 * crossing, 6, 40)),
         all(spectral_radius("explicit_euler", u) > 1 for u in result.rng.uniform(0.01, 3, 50)),
@@ -427,7 +427,7 @@ def area_preserved(result):
         "explicit_euler": (omega * h) ** 2,
     }
     for n in names:
-        result.figure(f"{n}_at_half", excess[n].subs({omega: 1, h: sympy.Rational(1, 2)}))
+        result.measure(f"{n}_at_half", excess[n].subs({omega: 1, h: sympy.Rational(1, 2)}))
     q, v, step = result.rng.uniform((-3, -4, 0.05), (3, 4, 0.3), (20, 3)).T
     size = 1e-6 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]).T[:, :, None]
 
@@ -441,8 +441,8 @@ def area_preserved(result):
 
     error = {n: float(np.abs(pendulum_area(n) - 1).max()) for n in names}
     result.statement = "Determinant of one step less 1, on the oscillator and at 20 pendulum states."
-    result.heard("semi_implicit_euler" in selected and "rk4" not in selected and error["rk4"] > 1e-6)
-    result.corrected(
+    result.statement_holds("semi_implicit_euler" in selected and "rk4" not in selected and error["rk4"] > 1e-6)
+    result.correction_holds(
         selected == {n for n in names if INTEGRATORS[n].symplectic},
         all((error[n] < 1e-7) == (n in selected) for n in names),
         all(sympy.limit(excess[n] / term, h, 0) == 1 for n, term in leading.items()),
@@ -465,19 +465,19 @@ def symplectic_conserves_energy(result):
         energy = _energies(problems.pendulum(2.0), "velocity_verlet", h, steps)
         return np.abs(energy / energy[0] - 1)
 
-    h = result.given("step_ms", 20.0) / 1000
+    h = result.input("step_ms", 20.0) / 1000
     coarse, fine = error(h, 500_000), error(h / 2, 1000)
     early, late = coarse[:5000].max(), coarse[-5000:].max()
     power = np.log2(early / fine.max())
-    result.figure("relative_error", early, 5e-3)
-    result.figure("late_over_early", late / early, 5e-3)
-    result.figure("power_of_h", power, 5e-3)
+    result.measure("relative_error", early, 5e-3)
+    result.measure("late_over_early", late / early, 5e-3)
+    result.measure("power_of_h", power, 5e-3)
     result.statement = (
         f"The largest error of the first 5000 of 500,000 steps is {early:.1e}, of the "
     )
     result.statement += f"last 5000 {late:.1e}."
-    result.heard(early < 1e-9)
-    result.corrected(abs(late / early - 1) < 0.05, abs(power - 2) < 0.05)
+    result.statement_holds(early < 1e-9)
+    result.correction_holds(abs(late / early - 1) < 0.05, abs(power - 2) < 0.05)
 
 
 @claim(
@@ -526,22 +526,22 @@ def symplectic_with_varying_step(result):
         return float(np.abs(np.array(end) - here).max())
 
     here = result.rng.uniform(0.5, 1, (2, 2))
-    orbits = result.given("orbits", 60)
-    draws = np.append(result.given("eccentricity", 0.5), result.rng.uniform(0.2, 0.7, 11))
+    orbits = result.input("orbits", 60)
+    draws = np.append(result.input("eccentricity", 0.5), result.rng.uniform(0.2, 0.7, 11))
     naive, reversible = drifts(draws, False), drifts(draws, True)
-    result.figure("varying_drift", naive[0], 0.02)
-    result.figure("reversible_drift", reversible[0], 0.5)
+    result.measure("varying_drift", naive[0], 0.02)
+    result.measure("reversible_drift", reversible[0], 0.5)
     result.statement = (
         f"12 eccentricities: drifts of {naive.min():.1e} to {naive.max():.1e} with the step taken "
         f"from the distance, {reversible.max():.1e} at most with the reversible choice."
     )
-    result.heard(
+    result.statement_holds(
         (naive < 3e-4).all(),
         only_if="the method and the rule for its step are the same backwards in time",
         inside=reversible < 3e-4,
         outside=naive < 3e-4,
     )
-    result.corrected(
+    result.correction_holds(
         (naive > 10 * reversible).all(),
         there_and_back(velocity_verlet) < 1e-14 < 1e-4 < there_and_back(semi_implicit_euler),
     )
@@ -565,7 +565,7 @@ def semi_implicit_arm_energy(result):
         tenth = len(energy) // 10
         return float(energy[-tenth:].mean() - energy[:tenth].mean())
 
-    seconds, runs = result.given("seconds", 100.0), result.given("runs", 12)
+    seconds, runs = result.input("seconds", 100.0), result.input("runs", 12)
     arm, one = problems.double_pendulum(), problems.pendulum()
     hanging = problems.double_pendulum_energy(np.zeros(2), np.zeros(2), arm.system.params)
     lost = -drift(arm)
@@ -574,22 +574,22 @@ def semi_implicit_arm_energy(result):
     singles = np.array([drift(problems.pendulum(a)) for a in result.rng.uniform(0.2, 2.9, runs)])
     tumble = np.diff(_energies(problems.tumble(), "semi_implicit_euler", 1e-3, 20_000))
     # The motion is chaotic: another processor takes another path.
-    result.figure("double_pendulum_lost_j", lost, 0.4)
-    result.figure("of_energy_above_hanging_j", _energies(arm, "rk4", 1e-3, 1)[0] - hanging, 0.01)
-    result.figure("largest_drift_j", np.abs(arms).max(), 0.5)
-    result.figure("pendulum_drift", round(drift(one) / _energies(one, "rk4", 1e-3, 1)[0], 4), 1e-4)
+    result.measure("double_pendulum_lost_j", lost, 0.4)
+    result.measure("of_energy_above_hanging_j", _energies(arm, "rk4", 1e-3, 1)[0] - hanging, 0.01)
+    result.measure("largest_drift_j", np.abs(arms).max(), 0.5)
+    result.measure("pendulum_drift", round(drift(one) / _energies(one, "rk4", 1e-3, 1)[0], 4), 1e-4)
     result.statement = (
         f"At 1 ms: the double pendulum of the chapter loses {lost:.1f} J, {np.sum(arms < 0)} of "
         f"{runs} with random starts lose and {np.sum(arms > 0)} gain."
     )
-    result.heard(
+    result.statement_holds(
         abs(lost) < 0.1,
         only_if="forces are the slope of a potential of the positions, the mass matrix is constant "
         "and the step is small",
         inside=np.abs(singles) < 0.01,
         outside=np.abs(arms) < 0.01,
     )
-    result.corrected(lost > 1, (arms < 0).sum() > (arms > 0).sum() > 0, (tumble > 0).all())
+    result.correction_holds(lost > 1, (arms < 0).sum() > (arms > 0).sum() > 0, (tumble > 0).all())
 
 
 @claim(
@@ -605,22 +605,22 @@ def semi_implicit_keeps_area_always(result):
 
     h, omega, zeta = symbols()
     damped = sympy.simplify(step_matrix("semi_implicit_euler", damped=True).det())
-    at = {h: result.given("omega_h", 0.1), omega: 1, zeta: result.given("zeta", 0.5)}
-    result.figure("determinant", damped.subs(at))
-    result.figure("true_contraction", sympy.exp(-2 * zeta * omega * h).subs(at))
+    at = {h: result.input("omega_h", 0.1), omega: 1, zeta: result.input("zeta", 0.5)}
+    result.measure("determinant", damped.subs(at))
+    result.measure("true_contraction", sympy.exp(-2 * zeta * omega * h).subs(at))
     result.statement = "Determinants of one step, symbolic and at random omega h and zeta."
 
     def selected(u: float, damping: float) -> bool:
         return abs(np.linalg.det(numeric_matrix("semi_implicit_euler", u, damping)) - 1) < 1e-12
 
     draws = result.rng.uniform(0.01, 3, (20, 2))
-    result.heard(
+    result.statement_holds(
         damped == 1,
         only_if="the forces do not depend on velocity",
         inside=[selected(u, 0.0) for u, _ in draws],
         outside=[selected(u, damping / 100) for u, damping in draws],
     )
-    result.corrected(sympy.expand(damped - (1 - 2 * zeta * omega * h)) == 0)
+    result.correction_holds(sympy.expand(damped - (1 - 2 * zeta * omega * h)) == 0)
 
 
 @claim(
@@ -648,11 +648,11 @@ def rk4_energy_factor(result):
     energy = _energies(problems.oscillator(omega=1.0), "rk4", 0.5, 1000, 1000)
     retained = energy[1] / energy[0]
     at = sympy.lambdify(h, factor.subs(omega, 1))
-    result.figure("left_after_1000_at_half", retained)
-    result.figure("amplitude_coefficient", amplitude.coeff(h, 6).subs(omega, 1))
+    result.measure("left_after_1000_at_half", retained)
+    result.measure("amplitude_coefficient", amplitude.coeff(h, 6).subs(omega, 1))
     result.statement = f"omega h = 0.5: {retained:.4f} of the energy is left after 1000 steps."
-    result.heard(retained > 1)
-    result.corrected(
+    result.statement_holds(retained > 1)
+    result.correction_holds(
         abs(retained / at(0.5) ** 1000 - 1) < 1e-9,
         (at(result.rng.uniform(0.05, 2.828, 100)) < 1).all() and at(2.829) > 1,
     )
@@ -684,17 +684,17 @@ def verlet_frequency(result):
     result.formula = frequency = 2 / h * sympy.asin(omega * h / 2)
     half_trace = sympy.simplify(A.trace() / 2)
     share = sympy.series(frequency / omega, h, 0, 4).removeO().coeff(h, 2)
-    u, angle = result.given("omega_h", 0.1), result.given("angle_rad", 1000.0)
+    u, angle = result.input("omega_h", 0.1), result.input("angle_rad", 1000.0)
     spring = problems.oscillator(omega=1.0).system
     run = simulate(spring, "velocity_verlet", u, round(angle / u))
     reached = angle * float(frequency.subs({omega: 1, h: u}))
-    result.figure("ahead_after_1000_rad", reached - angle, 1e-4)
-    result.figure("leading_share", share.subs(omega, 1), 1e-4)
+    result.measure("ahead_after_1000_rad", reached - angle, 1e-4)
+    result.measure("leading_share", share.subs(omega, 1), 1e-4)
     result.statement = (
         f"{round(angle / u)} steps: {reached - angle:.3f} rad ahead of the true motion."
     )
-    result.heard(abs(run.q[-1, 0] - np.cos(angle)) < 1e-3)
-    result.corrected(
+    result.statement_holds(abs(run.q[-1, 0] - np.cos(angle)) < 1e-3)
+    result.correction_holds(
         sympy.simplify(sympy.expand_trig(sympy.cos(frequency * h)) - half_trace) == 0,
         sympy.simplify(_matrix("semi_implicit_euler")[0].trace() / 2 - half_trace) == 0,
         abs(run.q[-1, 0] - np.cos(reached)) < 1e-9,

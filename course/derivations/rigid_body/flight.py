@@ -170,12 +170,12 @@ def free_fall_energy_error(result):
     result.formula = _change("explicit_euler")[0]
     run = worked_example("explicit_euler")
     start, first = run.energy[0, 0], run.energy[1, 0]
-    result.figure("energy_at_start_j", start)
-    result.figure("energy_after_step_1_j", first)
-    result.figure("added_mj", 1000 * (first - start))
+    result.measure("energy_at_start_j", start)
+    result.measure("energy_after_step_1_j", first)
+    result.measure("added_mj", 1000 * (first - start))
     result.statement = f"Whatever the state, a step adds {result.formula}."
-    result.heard(first == start)
-    result.corrected(
+    result.statement_holds(first == start)
+    result.correction_holds(
         abs(run.q[1, 0] - HEIGHT) < 1e-12, abs(run.v[1, 0] + GRAVITY * STEP) < 1e-15, first > start
     )
 
@@ -207,13 +207,13 @@ def semi_implicit_free_fall(result):
     run = drop("semi_implicit_euler", 300, height=heights, speed=speeds)
     retained = run.energy - GRAVITY * STEP * run.v / 2
     lost = worked_example("semi_implicit_euler").energy[100, 0] - START
-    result.figure("after_100_steps_j", lost)
+    result.measure("after_100_steps_j", lost)
     result.statement = (
         f"100 steps of 10 ms from rest lose {-lost:.4f} J. Over 50 throws up and down of 3 s the "
         f"conserved sum moves by {np.ptp(retained, axis=0).max():.0e} J."
     )
-    result.heard(bool(abs(area) < 1))
-    result.corrected(
+    result.statement_holds(bool(abs(area) < 1))
+    result.correction_holds(
         area == 1,
         sympy.simplify(result.formula - m * g * h * dv / 2) == 0,
         np.ptp(retained, axis=0).max() < 1e-9 < 1 < np.ptp(run.energy, axis=0).max(),
@@ -229,12 +229,12 @@ def worked_step_1_semi_implicit(result):
     run = worked_example("semi_implicit_euler")
     y, v, e = (float(x[1, 0]) for x in (run.q, run.v, run.energy))
     gained = worked_example("explicit_euler").energy[1, 0] - START
-    result.figure("y_m", y)
-    result.figure("v_m_per_s", v)
-    result.figure("energy_j", e)
+    result.measure("y_m", y)
+    result.measure("v_m_per_s", v)
+    result.measure("energy_j", e)
     result.statement = "One step of 10 ms from rest at 5 m."
-    result.heard((round(y, 3), round(v, 4), round(e, 2)) == (4.999, -0.0981, 49.05))
-    result.corrected(abs(START - e - gained) < 1e-9, e < START)
+    result.statement_holds((round(y, 3), round(v, 4), round(e, 2)) == (4.999, -0.0981, 49.05))
+    result.correction_holds(abs(START - e - gained) < 1e-9, e < START)
 
 
 @claim(
@@ -247,15 +247,15 @@ def worked_step_1_semi_implicit(result):
 def worked_step_100(result):
     run = worked_example("explicit_euler")
     y, v, e = (float(x[100, 0]) for x in (run.q, run.v, run.energy))
-    result.figure("y_m", y)
-    result.figure("v_m_per_s", v)
-    result.figure("energy_j", e)
-    result.figure("gain_percent", 100 * (e / START - 1))
-    of_that_state = result.figure("of_that_state_j", _energy(4.51, -0.981))
-    step = result.figure("step_of_that_speed", np.abs(run.v[:100, 0] + 0.981).argmin())
+    result.measure("y_m", y)
+    result.measure("v_m_per_s", v)
+    result.measure("energy_j", e)
+    result.measure("gain_percent", 100 * (e / START - 1))
+    of_that_state = result.measure("of_that_state_j", _energy(4.51, -0.981))
+    step = result.measure("step_of_that_speed", np.abs(run.v[:100, 0] + 0.981).argmin())
     result.statement = "100 steps of explicit Euler by the course's integrator."
-    result.heard(abs(y - 4.51) < 0.01)
-    result.corrected(
+    result.statement_holds(abs(y - 4.51) < 0.01)
+    result.correction_holds(
         abs(y - (HEIGHT - GRAVITY * STEP**2 * 100 * 99 / 2)) < 1e-10,
         abs(v + GRAVITY) < 1e-10,
         abs(of_that_state - 49.70) > 4,
@@ -270,17 +270,17 @@ def worked_step_100(result):
     "added energy too, and the gain is {gain_percent:.1f} %.",
 )
 def worked_step_500(result):
-    run, step = worked_example("explicit_euler"), result.given("step", 500)
+    run, step = worked_example("explicit_euler"), result.input("step", 500)
     steps = np.flatnonzero(run.bounced)
-    first = result.figure("first_bounce_step", steps[0])
-    before = result.figure("bounces_by_step_500", (steps <= step).sum())
-    result.figure("y_m", run.q[step, 0])
-    result.figure("energy_j", run.energy[step, 0])
-    result.figure("gain_percent", 100 * (run.energy[step, 0] / START - 1))
+    first = result.measure("first_bounce_step", steps[0])
+    before = result.measure("bounces_by_step_500", (steps <= step).sum())
+    result.measure("y_m", run.q[step, 0])
+    result.measure("energy_j", run.energy[step, 0])
+    result.measure("gain_percent", 100 * (run.energy[step, 0] / START - 1))
     result.statement = f"The rule acts at steps {', '.join(str(i) for i in steps)}."
-    result.heard(first == step)
+    result.statement_holds(first == step)
     early = near("explicit_euler").bounced.argmax(axis=0)
-    result.corrected(100 < first < 110, before >= 2, (abs(early - first) < 5).all())
+    result.correction_holds(100 < first < 110, before >= 2, (abs(early - first) < 5).all())
 
 
 @claim(
@@ -293,15 +293,15 @@ def worked_step_500(result):
 def worked_ten_bounces_explicit(result):
     run, others = worked_example("explicit_euler"), near("explicit_euler")
     end, gain = run.energy[-1, 0], run.percent()
-    result.figure("energy_j", end)
-    result.figure("gain_percent", gain)
-    flight = result.figure("by_flight_j", float(run.by_flight[0]))
-    rule = result.figure("by_rule_j", float(run.by_rule[0]))
-    result.figure("near_lowest_j", others.energy[-1].min())
-    result.figure("near_highest_j", others.energy[-1].max())
+    result.measure("energy_j", end)
+    result.measure("gain_percent", gain)
+    flight = result.measure("by_flight_j", float(run.by_flight[0]))
+    rule = result.measure("by_rule_j", float(run.by_rule[0]))
+    result.measure("near_lowest_j", others.energy[-1].min())
+    result.measure("near_highest_j", others.energy[-1].max())
     result.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
-    result.heard(abs(gain - 59) < 1)
-    result.corrected(
+    result.statement_holds(abs(gain - 59) < 1)
+    result.correction_holds(
         flight > 0 and rule > 0,
         abs(flight + rule - (end - START)) < 1e-9,
         (others.percent() > 0).all() and others.energy[-1].max() < end < 78,
@@ -318,15 +318,15 @@ def worked_ten_bounces_explicit(result):
 def worked_ten_bounces_semi_implicit(result):
     run, others = worked_example("semi_implicit_euler"), near("semi_implicit_euler")
     end = run.energy[-1, 0]
-    result.figure("energy_j", end)
-    result.figure("change_percent", run.percent())
-    flight = result.figure("by_flight_j", float(run.by_flight[0]))
-    rule = result.figure("by_rule_j", float(run.by_rule[0]))
-    result.figure("near_lowest_j", others.energy[-1].min())
-    result.figure("near_highest_j", others.energy[-1].max())
+    result.measure("energy_j", end)
+    result.measure("change_percent", run.percent())
+    flight = result.measure("by_flight_j", float(run.by_flight[0]))
+    rule = result.measure("by_rule_j", float(run.by_rule[0]))
+    result.measure("near_lowest_j", others.energy[-1].min())
+    result.measure("near_highest_j", others.energy[-1].max())
     result.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
-    result.heard(abs(end - 48.5) < 0.1 or bool((abs(others.energy[-1] - 48.5) < 0.1).any()))
-    result.corrected(
+    result.statement_holds(abs(end - 48.5) < 0.1 or bool((abs(others.energy[-1] - 48.5) < 0.1).any()))
+    result.correction_holds(
         flight < 0 < rule,
         abs(flight + rule - (end - START)) < 1e-9,
         others.energy[-1].max() < 46 < START < end,
@@ -372,11 +372,11 @@ def worked_ten_bounces_rk4(result):
     from course.rigid_body import INTEGRATORS
 
     run, others = worked_example("exact_flight"), near("exact_flight")
-    gain = result.figure("gain_percent", run.percent())
-    result.figure("energy_j", run.energy[-1, 0])
-    result.figure("by_rule_j", float(run.by_rule[0]))
-    result.figure("near_lowest_percent", others.percent().min())
-    result.figure("near_highest_percent", others.percent().max())
+    gain = result.measure("gain_percent", run.percent())
+    result.measure("energy_j", run.energy[-1, 0])
+    result.measure("by_rule_j", float(run.by_rule[0]))
+    result.measure("near_lowest_percent", others.percent().min())
+    result.measure("near_highest_percent", others.percent().max())
     state = np.array([HEIGHT]), np.array([-3.0]), falling, STEP, None
     exact = step_of("exact_flight")(*state)
     deviation = max(
@@ -390,13 +390,13 @@ def worked_ten_bounces_rk4(result):
         f"With resolved impacts the energy is off by {max(resolved):.0e} at most; one step of each "
         f"second-order method is the parabola to {deviation:.0e}."
     )
-    result.heard(
+    result.statement_holds(
         abs(gain) < 1e-3,
         only_if="the impact is resolved inside the step",
         inside=[error < 1e-5 for error in resolved],
         outside=[error < 1e-5 for error in late],
     )
-    result.corrected(
+    result.correction_holds(
         max(resolved) < 1e-11, float(run.by_flight[0]) == 0, deviation < 1e-12, min(others.percent()) > 5
     )
 
@@ -416,17 +416,17 @@ def worked_table_belongs_to_the_method(result):
     for name in METHODS:
         ends = drop(name, e=1 + 1e-6 * np.arange(-1, 2)).energy[-1]
         for label, value in zip(("below_1", "1", "above_1"), ends, strict=True):
-            result.figure(f"{name}_e_{label}_j", value)
+            result.measure(f"{name}_e_{label}_j", value)
         spreads.append(np.ptp(ends))
         near_by.append(near(name).energy[-1])
-        result.figure(f"{name}_near_j", near_by[-1].mean())
-    spread = result.figure("spread_j", max(spreads))
+        result.measure(f"{name}_near_j", near_by[-1].mean())
+    spread = result.measure("spread_j", max(spreads))
     result.statement = (
         "Energy after ten bounces in exact arithmetic, with a restitution of 1 and of a millionth "
         "less and more; and the mean over 500 starts up to 1 mm and one step's speed away."
     )
-    result.heard(spread < 1e-6)
-    result.corrected(
+    result.statement_holds(spread < 1e-6)
+    result.correction_holds(
         spread > 1,
         all(_tied(drop(name, height=heights)).all() for name in METHODS),
         not any(_tied(near(name)).any() for name in METHODS),
@@ -443,7 +443,7 @@ def worked_table_belongs_to_the_method(result):
     "from rest in exact arithmetic, does the depth reach h v and nothing more is lost.",
 )
 def semi_implicit_bouncing_decays(result):
-    n, dt = 200, result.given("step_ms", 10.0) / 1000
+    n, dt = 200, result.input("step_ms", 10.0) / 1000
     heights, speeds = result.rng.uniform((4, -3), (6, 3), (n, 2)).T
     run = drop("semi_implicit_euler", dt=dt, height=heights, speed=speeds)
     small, down = result.rng.uniform((0.1, -5), (10, 5), (n, 2)).T
@@ -452,21 +452,21 @@ def semi_implicit_bouncing_decays(result):
     retained = wide.energy - GRAVITY * steps * wide.v / 2
     half = -(GRAVITY * steps * wide.v)[wide.bounced].mean() / 2
     tied = drop("semi_implicit_euler", dt=dt, height=4 + 0.0997 * np.arange(12))
-    result.figure("near_mean_percent", run.percent().mean())
-    result.figure("lowest_percent", run.percent().min())
-    result.figure("highest_percent", run.percent().max())
-    result.figure("highest_tied_percent", tied.percent().max())
+    result.measure("near_mean_percent", run.percent().mean())
+    result.measure("lowest_percent", run.percent().min())
+    result.measure("highest_percent", run.percent().max())
+    result.measure("highest_tied_percent", tied.percent().max())
     result.statement = (
         "200 starts between 4 and 6 m, up to 3 m/s; 200 with other steps and heights; 12 drops "
         f"from rest in whole numbers, of which {(tied.percent() > 0).sum()} end above their start."
     )
-    result.heard(
+    result.statement_holds(
         (tied.percent() < 0).all(),
         only_if="no rebound ends exactly on the floor at the end of a step",
         inside=np.concatenate((run.percent(), wide.percent())) < 0,
         outside=tied.percent() < 0,
     )
-    result.corrected(
+    result.correction_holds(
         (np.diff(retained, axis=0) < 1e-9 * retained[0]).all(),
         _tied(tied).all() and not _tied(run).any(),
         abs(np.diff(retained, axis=0)[wide.bounced[1:]].mean() / half - 1) < 0.05,
@@ -480,15 +480,15 @@ def semi_implicit_bouncing_decays(result):
     "left after ten bounces of the worked example, m g h v less at each.",
 )
 def bounce_gives_the_loss_back(result):
-    remaining = result.figure("left_after_ten", _resolved("semi_implicit_euler", (HEIGHT, 0.0, STEP)))
+    remaining = result.measure("left_after_ten", _resolved("semi_implicit_euler", (HEIGHT, 0.0, STEP)))
     draws = result.rng.uniform((2, -2, 0.002), (5, 2, 0.01), (4, 3))
     ends = [_resolved("semi_implicit_euler", draw) for draw in draws]
     expected = [
         1 - 10 * GRAVITY * h * np.sqrt(v * v + 2 * GRAVITY * y) / _energy(y, v) for y, v, h in draws
     ]
     result.statement = f"Four other starts and steps: {min(ends):.2f} to {max(ends):.2f} are left."
-    result.heard(remaining > 0.99)
-    result.corrected(
+    result.statement_holds(remaining > 0.99)
+    result.correction_holds(
         remaining < 0.9, all(abs(a - b) < 0.3 * (1 - b) for a, b in zip(ends, expected, strict=True))
     )
 
@@ -501,11 +501,11 @@ def bounce_gives_the_loss_back(result):
 )
 def elastic_bounce_rule(result):
     run = worked_example("exact_flight")
-    bound = result.figure("bound_j", (GRAVITY * np.abs(run.v) * STEP)[run.bounced].sum())
-    added = result.figure("added_in_ten_bounces_j", float(run.by_rule[0]))
+    bound = result.measure("bound_j", (GRAVITY * np.abs(run.v) * STEP)[run.bounced].sum())
+    added = result.measure("added_in_ten_bounces_j", float(run.by_rule[0]))
     result.statement = "Exact flight, so that all the energy comes from the rule."
-    result.heard(added < 1e-9)
-    result.corrected(
+    result.statement_holds(added < 1e-9)
+    result.correction_holds(
         0 < added < bound, all((_rule_gain(m, result.rng)[1] <= 0).all() for m in METHODS)
     )
 
@@ -542,7 +542,7 @@ def bounce_rule_takes_energy(result):
     from scipy.optimize import brentq
 
     e = result.rng.uniform(0.1, 0.99, 200)
-    rest, step = result.given("e", 0.6), result.given("step_ms", 1.0)
+    rest, step = result.input("e", 0.6), result.input("step_ms", 1.0)
     fast, slow, full = (
         np.concatenate([_rule_gain(m, result.rng, restitution, result.rng.uniform(*share, 200))[0]
                         for m in METHODS])
@@ -555,17 +555,17 @@ def bounce_rule_takes_energy(result):
         run = drop("semi_implicit_euler", 1, 2, h, rest, 0.0, GRAVITY * h - speed)
         return float(run.by_rule[0] + run.by_restitution[0])
 
-    limit = result.figure("limit_mm_per_s", 1000 * brentq(full_depth, 0.011, 1.0))
+    limit = result.measure("limit_mm_per_s", 1000 * brentq(full_depth, 0.011, 1.0))
     late = drop("semi_implicit_euler", 4000, 10**9, step / 1000, rest, 1.0).v[-1000:, 0]
-    result.figure("kept_mm_per_s", 1000 * late.min(), 1e-3)
+    result.measure("kept_mm_per_s", 1000 * late.min(), 1e-3)
     result.statement = "200 bounces of each method, restitutions of 0.1 to 0.99, any step and depth."
-    result.heard(
+    result.statement_holds(
         (slow < 0).all(),
         only_if="the ball hits the floor faster than 2 g h / (1 - e^2)",
         inside=fast < 0,
         outside=slow < 0,
     )
-    result.corrected((full >= 0).all() and (full > 0).any(), 0 < 1000 * late.min() < limit)
+    result.correction_holds((full >= 0).all() and (full > 0).any(), 0 < 1000 * late.min() < limit)
 
 
 @claim(
@@ -589,10 +589,10 @@ def order_survives_bounces(result):
         return pendulum.error(simulate(pendulum.system, "rk4", 2.0 / n, n).q[-1])
 
     ball = np.array([1.0]), np.array([-3.0]), falling, 0.01, None
-    order = result.figure("order_smooth", np.log2(smooth(1000, 2.5) / smooth(2000, 2.5)), 0.02)
-    bounced = result.figure("order_with_bounce", np.log2(error(250) / error(2000)) / 3, 0.02)
+    order = result.measure("order_smooth", np.log2(smooth(1000, 2.5) / smooth(2000, 2.5)), 0.02)
+    bounced = result.measure("order_with_bounce", np.log2(error(250) / error(2000)) / 3, 0.02)
     result.statement = "RK4 on a pendulum, and on a ball that bounces once, over 200 heights."
-    result.heard(
+    result.statement_holds(
         bounced > 3.5,
         only_if="the motion is smooth within each step",
         inside=[
@@ -600,7 +600,7 @@ def order_survives_bounces(result):
         ],
         outside=[np.log2(error(n) / error(4 * n)) / 2 > 3.5 for n in range(20, 60, 5)],
     )
-    result.corrected(
+    result.correction_holds(
         abs(order - 4) < 0.1,
         abs(bounced - 1) < 0.1,
         np.allclose(rk4(*ball), step_of("exact_flight")(*ball), rtol=1e-14),

@@ -40,7 +40,7 @@ def _listing(method: str, e: float = 0.6, spin: float = 0.0, dt: float = 1e-3) -
 def listing_box_tumbles(result):
     from course.rigid_body import PlanarBody
 
-    step = result.given("step_ms", 1.0) / 1000
+    step = result.input("step_ms", 1.0) / 1000
     q, v, _ = _listing("semi_implicit_euler")
     remaining = [_listing("semi_implicit_euler", spin=1.0, dt=h)[1][-1, 2] for h in (step, 4 * step)]
     side = np.sqrt(0.6)  # 1 kg and 0.1 kg m^2 as a square
@@ -48,13 +48,13 @@ def listing_box_tumbles(result):
     box.state[:3] = 0.0, 5.0, 0.3
     while not box.impacts:
         box.step(step, GRAVITY)
-    result.figure("angle_moves_rad", np.ptp(q[:, 2]))
-    result.figure("left_1_ms", remaining[0], 1e-3)
-    result.figure("left_4_ms", remaining[1], 1e-3)
-    tumbles = result.figure("tumbles_rad_per_s", abs(box.omega), 1e-3)
+    result.measure("angle_moves_rad", np.ptp(q[:, 2]))
+    result.measure("left_1_ms", remaining[0], 1e-3)
+    result.measure("left_4_ms", remaining[1], 1e-3)
+    tumbles = result.measure("tumbles_rad_per_s", abs(box.omega), 1e-3)
     result.statement = "The listing run as it is usually printed, and the chapter's planar body."
-    result.heard(np.ptp(q[:, 2]) > 0.01)
-    result.corrected(
+    result.statement_holds(np.ptp(q[:, 2]) > 0.01)
+    result.correction_holds(
         not v[:, 2].any(),
         np.ptp(q[:, 2]) == 0,
         tumbles > 1,
@@ -71,21 +71,21 @@ def listing_box_tumbles(result):
     "much back.",
 )
 def listing_energy_decay(result):
-    step = result.given("step_ms", 1.0)
+    step = result.input("step_ms", 1.0)
     run = drop("semi_implicit_euler", 5000, 10**9, step / 1000, 0.6)
     total = START - float(run.energy[-1, 0])
     restitution, flight, rule = (
         -float(part[0]) / total for part in (run.by_restitution, run.by_flight, run.by_rule)
     )
-    result.figure("lost_j", total, 1e-4)
-    result.figure("share_of_restitution", restitution, 1e-4)
-    result.figure("share_of_integrator", flight, 1e-4)
-    result.figure("share_of_rule", rule, 1e-4)
-    result.figure("integrator_percent", 100 * flight, 1e-4)
+    result.measure("lost_j", total, 1e-4)
+    result.measure("share_of_restitution", restitution, 1e-4)
+    result.measure("share_of_integrator", flight, 1e-4)
+    result.measure("share_of_rule", rule, 1e-4)
+    result.measure("integrator_percent", 100 * flight, 1e-4)
     listing = _listing("semi_implicit_euler")[2]
     result.statement = f"The printed listing ends with {listing[-1]:.4f} J of {listing[0]:.2f} J."
-    result.heard(flight > 0.5)
-    result.corrected(
+    result.statement_holds(flight > 0.5)
+    result.correction_holds(
         restitution > 0.98,
         0 < flight < 0.02,
         abs(flight + rule) < 0.2 * flight,
@@ -103,17 +103,17 @@ def listing_energy_decay(result):
 def explicit_in_the_listing_grows(result):
     runs = {(m, e): _listing(m, e)[2] for m in METHODS[:2] for e in (0.6, 0.7, 1.0)}
     explicit, implicit = (runs[m, 0.6] for m in METHODS[:2])
-    result.figure("start_j", explicit[0])
-    result.figure("explicit_left_mj", 1000 * np.abs(explicit[-500:]).max(), 0.2)
-    result.figure("semi_implicit_left_mj", 1000 * np.abs(implicit[-500:]).max(), 0.2)
+    result.measure("start_j", explicit[0])
+    result.measure("explicit_left_mj", 1000 * np.abs(explicit[-500:]).max(), 0.2)
+    result.measure("semi_implicit_left_mj", 1000 * np.abs(implicit[-500:]).max(), 0.2)
     elastic = runs["explicit_euler", 1.0]
-    result.figure("elastic_gain_percent", 100 * (elastic[-1] / elastic[0] - 1), 0.01)
+    result.measure("elastic_gain_percent", 100 * (elastic[-1] / elastic[0] - 1), 0.01)
     result.statement = (
         "The listing as it is printed, 5 s, restitution 0.6 and 0.7; with 1 explicit Euler gains "
         f"{100 * (elastic[-1] / elastic[0] - 1):.1f} %."
     )
-    result.heard(explicit[-1] > explicit[0])
-    result.corrected(
+    result.statement_holds(explicit[-1] > explicit[0])
+    result.correction_holds(
         all(runs[m, e][-1] < 0.1 * explicit[0] for m in METHODS[:2] for e in (0.6, 0.7)),
         elastic[-1] > elastic[0] > runs["semi_implicit_euler", 1.0][-1],
     )
@@ -154,21 +154,21 @@ def tunnelling_thickness(result):
             observed |= ((nose >= 0) & (nose - body <= wall))[0]
         return float(1 - observed.mean())
 
-    wall, body = result.given("wall_mm", 20.0) / 1000, result.given("body_mm", 50.0) / 1000
-    dt = result.given("step_ms", 2.0) / 1000
+    wall, body = result.input("wall_mm", 20.0) / 1000, result.input("body_mm", 50.0) / 1000
+    dt = result.input("step_ms", 2.0) / 1000
     w, d, step = sympy.symbols("w d dt", positive=True)
     result.formula = (w + d) / step
     limit = float(result.formula.subs({w: wall, d: body, step: dt}))
     own = missed(wall, body, dt, 1.2 * body / dt)
     below, double = (missed(wall, body, dt, x * limit) for x in (0.999, 2))
-    result.figure("limit_m_per_s", limit, 0.02)
-    result.figure("missed_below", below, 0.02)
-    result.figure("missed_at_twice", double, 0.02)
+    result.measure("limit_m_per_s", limit, 0.02)
+    result.measure("missed_below", below, 0.02)
+    result.measure("missed_at_twice", double, 0.02)
     result.statement = (
         f"At 1.2 times its own thickness per step {100 * own:.0f} % are missed, at twice the limit "
         f"{100 * double:.0f} %."
     )
     draws = result.rng.uniform((0.001, 0.001, 0.001, 0.2), (0.1, 0.1, 0.02, 4), (30, 4))
     error = [missed(a, b, h, x * (a + b) / h) - max(0.0, 1 - 1 / x) for a, b, h, x in draws]
-    result.heard(own > 0)
-    result.corrected(below == 0, np.abs(error).max() < 0.01)
+    result.statement_holds(own > 0)
+    result.correction_holds(below == 0, np.abs(error).max() < 0.01)

@@ -43,17 +43,17 @@ def steps_per_picture(result):
     def finished(physics_hz, picture_hz):
         return max(share for _, share in _pictures(physics_hz, picture_hz)) == 0
 
-    slow = result.given("slow_hz", 30)
+    slow = result.input("slow_hz", 30)
     at_60, at_slow = _pictures(1000, 60), _pictures(1000, slow)
     steps = [after[0] - before[0] for before, after in itertools.pairwise(at_60)]
-    result.figure("steps_per_picture_60_hz", at_60[-1][0] / len(at_60))
-    result.figure("steps_per_picture_30_hz", 1000 / len(at_slow))
-    result.figure("fewest", min(steps))
-    result.figure("most", max(steps))
-    result.figure("oldest_state_ms", max(share for _, share in at_60))
+    result.measure("steps_per_picture_60_hz", at_60[-1][0] / len(at_60))
+    result.measure("steps_per_picture_30_hz", 1000 / len(at_slow))
+    result.measure("fewest", min(steps))
+    result.measure("most", max(steps))
+    result.measure("oldest_state_ms", max(share for _, share in at_60))
     result.statement = "Counted over a second of the course's loop, whose time is exact."
     physics = result.rng.integers(200, 900, 10)
-    result.heard(
+    result.statement_holds(
         finished(1000, 60),
         only_if="the picture rate divides the physics rate",
         inside=[
@@ -64,7 +64,7 @@ def steps_per_picture(result):
         ],
         outside=[finished(int(rate), int(rate) // 7 - 1) for rate in physics],
     )
-    result.corrected(set(steps) == {16, 17}, len(at_60) == 60, at_60[2][0] == 50)
+    result.correction_holds(set(steps) == {16, 17}, len(at_60) == 60, at_60[2][0] == 50)
 
 
 @claim(
@@ -80,8 +80,8 @@ def steps_per_picture(result):
 def cameras_in_every_step(result):
     from course.rigid_body.loop import FixedStepLoop, Phases
 
-    physics = result.given("physics_hz", 1000)
-    delay = result.given("delay_ms", 20)
+    physics = result.input("physics_hz", 1000)
+    delay = result.input("delay_ms", 20)
 
     def ages(camera_hz, delay_ms):
         """Ages of what each control tick sees after the first: (encoders, image) [ms], images."""
@@ -109,18 +109,18 @@ def cameras_in_every_step(result):
         return np.array(observed), done
 
     observed, done = ages(30, delay)
-    result.figure("encoder_readings", done.controls)
-    result.figure("images", done.images)
-    result.figure("mean_age_ms", observed[:, 1].mean(), tolerance=1e-3)
-    result.figure("oldest_ms", observed[:, 1].max())
+    result.measure("encoder_readings", done.controls)
+    result.measure("images", done.images)
+    result.measure("mean_age_ms", observed[:, 1].mean(), tolerance=1e-3)
+    result.measure("oldest_ms", observed[:, 1].max())
     result.statement = "Run through the course's loop with a camera at 30 Hz."
 
     def alike(camera_hz, delay_ms):
         aged, _ = ages(int(camera_hz), int(delay_ms))
         return np.abs(aged[:, 0] - aged[:, 1]).max() < 1e-9
 
-    result.heard(any(alike(hz, ms) for hz, ms in ((30, delay), (30, 0), (60, 5), (1000, 5))))
-    result.corrected(
+    result.statement_holds(any(alike(hz, ms) for hz, ms in ((30, delay), (30, 0), (60, 5), (1000, 5))))
+    result.correction_holds(
         done.images < done.controls / 20,
         observed[:, 0].max() == 0.0,
         observed[:, 1].min() > delay - 1e-6,
@@ -137,20 +137,20 @@ def cameras_in_every_step(result):
 def clock_by_adding_dt(result):
     from course.rigid_body.loop import float_clock_error
 
-    dt = result.given("dt_s", 1e-3)
-    short = result.figure("after_10_s", abs(float_clock_error(dt, 10_000)), tolerance=1e-2)
-    long = result.figure("after_1_h", abs(float_clock_error(dt, 3_600_000)), tolerance=1e-2)
+    dt = result.input("dt_s", 1e-3)
+    short = result.measure("after_10_s", abs(float_clock_error(dt, 10_000)), tolerance=1e-2)
+    long = result.measure("after_1_h", abs(float_clock_error(dt, 3_600_000)), tolerance=1e-2)
     result.statement = (
         f"At 1 kHz the clock is off by {short:.1e} s after 10 s and by {long:.1e} s after an hour."
     )
     periods = result.rng.choice(np.arange(3, 999), 10, replace=False)
-    result.heard(
+    result.statement_holds(
         long == 0.0,
         only_if="dt is a multiple of a short binary fraction of a second, such as 1/1024",
         inside=[float_clock_error(n / 1024, 50_000) == 0.0 for n in periods],
         outside=[float_clock_error(n / 1000, 50_000) == 0.0 for n in periods],
     )
-    result.corrected(long > 360 * short)
+    result.correction_holds(long > 360 * short)
 
 
 @claim(
@@ -163,8 +163,8 @@ def clock_by_adding_dt(result):
 def step_sweet_spot(result):
     from course.derivations.rigid_body.linear import measured_limit, spectral_radius
 
-    mass = result.given("mass_kg", 1.0)
-    soft, stiff = result.given("soft_n_per_m", 1e2), result.given("stiff_n_per_m", 1e6)
+    mass = result.input("mass_kg", 1.0)
+    soft, stiff = result.input("soft_n_per_m", 1e2), result.input("stiff_n_per_m", 1e6)
     omega_h = measured_limit("semi_implicit_euler")
 
     def stable(omega, dt):
@@ -173,15 +173,15 @@ def step_sweet_spot(result):
     def right(omega):
         return not stable(omega, 0.010) and all(stable(omega, dt) for dt in (1e-3, 2e-3, 4e-3))
 
-    result.figure("limit_100_n_per_m_ms", 1000 * omega_h / np.sqrt(soft / mass))
-    result.figure("limit_1_mn_per_m_ms", 1000 * omega_h / np.sqrt(stiff / mass))
-    slow = result.figure("slowest_rad_per_s", omega_h / 0.010)
-    fast = result.figure("fastest_rad_per_s", omega_h / 0.004)
+    result.measure("limit_100_n_per_m_ms", 1000 * omega_h / np.sqrt(soft / mass))
+    result.measure("limit_1_mn_per_m_ms", 1000 * omega_h / np.sqrt(stiff / mass))
+    slow = result.measure("slowest_rad_per_s", omega_h / 0.010)
+    fast = result.measure("fastest_rad_per_s", omega_h / 0.004)
     result.statement = (
         "Semi-implicit Euler on 1 kg and an undamped spring, by the eigenvalues of its step."
     )
     beside = [*result.rng.uniform(0.9 * slow, slow, 6), *result.rng.uniform(fast, 1.1 * fast, 6)]
-    result.heard(
+    result.statement_holds(
         right(np.sqrt(soft / mass)) and right(np.sqrt(stiff / mass)),
         only_if="the integrator is semi-implicit Euler and the fastest undamped oscillation lies "
         "between {slowest_rad_per_s:.0f} and "
@@ -189,7 +189,7 @@ def step_sweet_spot(result):
         inside=[right(w) for w in result.rng.uniform(slow, fast, 12)],
         outside=[right(w) for w in beside],
     )
-    result.corrected(
+    result.correction_holds(
         stable(np.sqrt(soft / mass), 0.010),
         not stable(np.sqrt(stiff / mass), 0.004),
         not any(right(w) for w in beside),
@@ -209,8 +209,8 @@ def step_sweet_spot(result):
 def deformables_need_a_tenth(result):
     import mujoco
 
-    foam, plastic = 1e3 * result.given("foam_kpa", 10), 1e6 * result.given("plastic_mpa", 100)
-    spacing = 1e-2 * result.given("spacing_cm", 5)
+    foam, plastic = 1e3 * result.input("foam_kpa", 10), 1e6 * result.input("plastic_mpa", 100)
+    spacing = 1e-2 * result.input("spacing_cm", 5)
 
     def stable(young, dt, integrator="Euler", length=spacing):
         """Whether a free block of 2 x 2 x 2 cells stays where it is for 300 steps."""
@@ -241,18 +241,18 @@ def deformables_need_a_tenth(result):
         return low
 
     soft, stiff = limit(foam), limit(plastic)
-    result.figure("limit_10_kpa_ms", 1000 * soft, tolerance=0.03)
-    result.figure("limit_100_mpa_ms", 1000 * stiff, tolerance=0.03)
-    result.figure("half_as_long", limit(plastic, spacing / 2) / stiff, tolerance=0.03)
+    result.measure("limit_10_kpa_ms", 1000 * soft, tolerance=0.03)
+    result.measure("limit_100_mpa_ms", 1000 * stiff, tolerance=0.03)
+    result.measure("half_as_long", limit(plastic, spacing / 2) / stiff, tolerance=0.03)
     steps = np.array([1e-3, 1e-2, 1e-1])
     free = [stable(young, dt, "discrete") for young in (foam, plastic) for dt in steps]
-    result.figure("largest_discrete_ms", 1000 * steps[np.flatnonzero(free[:3])[-1]])
+    result.measure("largest_discrete_ms", 1000 * steps[np.flatnonzero(free[:3])[-1]])
     result.statement = (
         f"MuJoCo's Euler on an elastic block, by bisection: {1e3 * soft:.2f} and {1e3 * stiff:.3f} "
         "ms, as the root of the stiffness says."
     )
-    result.heard(soft < 2e-4 and 5e-5 < stiff)
-    result.corrected(
+    result.statement_holds(soft < 2e-4 and 5e-5 < stiff)
+    result.correction_holds(
         soft > 1e-3 and stiff < 1e-4,
         abs(soft / stiff / np.sqrt(plastic / foam) - 1) < 0.05,
         abs(result.figures["half_as_long"] - 0.5) < 0.02,
@@ -272,7 +272,7 @@ def tenth_of_the_step(result):
     from course.rigid_body import integrators, problems
 
     problem = problems.oscillator()
-    dt = result.given("dt_ms", 1) / 1000
+    dt = result.input("dt_ms", 1) / 1000
 
     def error(name, dt):
         steps = round(problem.duration / dt)
@@ -287,24 +287,24 @@ def tenth_of_the_step(result):
         integrators.evaluations_per_step(problem.system, "semi_implicit_euler", step) / step
         for step in (dt, dt / 10)
     )
-    result.figure("evaluations", fine / coarse, tolerance=0.02)
+    result.measure("evaluations", fine / coarse, tolerance=0.02)
     semi, verlet = (
-        result.figure(f"error_{name}", error(name, dt) / error(name, dt / 10), tolerance=0.02)
+        result.measure(f"error_{name}", error(name, dt) / error(name, dt / 10), tolerance=0.02)
         for name in ("semi_implicit_euler", "velocity_verlet")
     )
-    result.figure("off_at_1_ms_mm", 1000 * error("semi_implicit_euler", dt), tolerance=0.01)
+    result.measure("off_at_1_ms_mm", 1000 * error("semi_implicit_euler", dt), tolerance=0.01)
     result.statement = (
         "A 1 Hz oscillator over 2.3 s at 1 ms and 0.1 ms: how evaluations grow and errors shrink. "
         "The implicit midpoint rule needs fewer corrections at the finer step."
     )
     steps = 10 ** result.rng.uniform(-3, -1, 10)
-    result.heard(
+    result.statement_holds(
         all(ten_times("implicit_midpoint", dt) for dt in steps),
         only_if="the method is explicit",
         inside=[ten_times(explicit[i % len(explicit)], dt) for i, dt in enumerate(steps)],
         outside=[ten_times("implicit_midpoint", dt) for dt in steps],
     )
-    result.corrected(
+    result.correction_holds(
         abs(fine / coarse - 10) < 1e-9,
         abs(semi / 10 - 1) < 0.05,
         abs(verlet / 100 - 1) < 0.05,
@@ -320,24 +320,24 @@ def tenth_of_the_step(result):
 def halving_dt_finds_the_culprit(result):
     from course.derivations.rigid_body.linear import spectral_radius
 
-    half = result.given("half_ms", 5)
+    half = result.input("half_ms", 5)
     omega = np.sqrt(1e5)
 
     def growth(name, ms):
         """Decades of amplitude gained in a second."""
         return np.log10(spectral_radius(name, omega * ms / 1000)) * 1000 / ms
 
-    before = result.figure("semi_implicit_10_ms", growth("semi_implicit_euler", 10))
-    after = result.figure("semi_implicit_5_ms", round(growth("semi_implicit_euler", half), 9) + 0.0)
-    slow = result.figure("explicit_10_ms", growth("explicit_euler", 10))
-    fast = result.figure("explicit_5_ms", growth("explicit_euler", half))
-    result.figure("explicit_0_1_ms", growth("explicit_euler", 0.1))
+    before = result.measure("semi_implicit_10_ms", growth("semi_implicit_euler", 10))
+    after = result.measure("semi_implicit_5_ms", round(growth("semi_implicit_euler", half), 9) + 0.0)
+    slow = result.measure("explicit_10_ms", growth("explicit_euler", 10))
+    fast = result.measure("explicit_5_ms", growth("explicit_euler", half))
+    result.measure("explicit_0_1_ms", growth("explicit_euler", 0.1))
     result.statement = (
         "Powers of ten by which the amplitude grows in a second; 100 kN/m on 1 kg. Explicit Euler "
         "grew at each of 50 random steps, too."
     )
-    result.heard(before <= 0 and fast <= 0)
-    result.corrected(
+    result.statement_holds(before <= 0 and fast <= 0)
+    result.correction_holds(
         before > 1 and abs(after) < 1e-6,
         fast > slow,
         min(growth("explicit_euler", ms) for ms in 10 ** result.rng.uniform(-3, 2, 50)) > 0,
@@ -357,7 +357,7 @@ def halving_dt_finds_the_culprit(result):
 def arm_drift_is_numerical(result):
     import mujoco
 
-    compensated = result.given("compensated", 0.99)
+    compensated = result.input("compensated", 0.99)
 
     def drift(share, timestep):
         """How far a two-link arm's shoulder moves in 10 s without commanded torque [rad]."""
@@ -376,14 +376,14 @@ def arm_drift_is_numerical(result):
 
     balanced, deviation = drift(1.0, 0.002), drift(compensated, 0.002)
     finer = drift(compensated, 0.0005)
-    result.figure("gravity_off_by_1_percent_rad", deviation, tolerance=0.01)
-    result.figure("at_a_quarter_of_the_step_rad", finer, tolerance=0.01)
+    result.measure("gravity_off_by_1_percent_rad", deviation, tolerance=0.01)
+    result.measure("at_a_quarter_of_the_step_rad", finer, tolerance=0.01)
     result.statement = (
         f"A horizontal arm in MuJoCo for 10 s: {balanced:.0e} rad when gravity is balanced, "
         f"{deviation:.3f} rad when one percent is missing."
     )
-    result.heard(balanced > 1e-6)
-    result.corrected(balanced < 1e-12, deviation > 0.1, abs(finer / deviation - 1) < 0.01)
+    result.statement_holds(balanced > 1e-6)
+    result.correction_holds(balanced < 1e-12, deviation > 0.1, abs(finer / deviation - 1) < 0.01)
 
 
 @claim(
@@ -418,30 +418,30 @@ def gradient_search_is_linear(result):
             iterations += 1
         return omega, iterations
 
-    ends = result.given("from_rad_per_s", 3.0), result.given("to_rad_per_s", 7.0)
+    ends = result.input("from_rad_per_s", 3.0), result.input("to_rad_per_s", 7.0)
     grid = np.linspace(*ends, 4001)
     values = np.array([loss(w) for w in grid])
     valleys = (values[1:-1] < values[:-2]) & (values[1:-1] < values[2:])
     tops = grid[1:-1][(values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])]
-    low = result.figure("valley_from_rad_per_s", tops[tops < 5].max(), tolerance=1e-3)
-    high = result.figure("valley_to_rad_per_s", tops[tops > 5].min(), tolerance=1e-3)
+    low = result.measure("valley_from_rad_per_s", tops[tops < 5].max(), tolerance=1e-3)
+    high = result.measure("valley_to_rad_per_s", tops[tops > 5].min(), tolerance=1e-3)
     (near, count), (far, _) = fit(5.1), fit(6.3)
-    result.figure("valleys_3_to_7", valleys.sum())
-    result.figure("from_5_1", near, tolerance=1e-3)
-    result.figure("iterations", count)
-    result.figure("from_6_3", far, tolerance=1e-3)
+    result.measure("valleys_3_to_7", valleys.sum())
+    result.measure("from_5_1", near, tolerance=1e-3)
+    result.measure("iterations", count)
+    result.measure("from_6_3", far, tolerance=1e-3)
     result.statement = (
         f"Gauss-Newton finds the frequency 5 rad/s of a recorded oscillation from 5.1 in {count} "
         f"iterations; from 6.3 it stops at {far:.3f}."
     )
-    result.heard(
+    result.statement_holds(
         abs(far - 5) < 1e-6,
         only_if="it starts in the valley of the answer, here between {valley_from_rad_per_s:.2f} "
         "and {valley_to_rad_per_s:.2f} rad/s",
         inside=[abs(fit(w)[0] - 5) < 1e-6 for w in result.rng.uniform(low, high, 10)],
         outside=[abs(fit(w)[0] - 5) < 1e-6 for w in (low - 0.1, high + 0.1) * 4],
     )
-    result.corrected(valleys.sum() > 1, count < 20, abs(far - 5) > 1)
+    result.correction_holds(valleys.sum() > 1, count < 20, abs(far - 5) > 1)
 
 
 @claim(
@@ -496,11 +496,11 @@ def gradient_by_differences(result):
         gap = np.abs((np.array([float(x - here) for x in moved]) / 1e-6) - adjoint.numpy()).max()
         return {k: v / work["run"] for k, v in work.items()}, gap
 
-    few = result.given("few", 8)
+    few = result.input("few", 8)
     (small, gap), (large, _) = gradients(few), gradients(2 * few)
     for name, work in (("8", small), ("16", large)):
-        result.figure(f"adjoint_work_{name}", work["adjoint"], tolerance=0.2)
-        result.figure(f"difference_runs_{name}", round(work["differences"]), tolerance=0.1)
+        result.measure(f"adjoint_work_{name}", work["adjoint"], tolerance=0.2)
+        result.measure(f"difference_runs_{name}", round(work["differences"]), tolerance=0.1)
     result.statement = (
         "Operations on tensors for the gradient of a pushed block's last position by its forces, "
         f"over those of one run; adjoint and differences agree to {gap:.0e}."
@@ -509,14 +509,14 @@ def gradient_by_differences(result):
     def grows(method):
         return large[method] > 1.5 * small[method]
 
-    result.heard(
+    result.statement_holds(
         grows("adjoint"),
         only_if="it is taken by finite differences or forward differentiation",
         inside=[grows("differences"), grows("forward")],
         outside=[grows("adjoint")],
         cases=True,
     )
-    result.corrected(
+    result.correction_holds(
         gap < 1e-6,
         abs(small["differences"] / (few + 1) - 1) < 0.1,
         abs(large["adjoint"] / small["adjoint"] - 1) < 0.1,
@@ -556,21 +556,21 @@ def every_recording_identifies(result):
     def shows(angle):
         return abs(dropped(angle, 0.3 + 1e-5) - dropped(angle, 0.3 - 1e-5)) / 2e-5
 
-    drop = result.figure("vertical_drop", by_friction((0.0, -3.0)))
-    sticking = result.figure("sticking", by_friction((0.5, -3.0)))
-    result.figure("sliding_m_per_s", by_friction((4.0, -3.0)))
-    tilted = result.figure("tilted_drop_rad", shows(0.3), tolerance=0.01)
+    drop = result.measure("vertical_drop", by_friction((0.0, -3.0)))
+    sticking = result.measure("sticking", by_friction((0.5, -3.0)))
+    result.measure("sliding_m_per_s", by_friction((4.0, -3.0)))
+    tilted = result.measure("tilted_drop_rad", shows(0.3), tolerance=0.01)
     result.statement = (
         "Derivatives by the coefficient of friction: of the velocity after an impact, and of the "
         f"angle of a box dropped at 0.3 rad, {tilted:.1f} rad."
     )
-    result.heard(
+    result.statement_holds(
         drop > 0 and sticking > 0,
         only_if="the point of contact slides and the body bounces in it",
         inside=[report(share) for share in result.rng.uniform(1.02, 2.0, 10)],
         outside=[report(share) for share in result.rng.uniform(0.5, 0.98, 10)],
     )
-    result.corrected(drop == 0.0, sticking == 0.0, shows(0.0) == 0.0, tilted > 1.0)
+    result.correction_holds(drop == 0.0, sticking == 0.0, shows(0.0) == 0.0, tilted > 1.0)
 
 
 @claim(
@@ -591,14 +591,14 @@ def smooth_gradients_by_draws(result):
     from course.rigid_body import differentiable, problems
 
     height, e, duration, g = 1.0, 0.6, 0.8, problems.STANDARD_GRAVITY
-    runs = result.given("runs", 800)
+    runs = result.input("runs", 800)
 
     def bounced(h):
         """Height after the first bounce, in closed form [m]."""
         fall = np.sqrt(2 * h / g)
         return e * g * fall * (duration - fall) - g * (duration - fall) ** 2 / 2
 
-    truth = result.figure("truth", (bounced(height + 1e-6) - bounced(height - 1e-6)) / 2e-6)
+    truth = result.measure("truth", (bounced(height + 1e-6) - bounced(height - 1e-6)) / 2e-6)
     implicit = differentiable.drop_gradients(height, e, duration).by_height
     naive = np.array(
         [
@@ -616,15 +616,15 @@ def smooth_gradients_by_draws(result):
         return (up - down) * moved / (2 * spread**2)
 
     slopes = [slope(x) for x in spread * result.rng.normal(size=runs // 2)]
-    error = result.figure("smoothed_error", np.std(slopes) / np.sqrt(len(slopes)), tolerance=0.1)
-    result.figure("implicit", implicit)
-    result.figure("naive", np.abs(naive).max())
+    error = result.measure("smoothed_error", np.std(slopes) / np.sqrt(len(slopes)), tolerance=0.1)
+    result.measure("implicit", implicit)
+    result.measure("naive", np.abs(naive).max())
     result.statement = (
         f"d height / d start after a bounce is {truth:.4f}; through the event {implicit:.4f}, "
         f"smoothed {np.mean(slopes):.2f} +- {error:.2f}, line by line {naive.max():.0f}."
     )
-    result.heard(abs(implicit - truth) > 1e-6)
-    result.corrected(
+    result.statement_holds(abs(implicit - truth) > 1e-6)
+    result.correction_holds(
         abs(implicit - truth) < 1e-6,
         np.abs(naive - truth).min() > 0.5,
         abs(np.mean(slopes) - truth) < 4 * error < 0.3,

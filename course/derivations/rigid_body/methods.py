@@ -41,15 +41,15 @@ def orders_of_accuracy(result):
     for name, item in integrators.INTEGRATORS.items():
         if name != "rk4_renormalised":
             steps = 20_000 if item.order == 1 else 1500
-            result.figure(name, _order(problems.pendulum(), name, steps), tolerance=0.02)
+            result.measure(name, _order(problems.pendulum(), name, steps), tolerance=0.02)
             other = _order(problems.pendulum(1.5), name, steps // 5)
             right[name] = max(abs(result.figures[name] - item.order), abs(other - item.order)) < 0.1
     result.statement = (
         "Observed on a pendulum with a swing of 2.5 rad (and 1.5), against the elliptic closed "
         "form."
     )
-    result.heard(right["explicit_euler"] and right["semi_implicit_euler"] and right["rk4"])
-    result.corrected(*right.values())
+    result.statement_holds(right["explicit_euler"] and right["semi_implicit_euler"] and right["rk4"])
+    result.correction_holds(*right.values())
 
 
 @claim(
@@ -66,11 +66,11 @@ def evaluations_per_step(result):
     for name in integrators.INTEGRATORS:
         if name != "rk4_renormalised":
             counts[name] = integrators.evaluations_per_step(system, name, 0.01)
-            result.figure(name, counts[name], tolerance=0.05)
+            result.measure(name, counts[name], tolerance=0.05)
     finer = integrators.evaluations_per_step(system, "implicit_midpoint", 0.001)
     result.statement = "Counted on a pendulum at 10 ms."
-    result.heard(counts["rk4"] == 4 and counts["explicit_euler"] == 1)
-    result.corrected(
+    result.statement_holds(counts["rk4"] == 4 and counts["explicit_euler"] == 1)
+    result.correction_holds(
         counts["semi_implicit_euler"] == 1,
         counts["velocity_verlet"] == counts["explicit_midpoint"] == 2,
         counts["implicit_midpoint"] > finer > 2,
@@ -100,19 +100,19 @@ def rk4_costs_four_times(result):
         return abs(rk4 / euler - 4) < 0.01
 
     for name, steps in (("semi_implicit_euler", 50_000), ("velocity_verlet", 4000), ("rk4", 400)):
-        result.figure(name, _evaluations(problem, name, 1e-6, steps), tolerance=0.05)
-    result.figure("euler_over_rk4", 1 / ratio(1e-6), tolerance=0.05)
+        result.measure(name, _evaluations(problem, name, 1e-6, steps), tolerance=0.05)
+    result.measure("euler_over_rk4", 1 / ratio(1e-6), tolerance=0.05)
     result.statement = (
         "Force evaluations to follow a 1 Hz oscillator of 1 m for 2.3 s to 1e-6 m (Verlet keeps "
         "its last)."
     )
-    result.heard(
+    result.statement_holds(
         abs(ratio(1e-6) - 4) < 1,
         only_if="both take the same step",
         inside=[same_step(dt) for dt in 10 ** result.rng.uniform(-4, -1, 12)],
         outside=[abs(ratio(t) - 4) < 1 for t in 10 ** result.rng.uniform(-7, -3, 12)],
     )
-    result.corrected(ratio(1e-6) < 1e-3)
+    result.correction_holds(ratio(1e-6) < 1e-3)
 
 
 @claim(
@@ -137,9 +137,9 @@ def semi_implicit_stability_per_cost(result):
     for name, evaluations in cost.items():
         # A method that grows at omega h = 0.05 already has no limit but zero.
         stable = spectral_radius(name, 0.05) <= 1 + 1e-10
-        limits[name] = result.figure(name, measured_limit(name) / evaluations if stable else 0.0)
+        limits[name] = result.measure(name, measured_limit(name) / evaluations if stable else 0.0)
     implicit = max(spectral_radius("implicit_midpoint", x) for x in (1.0, 10.0, 100.0))
-    result.figure("implicit_midpoint_radius_at_100", round(implicit, 9))
+    result.measure("implicit_midpoint_radius_at_100", round(implicit, 9))
 
     def beaten(evaluations):
         """Whether a random explicit splitting is stable at all omega h up to 2 per evaluation."""
@@ -164,13 +164,13 @@ def semi_implicit_stability_per_cost(result):
         "omega h at the limit over evaluations per step (Verlet keeps its last evaluation); "
         "random splittings into 2 and 3 kicks, and damping ratios, were tried too."
     )
-    result.heard(
+    result.statement_holds(
         implicit > 1 + 1e-6,
         only_if="explicit methods on undamped oscillations are compared",
         inside=[not beaten(n) for n in (2, 3) * 6],
         outside=[damped_best(z) for z in result.rng.uniform(0.3, 0.9, 12)],
     )
-    result.corrected(
+    result.correction_holds(
         abs(limits["semi_implicit_euler"] - best) < 1e-6,
         abs(limits["velocity_verlet"] - best) < 1e-6,
         implicit < 1 + 1e-6,
@@ -201,21 +201,21 @@ def semi_implicit_is_verlet(result):
     def order(amplitude, n, staggered):
         return np.log2(run(amplitude, n, staggered)[0] / run(amplitude, 2 * n, staggered)[0])
 
-    result.figure("order_plain", order(2.5, 2000, False), tolerance=0.02)
-    result.figure("order_staggered", order(2.5, 1000, True), tolerance=0.02)
+    result.measure("order_plain", order(2.5, 2000, False), tolerance=0.02)
+    result.measure("order_staggered", order(2.5, 1000, True), tolerance=0.02)
     amplitudes = result.rng.uniform(0.3, 2.9, 10)
     gaps = [run(a, 1000, True)[1] for a in amplitudes]
     result.statement = (
         f"On a pendulum with ten random swings the staggered start follows Verlet's positions to "
         f"{max(gaps):.0e} rad."
     )
-    result.heard(
+    result.statement_holds(
         min(gaps) > 1e-9,
         only_if="it is started with the velocity at the same time as the position",
         inside=[run(a, 1000, False)[1] > 1e-4 for a in amplitudes],
         outside=[gap > 1e-9 for gap in gaps],
     )
-    result.corrected(
+    result.correction_holds(
         max(gaps) < 1e-11,
         abs(result.figures["order_plain"] - 1) < 0.1,
         abs(result.figures["order_staggered"] - 2) < 0.1,
@@ -245,14 +245,14 @@ def rotation_stages_add(result):
         return integrators.retract(q, dt * mean), v + dt / 6 * (a1 + 2 * (a2 + a3) + a4)
 
     problem = problems.tumble(duration=2.0)
-    naive = result.figure("order_added", _order(problem, added, 200), tolerance=0.02)
-    proper = result.figure("order_munthe_kaas", _order(problem, "rk4", 200), tolerance=0.02)
+    naive = result.measure("order_added", _order(problem, added, 200), tolerance=0.02)
+    proper = result.measure("order_munthe_kaas", _order(problem, "rk4", 200), tolerance=0.02)
     other = _order(problems.tumble((2.0, 2.5, 4.0), (0.7, 2.2), 2.0), added, 200)
     result.statement = (
         "Observed on the tumble of a body with moments 1:2:3 against Jacobi's closed form."
     )
-    result.heard(naive > 3.5)
-    result.corrected(abs(naive - 2) < 0.1, abs(other - 2) < 0.1, abs(proper - 4) < 0.1)
+    result.statement_holds(naive > 3.5)
+    result.correction_holds(abs(naive - 2) < 0.1, abs(other - 2) < 0.1, abs(proper - 4) < 0.1)
 
 
 @claim(
@@ -264,7 +264,7 @@ def renormalised_rk4_order(result):
     from course.rigid_body import integrators, problems, quaternion
 
     order = _order(problems.tumble(), "rk4_renormalised", 2000)
-    result.figure("order", order, tolerance=0.05)
+    result.measure("order", order, tolerance=0.05)
     spin = integrators.System(
         "spin",
         problems.tumble_acceleration,
@@ -277,9 +277,9 @@ def renormalised_rk4_order(result):
         quaternion.angle_between(truth, integrators.simulate(spin, name, 0.02, 500).q[-1])
         for name in ("rk4", "rk4_renormalised")
     )
-    result.figure("steady_spin_error_rad", scaled, tolerance=0.05)
+    result.measure("steady_spin_error_rad", scaled, tolerance=0.05)
     result.statement = (
         f"10 rad/s at 20 ms for 10 s: {scaled:.1e} rad off, the exponential map {exact:.0e} rad."
     )
-    result.heard(order < 3.5)
-    result.corrected(abs(order - 4) < 0.15, exact < 1e-11 < scaled)
+    result.statement_holds(order < 3.5)
+    result.correction_holds(abs(order - 4) < 0.15, exact < 1e-11 < scaled)

@@ -131,11 +131,11 @@ def mujoco_defaults(result):
 
     option = mujoco.MjModel.from_xml_string("<mujoco/>").opt
     name = mujoco.mjtIntegrator(option.integrator).name.removeprefix("mjINT_").lower()
-    result.figure("timestep_ms", 1000 * option.timestep)
-    result.figure("integrator", name)
+    result.measure("timestep_ms", 1000 * option.timestep)
+    result.measure("integrator", name)
     result.statement = "Read from an empty model."
-    result.heard(name == "rk4" and option.timestep == 0.001)
-    result.corrected(name == "euler", option.timestep == 0.002)
+    result.statement_holds(name == "rk4" and option.timestep == 0.001)
+    result.correction_holds(name == "euler", option.timestep == 0.002)
 
 
 @claim(
@@ -161,11 +161,11 @@ def mujoco_euler_is_semi_implicit(result):
         return np.abs(matrix(omega_h, 2 * zeta) - numeric_matrix(name, omega_h, zeta)).max()
 
     semi = distance("semi_implicit_euler", 0.3)
-    result.figure("distance_to_semi_implicit", round(semi, 12))
-    explicit = result.figure("distance_to_explicit", distance("explicit_euler", 0.3))
+    result.measure("distance_to_semi_implicit", round(semi, 12))
+    explicit = result.measure("distance_to_explicit", distance("explicit_euler", 0.3))
     result.statement = "Matrix of one step at omega h = 0.3, and at ten random ones."
-    result.heard(semi < 1e-12)
-    result.corrected(
+    result.statement_holds(semi < 1e-12)
+    result.correction_holds(
         explicit > 1e-3,
         max(distance("semi_implicit_euler", x) for x in result.rng.uniform(0.01, 3, 10)) < 1e-12,
         distance("semi_implicit_euler", 0.3, 0.2) > 1e-3,
@@ -200,13 +200,13 @@ def mujoco_stable_by_euler(result):
             heights.append(data.qpos[0])
         return np.ptp(heights[500:])
 
-    above = result.given("just_above", 2.01)
+    above = result.input("just_above", 2.01)
     quiet = [moves(name, "enable") for name in ("Euler", "RK4", "implicitfast")]
-    result.figure("rest_clamped_m", round(max(quiet), 9))
-    free = result.figure("rest_free_m", moves("Euler", "disable"), tolerance=0.2)
+    result.measure("rest_clamped_m", round(max(quiet), 9))
+    free = result.measure("rest_free_m", moves("Euler", "disable"), tolerance=0.2)
     result.statement = "A ball that lies on a plane, 2 ms, time constant 1 ms; and 1 kg on a spring."
-    result.heard(not _grows("Euler", above) and free < 1e-3)
-    result.corrected(_grows("Euler", above), not _grows("Euler", 1.99), max(quiet) < 1e-9, free > 1)
+    result.statement_holds(not _grows("Euler", above) and free < 1e-3)
+    result.correction_holds(_grows("Euler", above), not _grows("Euler", 1.99), max(quiet) < 1e-9, free > 1)
 
 
 @claim(
@@ -223,7 +223,7 @@ def collisions_after_integration(result):
 
     from course.rigid_body.loop import FixedStepLoop, Phases
 
-    falls = result.given("falls", 12)
+    falls = result.input("falls", 12)
     model, data = small_model(
         '<geom type="plane" size="1 1 1"/><body pos="0 0 .1"><joint type="slide" axis="0 0 1"/>'
         '<geom size=".1" mass="1"/></body>',
@@ -241,14 +241,14 @@ def collisions_after_integration(result):
         return stale, data.ncon
 
     observed = np.array([contacts(h) for h in result.rng.uniform(0.05, 0.5, int(falls))])
-    result.figure("seen_after_step", observed[:, 0].sum())
-    result.figure("seen_after_forward", observed[:, 1].sum())
+    result.measure("seen_after_step", observed[:, 0].sum())
+    result.measure("seen_after_forward", observed[:, 1].sum())
     loop = FixedStepLoop(0.0, Phases(lambda state, force, dt: state), record=True)
     loop.advance(0.001)
     phases = [event.phase for event in loop.trace]
     result.statement = "Balls from random heights in MuJoCo; the trace of one step of the loop."
-    result.heard(observed[:, 0].sum() == falls)
-    result.corrected(
+    result.statement_holds(observed[:, 0].sum() == falls)
+    result.correction_holds(
         observed[:, 0].sum() == 0,
         observed[:, 1].sum() == falls,
         phases.index("integrate") < phases.index("detect collisions"),
@@ -272,14 +272,14 @@ def mujoco_euler_damping_explicit(result):
         mujoco.mj_step(model, data)
         return data.qvel[0]
 
-    implicit = result.figure("velocity_left", remaining(1e5))
-    explicit = result.figure("velocity_left_explicit", remaining(1e5, "disable"))
+    implicit = result.measure("velocity_left", remaining(1e5))
+    explicit = result.measure("velocity_left_explicit", remaining(1e5, "disable"))
     result.statement = (
         "1 kg at 1 m/s with 100 kN s/m, one step of 2 ms; then with the eulerdamp flag off; and "
         "with twelve random dampings."
     )
-    result.heard(abs(implicit) > 1)
-    result.corrected(
+    result.statement_holds(abs(implicit) > 1)
+    result.correction_holds(
         abs(explicit - (1 - h * 1e5)) < 1e-6,
         all(abs(remaining(c) * (1 + h * c) - 1) < 1e-9 for c in 10 ** result.rng.uniform(-2, 9, 12)),
     )
@@ -292,10 +292,10 @@ def mujoco_euler_damping_explicit(result):
 )
 def mujoco_any_stiffness(result):
     names = ("Euler", "implicit", "implicitfast")
-    limits = [result.figure(f"{n}_omega_h", _limit(n), tolerance=2e-3) for n in names]
+    limits = [result.measure(f"{n}_omega_h", _limit(n), tolerance=2e-3) for n in names]
     result.statement = "Largest stable step on 1 kg and 1 N/m, by bisection."
-    result.heard(np.isinf(limits[0]))
-    result.corrected(all(abs(value / 2 - 1) < 2e-3 for value in limits))
+    result.statement_holds(np.isinf(limits[0]))
+    result.correction_holds(all(abs(value / 2 - 1) < 2e-3 for value in limits))
 
 
 @claim(
@@ -325,13 +325,13 @@ def mujoco_damped_limit(result):
     limit = next(root for root in sympy.solve(at_limit, h) if root.subs({m: 1, k: 1, c: 1}) > 0)
     result.formula = sympy.simplify(limit)
     theory = float(limit.subs({m: 1, k: 1, c: 4}))
-    measured = result.figure("measured_c_4", _limit("Euler", 4.0), tolerance=2e-3)
-    result.figure("theory_c_4", theory, tolerance=2e-3)
+    measured = result.measure("measured_c_4", _limit("Euler", 4.0), tolerance=2e-3)
+    result.measure("theory_c_4", theory, tolerance=2e-3)
     result.statement = (
         f"1 kg, 1 N/m, 4 N s/m: {measured:.3f} s measured, {theory:.3f} s from the step's matrix."
     )
-    result.heard(abs(measured - 2) < 0.01)
-    result.corrected(
+    result.statement_holds(abs(measured - 2) < 0.01)
+    result.correction_holds(
         abs(measured / theory - 1) < 2e-3,
         abs(_limit("Euler", 1.0) / float(limit.subs({m: 1, k: 1, c: 1})) - 1) < 2e-3,
     )
@@ -352,14 +352,14 @@ def mujoco_discrete_has_a_limit(result):
         mujoco.mj_step(model, data, steps)
         return data.qpos[0] ** 2 + data.qvel[0] ** 2
 
-    remaining = result.figure("energy_kept_after_10_s", retained(0.1, 100), tolerance=1e-3)
+    remaining = result.measure("energy_kept_after_10_s", retained(0.1, 100), tolerance=1e-3)
     result.statement = (
         f"Stable at omega h up to 1000. At omega h = 0.1 the share {remaining:.3f} of the energy is "
         f"left after 100 steps; implicit Euler keeps {(1 / (1 + 0.1**2)) ** 100:.3f}."
     )
     steps = 10 ** result.rng.uniform(-2, 3, 12)
-    result.heard(any(_grows("discrete", x, steps=300) for x in (*steps, 1000.0)))
-    result.corrected(all(abs(retained(x, 3) * (1 + x * x) ** 3 - 1) < 1e-8 for x in steps))
+    result.statement_holds(any(_grows("discrete", x, steps=300) for x in (*steps, 1000.0)))
+    result.correction_holds(all(abs(retained(x, 3) * (1 + x * x) ** 3 - 1) < 1e-8 for x in steps))
 
 
 @claim(
@@ -384,13 +384,13 @@ def mujoco_rk4(result):
             mujoco.set_mjcb_passive(None)
         return np.size(calls) / 10
 
-    rk4 = result.figure("computations_rk4", computations("RK4"))
-    euler = result.figure("computations_euler", computations("Euler"))
-    limit = result.figure("limit_omega_h", _limit("RK4"), tolerance=2e-3)
-    damped = result.figure("limit_damped_zeta_2", _limit("RK4", 4.0), tolerance=2e-3)
+    rk4 = result.measure("computations_rk4", computations("RK4"))
+    euler = result.measure("computations_euler", computations("Euler"))
+    limit = result.measure("limit_omega_h", _limit("RK4"), tolerance=2e-3)
+    damped = result.measure("limit_damped_zeta_2", _limit("RK4", 4.0), tolerance=2e-3)
     result.statement = "Counted with a callback; limits by bisection on 1 kg and 1 N/m."
-    result.heard(rk4 == 4 and abs(limit / np.sqrt(8) - 1) < 2e-3)
-    result.corrected(
+    result.statement_holds(rk4 == 4 and abs(limit / np.sqrt(8) - 1) < 2e-3)
+    result.correction_holds(
         euler == 1,
         damped < 0.5 * limit,
         abs(damped / measured_limit("rk4", 2.0, low=0.01) - 1) < 2e-3,
@@ -418,13 +418,13 @@ def mujoco_rk4_on_rotations(result):
         return np.log2(error(name, 0.01) / error(name, 0.005))
 
     names = ("Euler", "RK4", "implicitfast")
-    euler, rk4, fast = (result.figure(f"{n}_order", order(n), tolerance=0.02) for n in names)
+    euler, rk4, fast = (result.measure(f"{n}_order", order(n), tolerance=0.02) for n in names)
     result.statement = (
         "Observed on a free body with moments 1:2:3, steps of 10 and 5 ms, against Jacobi's closed "
         "form."
     )
-    result.heard(rk4 < 3.5)
-    result.corrected(
+    result.statement_holds(rk4 < 3.5)
+    result.correction_holds(
         abs(rk4 - 4) < 0.1, *(abs(o - 1) < 0.1 for o in (euler, fast, order("implicit")))
     )
 
@@ -449,8 +449,8 @@ def mujoco_free_spin_energy(result):
                 break
         return rate
 
-    euler = result.figure("euler_after_5_s", _energy("Euler"), tolerance=1e-3)
-    fast = result.figure("implicitfast_after_5_s", _energy("implicitfast"), tolerance=1e-3)
+    euler = result.measure("euler_after_5_s", _energy("Euler"), tolerance=1e-3)
+    fast = result.measure("implicitfast_after_5_s", _energy("implicitfast"), tolerance=1e-3)
     bodies = [_random_tumble(result.rng) for _ in range(8)]
     grown = [_energy("Euler", moments, spin=spin) for moments, spin in bodies]
     falling = [
@@ -463,8 +463,8 @@ def mujoco_free_spin_energy(result):
         f"Kinetic energy over that at the start, 2.5 ms. From 135 rad/s at 10 ms Euler passes "
         f"10,000 rad/s; implicitfast stays below {fastest('implicitfast'):.0f} rad/s."
     )
-    result.heard(euler <= 1)
-    result.corrected(
+    result.statement_holds(euler <= 1)
+    result.correction_holds(
         min(grown) > 1 > max(falling),
         abs(halved - 0.5) < 0.05,
         fastest("Euler") > 1e4,
@@ -482,19 +482,19 @@ def mujoco_implicitfast_gyroscopic(result):
         '<body><joint type="slide" axis="1 0 0"/>'
         '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-6 1e-6 1e-6"/></body>'
     )
-    result.figure("alone", _energy("implicitfast"), tolerance=1e-4)
-    loaded = result.figure("with_a_joint", _energy("implicitfast", child=part), tolerance=1e-4)
-    euler = result.figure("euler", _energy("Euler", child=part), tolerance=1e-4)
-    implicit = result.figure("implicit_with_a_joint", _energy("implicit", child=part), 1e-4)
+    result.measure("alone", _energy("implicitfast"), tolerance=1e-4)
+    loaded = result.measure("with_a_joint", _energy("implicitfast", child=part), tolerance=1e-4)
+    euler = result.measure("euler", _energy("Euler", child=part), tolerance=1e-4)
+    implicit = result.measure("implicit_with_a_joint", _energy("implicit", child=part), 1e-4)
     result.statement = "Kinetic energy after 5 s of tumbling over that at the start, 2.5 ms."
     bodies = [_random_tumble(result.rng) for _ in range(8)]
-    result.heard(
+    result.statement_holds(
         loaded < 1,
         only_if="the free body carries no further joint",
         inside=[_energy("implicitfast", m, spin=spin) < 1 for m, spin in bodies],
         outside=[_energy("implicitfast", m, part, spin) < 1 for m, spin in bodies],
     )
-    result.corrected(
+    result.correction_holds(
         abs(loaded - euler) < 1e-9,
         implicit < 1,
         all(_energy("implicit", m, part, spin) < 1 for m, spin in bodies),
@@ -516,20 +516,20 @@ def mujoco_implicitfast_gyroscopic(result):
 def mjx_is_differentiable(result):
     version, mjx = _manual("mjx.rst")
     _, warp = _manual("mjwarp/index.rst")
-    result.figure("manual", ".".join(version.split(".")[:2]))
+    result.measure("manual", ".".join(version.split(".")[:2]))
     truth = _derivative(1e-5, centred=1)
     large, small = (np.abs(_derivative(d) - truth).max() for d in (1e-2, 1e-3))
-    ratio = result.figure("error_ratio", large / small, tolerance=0.01)
+    ratio = result.measure("error_ratio", large / small, tolerance=0.01)
     on_warp = "is **not** currently available in MJX-Warp" not in mjx
     result.statement = f"Read in the manual that MuJoCo {version} installs; a step of a pendulum."
-    result.heard(
+    result.statement_holds(
         on_warp,
         only_if="its implementation in JAX is meant",
         inside=["mostly supported" in mjx and "not support automatic differentiation" in mjx],
         outside=[on_warp],
         cases=True,
     )
-    result.corrected(
+    result.correction_holds(
         "MJWarp is not currently differentiable" in warp,
         abs(ratio / 10 - 1) < 0.05,
     )

@@ -84,13 +84,13 @@ def mujoco_rk4_contact_order(result):
         return [np.abs(heights(integrator, n) - reference).mean() for n in (100, 400)]
 
     (coarse, fine), (slow, fast) = errors("RK4"), errors("Euler")
-    order = result.figure("order", np.log2(coarse / fine) / 2, tolerance=0.1)
-    euler = result.figure("order_euler", np.log2(slow / fast) / 2, tolerance=0.1)
+    order = result.measure("order", np.log2(coarse / fine) / 2, tolerance=0.1)
+    euler = result.measure("order_euler", np.log2(slow / fast) / 2, tolerance=0.1)
     result.statement = (
         f"A ball dropped from 30 heights: mean error {coarse:.1e} m at 4 ms, {fine:.1e} m at 1 ms."
     )
-    result.heard(order > 3.5)
-    result.corrected(0.5 < order < 2.0, 0.5 < euler < 2.0)
+    result.statement_holds(order > 3.5)
+    result.correction_holds(0.5 < order < 2.0, 0.5 < euler < 2.0)
 
 
 @claim(
@@ -129,15 +129,15 @@ def mujoco_contact_stiffness_limit(result):
     def needs(solref, safe="enable", integrator="Euler"):
         return rest(solref, safe, integrator)[1] > 1e-3
 
-    requested = result.figure("depth_asked_1_ms_um", 1e6 * rest("0.001 1")[0], tolerance=1e-3)
-    clamped = result.figure("depth_asked_4_ms_um", 1e6 * rest("0.004 1")[0], tolerance=1e-3)
+    requested = result.measure("depth_asked_1_ms_um", 1e6 * rest("0.001 1")[0], tolerance=1e-3)
+    clamped = result.measure("depth_asked_4_ms_um", 1e6 * rest("0.004 1")[0], tolerance=1e-3)
     result.statement = (
         f"A ball at rest, 2 ms: with the flag on it moves by {rest('0.001 1')[1]:.0e} m, with the "
         f"flag off by {rest('0.001 1', 'disable')[1]:.1g} m, with 1 MN/m and 2 kN s/m asked for "
         f"directly by {rest('-1e6 -2000')[1]:.1g} m."
     )
     constants = dt * result.rng.uniform(0.3, 0.9, 5)
-    result.heard(
+    result.statement_holds(
         needs("0.001 1"),
         only_if="the refsafe flag is off, or stiffness and damping are given as numbers, under an "
         "integrator other than discrete",
@@ -146,7 +146,7 @@ def mujoco_contact_stiffness_limit(result):
         outside=[needs(f"{t} 1") for t in constants]
         + [needs(direct(t), integrator="discrete") for t in constants],
     )
-    result.corrected(
+    result.correction_holds(
         abs(requested / clamped - 1) < 1e-6,
         not any(needs(f"{t} 1", "disable", "discrete") for t in constants),
         not any(needs(direct(t), integrator="discrete") for t in constants),
@@ -162,7 +162,7 @@ def mujoco_contact_stiffness_limit(result):
     "where an overlap is certain up to {overlap_certain_up_to_m_per_s:.0f} m/s.",
 )
 def contact_seen_is_contact_stopped(result):
-    constant = result.given("time_constant_ms", 20) / 1000
+    constant = result.input("time_constant_ms", 20) / 1000
 
     def passes(speed):
         """Whether the ball gets through in some phase, and the fewest steps it is seen to touch."""
@@ -178,12 +178,12 @@ def contact_seen_is_contact_stopped(result):
         middle = np.sqrt(certain * unseen)
         certain, unseen = (middle, unseen) if _thrown(middle, 1e-6)[1] else (certain, middle)
     reach = _WALL + _BALL
-    stop = result.figure("stop_ms", 1000 * _stop_time(constant)) / 1000
-    result.figure("stop_over_v_tau", stop / constant)
-    result.figure("stops_up_to_m_per_s", low, tolerance=0.02)
-    result.figure("overlap_certain_up_to_m_per_s", certain, tolerance=2e-3)
+    stop = result.measure("stop_ms", 1000 * _stop_time(constant)) / 1000
+    result.measure("stop_over_v_tau", stop / constant)
+    result.measure("stops_up_to_m_per_s", low, tolerance=0.02)
+    result.measure("overlap_certain_up_to_m_per_s", certain, tolerance=2e-3)
     through, touched = passes(0.5 * certain)
-    result.figure("steps_in_contact_at_half", touched)
+    result.measure("steps_in_contact_at_half", touched)
     deep = [
         _thrown(0.8 * low, 0.5, 1e-4, f'solref="{tau} 1"')[2] / (0.8 * low * tau)
         for tau in (0.01, constant)
@@ -193,8 +193,8 @@ def contact_seen_is_contact_stopped(result):
         f"constant at a fine step; at {0.5 * certain:g} m/s they touch at {touched} steps or more "
         "and the ball goes through."
     )
-    result.heard(not through)
-    result.corrected(
+    result.statement_holds(not through)
+    result.correction_holds(
         through and touched >= 2,
         all(abs(x / (stop / constant) - 1) < 0.03 for x in deep),
         abs(low / (reach / stop) - 1) < 0.05,
@@ -213,25 +213,25 @@ def contact_seen_is_contact_stopped(result):
 )
 def continuous_detection_or_smaller_step(result):
     speculative = 'speculative="enable"'
-    limit = result.figure("limit_m_per_s", (_WALL + _BALL) / _stop_time(0.02))
+    limit = result.measure("limit_m_per_s", (_WALL + _BALL) / _stop_time(0.02))
 
     def stopped(speed, dt=0.002, contact="", flags=""):
         return not _thrown(speed, result.rng.random(), dt, contact, flags)[0]
 
-    fast = result.rng.uniform(result.given("fast_m_per_s", 4), 50.0, 24)
+    fast = result.rng.uniform(result.input("fast_m_per_s", 4), 50.0, 24)
     soft = [stopped(v, flags=speculative) for v in fast]
-    result.figure("soft_share", 1 - np.mean(soft), tolerance=0.3)
+    result.measure("soft_share", 1 - np.mean(soft), tolerance=0.3)
     hard = [stopped(v, contact=_hard(0.002)) for v in fast]
-    result.figure("hard_missed_share", 1 - np.mean(hard), tolerance=0.2)
+    result.measure("hard_missed_share", 1 - np.mean(hard), tolerance=0.2)
     result.statement = "A ball at random speeds and phases against a wall, 2 cm each, in MuJoCo."
-    result.heard(
+    result.statement_holds(
         all(soft),
         only_if="the contact's time constant is two steps, the shortest that MuJoCo grants",
         inside=[stopped(v, contact=_hard(0.002), flags=speculative) for v in fast]
         + [stopped(v, 2e-4, _hard(2e-4)) for v in fast],
         outside=soft + [stopped(v, 2e-4) for v in fast],
     )
-    result.corrected(
+    result.correction_holds(
         not any(stopped(v, 2e-4) for v in (*fast, *result.rng.uniform(1.03 * limit, 4.0, 8))),
         all(stopped(v, 2e-4) for v in result.rng.uniform(0.5, 0.9 * limit, 8)),
         not all(hard),
@@ -280,12 +280,12 @@ def penetration_limit_catches(result):
     ]
     speed = 50.0  # ten centimetres a step, of which two overlap
     missed = [not observed(speed, contact)[0] for contact in settings]
-    result.figure("contacts_tried", len(list(map(observed, [speed] * len(settings), settings))))
-    result.figure("contacts_missed", np.sum(missed))
+    result.measure("contacts_tried", len(list(map(observed, [speed] * len(settings), settings))))
+    result.measure("contacts_missed", np.sum(missed))
     names = [name for name in dir(mujoco.MjOption) if "penetr" in name.lower()]
     result.statement = "A plate at 50 m/s against a wall, 1 cm each, 2 ms, and 0.3 ms."
-    result.heard(len(names) > 0 or not all(missed))
-    result.corrected(
+    result.statement_holds(len(names) > 0 or not all(missed))
+    result.correction_holds(
         all(missed),
         all(
             all(observed(v, _hard(0.002), 'speculative="enable"', phase=p))
@@ -324,11 +324,11 @@ def mujoco_ccd_is_continuous(result):
         return touched == 0 and bool(data.qpos[0] > 0.6)
 
     settings = [missed(n) for n in (10, 35, 200)]
-    result.figure("settings_tried", len(list(map(missed, (10, 35, 200)))))
-    result.figure("settings_missed", np.sum(settings))
+    result.measure("settings_tried", len(list(map(missed, (10, 35, 200)))))
+    result.measure("settings_missed", np.sum(settings))
     result.statement = (
         "A plate at 50 m/s against a 1 cm wall at 2 ms, with 10, 35 and 200 ccd iterations; then "
         "with the speculative flag."
     )
-    result.heard(not any(settings))
-    result.corrected(all(settings), not missed(35, flags='speculative="enable"'))
+    result.statement_holds(not any(settings))
+    result.correction_holds(all(settings), not missed(35, flags='speculative="enable"'))

@@ -67,10 +67,10 @@ def symplectic_removes_stiffness(result):
     backward = [radius(np.linalg.inv([[1.0, -x], [x, 1.0]])) for x in (1.0, *steps)]
     midpoint = [spectral_radius("implicit_midpoint", x) for x in steps]
     lobatto = radius(_partitioned(*LOBATTO, 3.0))
-    result.figure("semi_implicit_omega_h", explicit[0], tolerance=1e-5)
-    result.figure("verlet_omega_h", explicit[1], tolerance=1e-5)
-    result.figure("implicit_euler_radius", backward[0], tolerance=1e-5)
-    result.figure("lobatto_growth_at_3", lobatto)
+    result.measure("semi_implicit_omega_h", explicit[0], tolerance=1e-5)
+    result.measure("verlet_omega_h", explicit[1], tolerance=1e-5)
+    result.measure("implicit_euler_radius", backward[0], tolerance=1e-5)
+    result.measure("lobatto_growth_at_3", lobatto)
 
     def bounced(x: float, steps: int, gravity: float = 0.1) -> np.ndarray:
         """Energy over that at the start of balls on a one-sided spring, by implicit midpoint."""
@@ -83,16 +83,16 @@ def symplectic_removes_stiffness(result):
             q = 2 * middle - q
         return (v * v / 2 + gravity * q + np.minimum(q, 0) ** 2 / 2) / start
 
-    at, count = result.given("bouncing_at", 1.5), result.given("bouncing_steps", 2000)
-    largest = result.figure("bouncing", bounced(at, count).max(), tolerance=0.3)
+    at, count = result.input("bouncing_at", 1.5), result.input("bouncing_steps", 2000)
+    largest = result.measure("bouncing", bounced(at, count).max(), tolerance=0.3)
     result.statement = f"Implicit midpoint up to omega dt = 1000: radius {max(midpoint):.6f}."
-    result.heard(
+    result.statement_holds(
         all(spectral_radius("semi_implicit_euler", x) < STABLE for x in steps),
         only_if="it is one Runge-Kutta method for positions and velocities alike",
         inside=[alike(x) < 1 + 1e-5 for x in steps],
         outside=[radius(_partitioned(*LOBATTO, x)) < STABLE for x in result.rng.uniform(2, 6, 20)],
     )
-    result.corrected(
+    result.correction_holds(
         np.allclose(explicit, 2),
         lobatto > 1.3,
         max(backward) < 1,
@@ -123,13 +123,13 @@ def reason_for_symplectic(result):
     methods = ("rk4", "semi_implicit_euler")
     counts = [integrators.evaluations_per_step(system, name, 0.01) for name in methods]
     evaluations = counts[0] / counts[1]
-    result.figure("rk4_over_semi_implicit", rk4 / semi)
-    result.figure("rk4_per_evaluation", rk4 / semi / evaluations)
+    result.measure("rk4_over_semi_implicit", rk4 / semi)
+    result.measure("rk4_per_evaluation", rk4 / semi / evaluations)
     result.statement = (
         "Both limits by bisection, the evaluations as the course's methods count them."
     )
-    result.heard(semi > rk4)
-    result.corrected(
+    result.statement_holds(semi > rk4)
+    result.correction_holds(
         rk4 > semi,
         rk4 / evaluations < semi,
         sympy.expand(step_matrix("semi_implicit_euler", damped=True).det())
@@ -147,8 +147,8 @@ def reason_for_symplectic(result):
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. VI.2",
 )
 def volume_kept_bounds_energy(result):
-    u, steps = result.given("omega_h", 0.1), result.given("steps", 1000)
-    large = result.given("large", 2.1)
+    u, steps = result.input("omega_h", 0.1), result.input("steps", 1000)
+    large = result.input("large", 2.1)
 
     def pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Two oscillators in the order q1, p1, q2, p2."""
@@ -163,16 +163,16 @@ def volume_kept_bounds_energy(result):
     both = pair(*(numeric_matrix("semi_implicit_euler", x) for x in (u, 2 * u)))
     volume = np.linalg.det(np.linalg.matrix_power(growing, steps))
     state = np.linalg.matrix_power(growing, steps) @ np.ones(4)
-    energy = result.figure("energy_ratio", state[:2] @ state[:2] / 2, 1e-4)
+    energy = result.measure("energy_ratio", state[:2] @ state[:2] / 2, 1e-4)
     exploding = numeric_matrix("semi_implicit_euler", large)
     size = np.linalg.norm(np.linalg.matrix_power(exploding, 100))
-    result.figure("volume", volume)
+    result.measure("volume", volume)
     result.statement = (
         f"Volume {volume:.9f} after all steps; one step misses symplecticity by "
         f"{defect(growing):.1e}, semi-implicit Euler only by rounding errors."
     )
-    result.heard(energy < 2)
-    result.corrected(
+    result.statement_holds(energy < 2)
+    result.correction_holds(
         abs(volume - 1) < 1e-9,
         defect(growing) > 1e-3,
         defect(both) < 1e-14,

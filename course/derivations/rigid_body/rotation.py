@@ -87,13 +87,13 @@ def _spun(rate: np.ndarray, h: float, steps: int, after: Any = None) -> tuple[An
     "and 6 for their rates. Six numbers give the pose alone, or the state of a planar body.",
 )
 def state_is_six_quantities(result):
-    rank = result.figure("independent", _state_rank(spatial=True)[1])
-    pose = result.figure("pose", rank // 2)
+    rank = result.measure("independent", _state_rank(spatial=True)[1])
+    pose = result.measure("pose", rank // 2)
     result.statement = (
         f"The motion of four marked points tells {rank} directions of the state apart."
     )
-    result.heard(rank == 6)
-    result.corrected(rank == 12, pose == 6 == _state_rank(spatial=False)[1])
+    result.statement_holds(rank == 6)
+    result.correction_holds(rank == 12, pose == 6 == _state_rank(spatial=False)[1])
 
 
 @claim(
@@ -107,13 +107,13 @@ def state_with_quaternion(result):
     stored, rank = _state_rank(spatial=True)
     free = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
     model = mujoco.MjModel.from_xml_string(free)
-    result.figure("stored", stored)
-    result.figure("independent", rank)
-    result.figure("mujoco_nq", model.nq)
-    result.figure("mujoco_nv", model.nv)
+    result.measure("stored", stored)
+    result.measure("independent", rank)
+    result.measure("mujoco_nq", model.nq)
+    result.measure("mujoco_nv", model.nv)
     result.statement = f"{stored} numbers stored, rank {rank}; MuJoCo has {model.nq} + {model.nv}."
-    result.heard(stored == 13 == model.nq + model.nv)
-    result.corrected(rank == stored - 1, (model.nq, model.nv) == (7, 6))
+    result.statement_holds(stored == 13 == model.nq + model.nv)
+    result.correction_holds(rank == stored - 1, (model.nq, model.nv) == (7, 6))
 
 
 @claim(
@@ -124,11 +124,11 @@ def planar_state(result):
     from course.rigid_body import PlanarBody
 
     stored, rank = _state_rank(spatial=False)
-    result.figure("stored", PlanarBody().state.size)
-    result.figure("independent", rank)
+    result.measure("stored", PlanarBody().state.size)
+    result.measure("independent", rank)
     result.statement = f"{stored} numbers stored, rank {rank}."
-    result.heard(stored == PlanarBody().state.size == 6)
-    result.corrected(rank == 6)
+    result.statement_holds(stored == PlanarBody().state.size == 6)
+    result.correction_holds(rank == 6)
 
 
 @claim(
@@ -149,21 +149,21 @@ def gimbal_lock_rank(result):
     def rank(pitch: float, roll: float = 0.4) -> int:
         return _rank(quaternion.euler_zyx_rate_matrix(np.radians(pitch), roll))
 
-    lock = result.given("lock_deg", 90.0)
-    result.figure("rank_at_90", rank(lock))
-    result.figure("rank_at_89", rank(89.0))
-    result.figure("smallest_at_89", smallest(89.0))
+    lock = result.input("lock_deg", 90.0)
+    result.measure("rank_at_90", rank(lock))
+    result.measure("rank_at_89", rank(89.0))
+    result.measure("smallest_at_89", smallest(89.0))
     q = quaternion.normalise(result.rng.normal(size=(4, 100_000)))
     sines = np.abs(np.sin(quaternion.to_euler_zyx(q)[1]))
-    near = result.figure("hundredth_deg", np.degrees(np.arccos(0.99)))
+    near = result.measure("hundredth_deg", np.degrees(np.arccos(0.99)))
     result.statement = (
         "Rank and smallest singular value of the chapter's rate matrix; of 100,000 random "
         f"orientations {np.mean(sines > 0.99):.2%} have a pitch within {near:.1f} degrees of the "
         "lock."
     )
     draws = result.rng.uniform((-89.9, -3), (89.9, 3), (50, 2))
-    result.heard(rank(-lock) == rank(lock) == 2)
-    result.corrected(
+    result.statement_holds(rank(-lock) == rank(lock) == 2)
+    result.correction_holds(
         all(rank(side * lock, roll) == 2 for side in (-1, 1) for _, roll in draws),
         all(rank(*d) == 3 for d in draws),
         all(abs(smallest(*d) - np.sqrt(1 - abs(np.sin(np.radians(d[0]))))) < 1e-9 for d in draws),
@@ -191,14 +191,14 @@ def gimbal_lock_at_one_attitude(result):
         for s in (-1, 1)
     )
     headings = [float(quaternion.angle_between(up, locked(y, 1, 0.0))) for y in angles[:, 0]]
-    result.figure("furthest_apart_rad", max(headings), 0.05)
-    result.figure("up_to_down_rad", quaternion.angle_between(up, down))
+    result.measure("furthest_apart_rad", max(headings), 0.05)
+    result.measure("up_to_down_rad", quaternion.angle_between(up, down))
     result.statement = (
         f"Locked attitudes with one nose direction are up to {max(headings):.2f} rad apart; adding "
         f"the same to yaw and roll moves nothing ({same:.0e} rad)."
     )
-    result.heard(max(headings) < 1e-6)
-    result.corrected(same < 1e-7, max(headings) > 3)
+    result.statement_holds(max(headings) < 1e-6)
+    result.correction_holds(same < 1e-7, max(headings) > 3)
 
 
 @claim(
@@ -222,17 +222,17 @@ def pointing_up_locks(result):
 
     locked = [order for order in _orders() if locks(order)]
     zyx = quaternion.euler_zyx_rate_matrix(np.pi / 2, 0.3)
-    result.figure("locked_up", len(locked))
-    result.figure("rank_of_zyx", _rank(zyx))
+    result.measure("locked_up", len(locked))
+    result.measure("rank_of_zyx", _rank(zyx))
     result.statement = f"Locked there: {', '.join(''.join('xyz'[i] for i in o) for o in locked)}."
-    result.heard(
+    result.statement_holds(
         len(locked) == len(_orders()),
         only_if="yaw and roll are the first and the last of the angles, the pitch between them",
         inside=[locks((2, 1, 0)), locks((0, 1, 2))],
         outside=[locks(order) for order in _orders() if set(order[::2]) != {0, 2}],
         cases=True,
     )
-    result.corrected(_rank(zyx) == 2, 0 < len(locked) < len(_orders()))
+    result.correction_holds(_rank(zyx) == 2, 0 < len(locked) < len(_orders()))
 
 
 @claim(
@@ -247,16 +247,16 @@ def gimbal_lock_is_physical(result):
     lost = np.array([0.0, 0.0, 1.0])  # body z, at roll 0: yaw and roll both turn about others
     start = quaternion.from_euler_zyx(0.3, np.pi / 2, 0.0)
     end = quaternion.product(start, quaternion.exp(0.5 * lost))
-    turned = result.figure("turned_rad", float(quaternion.angle_between(start, end)))
+    turned = result.measure("turned_rad", float(quaternion.angle_between(start, end)))
 
     def yaw_rate(pitch: float) -> float:
         return float(np.linalg.solve(quaternion.euler_zyx_rate_matrix(pitch, 0.0), lost)[0])
 
-    result.figure("yaw_rate_at_89", yaw_rate(np.radians(89.0)))
-    result.figure("yaw_rate_at_89_9", yaw_rate(np.radians(result.given("pitch_deg", 89.9))))
+    result.measure("yaw_rate_at_89", yaw_rate(np.radians(89.0)))
+    result.measure("yaw_rate_at_89_9", yaw_rate(np.radians(result.input("pitch_deg", 89.9))))
     result.statement = f"At the lock a quaternion turns by {turned:g} rad about the lost axis."
-    result.heard(turned < 0.4)
-    result.corrected(
+    result.statement_holds(turned < 0.4)
+    result.correction_holds(
         abs(turned - 0.5) < 1e-12,
         all(abs(yaw_rate(p) * np.cos(p) - 1) < 1e-9 for p in result.rng.uniform(-1.57, 1.57, 50)),
     )
@@ -270,7 +270,7 @@ def gimbal_lock_is_physical(result):
     source="Stuelpnagel, On the parametrization of the three-dimensional rotation group (1964)",
 )
 def another_order_of_angles(result):
-    lock, half = result.given("lock_deg", 90), result.given("half_turn_deg", 180)
+    lock, half = result.input("lock_deg", 90), result.input("half_turn_deg", 180)
     repeated = {order: order[0] == order[2] for order in _orders()}
     places = {True: np.radians([0, half]), False: np.radians([-lock, lock])}
     singular = [
@@ -278,11 +278,11 @@ def another_order_of_angles(result):
         for order, again in repeated.items()
         if all(_rank(_turns(order, angle)) == 2 for angle in places[again])
     ]
-    result.figure("sequences", len(repeated))
-    result.figure("singular", len(singular))
+    result.measure("sequences", len(repeated))
+    result.measure("singular", len(singular))
     result.statement = f"{sum(repeated[o] for o in singular)} of the {len(singular)} repeat an axis."
-    result.heard(len(singular) < len(repeated))
-    result.corrected(len(singular) == len(repeated) == 12)
+    result.statement_holds(len(singular) < len(repeated))
+    result.correction_holds(len(singular) == len(repeated) == 12)
 
 
 @claim(
@@ -297,11 +297,11 @@ def quaternion_has_no_lock(result):
     for q in quaternion.normalise(result.rng.normal(size=(4, 200))).T:
         values.append(np.linalg.svd([quaternion.derivative(q, e) for e in _AXES])[1])
     low, high = float(np.min(values)), float(np.max(values))
-    result.figure("smallest", low)
-    result.figure("largest", high)
+    result.measure("smallest", low)
+    result.measure("largest", high)
     result.statement = "Singular values over 200 random orientations."
-    result.heard(low > 0.1)
-    result.corrected(abs(low - 0.5) < 1e-12, abs(high - 0.5) < 1e-12)
+    result.statement_holds(low > 0.1)
+    result.correction_holds(abs(low - 0.5) < 1e-12, abs(high - 0.5) < 1e-12)
 
 
 @claim(
@@ -316,15 +316,15 @@ def quaternion_is_unique(result):
     q = quaternion.normalise(np.array([0.3, -0.5, 0.7, 0.2]))
     same = float(np.abs(quaternion.to_matrix(q) - quaternion.to_matrix(-q)).max())
     full = float(q @ quaternion.product(q, _spun(np.array([0.0, 0.0, np.pi / 180]), 1.0, 360)[1]))
-    apart = result.given("apart_rad", 0.2)
+    apart = result.input("apart_rad", 0.2)
     near = quaternion.product(q, quaternion.exp(np.array([apart, 0.0, 0.0])))
     middle = quaternion.normalise(0.5 * (q - near))  # with the wrong sign
     detour = float(quaternion.angle_between(q, middle))
-    result.figure("dot_after_full_turn", full)
-    result.figure("detour_rad", detour)
+    result.measure("dot_after_full_turn", full)
+    result.measure("detour_rad", detour)
     result.statement = f"The matrices of q and -q differ by {same:g}."
-    result.heard(same > 1e-3)
-    result.corrected(same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - apart / 2)) < 1e-9)
+    result.statement_holds(same > 1e-3)
+    result.correction_holds(same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - apart / 2)) < 1e-9)
 
 
 @claim(
@@ -334,18 +334,18 @@ def quaternion_is_unique(result):
     "rad/s. The exponential map keeps it to rounding.",
 )
 def quaternion_norm_keeps_itself(result):
-    spin = np.array([0.0, 0.6, 0.8]) * result.given("rate", 10.0)
-    h, steps = result.given("step_ms", 1.0) / 1000, result.given("steps", 10_000)
+    spin = np.array([0.0, 0.6, 0.8]) * result.input("rate", 10.0)
+    h, steps = result.input("step_ms", 1.0) / 1000, result.input("steps", 10_000)
     added, retained = (np.linalg.norm(q) for q in _spun(spin, h, steps))
-    result.figure("length_after_10_s", added)
+    result.measure("length_after_10_s", added)
     result.statement = f"Length {added:.6f}; by the exponential map {abs(retained - 1):.1e} off 1."
 
     def deviation(rate: np.ndarray, step: float) -> float:
         grown = (1 + (np.linalg.norm(rate) * step / 2) ** 2) ** 25
         return float(np.linalg.norm(_spun(rate, step, 50)[0]) / grown - 1)
 
-    result.heard(abs(added - 1) < 1e-6)
-    result.corrected(
+    result.statement_holds(abs(added - 1) < 1e-6)
+    result.correction_holds(
         abs(retained - 1) < 1e-11,
         all(
             abs(deviation(5 * rate, step)) < 1e-12
@@ -375,16 +375,16 @@ def renormalising_repairs(result):
         law = steps * (angle - 2 * np.arctan(angle / 2))
         return *(float(quaternion.angle_between(truth, end)) for end in ends), law
 
-    rate, h = result.given("rate", 10.0), result.given("step_ms", 10.0) / 1000
-    rescaled, exact, law = behind(rate * _AXES[2], h, result.given("steps", 1000))
+    rate, h = result.input("rate", 10.0), result.input("step_ms", 10.0) / 1000
+    rescaled, exact, law = behind(rate * _AXES[2], h, result.input("steps", 1000))
     u = sympy.Symbol("u", positive=True)
     lead = sympy.series(u - 2 * sympy.atan(u / 2), u, 0, 5).removeO().coeff(u, 3)
-    result.figure("behind_rad", rescaled, 1e-4)
-    result.figure("leading_coefficient", lead, 1e-4)
+    result.measure("behind_rad", rescaled, 1e-4)
+    result.measure("leading_coefficient", lead, 1e-4)
     result.statement = f"{rescaled:.4f} rad behind, by the exponential map {exact:.1e} rad."
     draws = [behind(x[:3] * 5, x[3], 20) for x in result.rng.uniform(0.01, 0.3, (20, 4))]
-    result.heard(rescaled < 1e-6)
-    result.corrected(
+    result.statement_holds(rescaled < 1e-6)
+    result.correction_holds(
         abs(rescaled / law - 1) < 1e-8,
         exact < 1e-11,
         lead == sympy.Rational(1, 12),
@@ -415,11 +415,11 @@ def added_quaternion_adds_energy(result):
     gain = problems.tumble_energy(wrong, wrong_v, params) / problems.tumble_energy(
         system.q0, system.v0, params
     )
-    result.figure("attitude_off_rad", apart, 1e-3)
-    result.figure("energy_gained", round(float(gain) - 1, 6), 1e-6)
+    result.measure("attitude_off_rad", apart, 1e-3)
+    result.measure("energy_gained", round(float(gain) - 1, 6), 1e-6)
     result.statement = (
         f"1000 steps of RK4 at 10 ms: the attitudes are {apart:.4f} rad apart, the length is "
         f"{np.linalg.norm(wrong):.3f}, and the energy has changed by {gain - 1:.0e} of itself."
     )
-    result.heard(gain > 1.001)
-    result.corrected(np.array_equal(v, wrong_v), apart > 1e-3, abs(gain - 1) < 1e-6)
+    result.statement_holds(gain > 1.001)
+    result.correction_holds(np.array_equal(v, wrong_v), apart > 1e-3, abs(gain - 1) < 1e-6)

@@ -36,17 +36,17 @@ def explicit_undamped_limit(result):
 
     system = problems.oscillator(omega=1.0).system
     tenth = integrators.simulate(system, "explicit_euler", 0.2, 1000)  # a tenth of the limit said
-    grown = result.figure(
+    grown = result.measure(
         "amplitude_after_1000_at_0_2", np.hypot(tenth.q[-1, 0], tenth.v[-1, 0]), tolerance=1e-6
     )
-    result.figure("radius_at_0_1", spectral_radius("explicit_euler", 0.1))
+    result.measure("radius_at_0_1", spectral_radius("explicit_euler", 0.1))
     steps = np.exp(result.rng.uniform(np.log(1e-3), np.log(2), 30))
     radii = np.array([spectral_radius("explicit_euler", x) for x in steps])
     result.statement = (
         f"At omega dt = 0.2 the amplitude is {grown:.2e} of the start after 1000 steps."
     )
-    result.heard(max(radii) <= 1)
-    result.corrected(
+    result.statement_holds(max(radii) <= 1)
+    result.correction_holds(
         min(radii) > 1,
         np.allclose(radii, np.sqrt(1 + steps**2), rtol=1e-12),
         abs(measured_limit("semi_implicit_euler") - 2) < 1e-6,
@@ -82,11 +82,11 @@ def explicit_eigenvalues(result):
 
     at = {omega: 1, h: sympy.Rational(1, 2)}
     result.formula = sympy.sqrt(sympy.expand((1 + sympy.I * omega * h) * (1 - sympy.I * omega * h)))
-    result.figure("modulus_at_half", result.formula.subs(at))
-    result.figure("quoted_modulus_at_half", abs(quoted.subs(at)))
+    result.measure("modulus_at_half", result.formula.subs(at))
+    result.measure("quoted_modulus_at_half", abs(quoted.subs(at)))
     result.statement = "Characteristic polynomial of the step's matrix, by algebra."
-    result.heard(solves(explicit, quoted))
-    result.corrected(
+    result.statement_holds(solves(explicit, quoted))
+    result.correction_holds(
         set(explicit.eigenvals()) == right,
         solves(semi, quoted),
         explicit == sympy.Matrix([[1, h], [-h * omega**2, 1]]),
@@ -107,12 +107,12 @@ def quoted_modulus(result):
     text, real, imaginary = 1 + u * (u - 4) / 4, 1 - u / 2, u * (1 - u / 4)
     explicit = step_matrix("explicit_euler").det()
     half = {omega: 1, h: sympy.Rational(1, 2)}
-    result.figure("said_at_half", text.subs(half))
-    result.figure("of_the_quoted_at_half", (real**2 + imaginary).subs(half))
-    result.figure("of_explicit_euler_at_half", explicit.subs(half))
+    result.measure("said_at_half", text.subs(half))
+    result.measure("of_the_quoted_at_half", (real**2 + imaginary).subs(half))
+    result.measure("of_explicit_euler_at_half", explicit.subs(half))
     result.statement = "Both expanded in omega dt, by algebra."
-    result.heard(sympy.expand(text - explicit) == 0)
-    result.corrected(
+    result.statement_holds(sympy.expand(text - explicit) == 0)
+    result.correction_holds(
         sympy.expand(text - real**2) == 0,
         sympy.expand(real**2 + imaginary - 1) == 0,
         sympy.expand(explicit - 1 - u) == 0,
@@ -134,10 +134,10 @@ def growing_determinant_has_a_limit(result):
     starts = result.rng.normal(size=(30, 2))
     factors = [np.sum((A @ s) ** 2) / np.sum(s**2) for A, s in zip(matrices, starts, strict=True)]
     half = oscillator.stepper("explicit_euler", 0.5)(np.array([1.0, 0.0]))
-    result.figure("energy_factor_at_half", np.sum(half**2))
+    result.measure("energy_factor_at_half", np.sum(half**2))
     result.statement = "30 random steps from random states of the oscillator, omega dt below 2."
-    result.heard(all(np.abs(np.linalg.eigvals(A)).max() <= 1 for A in matrices))
-    result.corrected(
+    result.statement_holds(all(np.abs(np.linalg.eigvals(A)).max() <= 1 for A in matrices))
+    result.correction_holds(
         np.allclose(factors, [np.linalg.det(A) for A in matrices]),
         np.allclose(factors, 1 + steps**2),
         min(factors) > 1,
@@ -158,13 +158,13 @@ def semi_implicit_unconditional(result):
         run = integrators.simulate(system, "semi_implicit_euler", dt, 100, every=1)
         return float(np.abs(run.q).max())
 
-    inside = result.figure("largest_6_3_ms_m", largest(0.0063))
-    outside = result.figure("largest_6_5_ms_m", largest(0.0065))
+    inside = result.measure("largest_6_3_ms_m", largest(0.0063))
+    outside = result.measure("largest_6_5_ms_m", largest(0.0065))
     below, above = result.rng.uniform(0.001, 1.999, 30), result.rng.uniform(2.001, 8, 30)
     radii = [[spectral_radius("semi_implicit_euler", x) for x in xs] for xs in (below, above)]
     result.statement = "100 kN/m on 1 kg, released at 1 m, 100 steps."
-    result.heard(outside < 100)
-    result.corrected(
+    result.statement_holds(outside < 100)
+    result.correction_holds(
         inside < 100 < outside,
         max(radii[0]) < STABLE,
         min(radii[1]) > 1.01,
@@ -198,14 +198,14 @@ def semi_implicit_limit(result):
     h, omega, _ = symbols()
     m, k = sympy.symbols("m k", positive=True)
     A = step_matrix("semi_implicit_euler")
-    heavy = {m: result.given("mass_kg", 1), k: result.given("stiffness_n_per_m", 100_000)}
+    heavy = {m: result.input("mass_kg", 1), k: result.input("stiffness_n_per_m", 100_000)}
     limit = sympy.solve(A.trace() + 1 + A.det(), h)[0].subs(omega, sympy.sqrt(k / m))
-    measured = result.figure("omega_h", measured_limit("semi_implicit_euler"))
-    result.figure("limit_ms", 1000 * float(limit.subs(heavy)))
+    measured = result.measure("omega_h", measured_limit("semi_implicit_euler"))
+    result.measure("limit_ms", 1000 * float(limit.subs(heavy)))
     result.statement = f"By bisection on the eigenvalues omega dt = {measured:.6f}."
     result.formula = sympy.simplify(limit)
-    result.heard(abs(measured - 2) < 1e-6)
-    result.corrected(sympy.simplify(A.trace() - (2 - (omega * h) ** 2)) == 0)
+    result.statement_holds(abs(measured - 2) < 1e-6)
+    result.correction_holds(sympy.simplify(A.trace() - (2 - (omega * h) ** 2)) == 0)
 
 
 @claim(
@@ -230,17 +230,17 @@ def contact_limit_explicit(result):
 
     omega = _penalty_omega(1e5)
     semi = 1000 * measured_limit("semi_implicit_euler") / omega
-    step = result.given("step_ms", 1)
+    step = result.input("step_ms", 1)
     gain = spectral_radius("explicit_euler", omega * step / 1000) ** 2 - 1
-    result.figure("semi_implicit_limit_ms", semi)
-    result.figure("explicit_gain_per_step_1_ms", gain)
+    result.measure("semi_implicit_limit_ms", semi)
+    result.measure("explicit_gain_per_step_1_ms", gain)
     result.statement = (
         f"Semi-implicit: {semi:.4f} ms. Explicit Euler at 1 ms: {100 * gain:.0f} % more energy at "
         "every step."
     )
     result.formula = 2000 * sympy.sqrt(sympy.Rational(1, 100_000))
-    result.heard(gain <= 0)
-    result.corrected(abs(semi - 2000 / omega) < 1e-6, abs(gain - 0.1) < 1e-9)
+    result.statement_holds(gain <= 0)
+    result.correction_holds(abs(semi - 2000 / omega) < 1e-6, abs(gain - 0.1) < 1e-9)
 
 
 @claim(
@@ -256,15 +256,15 @@ def contact_stable_at_1_khz(result):
     radii = {n: [spectral_radius(n, omega * dt) for dt in (1e-3, 1e-2)] for n in METHODS}
     as_said = {name: fast <= 1 + 1e-6 < slow for name, (fast, slow) in radii.items()}
     limited = ("semi_implicit_euler", "velocity_verlet", "rk4")
-    result.figure("at_1_khz", omega * 1e-3)
-    result.figure("at_100_hz", omega * 1e-2)
+    result.measure("at_1_khz", omega * 1e-3)
+    result.measure("at_100_hz", omega * 1e-2)
     halves = numeric_matrix("semi_implicit_euler", omega * 1e-2 / 2)
     twice = np.abs(np.linalg.eigvals(halves @ halves)).max()
-    result.figure("explicit_1_khz", radii["explicit_euler"][0], tolerance=1e-4)
-    result.figure("semi_implicit_100_hz", radii["semi_implicit_euler"][1], tolerance=1e-4)
-    result.figure("implicit_midpoint_100_hz", radii["implicit_midpoint"][1], tolerance=1e-4)
+    result.measure("explicit_1_khz", radii["explicit_euler"][0], tolerance=1e-4)
+    result.measure("semi_implicit_100_hz", radii["semi_implicit_euler"][1], tolerance=1e-4)
+    result.measure("implicit_midpoint_100_hz", radii["implicit_midpoint"][1], tolerance=1e-4)
     result.statement = "Largest growth factor of the amplitude per step."
-    result.heard(
+    result.statement_holds(
         all(as_said.values()),
         only_if="omega dt at the integrator's limit lies between {at_1_khz:.2f} and "
         "{at_100_hz:.2f}, "
@@ -273,7 +273,7 @@ def contact_stable_at_1_khz(result):
         outside=[as_said[n] for n in METHODS if n not in limited],
         cases=True,
     )
-    result.corrected(
+    result.correction_holds(
         radii["explicit_euler"][0] > 1, radii["implicit_midpoint"][1] < 1 + 1e-6, twice < STABLE
     )
 
@@ -302,16 +302,16 @@ def contact_rate_by_stability(result):
             flying |= (x > 0) & (v > 0)
         return v
 
-    fast, slow = result.given("fast_ms", 1) / 1000, result.given("slow_ms", 5) / 1000
-    rate = result.figure("rate_needed_hz", 1 / limit)
-    stiff = result.figure("stiffness_for_1_khz_mn_per_m", (limit * omega / fast) ** 2 / 1e6)
+    fast, slow = result.input("fast_ms", 1) / 1000, result.input("slow_ms", 5) / 1000
+    rate = result.measure("rate_needed_hz", 1 / limit)
+    stiff = result.measure("stiffness_for_1_khz_mn_per_m", (limit * omega / fast) ** 2 / 1e6)
     error, near = (float(np.abs(rebound(dt) - 1).max()) for dt in (slow, fast))
-    result.figure("worst_rebound_5_ms", error, tolerance=0.02)
-    result.figure("worst_rebound_1_ms", near, tolerance=0.02)
-    energy = result.figure("energy_5_ms", float(np.mean(rebound(slow) ** 2)), tolerance=0.05)
+    result.measure("worst_rebound_5_ms", error, tolerance=0.02)
+    result.measure("worst_rebound_1_ms", near, tolerance=0.02)
+    energy = result.measure("energy_5_ms", float(np.mean(rebound(slow) ** 2)), tolerance=0.05)
     result.statement = "Semi-implicit Euler, 1 kg at 1 m/s on 100 kN/m; 2000 phases of the step."
-    result.heard(rate >= 1000)
-    result.corrected(
+    result.statement_holds(rate >= 1000)
+    result.correction_holds(
         slow < limit,
         rate < 200,
         error > 20 * near,
@@ -340,12 +340,12 @@ def penalty_listing_limits(result):
     semi = {name: limit_ms("semi_implicit_euler", k) for name, k in stiffness.items()}
     explicit = {name: limit_ms("explicit_euler", k) for name, k in stiffness.items()}
     for name in stiffness:
-        result.figure(f"{name}_ms", semi[name])
-        result.figure(f"{name}_explicit_ms", explicit[name])
+        result.measure(f"{name}_ms", semi[name])
+        result.measure(f"{name}_explicit_ms", explicit[name])
     result.statement = "Both bisected on the eigenvalues of the step with the damper."
     message = {"soft": 30.0, "stiff": 9.0, "steel": 3.0}
-    result.heard(all(semi[name] >= message[name] for name in message))
-    result.corrected(
+    result.statement_holds(all(semi[name] >= message[name] for name in message))
+    result.correction_holds(
         all(semi[n] < 2000 / _penalty_omega(k) for n, k in stiffness.items()),
         all(abs(explicit[n] / (1000 * damper / k) - 1) < 1e-6 for n, k in stiffness.items()),
     )
@@ -367,17 +367,17 @@ def determinant_one_is_stable(result):
         return np.array([[a, b], [(a * (trace - a) - 1) / b, trace - a]])
 
     outer, inner = np.sort(np.linalg.eigvals(numeric_matrix("semi_implicit_euler", 2.1)).real)
-    result.figure("outer_at_2_1", outer)
-    result.figure("inner_at_2_1", inner)
+    result.measure("outer_at_2_1", outer)
+    result.measure("inner_at_2_1", inner)
     result.statement = "Semi-implicit Euler at omega dt = 2.1: both real, product 1."
     outside = result.rng.uniform(2.001, 2.2, 20) * result.rng.choice([-1, 1], 20)
-    result.heard(
+    result.statement_holds(
         on_circle(numeric_matrix("semi_implicit_euler", 2.1)),
         only_if="its trace lies between -2 and 2",
         inside=[on_circle(drawn(trace)) for trace in result.rng.uniform(-1.999, 1.999, 50)],
         outside=[on_circle(drawn(trace)) for trace in outside],
     )
-    result.corrected(
+    result.correction_holds(
         step_matrix("semi_implicit_euler").det() == 1,
         abs(outer * inner - 1) < 1e-9,
         abs(outer) > 1.1,
@@ -399,8 +399,8 @@ def stable_at_the_limit(result):
     system = problems.oscillator(omega=1.0).system
     run = integrators.simulate(system, "semi_implicit_euler", 2.0, 1000, every=500)
     after = np.abs(run.q[:, 0])
-    result.figure("after_500_m", after[1])
-    result.figure("after_1000_m", after[2])
+    result.measure("after_500_m", after[1])
+    result.measure("after_1000_m", after[2])
     step = oscillator.stepper("semi_implicit_euler", 2.0)
 
     def grown(start: np.ndarray) -> np.ndarray:
@@ -413,8 +413,8 @@ def stable_at_the_limit(result):
     along = grown(np.array(vectors[0], dtype=float).ravel())
     drawn = [np.diff(grown(start), axis=0) for start in result.rng.normal(size=(20, 2))]
     result.statement = f"Eigenvalue {value} of multiplicity {multiplicity}; released at 1 m."
-    result.heard(after[2] < 10)
-    result.corrected(
+    result.statement_holds(after[2] < 10)
+    result.correction_holds(
         (value, multiplicity, len(vectors)) == (-1, 2, 1),
         np.allclose(along, along[0]),
         all(np.allclose(d, d[0]) and np.abs(d[0]).max() > 1e-3 for d in drawn),
@@ -443,12 +443,12 @@ def explicit_damped_limit(result):
     h = symbols()[0]
     squared = sympy.expand(step_matrix("explicit_euler", damped=True).det())
     result.formula = sympy.solve(sympy.cancel((squared - 1) / h), h)[0]
-    measured = result.figure("omega_h_at_zeta_0_1", measured_limit("explicit_euler", 0.1, low=0.1))
+    measured = result.measure("omega_h_at_zeta_0_1", measured_limit("explicit_euler", 0.1, low=0.1))
     zetas = result.rng.uniform(0.01, 0.99, 12)
     ratios = [measured_limit("explicit_euler", z, low=z) / (2 * z) for z in zetas]
     result.statement = f"|lambda|^2 = {squared}."
-    result.heard(measured < 1e-3)
-    result.corrected(
+    result.statement_holds(measured < 1e-3)
+    result.correction_holds(
         np.allclose(ratios, 1, rtol=1e-6),
         measured < 0.12 * measured_limit("semi_implicit_euler", 0.1, low=0.1),
     )
@@ -493,18 +493,18 @@ def semi_implicit_damped_limit(result):
     zetas = np.append(0.5, result.rng.uniform(0.01, 3, 10))
     fallen = [measured_limit("semi_implicit_euler", z, low=0.01) for z in zetas]
     risen = [implicit(z) for z in zetas]
-    measured = result.figure("omega_h_explicit_damping", fallen[0])
-    result.figure("omega_h_implicit_damping", risen[0])
+    measured = result.measure("omega_h_explicit_damping", fallen[0])
+    result.measure("omega_h_implicit_damping", risen[0])
     result.statement = (
         f"zeta = 0.5: {measured:.6f} measured, {theory(0.5):.6f} by 1 + trace + det = 0."
     )
-    result.heard(
+    result.statement_holds(
         measured > 2,
         only_if="the damping force is taken implicitly",
         inside=[limit > 2 for limit in risen],
         outside=[limit > 2 for limit in fallen],
     )
-    result.corrected(
+    result.correction_holds(
         np.allclose(fallen, theory(zetas), rtol=1e-6),
         np.allclose(risen, 2 * (np.sqrt(1 + zetas**2) + zetas), rtol=1e-6),
     )
@@ -521,11 +521,11 @@ def verlet_limit(result):
     h, omega, _ = symbols()
     a, b = step_matrix("velocity_verlet"), step_matrix("semi_implicit_euler")
     shift = sympy.Matrix([[1, 0], [-h * omega**2 / 2, 1]])  # half a step of the velocity
-    verlet = result.figure("verlet_omega_h", measured_limit("velocity_verlet"))
-    result.figure("semi_implicit_omega_h", measured_limit("semi_implicit_euler"))
+    verlet = result.measure("verlet_omega_h", measured_limit("velocity_verlet"))
+    result.measure("semi_implicit_omega_h", measured_limit("semi_implicit_euler"))
     result.statement = "By bisection on the eigenvalues; trace and determinant by algebra."
-    result.heard(verlet > 2.001)
-    result.corrected(
+    result.statement_holds(verlet > 2.001)
+    result.correction_holds(
         sympy.simplify(a.trace() - b.trace()) == 0,
         sympy.simplify(a.det() - b.det()) == 0,
         (shift * b - a * shift).applyfunc(sympy.expand) == sympy.zeros(2),
@@ -559,13 +559,13 @@ def explicit_midpoint_limit(result):
 
     result.formula = sympy.expand(step_matrix("explicit_midpoint").det())
     tenth = spectral_radius("explicit_midpoint", 0.1) ** 2 - 1
-    result.figure("gain_at_0_1", tenth)
-    result.figure("euler_gain_at_0_1", spectral_radius("explicit_euler", 0.1) ** 2 - 1)
+    result.measure("gain_at_0_1", tenth)
+    result.measure("euler_gain_at_0_1", spectral_radius("explicit_euler", 0.1) ** 2 - 1)
     result.statement = f"Energy per step times {result.formula}."
     heavy, light = result.rng.uniform(0.13, 0.5, 30), result.rng.uniform(0, 0.12, 30)
     limits = np.sqrt(2 * heavy - 0.25) / heavy  # (1 - x^2/2)^2 + (x - c x^3)^2 = 1
     verlet = [spectral_radius("velocity_verlet", x) < STABLE for x in result.rng.uniform(0, 1.99, 8)]
-    result.heard(
+    result.statement_holds(
         tenth <= 0,
         only_if="it is symplectic, as velocity Verlet is, or a Runge-Kutta method with a third "
         "stage "
@@ -579,7 +579,7 @@ def explicit_midpoint_limit(result):
         ],
         outside=[not grows(result.rng.uniform(0.1, 1), c) for c in light],
     )
-    result.corrected(
+    result.correction_holds(
         abs(tenth / (0.1**4 / 4) - 1) < 1e-6,
         all(spectral_radius("explicit_midpoint", x) > 1 for x in result.rng.uniform(0.01, 3, 20)),
         all(grows(x, 0) for x in result.rng.uniform(0.01, 3, 20)),
@@ -608,11 +608,11 @@ def rk4_limit(result):
     h = symbols()[0]
     squared = sympy.expand(step_matrix("rk4").det())
     result.formula = next(root for root in sympy.solve(sympy.cancel((squared - 1) / h**6), h))
-    measured = result.figure("omega_h", measured_limit("rk4"))
-    result.figure("over_semi_implicit", measured / measured_limit("semi_implicit_euler"))
+    measured = result.measure("omega_h", measured_limit("rk4"))
+    result.measure("over_semi_implicit", measured / measured_limit("semi_implicit_euler"))
     result.statement = f"|lambda|^2 = {squared}."
-    result.heard(abs(measured - 8) < 0.1)
-    result.corrected(abs(measured / np.sqrt(8) - 1) < 1e-4)
+    result.statement_holds(abs(measured - 8) < 0.1)
+    result.correction_holds(abs(measured / np.sqrt(8) - 1) < 1e-4)
 
 
 @claim(
@@ -643,11 +643,11 @@ def implicit_midpoint_limit(result):
     steps = 10 ** result.rng.uniform(-1, 3, 20)
     matrices = [numeric_matrix("implicit_midpoint", x) for x in steps]
     at_10 = turned(numeric_matrix("implicit_midpoint", 10.0))
-    result.figure("turned_at_10_rad", at_10, tolerance=1e-5)
-    result.figure("largest_radius", max(np.linalg.norm(A, 2) for A in matrices), tolerance=1e-5)
+    result.measure("turned_at_10_rad", at_10, tolerance=1e-5)
+    result.measure("largest_radius", max(np.linalg.norm(A, 2) for A in matrices), tolerance=1e-5)
     result.statement = f"omega h = 10: a step turns by {at_10:.3f} rad instead of 10."
-    result.heard(abs(at_10 - 10) < 0.1)
-    result.corrected(
+    result.statement_holds(abs(at_10 - 10) < 0.1)
+    result.correction_holds(
         sympy.simplify(sympy.expand_trig(sympy.cos(result.formula)) - half_trace) == 0,
         all(np.allclose(A.T @ A, np.eye(2), atol=1e-6) for A in matrices),
         np.allclose([turned(A) for A in matrices], 2 * np.arctan(steps / 2), atol=1e-5),
@@ -676,16 +676,16 @@ def limit_scales_with_root(result):
         return limit(method, soft, zeta) / limit(method, stiff, then) * soft / stiff
 
     for method in ("semi_implicit_euler", "rk4"):
-        result.figure(method, 2 * fall(method, 10, 20, 0, False), tolerance=1e-3)
-    retained = result.figure("fixed_damper", 2 * fall("semi_implicit_euler", 10, 20, 0.8, True), 1e-3)
+        result.measure(method, 2 * fall(method, 10, 20, 0, False), tolerance=1e-3)
+    retained = result.measure("fixed_damper", 2 * fall("semi_implicit_euler", 10, 20, 0.8, True), 1e-3)
     methods = result.rng.choice(["semi_implicit_euler", "velocity_verlet", "rk4"], 12)
     drawn = result.rng.uniform((1, 12, 0.05), (9, 90, 0.9), (12, 3))
     draws = [(method, *row) for method, row in zip(methods, drawn, strict=True)]
     result.statement = "Limit at 100 N/m over limit at 400 N/m, 1 kg, from the code's own steps."
-    result.heard(
+    result.statement_holds(
         abs(retained - 2) < 0.01,
         only_if="nothing damps, or the damping ratio stays the same",
         inside=[abs(fall(m, a, b, z * (z > 0.2), False) - 1) < 1e-3 for m, a, b, z in draws],
         outside=[abs(fall(m, a, b, z, True) - 1) < 1e-3 for m, a, b, z in draws],
     )
-    result.corrected(all(abs(fall(m, w, 2 * w, z, False) - 1) < 1e-3 for m, w, _, z in draws))
+    result.correction_holds(all(abs(fall(m, w, 2 * w, z, False) - 1) < 1e-3 for m, w, _, z in draws))

@@ -115,22 +115,22 @@ def _pushed(rng: Any, push: float = 1.0, mass: float = 2.0) -> Any:
     "{largest_off_n:.0f} N off the force in the draws below.",
 )
 def force_is_mass_times_acceleration(result):
-    mass = result.given("mass_kg", 2.0)
+    mass = result.input("mass_kg", 2.0)
 
     def deviation(scale: float) -> float:
         force, path, _, _ = _pushed(result.rng, mass=mass)
         return float(np.abs(mass * path(scale * result.rng.normal(size=3)) - force).max())
 
     centre, elsewhere = ([deviation(scale) for _ in range(20)] for scale in (0.0, 0.5))
-    result.figure("largest_off_n", max(elsewhere), 1e-3)
+    result.measure("largest_off_n", max(elsewhere), 1e-3)
     result.statement = "Accelerations from the paths of the centre and of other points of 20 bodies."
-    result.heard(
+    result.statement_holds(
         max(elsewhere) < 1e-4,
         only_if="a is the acceleration of the centre of mass",
         inside=[x < 1e-4 for x in centre],
         outside=[x < 1e-4 for x in elsewhere],
     )
-    result.corrected(max(centre) < 1e-4 < 0.1 < max(elsewhere))
+    result.correction_holds(max(centre) < 1e-4 < 0.1 < max(elsewhere))
 
 
 @claim(
@@ -155,11 +155,11 @@ def planar_torque(result):
     flat = np.pad(draws, ((0, 0), (0, 0), (0, 1)))
     place, arm, force = flat.transpose(1, 0, 2)
     right, wrong = np.cross(arm, force)[:, 2], np.cross(place + arm, force)[:, 2]
-    result.figure("off_from_origin_nm", np.abs(torque - wrong).max())
+    result.measure("off_from_origin_nm", np.abs(torque - wrong).max())
     result.statement = "The rate that 50 boxes gain from a random force at a random point."
     printed = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
-    result.heard(np.abs(torque - printed).max() < 1e-9)
-    result.corrected(np.abs(torque - right).max() < 1e-9, np.abs(torque - wrong).max() > 0.1)
+    result.statement_holds(np.abs(torque - printed).max() < 1e-9)
+    result.correction_holds(np.abs(torque - right).max() < 1e-9, np.abs(torque - wrong).max() > 0.1)
 
 
 @claim(
@@ -186,12 +186,12 @@ def euler_equation_point(result):
         explained.append(np.abs(rest(r) - 2.0 * np.cross(-r, path(r))).max())
     turned = quaternion.to_matrix(_spin(_EXAMPLE, omega, 1.0).q[-1])
     observed = turned @ np.diag(_EXAMPLE) @ turned.T
-    result.figure("torque_found_about_p_nm", wrong)
+    result.measure("torque_found_about_p_nm", wrong)
     result.statement = (
         "Torque less the formula, about the centres, points without acceleration or with one "
         "along the line to the centre, and other points of 20 random bodies under random forces."
     )
-    result.heard(
+    result.statement_holds(
         wrong < 1e-9,
         only_if="moments are taken about the centre of mass or about a point of the body whose "
         "acceleration is zero, as a pivot's, or points along the line to the centre, as at the "
@@ -199,7 +199,7 @@ def euler_equation_point(result):
         inside=inside,
         outside=outside,
     )
-    result.corrected(max(explained) < 0.01, np.abs(observed - np.diag(_EXAMPLE)).max() > 0.1)
+    result.correction_holds(max(explained) < 0.01, np.abs(observed - np.diag(_EXAMPLE)).max() > 0.1)
 
 
 @claim(
@@ -219,17 +219,17 @@ def gyroscopic_term_always_there(result):
 
     cube, axes = np.full(3, 2.0), np.eye(3)
     draws = [(_moments(result.rng), result.rng.normal(size=3)) for _ in range(50)]
-    result.figure("general_nm", term(_EXAMPLE, [1.0, 2.0, 3.0]))
-    result.figure("cube_nm", max(term(cube, omega) for _, omega in draws))
-    result.figure("about_principal_axis_nm", max(term(m, a * w) for m, w in draws for a in axes))
+    result.measure("general_nm", term(_EXAMPLE, [1.0, 2.0, 3.0]))
+    result.measure("cube_nm", max(term(cube, omega) for _, omega in draws))
+    result.measure("about_principal_axis_nm", max(term(m, a * w) for m, w in draws for a in axes))
     result.statement = "The term of moments 1 : 2 : 3 at rates (1, 2, 3), and of 50 random bodies."
-    result.heard(
+    result.statement_holds(
         all(term(cube, omega) > 0 for _, omega in draws),
         only_if="omega is not along a principal axis",
         inside=[term(*draw) > 0 for draw in draws],
         outside=[term(m, a * w) > 0 for m, w in draws[:5] for a in axes],
     )
-    result.corrected(
+    result.correction_holds(
         max(term(cube, omega) for _, omega in draws) == 0,
         all(term(m, a * w) == 0 for m, w in draws for a in axes),
         all(np.allclose(torque(m, w), np.cross(w, m * w)) for m, w in draws),
@@ -247,18 +247,18 @@ def gyroscopic_term_always_there(result):
 )
 def gyroscopic_term_holds_the_top_up(result):
     tilt, equal = 0.3, (0.02, 0.02)
-    spinning, run, system = _top_run(equal, 60.0, tilt, result.given("seconds", 4.0))
+    spinning, run, system = _top_run(equal, 60.0, tilt, result.input("seconds", 4.0))
     term = np.abs(np.cross(run.v, system.params[:3] * run.v)).max()
     lowest, fallen = np.degrees(np.arccos(spinning.min())), _top_run(equal, 0.0, tilt, 1.0)[0].min()
-    result.figure("largest_term_nm", round(float(term), 12), 1e-4)
-    result.figure("largest_tilt_deg", lowest, 1e-4)
-    result.figure("without_spin_cos", fallen, 1e-4)
+    result.measure("largest_term_nm", round(float(term), 12), 1e-4)
+    result.measure("largest_tilt_deg", lowest, 1e-4)
+    result.measure("without_spin_cos", fallen, 1e-4)
     result.statement = (
         f"Equal moments, 60 rad/s: the term is {term:g} N m, the tilt grows from "
         f"{np.degrees(tilt):.2f} to {lowest:.2f} degrees; without spin the top falls over."
     )
-    result.heard(lowest > 60)
-    result.corrected(term < 1e-12, lowest < 25, fallen < -0.9)
+    result.statement_holds(lowest > 60)
+    result.correction_holds(term < 1e-12, lowest < 25, fallen < -0.9)
 
 
 @claim(
@@ -294,23 +294,23 @@ def top_condition(result):
         return float(np.arccos(_top_run((i1, ratio * i1), spin, 1e-3, seconds, dt)[0].min()))
 
     above, below = (tilt(0.02, 0.2, share, 8.0, 5e-4) for share in (1.01, 0.99))
-    result.figure(
+    result.measure(
         "critical_rad_per_s", result.formula.subs({i1: 0.02, i3: 0.004, m: 1, g: 1, length: 1}), 1e-3
     )
-    result.figure("largest_tilt_above_rad", above, 1e-3)
-    result.figure("largest_tilt_below_rad", below, 1e-3)
+    result.measure("largest_tilt_above_rad", above, 1e-3)
+    result.measure("largest_tilt_below_rad", below, 1e-3)
     result.statement = (
         f"From a tilt of 0.001 rad: 1 % above the critical spin it reaches {above:.4f} rad, 1 % "
         f"below {below:.2f} rad."
     )
     draws = result.rng.uniform((0.01, 0.2, 0.05), (0.03, 1.6, 0.3), (10, 3))
-    result.heard(
+    result.statement_holds(
         below < 0.05,
         only_if="(I3 omega)^2 > 4 I1 m g l, with omega the spin",
         inside=[tilt(i, ratio, 1 + margin) < 0.05 for i, ratio, margin in draws],
         outside=[tilt(i, ratio, 1 - margin) < 0.05 for i, ratio, margin in draws],
     )
-    result.corrected(above < 0.05, below > 0.2)
+    result.correction_holds(above < 0.05, below > 0.2)
 
 
 @claim(
@@ -325,7 +325,7 @@ def free_body_keeps_angular_velocity(result):
     run = simulate(tumbling, "rk4", 1e-3, 20_000, every=20)
     momentum = problems.angular_momentum(run.q.T, run.v.T, tumbling.params)
     drift = np.abs(momentum - momentum[:, :1]).max() / np.linalg.norm(momentum[:, 0])
-    wander = result.figure("wander_deg", _wander(run.q, run.v), 1e-4)
+    wander = result.measure("wander_deg", _wander(run.q, run.v), 1e-4)
     result.statement = (
         f"The axis of rotation wanders by {wander:.1f} degrees in space, the angular momentum by "
         f"{drift:.0e} of its size."
@@ -335,13 +335,13 @@ def free_body_keeps_angular_velocity(result):
         run = _spin(_moments(result.rng), 3 * np.eye(3)[axis] + aside, 5.0)
         return _wander(run.q, run.v) < 1e-4
 
-    result.heard(
+    result.statement_holds(
         wander < 1e-6,
         only_if="it turns about a principal axis",
         inside=[keeps(axis, 0.0) for axis in (0, 1, 2) for _ in range(5)],
         outside=[keeps(axis, 0.1) for axis in (0, 1, 2) for _ in range(5)],
     )
-    result.corrected(wander > 1, drift < 1e-9, np.ptp(np.linalg.norm(run.v, axis=1)) > 0.01)
+    result.correction_holds(wander > 1, drift < 1e-9, np.ptp(np.linalg.norm(run.v, axis=1)) > 0.01)
 
 
 @claim(
@@ -364,12 +364,12 @@ def wobble_comes_from_the_term(result):
             half = retract(q[i], spins[i] * seconds / n / 2)
             middle = quaternion.rotate(quaternion.conjugate(half), _EXAMPLE * omega) / _EXAMPLE
             q[i + 1] = retract(q[i], middle * seconds / n)
-    wander = result.figure("wander_deg", _wander(q, spins), 1e-4)
+    wander = result.measure("wander_deg", _wander(q, spins), 1e-4)
     apart = float(quaternion.angle_between(q[-1], run.q[-1]))
     rates = problems.tumble_acceleration(q[0], omega, np.full(3, 2.0))
     result.statement = f"With L only: {wander:.2f} degrees; {apart:.0e} rad off Euler's equations."
-    result.heard(wander < 1)
-    result.corrected(apart < 1e-4, abs(_wander(run.q, run.v) / wander - 1) < 1e-4, not rates.any())
+    result.statement_holds(wander < 1)
+    result.correction_holds(apart < 1e-4, abs(_wander(run.q, run.v) / wander - 1) < 1e-4, not rates.any())
 
 
 @claim(
@@ -397,7 +397,7 @@ def principal_axis_is_stable(result):
     i1, i2, i3, w = sympy.symbols("I1 I2 I3 omega", positive=True)
     # Linearised about omega = (0, w, 0): d(w1) = (I2-I3)/I1 w w3, d(w3) = (I1-I2)/I3 w w1.
     result.formula = sympy.sqrt(sympy.factor((i2 - i3) / i1 * w * (i1 - i2) / i3 * w))
-    spin = result.given("spin_rad_per_s", 3.0)
+    spin = result.input("spin_rad_per_s", 3.0)
 
     def aside(moments: Any, axis: int, seconds: float = 10.0) -> np.ndarray:
         """Largest rate about the other axes at each step, from 1e-7 rad/s, shape (4001,)."""
@@ -406,8 +406,8 @@ def principal_axis_is_stable(result):
         return np.abs(np.delete(run.v, axis, axis=1)).max(axis=1)
 
     middle = aside(_EXAMPLE, 1, 4.0)
-    rate = result.figure("rate_per_s", np.log(middle[4000] / middle[3000]), 2e-3)
-    theory = result.figure("theory_per_s", result.formula.subs({i1: 1, i2: 2, i3: 3, w: spin}), 2e-3)
+    rate = result.measure("rate_per_s", np.log(middle[4000] / middle[3000]), 2e-3)
+    theory = result.measure("theory_per_s", result.formula.subs({i1: 1, i2: 2, i3: 3, w: spin}), 2e-3)
     others = max(aside(_EXAMPLE, axis).max() for axis in (0, 2))
     shared = aside([2.0, 2.0, 3.0], 0, 20.0)
     result.statement = (
@@ -415,7 +415,7 @@ def principal_axis_is_stable(result):
         f"it stays below {others:.1e} rad/s."
     )
     bodies = [_moments(result.rng) for _ in range(10)]
-    result.heard(
+    result.statement_holds(
         middle[4000] < 1e-6,
         only_if="its moment is the largest or the smallest and no other axis has the same, or all "
         "three are the same",
@@ -423,7 +423,7 @@ def principal_axis_is_stable(result):
         + [aside(np.full(3, body[0]), 1).max() < 1e-6 for body in bodies[:3]],
         outside=[aside(body, 1).max() < 1e-6 for body in bodies],
     )
-    result.corrected(
+    result.correction_holds(
         abs(rate / float(theory) - 1) < 2e-3,
         shared.max() > 1e-6,
         abs(shared[4000] / shared[2000] - 2) < 0.1,
@@ -447,14 +447,14 @@ def tumbling_is_irregular(result):
     two_t, square = i1 * w1**2 + i3 * w3**2, (i1 * w1) ** 2 + (i3 * w3) ** 2
     pace = np.sqrt((i3 - i2) * (square - two_t * i1) / (i1 * i2 * i3))
     m = (i2 - i1) * (two_t * i3 - square) / ((i3 - i2) * (square - two_t * i1))
-    period = result.figure("period_s", float(4 * ellipk(m) / pace), 1e-4)
+    period = result.measure("period_s", float(4 * ellipk(m) / pace), 1e-4)
     back = np.abs(problem.truth(period)[1] - problem.system.v0).max()
     result.statement = (
         f"RK4 at 1 ms agrees with the closed form after 20 s to {error:.1e} rad; the body rates "
         f"are back after {period:.4f} s."
     )
-    result.heard(error > 1e-3)
-    result.corrected(error < 1e-9, back < 1e-9)
+    result.statement_holds(error > 1e-3)
+    result.correction_holds(error < 1e-9, back < 1e-9)
 
 
 @claim(
@@ -464,13 +464,13 @@ def tumbling_is_irregular(result):
     "tenth of a second and {after_2_s_rad:.1f} rad after two seconds.",
 )
 def gyroscopic_term_is_negligible(result):
-    omega, small = np.array([1.0, 0.5, 1.5]), result.given("small", 0.04)
+    omega, small = np.array([1.0, 0.5, 1.5]), result.input("small", 0.04)
     soon, later = (_without_term(_EXAMPLE, omega, t) for t in (0.1, 2.0))
-    result.figure("spin_rad_per_s", np.linalg.norm(omega))
-    result.figure("after_0_1_s_rad", soon, 1e-3)
-    result.figure("after_2_s_rad", later, 1e-3)
-    result.figure("nearly_equal_after_2_s_rad", _without_term([1.0, 1.001, 1.002], omega, 2.0), 1e-3)
-    allowed = result.given("allowed_rad", 0.01)
+    result.measure("spin_rad_per_s", np.linalg.norm(omega))
+    result.measure("after_0_1_s_rad", soon, 1e-3)
+    result.measure("after_2_s_rad", later, 1e-3)
+    result.measure("nearly_equal_after_2_s_rad", _without_term([1.0, 1.001, 1.002], omega, 2.0), 1e-3)
+    allowed = result.input("allowed_rad", 0.01)
 
     def harmless(low: float, high: float) -> bool:
         """At a random body and spin with spread x (omega t)^2 = small times low ... high."""
@@ -481,13 +481,13 @@ def gyroscopic_term_is_negligible(result):
         return _without_term(body, rates, seconds) < allowed
 
     result.statement = "Angle between runs with and without the term."
-    result.heard(
+    result.statement_holds(
         later < allowed,
         only_if="(I3 - I1) / I1 x (omega t)^2 stays below {small} (for {allowed_rad} rad)",
         inside=[harmless(0, 1) for _ in range(30)],
         outside=[harmless(1, 4) for _ in range(30)],
     )
-    result.corrected(soon < allowed < 1 < later)
+    result.correction_holds(soon < allowed < 1 < later)
 
 
 @claim(
@@ -515,10 +515,10 @@ def robotics_cannot_drop_the_term(result):
         mujoco.mj_step(model, data)
     moments = np.array([1.0, 2.0, 2.9])
     error = np.abs(data.qvel[3:] - _spin(moments, omega, 2.0).v[-1]).max()
-    turned = result.given("turned_rad", 0.05)
+    turned = result.input("turned_rad", 0.05)
     slow = _without_term(moments, turned * omega / np.linalg.norm(omega), 1.0)
-    result.figure("slow_rad", slow, 1e-3)
-    result.figure("changed_in_mujoco_rad_per_s", np.abs(data.qvel[3:] - omega).max(), 1e-3)
+    result.measure("slow_rad", slow, 1e-3)
+    result.measure("changed_in_mujoco_rad_per_s", np.abs(data.qvel[3:] - omega).max(), 1e-3)
     result.statement = f"MuJoCo's free body: rates within {error:.0e} rad/s of Euler's equations, 2 s."
-    result.heard(slow > 0.01)
-    result.corrected(slow < 1e-3, error < 1e-6, np.abs(data.qvel[3:] - omega).max() > 0.1)
+    result.statement_holds(slow > 0.01)
+    result.correction_holds(slow < 1e-3, error < 1e-6, np.abs(data.qvel[3:] - omega).max() > 0.1)

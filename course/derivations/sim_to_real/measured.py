@@ -44,31 +44,31 @@ def after_mending(part, gap, delay, seeds=(0, 1, 2)):
     "and is as good.",
 )
 def measured_or_randomised(result):
-    near, far = result.given("near", 0.2), result.given("far", 0.6)
-    known = result.figure("known", success("known", 10, 1.0), 0.03)
-    wide = result.figure("wide", success("range", 10, 1.0), 0.03)
-    empty = result.figure("none", success("range", 0, 1.0), 0.03)
-    result.figure("known_near", success("known", 2, near), 0.03)
-    result.figure("wide_near", success("range", 10, near), 0.03)
+    near, far = result.input("near", 0.2), result.input("far", 0.6)
+    known = result.measure("known", success("known", 10, 1.0), 0.03)
+    wide = result.measure("wide", success("range", 10, 1.0), 0.03)
+    empty = result.measure("none", success("range", 0, 1.0), 0.03)
+    result.measure("known_near", success("known", 2, near), 0.03)
+    result.measure("wide_near", success("range", 10, near), 0.03)
 
     def better(k, seed):
         rates = (success(kind, i, k / 10, seed=seed) for kind, i in (("known", k), ("range", 10)))
         return float(np.subtract(*rates)) > 0.02
 
-    one = result.figure("one", after_mending("delay", 1.0, 0.01), 0.1)
+    one = result.measure("one", after_mending("delay", 1.0, 0.01), 0.1)
     result.statement = "400 tasks, 10 ms of delay, gains on record."
     edge = round(10 * far)
     inside, outside = (
         [better(k, s) for k in some for s in (1, 2, 3)]
         for some in (range(edge, 11, 2), range(edge - 3, edge))
     )
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="all of them are measured, and the gap is {far} or wider",
         inside=inside,
         outside=[*outside, one > wide],
     )
-    result.corrected(known > wide + 0.2, wide > empty, wide > one + 0.1)
+    result.correction_holds(known > wide + 0.2, wide > empty, wide > one + 0.1)
 
 
 @claim(
@@ -78,15 +78,15 @@ def measured_or_randomised(result):
     "{near} and {late_ms:.0f} ms the same mending helps: {before:.0%} become {after:.0%}.",
 )
 def mended_parameter(result):
-    near, late = result.given("near", 0.3), 1e-3 * result.given("late_ms", 20)
-    empty = result.figure("none", success("range", 0, 1.0), 0.03)
-    delay = result.figure("delay", after_mending("delay", 1.0, 0.01), 0.1)
-    load = result.figure("load", after_mending("load", 1.0, 0.01, (0,)), 0.1)
-    before = result.figure("before", success("range", 0, near, late), 0.03)
-    after = result.figure("after", after_mending("delay", near, late, (0,)), 0.1)
+    near, late = result.input("near", 0.3), 1e-3 * result.input("late_ms", 20)
+    empty = result.measure("none", success("range", 0, 1.0), 0.03)
+    delay = result.measure("delay", after_mending("delay", 1.0, 0.01), 0.1)
+    load = result.measure("load", after_mending("load", 1.0, 0.01, (0,)), 0.1)
+    before = result.measure("before", success("range", 0, near, late), 0.03)
+    after = result.measure("after", after_mending("delay", near, late, (0,)), 0.1)
     result.statement = "400 tasks, up to three searches each."
-    result.heard(delay >= empty)
-    result.corrected(delay < empty - 0.05, load > empty + 0.2, after > before + 0.2)
+    result.statement_holds(delay >= empty)
+    result.correction_holds(delay < empty - 0.05, load > empty + 0.2, after > before + 0.2)
 
 
 @claim(
@@ -112,18 +112,18 @@ def trials_to_tell(result):
 
     z, p, d, n = sympy.symbols("z p d n", positive=True)
     result.formula = sympy.solve(sympy.Eq(d, z * sympy.sqrt(2 * p * (1 - p) / n)), n)[0]
-    own = result.figure("own", trials(0.78, 0.87), 0.0)
+    own = result.measure("own", trials(0.78, 0.87), 0.0)
     law = float(result.formula.subs({z: 1.96 + 0.8416, p: 0.825, d: 0.09}))
-    few = int(result.given("n", 100))
+    few = int(result.input("n", 100))
     a, b = (result.rng.binomial(few, rate, 20000) for rate in (0.78, 0.87))
     middle = (a + b) / (2 * few)
     observed = np.abs(a - b) / np.sqrt(2 * few * middle * (1 - middle)) > 1.96
-    power = result.figure("power", observed.mean(), 0.1)
+    power = result.measure("power", observed.mean(), 0.1)
     same = result.rng.binomial(few, 0.825, (2, 20000))
-    chance = result.figure("chance", (np.abs(same[0] - same[1]) > 8).mean(), 0.1)
+    chance = result.measure("chance", (np.abs(same[0] - same[1]) > 8).mean(), 0.1)
     result.statement = "20,000 pairs of 100 trials, tested at 5 %."
-    result.heard(chance < 0.05)
-    result.corrected(abs(own / law - 1) < 0.02, power < 0.5, chance > 0.05)
+    result.statement_holds(chance < 0.05)
+    result.correction_holds(abs(own / law - 1) < 0.02, power < 0.5, chance > 0.05)
 
 
 @claim(
@@ -144,22 +144,22 @@ def late_command(result):
         return swings(gains, share * delay_limit(gains), dry=dry)
 
     gains, careful = recorded()["range"][[0, 10], 0]
-    margin = result.figure("margin_ms", 1e3 * delay_limit(gains), 1e-3)
-    ranged = result.figure("ranged_ms", 1e3 * delay_limit(careful), 1e-3)
-    elbow, more = result.given("elbow", 1.2), result.given("more", 2.0)
-    both = result.figure("both_ms", 1e3 * arm_limit(gains, elbow), 0.05)
-    folded = result.figure("folded_ms", 1e3 * arm_limit(gains, more), 0.05)
+    margin = result.measure("margin_ms", 1e3 * delay_limit(gains), 1e-3)
+    ranged = result.measure("ranged_ms", 1e3 * delay_limit(careful), 1e-3)
+    elbow, more = result.input("elbow", 1.2), result.input("more", 2.0)
+    both = result.measure("both_ms", 1e3 * arm_limit(gains, elbow), 0.05)
+    folded = result.measure("folded_ms", 1e3 * arm_limit(gains, more), 0.05)
     inside, outside, stuck = ([drawn(x, dry) for _ in range(8)]
                               for x, dry in ((1.05, 0.0), (0.95, 0.0), (1.05, 0.1)))  # fmt: skip
     result.statement = "Joint 2 with drawn gains, 5 % to both sides of its margin, joint 1 held."
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="it is later than the delay margin of the whole loop, and no "
         "dry friction holds the joint",
         inside=inside,
         outside=outside + stuck,
     )
-    result.corrected(ranged > margin, not any(outside + stuck), both < 0.7 * margin, folded > both)
+    result.correction_holds(ranged > margin, not any(outside + stuck), both < 0.7 * margin, folded > both)
 
 
 def fitted(seed=0, **changed):
@@ -184,12 +184,12 @@ def believed_error_bar(result):
         _, fit, error = fitted(seed=seed, kind=kind, f1=friction, f2=0.5 * friction)
         return bool(np.all(np.abs(error) < 2.0 * fit.half_width()))
 
-    friction = result.given("friction", 0.1)
+    friction = result.input("friction", 0.1)
     _, fit, error = fitted(f1=friction, f2=0.5 * friction)
-    wrong = result.figure("wrong", np.max(np.abs(error / (fit.value - error))), 0.02)
-    claimed = result.figure("claimed", np.max(fit.half_width() / fit.value), 0.05)
+    wrong = result.measure("wrong", np.max(np.abs(error / (fit.value - error))), 0.02)
+    claimed = result.measure("claimed", np.max(fit.half_width() / fit.value), 0.05)
     result.statement = "Two seconds of two sines, 1 mrad of noise, logs of other seeds."
-    result.heard(
+    result.statement_holds(
         within(1, friction),
         only_if="the model has all that the robot has",
         inside=[
@@ -199,7 +199,7 @@ def believed_error_bar(result):
         ],
         outside=[within(seed, x) for seed, x in enumerate(result.rng.uniform(0.003, 0.1, 8))],
     )
-    result.corrected(wrong > 10.0 * claimed, fit.white < 1e-6)
+    result.correction_holds(wrong > 10.0 * claimed, fit.white < 1e-6)
 
 
 @claim(
@@ -231,15 +231,15 @@ def one_sample_late(result):
             1e3 * late(wrong, stamped)[0],
         )
 
-    step, wide = result.given("step_ms", 2.0), result.given("coarse_ms", 10.0)
+    step, wide = result.input("step_ms", 2.0), result.input("coarse_ms", 10.0)
     rows = moved(), moved(dt=1e-3 * wide), moved(kind="one slow joint")
     deviation, sigmas, growth, by = rows[0]
-    result.figure("off", deviation, 0.02), result.figure("sigmas", sigmas, 0.02)
-    result.figure("growth", growth, 0.02), result.figure("late_ms", by, 0.05)
-    far, observed = result.figure("coarse", rows[1][0], 0.05), result.figure("seen", rows[1][2], 0.05)
+    result.measure("off", deviation, 0.02), result.measure("sigmas", sigmas, 0.02)
+    result.measure("growth", growth, 0.02), result.measure("late_ms", by, 0.05)
+    far, observed = result.measure("coarse", rows[1][0], 0.05), result.measure("seen", rows[1][2], 0.05)
     result.statement = "The same log with its angles moved by a sample."
-    result.heard(sigmas < 3.0)
-    result.corrected(
+    result.statement_holds(sigmas < 3.0)
+    result.correction_holds(
         growth < 1.8,
         sigmas > 30.0,
         abs(by / step - 1.0) < 0.1,
@@ -262,10 +262,10 @@ def same_as_mujoco(result):
     log, ours, _ = fitted()
     theirs = sysid.prepared(plants.ARM, log, GUESS)()
     apart = np.abs(ours.value - theirs.value) / np.sqrt(np.diag(ours.covariance))
-    bars = result.figure("bars", np.abs(theirs.half_width / ours.half_width() - 1.0).max(), 0.5)
+    bars = result.measure("bars", np.abs(theirs.half_width / ours.half_width() - 1.0).max(), 0.5)
     result.statement = "Five numbers from two seconds with 1 mrad of noise."
-    result.heard(bool(apart.max() < 1e-3))
-    result.corrected(bool(apart.max() < 1e-3), bars < 0.01)
+    result.statement_holds(bool(apart.max() < 1e-3))
+    result.correction_holds(bool(apart.max() < 1e-3), bars < 0.01)
 
 
 @functools.cache
@@ -315,10 +315,10 @@ def slip_force(result):
     for _ in range(7):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if held(middle) else (middle, high)
-    share = result.figure("share", high / law, 0.02)
+    share = result.measure("share", high / law, 0.02)
     result.statement = "The force by halving, in MuJoCo with elliptic cones."
-    result.heard(held(1.02 * at_rest))
-    result.corrected(
+    result.statement_holds(held(1.02 * at_rest))
+    result.correction_holds(
         abs(share - 1.0) < 0.03,
         all(held(1.05 * x.needed, x) for x in others),
         not any(held(0.93 * x.needed, x) for x in others),
@@ -335,9 +335,9 @@ def slip_force(result):
 def friction_wrong_both_ways(result):
     from course.oracles.mujoco.lab import trials
 
-    n = int(result.given("n", 8))
-    low, high = result.given("low", 0.3), result.given("high", 0.9)
-    amount, little = result.given("much", 1.2), result.given("little", 0.4)
+    n = int(result.input("n", 8))
+    low, high = result.input("low", 0.3), result.input("high", 0.9)
+    amount, little = result.input("much", 1.2), result.input("little", 0.4)
 
     def used(believed, actual):
         force = 1.2 * replace(policy(), friction=believed).needed
@@ -346,16 +346,16 @@ def friction_wrong_both_ways(result):
 
     (over, retained), (under, lost) = used(low, high), used(amount, little)
     for name, value in (("over", over), ("under", under), ("kept", retained), ("lost", lost)):
-        result.figure(name, value)
-    slick, hard = replace(policy(), friction=little), result.given("hard", 10)
+        result.measure(name, value)
+    slick, hard = replace(policy(), friction=little), result.input("hard", 10)
     result.statement = "Boxes up to 15 mm off and 5 % heavier or lighter."
-    result.heard(
+    result.statement_holds(
         used(1.1 * low, low)[1] == 0,
         only_if="what is believed is off by more than its margin",
         inside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.35, 3.0, 8)],
         outside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.02, 1.12, 8)],
     )
-    result.corrected(retained == n, lost == 0, trials(replace(slick, force=hard * slick.needed), 4) == 0)
+    result.correction_holds(retained == n, lost == 0, trials(replace(slick, force=hard * slick.needed), 4) == 0)
 
 
 @claim(
@@ -373,24 +373,24 @@ def large_step_at_contact(result):
         dt = share * 2.0 * (math.sqrt(1.0 + zeta**2) - zeta) / omega
         return not lift(replace(policy(), dt=dt, solref=(-stiffness, -2.0 * zeta * omega))).held
 
-    n = int(result.given("n", 10))
+    n = int(result.input("n", 10))
     pairs: list = []
     while len(pairs) < n:
         lab = replace(policy(), friction=result.rng.uniform(0.3, 1.2))
         lab = replace(lab, force=lab.needed * result.rng.uniform(1.2, 2.5))
         if (fine := lift(lab)).held:
             pairs.append((fine, lift(replace(lab, dt=0.02))))
-    retained = result.figure("kept", sum(coarse.held for _, coarse in pairs), 0.15)
+    retained = result.measure("kept", sum(coarse.held for _, coarse in pairs), 0.15)
     sink = np.median([b.pressed / a.pressed for a, b in pairs if b.held])
-    result.figure("sink", sink, 0.05)
+    result.measure("sink", sink, 0.05)
     stiff = result.rng.uniform(1e4, 5e4, 6).tolist()
     direct = [lift(replace(policy(), dt=0.02, solref=(-x, -2.0 * math.sqrt(x)))) for x in stiff]
     every = [b for _, b in pairs] + direct
     result.statement = (
         "Contacts of 1e4 to 5e4 for a unit of mass, 10 % below the limit and 50 % above it."
     )
-    result.heard(any(b.fastest > 3.0 for b in every))
-    result.corrected(
+    result.statement_holds(any(b.fastest > 3.0 for b in every))
+    result.correction_holds(
         0 < retained < n,
         not any(b.warnings for b in every),
         sink > 1.5,
@@ -414,15 +414,15 @@ def camera_off(result):
     def misses(offset, opening=0.025):
         return not lift(replace(policy(), opening=opening, offset=offset)).held
 
-    free = result.given("free_mm", 25.0)
+    free = result.input("free_mm", 25.0)
     largest = max(x for x in range(18, 32) if not misses(1e-3 * x))
-    result.figure("held_mm", largest, 0.05)
+    result.measure("held_mm", largest, 0.05)
     jaws = result.rng.uniform(0.012, 0.03, 8).tolist()
     result.statement = "Boxes off by whole millimetres, and jaws of other widths."
-    result.heard(
+    result.statement_holds(
         misses(0.02),
         only_if="it is off by more than the free width of the jaw",
         inside=[misses(w + 0.002, w) for w in jaws],
         outside=[misses(w - 0.002, w) for w in jaws],
     )
-    result.corrected(abs(largest / free - 1.0) < 0.05)
+    result.correction_holds(abs(largest / free - 1.0) < 0.05)

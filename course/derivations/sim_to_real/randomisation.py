@@ -78,13 +78,13 @@ def set_const_inertia(result):
     before, after = arrays(_arm()), arrays(_scaled(_arm(), 2.0, 1.0))
     changed = {k for k in before if before[k].tobytes() != after[k].tobytes()} - {"body_mass"}
     inertia = np.max(after["body_inertia"][1:] / before["body_inertia"][1:])
-    result.figure("inertia_ratio", inertia, tolerance=0.0)
+    result.measure("inertia_ratio", inertia, tolerance=0.0)
     subtree = after["body_subtreemass"][1] / before["body_subtreemass"][1]
-    result.figure("subtree_mass_ratio", subtree, tolerance=1e-12)
-    result.figure("arrays_recomputed", np.size(sorted(changed)))
+    result.measure("subtree_mass_ratio", subtree, tolerance=1e-12)
+    result.measure("arrays_recomputed", np.size(sorted(changed)))
     result.statement = f"Masses doubled: recomputed were {', '.join(sorted(changed))}."
-    result.heard(abs(inertia - 2.0) < 1e-9)
-    result.corrected(inertia == 1.0, changed <= set(DERIVED), subtree == 2.0)
+    result.statement_holds(abs(inertia - 2.0) < 1e-9)
+    result.correction_holds(inertia == 1.0, changed <= set(DERIVED), subtree == 2.0)
 
 
 @claim(
@@ -119,21 +119,21 @@ def mass_without_set_const(result):
         """Largest relative difference that mj_setConst makes."""
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
 
-    change = result.figure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
-    ratio = result.figure("depth_ratio", depth(4.0, True) / depth(4.0, False), tolerance=1e-3)
+    change = result.measure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
+    ratio = result.measure("depth_ratio", depth(4.0, True) / depth(4.0, False), tolerance=1e-3)
     result.statement = (
         f"Four times the mass: a free arm accelerates the same to {change:.0e}; a sled at rest "
         f"sinks {-1e6 * depth(4.0, False):.2f} um without and {-1e6 * depth(4.0, True):.2f} um "
         "with mj_setConst."
     )
     factors = result.rng.uniform(1.5, 6.0, 8)
-    result.heard(
+    result.statement_holds(
         change > 1e-6,
         only_if="a constraint acts: a contact, a limit, an equality, or dry friction that holds",
         inside=[moved(depth, x) > 0.1 for x in factors] + [moved(stuck, x) > 1e-3 for x in factors],
         outside=[moved(free, x) > 1e-6 for x in factors],
     )
-    result.corrected(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
+    result.correction_holds(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
 
 
 @claim(
@@ -148,12 +148,12 @@ def set_const_data(result):
     model = _arm()
     data = mujoco.MjData(model)
     data.qpos[:] = 0.4, -0.7
-    before = result.figure("elbow_before_rad", float(data.qpos[1]), tolerance=0.0)
+    before = result.measure("elbow_before_rad", float(data.qpos[1]), tolerance=0.0)
     mujoco.mj_setConst(model, data)
-    after = result.figure("elbow_after_rad", float(data.qpos[1]), tolerance=1e-12)
+    after = result.measure("elbow_after_rad", float(data.qpos[1]), tolerance=1e-12)
     result.statement = f"The elbow stood at {before:g} rad and then at {after:g} rad, its springref."
-    result.heard(after == before)
-    result.corrected(np.array_equal(data.qpos, model.qpos_spring))
+    result.statement_holds(after == before)
+    result.correction_holds(np.array_equal(data.qpos, model.qpos_spring))
 
 
 @claim(
@@ -184,8 +184,8 @@ def set_const_compiles(result):
     given, derived = 'kv="2"', 'dampratio="1"'
     worst = max(compared(damping, 4.0)[0] for damping in (given, derived))
     ratio = compared(derived, 4.0)[1]
-    result.figure("worst_constant", worst, tolerance=1e-12)
-    result.figure("kv_compiled_over_kept", ratio, tolerance=1e-9)
+    result.measure("worst_constant", worst, tolerance=1e-12)
+    result.measure("kv_compiled_over_kept", ratio, tolerance=1e-9)
     result.statement = (
         f"Four times the mass: the constants agree to {worst:.0e}, the damping that the "
         f"compiler derives from a ratio is {ratio:g} times the one that was kept."
@@ -194,13 +194,13 @@ def set_const_compiles(result):
     sprung = _ARM.format(damping=given).replace('damping="0.2"', 'springdamper="0.1 1"')
     retained, anew = mujoco.MjModel.from_xml_string(sprung), recompiled(sprung, np.full(3, 4.0))
     joint = [(m.dof_damping[0], m.jnt_stiffness[0]) for m in (_scaled(retained, 4.0), anew)]
-    result.heard(
+    result.statement_holds(
         same(derived, 4.0),
         only_if="no damping is stated as a ratio, an actuator's or a joint's",
         inside=[same(given, x) for x in factors],
         outside=[same(derived, x) for x in factors] + [joint[0][0] == joint[1][0]],
     )
-    result.corrected(
+    result.correction_holds(
         worst < 1e-12,
         all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors),
         bool(np.allclose(joint[1], 4.0 * np.array(joint[0]))),
@@ -230,8 +230,8 @@ def mass_and_period(result):
         return swing_period(model, "hinge", 0.5)
 
     plain = period(1.0, 1.0)
-    scaled = result.figure("scaled_ratio", period(2.0, 2.0) / plain)
-    alone = result.figure("mass_only_ratio", period(2.0, 1.0) / plain, tolerance=1e-4)
+    scaled = result.measure("scaled_ratio", period(2.0, 2.0) / plain)
+    alone = result.measure("mass_only_ratio", period(2.0, 1.0) / plain, tolerance=1e-4)
     # I / (m g l) about the hinge: (i / s + m l^2) / (m g l) with i the inertia about the centre
     centre, arm = (0.03**2 + 0.3**2) / 3.0, 0.3**2
     expected = np.sqrt((0.5 * centre + arm) / (centre + arm))
@@ -240,8 +240,8 @@ def mass_and_period(result):
         f"Twice the mass: {scaled:.6f} times the period with the inertia scaled, {alone:.4f} times "
         "without."
     )
-    result.heard(abs(scaled - 1.0) > 1e-3)
-    result.corrected(
+    result.statement_holds(abs(scaled - 1.0) > 1e-3)
+    result.correction_holds(
         abs(scaled - 1.0) < 1e-6, abs(other / plain - 1.0) < 1e-6, abs(alone - expected) < 1e-4
     )
 
@@ -282,21 +282,21 @@ def scaled_damping(result):
         return float((damping * result.rng.uniform(0.7, 1.3, 200)).std())
 
     damped, zero = (spread(d) for d in model.dof_damping)
-    result.figure("damped_default_spread", damped, tolerance=0.15)
-    result.figure("zero_default_spread", zero, tolerance=0.0)
+    result.measure("damped_default_spread", damped, tolerance=0.15)
+    result.measure("zero_default_spread", zero, tolerance=0.0)
     _, drawn, _ = _drawn(_arm(), 200, result.rng, damping=(0.0, 0.5))
-    added = result.figure("added_spread", drawn[:, 1].std(), tolerance=0.2)
+    added = result.measure("added_spread", drawn[:, 1].std(), tolerance=0.2)
     result.statement = (
         f"Standard deviation over 200 draws: {damped:.3f} and {zero:g} N m s/rad by factors, "
         f"{added:.3f} where the draw is added."
     )
-    result.heard(
+    result.statement_holds(
         min(damped, zero) > 0.0,
         only_if="the default damping is not zero",
         inside=[spread(d) > 0.0 for d in 10 ** result.rng.uniform(-3, 1, 8)],
         outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]],
     )
-    result.corrected(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
+    result.correction_holds(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
 
 
 @claim(
@@ -311,9 +311,9 @@ def one_geom_friction(result):
 
     from course.oracles.mujoco.randomize import sliding_friction
 
-    floor, sled = result.given("floor", 0.9), result.given("sled", 0.3)
-    plain = result.figure("sled_0_3_floor_0_9", _contact(_sled(floor, sled)), tolerance=0.0)
-    first = result.figure("with_priority", _contact(_sled(floor, sled, priority=1)), tolerance=0.0)
+    floor, sled = result.input("floor", 0.9), result.input("sled", 0.3)
+    plain = result.measure("sled_0_3_floor_0_9", _contact(_sled(floor, sled)), tolerance=0.0)
+    first = result.measure("with_priority", _contact(_sled(floor, sled, priority=1)), tolerance=0.0)
     measured = sliding_friction(_sled(floor, sled), "x", "z", speed=4.0)
     result.statement = (
         f"A sled of 0.3 on a floor of 0.9 is braked with a coefficient of {measured:.4f}."
@@ -330,7 +330,7 @@ def one_geom_friction(result):
         )
 
     both = list(zip(low, high, strict=True))
-    result.heard(
+    result.statement_holds(
         plain == sled,
         only_if="it is the larger of the two, or its geom has the higher priority, and no pair in "
         "the model names both",
@@ -339,7 +339,7 @@ def one_geom_friction(result):
         outside=[_contact(_sled(y, x)) == x for x, y in both]
         + [paired(x, y) == y for x, y in both],
     )
-    result.corrected(
+    result.correction_holds(
         first == sled,
         paired(low[0], high[0]) == 0.2,
         abs(measured - floor) < 1e-9,
@@ -357,8 +357,8 @@ def one_geom_friction(result):
 def friction_of_each_geom(result):
     import mujoco
 
-    low, high = result.given("low", 0.4), result.given("high", 1.2)
-    middle = result.given("middle", 0.5 * (low + high))
+    low, high = result.input("low", 0.4), result.input("high", 1.2)
+    middle = result.input("middle", 0.5 * (low + high))
     model = _sled(0.5, 0.5)
     data = mujoco.MjData(model)
     drawn = []
@@ -366,16 +366,16 @@ def friction_of_each_geom(result):
         model.geom_friction[:, 0] = result.rng.uniform(low, high, model.ngeom)
         mujoco.mj_forward(model, data)
         drawn.append(data.contact.friction[0, 0])
-    mean = result.figure("mean", np.mean(drawn), tolerance=0.02)
-    below = result.figure("share_below_middle", np.mean(np.array(drawn) < middle), tolerance=0.12)
+    mean = result.measure("mean", np.mean(drawn), tolerance=0.02)
+    below = result.measure("share_below_middle", np.mean(np.array(drawn) < middle), tolerance=0.12)
     _, _, one = _drawn(_sled(0.5, 0.5), 400, result.rng, friction=(low, high))
-    retained = result.figure("mean_of_one_draw", np.mean(one), tolerance=0.03)
+    retained = result.measure("mean_of_one_draw", np.mean(one), tolerance=0.03)
     result.statement = (
         f"1000 contacts of MuJoCo: mean {mean:.3f}, {below:.1%} below 0.8; with one draw for all "
         f"geoms {retained:.3f} over 400."
     )
-    result.heard(abs(mean - middle) < 0.03)
-    result.corrected(
+    result.statement_holds(abs(mean - middle) < 0.03)
+    result.correction_holds(
         abs(mean - (low + (high - low) * 2.0 / 3.0)) < 0.02,
         abs(below - 0.25) < 0.04,
         abs(retained - middle) < 0.04,
@@ -403,21 +403,21 @@ def friction_in_all_directions(result):
         change = data.qvel - start
         return np.hypot(*change[:2]) / (9.81 * 0.1 + change[2]) / 0.5
 
-    result.figure("pyramid_along", braked("pyramidal", 0.0), tolerance=1e-9)
-    diagonal = result.figure("pyramid_diagonal", braked("pyramidal", np.pi / 4), tolerance=1e-3)
-    ellipse = result.figure("ellipse_diagonal", braked("elliptic", np.pi / 4), tolerance=1e-3)
+    result.measure("pyramid_along", braked("pyramidal", 0.0), tolerance=1e-9)
+    diagonal = result.measure("pyramid_diagonal", braked("pyramidal", np.pi / 4), tolerance=1e-3)
+    ellipse = result.measure("ellipse_diagonal", braked("elliptic", np.pi / 4), tolerance=1e-3)
     result.statement = (
         f"Along the diagonal the pyramid gives {diagonal:.4f} of the coefficient, the ellipse "
         f"{ellipse:.4f}; and at ten random angles."
     )
     angles = result.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
-    result.heard(
+    result.statement_holds(
         abs(diagonal - 1.0) < 1e-3,
         only_if="the friction cone is elliptic",
         inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles],
         outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles],
     )
-    result.corrected(abs(diagonal - np.sqrt(0.5)) < 1e-3)
+    result.correction_holds(abs(diagonal - np.sqrt(0.5)) < 1e-3)
 
 
 @claim(
@@ -430,21 +430,21 @@ def friction_in_all_directions(result):
     "{median_from_defaults:.2f}.",
 )
 def factors_compound(result):
-    low, high = result.given("low", 0.7), result.given("high", 1.3)
-    episodes = result.given("episodes", 1000)
+    low, high = result.input("low", 0.7), result.input("high", 1.3)
+    episodes = result.input("episodes", 1000)
     factors = np.random.default_rng(2).uniform(low, high, (2000, episodes))
     theory = (high * np.log(high) - low * np.log(low)) / (high - low) - 1.0
-    drift = result.figure("drift_per_episode", theory, tolerance=1e-4)
-    median = result.figure("median_after_1000", np.median(np.prod(factors, axis=1)), tolerance=0.01)
+    drift = result.measure("drift_per_episode", theory, tolerance=1e-4)
+    median = result.measure("median_after_1000", np.median(np.prod(factors, axis=1)), tolerance=0.01)
     default = _arm().body_mass[1:]
     masses, _, _ = _drawn(_arm(), episodes, result.rng, mass=(low, high))
-    retained = result.figure("median_from_defaults", np.median(masses / default), tolerance=0.05)
+    retained = result.measure("median_from_defaults", np.median(masses / default), tolerance=0.05)
     result.statement = (
         f"Between 0.7 and 1.3 the logarithm drifts by {drift:.4f} an episode; after 1000 episodes "
         f"the median of 2000 runs is {median:.1e} of the default, of draws from it {retained:.2f}."
     )
-    result.heard(median > 0.5)
-    result.corrected(
+    result.statement_holds(median > 0.5)
+    result.correction_holds(
         abs(np.log(factors).mean() / drift - 1) < 0.01,
         abs(np.log(median) / (episodes * drift) - 1.0) < 0.1,
         low <= (masses / default).min() < (masses / default).max() <= high,
@@ -486,14 +486,14 @@ def queue_of_k(result):
         randomizer.randomize(mujoco.MjData(model), result.rng)
         return late([randomizer.delay([action]) for action in sent])
 
-    result.figure("lag_of_4_places", lag(4))
-    result.figure("lag_of_5_places", lag(5))
+    result.measure("lag_of_4_places", lag(4))
+    result.measure("lag_of_5_places", lag(5))
     result.statement = (
         f"Cross-correlation of 400 random actions: 4 places are {lag(4)} steps late; MuJoCo's own "
         f"actuator delay of 4 steps is {late(actuator_delay(sent, 4))}, the randomiser's {ours(4)}."
     )
-    result.heard(lag(4) == 4)
-    result.corrected(
+    result.statement_holds(lag(4) == 4)
+    result.correction_holds(
         all(lag(k) == k - 1 for k in range(1, 12)),
         all(ours(k) == k == late(actuator_delay(sent, k)) for k in (1, 4, 7)),
     )

@@ -57,10 +57,10 @@ def telescoped_sum(result):
     path = result.rng.integers(0, 6, 12)
     paid = np.cumsum([0.95**k * extra[path[k], path[k + 1]] for k in range(11)])
     three = float(result.formula.subs({gamma: 0.95, a: phi[path[0]], b: phi[path[3]]}))
-    result.figure("paid", paid[-1], 1e-9)
+    result.measure("paid", paid[-1], 1e-9)
     result.statement = "Eleven steps through a drawn process, summed."
-    result.heard(abs(paid[2] - three) < 1e-12)
-    result.corrected(all(cancels), abs(paid[-1] - (0.95**11 * phi[path[11]] - phi[path[0]])) < 1e-12)
+    result.statement_holds(abs(paid[2] - three) < 1e-12)
+    result.correction_holds(all(cancels), abs(paid[-1] - (0.95**11 * phi[path[11]] - phi[path[0]])) < 1e-12)
 
 
 @claim(
@@ -79,15 +79,15 @@ def shaping_keeps_the_best(result):
         policy = value_iteration(shaped(process, phi, free_end=free_end)).policy
         return bool(np.allclose(evaluate_policy(process, policy), best, atol=1e-9))
 
-    n = result.given("n", 40)
+    n = result.input("n", 40)
     zero, free = ([retained(end) for _ in range(n)] for end in (False, True))
-    result.figure("free", n - sum(free), 0.0)
-    single = result.figure("single", n - sum(retained(True, 1) for _ in range(n)), 0.0)
+    result.measure("free", n - sum(free), 0.0)
+    single = result.measure("single", n - sum(retained(True, 1) for _ in range(n)), 0.0)
     result.statement = "Six states, two actions, solved exactly."
-    result.heard(
+    result.statement_holds(
         all(free), only_if="the potential is 0 where an episode ends", inside=zero, outside=free
     )
-    result.corrected(all(zero), sum(free) < 0.8 * n, single > 3)
+    result.correction_holds(all(zero), sum(free) < 0.8 * n, single > 3)
 
 
 @claim(
@@ -99,7 +99,7 @@ def shaping_keeps_the_best(result):
 def time_is_an_end(result):
     from course.sim_to_real import shaped, value_iteration
 
-    n, steps = int(result.given("n", 40)), int(result.given("steps", 2))
+    n, steps = int(result.input("n", 40)), int(result.input("steps", 2))
 
     def first(process, value):
         """Best first actions, with so many steps to go and this value of the last state."""
@@ -114,12 +114,12 @@ def time_is_an_end(result):
         return bool(np.all(first(process, last[0]) == first(shaped(process, phi), last[1])))
 
     valued, cut = ([retained(x) for _ in range(n)] for x in (1.0, 0.0))
-    result.figure("cut", n - sum(cut), 0.0)
+    result.measure("cut", n - sum(cut), 0.0)
     result.statement = "Six states, two actions, by backward recursion."
-    result.heard(
+    result.statement_holds(
         all(cut), only_if="the value of the last state is added there", inside=valued, outside=cut
     )
-    result.corrected(all(valued), sum(cut) < 0.8 * n)
+    result.correction_holds(all(valued), sum(cut) < 0.8 * n)
 
 
 @claim(
@@ -150,16 +150,16 @@ def two_routes(result):
         process = Process(P, R, 0.95, np.arange(S) == S - 1)
         return value_iteration(shaped(process, -d) if paid == "potential" else process).policy[0]
 
-    n, flips, retained = int(result.given("n", 40)), [], []
+    n, flips, retained = int(result.input("n", 40)), [], []
     for _ in range(n):
         paths = [result.rng.uniform(0.1, 2.0, int(m)) for m in result.rng.permutation(10)[:2] + 1]
         best = choice(paths, "goal")
         flips.append(choice(paths, "distance") != best)
         retained.append(choice(paths, "potential") == best == int(len(paths[0]) > len(paths[1])))
-    flipped = result.figure("flipped", sum(flips), 0.0)
+    flipped = result.measure("flipped", sum(flips), 0.0)
     result.statement = "Two ways of one to ten states to a goal that pays, solved exactly."
-    result.heard(flipped > 0)
-    result.corrected(all(retained), flipped < n)
+    result.statement_holds(flipped > 0)
+    result.correction_holds(all(retained), flipped < n)
 
 
 @claim(
@@ -193,10 +193,10 @@ def q_of_shaped(result):
         change = value_iteration(shaped(process, phi, free_end=free_end)).q
         return np.abs(change - value_iteration(process).q + factor * live[:, None]).max()
 
-    received = result.figure("heard_off", deviation(0, 0.05), 1e-6)
+    received = result.measure("heard_off", deviation(0, 0.05), 1e-6)
     result.statement = "Drawn processes with none to two ends, solved before and after."
-    result.heard(received < 1e-9)
-    result.corrected(max(deviation(ends, 1.0) for ends in (0, 1, 2)) < 1e-10, deviation(2, 1.0, True) > 0.01)
+    result.statement_holds(received < 1e-9)
+    result.correction_holds(max(deviation(ends, 1.0) for ends in (0, 1, 2)) < 1e-10, deviation(2, 1.0, True) > 0.01)
 
 
 @claim(
@@ -238,16 +238,16 @@ def step_penalty(result):
 
     ended, endless = ([remaining(drawn(result.rng, e)) for _ in range(8)] for e in (1, 0))
     chains = [remaining(chain(n)) for n in result.rng.integers(3, 9, 8)]
-    result.figure("least_left_with_an_end", min(ended), 0.01)
+    result.measure("least_left_with_an_end", min(ended), 0.01)
     result.statement = "The potential that comes closest, by least squares: drawn, and in chains."
     inside, outside = ([x > 1e-9 for x in some] for some in (ended, endless + chains))
-    result.heard(
+    result.statement_holds(
         all(outside),
         only_if="episodes can end, and ways to the end differ in length",
         inside=inside,
         outside=outside,
     )
-    result.corrected(
+    result.correction_holds(
         max(endless) < 1e-9,
         max(chains) < 1e-9,
         float(result.formula.subs({gamma: 0.95, c: 1})) > 19.9,
@@ -292,17 +292,17 @@ def gap_of_values(result):
 
     bound = transfer_bound(gamma, eps)
     law = float(result.formula.subs({g: gamma, e: eps, R: 1}))
-    share = result.figure("share", lost(gamma, eps) / bound)
-    factor = result.figure("factor", lost(gamma, eps) * (1 - gamma) / eps)
+    share = result.measure("share", lost(gamma, eps) / bound)
+    factor = result.measure("factor", lost(gamma, eps) * (1 - gamma) / eps)
     result.statement = "Two states, a discount of 0.95 and a distance of 0.001; and drawn ones."
     low, high = result.rng.uniform(0.05, 0.5, 8), result.rng.uniform(0.51, 0.99, 8)
-    result.heard(
+    result.statement_holds(
         factor <= 1.0,
         only_if="the discount is a half or less",
         inside=[transfer_bound(x, eps) * (1 - x) <= eps for x in low],
         outside=[lost(x, eps) * (1 - x) <= eps for x in high],
     )
-    result.corrected(
+    result.correction_holds(
         abs(bound / law - 1.0) < 1e-9,
         0.9 < share <= 1.0,
         factor > 10.0,

@@ -60,7 +60,7 @@ def _stepped(kind, environments, actions):
 def vector_one_done_flag(result):
     from course.drills import VectorizedEnv
 
-    discount, clock = result.given("discount", 0.9), result.given("clock_steps", 10)
+    discount, clock = result.input("discount", 0.9), result.input("clock_steps", 10)
 
     def learned(clock, merged, gamma=discount):
         """The value that agrees with the mean of its targets, of a learner without a clock."""
@@ -77,18 +77,18 @@ def vector_one_done_flag(result):
     def right(clock, merged, gamma):
         return abs(learned(clock, merged, gamma) * (1.0 - gamma) - 1.0) < 1e-9
 
-    result.figure("value", learned(10**6, False), tolerance=1e-9)
-    one = result.figure("learned_with_one_flag", learned(clock, True))
-    result.figure("learned_with_two", learned(clock, False))
+    result.measure("value", learned(10**6, False), tolerance=1e-9)
+    one = result.measure("learned_with_one_flag", learned(clock, True))
+    result.measure("learned_with_two", learned(clock, False))
     result.statement = "The fixed point of the targets over 200 steps of 4 environments."
     draws = list(zip(result.rng.integers(2, 190, 8), result.rng.uniform(0.5, 0.99, 8), strict=True))
-    result.heard(
+    result.statement_holds(
         right(clock, True, discount),
         only_if="no episode is cut off by a clock",
         inside=[right(200 + int(n), True, gamma) for n, gamma in draws],
         outside=[right(int(n), True, gamma) for n, gamma in draws],
     )
-    result.corrected(
+    result.correction_holds(
         abs(one - 1.0 / 0.19) < 1e-9, all(right(int(n), False, gamma) for n, gamma in draws)
     )
 
@@ -110,13 +110,13 @@ def vector_one_step_test(result):
             selected = [{k: v for k, v in i.items() if not k.startswith("final")} for i in infos]
             return *rest, selected
 
-    count = result.given("runs", 100)
+    count = result.input("runs", 100)
     runs = np.array([_asserted(Forgetful, 100, seed) for seed in range(count)])
-    passes = result.figure("wrong_class_passes", runs[:, 0].sum())
-    result.figure("ends_seen_in_100_runs", runs[:, 1].sum())
+    passes = result.measure("wrong_class_passes", runs[:, 0].sum())
+    result.measure("ends_seen_in_100_runs", runs[:, 1].sum())
     result.statement = "Run on a class that drops the last observation, with episodes of 100 steps."
-    result.heard(passes < count)
-    result.corrected(
+    result.statement_holds(passes < count)
+    result.correction_holds(
         runs[:, 1].sum() == 0,
         not _asserted(Forgetful, 1, 0)[0],
         _asserted(Forgetful, 1, 0)[1],
@@ -146,10 +146,10 @@ def vector_zip_of_actions(result):
             return type(error).__name__
         return "nothing"
 
-    few = result.figure("stepped_of_4_with_3_actions", _stepped(Zipped, 4, 3)[0])
-    count = result.figure("used_of_5_actions", _stepped(Zipped, 4, 5)[1])
+    few = result.measure("stepped_of_4_with_3_actions", _stepped(Zipped, 4, 3)[0])
+    count = result.measure("used_of_5_actions", _stepped(Zipped, 4, 5)[1])
     ours = vector_env.VectorizedEnv(vector_env.ArmReach, 4)
-    checked = result.figure("checked", answer(ours, np.zeros((3, 2))))
+    checked = result.measure("checked", answer(ours, np.zeros((3, 2))))
     drill = drills.VectorizedEnv(lambda: _Clocked(100), 4)
     result.statement = "Counted by the environments."
 
@@ -157,13 +157,13 @@ def vector_zip_of_actions(result):
         return _stepped(Zipped, environments, actions) == (environments, actions)
 
     counts = [int(n) for n in result.rng.integers(1, 20, 10)]
-    result.heard(
+    result.statement_holds(
         every(4, 3),
         only_if="there are as many actions as environments",
         inside=[every(n, n) for n in counts],
         outside=[every(n, n + (-1) ** i) for i, n in enumerate(counts)],
     )
-    result.corrected(
+    result.correction_holds(
         few == 3,
         count == 4,
         checked == "ValueError",
@@ -199,19 +199,19 @@ def vector_same_step_reset(result):
 
     later, reward, name = last_shown()
     same, other, _ = last_shown(autoreset_mode="SameStep")
-    result.figure("default", name)
-    result.figure("last_shown_next_step", later)
-    result.figure("last_shown_same_step", same)
-    result.figure("reward_of_the_resetting_step", reward)
+    result.measure("default", name)
+    result.measure("last_shown_next_step", later)
+    result.measure("last_shown_same_step", same)
+    result.measure("reward_of_the_resetting_step", reward)
     result.statement = "Gymnasium's SyncVectorEnv over an environment that ends after one step."
     seeds = [int(seed) for seed in result.rng.integers(0, 10**6, 8)]
-    result.heard(
+    result.statement_holds(
         not later,
         only_if="the autoreset mode is SAME_STEP",
         inside=[not last_shown(seed, autoreset_mode="SameStep")[0] for seed in seeds],
         outside=[not last_shown(seed)[0] for seed in seeds],
     )
-    result.corrected(reward == 0.0, other != 0.0, name == "NextStep")
+    result.correction_holds(reward == 0.0, other != 0.0, name == "NextStep")
 
 
 @claim(
@@ -231,18 +231,18 @@ def vector_one_seed(result):
         """Whether the eight are different, and the same again."""
         return len(set(rows(seed))) == 8 and rows(seed) == rows(seed)
 
-    result.figure("different_of_8_with_one_seed", np.size(list(set(rows([5] * 8)))))
-    result.figure("different_of_8_with_own", np.size(list(set(rows(5)))))
+    result.measure("different_of_8_with_one_seed", np.size(list(set(rows([5] * 8)))))
+    result.measure("different_of_8_with_own", np.size(list(set(rows(5)))))
     result.statement = "Distinct first observations of the reaching task."
     seeds = [int(seed) for seed in result.rng.integers(0, 10**6, 10)]
     first = [rows([seed] * 8) for seed in seeds]
-    result.heard(
+    result.statement_holds(
         good([5] * 8),
         only_if="each of them gets a seed of its own",
         inside=[good(seed) for seed in seeds],
         outside=[good([seed] * 8) for seed in seeds],
     )
-    result.corrected(
+    result.correction_holds(
         all(len(set(rows([seed] * 8))) == 1 for seed in seeds),
         first == [rows([seed] * 8) for seed in seeds],
     )
@@ -284,8 +284,8 @@ def vector_processes_pay(result):
 
     c, r, n, w = sympy.symbols("c r N W", positive=True)
     (result.formula,) = sympy.solve(sympy.Eq(n * c, n * c / w + r), c)
-    environments, workers = result.given("environments", 8), result.given("workers", 2)
-    wake = result.given("wake_us", 200)
+    environments, workers = result.input("environments", 8), result.input("workers", 2)
+    wake = result.input("wake_us", 200)
     envs = ProcessVectorEnv(Located, environments, num_workers=workers)
     homes = envs.get_attr("process")
     envs.close()
@@ -298,8 +298,8 @@ def vector_processes_pay(result):
     def even(waking=wake, n=environments, w=workers):
         return predicted_crossing(0.0, waking, n, w, 0.0)
 
-    break_even = result.figure("break_even_us", even(), tolerance=1e-9)
-    result.figure("ratio_at_10_us", ratio(even() / 5))
+    break_even = result.measure("break_even_us", even(), tolerance=1e-9)
+    result.measure("ratio_at_10_us", ratio(even() / 5))
     result.statement = (
         f"By algebra, with the shares counted in {workers} processes: each steps {max(each)} of "
         f"{environments} environments. Times in microseconds."
@@ -309,14 +309,14 @@ def vector_processes_pay(result):
         for w, k in zip(result.rng.integers(2, 9, 12), result.rng.integers(1, 9, 12), strict=True)
     ]
     beyond, short = result.rng.uniform(1.01, 3, 12), result.rng.uniform(0.3, 0.99, 12)
-    result.heard(
+    result.statement_holds(
         ratio(0.2 * break_even) > 1.0,
         only_if="one environment's step costs more than r / (N (1 - 1 / W)), and W divides N",
         inside=[ratio(x * even(*d), *d) > 1 for x, d in zip(beyond, draws, strict=True)],
         outside=[ratio(x * even(*d), *d) > 1 for x, d in zip(short, draws, strict=True)],
     )
     values = [float(result.formula.subs({r: a, n: b, w: k})) for a, b, k in draws]
-    result.corrected(
+    result.correction_holds(
         set(each) == {environments // workers} and len(each) == workers,
         all(abs(even(*d) / value - 1) < 1e-12 for d, value in zip(draws, values, strict=True)),
         ratio(0.99 * break_even) < 1.0 < ratio(1.01 * break_even),

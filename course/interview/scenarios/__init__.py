@@ -229,7 +229,7 @@ class Row:
     figure: float
     unit: str
     ruled_out: tuple[str, ...]
-    left: tuple[str, ...]
+    remaining: tuple[str, ...]
 
 
 def evidence(name: str, findings: list[Finding]) -> tuple[Row, ...]:
@@ -320,7 +320,7 @@ class Verdict:
     @property
     def supported(self) -> bool:
         """Whether it was named and the probes left no other."""
-        return self.right and bool(self.rows) and self.rows[-1].left == (self.cause,)
+        return self.right and bool(self.rows) and self.rows[-1].remaining == (self.cause,)
 
     @property
     def cured(self) -> bool:
@@ -340,7 +340,7 @@ class Verdict:
         if not self.right:
             against = [row.probe for row in self.rows if self.diagnosis in row.ruled_out]
             message += [f"{', '.join(against)} had ruled {self.diagnosis} out."] if against else []
-        remaining = self.rows[-1].left if self.rows else tuple(cause.name for cause in one.causes)
+        remaining = self.rows[-1].remaining if self.rows else tuple(cause.name for cause in one.causes)
         message.append(f"Your {self.minutes} minutes of probes leave {' or '.join(remaining) or 'none'}.")
         message.append(self._of(self.tried, "Your repair"))
         if self.popular.repair != self.tried.repair:
@@ -370,7 +370,7 @@ def table(rows: tuple[Row, ...]) -> str:
     """Evidence as a table in Markdown."""
     lines = ["| probe | figure | rules out | left |", "|---|---:|---|---|"]
     for row in rows:
-        out, remaining = (", ".join(names) or "none" for names in (row.ruled_out, row.left))
+        out, remaining = (", ".join(names) or "none" for names in (row.ruled_out, row.remaining))
         lines.append(f"| {row.probe} | {_number(row.figure, row.unit)} | {out} | {remaining} |")
     return "\n".join(lines)
 

@@ -29,14 +29,14 @@ class Field:
     __name__ = "acceleration"
 
     def __init__(self, kind: str, numbers: Sequence[float], shape: tuple[int, ...]) -> None:
-        self.kind, self.numbers, self.shape, self.asked = kind, list(numbers), shape, 0
+        self.kind, self.numbers, self.shape, self.calls = kind, list(numbers), shape, 0
 
     def __deepcopy__(self, memo: Any) -> Field:
         """A field of its own for the worked answer, whose calls do not count."""
         return Field(self.kind, self.numbers, self.shape)
 
     def __call__(self, place: Any) -> Array:
-        self.asked += 1
+        self.calls += 1
         q = numbers_of(place, "the position")
         if q.shape != self.shape:
             raise ValueError(f"acceleration takes positions of shape {self.shape}, got {q.shape}")
@@ -80,7 +80,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 def explain(answers: Sequence[Answer]) -> str:
     """Right values at twice the price."""
-    requested = {a.case.args[3].asked for a in answers}
+    requested = {a.case.args[3].calls for a in answers}
     right = all(all(a.right) for a in answers)
     return "evaluated_twice" if requested == {2} and right else coarse(answers)
 
@@ -88,7 +88,7 @@ def explain(answers: Sequence[Answer]) -> str:
 def whole_runs(attempt: Attempt, answers: Sequence[Answer]) -> None:
     """How often the acceleration was asked for, then what a run of many steps must show."""
     for a in answers:
-        calls = a.case.args[3].asked
+        calls = a.case.args[3].calls
         attempt.require(
             f"{a.case.label}: evaluations",
             calls == 1,

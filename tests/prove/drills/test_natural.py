@@ -28,11 +28,11 @@ class Wrong:
 
     what: str
     text: str
-    told: frozenset[str]
+    explanations: frozenset[str]
 
     def explained(self, report: Report) -> bool:
         """Whether a true explanation was given."""
-        return bool({report.slip, str(report.reason)} & self.told)
+        return bool({report.slip, str(report.reason)} & self.explanations)
 
 
 def answers(card: Card) -> list[Wrong]:

@@ -135,10 +135,10 @@ class Reader:
             lambda url: not url.startswith((address, "data:", "blob:")), self._refuse
         )
         self.page = self.context.new_page()
-        self.page.on("console", self._said)
+        self.page.on("console", self._console)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
 
-    def _said(self, message: Any) -> None:
+    def _console(self, message: Any) -> None:
         if message.type in ("error", "warning"):
             self.wrong.append(message.text)
 

@@ -36,7 +36,7 @@ class Result:
         inputs: name -> what the experiment was given and the texts may quote.
         statement: what was computed or measured, in one or two sentences.
         formula: the SymPy expression the check derived, where the claim asks for a formula.
-        holds: whether the claim holds as it is heard; None until `heard` was called.
+        holds: whether the claim holds as it is heard; None until `statement_holds` was called.
         condition: what must be true for it to hold, or "".
         inside, outside: how the claim fared at draws inside and just outside its condition.
         facts: what settles the corrected statement.
@@ -63,7 +63,7 @@ class Result:
 
         return np.random.default_rng(zlib.crc32(self.id.encode()))
 
-    def given(self, name: str, value: Any) -> Any:
+    def input(self, name: str, value: Any) -> Any:
         """A number that goes into the experiment and that the texts may quote as `{name}`.
 
         Args:
@@ -74,7 +74,7 @@ class Result:
         self.inputs[name] = value if isinstance(value, str) else float(value)
         return value
 
-    def figure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
+    def measure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
         """A figure that came out.
 
         Args:
@@ -100,7 +100,7 @@ class Result:
         if name in self.figures or name in self.inputs:
             raise ValueError(f"name is {name!r}, which is taken")
 
-    def heard(
+    def statement_holds(
         self,
         holds: Any,
         *,
@@ -120,8 +120,8 @@ class Result:
                 fewer than 8 draws are all there are.
         """
         if self.holds is not None:
-            raise ValueError("heard was called twice; a claim has one verdict")
-        self.holds = _fact("heard", holds)
+            raise ValueError("statement_holds was called twice; a claim has one verdict")
+        self.holds = _fact("statement_holds", holds)
         self.condition = only_if
         self.inside = [_fact("inside", x) for x in inside]
         self.outside = [_fact("outside", x) for x in outside]
@@ -143,9 +143,9 @@ class Result:
                 f"the condition is not needed: all {len(self.outside)} draws outside it hold"
             )
 
-    def corrected(self, *facts: Any) -> None:
+    def correction_holds(self, *facts: Any) -> None:
         """What settles the corrected statement; all must be true, and each must be computed."""
-        self.facts += [_fact("corrected", fact) for fact in facts]
+        self.facts += [_fact("correction_holds", fact) for fact in facts]
 
     @property
     def verdict(self) -> Verdict:
@@ -159,9 +159,9 @@ class Result:
         """What is wrong with what was found, whatever is on record."""
         wrong = list(self._wrong)
         if self.holds is None:
-            wrong.append("the check did not say whether the claim holds (found.heard)")
+            wrong.append("the check did not say whether the claim holds (result.statement_holds)")
         if not self.facts:
-            wrong.append("nothing settles the corrected statement (found.corrected)")
+            wrong.append("nothing settles the corrected statement (result.correction_holds)")
         false = [str(i + 1) for i, fact in enumerate(self.facts) if not fact]
         if false:
             wrong.append(
