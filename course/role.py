@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, finite, one_of, positive, invalid, vector
+from course.check import count, finite, invalid, one_of, positive, vector
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,9 @@ class Stage:
             return period
         if rule == "queue" and not self.jitter and self.execution >= period + early:
             return self.execution  # always busy
-        least, largest = (math.ceil(x / period - 1e-9) for x in (longest - 2 * self.jitter, longest))
+        least, largest = (
+            math.ceil(x / period - 1e-9) for x in (longest - 2 * self.jitter, longest)
+        )
         if rule == "skip" and least == largest and not early:
             return period * largest
         raise invalid(

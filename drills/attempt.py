@@ -106,7 +106,9 @@ class Learner:
     ) -> Any:
         retained = _copied(args), _copied(kwargs)
         self.last_args = retained[0]
-        self.last_request = describe_call(name, *retained) if kind in ("call", "new", "method") else ""
+        self.last_request = (
+            describe_call(name, *retained) if kind in ("call", "new", "method") else ""
+        )
         try:
             result = request(self.child, kind, name, handle, args, kwargs)
         except Raised as raised:
@@ -225,7 +227,8 @@ class Attempt:
             deviation = f"{error:.3g}" if unit in ("", "1") else f"{error:.3g} {unit}"
             digits = 6 if f"{values[place]:.6g}" != f"{truth[place]:.6g}" else 16
             sentence = (
-                f"Off by {deviation}{at}: {values[place]:.{digits}g}, not {truth[place]:.{digits}g}."
+                f"Off by {deviation}{at}: {values[place]:.{digits}g}, "
+                f"not {truth[place]:.{digits}g}."
             )
             base |= {"reason": Reason.WRONG_VALUE, "sentence": sentence, "slip": slip}
             self._add(Check(**base, error=error, got=describe(values, SHOWN)))
@@ -302,7 +305,10 @@ class Attempt:
         if got is None:
             reason, sentence = Reason.NOTHING_RETURNED, SENTENCES[Reason.NOTHING_RETURNED]
         elif isinstance(got, list | tuple) or (isinstance(got, np.ndarray) and got.ndim > 0):
-            reason, sentence = Reason.WRONG_SHAPE, f"{len(got)} came back; {expected} are asked for."
+            reason, sentence = (
+                Reason.WRONG_SHAPE,
+                f"{len(got)} came back; {expected} are asked for.",
+            )
         else:
             reason = Reason.WRONG_TYPE
             sentence = f"One {type_name(got)} came back; {expected} are asked for."

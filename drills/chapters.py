@@ -168,8 +168,8 @@ class Copy:
             both = "; all you wrote is in it"
             if self.preserved:
                 both += (
-                    f". The course changed {self.preserved} cell{'s' * (self.preserved != 1)} that you "
-                    'changed too: look for "Kept from your copy", both versions are there'
+                    f". The course changed {self.preserved} cell{'s' * (self.preserved != 1)} "
+                    'that you changed too: look for "Kept from your copy", both versions are there'
                 )
             return f"{name} is brought up to date{both}."
         return ""

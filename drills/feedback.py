@@ -316,7 +316,8 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
             for cost in report.costs
         ],
         "cases": [
-            {"level": level, "hold": hold, "asked": requested} for level, hold, requested in report.tally()
+            {"level": level, "hold": hold, "asked": requested}
+            for level, hold, requested in report.tally()
         ],
         "not_reached": report.unreached,
         "notes": list(report.notes),

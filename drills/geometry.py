@@ -96,7 +96,9 @@ def path_faults(
         faults.append(Fault("start", 0, text))
     if not np.array_equal(path[-1], goal):
         deviation = math.dist(path[-1], goal)
-        text = f"the path ends at {_point(path[-1])}, {deviation:.3g} m from the goal {_point(goal)}"
+        text = (
+            f"the path ends at {_point(path[-1])}, {deviation:.3g} m from the goal {_point(goal)}"
+        )
         faults.append(Fault("goal", len(path) - 1, text))
     faults += bounds_faults(path, bounds)
     for i in range(max(len(path) - 1, 1)):  # a path of one vertex is an edge without length

@@ -168,7 +168,9 @@ def _check_signature(card: Card, loaded: Loaded) -> None:
     least, largest = requested.counts()
     if keyword or required > least or (len(places) < largest and not star):
         theirs = ", ".join(p.name for p in loaded.parameters)
-        raise _WrongSignature(f"The task asks for {requested.text}; yours is {card.entry}({theirs}).")
+        raise _WrongSignature(
+            f"The task asks for {requested.text}; yours is {card.entry}({theirs})."
+        )
 
 
 def _check_replay(attempt: Attempt, twin: Place, steps: Sequence[Step]) -> None:

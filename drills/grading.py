@@ -97,7 +97,9 @@ def watch(session: Session, card: Card, file: str | None, seed: int | None) -> i
             if now is None:
                 session.say(f"{workspace.shown(Path(path))} is gone; it is graded when it is back.")
             else:
-                session.finish(*report_result(session, card, graded(session, card, path, seed), path))
+                session.finish(
+                    *report_result(session, card, graded(session, card, path, seed), path)
+                )
         time.sleep(_LOOKS)
 
 
@@ -223,7 +225,9 @@ def graded(
     return report
 
 
-def report_result(session: Session, card: Card, report: Report, path: str) -> tuple[int, dict[str, Any]]:
+def report_result(
+    session: Session, card: Card, report: Report, path: str
+) -> tuple[int, dict[str, Any]]:
     """Write the feedback; gives the exit code and the data."""
     from drills import feedback
 

@@ -169,7 +169,9 @@ def judge_of(
         allowed = np.broadcast_to(stated, len(truth)).tolist()
         right = tuple(
             attempt.compare(word, part, true, tolerance=largest, unit=v.unit, why=why, call=call)
-            for word, part, true, v, largest in zip(words, parts, truth, returns, allowed, strict=True)
+            for word, part, true, v, largest in zip(
+                words, parts, truth, returns, allowed, strict=True
+            )
         )
         return Answer(case, got, call, parts, tuple(truth), right)
 
@@ -186,7 +188,10 @@ def _simplest_wrong(answers: Sequence[Answer]) -> Shown | None:
     """What a picture can be drawn of: the first case that is wrong and has the form asked for."""
     for a in answers:
         if a.parts and not all(a.right):
-            if all(largest_error(part, truth) < np.inf for part, truth in zip(a.parts, a.truth, strict=True)):
+            if all(
+                largest_error(part, truth) < np.inf
+                for part, truth in zip(a.parts, a.truth, strict=True)
+            ):
                 return Shown(a.case.label, a.case.args, a.parts, a.truth)
     return None
 
@@ -258,7 +263,8 @@ def swapped(answers: Sequence[Answer]) -> str:
         if order == tuple(sorted(order)):
             continue
         errors = [
-            largest_error(a.parts[i], a.truth[j]) / (1.0 + float(np.max(np.abs(a.truth[j]), initial=0.0)))
+            largest_error(a.parts[i], a.truth[j])
+            / (1.0 + float(np.max(np.abs(a.truth[j]), initial=0.0)))
             for a in answers
             for i, j in enumerate(order)
         ]
@@ -298,7 +304,9 @@ def whole_numbers(answers: Sequence[Answer]) -> str:
         for *pair, right in zip(a.parts, a.truth, a.right, strict=True)
         if not right
     ]
-    values = [as_float64(got, truth.shape) for got, truth in pairs if largest_error(got, truth) < 1.0]
+    values = [
+        as_float64(got, truth.shape) for got, truth in pairs if largest_error(got, truth) < 1.0
+    ]
     cut = len(values) == len(pairs) and all(np.array_equal(v, np.trunc(v)) for v in values)
     # Nothing but zeros was not cut off: it was never computed.
     return "whole_numbers" if cut and any(v.any() for v in values) else ""

@@ -250,7 +250,9 @@ def shape_matches(quantity: Quantity, argument: Any, sizes: dict[str, int]) -> b
 def _slips(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
     count = len(exercise.slips)
     unique = len({slip.name for slip in exercise.slips}) == count
-    yield Finding(card.name, "at least four slips", count >= LEAST_SLIPS and unique, f"{count} slips")
+    yield Finding(
+        card.name, "at least four slips", count >= LEAST_SLIPS and unique, f"{count} slips"
+    )
     solution = card.solution_text()
     for slip in exercise.slips:
         text = slip.text(solution)

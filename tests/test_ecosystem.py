@@ -282,7 +282,9 @@ def test_the_system_packages_are_those_of_the_readme() -> None:
 
 def supported() -> list[str]:
     """Return the Python versions of the classifiers, such as 3.11, in ascending order."""
-    result = re.findall(r"Programming Language :: Python :: (3\.\d+)$", "\n".join(CLASSIFIERS), re.M)
+    result = re.findall(
+        r"Programming Language :: Python :: (3\.\d+)$", "\n".join(CLASSIFIERS), re.M
+    )
     return sorted(result, key=lambda version: int(version.partition(".")[2]))
 
 

@@ -128,7 +128,9 @@ def test_one_line_installs_all_that_is_absent(monkeypatch):
     monkeypatch.setitem(libraries.SYSTEM_PACKAGES, "libsurely-not-here.so.7", "libnothing7")
     assert "libnothing7" in libraries.absent_packages()
     message = str(libraries.import_error("Pinocchio", "pip install 'pin'", ImportError(GOMP)))
-    assert re.search(r"apt-get install --no-install-recommends .*\blibgomp1 .*\blibnothing7$", message)
+    assert re.search(
+        r"apt-get install --no-install-recommends .*\blibgomp1 .*\blibnothing7$", message
+    )
 
 
 # --- python -m tools.libraries --------------------------------------------------------------------

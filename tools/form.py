@@ -96,7 +96,9 @@ def faults(cells: Sequence[NotebookNode]) -> list[str]:
         if cell.cell_type == "markdown":
             for paragraph in paragraphs(cell.source):
                 if (count := words(paragraph)) > PARAGRAPH:
-                    result.append(f"cell {number}: {count} words in a paragraph: {paragraph[:60]!r}")
+                    result.append(
+                        f"cell {number}: {count} words in a paragraph: {paragraph[:60]!r}"
+                    )
             continue
         for text in printed(cell) if cell.cell_type == "code" else ():
             lines = text.splitlines()

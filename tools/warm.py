@@ -37,7 +37,9 @@ def topics() -> list[str]:
         result += [*READ_WITH.get(chapter.topic, ()), chapter.topic]
     # The code of a chapter may be there before its notebook.
     result = [topic for topic in result if importlib.util.find_spec(f"course.{topic}")]
-    return [topic for topic in result if hasattr(importlib.import_module(f"course.{topic}"), "warm")]
+    return [
+        topic for topic in result if hasattr(importlib.import_module(f"course.{topic}"), "warm")
+    ]
 
 
 class Warmed(NamedTuple):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from course.check import one_of, invalid
+from course.check import invalid, one_of
 from course.measure.data import document, from_json, json_text, panels_of
 from course.measure.figure import Panel, draw, text, write, write_picture
 from course.measure.work_precision import WorkPrecision

@@ -15,7 +15,7 @@ from numba import float64, int64, types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, one_of, positive, invalid
+from course.check import count, invalid, one_of, positive
 from course.compiled import VECTOR, compiled
 from course.contact.shapes import Array
 

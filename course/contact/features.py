@@ -342,7 +342,9 @@ def contacts(shapes: Sequence[Shape], pose: ArrayLike, margin: float = 0.0) -> C
     result = np.hstack(rows)
     result = result[:, np.argsort(result[0], kind="stable")]
     pair = result[0].astype(int)
-    return Contacts(np.stack((i[pair], j[pair])), result[2 : 2 + dim], result[5 : 5 + dim], result[8])
+    return Contacts(
+        np.stack((i[pair], j[pair])), result[2 : 2 + dim], result[5 : 5 + dim], result[8]
+    )
 
 
 def warm() -> None:

@@ -33,7 +33,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, invalid, vector
+from course.check import count, finite, invalid, one_of, positive, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.problem import Array, Problem, Solution, answer, in_scaled_rows
 from course.contact.soft import soft

@@ -9,7 +9,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, positive, invalid, vector
+from course.check import finite, invalid, positive, vector
 
 Array = NDArray[np.float64]
 

@@ -61,7 +61,9 @@ def residuals(problem: Problem, impulses: ArrayLike) -> Residuals:
     lost = able + np.sum(f[:, 1:] * u[:, 1:], axis=1)
     return Residuals(
         penetration=float(np.max(np.maximum(0.0, -(problem.gap + problem.dt * u[:, 0])))),
-        signorini=float(np.max(np.abs(np.minimum(f[:, 0] * stiff, u[:, 0] - problem.target_velocity)))),
+        signorini=float(
+            np.max(np.abs(np.minimum(f[:, 0] * stiff, u[:, 0] - problem.target_velocity)))
+        ),
         cone=float(np.max(np.maximum(0.0, np.maximum(share - f[:, 0], -f[:, 0])))),
         dissipation=float(np.max(np.maximum(0.0, lost))),
         energy=float(0.5 * np.sum(f * (u + before))),

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, one_of, positive, invalid, vector
+from course.check import finite, invalid, one_of, positive, vector
 from course.rigid_body.quaternion import normalise, to_matrix, unit_quaternion
 
 Array = NDArray[np.float64]

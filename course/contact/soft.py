@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, one_of, positive, invalid, vector
+from course.check import finite, invalid, one_of, positive, vector
 from course.contact.problem import Array, Problem, Solution
 
 _LEAST, _MOST = 1e-4, 0.9999  # mjMINIMP, mjMAXIMP

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, finite, positive, invalid, vector
+from course.check import POSITIVE, finite, invalid, positive, vector
 from course.contact.narrow import measured, paired
 from course.contact.shapes import Array, Shape
 from course.rigid_body.quaternion import exp, product

@@ -19,7 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from course.check import finite, positive, invalid, vector
+from course.check import finite, invalid, positive, vector
 
 Array = NDArray[np.float64]
 

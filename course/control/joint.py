@@ -17,7 +17,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, positive, invalid, vector
+from course.check import POSITIVE, count, finite, invalid, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.control.pid import Gains, update
 from course.control.sampled import System, joint_system, split_delay

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, positive, invalid, vector
+from course.check import POSITIVE, count, finite, invalid, positive, vector
 from course.kinematics import (
     Chain,
     TwoLink,
@@ -384,7 +384,9 @@ def hybrid(
     push = R @ (chosen.reshape((m,) + (1,) * (e.ndim - 1)) * push)
     free = like("null", null, q).reshape(n, -1).T[:, :, None]
     # What the null torques would do to the tip is taken off what the task asks of it.
-    task = (moving @ desired - drift).reshape(m, -1).T[:, :, None] - spread.transpose(0, 2, 1) @ free
+    task = (moving @ desired - drift).reshape(m, -1).T[:, :, None] - spread.transpose(
+        0, 2, 1
+    ) @ free
     effort = np.linalg.solve(mobility, task) + push.reshape(m, -1).T[:, :, None]
     tau = (jac.transpose(0, 2, 1) @ effort + free)[:, :, 0].T
     return tau.reshape(q.shape) + chain_bias(chain, q, v, gravity=gravity)

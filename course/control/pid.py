@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, one_of, positive, invalid, vector
+from course.check import finite, invalid, one_of, positive, vector
 from course.compiled import VECTOR, loop
 from course.control.sampled import RATES, Law, pid_law
 

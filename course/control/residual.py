@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, positive, invalid, vector
+from course.check import count, invalid, positive, vector
 from course.control.joint import Record
 from course.control.laws import Arm, like, needed, pd
 

@@ -19,7 +19,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, invalid, vector
+from course.check import count, finite, invalid, one_of, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
 
 Array = NDArray[np.float64]
@@ -356,7 +356,12 @@ def _gain_crossover(transition, now, before, whole, A, B, C, D):
     swings for ever."""
     values = _responses(transition, now, before, whole, A, B, C, D, _TURNS)
     largest = _TURNS.size
-    at, lags, flat, reals = np.empty(largest), np.empty(largest), np.empty(largest), np.empty(largest)
+    at, lags, flat, reals = (
+        np.empty(largest),
+        np.empty(largest),
+        np.empty(largest),
+        np.empty(largest),
+    )
     flat[0] = math.pi  # half the sample rate: there it is always real
     reals[0] = _response(transition, now, before, whole, A, B, C, D, math.pi).real
     sizes, real = 0, 1

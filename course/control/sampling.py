@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, positive, invalid, vector
+from course.check import POSITIVE, count, invalid, positive, vector
 
 Array = NDArray[np.float64]
 Rollout = Callable[[Array], Array]

@@ -180,7 +180,9 @@ def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
         if k == target.size:
             break
         if mass > 0.0:
-            speed = (speed + dt / mass * (desired - force - hold * moved)) / (1.0 + dt * give / mass)
+            speed = (speed + dt / mass * (desired - force - hold * moved)) / (
+                1.0 + dt * give / mass
+            )
             moved += dt * speed
         place = target[k] + moved
         command = stiffness * (place - x) + damping * (speed - v)

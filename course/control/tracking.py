@@ -12,7 +12,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import bounds, count, finite, one_of, positive, invalid, vector
+from course.check import bounds, count, finite, invalid, one_of, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.control.joint import Record
 from course.control.laws import Arm, computed_torque, feedforward, gain, like, pd, pd_gravity

@@ -126,7 +126,9 @@ def imu_reads_acceleration(result):
     result.statement = "MuJoCo's sensor on a box at rest, falling, and turned at random."
     result.statement_holds(abs(rest - still[2]) < 0.1)
     report = float(result.formula.subs({b: bias, t: seconds}))
-    result.correction_holds(abs(rest - 9.81) < 0.01, fall < 1e-9, deviation < 1e-9, abs(drift / report - 1) < 1e-3)
+    result.correction_holds(
+        abs(rest - 9.81) < 0.01, fall < 1e-9, deviation < 1e-9, abs(drift / report - 1) < 1e-3
+    )
 
 
 @claim(
@@ -376,7 +378,9 @@ def error_by_its_shape(result):
     late = 10
     error = places - replay(torques, delay=late)[0]
     report = late * dt * rates
-    deviation = result.measure("off", np.sqrt(((error - report) ** 2).mean() / (report**2).mean()), 0.05)
+    deviation = result.measure(
+        "off", np.sqrt(((error - report) ** 2).mean() / (report**2).mean()), 0.05
+    )
     result.statement = "Torques and positions replayed on a joint with one parameter off at a time."
     result.statement_holds(rough > 2 and held > 2)
     result.correction_holds(rough > 2, heavy > 2, held < 1.5, deviation < 0.1)

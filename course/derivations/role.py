@@ -199,7 +199,9 @@ def long_run_mean(result):
         outside=locked,
         only_if="no small number of the reader's periods is a whole number of the producer's",
     )
-    result.correction_holds(np.ptp(low) < 1e-9, np.ptp(high) < 1e-9, abs(high.mean() - low.mean()) > 0.005)
+    result.correction_holds(
+        np.ptp(low) < 1e-9, np.ptp(high) < 1e-9, abs(high.mean() - low.mean()) > 0.005
+    )
 
 
 @claim(

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, finite, one_of, positive, invalid, vector
+from course.check import count, finite, invalid, one_of, positive, vector
 
 GRAVITY_M_PER_S2 = 9.81
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from course.check import one_of, invalid
+from course.check import invalid, one_of
 from course.interview.fields import FIELD, chart, estimate, filled
 
 FOLDER = Path(__file__).parent
@@ -146,9 +146,7 @@ def reading() -> Table:
         for entry in data("reading")[kind]:
             result = work(entry["work"])
             named = f"{entry['name']}: " if "name" in entry else ""
-            cited = (
-                f"{named}{result['authors']}, {result['title']}, {result['venue']}, {result['year']}"
-            )
+            cited = named + ", ".join(str(result[k]) for k in ("authors", "title", "venue", "year"))
             serves = "; ".join(entry["serves"])
             rows.append((cited, link(entry["work"]), entry["says"], serves))
     return Table("Reading", ("What", "Link", "It says", "For"), tuple(rows))

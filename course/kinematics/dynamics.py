@@ -379,7 +379,9 @@ def acceleration(q, v, params):
     table = params[3 + n :].reshape(n + 1, WIDTH)
     tau = params[3 : 3 + n].reshape(n, 1)
     count = q.size // n
-    result = _aba(table, q.reshape(n, count), v.reshape(n, count), tau, np.empty((6, 0)), params[:3])
+    result = _aba(
+        table, q.reshape(n, count), v.reshape(n, count), tau, np.empty((6, 0)), params[:3]
+    )
     return result.reshape(q.shape)
 
 

@@ -27,7 +27,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, invalid, vector
+from course.check import count, finite, invalid, one_of, positive, vector
 from course.compiled import MATRIX, compiled
 from course.kinematics.chain import LOWER, UPPER, Chain
 from course.kinematics.motion import (
@@ -322,7 +322,12 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
                 best = cost
                 for c in range(n):
                     result[c, k] = q[c, 0]
-                report[0, k], report[1, k], report[2, k], report[5, k] = reason, distance, angle, cost
+                report[0, k], report[1, k], report[2, k], report[5, k] = (
+                    reason,
+                    distance,
+                    angle,
+                    cost,
+                )
             if reason == _SOLVED:
                 break
         report[3, k], report[4, k] = steps, begun

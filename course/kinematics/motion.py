@@ -20,7 +20,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, positive, invalid, vector
+from course.check import count, invalid, positive, vector
 from course.compiled import compiled
 from course.kinematics.chain import LOWER, PARENT, PLACE, QUAT, SLIDES, UPPER, Chain
 from course.rigid_body.quaternion import to_euler_zyx

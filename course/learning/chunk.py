@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, finite, positive, invalid
+from course.check import count, finite, invalid, positive
 from course.learning.clone import Policy, fitted, normals, prepared
 from course.learning.network import network, predict, pytorch, tensor
 from course.learning.tasks import Act, Array

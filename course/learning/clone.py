@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, one_of, invalid, vector
+from course.check import count, invalid, one_of, vector
 from course.learning.network import Diverged, Normaliser, fit, network, predict, pytorch, tensor
 from course.learning.tasks import Act, Array, Task, roll
 
@@ -142,7 +142,10 @@ def clone(
             return (out - desired[pick]).square().mean()
         weight, mean, deviation = parts(out)
         difference = (desired[pick][:, None] - mean) / deviation
-        return -torch.logsumexp(weight - (0.5 * difference**2 + deviation.log()).sum(2), 1).mean() / size
+        return (
+            -torch.logsumexp(weight - (0.5 * difference**2 + deviation.log()).sum(2), 1).mean()
+            / size
+        )
 
     def draw(rows: Array, rng: np.random.Generator) -> Array:
         out = predict(net, rows)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, finite, one_of, invalid, vector
+from course.check import count, finite, invalid, one_of, vector
 from course.learning.clone import Policy, fitted, normals, prepared
 from course.learning.network import network, predict, pytorch, tensor
 from course.learning.tasks import Array

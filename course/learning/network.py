@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, one_of, positive, invalid, vector
+from course.check import count, invalid, one_of, positive, vector
 from course.libraries import import_error
 
 Array = NDArray[np.float64]

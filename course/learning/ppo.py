@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, positive, invalid, vector
+from course.check import count, finite, invalid, positive, vector
 from course.learning.network import (
     Diverged,
     Normaliser,
@@ -400,7 +400,9 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
     torch.autograd.backward(
         (mean, value), (torch.from_numpy(push * deviation / std), torch.from_numpy(pull))
     )
-    policy.log_std.grad += torch.from_numpy((push * (deviation * deviation - 1.0)).sum(0) - settings.entropy)
+    policy.log_std.grad += torch.from_numpy(
+        (push * (deviation * deviation - 1.0)).sum(0) - settings.entropy
+    )
     losses = settings.value_weight * (error * error).mean() - gain.mean()
     return float(losses - settings.entropy * log_std.sum())
 
@@ -429,7 +431,10 @@ def improve(
                 gradient *= settings.longest_gradient / size
             optimiser.step()
         if epoch == settings.epochs - 1 or settings.most_kl < math.inf:
-            after, log_std = policy(table.observations, scaled=True), policy.log_std.detach().numpy()
+            after, log_std = (
+                policy(table.observations, scaled=True),
+                policy.log_std.detach().numpy(),
+            )
             moved = ((noise_free - after) ** 2 + np.exp(2.0 * before)) * np.exp(-2.0 * log_std)
             kl = float((log_std - before + 0.5 * moved - 0.5).sum(axis=1).mean())
             if not kl < RUNAWAY:

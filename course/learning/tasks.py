@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, positive, invalid, vector
+from course.check import count, finite, invalid, positive, vector
 
 Array = NDArray[np.float64]
 Act = Callable[[Array, np.random.Generator], Array]
@@ -143,7 +143,13 @@ class TwoWays:
         return states + actions + disturbed
 
     def demonstrate(
-        self, number: int, seed: int, *, remaining: float = 0.5, pause: int = 0, injected: float = 0.0
+        self,
+        number: int,
+        seed: int,
+        *,
+        left: float = 0.5,
+        pause: int = 0,
+        injected: float = 0.0,
     ) -> Runs:
         """People who pass left or right, and may stop for a look a quarter of the way.
 
@@ -155,7 +161,7 @@ class TwoWays:
         """
         rng = np.random.default_rng((count("seed", seed), 91))
         start = self.starts(number, rng)
-        side = np.where(rng.random(number) < finite("remaining", remaining, 0.0, 1.0), 1.0, -1.0)
+        side = np.where(rng.random(number) < finite("left", left, 0.0, 1.0), 1.0, -1.0)
         width = side * (self.width + self.scatter * rng.standard_normal(number))
         part = np.linspace(0.0, 1.0, self.steps + 1)
         distance = start[:, None] * (1.0 - part)[:, None]
@@ -167,7 +173,9 @@ class TwoWays:
             first = self.steps // 4
             distance[:, first : first + pause] = distance[:, [first + pause]]
         pushed = distance.copy()
-        pushed[:, 1:] += finite("injected", injected, 0.0) * rng.standard_normal(distance[:, 1:].shape)
+        pushed[:, 1:] += finite("injected", injected, 0.0) * rng.standard_normal(
+            distance[:, 1:].shape
+        )
         return Runs(pushed, distance[:, 1:] - pushed[:, :-1])
 
     def sides(self, states: ArrayLike) -> NDArray[np.int64]:
@@ -181,7 +189,9 @@ class TwoWays:
         near = a + np.clip(along, 0.0, 1.0)[..., None] * d
         clear = np.all(np.hypot(near[..., 0], near[..., 1]) >= self.radius, axis=1)
         other = np.hypot(path[:, -1, 0] - 1.0, path[:, -1, 1]) <= self.reach
-        beside = path[np.arange(len(path)), np.argmin(np.abs(path[..., 0] - self.centre), axis=1), 1]
+        beside = path[
+            np.arange(len(path)), np.argmin(np.abs(path[..., 0] - self.centre), axis=1), 1
+        ]
         return np.where(clear & other, np.sign(beside), 0.0).astype(np.int64)
 
 

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, invalid
+from course.check import invalid, one_of
 from course.measure.labels import FILLED, HOLLOW, SMALL, STROKES, Words, arrange
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from course.check import positive, invalid
+from course.check import invalid, positive
 
 
 @dataclass(frozen=True)

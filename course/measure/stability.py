@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, positive, invalid
+from course.check import count, invalid, positive
 
 Array = NDArray[np.float64]
 Step = Callable[[Array], ArrayLike]

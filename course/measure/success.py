@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, positive, invalid, vector
+from course.check import count, finite, invalid, positive, vector
 from course.measure.figure import Series, key_of
 
 Array = NDArray[np.float64]

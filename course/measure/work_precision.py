@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, one_of, positive, invalid, vector
+from course.check import POSITIVE, count, invalid, one_of, positive, vector
 from course.measure.data import from_json, json_text
 from course.measure.figure import SIX, Panel, Series, key_of, write
 from course.measure.timing import calls, interleaved

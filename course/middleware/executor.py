@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, one_of, positive, invalid, vector
+from course.check import count, invalid, one_of, positive, vector
 from course.middleware.bus import (
     START,
     Bus,

@@ -103,7 +103,13 @@ def _make_lock(shared: SharedMemory, inherit: bool) -> None:
 
 
 def _part(
-    name: str, memory: str, gates: dict[str, Any], report: Any, core: int, work: float, inherit: bool
+    name: str,
+    memory: str,
+    gates: dict[str, Any],
+    report: Any,
+    core: int,
+    work: float,
+    inherit: bool,
 ) -> None:
     """One of the three. The gates open in the order low, high, middle."""
     libc = ctypes.CDLL(None)

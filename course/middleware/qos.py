@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from course.check import count, one_of, positive, invalid
+from course.check import count, invalid, one_of, positive
 
 # Weakest first: an offer satisfies a request for the same and for all before it.
 ORDERS = {

@@ -16,7 +16,7 @@ import numpy as np
 from numba import types
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, one_of, positive, invalid, vector
+from course.check import count, invalid, one_of, positive, vector
 from course.compiled import compiled
 
 Array = NDArray[np.float64]

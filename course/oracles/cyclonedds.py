@@ -167,7 +167,9 @@ def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> A
     if strength:
         result.append(Policy.OwnershipStrength(strength))
     if kept_for_late != 0:
-        result.append(Policy.DurabilityService(0, selected(kept_for_late or qos.history_depth), -1, -1, -1))
+        result.append(
+            Policy.DurabilityService(0, selected(kept_for_late or qos.history_depth), -1, -1, -1)
+        )
     return Qos(*result)
 
 

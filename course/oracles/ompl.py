@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, one_of, invalid
+from course.check import count, invalid, one_of
 from course.libraries import import_error
 from course.planning import World
 from course.planning.worlds import DISC, LAST_SIDE

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import one_of, invalid, vector
+from course.check import invalid, one_of, vector
 from course.kinematics.chain import Chain
 from course.libraries import import_error
 from course.rigid_body.spatial import DOWNWARDS

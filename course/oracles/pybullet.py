@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from course.check import positive, invalid
+from course.check import invalid, positive
 from course.libraries import import_error
 from course.oracles.quiet import quiet
 from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine

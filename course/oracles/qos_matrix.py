@@ -142,7 +142,13 @@ def expected(offered: QoS, requested: QoS, samples: int, late: bool, retained: f
         return []
     ends = (offered, requested)
     past = all(q.reliability == "reliable" and q.durability != "volatile" for q in ends)
-    largest = requested.history_depth if not late else min(requested.history_depth, retained) if past else 0
+    largest = (
+        requested.history_depth
+        if not late
+        else min(requested.history_depth, retained)
+        if past
+        else 0
+    )
     return list(range(samples))[int(samples - min(samples, largest)) :]
 
 
@@ -176,7 +182,9 @@ def _kept_row(
     result = history(offered, requested, samples, late=late, kept_for_late=retained)
     # Cyclone's own default of the durability service is to keep the last one.
     depth = offered.history_depth if retained is None else retained or 1
-    service = "" if retained is None else f", service {depth}" if retained else ", service as by default"
+    service = (
+        "" if retained is None else f", service {depth}" if retained else ", service as by default"
+    )
     text = [_label("several", qos) for qos in (offered, requested)]
     ours = expected(offered, requested, samples, late, depth)
     return Row(policy, text[0] + service, text[1], f"{result}", f"{ours}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, invalid
+from course.check import invalid, one_of
 from course.learning.network import one_thread
 from course.learning.ppo import Settings
 from course.libraries import import_error

@@ -131,5 +131,7 @@ def _slow(
                 break
             else:
                 ended = report.receive(0.0) is not None
-        report.send(memoryview(received.to_bytes(8, "little") + (last - first).to_bytes(8, "little")))
+        report.send(
+            memoryview(received.to_bytes(8, "little") + (last - first).to_bytes(8, "little"))
+        )
         time.sleep(PATIENCE)  # its partner ends it

@@ -21,7 +21,7 @@ from numba import float64, int64, types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, invalid, vector
+from course.check import count, finite, invalid, one_of, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.shapes import poses as checked_poses
 from course.kinematics.inverse import decompose

@@ -13,7 +13,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
-from course.check import count, finite, positive, invalid, vector
+from course.check import count, finite, invalid, positive, vector
 from course.perception.camera import Array
 
 # What chi squared with 3 (2, 1) degrees of freedom exceeds once in a thousand times.

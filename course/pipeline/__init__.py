@@ -9,7 +9,7 @@ The front door:
     repair(settings, "age", ...)            the same with some stages ideal
 """
 
-from course.pipeline.run import Record, Run, errors, run_many, run, successes, tip_of
+from course.pipeline.run import Record, Run, errors, run, run_many, successes, tip_of
 from course.pipeline.scenario import STAGES, Scenario, Settings, repair, subsets
 from course.pipeline.stages import (
     Crossing,
@@ -38,12 +38,12 @@ __all__ = [
     "control",
     "errors",
     "frames",
-    "run_many",
     "move",
     "perceive",
     "plan_path",
     "repair",
     "run",
+    "run_many",
     "subsets",
     "successes",
     "tip_of",

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, invalid
+from course.check import invalid, one_of
 from course.kinematics import two_link_ik
 from course.pipeline import theory
 from course.pipeline.run import errors, run_many, successes

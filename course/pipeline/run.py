@@ -188,7 +188,10 @@ class Run:
         self.timetable = timetable = _timetable(self._settings, scenario.seconds, seed, disturb)
         self._numbers = _numbers(scenario, self._settings)
         steps = -(-microseconds(scenario.seconds) // step_of(settings))
-        self.sightings, self.log = np.zeros((timetable.captured.size, 14)), np.zeros((steps + 1, 11))
+        self.sightings, self.log = (
+            np.zeros((timetable.captured.size, 14)),
+            np.zeros((steps + 1, 11)),
+        )
         self._ints, self._changing = np.zeros(11, dtype=np.int64), np.zeros(15)
         self._ints[by.DUE], self._changing[by.STAMP] = by.FAR, -1.0
         self._changing[by.WAIT : by.GOAL] = scenario.start
@@ -285,7 +288,9 @@ class Run:
         rng = np.random.default_rng([self.seed, 2, len(self.plans)])
         tries = 3 if "plan" in settings.ideal else 1  # by chance a way is three times as long
         result = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
-        path = self._pending = min(result, key=lambda p: p.motion.duration if p.motion else math.inf)
+        path = self._pending = min(
+            result, key=lambda p: p.motion.duration if p.motion else math.inf
+        )
         if path.motion is not None:
             if not np.isfinite(path.motion.table).all():
                 self.wrong = "plan: a path that is not finite"

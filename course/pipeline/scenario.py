@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import POSITIVE, count, finite, one_of, positive, invalid, vector
+from course.check import POSITIVE, count, finite, invalid, one_of, positive, vector
 from course.control import Actuator
 from course.kinematics import TwoLink, two_link_ik
 from course.planning import World, clearance, planar_arm

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, positive, invalid, vector
+from course.check import POSITIVE, count, finite, invalid, positive, vector
 from course.kinematics.two_link import TwoLink
 
 Array = NDArray[np.float64]

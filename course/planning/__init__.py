@@ -19,9 +19,9 @@ judge of its edges in `check.JUDGES` under its kind, of other code (`check.prove
 A new method is a function (`problem.Query`) -> `Plan` in `problem.METHODS`. It takes what it needs
 from the query (world, start, the goal's box, budget, rng, `options` to pop from), hands
 `query.world.kernels` to its compiled loop, counts in `query.counts` (`samplers.SAMPLES`,
-`STATE_CHECKS`, `EDGE_CHECKS`), calls `query.report_progress(...)` between chunks of work, and returns
-`query.answer(status, path, nodes=..., edges=...)` with the path's states as rows. `samplers.draw`,
-`neighbours.nearest` and `within` are for any compiled loop.
+`STATE_CHECKS`, `EDGE_CHECKS`), calls `query.report_progress(...)` between chunks of work, and
+returns `query.answer(status, path, nodes=..., edges=...)` with the path's states as rows.
+`samplers.draw`, `neighbours.nearest` and `within` are for any compiled loop.
 """
 
 from course.planning import scenes

@@ -22,7 +22,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import one_of, invalid, vector
+from course.check import invalid, one_of, vector
 from course.compiled import compiled
 from course.contact import shapes
 from course.contact.shapes import Shape

@@ -263,9 +263,9 @@ def denoised(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Ar
             observed = net(torch.cat(requested, 1)).numpy().astype(float)
             before = retained[k - 1]
             beta = 1.0 - retained[k] / before
-            x = (math.sqrt(before) * beta * observed + math.sqrt(1.0 - beta) * (1.0 - before) * x) / (
-                1.0 - retained[k]
-            )
+            x = (
+                math.sqrt(before) * beta * observed + math.sqrt(1.0 - beta) * (1.0 - before) * x
+            ) / (1.0 - retained[k])
             if k:
                 spread = math.sqrt(beta * (1.0 - before) / (1.0 - retained[k]))
                 x += spread * rng.standard_normal(x.shape)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, invalid, vector
+from course.check import count, finite, invalid, one_of, vector
 from course.planning.samplers import EDGE_CHECKS, STATE_CHECKS, TRIES
 from course.planning.worlds import World, function_behind
 

@@ -23,7 +23,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, one_of, invalid
+from course.check import POSITIVE, count, invalid, one_of
 from course.compiled import MATRIX, VECTOR, compiled
 from course.planning.neighbours import WIDTH, brute_below, entered, nearest, squared
 from course.planning.problem import (
@@ -520,7 +520,9 @@ def with_paths(roadmap: Roadmap, paths: Sequence[ArrayLike], neighbours: int = 5
 # --- methods --------------------------------------------------------------------------------------
 
 
-def _shortest_path(query: Query, roadmap: Roadmap, begins: Array, ends: Array, goal: Array) -> list[int]:
+def _shortest_path(
+    query: Query, roadmap: Roadmap, begins: Array, ends: Array, goal: Array
+) -> list[int]:
     """The nodes of the shortest way that is free, none where there is no way."""
     came, world = np.empty(len(roadmap.nodes), dtype=np.int64), query.world
     last = _kernel(_search)(

@@ -20,7 +20,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, one_of, positive, invalid, vector
+from course.check import POSITIVE, count, finite, invalid, one_of, positive, vector
 from course.compiled import MATRIX, VECTOR, compiled, function_argument
 from course.planning.worlds import CLEARANCE, EDGE, World
 

@@ -21,7 +21,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import POSITIVE, one_of, invalid, vector
+from course.check import POSITIVE, invalid, one_of, vector
 from course.compiled import MATRIX, VECTOR, address_of, compiled, from_address
 from course.planning.neighbours import CHILD, SIBLING, WIDTH, entered, nearest, squared, within
 from course.planning.problem import (

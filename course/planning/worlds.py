@@ -31,7 +31,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, positive, invalid, vector
+from course.check import POSITIVE, count, invalid, positive, vector
 from course.compiled import MATRIX, VECTOR, address_of, compiled, function_argument
 
 Array = NDArray[np.float64]

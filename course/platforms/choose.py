@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 
-from course.check import one_of, invalid
+from course.check import invalid, one_of
 
 SENSES = ("at most", "at least", "is")
 

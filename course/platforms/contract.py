@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, one_of, invalid
+from course.check import count, invalid, one_of
 from course.rigid_body import quaternion
 
 if TYPE_CHECKING:

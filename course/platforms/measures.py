@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from course import kinematics
-from course.check import POSITIVE, count, positive, invalid, vector
+from course.check import POSITIVE, count, invalid, positive, vector
 from course.contact import Residuals, residuals
 from course.platforms import theory
 from course.platforms.bodies import free_velocity, step_of

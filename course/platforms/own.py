@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from course import contact, kinematics, rigid_body
-from course.check import one_of, positive, invalid, vector
+from course.check import invalid, one_of, positive, vector
 from course.platforms.bodies import free_velocity, freedom, step_of
 from course.platforms.contract import (
     FAIR,
@@ -141,7 +141,9 @@ class Touching(Run):
         travel = float(np.max(np.abs(free[:3]))) * dt
         result = contact.contacts(self.shapes, pose, NEAR + 2.0 * travel)
         bodies, nothing = result.bodies - int(scene.ground), np.zeros_like(result.point)
-        report = ContactReport(bodies, result.point, result.normal, result.distance, nothing, nothing)
+        report = ContactReport(
+            bodies, result.point, result.normal, result.distance, nothing, nothing
+        )
         v, force, memory = free.copy(), nothing.copy(), {}
         for i, body in enumerate(scene.bodies):
             if body.guide is not None:

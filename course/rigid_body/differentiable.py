@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from course.check import count, finite, positive, invalid, vector
+from course.check import count, finite, invalid, positive, vector
 from course.libraries import import_error
 from course.rigid_body.integrators import STANDARD_GRAVITY
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numba.extending import register_jitable
 
-from course.check import count, one_of, positive, invalid
+from course.check import count, invalid, one_of, positive
 from course.rigid_body.integrators import (
     INTEGRATORS,
     STANDARD_GRAVITY,

@@ -27,7 +27,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import count, one_of, positive, invalid, vector
+from course.check import count, invalid, one_of, positive, vector
 from course.compiled import MATRIX, VECTOR, acceleration_type, compiled, function_argument
 from course.rigid_body.quaternion import cross, derivative, exp, normalise, product
 

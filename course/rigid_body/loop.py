@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from course.check import count, finite, positive, invalid
+from course.check import count, finite, invalid, positive
 
 Seconds = int | float | str | Fraction
 

@@ -28,7 +28,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, one_of, positive, invalid, vector
+from course.check import POSITIVE, count, invalid, one_of, positive, vector
 from course.compiled import MATRIX, loop
 from course.rigid_body.integrators import STANDARD_GRAVITY
 from course.rigid_body.planar_contact import (
@@ -167,7 +167,9 @@ def _advance(
             return x, y, angle, vx, vy, omega, impacts, failed
     # What is left of the step is flight; nobody has looked for the ground in it if impacts are not
     # resolved or were too many, so it is looked for at the end.
-    x, y, angle, vx, vy, omega = _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, remaining, coefficient)
+    x, y, angle, vx, vy, omega = _fly(
+        x, y, angle, vx, vy, omega, ax, ay, alpha, remaining, coefficient
+    )
     if failed != 0 or not resolve:
         if failed != 0:  # too many impacts: the rest of the step does not bounce
             box = (box[0], box[1], box[2], box[3], 0.0, box[5], box[6])

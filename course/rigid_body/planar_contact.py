@@ -427,7 +427,22 @@ def collide_late(x, y, angle, vx, vy, omega, box):
 
 @register_jitable
 def sustain(
-    x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, remaining, coefficient, flat, first, second
+    x,
+    y,
+    angle,
+    vx,
+    vy,
+    omega,
+    ax,
+    ay,
+    alpha,
+    corners,
+    box,
+    remaining,
+    coefficient,
+    flat,
+    first,
+    second,
 ):
     """Move with corners on the ground, up to the end of the step or the next event.
 
@@ -480,10 +495,16 @@ def sustain(
         new_y = free_y + inverse_mass * pn
         new_omega = free_omega + inverse_inertia * (rx * pn - ry * pt)
     # One corner carries: the box pivots on it, until it comes down on a face.
-    ax, ay, alpha = (new_x - vx) / remaining, (new_y - vy) / remaining, (new_omega - omega) / remaining
+    ax, ay, alpha = (
+        (new_x - vx) / remaining,
+        (new_y - vy) / remaining,
+        (new_omega - omega) / remaining,
+    )
     used, face = time_to_face(angle, omega, coefficient * alpha, remaining, flat)
     x = flight(x, vx, ax, min(used, remaining), coefficient)
-    if used <= remaining:  # down on a face within the step: the angle is the face's, to the last bit
+    if (
+        used <= remaining
+    ):  # down on a face within the step: the angle is the face's, to the last bit
         new_x, new_y, new_omega = vx + used * ax, vy + used * ay, omega + used * alpha
         angle = face
         y = height_on_face(angle, width, height)

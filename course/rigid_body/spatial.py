@@ -11,7 +11,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
-from course.check import one_of, positive, invalid, vector
+from course.check import invalid, one_of, positive, vector
 from course.rigid_body.integrators import INTEGRATORS, STANDARD_GRAVITY, Array, compiled_parts
 from course.rigid_body.quaternion import conjugate, rotate, unit_quaternion
 

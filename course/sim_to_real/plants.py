@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, positive, invalid, vector
+from course.check import POSITIVE, count, invalid, positive, vector
 from course.control import Gains, Record
 from course.kinematics import TwoLink, two_link_ik
 from course.sim_to_real.motion import episodes

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, positive, invalid, vector
+from course.check import count, finite, invalid, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.sim_to_real.motion import CUBE
 from course.sim_to_real.transfer import discount

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import POSITIVE, finite, one_of, positive, invalid
+from course.check import POSITIVE, finite, invalid, one_of, positive
 from course.sim_to_real.plants import Plants, nominal
 
 Array = NDArray[np.float64]

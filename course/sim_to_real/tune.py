@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, invalid, vector
+from course.check import count, finite, invalid, one_of, positive, vector
 from course.control import cem
 from course.sim_to_real.plants import (
     DIRECTION,

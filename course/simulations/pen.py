@@ -19,7 +19,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import positive, invalid, vector
+from course.check import invalid, positive, vector
 
 Array = NDArray[np.float64]
 

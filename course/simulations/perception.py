@@ -165,7 +165,7 @@ def measure(controls, state):
             1.0 * math.floor(RATE * state["time"]),
         ]
     )
-    with objmode(points="float64[:,:]", kinds="int64[:]", told="float64[:]", found="float64[:,:]"):
+    with objmode(points="float64[:,:]", kinds="int64[:]", report="float64[:]", result="float64[:,:]"):
         points, kinds, report, result = process_image(values, pieces)
     state["points"][:, : kinds.size], state["kinds"][: kinds.size] = points, kinds
     state["told"][:], state["found"][:] = report, result

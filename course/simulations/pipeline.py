@@ -237,11 +237,11 @@ def _fill(state):
     """All that is computed into the state."""
     values, moves = state["values"].copy(), state["moves"][:, : int(state["moved"])].copy()
     with objmode(
-        told="float64[:]",
+        report="float64[:]",
         q="float64[:,:]",
         wanted="float64[:,:]",
         target="float64[:,:]",
-        seen="float64[:,:]",
+        observed="float64[:,:]",
         tree="float64[:,:]",
         paths="float64[:,:,:]",
         ready="float64[:]",

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from course.check import count, finite, one_of, invalid, vector
+from course.check import count, finite, invalid, one_of, vector
 
 _WIDE = {"f": np.float64, "i": np.int64, "b": np.int64, "u": np.uint64}
 

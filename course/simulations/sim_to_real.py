@@ -133,7 +133,7 @@ def initial(controls, state):
     c = controls
     x, y = _target(controls)
     values = np.array([c["gap"], c["width"], c["delay"], x, y, 1.0 * c["policy"]])
-    with objmode(q="float64[:,:,:]", told="float64[:]"):
+    with objmode(q="float64[:,:,:]", report="float64[:]"):
         q, report = measure(values)
     state["q"][:], state["told"][:] = q, report
 
@@ -194,7 +194,11 @@ def frame(pen, state, controls):
         _, _, u, v = _tips(state["q"][k, :, : now + 1])
         draw.curve(pen, u, v, _COLOUR[k], 1.4, 0.8)
         _links(pen, state["q"][k, :, now], _COLOUR[k], 5.0, 1.0)
-        share, low, high = 100.0 * report[4 * k], 100.0 * report[4 * k + 1], 100.0 * report[4 * k + 2]
+        share, low, high = (
+            100.0 * report[4 * k],
+            100.0 * report[4 * k + 1],
+            100.0 * report[4 * k + 2],
+        )
         draw.chart(pen, _RATES[k], (0.0, 100.0, 0.0, 1.0), _RATE, 0, 0, 5, 0)
         draw.box(pen, 0.0, share, 0.0, 1.0, _COLOUR[k])
         draw.segment(pen, low, 0.5, high, 0.5, draw.INK, 3.0)
@@ -230,7 +234,9 @@ def frame(pen, state, controls):
     draw.reading(pen, _STABLE, 1e3 * report[LIMIT], 1, _MS)
     draw.reading(pen, _LEFT, 1e3 * report[LIMIT] - controls["delay"], draw.SIGNED + 1, _MS)
     draw.reading(pen, _GAIN, report[GAIN], 2, 0, 0 if report[GAIN] > 0.0 else _NONE)
-    draw.reading(pen, _WORST, 0.0, 0, 0, _PART + int(report[PART]) if report[COSTS] > 0.0 else _NONE)
+    draw.reading(
+        pen, _WORST, 0.0, 0, 0, _PART + int(report[PART]) if report[COSTS] > 0.0 else _NONE
+    )
     if report[COSTS] > 0.0:
         draw.words(pen, _COMMA)
         draw.number(pen, 100.0 * report[COSTS], 0, _PERCENT)

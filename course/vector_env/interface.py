@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from course.check import count, one_of, invalid
+from course.check import count, invalid, one_of
 
 
 def checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
@@ -138,7 +138,11 @@ class AutoresettingVectorEnv(VectorEnv):
 def _with_own_arrays(info: dict[str, Any]) -> dict[str, Any]:
     """`info` with arrays of its own; other objects are handed on as they are."""
     return {
-        k: _with_own_arrays(v) if isinstance(v, dict) else v.copy() if isinstance(v, np.ndarray) else v
+        k: _with_own_arrays(v)
+        if isinstance(v, dict)
+        else v.copy()
+        if isinstance(v, np.ndarray)
+        else v
         for k, v in info.items()
     }
 

@@ -37,7 +37,7 @@ from gymnasium.vector.utils import (
     iterate,
 )
 
-from course.check import count, positive, invalid
+from course.check import count, invalid, positive
 from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces
 from course.vector_env.sequential import Batch, spread
 

@@ -28,7 +28,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import count, one_of, invalid
+from course.check import count, invalid, one_of
 from course.compiled import MATRIX, compiled
 from course.kinematics.two_link import LENGTHS, TwoLink, acceleration
 from course.rigid_body.integrators import rk4

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from course.interview import scenarios
-from drills.interview import read_line, listen
+from drills.interview import listen, read_line
 from drills.session import RIGHT, WRONG, Session, body, options
 from drills.terminal import Terminal
 

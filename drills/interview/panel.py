@@ -180,7 +180,9 @@ def rendered(markdown: str) -> str:
         return f"\ue000{len(formulas) - 1}\ue001"
 
     page = (
-        MarkdownIt("commonmark", {"html": False}).enable("table").render(_MATH.sub(selected, markdown))
+        MarkdownIt("commonmark", {"html": False})
+        .enable("table")
+        .render(_MATH.sub(selected, markdown))
     )
     return re.sub("\ue000(\\d+)\ue001", lambda m: html.escape(formulas[int(m[1])]), page)
 

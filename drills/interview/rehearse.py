@@ -20,7 +20,7 @@ from course.interview.rehearsal import MARKS, PARTS, Entry, Interview, Item
 from drills import cards as catalogue
 from drills import grading, present, workspace
 from drills.chapters import notebook_of
-from drills.interview import deck, read_line, listen, store
+from drills.interview import deck, listen, read_line, store
 from drills.progress import SOLVED
 from drills.session import RIGHT, Session, body, options
 from drills.terminal import OutputLost
@@ -80,7 +80,7 @@ class Talk:
     """
 
     session: Session
-    hear: Callable[[], str] = hear
+    read_line: Callable[[], str] = read_line
     clock: Callable[[], datetime] = lambda: datetime.now(UTC)
     editor: bool = False
 

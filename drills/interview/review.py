@@ -13,7 +13,7 @@ import click
 from course import kept
 from drills import cards as catalogue
 from drills import grading, present, workspace
-from drills.interview import read_line, listen, store
+from drills.interview import listen, read_line, store
 from drills.interview.deck import Entry, deck, judge, sides
 from drills.interview.rehearse import chapters_of
 from drills.interview.store import AGAIN, GOOD, HARD, RATINGS
@@ -44,7 +44,7 @@ class Round:
     """
 
     session: Session
-    hear: Callable[[], str] = hear
+    read_line: Callable[[], str] = read_line
     clock: Callable[[], datetime] = lambda: datetime.now(UTC)
     rated: list[dict[str, Any]] = field(default_factory=list)
 

@@ -82,5 +82,7 @@ def protections() -> list[Protection]:
         rejected = isinstance(tried, dict) and bool(tried.get(key))
         result.append(Protection(f"tried: {key}", rejected, good if rejected else bad))
     how = "/proc, orphans adopted" if tree.LINUX else f"ps ({sys.platform})"
-    result.append(Protection("watched from outside", True, f"memory, processes, disk through {how}"))
+    result.append(
+        Protection("watched from outside", True, f"memory, processes, disk through {how}")
+    )
     return result

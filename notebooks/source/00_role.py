@@ -113,11 +113,11 @@ for k, (part, end) in enumerate(zip(parts, ends, strict=True)):
 _ = axes.set(yticks=range(6), yticklabels=names, xlabel="mean age [ms]", xlim=(0, 190))
 axes.invert_yaxis()
 plt.show()
-told = age(CHAIN)
+report = age(CHAIN)
 print(
-    f"least {1000 * told.least:.1f} ms, mean {1000 * told.mean:.1f}, below {1000 * told.greatest:.1f}"
+    f"least {1000 * report.least:.1f} ms, mean {1000 * report.mean:.1f}, below {1000 * report.greatest:.1f}"
 )
-print(f"at 0.3 m/s: {1000 * cost(told, 0.3).held:.0f} mm")
+print(f"at 0.3 m/s: {1000 * cost(report, 0.3).held:.0f} mm")
 
 # %% [markdown]
 # That is the worked example of this course: what moves at 0.3 m/s has gone that far since the picture was taken.
@@ -180,7 +180,7 @@ predict("where_to_spend")
 
 # %%
 print(
-    f"now {1000 * told.mean:.1f} ms in the mean, {load(CHAIN):.2f} cores busy, "
+    f"now {1000 * report.mean:.1f} ms in the mean, {load(CHAIN):.2f} cores busy, "
     f"hard deadlines missed: {len(role.missed(CHAIN))}"
 )
 for option in spend(CHAIN):
@@ -202,11 +202,11 @@ for name, row, style in (
     ("predicted, a = 1 m/s²", 1, "--"),
     ("on top of it without stamps, rms", 2, ":"),
 ):
-    _ = axes.plot(speeds, [1000 * cost(told, v, 1.0)[row] for v in speeds], style, label=name)
+    _ = axes.plot(speeds, [1000 * cost(report, v, 1.0)[row] for v in speeds], style, label=name)
 _ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]")
 _ = axes.legend()
 plt.show()
-paid = cost(told, 0.3, 1.0, bandwidth=1.0)
+paid = cost(report, 0.3, 1.0, bandwidth=1.0)
 print(
     f"at 0.3 m/s: {1000 * paid.held:.0f} mm as it came, {1000 * paid.predicted:.0f} mm predicted, "
     f"and {1000 * paid.unstamped:.0f} mm rms on top without stamps"
@@ -498,9 +498,9 @@ predict("one_policy_for_three_boxes")
 # %%
 for looks in (0.1, 0.4, 0.8):
     policy = [Stage("policy", 0.080, looks), Stage("control", 0.0002, 0.001)]
-    told = age(policy)
+    report = age(policy)
     print(
-        f"a look every {looks:.1f} s: age {1000 * told.mean:.0f} ms in the mean, below {1000 * told.greatest:.0f}"
+        f"a look every {looks:.1f} s: age {1000 * report.mean:.0f} ms in the mean, below {1000 * report.greatest:.0f}"
     )
 
 # %% [markdown]

@@ -117,7 +117,7 @@ show("circle_test_concentric")
 # %%
 place = (0.95, 0.45, 0.5)  # change me: x [m], y [m], angle [rad]
 triangle, brick = contact.points([[0.0, 1.0, 0.3], [0.0, 0.2, 0.9]]), contact.box([0.5, 0.3])
-found = contact.distance(triangle, [0.0, 0.0, 0.0], brick, place)
+result = contact.distance(triangle, [0.0, 0.0, 0.0], brick, place)
 
 
 def outline(shape, pose):
@@ -131,7 +131,7 @@ def outline(shape, pose):
 one, two = outline(triangle, (0.0, 0.0, 0.0)), outline(brick, place)
 figure_, axes = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
 _ = axes[0].plot(*one, *two, color="0.3")
-_ = axes[0].plot(*np.column_stack((found.point_a, found.point_b)), "o-", color="tab:red")
+_ = axes[0].plot(*np.column_stack((result.point_a, result.point_b)), "o-", color="tab:red")
 _ = axes[0].set(aspect="equal", title="the nearest, or deepest, points", xlabel="x [m]")
 differences = (one[:, :, None] - two[:, None, :]).reshape(2, -1)
 _ = axes[1].plot(*differences, ".", color="tab:blue")
@@ -139,8 +139,8 @@ _ = axes[1].plot(0, 0, "k+", markersize=14)
 _ = axes[1].set(aspect="equal", title="their differences, and the origin", xlabel="x [m]")
 plt.show()
 print(
-    f"signed distance {float(found.distance):.4f} m, normal {found.normal.round(3)}, "
-    f"{found.iterations} iterations"
+    f"signed distance {float(result.distance):.4f} m, normal {result.normal.round(3)}, "
+    f"{result.iterations} iterations"
 )
 # %%
 show("gjk_minkowski")
@@ -456,12 +456,14 @@ show("default_tolerance")
 # %%
 for condim in (1, 3, 4, 6):
     spun = Options(condim=condim, friction=(0.5, 0.01, 0.0001))
-    left = mujoco_contact.spinning_disc(spun, 10.0).run(300)[1][3]
-    print(f"condim {condim}: {abs(left):.2f} rad/s after 0.6 s in MuJoCo")
-left = [
+    remaining = mujoco_contact.spinning_disc(spun, 10.0).run(300)[1][3]
+    print(f"condim {condim}: {abs(remaining):.2f} rad/s after 0.6 s in MuJoCo")
+remaining = [
     scenes.run(scenes.spinning_disc(10.0, 0.5, x), "coulomb", 2e-3, 300).v[3, -1] for x in (0, 0.01)
 ]
-print(f"true cone: {left[0]:.2f} rad/s by three rows, {abs(left[1]):.2f} by the fourth, torsion")
+print(
+    f"true cone: {remaining[0]:.2f} rad/s by three rows, {abs(remaining[1]):.2f} by the fourth, torsion"
+)
 # %%
 show("condim_4_is_the_full_cone")
 # %%
@@ -484,8 +486,8 @@ for label, changed in (
     ("pyramidal", {"cone": "pyramidal"}),
 ):
     ours = scenes.run(scenes.block(0.2, 0.5), "soft", 0.002, 500, **changed).v[0, -1]
-    asked = Options(0.002, friction=(0.5, 0.005, 0.0001), **changed)
-    theirs = mujoco_contact.block(asked, 0.2).run(500)[1][0]
+    queried = Options(0.002, friction=(0.5, 0.005, 0.0001), **changed)
+    theirs = mujoco_contact.block(queried, 0.2).run(500)[1][0]
     print(f"{label:<12} creeps at {1e3 * ours:.4f} mm/s, in MuJoCo at {1e3 * theirs:.4f} mm/s")
 # %%
 show("more_friction_holds_the_glass")
@@ -630,7 +632,9 @@ def my_model(problem):
     u = problem.jacobian @ problem.free
     normal = max(0.0, -u[0, 0] / problem.delassus[0, 0])
     largest = problem.friction[0] * normal
-    return np.array([[normal, *np.clip(-u[0, 1:] / np.diag(problem.delassus)[1:], -largest, largest)]])
+    return np.array(
+        [[normal, *np.clip(-u[0, 1:] / np.diag(problem.delassus)[1:], -largest, largest)]]
+    )
 
 
 def once(dt):
@@ -669,11 +673,11 @@ TradeOff(mine)
 # measures it again, and each sentence under it is checked.
 # %% jupyter={"source_hidden": true}
 rows = [line for line in read("contact_table").splitlines() if line[:8].strip() in charts.QUESTIONS]
-kept = ("penalty", "exact", "sweeps, true cone (10)", "true cone", "convex")
+retained = ("penalty", "exact", "sweeps, true cone (10)", "true cone", "convex")
 figures(
     read("contact_table"),
     "scene",
-    *(row for row in rows if row[9:].startswith(kept) and row[:5] in ("braki", "heavy")),
+    *(row for row in rows if row[9:].startswith(retained) and row[:5] in ("braki", "heavy")),
     summary="All models and scenes, MuJoCo's among them, with the cost of a step",
 )
 # %% jupyter={"source_hidden": true}

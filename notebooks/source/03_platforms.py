@@ -59,7 +59,7 @@ from course.platforms.choose import Need, choose
 from course.platforms.recorded import recorded
 from course.simulations.platforms import area
 
-known, found = engines(), recorded()
+known, outcome = engines(), recorded()
 own, mujoco = known["own code"], known["MuJoCo"]
 
 
@@ -154,9 +154,9 @@ table(
 
 # %%
 names = ("tumble", "chain", "brake", "tower", "grasp")
-print(f"{'as shipped / fair':<20}" + "".join(f"{name:>12}" for name in found.engines))
+print(f"{'as shipped / fair':<20}" + "".join(f"{name:>12}" for name in outcome.engines))
 for s, name in enumerate(names):
-    ratio = found.errors[s, 1, 0] / found.errors[s, 1, 1]
+    ratio = outcome.errors[s, 1, 0] / outcome.errors[s, 1, 1]
     print(f"{name:<20}" + "".join(f"{x:12.3g}" for x in ratio))
 
 # %%
@@ -171,10 +171,10 @@ show("defaults_differ")
 
 # %%
 for scene in (scenes.brake(np.radians(22.5)), scenes.grasp()):
-    told = measures.effects(mujoco, scene, 1e-3)
-    shipped, fair = 1e3 * told[0].shipped, 1e3 * told[0].fair
+    report = measures.effects(mujoco, scene, 1e-3)
+    shipped, fair = 1e3 * report[0].shipped, 1e3 * report[0].fair
     print(f"{scene.name}: as shipped {shipped:.2f} mm, fair {fair:.3f} mm; fair but without")
-    print("  ", ", ".join(f"{one.key} {1e3 * one.without:.3f}" for one in told[:4]))
+    print("  ", ", ".join(f"{one.key} {1e3 * one.without:.3f}" for one in report[:4]))
 
 # %% [markdown]
 # In MuJoCo the cone alone decides where the block stops; impratio (how much harder friction is than the normal) and
@@ -233,12 +233,12 @@ show("opened")
 # %%
 for settings in (AS_SHIPPED, FAIR):
     one = measures.judged(mujoco, scenes.tower(2), 1e-3, 200, settings)
-    left = one.residuals
+    remaining = one.residuals
     print(
-        f"{settings.name:<11}{one.contacts} contacts, {1e6 * left.penetration:4.1f} um deep",
+        f"{settings.name:<11}{one.contacts} contacts, {1e6 * remaining.penetration:4.1f} um deep",
         end=", ",
     )
-    print(f"complementarity {left.signorini:.1e}, cone {left.cone:.0e}", end=", ")
+    print(f"complementarity {remaining.signorini:.1e}, cone {remaining.cone:.0e}", end=", ")
     print("unexplained: none" if one.unexplained < 1e-12 else f"unexplained {one.unexplained:.0e}")
 
 # %% [markdown]
@@ -343,10 +343,10 @@ predict("five_numbers")
 # measured figures, on a log scale but the last, with named ends; the middle is the median over scenes.
 
 # %%
-print(f"{'axis':<18}{'0 is':>9}{'1 is':>9}  " + "".join(f"{name:>11}" for name in found.engines))
+print(f"{'axis':<18}{'0 is':>9}{'1 is':>9}  " + "".join(f"{name:>11}" for name in outcome.engines))
 for k, (axis, (low, high)) in enumerate(AXES.items()):
     print(
-        f"{axis:<18}{low:9.4g}{high:9.4g}  " + "".join(f"{x:11.2f}" for x in found.radar[:, k, 1])
+        f"{axis:<18}{low:9.4g}{high:9.4g}  " + "".join(f"{x:11.2f}" for x in outcome.radar[:, k, 1])
     )
 
 # %% [markdown]
@@ -355,7 +355,7 @@ for k, (axis, (low, high)) in enumerate(AXES.items()):
 # *Honesty*: the share of faulty models that is refused or warned about. Now all orders of the same five numbers:
 
 # %%
-for name, five in zip(found.engines, found.radar[:, :, 1], strict=True):
+for name, five in zip(outcome.engines, outcome.radar[:, :, 1], strict=True):
     areas = [area(five[[0, *order]]) for order in itertools.permutations(range(1, 5))]
     print(
         f"{name:<9} area {min(areas):.3f} to {max(areas):.3f} of 1: {max(areas) / min(areas):.2f} times"
@@ -416,7 +416,7 @@ MJCF = """<mujoco model="two links">
 </mujoco>"""
 lib, losses = library(), 'damping="0.3" range="-150 150"'
 figure_, axis = plt.subplots(figsize=(7, 2.3), layout="constrained")
-for label, joint, motor, asked in (
+for label, joint, motor, requested in (
     ("no losses, no limits", "", "motor", (0.5, -0.3)),
     ("damping and limits", losses, "motor", (0.5, -0.3)),
     ("position actuators", losses, 'position kp="40" kv="2"', (0.5, -0.3)),
@@ -424,7 +424,7 @@ for label, joint, motor, asked in (
     model = lib.MjModel.from_xml_string(MJCF.format(joint=joint, motor=motor))
     data, path = lib.MjData(model), []
     for _ in range(2000):
-        data.ctrl[:] = asked
+        data.ctrl[:] = requested
         lib.mj_step(model, data)
         path.append(data.qpos / (2 * np.pi))
     _ = axis.plot(1e-3 * np.arange(2000), np.array(path)[:, 1], label=label)
@@ -472,11 +472,11 @@ for preset, (scene, card_, fair) in {
     "Sinking grasp": (4, "MuJoCo", 0),
     "Collapsing tower": (3, "Drake", 0),
 }.items():
-    row = 1e3 * found.errors[scene, 1, fair]
+    row = 1e3 * outcome.errors[scene, 1, fair]
     unit = "mrad" if scene < 2 else "mm"
-    which = row.max() if card_ is None else row[found.engines.index(card_)]
+    which = row.max() if card_ is None else row[outcome.engines.index(card_)]
     print(f"{preset:<25}{names[scene]:<7}{card_ or 'all four':<9}{which:8.1f} {unit}", end=", ")
-    print(f"tolerance {1e3 * found.tolerance[scene]:g}")
+    print(f"tolerance {1e3 * outcome.tolerance[scene]:g}")
 
 # %% [markdown]
 # ## 6 · Speed against accuracy
@@ -571,14 +571,14 @@ simulation("Pyramid steers")
 # %%
 angle = np.radians(22.5)
 for cone in theory.CONES:
-    way, turn = theory.stop(angle, cone)
+    distance, turn = theory.stop(angle, cone)
     print(
-        f"theory, {cone:<10} {way / theory.braking_distance() - 1:+8.2%}, {np.degrees(turn):+7.2f} deg"
+        f"theory, {cone:<10} {distance / theory.braking_distance() - 1:+8.2%}, {np.degrees(turn):+7.2f} deg"
     )
 for settings in (AS_SHIPPED, FAIR):
     one = measures.stop(mujoco, angle, 1e-3, settings)
-    off = one.distance / theory.braking_distance() - 1
-    print(f"MuJoCo, {settings.name:<10} {off:+8.2%}, {np.degrees(one.turn):+7.2f} deg")
+    deviation = one.distance / theory.braking_distance() - 1
+    print(f"MuJoCo, {settings.name:<10} {deviation:+8.2%}, {np.degrees(one.turn):+7.2f} deg")
 
 # %% [markdown]
 # The test needs no look into the code: send a block off at an angle, and length and direction name the cone. Along an
@@ -1053,9 +1053,10 @@ mass = kinematics.mass_matrix(scenes.arm().chain, np.array(measures.GOAL))
 limit = 2.0 * measures.PACE * np.linalg.eigvalsh(mass)[0]
 print(f"limit by theory: {limit:.4f} N m s/rad, a fraction of the 0.5 that were there before")
 for share in (0.0, 0.5, 0.9, 1.2, 2.0):
-    off = lost(share * limit)
+    deviation = lost(share * limit)
     print(
-        f"{share:3.1f} of it lost: ", f"tip {off:.5f} mm off" if off < np.inf else "it flies apart"
+        f"{share:3.1f} of it lost: ",
+        f"tip {deviation:.5f} mm off" if deviation < np.inf else "it flies apart",
     )
 
 # %% [markdown]

@@ -361,11 +361,11 @@ _ = axes[1].plot(np.arange(len(gaps)), 1e3 * np.array(gaps))
 _ = axes[1].set(xlabel="steps", ylabel="gap to the pillar [mm]", title="the elbow backs away")
 plt.show()
 for name, posture_ in (("one IK after each", moved), ("never put back", plain)):
-    off = np.linalg.norm(kinematics.pose_error(target, tip(arm, posture_))[:3])
+    deviation = np.linalg.norm(kinematics.pose_error(target, tip(arm, posture_))[:3])
     gap = kinematics.disc_distance(arm, posture_, pillar, radius)[0]
     print(
         f"{name:<17}: gap {1e3 * gaps[0]:.0f} -> {1e3 * gap:.0f} mm, hand off by "
-        f"{'under 0.001' if off < 1e-6 else format(1e3 * off, '.1f')} mm, "
+        f"{'under 0.001' if deviation < 1e-6 else format(1e3 * deviation, '.1f')} mm, "
         f"within limits: {kinematics.within(arm, posture_)}"
     )
 
@@ -484,11 +484,11 @@ LEVELS = (
 DOWN = ("inverse kinematics", "dynamics, feedback")
 UP = ("forward kinematics", "encoders")
 figure_, axes = plt.subplots(figsize=(9, 3.6), layout="constrained")
-for row, (name, what, rate, who) in enumerate(LEVELS):
+for row, (name, what, rate, owner) in enumerate(LEVELS):
     y = 2.0 - row
     box = {"boxstyle": "round,pad=0.5", "facecolor": "#eef3f7", "edgecolor": "#3b6ea5"}
     _ = axes.text(0.0, y, f"{name}\n{what}", ha="center", va="center", bbox=box, fontsize=11)
-    _ = axes.text(1.0, y, f"{rate}\n{who}", va="center", fontsize=10)
+    _ = axes.text(1.0, y, f"{rate}\n{owner}", va="center", fontsize=10)
 for row in range(2):
     for x, start, end, label, side in (
         (-0.12, 1.70 - row, 1.30 - row, DOWN[row], "right"),
@@ -506,12 +506,12 @@ print("\n".join(f"{name:<15} {what:<18} {rate}" for name, what, rate, _ in LEVEL
 # and inverse dynamics into torques: **computed torque**, which chapter 6 takes further.
 
 # %%
-wanted = tip(arm, q) + np.array([0.0, 0.1, -0.05, 0.0, 0.0, 0.0, 0.0])
-found = ik(arm, wanted, q)
-asked = 100.0 * (found.q - q)  # rad/s^2: a spring of 100 1/s^2, from rest
-torques = kinematics.inverse_dynamics(arm, q, still, asked)
-print("task space:     hand to", listed(wanted[:3]), "m")
-print(f"joint space:    {listed(found.q)} rad ({found.reason} in {found.iterations} steps)")
+desired = tip(arm, q) + np.array([0.0, 0.1, -0.05, 0.0, 0.0, 0.0, 0.0])
+outcome = ik(arm, desired, q)
+requested = 100.0 * (outcome.q - q)  # rad/s^2: a spring of 100 1/s^2, from rest
+torques = kinematics.inverse_dynamics(arm, q, still, requested)
+print("task space:     hand to", listed(desired[:3]), "m")
+print(f"joint space:    {listed(outcome.q)} rad ({outcome.reason} in {outcome.iterations} steps)")
 print("actuator space:", listed(torques), "N m")
 
 # %% [markdown]

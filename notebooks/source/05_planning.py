@@ -64,23 +64,23 @@ predict("shape_of_a_disc")
 two = planning.planar_arm([1.0, 1.0], 0.06, discs=[[1.2, 0.9, 0.35], [-1.0, 1.2, 0.4]])
 angles = np.linspace(-np.pi, np.pi, 151)
 hit = [[not planning.state_free(two, (a, b)) for a in angles] for b in angles]
-here, there = np.array([-0.4, 0.6]), np.array([2.9, -0.5])
-found = plan(two, here, there, rng=2, step=0.5)
+here, other = np.array([-0.4, 0.6]), np.array([2.9, -0.5])
+result = plan(two, here, other, rng=2, step=0.5)
 figure_, (left, right) = plt.subplots(1, 2, figsize=(8, 3.8), layout="constrained")
 for _, x, y, r, _ in two.obstacles:
     _ = left.add_patch(plt.Circle((x, y), r, color="#e9a3a0"))
-states = time_parameterise(found.path, (1.0, 4.0)).waypoints(0.25)
+states = time_parameterise(result.path, (1.0, 4.0)).waypoints(0.25)
 for k, (a, b) in enumerate(states.T):
     elbow = np.array([np.cos(a), np.sin(a)])
     xy = np.column_stack(([0, 0], elbow, elbow + [np.cos(a + b), np.sin(a + b)]))
     _ = left.plot(*xy, color=plt.cm.viridis(k / states.shape[1]), lw=2)
 _ = left.set(xlim=(-2.1, 2.1), ylim=(-2.1, 2.1), aspect="equal", title="the room [m]")
 _ = right.contourf(angles, angles, np.array(hit, float), levels=[0.5, 1.5], colors=["#e9a3a0"])
-_ = right.plot(*found.path, "o-", ms=3)
+_ = right.plot(*result.path, "o-", ms=3)
 _ = right.set(xlabel="shoulder [rad]", ylabel="elbow [rad]", title="the joints", aspect="equal")
 plt.show()
-print(f"{np.mean(hit):.0%} of the square of angles collides; {found.samples} samples;")
-print("judged:", "free" if check_path(two, found.path, here, there) else "in collision")
+print(f"{np.mean(hit):.0%} of the square of angles collides; {result.samples} samples;")
+print("judged:", "free" if check_path(two, result.path, here, other) else "in collision")
 
 # %% [markdown]
 # Left, what happens in the room, dark first; right, the same as a point between two islands (the patch at the left edge
@@ -188,17 +188,19 @@ lines = [
 ]
 for name in ("rrt", "rrt_connect"):
     for share in scenes.GAPS:
-        asked = scenes.gap(share)
-        ends = asked.world, asked.start, asked.goal
+        requested = scenes.gap(share)
+        ends = requested.world, requested.start, requested.goal
         runs = [plan(*ends, method=name, budget=200_000, rng=k, step=1.0) for k in range(100)]
         drawn = np.percentile([run.samples for run in runs], (50, 25, 75))
         corner = np.array([4.75, 5.0 - 5.0 * share])
-        best = 2.0 * np.linalg.norm(corner - asked.start) + 0.5
+        best = 2.0 * np.linalg.norm(corner - requested.start) + 0.5
         cut = [
-            length(planning.shortcut(run.path, asked.world, np.random.default_rng(0))) / best
+            length(planning.shortcut(run.path, requested.world, np.random.default_rng(0))) / best
             for run in runs[:20]
         ]
-        assert all(check_path(asked.world, run.path, asked.start, asked.goal) for run in runs)
+        assert all(
+            check_path(requested.world, run.path, requested.start, requested.goal) for run in runs
+        )
         lines.append(
             f"| {name} | {share:.0%} | {drawn[0]:.0f} ({drawn[1]:.0f} to {drawn[2]:.0f}) | "
             f"{np.median([run.cost for run in runs]) / best:.2f} ({np.median(cut):.2f}) |"
@@ -270,12 +272,12 @@ show("lazy_tests_the_final_path")
 predict("after_the_ball")
 
 # %%
-asked = planning.shelf("open")
-roadmap = planning.build_roadmap(asked.world, 1000, 0)
+requested = planning.shelf("open")
+roadmap = planning.build_roadmap(requested.world, 1000, 0)
 rng = np.random.default_rng(1)
 for k in range(5):
-    ends = asked.query(rng)
-    world = asked.disturbed(rng, *ends)
+    ends = requested.query(rng)
+    world = requested.disturbed(rng, *ends)
     reply = plan(world, *ends, method="roadmap", roadmap=roadmap, budget=20_000, rng=k, step=1.0)
     print(
         f"ball {k + 1}: {reply.edge_checks:4d} edges asked, {reply.path.shape[1]:2d} states, "
@@ -414,13 +416,13 @@ figures(read("limits_between"), "at grid", "time-optimal", summary="All key figu
 # %% tags=["nbval-ignore-output"]
 import time
 
-ends = asked.query(np.random.default_rng(3))
-found = plan(asked.world, *ends, rng=0, step=1.0)
+ends = requested.query(np.random.default_rng(3))
+result = plan(requested.world, *ends, rng=0, step=1.0)
 begun = time.perf_counter()
-path = planning.shortcut(found.path, asked.world, np.random.default_rng(0), rounds=60)
+path = planning.shortcut(result.path, requested.world, np.random.default_rng(0), rounds=60)
 between = time.perf_counter()
-motion = time_parameterise(path, (2.0, 8.0), blend=0.2, free=asked.world)
-spent = 1e3 * np.array([found.seconds, between - begun, time.perf_counter() - between])
+motion = time_parameterise(path, (2.0, 8.0), blend=0.2, free=requested.world)
+spent = 1e3 * np.array([result.seconds, between - begun, time.perf_counter() - between])
 print("plan {:.1f} ms, shorten {:.1f} ms, time {:.1f} ms".format(*spent))
 print(f"for a motion of {motion.duration:.2f} s between two bays of the open shelf")
 

@@ -287,9 +287,9 @@ for name, (kp, ki, kd) in tried.items():
     run = run_joint(
         Joint(inertia, damping), Actuator(delay=late), Encoder(), Gains(kp, ki, kd), 1.0, dt, 20.0
     )
-    seen = control.step_metrics(run.times, run.q, 1.0)
+    observed = control.step_metrics(run.times, run.q, 1.0)
     steps = (
-        f"overshoot {seen.overshoot:4.0%}, settled after {seen.settling:5.2f} s"
+        f"overshoot {observed.overshoot:4.0%}, settled after {observed.settling:5.2f} s"
         if growth < 1.0
         else f"unstable: it grows {growth ** (1.0 / dt):.2f} times a second"
     )
@@ -386,16 +386,16 @@ def logged(joint, actuator):
     return control.Log(2e-3, np.append(run.measured, run.q[-1]), run.command)
 
 
-found = identify(logged(truth, Actuator())).model
+result = identify(logged(truth, Actuator())).model
 for name, true in (("inertia", truth.inertia), ("damping", truth.damping), ("coulomb", 0.10)):
-    print(f"{name:<8} found {getattr(found, name):.4f}, true {true:.4f}")
+    print(f"{name:<8} found {getattr(result, name):.4f}, true {true:.4f}")
 believed = control.JointModel(0.12, 0.15, 0.10)
 for name, joint, actuator in (
     ("a fifth more inertia", replace(truth, inertia=0.144), Actuator()),
     ("10 ms of delay", truth, Actuator(delay=0.01)),
 ):
-    told = control.diagnose(logged(joint, actuator), believed).causes
-    print(f"{name:<20} told: {', '.join(told)}")
+    report = control.diagnose(logged(joint, actuator), believed).causes
+    print(f"{name:<20} told: {', '.join(report)}")
 
 # %% [markdown]
 # `diagnose` asks the harder question, which of seven causes it is: it fits each by itself and looks at what is left
@@ -543,10 +543,10 @@ for regime, name, use in (
     ("contact", "force", "pushing, insertion"),
     ("hybrid", "hybrid", "wiping: force along the normal, place along the surface"),
 ):
-    found = touch.row(name)
+    result = touch.row(name)
     lines.append(
-        f"| {regime} | {name} | from {found['rate_hz']:.0f} Hz on | {use} | "
-        f"{found['peak_n']:.0f} N | {found['off_n']:+.1f} N |"
+        f"| {regime} | {name} | from {result['rate_hz']:.0f} Hz on | {use} | "
+        f"{result['peak_n']:.0f} N | {result['off_n']:+.1f} N |"
     )
 Markdown("\n".join(lines))
 
@@ -919,9 +919,9 @@ def in_mujoco(plans):
 
 for price in (1e-4, 1.0):
     for _ in range(60):
-        found = control.mppi(in_mujoco, plan, rng, spread=4.0, temperature=0.05, limit=20.0)
-        q, v = control.rollouts(arm, found.plan[None, :1], 0.02, state)
-        state, plan = (q[-1, :, 0], v[-1, :, 0]), control.sampling.shifted(found.plan)
+        result = control.mppi(in_mujoco, plan, rng, spread=4.0, temperature=0.05, limit=20.0)
+        q, v = control.rollouts(arm, result.plan[None, :1], 0.02, state)
+        state, plan = (q[-1, :, 0], v[-1, :, 0]), control.sampling.shifted(result.plan)
     print(f"price of torque {price:g}: the upper arm is up: {np.sin(state[0][0]) > 0.5}")
 
 # %% [markdown]

@@ -100,12 +100,12 @@ parts = (stand(BOX, 0.03, -0.12, 0.02, 0.7), stand(can, 0.04, 0.1, 0.08, 0.0))
 scene = together([shape("plane").moved(TABLE), *parts, stand(plate, 0.003, 0.12, -0.1, 0.3)])
 rng = np.random.default_rng(0)
 exact, ids = render(scene, EYE)
-seen = sense(exact, EYE, SENSOR, rng)
+noticed = sense(exact, EYE, SENSOR, rng)
 colours = ListedColormap(["#cfd8dc", "#3f51b5", "#e65100", "#2e7d32"])
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.5), layout="constrained")
 shown = axes[0].imshow(exact)
 _ = figure_.colorbar(shown, ax=axes[0], shrink=0.8)
-error = axes[1].imshow(1e3 * (seen - exact), vmin=-3, vmax=3, cmap="coolwarm")
+error = axes[1].imshow(1e3 * (noticed - exact), vmin=-3, vmax=3, cmap="coolwarm")
 _ = figure_.colorbar(error, ax=axes[1], shrink=0.8)
 _ = axes[2].imshow(ids, cmap=colours)
 for axis, title in zip(axes, ("depth [m]", "its error [mm]", "what a pixel sees"), strict=True):
@@ -209,8 +209,10 @@ figure_, axis = plt.subplots(figsize=(6, 2.2), layout="constrained")
 for name, width, view, base in (("D435", 848, 87.0, 0.05), ("wider base", 1280, 60.0, 0.12)):
     eye, sensor = Camera.symmetric(width, width // 2, np.radians(view)), Sensor(base, 0.1)
     _ = axis.semilogy(z, 1e3 * sensor.sigma(z, eye), label=name)
-    told = ", ".join(f"{1e3 * sensor.sigma(far, eye):.2f} mm at {far} m" for far in (0.3, 1.0, 2.0))
-    print(f"{name:<15} f {eye.fx:4.0f} px, B {1e3 * base:3.0f} mm: {told}")
+    message = ", ".join(
+        f"{1e3 * sensor.sigma(far, eye):.2f} mm at {far} m" for far in (0.3, 1.0, 2.0)
+    )
+    print(f"{name:<15} f {eye.fx:4.0f} px, B {1e3 * base:3.0f} mm: {message}")
 _ = axis.set(xlabel="distance [m]", ylabel="noise of a depth [mm]")
 _ = axis.legend()
 plt.show()
@@ -287,15 +289,15 @@ show("fifty_neighbours")
 show("dbscan_separates")
 
 # %%
-points, pixels = perception.back_project(seen, EYE)
+points, pixels = perception.back_project(noticed, EYE)
 plane, near, tried = perception.ransac_plane(points, 0.004, rng)
 above = points[:, (plane[:3] @ points + plane[3] > 0) & ~near]
 means, _ = perception.voxel_mean(above, 0.004)
-high = np.zeros(seen.size)
+high = np.zeros(noticed.size)
 over = plane[:3] @ points + plane[3] > 0.004
 high[pixels[over]] = points[2, over]
 by_density, _ = perception.dbscan(means, 0.012, 8)
-by_pixels = perception.components(high.reshape(seen.shape), EYE, 0.012)
+by_pixels = perception.components(high.reshape(noticed.shape), EYE, 0.012)
 counts = np.bincount(by_pixels[by_pixels >= 0])
 large = np.isin(by_pixels, np.flatnonzero(counts >= 40))
 figure_, axes = plt.subplots(1, 2, figsize=(8, 2.6), layout="constrained")
@@ -304,7 +306,7 @@ _ = axes[0].scatter(*means[:2, noise], c="black", s=2)
 _ = axes[0].scatter(*means[:2, ~noise], c=by_density[~noise], s=2, cmap="Dark2", vmax=7)
 _ = axes[0].set(title="DBSCAN on 4 mm voxels", aspect="equal", xlabel="x [m]", ylabel="y [m]")
 axes[0].invert_yaxis()
-names = np.unique(np.where(large, by_pixels, -1), return_inverse=True)[1].reshape(seen.shape)
+names = np.unique(np.where(large, by_pixels, -1), return_inverse=True)[1].reshape(noticed.shape)
 _ = axes[1].imshow(np.where(large, names - 1.0, np.nan), cmap="Dark2", vmax=7)
 _ = axes[1].contourf(~large & (by_pixels >= 0), levels=[0.5, 1.5], colors=["black"])
 _ = axes[1].set(title="components of pixels, 40 or more", xticks=[], yticks=[])
@@ -465,21 +467,25 @@ normal = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
 table = np.append(normal, -normal @ TABLE[:3])
 shared = replace(SENSOR, window=5)
 figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
-for name, told, standing in (
+for name, message, standing in (
     ("3 numbers", table, True),
     ("6 numbers", table, False),
     ("3, the table told 5 mm too high", table - (0.0, 0.0, 0.0, 0.005), True),
 ):
-    off, says = [], []
+    deviation, says = [], []
     for seed, yaw in enumerate(np.random.default_rng(3).uniform(0.3, 1.2, 12)):
         part = stand(BOX, 0.03, 0.0, 0.0, yaw)
-        found = locate(take_image(shared, seed, part), EYE, shared, BOX, table=told, standing=standing)[0]
-        off.append(perception.apart(BOX, part.poses[:, 0], found.pose))
-        says.append(found.status)
-    shift, turn = np.sqrt(np.mean(np.square(off), axis=0))
-    found = f"{says.count('found')} of 12 found"
-    print(f"{name:<31} {1e3 * shift:5.2f} mm, {np.degrees(turn):.2f} degrees, {found}")
-    _ = axis.loglog(1e3 * np.array(off)[:, 0], np.degrees(off)[:, 1], "o", ms=4, label=name)
+        result = locate(
+            take_image(shared, seed, part), EYE, shared, BOX, table=message, standing=standing
+        )[0]
+        deviation.append(perception.apart(BOX, part.poses[:, 0], result.pose))
+        says.append(result.status)
+    shift, turn = np.sqrt(np.mean(np.square(deviation), axis=0))
+    result = f"{says.count('found')} of 12 found"
+    print(f"{name:<31} {1e3 * shift:5.2f} mm, {np.degrees(turn):.2f} degrees, {result}")
+    _ = axis.loglog(
+        1e3 * np.array(deviation)[:, 0], np.degrees(deviation)[:, 1], "o", ms=4, label=name
+    )
 _ = axis.set(xlabel="error of the place [mm]", ylabel="of the turn [degrees]")
 _ = axis.legend(fontsize=8, loc="center")
 plt.show()
@@ -520,7 +526,7 @@ figures(read("scene_known_part"), *rows, summary="The whole scene")
 
 # %%
 square, other = shape("box", 0.05, 0.0499, 0.03), shape("box", 0.05, 0.03, 0.03)
-for name, part, there, then in (
+for name, part, available, then in (
     ("an empty table", BOX, (), "wait, or ask for parts"),
     ("the part", BOX, (stand(BOX, 0.03, 0.0, 0.0, 0.5),), "grasp"),
     ("half out of the picture", BOX, (stand(BOX, 0.03, 0.45, 0.0, 0.5),), "move the camera"),
@@ -528,8 +534,8 @@ for name, part, there, then in (
     ("a can", can, (stand(can, 0.04, 0.0, 0.0, 0.5),), "grasp: its turn is free"),
     ("another part", BOX, (stand(other, 0.03, 0.0, 0.0, 0.5),), "leave it, report it"),
 ):
-    found = locate(take_image(SENSOR, 5, *there), EYE, SENSOR, part)
-    says = "; ".join(" ".join((one.status, *one.unobserved)) for one in found)
+    result = locate(take_image(SENSOR, 5, *available), EYE, SENSOR, part)
+    says = "; ".join(" ".join((one.status, *one.unobserved)) for one in result)
     print(f"{name:<24} {says or '[]':<13} -> {then}")
 
 # %% [markdown]
@@ -542,7 +548,7 @@ predict("keeps_up")
 # Six stages, each timed here on one core, against the 33 ms that a camera leaves at thirty pictures a second:
 
 # %% tags=["nbval-ignore-output"]
-one = locate(seen, EYE, SENSOR, BOX)[0]
+one = locate(noticed, EYE, SENSOR, BOX)[0]
 
 
 def closes(one, gap=0.0025, finger=0.01):
@@ -553,10 +559,10 @@ def closes(one, gap=0.0025, finger=0.01):
 
 stages = {
     "picture": lambda: sense(render(scene, EYE)[0], EYE, SENSOR, rng),
-    "points": lambda: perception.back_project(seen, EYE),
+    "points": lambda: perception.back_project(noticed, EYE),
     "table": lambda: perception.ransac_plane(points[:, ::37], 0.006, rng, at_most=200),
-    "things": lambda: perception.components(high.reshape(seen.shape), EYE, 0.012),
-    "poses": lambda: locate(seen, EYE, SENSOR, BOX),
+    "things": lambda: perception.components(high.reshape(noticed.shape), EYE, 0.012),
+    "poses": lambda: locate(noticed, EYE, SENSOR, BOX),
     "grasp": lambda: closes(one),
 }
 clocks = [calls(stage, clock=time.process_time) for stage in stages.values()]
@@ -564,7 +570,7 @@ took = [1e3 * timed.median for timed in interleaved(clocks, repeats=5, sample=5e
 took[4] -= sum(took[1:4])  # `locate` does these, too
 print(" -> ".join(f"{name} {ms:.2g}" for name, ms in zip(stages, took, strict=True)), "ms")
 whole, start = sum(took[1:]), time.process_time()
-locate(seen, EYE, SENSOR, BOX, least=1000)
+locate(noticed, EYE, SENSOR, BOX, least=1000)
 large = 1e3 * (time.process_time() - start)
 print(f"after the picture {whole:.0f} ms, {whole / 33.3:.0%} of 33; closes: {closes(one)}")
 print(f"where only things as large as the box are tried: {large:.0f} ms")
@@ -592,9 +598,9 @@ place = stand(BOX, 0.03, 0.05, 0.0, 0.8)
 bias, spread = perception.stand_in(EYE, shared, BOX, place.poses)
 chain = [locate(take_image(shared, seed, place), EYE, shared, BOX)[0].p for seed in range(40)]
 along = rotate(conjugate(place.poses[3:, 0]), np.transpose(chain) - place.poses[:3])
-told = 1e3 * np.sqrt(np.diag(spread[:, :, 0]))[:2]
+message = 1e3 * np.sqrt(np.diag(spread[:, :, 0]))[:2]
 measured = 1e3 * along[:2].std(axis=1)
-print("spread of x and y [mm]: the chain", *measured.round(3), "stand_in", *told.round(3))
+print("spread of x and y [mm]: the chain", *measured.round(3), "stand_in", *message.round(3))
 
 # %% [markdown]
 # ## 5 · Code, and the simulation in full
@@ -605,7 +611,7 @@ print("spread of x and y [mm]: the chain", *measured.round(3), "stand_in", *told
 # it:
 
 # %%
-cloud, _ = perception.back_project(seen, EYE)  # 1 points of the picture
+cloud, _ = perception.back_project(noticed, EYE)  # 1 points of the picture
 cells, _ = perception.voxel_mean(cloud, 0.005)  # 2 one mean a voxel
 plane, near, tried = perception.ransac_plane(cells, 0.01, np.random.default_rng(0))  # 3 the table
 rest = np.ascontiguousarray(cells[:, ~near])
@@ -619,7 +625,7 @@ their_plane, _ = open3d.Cloud(cells).plane(0.01, 1000)
 lean = np.degrees(np.linalg.norm(np.cross(plane[:3], their_plane[:3])))
 noise = labels < 0
 same = np.array_equal(noise, open3d.Cloud(rest).dbscan(0.02, 50) < 0)
-float32 = np.abs(cloud - open3d.Picture(seen, EYE).points()).max()
+float32 = np.abs(cloud - open3d.Picture(noticed, EYE).points()).max()
 print(f"1 points: {float32:.0e} m apart; float32 there")
 print(f"2 voxels: {cells.shape[1]}, {np.abs(a - b).max():.0e} m apart")
 print(f"3 planes: {lean:.4f} degrees apart, after {tried} draws here and 1000 there")
@@ -645,7 +651,7 @@ Markdown(f"```python\n{text}```")
 # A bad picture is refused, by name:
 
 # %%
-for wrong in (1000.0 * seen, (1000.0 * seen).astype(np.uint16), seen.T, 0.0 * seen):
+for wrong in (1000.0 * noticed, (1000.0 * noticed).astype(np.uint16), noticed.T, 0.0 * noticed):
     try:
         locate(wrong, EYE, SENSOR, BOX)
     except ValueError as problem:
@@ -688,7 +694,9 @@ print_figures("frame_speed", "course", "Open3D", "locate", "poses")
 # ![Error of a pose over its time, by voxel size](../docs/charts/pose_precision.png)
 
 # %%
-print_figures("pose_precision", "white noise, shape", "white noise, pick", "noise shared over 5 px, pick")
+print_figures(
+    "pose_precision", "white noise, shape", "white noise, pick", "noise shared over 5 px, pick"
+)
 
 # %% [markdown]
 # A coarse grid rounds edges and so biases the pose; a grid finer than the noise costs time and buys nothing. *What to
@@ -979,7 +987,9 @@ predict("network_and_mirror")
 # ![Share of right poses and time by start, and what the picture says](../docs/charts/learned_start.png)
 
 # %%
-print_figures("learned_start", "noise x 1,", "noise x 3.75, 4", "noise x 3.75, network", "a mirrored")
+print_figures(
+    "learned_start", "noise x 1,", "noise x 3.75, 4", "noise x 3.75, network", "a mirrored"
+)
 
 # %%
 show("network_knows_its_part")

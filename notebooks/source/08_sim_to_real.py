@@ -101,11 +101,11 @@ predict("which_part_matters")
 # then tune on that arm:
 
 # %%
-there, posed = real(1.0, 0.01), tasks(500, 41)
+far_end, posed = real(1.0, 0.01), tasks(500, 41)
 tuned = recorded()["range"][0, 0]
 figure_, axis = plt.subplots(figsize=(6.5, 2.2), layout="constrained")
 for row, part in enumerate((*transfer.PARTS, "all")):
-    one = there if part == "all" else mended(there, (part,))
+    one = far_end if part == "all" else mended(far_end, (part,))
     again = tune(only(one), 0, rounds=12, samples=32, elites=8, episodes=24).gains
     rates = [rollouts(one, gains, posed).rate for gains in (tuned, again)]
     low, high = wilson(500 * rates[0], 500)
@@ -176,14 +176,14 @@ show("late_command")
 
 # %%
 log = logs.record()  # two seconds of two sines on each joint, 1 mrad of noise
-found = fit(arm, log, logs.GUESS, logs.FREE)
-truth = np.array([logs.TRUTH[name] for name in found.names])
+result = fit(arm, log, logs.GUESS, logs.FREE)
+truth = np.array([logs.TRUTH[name] for name in result.names])
 for name, true, value, half in zip(
-    found.names, truth, found.value, found.half_width(), strict=True
+    result.names, truth, result.value, result.half_width(), strict=True
 ):
     print(f"{name:<3} true {true:.4f}  found {value:.4f} +- {half:.4f} ({100 * half / true:.2f} %)")
-print(f"residual {1e3 * found.noise:.3f} mrad, {found.rollouts} simulations,", end=" ")
-print(f"against it: {found.reason or 'nothing'}")
+print(f"residual {1e3 * result.noise:.3f} mrad, {result.rollouts} simulations,", end=" ")
+print(f"against it: {result.reason or 'nothing'}")
 
 # %% [markdown]
 # What else do people do? Differentiate the angles twice and solve a linear system. Filter before that. Or multiply by a
@@ -202,10 +202,10 @@ for name, changed in (
     ("the same, one slow joint", {"delay": 0.01, "kind": "one slow joint"}),
 ):
     wrong = fit(arm, logs.record(**changed), logs.GUESS, logs.FREE)
-    off = 100 * np.abs(wrong.value / truth - 1).max()
-    says = 100 * (wrong.half_width() / truth).max()
+    error = 100 * np.abs(wrong.value / truth - 1).max()
+    message = 100 * (wrong.half_width() / truth).max()
     print(
-        f"{name:<24} off by {off:5.2f} %, says {says:.2f} %; residual {1e3 * wrong.noise:5.2f} mrad",
+        f"{name:<24} off by {error:5.2f} %, says {message:.2f} %; residual {1e3 * wrong.noise:5.2f} mrad",
         end="",
     )
     print(", not white" if wrong.white < 0.01 else ", white")
@@ -224,11 +224,11 @@ predict("one_step_late")
 stamped = np.hstack([log.measured[:, :1], log.measured[:, :-1]])
 slipped = Log(log.times, stamped, log.command)
 wrong = fit(arm, slipped, logs.GUESS, logs.FREE)
-off = np.abs(wrong.value - truth) / np.sqrt(np.diag(found.covariance))
+error = np.abs(wrong.value - truth) / np.sqrt(np.diag(result.covariance))
 lag, sure = late(wrong, slipped)
 worst = 100 * np.abs(wrong.value / truth - 1).max()
-print(f"off by up to {off.max():.0f} standard deviations, {worst:.1f} %;", end=" ")
-print(f"residual {wrong.noise / found.noise:.2f} times the right one")
+print(f"off by up to {error.max():.0f} standard deviations, {worst:.1f} %;", end=" ")
+print(f"residual {wrong.noise / result.noise:.2f} times the right one")
 print(f"against the speed: {1e3 * lag:.2f} +- {1e3 * sure:.2f} ms late, of {1e3 * log.dt:.0f}")
 
 # %% [markdown]
@@ -240,12 +240,12 @@ print(f"against the speed: {1e3 * lag:.2f} +- {1e3 * sure:.2f} ms late, of {1e3 
 
 # %%
 plans = {name: logs.record(name) for name in ("two sines", "steps", "one slow joint")}
-for name, told in excitation(arm, plans, logs.TRUTH, logs.FREE).items():
-    worst = 100 * (np.sqrt(np.diag(told.covariance)) / truth).max()
-    print(f"{name:<15} condition {told.condition:4.1f}, worst parameter known to {worst:.3f} %")
+for name, report in excitation(arm, plans, logs.TRUTH, logs.FREE).items():
+    worst = 100 * (np.sqrt(np.diag(report.covariance)) / truth).max()
+    print(f"{name:<15} condition {report.condition:4.1f}, worst parameter known to {worst:.3f} %")
 free = dict.fromkeys(logs.six(), (1e-4, 10.0))
-(told,) = excitation(logs.rods, {"two sines": log}, logs.six(), free).values()
-print(f"six numbers, rank {told.rank}: {'; '.join(told.null)}")
+(report,) = excitation(logs.rods, {"two sines": log}, logs.six(), free).values()
+print(f"six numbers, rank {report.rank}: {'; '.join(report.null)}")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
@@ -296,7 +296,9 @@ predict("which_wins")
 # ![Success on the twin over the robot time used](../docs/charts/robot_time.png)
 
 # %%
-print_figures("robot_time", "no range", "range", "its law", "adaptive", "identified", "and a", "fine-tuned")
+print_figures(
+    "robot_time", "no range", "range", "its law", "adaptive", "identified", "and a", "fine-tuned"
+)
 
 # %% [markdown]
 # **Fine-tuning** searches on the robot itself. It needs no model, and a hundred times the robot time of a single log. A
@@ -499,8 +501,8 @@ _ = axis.text(
 _ = axis.set(xlim=(-0.6, 5.6), ylim=(-1.5, 0.7))
 axis.axis("off")
 plt.show()
-told = " -> ".join(step.replace("\n", " ") for step in steps)
-print(textwrap.fill(f"{told} -> back to identify", 96))
+report = " -> ".join(step.replace("\n", " ") for step in steps)
+print(textwrap.fill(f"{report} -> back to identify", 96))
 
 # %% [markdown]
 # Three things flow along the red arrow, and all three are logs: torques that were sent, angles that came back, and
@@ -825,10 +827,10 @@ toggles = {
     "camera 20 mm off": (lab.Lab(offset=0.02), "misses", "touch a known point"),
     "camera 30 mm off": (lab.Lab(offset=0.03), "misses", "touch a known point"),
 }
-for name, (scene, told, caught) in toggles.items():
+for name, (scene, report, caught) in toggles.items():
     held = lab.trials(scene, 20)
     low, high = wilson(held, 20)
-    print(f"{name:<24}told: {told:<15}held {held:2d}/20 [{low:.2f}, {high:.2f}]; test: {caught}")
+    print(f"{name:<24}told: {report:<15}held {held:2d}/20 [{low:.2f}, {high:.2f}]; test: {caught}")
 heavy, light = (lab.lift(lab.Lab(mass=m)).error for m in (0.55, 0.5))
 print(f"10 % more mass: lifted {100 * (heavy - light) / lab.Lab().height:.1f} % less high")
 

@@ -100,13 +100,13 @@ for axis, (name, act) in zip(axes, (("fastest", fastest), ("two gains", written)
     share = ran.returns.mean() / best.mean()
     print(f"{name:<10} {share:.2f} of the optimum, {ran.steps.mean():.1f} steps")
     few = PointReachVector(6, "sparse")
-    seen, way = few.reset(seed=1000)[0], []
+    measured, route = few.reset(seed=1000)[0], []
     for _ in range(60):
-        way.append(few.task.p.copy())
-        seen = few.step(act(seen))[0]
-    way = np.array(way)
+        route.append(few.task.p.copy())
+        measured = few.step(act(measured))[0]
+    route = np.array(route)
     for i, last in enumerate(evaluate(act, PointReachVector(6, "sparse"), 1000).steps):
-        _ = axis.plot(way[:last, 0, i], way[:last, 1, i], ".-", ms=2, lw=0.7)
+        _ = axis.plot(route[:last, 0, i], route[:last, 1, i], ".-", ms=2, lw=0.7)
     _ = axis.set(title=name, aspect="equal", xlabel="x [m]")
 plt.show()
 
@@ -320,16 +320,16 @@ predict("left_or_right")
 # transformers. Here two small networks do, as there are no pictures to attend to.
 
 # %%
-ways = TwoWays()
+paths = TwoWays()
 heads = {name: learning.recorded(name) for name in learning.recorded.__globals__["HEADS"]}
 heads["z = 0, as ACT runs"] = replace(heads["autoencoder"], zero=True)
-heads["nearest shown"] = learning.nearest(*learning.windows(ways.demonstrate(100, 0), 8))
+heads["nearest shown"] = learning.nearest(*learning.windows(paths.demonstrate(100, 0), 8))
 passed = {}
 figure_, axes = plt.subplots(1, 7, figsize=(11, 1.9), layout="constrained", sharey=True)
 for axis, (name, policy) in zip(axes, heads.items(), strict=True):
     rng = np.random.default_rng(3)
-    ran = roll(ways, Commit(policy, 8), ways.starts(400, rng), 16, rng)
-    sides = ways.sides(ran.states)
+    ran = roll(paths, Commit(policy, 8), paths.starts(400, rng), 16, rng)
+    sides = paths.sides(ran.states)
     _ = axis.plot(*ran.states[:40].transpose(2, 1, 0), lw=0.4, color="#0072b2")
     axis.add_patch(plt.Circle((0.5, 0.0), 0.2, color="grey"))
     _ = axis.set(title=name, aspect="equal", xticks=(), xlim=(-0.1, 1.15), ylim=(-0.6, 0.6))
@@ -556,9 +556,9 @@ source(learning.gae, learning.objective)
 # %%
 small = Settings(epochs=5, rate=3e-3, hidden=(16, 16))
 train = PointReachVector(64, "potential", autoreset_mode="SameStep")
-for told in learning.ppo(train, small, steps=3 * 2048, seed=0):
-    print(f"{told.steps} steps, the actions have a standard deviation of {told.spread:.1f}")
-print("mean actions for 64 points:", told.policy(train.reset(seed=5)[0]).shape)
+for report in learning.ppo(train, small, steps=3 * 2048, seed=0):
+    print(f"{report.steps} steps, the actions have a standard deviation of {report.spread:.1f}")
+print("mean actions for 64 points:", report.policy(train.reset(seed=5)[0]).shape)
 
 # %% [markdown]
 # The generator yields after each iteration, so a page can draw, and anybody can stop. Bad input is refused, by name:
@@ -569,7 +569,7 @@ for attempt in (
     lambda: learning.gae(np.zeros(3), np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(3)),
     lambda: learning.clone(np.zeros((1, 2)), np.zeros((1, 2)), 0),
     lambda: learning.clone(np.ones((5, 2)), np.ones((5, 2)), 0),
-    lambda: learning.windows(ways.demonstrate(3, 0), 40),
+    lambda: learning.windows(paths.demonstrate(3, 0), 40),
     lambda: next(learning.ppo(train, Settings(minibatches=7), steps=2048)),
 ):
     try:
@@ -687,8 +687,8 @@ for edge in (0.1, -0.5):
 
     rig = PointReachVector(128, "sparse")
     true = evaluate(lame, rig, 0).success.mean()
-    told = learning.first_finished(lame, rig, 128, 0).success.mean()
-    print(f"one episode in each of 128: {true:.2f}; the first 128 that finish: {told:.2f}")
+    report = learning.first_finished(lame, rig, 128, 0).success.mean()
+    print(f"one episode in each of 128: {true:.2f}; the first 128 that finish: {report:.2f}")
 
 # %% [markdown]
 # <table>
@@ -932,7 +932,9 @@ def lost(injected, executor, *how):
 def missed(executor, how):
     """Wrong steps of 40 in contexts, 5 of 1,000 miscopied: without a way back, and with one."""
     observed = (np.arange(40) % how == 0) & (executor is Commit)
-    wrong = np.where(observed, 0.005, 0.5)  # what comes next is not seen before: one of two is a guess
+    wrong = np.where(
+        observed, 0.005, 0.5
+    )  # what comes next is not seen before: one of two is a guess
     return np.sum(1.0 - np.cumprod(1.0 - wrong)), wrong.sum()
 
 

@@ -227,7 +227,7 @@ show("reliability_both_ways")
 
 # %% tags=["nbval-ignore-output"]
 late = {"durability": "transient_local"}
-asked = {
+queried = {
     "best effort -> reliable": (QoS("best_effort"), QoS()),
     "reliable -> best effort": (QoS(), QoS("best_effort")),
     "volatile -> transient local": (QoS(), QoS(**late)),
@@ -239,11 +239,11 @@ asked = {
 try:
     from course.oracles.cyclonedds import verdicts
 
-    seen = [one.reader or "heard" for one in verdicts(list(asked.values()))]
+    observed = [one.reader or "heard" for one in verdicts(list(queried.values()))]
 except ImportError as missing:
     print(missing)
-    seen = ["not run"] * len(asked)
-for (name, pair), cyclone in zip(asked.items(), seen, strict=True):
+    observed = ["not run"] * len(queried)
+for (name, pair), cyclone in zip(queried.items(), observed, strict=True):
     print(f"{name:<30}ours: {', '.join(compatible(*pair)) or 'heard':<14}Cyclone DDS: {cyclone}")
 
 # %% [markdown]
@@ -356,9 +356,9 @@ for name, relative, hiccup in (
     ("until the release, one wake-up 5.3 ms late", False, (500,)),
 ):
     times, work = clock(hiccup=hiccup)
-    kept_ = loop.run(work, 1e-3, 1000, relative=relative, **times)
-    last, worst = 1e3 * kept_.lateness[-1], 1e3 * kept_.lateness.max()
-    print(f"{name:<44}last {last:7.2f} ms late, worst {worst:7.2f}, skipped {kept_.skipped}")
+    retained = loop.run(work, 1e-3, 1000, relative=relative, **times)
+    last, worst = 1e3 * retained.lateness[-1], 1e3 * retained.lateness.max()
+    print(f"{name:<44}last {last:7.2f} ms late, worst {worst:7.2f}, skipped {retained.skipped}")
 
 # %% [markdown]
 # The **release** of a period is start plus a whole number of periods; **lateness** is counted from it. A loop that
@@ -460,9 +460,9 @@ for name, some, order, threads in (
     ("a group and a thread each", apart, "ready set", 2),
 ):
     phases = rng.random((8, 2))
-    most = max(respond(some, order, threads, tuple(p), 5.0)["control"].max() for p in phases)
+    largest = max(respond(some, order, threads, tuple(p), 5.0)["control"].max() for p in phases)
     bound = bounds(some, order, threads)["control"]
-    print(f"{name:<32}control at most {1e3 * most:5.2f} ms, bound {1e3 * bound:5.2f}")
+    print(f"{name:<32}control at most {1e3 * largest:5.2f} ms, bound {1e3 * bound:5.2f}")
 
 # %% [markdown]
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
@@ -568,17 +568,17 @@ PARTS = {
 figure_, axis = plt.subplots(figsize=(8, 2.0), layout="constrained")
 print(f"{'age at the drives [ms]':<28}{'least':>8}{'mean':>8}{'most':>8}{'on the bus':>14}")
 for name, stages in rows.items():
-    told = age(stages)
+    output = age(stages)
     runs = (run_chain(stages, p, seconds=3.0) for p in rng.random((16, len(stages))))
     ages = 1e3 * np.mean([one.age(moments).mean() for one in runs])
-    times = "".join(f"{1e3 * x:8.1f}" for x in (told.least, told.mean, told.greatest))
+    times = "".join(f"{1e3 * x:8.1f}" for x in (output.least, output.mean, output.greatest))
     print(f"{name:<28}{times}{ages:14.1f}")
-    left, work = 0.0, 1e3 * sum(stage.execution for stage in stages)
-    parts = (work, *(1e3 * x for x in told.waits))
+    remaining, work = 0.0, 1e3 * sum(stage.execution for stage in stages)
+    parts = (work, *(1e3 * x for x in output.waits))
     for (label, colour), part in zip(PARTS.items(), parts, strict=True):
-        _ = axis.barh(name, part, left=left, color=colour, label="" if axis.texts else label)
-        left += part
-    _ = axis.text(left, name, f" {left:.0f}", va="center", fontsize=8)
+        _ = axis.barh(name, part, left=remaining, color=colour, label="" if axis.texts else label)
+        remaining += part
+    _ = axis.text(remaining, name, f" {remaining:.0f}", va="center", fontsize=8)
 _ = axis.set(xlabel="mean age [ms]", xlim=(0, 560))
 axis.invert_yaxis()
 _ = axis.legend(fontsize=7, loc="upper right")
@@ -590,12 +590,12 @@ for name, shape in STREAMS.items():
     size, rate, packets = transport.stream(*shape)
     print(f"{name:<20}{size / 1e3:8.0f} kB, {rate / 1e6:6.1f} MB/s, {packets} packets a picture")
 C, T = np.array([1e-4, 20e-3, 40e-3]), np.array([1e-3, 1 / 30, 0.1])
-for told, some in {
+for output, some in {
     "controller, perception, planner on one core": [0, 1, 2],
     "controller and planner, perception elsewhere": [0, 2],
 }.items():
     ends = ", ".join(f"{1e3 * x:.1f}" for x in response_times(C[some], T[some]))
-    print(f"{told}: utilization {float(utilization(C[some], T[some])):.2f}, responses {ends} ms")
+    print(f"{output}: utilization {float(utilization(C[some], T[some])):.2f}, responses {ends} ms")
 
 # %% [markdown]
 # Computed is one thing. Ten pictures each, written at once on Cyclone DDS, from Python to another process on this
@@ -650,8 +650,8 @@ predict("five_comments")
 # %%
 usual, ours = (launch.nodes(text) for text in (launch.USUAL, launch.OURS))
 for node in usual:
-    many = len(launch.overrides(node.parameters))
-    print(f"{node.executable:<12}{node.parameters!s:<34}policies set: {many}")
+    total = len(launch.overrides(node.parameters))
+    print(f"{node.executable:<12}{node.parameters!s:<34}policies set: {total}")
 
 # %%
 Markdown(f"```python\n{launch.OURS.strip()}\n```")
@@ -1254,11 +1254,11 @@ print(f"{'actions a chunk':<18}{'moves':>8}{'mean age':>12}{'on the bus':>12}{'m
 camera = Stage("camera", 0.005, 1 / 30)
 for n in (1, 5, 10):
     stages = [camera, Stage("policy", think, max(think, n * step)), Stage("arm", 1e-4, step)]
-    told = age(stages)
+    output = age(stages)
     draws = np.random.default_rng(n).random((16, 3))
     run_ = [run_chain(stages, p, seconds=3.0).age(moments).mean() for p in draws]
     share = min(1.0, n * step / stages[1].period)
-    ages = (told.mean, np.mean(run_), told.greatest)
+    ages = (output.mean, np.mean(run_), output.greatest)
     print(f"{n:<18}{share:8.0%}" + "{:12.0f}{:12.0f}{:8.0f}".format(*(1e3 * x for x in ages)))
 
 # %%

@@ -56,7 +56,7 @@ from course.pipeline import Scenario, Settings, Stages, theory
 from course.pipeline import blame as procedure
 from course.pipeline.blame import CASE, FAULTS, Fault, blame, contracts, injected
 from course.pipeline.rare import cross_entropy
-from course.pipeline.run import errors, run_many, run, successes
+from course.pipeline.run import errors, run, run_many, successes
 from course.pipeline.scenario import repair
 from course.pipeline.stages import frames, perceive
 from course.pipeline.timestep import Way, chain, prefers, repeated
@@ -398,7 +398,9 @@ Markdown(
 # ![Error against cost of physics and of perception, and times real time](../docs/charts/pipeline_speed.png)
 
 # %%
-print_figures("pipeline_speed", "ours", "MuJoCo moves", "our camera", "two numbers", "times real time")
+print_figures(
+    "pipeline_speed", "ours", "MuJoCo moves", "our camera", "two numbers", "times real time"
+)
 
 # %% [markdown]
 # Are two numbers enough? Here they were measured from the pictures themselves, and the errors at the end compared as
@@ -532,8 +534,8 @@ for stage, what in contracts(failed, CASE[1]):
 verdict = blame(failed, CASE[1], replay)
 print(f"blamed: {'+'.join(verdict.stages)} by {verdict.how}, {verdict.runs} replay(s);", end=" ")
 print("it was:", fault.name)
-told = fault.settings(CASE[1])
-least = procedure.minimal(failed.scenario, lambda s: not run(s, told, seed=2).success)
+message = fault.settings(CASE[1])
+least = procedure.minimal(failed.scenario, lambda s: not run(s, message, seed=2).success)
 print(f"minimal: {len(least.discs)} discs, target at {1e3 * np.hypot(*least.velocity):.0f} mm/s")
 
 # %% [markdown]
@@ -580,17 +582,19 @@ unlisted = {
 }
 for name, one in unlisted.items():
     case = lag_case if "quick" in name else CASE
-    found, runs = Counter(), []
+    result, runs = Counter(), []
     for seed in range(30):
         replay = injected(one, seed, case)
         record = replay()
         if not record.success and len(runs) < 5:
             first = next(iter(contracts(record, case[1])), None)
             stages, _, count = blame(record, case[1], replay)
-            found[f"{first.stage if first else 'none'} broken, {'+'.join(stages) or 'nobody'}"] += 1
+            result[
+                f"{first.stage if first else 'none'} broken, {'+'.join(stages) or 'nobody'}"
+            ] += 1
             runs.append(count)
-    told = "; ".join(f"{name_} ({k})" for name_, k in found.items())
-    print(f"{name:<28}{one.stage:<9}{told:<40}{np.mean(runs):4.1f} replays")
+    message = "; ".join(f"{name_} ({k})" for name_, k in result.items())
+    print(f"{name:<28}{one.stage:<9}{message:<40}{np.mean(runs):4.1f} replays")
 
 # %% [markdown]
 # Read it closely. A late motor, a slow one and a stiff filter break no contract: only the replays name them. And
@@ -654,20 +658,20 @@ predict("minus_one_a_step")
 # both steps:
 
 # %%
-way = Way()
-kept, cost = chain(way, 0.01).gamma, way.horizon * -np.expm1(-0.01 / way.horizon)
+path = Way()
+retained, cost = chain(path, 0.01).gamma, path.horizon * -np.expm1(-0.01 / path.horizon)
 for name, task in {
-    "10 ms": chain(way, 0.01),
-    "1 ms, nothing changed": chain(way, 0.001, kept, cost),
-    "1 ms, the discount mended": chain(way, 0.001, None, cost),
-    "1 ms, the reward mended": chain(way, 0.001, kept),
-    "1 ms, both": chain(way, 0.001),
-    "1 ms, each action ten times": repeated(chain(way, 0.001), 10),
+    "10 ms": chain(path, 0.01),
+    "1 ms, nothing changed": chain(path, 0.001, retained, cost),
+    "1 ms, the discount mended": chain(path, 0.001, None, cost),
+    "1 ms, the reward mended": chain(path, 0.001, retained),
+    "1 ms, both": chain(path, 0.001),
+    "1 ms, each action ten times": repeated(chain(path, 0.001), 10),
 }.items():
     best, worth = prefers(task)
     print(f"{name:<32}{best:<8} worth {worth:6.1f}")
 for dt in (0.01, 0.001):
-    best, worth = prefers(chain(way, dt), limit=30)
+    best, worth = prefers(chain(path, dt), limit=30)
     print(f"{f'{1e3 * dt:.0f} ms, limit of 30 steps':<32}{best:<8} worth {worth:6.1f}")
 
 # %%
@@ -931,10 +935,10 @@ def severity(x):
 for name, width in (("narrow", 0.0), ("width kept", 1.0)):
     for seed in range(3):
         rng, size = np.random.default_rng(seed), {"rounds": 3, "each": 100, "last": 300}
-        found = cross_entropy(severity, 6, rng, least=width, **size)
-        print(f"{name:<11}{found.share:.1e}, says +- {found.error:.0e}; ", end="")
-        told = f"effective {found.effective:.1f}, heaviest {found.heaviest:.2f}"
-        print(f"{told}, least width {found.width.min():.2f}")
+        result = cross_entropy(severity, 6, rng, least=width, **size)
+        print(f"{name:<11}{result.share:.1e}, says +- {result.error:.0e}; ", end="")
+        message = f"effective {result.effective:.1f}, heaviest {result.heaviest:.2f}"
+        print(f"{message}, least width {result.width.min():.2f}")
 
 # %%
 show("rare_and_sure")
@@ -970,8 +974,8 @@ chosen = {
 other = Scenario(target=(-0.05, 0.7), velocity=(0.008, -0.01), discs=scenario.discs[1:])
 for name, one in chosen.items():
     fresh = (square(one, case=x, some=range(100, 150)) for x in (scenario, other))
-    told = "{:5.2f} mm, on other seeds {:5.2f}, another target {:5.2f}"
-    print(f"{name:<16} rms", told.format(*np.sqrt([square(one), *fresh])))
+    message = "{:5.2f} mm, on other seeds {:5.2f}, another target {:5.2f}"
+    print(f"{name:<16} rms", message.format(*np.sqrt([square(one), *fresh])))
 
 # %% [markdown]
 # Both are better on the runs that they were chosen on than on others: what is tuned on few runs fits their noise. The
@@ -984,13 +988,15 @@ for name, one in chosen.items():
 # rates and energy of what comes out. How many of the ten faults would these still see?
 
 # %%
-edges, seen = ("age", "move"), Counter()
+edges, measured = ("age", "move"), Counter()
 for one in FAULTS:
     runs = [injected(one, seed)() for seed in range(12)]
     broken = [contracts(r, CASE[1]) for r in runs if not r.success]
-    seen[one.name] = sum(any(b.stage in edges for b in row) for row in broken) / max(len(broken), 1)
-print("seen at the edges:", ", ".join(name for name, share in seen.items() if share > 0.5))
-blind = ", ".join(name for name, share in seen.items() if share <= 0.5)
+    measured[one.name] = sum(any(b.stage in edges for b in row) for row in broken) / max(
+        len(broken), 1
+    )
+print("seen at the edges:", ", ".join(name for name, share in measured.items() if share > 0.5))
+blind = ", ".join(name for name, share in measured.items() if share <= 0.5)
 print(textwrap.fill(f"not seen: {blind}", 96))
 
 # %% [markdown]

@@ -129,7 +129,7 @@ for name in (
     "contact_clamped",
 ):
     one = ESTIMATES[name]
-    print(f"{one.says:<36}{one.value():9.3g} {one.unit}")
+    print(f"{one.statement:<36}{one.value():9.3g} {one.unit}")
 
 # %% [markdown]
 # The **cycle time** is from one part to the next; the **stopping distance** is what is travelled from the decision to
@@ -185,9 +185,9 @@ Markdown(designs.read("among_people").markdown(figure))
 
 # %% tags=["nbval-ignore-output"]
 mine = "I would ask first which failures the nights have to find."
-found = designs.levels(fleet, mine)
+result = designs.levels(fleet, mine)
 print(
-    f"score {designs.score(fleet, found):.2f}; the weakest item: {designs.weakest(fleet, found).asks}"
+    f"score {designs.score(fleet, result):.2f}; the weakest item: {designs.weakest(fleet, result).asks}"
 )
 
 # %% [markdown]
@@ -211,13 +211,13 @@ from datetime import UTC, datetime, timedelta
 import fsrs
 
 scheduler = fsrs.Scheduler(enable_fuzzing=False)
-for told, ratings in {"good, every time": "33333333", "one failure": "33313333"}.items():
+for report, ratings in {"good, every time": "33333333", "one failure": "33313333"}.items():
     memory, now, days = fsrs.Card(card_id=1), datetime(2026, 1, 1, tzinfo=UTC), []
     for rating in ratings:
         memory, _ = scheduler.review_card(memory, fsrs.Rating(int(rating)), now)
         days.append((memory.due - now) / timedelta(days=1))
         now = memory.due
-    print(f"{told:<18}", "  ".join(f"{gap:.1f}" if gap >= 1 else "<1" for gap in days), "days")
+    print(f"{report:<18}", "  ".join(f"{gap:.1f}" if gap >= 1 else "<1" for gap in days), "days")
 
 # %% [markdown]
 # ## 5 · Debug: four programs that fail
@@ -258,9 +258,11 @@ diagnose("gap", seed=1).show()
 # %%
 from itertools import combinations
 
-from course.interview.scenarios import tells_apart, scenario_names
+from course.interview.scenarios import scenario_names, tells_apart
 
-figure_, axes = plt.subplots(1, len(scenario_names()), figsize=(10, 3.2), layout="constrained", sharex=True)
+figure_, axes = plt.subplots(
+    1, len(scenario_names()), figsize=(10, 3.2), layout="constrained", sharex=True
+)
 for axis, name in zip(axes, scenario_names(), strict=True):
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
@@ -321,8 +323,8 @@ Markdown("\n".join(rows))
 # %%
 for one in museum.EXHIBITS:
     if one.naive:
-        seen = [max(one.naive(slip, seed) for seed in range(3)) for slip in (False, True)]
-        print(f"{one.name:<42} right {seen[0]:.0e}, wrong {seen[1]:.0e}")
+        observed = [max(one.naive(slip, seed) for seed in range(3)) for slip in (False, True)]
+        print(f"{one.name:<42} right {observed[0]:.0e}, wrong {observed[1]:.0e}")
 
 # %% [markdown]
 # The invariants are functions that take your code: two lines, in front of a whiteboard or in a test. A **false alarm**

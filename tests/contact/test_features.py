@@ -91,7 +91,9 @@ def test_a_scene_has_the_contacts_of_its_pairs(margin):
                     expected.append((i, j, apart.distance))
     pairs = sorted({(int(i), int(j)) for i, j in result.bodies.T})
     assert pairs == [(i, j) for i, j, _ in expected]
-    assert list(map(tuple, result.bodies.T.tolist())) == sorted(map(tuple, result.bodies.T.tolist()))
+    assert list(map(tuple, result.bodies.T.tolist())) == sorted(
+        map(tuple, result.bodies.T.tolist())
+    )
     for i, j, far in expected:
         of = (result.bodies[0] == i) & (result.bodies[1] == j)
         assert result.distance[of].min() == pytest.approx(far, abs=1e-12)

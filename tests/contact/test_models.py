@@ -95,7 +95,9 @@ def test_the_convex_law_is_the_least_change_of_velocity(
     for _ in range(20):
         near = result.velocity + 0.1 * rng.normal(size=change.size)
         v = problem.jacobian @ near
-        open_ = v[:, 0] - problem.target_velocity >= np.linalg.norm(problem.friction * v[:, 1:], axis=1)
+        open_ = v[:, 0] - problem.target_velocity >= np.linalg.norm(
+            problem.friction * v[:, 1:], axis=1
+        )
         if np.all(open_):
             assert (near - problem.free) @ problem.mass @ (near - problem.free) > cost - 1e-9
 

@@ -18,7 +18,9 @@ def test_mppi_is_the_mean_of_the_tilted_normal():
     plan = np.full((2, 2), u0)
     result = mppi(rollout, plan, np.random.default_rng(0), samples=K, spread=s, temperature=t)
     truth = (u0 - s**2 * c / t) / (1.0 + s**2 * a / t)
-    assert result.plan == pytest.approx(np.full((2, 2), truth), abs=6.0 * s / np.sqrt(result.voices))
+    assert result.plan == pytest.approx(
+        np.full((2, 2), truth), abs=6.0 * s / np.sqrt(result.voices)
+    )
     # voices / K = E[w]^2 / E[w^2], for each of the four inputs by itself.
     u = np.linspace(u0 - 8 * s, u0 + 8 * s, 20001)
     density = np.exp(-0.5 * ((u - u0) / s) ** 2)
@@ -90,7 +92,9 @@ def test_cem_takes_the_first_of_equal_tries():
         observed.append(tries.copy())
         return np.arange(len(tries)) % 4 / 4.0
 
-    result = cem(rollout, np.zeros((3, 2)), np.random.default_rng(1), samples=64, rounds=1, elites=8)
+    result = cem(
+        rollout, np.zeros((3, 2)), np.random.default_rng(1), samples=64, rounds=1, elites=8
+    )
     assert np.array_equal(result.plan, observed[0][:32:4].mean(axis=0))
 
 

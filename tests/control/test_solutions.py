@@ -135,7 +135,9 @@ def test_errors_obey_their_equation_in_pinocchio_and_in_mujoco(rng, gravity):
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, v, tau
     mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(data.qacc, expected, rtol=0, atol=1e-9 * (1 + np.abs(expected).max()))
+    np.testing.assert_allclose(
+        data.qacc, expected, rtol=0, atol=1e-9 * (1 + np.abs(expected).max())
+    )
 
 
 # --- LQR ------------------------------------------------------------------------------------------

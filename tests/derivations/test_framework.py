@@ -171,8 +171,8 @@ def written(tmp_path):
         ({"figure": 'found.measure("of_three", 9)'}, "a figure is typed, not computed"),
         (
             {
-                "heard": "found.statement_holds(total(3) == 3, only_if='n is 1', inside=[total(1) == 1] * 8, "
-                "outside=np.zeros(8, bool))"
+                "heard": "found.statement_holds(total(3) == 3, only_if='n is 1', "
+                "inside=[total(1) == 1] * 8, outside=np.zeros(8, bool))"
             },
             "not computed: np.zeros(8, bool)",
         ),
@@ -343,8 +343,8 @@ def test_an_ask_reads_its_left_side_and_its_symbols():
     formula = Ask("?", "dt < 2*n", {}, tolerance=0.1, also={"twice": "2*n"}).formula(SYMBOLS)
     assert (formula.left_sides, formula.relation, formula.expression) == (("h", "dt"), "<", "2*n")
     assert set(formula.symbols) == {"n"} and formula.tolerance == 0.1
-    assert Ask("?", "phi, angle = m", {}).formula(SYMBOLS).left == ("phi", "angle")
-    assert Ask("?", "m", {"n": "?"}).formula(SYMBOLS).left == ()
+    assert Ask("?", "phi, angle = m", {}).formula(SYMBOLS).left_sides == ("phi", "angle")
+    assert Ask("?", "m", {"n": "?"}).formula(SYMBOLS).left_sides == ()
     with pytest.raises(ValueError, match="odd_sum: expression is 'dt < 2\\*x'"):
         only(odd_sum, ask=("?", "dt < 2*x", {}))
 
@@ -361,7 +361,7 @@ def test_a_figure_has_a_name_of_its_own(name):
 @pytest.mark.parametrize("tolerance", [-1e-6, 0.6, float("nan")])
 def test_a_tolerance_leaves_something_to_say(tolerance):
     with pytest.raises(ValueError, match="allowed is 0 to"):
-        derivations.Result("odd_sum").figure("of_three", 9, tolerance)
+        derivations.Result("odd_sum").measure("of_three", 9, tolerance)
 
 
 def test_a_claim_has_one_verdict():

@@ -189,7 +189,7 @@ def test_a_condition_swapped_with_its_contrary_fails(item):
     if reason := unmet(item):
         optional.skip(f"the condition of {item.id} was NOT swapped: {reason}")
     result, swapped = run(item.id).finding, Result(item.id)
-    swapped.heard(
+    swapped.statement_holds(
         result.holds,
         only_if="not " + result.condition,
         inside=result.outside,

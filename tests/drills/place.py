@@ -38,7 +38,9 @@ class Place:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.work = folder / "work"
-        selected = {k: v for k, v in os.environ.items() if not k.startswith(("DRILLS", "LC_", "LANG"))}
+        selected = {
+            k: v for k, v in os.environ.items() if not k.startswith(("DRILLS", "LC_", "LANG"))
+        }
         selected.pop("NO_COLOR", None)
         selected.pop("COLUMNS", None)
         self.environment = {**selected, "LC_ALL": "C.UTF-8", "TERM": "xterm"}

@@ -271,7 +271,9 @@ def test_links_lead_to_the_same_place_or_are_titles(tmp_path: Path) -> None:
     assert sources(inside)[0] == text
     outside = bring(source, tmp_path / "mine" / "deep", closed).path
     missing = "*A chart (the picture is in the project's tree)*"
-    other = text.replace("![A chart](../docs/a.png)", missing).replace("../docs", "../../project/docs")
+    other = text.replace("![A chart](../docs/a.png)", missing).replace(
+        "../docs", "../../project/docs"
+    )
     assert sources(outside)[0] == other
 
 
@@ -475,10 +477,10 @@ def test_a_click_marks_a_section_as_read(progress_file: Path) -> None:
     number = next(chapter.number for chapter in CHAPTERS if chapter.ready)
     parts = chapters.sections(chapters.notebook_of(chapters.of_number(number)))
     assert list(shown.boxes) == [part.number for part in parts]
-    before = shown.left.value
+    before = shown.status.value
     shown.boxes[2].value = True
     assert progress.load(progress_file).reading(number).read == [2]
-    assert f"{len(parts) - 1} of {len(parts)} sections left" in shown.left.value != before
+    assert f"{len(parts) - 1} of {len(parts)} sections left" in shown.status.value != before
     again = page_home.ticks(number)
     assert isinstance(again, page_home.Ticks) and again.boxes[2].value
     again.boxes[2].value = False

@@ -256,7 +256,10 @@ def test_verify_says_what_was_proved(
 
     def prove(names: list[str] | None, seeds: int, progress: Any) -> list[verify.Finding]:
         assert (names, seeds) == (["verlet"], 3)
-        result = [verify.Finding("verlet", "one thing", True), verify.Finding("verlet", "b", passed)]
+        result = [
+            verify.Finding("verlet", "one thing", True),
+            verify.Finding("verlet", "b", passed),
+        ]
         for finding in result:
             progress(finding)
         return result

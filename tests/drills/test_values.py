@@ -119,7 +119,15 @@ def test_rounding_errors_of_an_example_are_shown_as_zero() -> None:
     R = np.array([[1.0, 2e-16], [-3e-17, 1.0]])
     assert describe(without_rounding((R, [0.0, -1e-16]))) == "([[1, 0], [0, 1]], [0, 0])"
     # A small answer is an answer, as long as nothing large stands beside it.
-    for retained in (2e-16, [1e-300, 3e-300], (np.array([1.0, 1e-13]), 5), np.nan, "text", None, True):
+    for retained in (
+        2e-16,
+        [1e-300, 3e-300],
+        (np.array([1.0, 1e-13]), 5),
+        np.nan,
+        "text",
+        None,
+        True,
+    ):
         assert identical(without_rounding(retained), retained)
     assert describe(without_rounding([np.inf, 1e-3])) == "[inf, 0.001]"
     assert without_rounding([1.0, 7, 1e-20]) == [1.0, 7, 0.0]

@@ -213,7 +213,7 @@ def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatc
     for mark, seed in (("0", 1), ("3", 2)):
         talk = talk_of(place, [], 15, ("concept",), seed)
         key = talk.interview.items[0].key
-        talk.hear = iter(lines(key, mark)).__next__
+        talk.read_line = iter(lines(key, mark)).__next__
         talk.run()
     place.answer("def fk3(lengths, thetas):\n    return thetas\n", "fk3")
     place.run("check", "fk3")

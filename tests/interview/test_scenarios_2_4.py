@@ -42,7 +42,9 @@ def test_a_dry_arm_stops_and_a_damped_one_slows_as_they_should() -> None:
     dry = replace(policy.MODEL, drag=0.0, friction=0.5)
     log = program.move(dry, lambda *_: still, still - 9.0, v, 60)
     distance = dry.inertia * v**2 / (2.0 * dry.friction)
-    assert log.q[-1] + 9.0 == pytest.approx(distance, abs=program.STEP * 2.0) and not log.v[-1].any()
+    assert (
+        log.q[-1] + 9.0 == pytest.approx(distance, abs=program.STEP * 2.0) and not log.v[-1].any()
+    )
     wet = replace(policy.MODEL, friction=0.0)
     log = program.move(wet, lambda *_: still, still - 9.0, v, 100)
     assert log.v[-1] == pytest.approx(v * np.exp(-wet.drag * 0.4 / wet.inertia), rel=5e-3)

@@ -211,7 +211,9 @@ def test_the_drawn_programs_are_what_they_are_drawn_for_and_what_the_task_says(s
             assert np.linalg.norm(w, axis=2).max() * catch.STEP < 0.04
             assert np.linalg.norm(np.diff(w, axis=1), axis=2).max() < 0.3
             L = np.einsum("knij,kj,knlj,knl->kni", R, moments, R, w)
-            error = np.linalg.norm(L - L[:, :1], axis=2).max(axis=1) / np.linalg.norm(L[:, 0], axis=1)
+            error = np.linalg.norm(L - L[:, :1], axis=2).max(axis=1) / np.linalg.norm(
+                L[:, 0], axis=1
+            )
             assert np.all(error > 0.01 if verdict else error < 1e-6)
 
 

@@ -57,7 +57,9 @@ def test_gravity_is_the_slope_of_the_potential_and_power_is_the_rate_of_energy(s
     h, still = 1e-5, np.zeros(chain.n)
     forward, back = (q[:, None] + t * np.eye(chain.n) for t in (h, -h))
     at_rest = np.zeros_like(forward)
-    rise = kinematics.energy(chain, forward, at_rest)[1] - kinematics.energy(chain, back, at_rest)[1]
+    rise = (
+        kinematics.energy(chain, forward, at_rest)[1] - kinematics.energy(chain, back, at_rest)[1]
+    )
     slope, weight = rise / (2 * h), bias(chain, q, still)
     assert np.abs(slope - weight).max() < 1e-6 * (1.0 + np.abs(weight).max())
     tau = inverse_dynamics(chain, q, v, a)

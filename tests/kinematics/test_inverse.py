@@ -93,10 +93,18 @@ def test_positions_alone_of_random_arms(seed) -> None:
 def test_a_half_turn_goes_the_short_way() -> None:
     """Just before and just beyond half a turn the error points to opposite sides, never longer."""
     here = np.array([0.0, 0, 0, 1, 0, 0, 0])
-    for angle, remaining in ((3.0, 3.0), (np.pi - 1e-6, np.pi - 1e-6), (np.pi + 1e-6, 1e-6 - np.pi)):
+    for angle, remaining in (
+        (3.0, 3.0),
+        (np.pi - 1e-6, np.pi - 1e-6),
+        (np.pi + 1e-6, 1e-6 - np.pi),
+    ):
         goal = np.concatenate([np.zeros(3), exp(np.array([0.0, 0.0, angle]))])
-        np.testing.assert_allclose(kinematics.pose_error(goal, here)[3:], [0, 0, remaining], atol=1e-9)
-        np.testing.assert_allclose(kinematics.pose_error(-goal, here)[3:], [0, 0, remaining], atol=1e-9)
+        np.testing.assert_allclose(
+            kinematics.pose_error(goal, here)[3:], [0, 0, remaining], atol=1e-9
+        )
+        np.testing.assert_allclose(
+            kinematics.pose_error(-goal, here)[3:], [0, 0, remaining], atol=1e-9
+        )
 
 
 @examples(60)
@@ -233,7 +241,9 @@ def test_a_null_space_step_moves_the_tip_by_c_h_squared_and_one_step_takes_it_ba
         other = kinematics.null_space_step(chain, q, slope, h)
         assert np.linalg.norm(other - q) == pytest.approx(h)
         back = ik(chain, goal, other, method="pseudo_inverse", restarts=0, iterations=1)
-        rows.append((distance_and_angle(chain, goal, other)[0], distance_and_angle(chain, goal, back.q)[0]))
+        rows.append(
+            (distance_and_angle(chain, goal, other)[0], distance_and_angle(chain, goal, back.q)[0])
+        )
         assert kinematics.elbow_height(chain, back.q)[0] > kinematics.elbow_height(chain, q)[0]
     moved, remaining = np.array(rows).T
     np.testing.assert_allclose(np.log2(moved[:-1] / moved[1:]), 2.0, atol=0.15)

@@ -138,7 +138,9 @@ def test_the_pseudo_inverse_jumps_and_damping_keeps_its_bound():
 
 
 def test_more_damping_is_slower():
-    remaining = [after(arm.MODEL, 6.0, damping=damping).state["past"][1] for damping in (0.05, 0.3, 1.0)]
+    remaining = [
+        after(arm.MODEL, 6.0, damping=damping).state["past"][1] for damping in (0.05, 0.3, 1.0)
+    ]
     reached = [np.argmax(errors[errors > 0] < 1e-3) or 10**6 for errors in remaining]
     assert reached == sorted(reached) and len(set(reached)) == 3
 

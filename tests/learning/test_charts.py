@@ -20,7 +20,9 @@ def test_many_ways_ranks_them_upside_down_and_keeps_the_shares() -> None:
     for name in ("flow", "diffusion"):
         assert np.all(np.diff(error[name].x) > 0.0) and np.all(np.diff(error[name].y) > 0.0)
         assert priced[name].y == error[name].y
-    assert remaining.series[0].y[0] == "shown" and remaining.spans[0][1] < 0.48 < remaining.spans[0][2]
+    assert (
+        remaining.series[0].y[0] == "shown" and remaining.spans[0][1] < 0.48 < remaining.spans[0][2]
+    )
 
 
 @pytest.mark.slow

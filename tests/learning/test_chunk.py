@@ -59,9 +59,13 @@ def success(act, noise=0.0, number=400, steps=16):
 def test_each_executor_takes_the_actions_it_says(executed, delay, decay):
     k = np.arange(20)
     place = k % executed
-    assert np.array_equal(actions_made(Commit(labelled_chunk, executed)), np.stack((k - place, place), axis=1))
+    assert np.array_equal(
+        actions_made(Commit(labelled_chunk, executed)), np.stack((k - place, place), axis=1)
+    )
     made = np.maximum(k - delay, 0)
-    assert np.array_equal(actions_made(Delayed(labelled_chunk, delay)), np.stack((made, k - made), axis=1))
+    assert np.array_equal(
+        actions_made(Delayed(labelled_chunk, delay)), np.stack((made, k - made), axis=1)
+    )
     for step, (when, where) in enumerate(actions_made(Ensemble(labelled_chunk, decay))):
         made = np.arange(max(0, step - 5), step + 1)  # the oldest first
         weights = np.exp(-decay * np.arange(len(made)))

@@ -177,7 +177,7 @@ def test_a_loss_without_end_stops_and_keeps_the_last_good_weights():
     x, y = rng.standard_normal((100, 2)), rng.standard_normal((100, 1))
     with pytest.raises(Diverged, match=r"the loss is (inf|nan) at step \d+ of 300: lower") as stop:
         clone(x, y, 0, steps=300, rate=1e25)
-    retained = stop.value.kept(x, rng)
+    retained = stop.value.policy(x, rng)
     assert retained.shape == (100, 1) and np.isfinite(retained).all()
 
 

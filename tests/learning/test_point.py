@@ -71,7 +71,9 @@ def test_no_policy_beats_the_optimum(seed, stray):
     envs = PointReachVector(40)
     rng = np.random.default_rng(seed)
     least, _ = plan(envs.reset(seed=seed)[0])
-    steps, _ = episodes(envs, lambda observed: plan(observed)[1] + stray * rng.normal(size=(40, 2)), seed)
+    steps, _ = episodes(
+        envs, lambda observed: plan(observed)[1] + stray * rng.normal(size=(40, 2)), seed
+    )
     assert np.all((steps >= least) | (steps == 0))
 
 

@@ -126,7 +126,7 @@ def test_no_stored_step_crosses_a_reset(mode):
     table = judged(batch, batch.rewards, policy, settings)
     assert len(table.observations) == batch.valid.sum()
     wrong = judged(batch, batch.rewards, policy, replace(settings, crossing=True))
-    assert len(wrong.seen) == 17 * 3
+    assert len(wrong.observations) == 17 * 3
     for t in np.flatnonzero(batch.truncated[:, 0]).tolist():
         last = dict(batch.cut)[t] if mode == "SameStep" else batch.observations[t + 1]
         moved = batch.observations[t, 0, :2] - last[0, :2]

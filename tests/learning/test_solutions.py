@@ -117,7 +117,9 @@ def test_a_round_of_dagger_is_the_learners_own_way_and_the_experts_labels(rng, s
     right = np.column_stack([states, *distance])
     np.testing.assert_allclose(observed, right, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(report, np.tanh(right[:1]), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose((report - K @ observed) @ observed.T, 0.0, atol=1e-7 * np.sum(observed**2))
+    np.testing.assert_allclose(
+        (report - K @ observed) @ observed.T, 0.0, atol=1e-7 * np.sum(observed**2)
+    )
 
 
 # --- flows and chunks -----------------------------------------------------------------------------

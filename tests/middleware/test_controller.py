@@ -135,7 +135,7 @@ def test_a_parameter_that_was_copied_is_not_tuned():
     copied = parameters.declare("stiffness", 20.0)
     assert (copied, parameters.declare("damping", 5.0)) == (100.0, 5.0)
     received = []
-    parameters.told.append(lambda name, value: received.append((name, value)))
+    parameters.callbacks.append(lambda name, value: received.append((name, value)))
     parameters.set("stiffness", 200.0)
     assert (copied, parameters.value["stiffness"]) == (100.0, 200.0)
     assert received == [("stiffness", 200.0)]

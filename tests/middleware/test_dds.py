@@ -88,8 +88,8 @@ def test_missed_deadlines_are_counted_at_both_ends():
     """floor(gap / deadline) each, as far as the machine let the gaps be what they should."""
     for gap in (0.03, 0.07):
         result = qos_matrix.missed(0.05, gap, 4)
-        assert result.least <= result.offered <= result.most
-        assert result.least <= result.requested <= result.most
+        assert result.least <= result.offered <= result.at_most
+        assert result.least <= result.requested <= result.at_most
     assert result.least >= 4
 
 

@@ -92,8 +92,8 @@ def test_a_loop_among_busy_processes_counts_every_period():
 def test_inheritance_decides_who_is_done_first():
     without, held = inversion.measure(False), inversion.measure(True)
     assert (without.theory, held.theory) == (pytest.approx(0.12), 0.02)
-    if without.refused:  # no permission: it says so, and measured nothing
-        assert np.isnan(without.wait) and without.order == () and held.refused
+    if without.denied:  # no permission: it says so, and measured nothing
+        assert np.isnan(without.wait) and without.order == () and held.denied
         return
     assert without.order == ("middle", "high", "low")
     assert held.order == ("high", "middle", "low")

@@ -218,5 +218,7 @@ def test_a_picture_is_kept_in_few_colours_and_stays_the_same_picture() -> None:
     png = base64.b64encode(raw.getvalue()).decode()
     small = notebooks.smaller(png)
     assert len(small) < 0.5 * len(png)
-    retained = np.asarray(Image.open(io.BytesIO(base64.b64decode(small))).convert("RGB")).astype(int)
+    retained = np.asarray(Image.open(io.BytesIO(base64.b64decode(small))).convert("RGB")).astype(
+        int
+    )
     assert retained.shape == blurred.shape and np.abs(retained - blurred).mean() < 8

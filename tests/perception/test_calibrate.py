@@ -95,7 +95,9 @@ def test_small_turns_cost_accuracy():
         for _ in range(60):
             A, B = motions(rng, X, 10, size, noise=1e-3)
             deviation.append(hand_eye(A, B, tolerance=1e-6).pose)
-        errors.append(np.sqrt(np.mean([apart(shape("box", 1, 2, 3), X, x)[1] ** 2 for x in deviation])))
+        errors.append(
+            np.sqrt(np.mean([apart(shape("box", 1, 2, 3), X, x)[1] ** 2 for x in deviation]))
+        )
     assert 6.0 < errors[0] / errors[1] < 16.0
 
 

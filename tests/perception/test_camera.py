@@ -141,7 +141,9 @@ def test_averaging_cannot_remove_a_step_without_noise(noise):
     k = np.arange(1, 400)
     waves = (-1.0) ** k / k * np.exp(-2.0 * (np.pi * k * noise) ** 2) * np.sin(0.5 * np.pi * k)
     predicted = step / np.pi * waves.sum()
-    assert abs(remaining - predicted) < 5.0 * step * math.hypot(noise, 0.3) / math.sqrt(measured.size)
+    assert abs(remaining - predicted) < 5.0 * step * math.hypot(noise, 0.3) / math.sqrt(
+        measured.size
+    )
     assert (abs(remaining) > 0.2 * step) == (noise < 0.1)
 
 

@@ -137,7 +137,9 @@ def calibration(part, pose, sensor, runs, seed, free=DIRECTIONS, **options):
         fit = icp(points, part, start, sigma=sigma, gate=(0.03, 0.01), free=free, **options)
         e, C = error(fit.R, fit.p, pose), fit.covariance
         report = np.isfinite(np.diag(C)) & np.isin(DIRECTIONS, free)
-        squares.append(e[report] @ np.linalg.solve(C[np.ix_(report, report)], e[report]) / report.sum())
+        squares.append(
+            e[report] @ np.linalg.solve(C[np.ix_(report, report)], e[report]) / report.sum()
+        )
         errors.append(e)
         variances.append(np.diag(C))
         seen_in.append(report)

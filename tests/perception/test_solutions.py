@@ -232,7 +232,9 @@ def test_the_chain_is_the_chapters_frames_after_each_other(rng):
     stamp, turn, speed = rng.uniform([0.0, -1.0, -1.0], 1.0)
     flange = at(0.3 + speed * stamp, 0.0, 0.5, (0.0, 0.0, 0.4 + turn * stamp))
     camera = compose(flange[:, None], at(x, y, z, (0.0, 0.0, yaw))[:, None])[:, 0]
-    result = solutions.point_in_base((u, v, depth[v, u]), stamp, INTRINSICS, mount, log(turn, speed))
+    result = solutions.point_in_base(
+        (u, v, depth[v, u]), stamp, INTRINSICS, mount, log(turn, speed)
+    )
     np.testing.assert_allclose(
         result, rotate(camera[3:], observed) + camera[:3, None], rtol=0, atol=1e-12
     )

@@ -46,6 +46,8 @@ def test_a_short_training_finds_the_turn_within_the_basin():
         deviation.append(abs(math.remainder(text - true, 2.0 * math.pi)))
         axes.append(abs(math.remainder(principal(points)[0] - true, 2.0 * math.pi)))
     # Of short trainings on several CPUs some leave a picture or two of 40 outside the basin.
-    assert np.median(deviation) < math.radians(8.0) and np.quantile(deviation, 0.9) < math.radians(60.0)
+    assert np.median(deviation) < math.radians(8.0) and np.quantile(deviation, 0.9) < math.radians(
+        60.0
+    )
     # The axis has no direction: half of its starts are far away.
     assert np.mean(np.array(axes) > math.radians(60.0)) > 0.2

@@ -8,7 +8,7 @@ import pytest
 
 from course.middleware import run_chain
 from course.perception.track import steady_gains
-from course.pipeline import Scenario, Settings, run_many, repair, theory
+from course.pipeline import Scenario, Settings, repair, run_many, theory
 from course.pipeline.budget import Budget, budget, predicted
 from course.pipeline.run import errors
 from course.role import Stage

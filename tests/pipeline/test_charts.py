@@ -78,7 +78,11 @@ def test_what_a_filter_and_a_step_of_the_planner_do():
 def test_the_narrow_proposal_deceives_and_the_wide_one_does_not():
     ranks, price, alarm, width = charts.build("rare_failure", repeats=40, plainly=5)
     deviation = {name: np.array(alarm[name].x) for name in ("narrow proposal", "width kept")}
-    assert np.mean(deviation["narrow proposal"] < -3.0) > 0.05 > np.mean(deviation["width kept"] < -3.0)
+    assert (
+        np.mean(deviation["narrow proposal"] < -3.0)
+        > 0.05
+        > np.mean(deviation["width kept"] < -3.0)
+    )
     assert price["narrow proposal, true"].y[0] > 2.0 * price["narrow proposal, stated"].y[0]
     assert price["width kept, true"].y[0] < 1.5 * price["width kept, stated"].y[0]
     assert np.array(width["narrow proposal"].x).min() < 0.9 and len(ranks.series) == 2

@@ -14,7 +14,7 @@ from course.middleware import run_chain
 from course.perception.track import Tracker, follow
 from course.pipeline import theory
 from course.pipeline.drive import GAP, REFERENCE, SENT, TORQUE, USED, Q, V
-from course.pipeline.run import Run, errors, run_many, run, successes, tip_of
+from course.pipeline.run import Run, errors, run, run_many, successes, tip_of
 from course.pipeline.scenario import STAGES, Scenario, Settings, repair
 from course.pipeline.stages import Stages, control, frames, move, perceive, plan_path
 from course.planning import check_path, clearance, time_parameterise
@@ -111,14 +111,14 @@ def test_the_same_source_runs_compiled_and_plain(names, law):
     settings = Settings(law=law, carried=True, actuator=Actuator(lag=0.01, delay=0.004))
     one, other = run(tilted, settings, seed=3), run(tilted, settings, Stages(**theirs), 3)
     np.testing.assert_allclose(one.log, other.log, atol=1e-10)
-    np.testing.assert_allclose(one.sightings, other.seen, atol=1e-12)
+    np.testing.assert_allclose(one.sightings, other.sightings, atol=1e-12)
     assert [p.arrived for p in one.plans] == [p.arrived for p in other.plans]
 
 
 def test_a_seed_gives_one_record_and_a_stop_on_the_way_changes_nothing():
     settings = Settings(lost=0.1)
     one, again, other = (run(SHORT, settings, seed=seed) for seed in (5, 5, 6))
-    assert np.array_equal(one.log, again.log) and np.array_equal(one.sightings, again.seen)
+    assert np.array_equal(one.log, again.log) and np.array_equal(one.sightings, again.sightings)
     assert not np.array_equal(one.log, other.log)
     halting = Run(SHORT, settings, seed=5)
     for when in (0.1234567, 0.2, 0.35, 0.6):
@@ -278,7 +278,7 @@ def test_disturbances_are_undone_where_a_stage_is_ideal():
         return replace(few, arrived=450_000 - few.captured // 2)
 
     # The last picture arrives first: all others are older than what is known.
-    used = run(SHORT, QUIET, disturb=overtaken).seen[:, USED]
+    used = run(SHORT, QUIET, disturb=overtaken).sightings[:, USED]
     assert (used == 1.0).sum() == 1 and (used == -1.0).sum() == 15
 
 

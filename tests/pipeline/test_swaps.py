@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from course.oracles import pipeline as libraries
 from course.perception import Camera
-from course.pipeline import Scenario, Settings, Sight, Stages, errors, run_many, run, successes
+from course.pipeline import Scenario, Settings, Sight, Stages, errors, run, run_many, successes
 from course.pipeline.drive import Q, V
 from course.pipeline.eye import Eye, find
 

@@ -33,7 +33,10 @@ def test_a_world_of_slits_has_a_picture_and_its_answers_go_in_equal_steps() -> N
     for turned in (False, True):
         scene = learned.slits(rng, turned)
         observed = learned.picture(scene)[0].mean(axis=0 if turned else 1)
-        assert np.all((observed == 1.0) | (np.abs(32 * observed - 1.5) < 1.0)) and np.sum(observed < 1.0) >= 3
+        assert (
+            np.all((observed == 1.0) | (np.abs(32 * observed - 1.5) < 1.0))
+            and np.sum(observed < 1.0) >= 3
+        )
         path = learned.answered(scene, 1, 3000)
         assert path is not None
         assert np.array_equal(path[:, [0, -1]].T, [scene.start, scene.goal])

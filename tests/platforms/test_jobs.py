@@ -71,7 +71,9 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
         assert jobs.decide(job, with_errors(scene, pick, 2.0 * tolerance[scene]))[0] != pick
     if scenes:  # and PyBullet, second in cost, would come in by the row that it fails
         retained = with_errors("grasp", "PyBullet", 1e-4)
-        assert "PyBullet" in {one.engine for one in choose(jobs.facts(retained), needs, cost).ranking}
+        assert "PyBullet" in {
+            one.engine for one in choose(jobs.facts(retained), needs, cost).ranking
+        }
 
 
 @pytest.mark.parametrize("job", UNKNOWN)

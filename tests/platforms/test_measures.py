@@ -137,7 +137,10 @@ def test_own_forces_are_coulomb_s_and_mujoco_s_are_soft() -> None:
     own = m.judged(OWN, brake(0.3), 1e-3, 5)
     assert own.unexplained < 1e-14 and own.contacts == 4
     remaining = own.residuals
-    assert max(remaining.penetration, remaining.cone, remaining.dissipation, remaining.signorini) < 1e-9
+    assert (
+        max(remaining.penetration, remaining.cone, remaining.dissipation, remaining.signorini)
+        < 1e-9
+    )
     soft = m.judged(MUJOCO, slope(), 1e-3, 50, AS_SHIPPED)
     assert soft.unexplained < 1e-14  # it tells the forces that it applied
     assert soft.residuals.cone < 1e-12

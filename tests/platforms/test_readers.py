@@ -86,7 +86,7 @@ def test_what_a_reader_does(reader) -> None:
     except ImportError as error:
         optional.skip(f"the reader of {reader} was NOT tried: {error}")
     sound = result.pop("sound")
-    assert sound.facts and possible(sound.facts) and not sound.refused
+    assert sound.facts and possible(sound.facts) and not sound.rejection
     assert (sound.facts["dof"], sound.facts["masses"]) == (2, [1.0, 1.0])
     for low_high in sound.facts["limits"]:
         assert list(low_high) == [-1.0, 2.0]

@@ -205,7 +205,10 @@ def test_a_guided_finger_stays_on_its_rail_and_feels_its_force(name):
 def test_pybullet_puts_the_load_of_a_face_on_one_corner_and_the_part_turns_about_it():
     """Four points can share a load in any way: its sweeps end where the first one has it all."""
     scene = scenes.grasp(1.3 * 0.2 * scenes.GRAVITY)
-    for name, least, largest, spins in (("MuJoCo", 0.24, 0.26, False), ("PyBullet", 0.8, 1.0, True)):
+    for name, least, largest, spins in (
+        ("MuJoCo", 0.24, 0.26, False),
+        ("PyBullet", 0.8, 1.0, True),
+    ):
         settings = FAIR.using(numSolverIterations=500) if name == "PyBullet" else FAIR
         run = engine(name).build(scene, 1e-3, settings)
         run.run(30)

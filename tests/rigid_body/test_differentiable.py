@@ -371,7 +371,9 @@ def test_standard_errors_are_those_of_many_recordings():
         result = (
             recover(recorded, THROW, [0.5, 0.4, 1.0]).parameters - TRUTH
         ) / report.standard_errors
-        np.testing.assert_allclose(result, estimator @ noise[:, n] / report.standard_errors, atol=0.05)
+        np.testing.assert_allclose(
+            result, estimator @ noise[:, n] / report.standard_errors, atol=0.05
+        )
 
 
 @pytest.mark.slow

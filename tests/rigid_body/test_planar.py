@@ -240,7 +240,9 @@ def impulse_reference(v, rx, ry, inertia, e, mu, steps=200):
             goal = loaded * (1 - e**2)
             root = np.sqrt(np.maximum(vn**2 + 2 * rise * (goal - work), 0.0))
             remaining = np.where(compressing, -vn / rise, (root - vn) / rise)
-            share = np.where(running, np.where(remaining > 0, np.minimum(remaining / p, 1.0), 1.0), 0.0)
+            share = np.where(
+                running, np.where(remaining > 0, np.minimum(remaining / p, 1.0), 1.0), 0.0
+            )
         q = share * p
         v += q * np.array([k, np.ones_like(k), (rx - ry * k) / inertia])
         work += q * (vn + 0.5 * rise * q)

@@ -1,7 +1,6 @@
 """Chapter 1's small simulations against closed forms: what they show is what must come out."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -176,7 +175,9 @@ def test_after_a_full_turn_the_body_is_back_and_its_quaternion_is_not():
 
 @pytest.mark.parametrize("goal", [90.0, 270.0])
 def test_both_ways_end_at_one_attitude_and_make_a_full_turn_together(goal):
-    paths = [after(double_cover.MODEL, 9.0, goal=goal, path=path).state["turned"] for path in (0, 1)]
+    paths = [
+        after(double_cover.MODEL, 9.0, goal=goal, path=path).state["turned"] for path in (0, 1)
+    ]
     ends = [quaternion.exp(turned * double_cover.AXIS) for turned in paths]
     np.testing.assert_allclose(ends[0], -ends[1], atol=1e-15)
     assert paths[0] - paths[1] == pytest.approx(2 * math.pi)

@@ -206,7 +206,9 @@ def test_a_log_one_step_late_is_found_by_its_clock():
 
 def test_delay_by_scan_and_as_a_number_like_the_others():
     log = record(delay=0.0073)
-    result, best = scan(arm, log, GUESS | {"delay": 0.0}, FREE, "delay", np.arange(0.0, 0.02, 0.004))
+    result, best = scan(
+        arm, log, GUESS | {"delay": 0.0}, FREE, "delay", np.arange(0.0, 0.02, 0.004)
+    )
     assert result == pytest.approx(0.0073, abs=2e-4)
     whole = fit(arm, log, GUESS | {"delay": result}, FREE | {"delay": (0.0, 0.05)})
     assert abs(whole.value[-1] - 0.0073) < 2.0 * whole.half_width()[-1] < 2e-4

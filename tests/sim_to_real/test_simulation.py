@@ -61,7 +61,9 @@ def test_delay_breaks_what_other_errors_hold():
     _, below, report = outcome("Delay beyond the margin", delay=12.0)
     assert below > 0.7 and report[arms.GAIN] > 1.0
     _, both, report = outcome("Cancelling errors")
-    assert both > real + 0.4 and report[arms.LIMIT] > 0.02 and arms.PARTS[int(report[10])] == "delay"
+    assert (
+        both > real + 0.4 and report[arms.LIMIT] > 0.02 and arms.PARTS[int(report[10])] == "delay"
+    )
     arm, policy = chapter.real(0.3, 0.02), gains(arms.NOMINAL)
     for part in arms.PARTS[:-1]:
         some = chapter.rollouts(chapter.mended(arm, ("delay", part)), policy, POSED).rate

@@ -80,7 +80,9 @@ def test_a_face_is_lit_by_its_slope():
     fills = np.array([SHADES[0]])
     for corners, index in (space.box(1.0, 1.0, 1.0), space.lathe([(0.0, -1.0), (1.0, 0.0)], 3)):
         pen = PAPER.pen()
-        eye = space.camera_view(pen, (0, 9, 0, 5), BOX.controls.new(azimuth=0.0, elevation=0.0), 2.0)
+        eye = space.camera_view(
+            pen, (0, 9, 0, 5), BOX.controls.new(azimuth=0.0, elevation=0.0), 2.0
+        )
         space.faces(pen, eye, corners, index, np.repeat(fills, len(index)))
         shades = [item.style[0] for item in draw.decode(draw.picture(PAPER, pen)) if item.style]
         assert len(set(shades)) > 1 and all(SHADES[0] <= shade < SHADES[1] for shade in shades)

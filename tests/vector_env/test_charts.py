@@ -123,7 +123,8 @@ def test_the_arm_that_is_copied_is_the_environment_and_is_judged_as_it_is() -> N
         actions = rng.uniform(-1.5, 1.5, (20, 2)).astype(np.float32)
         after, _, over, *_ = envs.step(actions)
         assert (
-            np.allclose(arm.step(observed, actions.astype(float), rng), after, atol=1e-12) or over.any()
+            np.allclose(arm.step(observed, actions.astype(float), rng), after, atol=1e-12)
+            or over.any()
         )
         observed = after
     share = training.play(chart.BY_HAND, 0, 400)[1][0]

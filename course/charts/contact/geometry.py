@@ -89,7 +89,10 @@ def broad_phase(
     for size in sizes:
         rng = np.random.default_rng(size)
         boxes = broad.crowd("spread", size, rng)
-        retained, paths = contact.SweepAndPrune(axis=0), itertools.cycle((_moved(boxes, rng), boxes))
+        retained, paths = (
+            contact.SweepAndPrune(axis=0),
+            itertools.cycle((_moved(boxes, rng), boxes)),
+        )
         methods = {
             "sweep and prune": calls(lambda b=boxes: contact.SweepAndPrune(axis=0).pairs(b)),
             "kept order": calls(lambda k=retained, w=paths: k.pairs(next(w))),

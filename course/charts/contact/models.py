@@ -622,7 +622,9 @@ def contact_steering(
         "MuJoCo Newton, pyramidal": ("pyramidal", {}),
         "MuJoCo Newton, elliptic": ("elliptic", {}),
     }
-    result = {name: [stopped(owner, a, dt, **how) for a in t] for name, (owner, how) in requested.items()}
+    result = {
+        name: [stopped(owner, a, dt, **how) for a in t] for name, (owner, how) in requested.items()
+    }
     theories = [
         (
             "way to the stop over Coulomb's",

@@ -458,14 +458,16 @@ def ziegler_nichols_rows(points: int = 15) -> Iterator[Panel]:
         panel.series.append(
             Series(name if name != "placed" else "PD, three equal poles", delays, over)
         )
-        for D, f in zip(delays[:: max(1, points // 3)], result[:: max(1, points // 3)], strict=True):
+        for D, f in zip(
+            delays[:: max(1, points // 3)], result[:: max(1, points // 3)], strict=True
+        ):
             remaining = f.margins()
             held = (
                 "unstable"
                 if f.growth >= 1.0
                 else (
-                    f"gain margin {remaining.gain:4.2f}  phase {remaining.phase:4.2f} rad  overshoot "
-                    f"{f.overshoot:4.0%}  settled after {f.settling / D:5.1f} D"
+                    f"gain margin {remaining.gain:4.2f}  phase {remaining.phase:4.2f} rad  "
+                    f"overshoot {f.overshoot:4.0%}  settled after {f.settling / D:5.1f} D"
                 )
             )
             panel.notes.append(f"{name:<7} delay {D:6.3g}  {held}")

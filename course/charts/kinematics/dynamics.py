@@ -40,8 +40,8 @@ def arm_throughput(
 ) -> Iterator[Panel]:
     """States of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
 
-    Libraries are called once a state, up to N = `at_most`, from where their time a state is the same;
-    `clock` as for `course.measure.timing.calls`.
+    Libraries are called once a state, up to N = `at_most`, from where their time a state is the
+    same; `clock` as for `course.measure.timing.calls`.
     """
     arm = replace(panda(), damping=0.0)  # Pinocchio's calls know none
     states = np.random.default_rng(0).uniform(-1, 1, (3, 7, max(sizes)))
@@ -185,7 +185,7 @@ def two_links_enough(angles: Sequence[float] = tuple(np.logspace(-3, 1, 17))) ->
     motor = _tip_error(spatial(armature=0.005))
     panel.notes = [
         reaching_arm().table(),
-        f"with neither fault the two agree to {_tip_error(spatial()):.1e} m; motors of 5 g m^2 on the "
-        f"joints would move the tip by {1e3 * motor:.0f} mm; steps a second: chart vector_env",
+        f"with neither fault the two agree to {_tip_error(spatial()):.1e} m; motors of 5 g m^2 on "
+        f"the joints would move the tip by {1e3 * motor:.0f} mm; steps a second: chart vector_env",
     ]
     yield panel

@@ -118,7 +118,10 @@ def ik_success(
             result = ik(arm, whole, first)
             rates[name] = result.success.sum() / (time.process_time() - start)
             remaining = pose_error(whole, tip(arm, result.q))[:, result.success]
-            wrong = np.maximum(*(np.linalg.norm(x, axis=0) for x in (remaining[:3], remaining[3:]))) > 1e-6
+            wrong = (
+                np.maximum(*(np.linalg.norm(x, axis=0) for x in (remaining[:3], remaining[3:])))
+                > 1e-6
+            )
             panel.notes.append(
                 f"{name:<20} {result.success.mean():.2%} of {len(poses)}, "
                 f"{wrong.sum()} claims that FK contradicts, "
@@ -164,7 +167,9 @@ def ik_residual(
                 result = ik(chain, goals, start, method=method, **options)
                 remaining.append(float(np.median(np.hypot(result.distance, result.angle))))
             other = [k for k, e in zip(budgets, remaining, strict=True) if e < 1e-6]
-            message = f"below 1e-6 after {other[0]} steps" if other else f"{remaining[-1]:.1e} at the end"
+            message = (
+                f"below 1e-6 after {other[0]} steps" if other else f"{remaining[-1]:.1e} at the end"
+            )
             panel.series.append(
                 Series(
                     method,

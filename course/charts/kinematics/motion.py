@@ -126,7 +126,9 @@ def jacobian_precision(
         "autograd": (error(autograd(arm, q)), lambda: autograd(arm, q)),
         "analytic": (error(jacobian(arm, q)[:3]), lambda: jacobian(arm, q)),
     }
-    timed = interleaved([calls(run) for _, run in approaches.values()], repeats=repeats, sample=0.01)
+    timed = interleaved(
+        [calls(run) for _, run in approaches.values()], repeats=repeats, sample=0.01
+    )
     right = Panel(
         "The analytic one costs least",
         "time of one Jacobian [s]",
@@ -301,7 +303,8 @@ def damping_map(
                 dampings,
                 deviation,
                 key,
-                note=f"{1e3 * gap:g} mm from the hole: error {deviation[0]:.1e} to {deviation[-1]:.1e} m, "
+                note=f"{1e3 * gap:g} mm from the hole: error {deviation[0]:.1e} to "
+                f"{deviation[-1]:.1e} m, "
                 f"largest joint step {largest[0]:.3g} to {largest[-1]:.3g} rad",
             )
         )

@@ -42,7 +42,9 @@ def test(policy: Any, paid: str = "sparse", **task: Any) -> float:
     envs = PointReachVector(NUM, paid, autoreset_mode="SameStep", max_steps=late, **task)
     first = envs.reset(seed=STARTS)[0]
     distances = (first - task.get("offset", 0.0)) / task.get("unit", 1.0)
-    best = optimum(distances, paid, bonus=bonus, max_steps=late, radius=task.get("radius", 0.05)).mean()
+    best = optimum(
+        distances, paid, bonus=bonus, max_steps=late, radius=task.get("radius", 0.05)
+    ).mean()
     return float(evaluate(policy, envs, STARTS).returns.mean() / best)
 
 
@@ -91,7 +93,9 @@ def searched(seed: int, rounds: int, samples: int = 24, episodes: int = 4) -> Tr
         gains = np.repeat(tries, episodes, axis=0).reshape(-1, 2, 4)
         used[1] += 1
         ran = evaluate(
-            lambda observed: (gains @ observed[..., None])[..., 0].astype(np.float32), envs, 1000 * used[1]
+            lambda observed: (gains @ observed[..., None])[..., 0].astype(np.float32),
+            envs,
+            1000 * used[1],
         )
         used[0] += int(ran.steps.sum())
         return -ran.returns.reshape(samples, episodes).mean(axis=1)
@@ -129,7 +133,10 @@ def learning_curves(
     }
     # In turns, seed by seed, so that other work on the machine is shared by all.
     turns = [
-        {label: sweep(method, [{**how, "seed": seed}])[0] for label, (method, how) in methods.items()}
+        {
+            label: sweep(method, [{**how, "seed": seed}])[0]
+            for label, (method, how) in methods.items()
+        }
         for seed in range(seeds)
     ]
     runs = {label: [one[label] for one in turns] for label in methods}
@@ -154,7 +161,9 @@ def learning_curves(
         at = np.median([one.steps for one in some], axis=0)
         spent = np.min([one.seconds for one in some], axis=0)
         other = [one.steps[one.scores >= SOLVED][0] for one in some if one.scores.max() >= SOLVED]
-        message = f"{label}: {middle[-1]:.3f} ({low[-1]:.3f} to {high[-1]:.3f}) after {at[-1]:,.0f} "
+        message = (
+            f"{label}: {middle[-1]:.3f} ({low[-1]:.3f} to {high[-1]:.3f}) after {at[-1]:,.0f} "
+        )
         message += f"steps and {spent[-1]:.1f} s; {SOLVED:.0%} in {len(other)} of {seeds} seeds"
         if other:
             message += f", after {min(other):,.0f} to {max(other):,.0f} steps"
@@ -219,7 +228,10 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
             how = replace(SMALL, **{**settings, **change})
             present[row] = sweep(trained, jobs(settings=how, **same, **task))
     yield Panel(
-        "Where each does matter", SHARE, xlim=(0.0, 1.8), series=[banded(present, "where it matters")]
+        "Where each does matter",
+        SHARE,
+        xlim=(0.0, 1.8),
+        series=[banded(present, "where it matters")],
     )
 
 

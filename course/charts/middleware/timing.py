@@ -141,7 +141,9 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
         shares["hyperbolic"].append(float(np.mean(schedule.hyperbolic(C, T))))
         shares["exact"].append(float(np.mean(fits)))
         shares["run"].append(float(np.mean(in_time)))
-        worst = max(worst, float(np.max(np.abs(ran.longest[:, fits] - report[:, fits]), initial=0.0)))
+        worst = max(
+            worst, float(np.max(np.abs(ran.longest[:, fits] - report[:, fits]), initial=0.0))
+        )
     low = schedule.liu_layland(n)
     panel = Panel(
         f"{n} tasks: who says that they are in time",
@@ -226,7 +228,9 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
             )
             waits.append(1e3 * float(ran.longest[0] - C[0]))
         message = ", ".join(f"{a:g}: {b:.1f}" for a, b in zip(x, waits, strict=True))
-        panel.series.append(Series(protocol, x, waits, note=f"{protocol}, in virtual time: {message}"))
+        panel.series.append(
+            Series(protocol, x, waits, note=f"{protocol}, in virtual time: {message}")
+        )
     for inherit in (False, True):
         observed = [inversion.measure(inherit, holds, middle) for middle in middles]
         name = "this system, inheritance" if inherit else "this system, none"
@@ -239,7 +243,9 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
             for a, b, each in zip(x, waits, observed, strict=True)
         )
         panel.series.append(
-            Series(name, x, waits, style="", hollow=True, note=f"{name}, measured (theory): {message}")
+            Series(
+                name, x, waits, style="", hollow=True, note=f"{name}, measured (theory): {message}"
+            )
         )
     yield panel
 

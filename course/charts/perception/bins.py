@@ -117,7 +117,9 @@ def small_parts(
         y = [float(np.median([run[stage] for run in row])) for row in runs["as in a tutorial"]]
         message = ", ".join(f"{1e3 * s:g} mm {n:.0f}" for s, n in zip(sizes, y, strict=True))
         observed = [n if n > 0.0 else np.nan for n in y]
-        retained.series.append(Series(stage, 1e3 * np.array(sizes), observed, note=f"{stage}: {message}"))
+        retained.series.append(
+            Series(stage, 1e3 * np.array(sizes), observed, note=f"{stage}: {message}")
+        )
     yield retained
     best = Panel("The smallest cube found", "side of the cube [mm]")
     least = []

@@ -59,7 +59,9 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
         )
     yield law
     k = np.arange(1, 400)
-    remaining = Panel("What averaging can't remove: a quarter step", "noise / step", "mean error / step")
+    remaining = Panel(
+        "What averaging can't remove: a quarter step", "noise / step", "mean error / step"
+    )
     shares, mean = np.linspace(0.02, 0.6, places), []
     for noise in shares:
         coarse = Sensor(noise=0.25 * noise, step=0.25)

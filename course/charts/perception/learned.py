@@ -49,7 +49,9 @@ def methods(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
     }
 
 
-def laid(depth: Array, sensor: Sensor, path: Callable[[Array], Array]) -> tuple[Array, float, float]:
+def laid(
+    depth: Array, sensor: Sensor, path: Callable[[Array], Array]
+) -> tuple[Array, float, float]:
     """The pose that the picture agrees with most, the time from the picture on [s], see-through."""
     begin, plane = time.process_time(), yaw_net.plane_of(TABLE)
     points = yaw_net.above_table(depth, EYE, sensor, plane)
@@ -141,7 +143,9 @@ def learned_start(
             f"noise x {noise:g}: the network's turn is {np.median(deg):.2f} degrees "
             f"off (median), {deg.max():.1f} at most"
         )
-        shows.series.append(Series(f"noise x {noise:g}", np.degrees(report[0]), report[1], style=""))
+        shows.series.append(
+            Series(f"noise x {noise:g}", np.degrees(report[0]), report[1], style="")
+        )
     trade.footer = machine()
     yield trade
     other = []

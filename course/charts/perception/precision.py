@@ -108,7 +108,7 @@ def pose_precision(
 ) -> Iterator[Panel]:
     """What a finer grid costs and what it buys, where three faces of the part are seen."""
     eye, rng = Camera.symmetric(640, 480, 1.0), np.random.default_rng(4)
-    methods = methods(eye)
+    compared = methods(eye)
     for window, noise in ((1, "white noise"), (5, "noise shared over 5 px")):
         sensor, looks = Sensor(SENSOR.baseline, SENSOR.noise, window), []
         for x, y, yaw in rng.uniform((-0.15, -0.1, 0.4), (0.15, 0.1, 1.1), (pictures, 3)):
@@ -124,7 +124,7 @@ def pose_precision(
             lines=[("y", 2e-3, "tolerance 2 mm"), ("y", 2e-4, "a tenth")],
         )
         samplers, rows = [], []
-        for name, (grid, lay) in methods.items():
+        for name, (grid, lay) in compared.items():
             clouds = [MADE[name](points) for points, _, _ in looks]
 
             def run(cloud: Any, v: float, start: Array, grid: Any = grid, lay: Any = lay) -> Array:
@@ -132,12 +132,14 @@ def pose_precision(
 
             for v in voxels:
                 each = zip(clouds, looks, strict=True)
-                error = [corner_error(run(cloud, v, start), pose) for cloud, (_, pose, start) in each]
+                error = [
+                    corner_error(run(cloud, v, start), pose) for cloud, (_, pose, start) in each
+                ]
                 rows.append((name, v, float(np.sqrt(np.mean(np.square(error))))))
                 samplers.append(calls(run, clouds[0], v, looks[0][2], clock=time.process_time))
         timings = interleaved(samplers, repeats=repeats, sample=5e-3)
         times = [one.median for one in timings]
-        for name in methods:
+        for name in compared:
             mine = [k for k, row in enumerate(rows) if row[0] == name]
             message = ", ".join(
                 f"{1e3 * rows[k][1]:g} mm: {1e3 * rows[k][2]:.3f} mm, {1e3 * times[k]:.2f} ms"
@@ -338,13 +340,17 @@ def plane_precision(
         deviation = [
             float(
                 np.sqrt(
-                    np.mean([np.sum(np.cross(method(view, *one)[:3], truth) ** 2) for view in looks])
+                    np.mean(
+                        [np.sum(np.cross(method(view, *one)[:3], truth) ** 2) for view in looks]
+                    )
                 )
             )
             for one in settings
         ]
         took = [next(times) for _ in settings]
-        message = ", ".join(f"{1e3 * a:.2f} mrad {t:.2f} ms" for a, t in zip(deviation, took, strict=True))
+        message = ", ".join(
+            f"{1e3 * a:.2f} mrad {t:.2f} ms" for a, t in zip(deviation, took, strict=True)
+        )
         panel.series.append(Series(name, took, deviation, note=f"{name}: {message}"))
     best = {series.label: series.y[-1] for series in panel.series}
     times_less = best["SVD of points"] / best["inverse depth"]

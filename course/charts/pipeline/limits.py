@@ -15,7 +15,7 @@ from course.measure.figure import Panel, Series
 from course.measure.stability import Map, limit
 from course.measure.success import wilson
 from course.measure.work_precision import machine
-from course.pipeline import Scenario, Settings, run_many, move, successes, theory
+from course.pipeline import Scenario, Settings, move, run_many, successes, theory
 from course.pipeline.blame import gained
 from course.pipeline.budget import predicted
 from course.pipeline.rare import cross_entropy, plain
@@ -165,7 +165,9 @@ def look_and_move(at_most: int = 8, chains: int = 400, looks: int = 2000) -> Ite
         for k, g in zip(late, report, strict=True)
     ]
     panel = Panel("Largest gain that settles", "pictures of delay", "gain", footer=machine(0.0))
-    words = ", ".join(f"{k}: {g:.4f} ({t:.4f})" for k, g, t in zip(late, result, report, strict=True))
+    words = ", ".join(
+        f"{k}: {g:.4f} ({t:.4f})" for k, g, t in zip(late, result, report, strict=True)
+    )
     panel.series = [
         Series("measured", late, result, style="", note=f"limit of the gain (theory): {words}"),
         Series("theory", late, report, "theory", marker=""),
@@ -260,7 +262,9 @@ def noise_and_filter(
         lines=[("y", Scenario().seconds, "end")],
     )
     for label, cost in (("20 us a check", 20e-6), ("1 us a check", 1e-6)):
-        rows = [run_many(Scenario(), Settings(step=x, check_cost=cost), range(seeds)) for x in steps]
+        rows = [
+            run_many(Scenario(), Settings(step=x, check_cost=cost), range(seeds)) for x in steps
+        ]
         when = [[1e-6 * r.plans[-1].arrived for r in row] for row in rows]
         checks = [float(np.median([r.plans[0].value.checks for r in row])) for row in rows]
         rate = [float(successes(row).mean()) for row in rows]

@@ -90,7 +90,9 @@ def owned(result: Budget) -> Panel:
         last, _, first = (-1e6 * change for change in value[part])
         y = [first, 1e6 * share, last]
         ends = [[y[0], 1e6 * end, y[2]] for end in (low, high)]
-        message = f"{part}: {y[0]:.1f} alone, {y[1]:.1f} [{ends[0][1]:.1f} {ends[1][1]:.1f}] owned, "
+        message = (
+            f"{part}: {y[0]:.1f} alone, {y[1]:.1f} [{ends[0][1]:.1f} {ends[1][1]:.1f}] owned, "
+        )
         message += f"{y[2]:.1f} saved by mending it first"
         panel.series.append(Series(part, (0, 1, 2), y, low=ends[0], high=ends[1], note=message))
     whole = 1e6 * result.squares()[frozenset()]

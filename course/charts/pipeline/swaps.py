@@ -135,7 +135,9 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
     paths, rng = {"along": u, "across": np.array([-u[1], u[0]])}, np.random.default_rng(0)
     pictured = 1e3 * errors(full)
     for name, sigma in (("two numbers", noise), ("the noise that is stated", stated)):
-        short = 1e3 * errors(run_many(scenario, replace(report, noise=sigma), range(1000, 1000 + drawn)))
+        short = 1e3 * errors(
+            run_many(scenario, replace(report, noise=sigma), range(1000, 1000 + drawn))
+        )
         panel = Panel(
             f"Pictures and {name}",
             "error with these [mm]",

@@ -194,11 +194,15 @@ def cumulative(name: str, values: tuple[Array, Array], scale: float, unit: str) 
     for owner, result in zip(("ours", "OMPL"), values, strict=True):
         label = f"{name}, {owner}"
         both.append(
-            Success(label, result[None], unit).series(within, style="-" if owner == "ours" else "--")
+            Success(label, result[None], unit).series(
+                within, style="-" if owner == "ours" else "--"
+            )
         )
         both[-1].marker = ""
         middle = np.median(result)
-        both[-1].note = f"{label:<22} median {middle:7.4g} {unit}, {result.size} seeds; p {same:.2f}"
+        both[
+            -1
+        ].note = f"{label:<22} median {middle:7.4g} {unit}, {result.size} seeds; p {same:.2f}"
     return both
 
 
@@ -377,7 +381,10 @@ def path_quality(
                     )
                 seconds, deviation = np.transpose(runs)
                 rows.append(
-                    (np.median(seconds), *np.quantile(deviation, (0.25, 0.5, 0.75), method="higher"))
+                    (
+                        np.median(seconds),
+                        *np.quantile(deviation, (0.25, 0.5, 0.75), method="higher"),
+                    )
                 )
                 if rows[-1][2] <= tolerance:
                     good.append((rows[-1][0], rows[-1][2], name, value))

@@ -87,8 +87,12 @@ def shelf_ladder(
         begun = time.perf_counter()
         roadmap = planning.build_roadmap(requested.world, nodes, 0)
         built = time.perf_counter() - begun
-        solved = [plan(requested.world, *q, **BOTH).path for q in certified(requested, queries, 2)[0]]
-        paths = [planning.shortcut(p, requested.world, rng, rounds=30) for p in solved if p is not None]
+        solved = [
+            plan(requested.world, *q, **BOTH).path for q in certified(requested, queries, 2)[0]
+        ]
+        paths = [
+            planning.shortcut(p, requested.world, rng, rounds=30) for p in solved if p is not None
+        ]
         experience = planning.with_paths(roadmap, paths)
         learned = time.perf_counter() - begun
         ladder = rungs(roadmap, experience, naive, samples)

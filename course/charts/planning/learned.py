@@ -69,7 +69,9 @@ def searched(scene: Scene, count: int, rng: np.random.Generator) -> Array:
 
 def checks(scene: Scene, seed: int, **options: Any) -> float:
     """States and edges asked until there is a path, infinite without one; the judge passes it."""
-    result = plan(scene.world, scene.start, scene.goal, rng=seed, step=1.0, budget=20_000, **options)
+    result = plan(
+        scene.world, scene.start, scene.goal, rng=seed, step=1.0, budget=20_000, **options
+    )
     if result.path is None:
         return math.inf
     assert check_path(scene.world, result.path, scene.start, scene.goal)
@@ -145,7 +147,9 @@ def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Succ
 
     def searching(net: Any, scene: Scene, rng: np.random.Generator) -> list[Array]:
         result = plan(scene.world, scene.start, scene.goal, rng=rng, step=1.0)
-        return [shortcut(result.path, scene.world, rng, rounds=60)] if result.path is not None else []
+        return (
+            [shortcut(result.path, scene.world, rng, rounds=60)] if result.path is not None else []
+        )
 
     def noise(net: Any, scene: Scene, rng: np.random.Generator) -> Array:
         return denoised(net, scene, TRIES, rng)

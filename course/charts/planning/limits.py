@@ -157,7 +157,11 @@ def narrow_passages(
         law = [pair_joined(width, bounds(n)) for n in dims]
         deviation = (np.array(observed) - law) / np.sqrt(np.array(law) / pairs)
         theory = None if name == "cube" else lambda n, b=bounds: pair_joined(width, b(n))
-        message = "" if name == "cube" else f"; off by {np.abs(deviation).max():.1f} standard errors at most"
+        message = (
+            ""
+            if name == "cube"
+            else f"; off by {np.abs(deviation).max():.1f} standard errors at most"
+        )
         one.series.append(
             Series(
                 name,
@@ -179,7 +183,8 @@ def narrow_passages(
                     hollow=bool(method),
                     low=np.minimum(low, budget),
                     high=np.minimum(high, budget),
-                    note=f"{name + method:<10} median samples {', '.join(f'{x:.0f}' for x in middle)}",
+                    note=f"{name + method:<10} median samples "
+                    + ", ".join(f"{x:.0f}" for x in middle),
                 )
             )
     yield from (one, need)

@@ -111,7 +111,9 @@ def platform_scaling(
             share = np.minimum(empty.best / steps / each[:, 1], 1.0)
             words = f"{label}: an empty world's step, paid always"
         message = ", ".join(f"{n} {100 * s:.0f} %" for n, s in zip(links, share, strict=True))
-        panel.series.append(Series(label, links, share, label, size=5.0, note=f"{words}: {message}"))
+        panel.series.append(
+            Series(label, links, share, label, size=5.0, note=f"{words}: {message}")
+        )
     yield panel
 
 

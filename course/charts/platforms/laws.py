@@ -77,7 +77,9 @@ def platform_braking(
     }
     for label, name, engine, settings in known(rows):
         y = [1.0 - stop(engine, 0.0, dt, settings).distance / FULL for dt in steps]
-        message = ", ".join(f"{1e3 * dt:g} ms {100 * s:.2f} %" for s, dt in zip(y, steps, strict=True))
+        message = ", ".join(
+            f"{1e3 * dt:g} ms {100 * s:.2f} %" for s, dt in zip(y, steps, strict=True)
+        )
         panel.series.append(
             Series(
                 label,
@@ -129,9 +131,8 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
         ratio = np.array([one.distance for one in result]) / FULL
         turned = np.degrees([one.turn for one in result])
         distance, turn = theory.stop(np.radians(degrees), CONES[label][2])
-        report = (
-            f"{label}: from theory by {100 * np.max(np.abs(ratio - distance / FULL)):.2f} % of the way"
-        )
+        error = 100 * np.max(np.abs(ratio - distance / FULL))
+        report = f"{label}: from theory by {error:.2f} % of the way"
         report += f" and {np.max(np.abs(turned - np.degrees(turn))):.2f} deg at most; "
         report += ", ".join(
             f"{at:g} deg {r:.4f} {t:+.2f}" for at, r, t in zip(degrees, ratio, turned, strict=True)

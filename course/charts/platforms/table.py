@@ -165,7 +165,9 @@ def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> I
                 panel.series.append(Series(engine_name, x, y, engine_name, "", size=6.0))
         panels.append(panel)
     report = panels[0].notes
-    report.append(f"a step of {1e3 * dt:g} ms; cost over that of MuJoCo, fair; below tolerance: good")
+    report.append(
+        f"a step of {1e3 * dt:g} ms; cost over that of MuJoCo, fair; below tolerance: good"
+    )
     report.append(f"{'scene':<8} {'engine':<9} {'settings':<10} {'error':>10}     {'cost':>8}")
     for row in rows:
         report.append(

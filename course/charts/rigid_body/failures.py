@@ -207,7 +207,9 @@ def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
     omega_dt, zeta = np.linspace(0.02, 4.0, nx), np.linspace(0.0, 2.0, ny)
     for method, label in LABELS.items():
         result = growth_map(method, omega_dt, zeta)
-        panel = Panel(label, "omega dt", "damping ratio", grid=result, xlim=(0.0, 4.0), legend=False)
+        panel = Panel(
+            label, "omega dt", "damping ratio", grid=result, xlim=(0.0, 4.0), legend=False
+        )
         theory = [oscillator.limit(method, float(z)) for z in zeta]
         panel.series.append(Series("theory", theory, zeta, "theory on a map", "--"))
         panel.notes.append(

@@ -234,7 +234,14 @@ def measure_rates(
         for name, count, result in zip(contenders, steps, timed, strict=True):
             work = n * count
             rates.append(
-                Rate(name, n, work / result.median, work / result.high, work / result.low, result.busy)
+                Rate(
+                    name,
+                    n,
+                    work / result.median,
+                    work / result.high,
+                    work / result.low,
+                    result.busy,
+                )
             )
     return rates
 

@@ -45,7 +45,9 @@ def break_it(
         slid = [1e3 * min(run.slid, 0.2) for run in runs]
         held = [x for x, run in zip(forces, runs, strict=True) if run.held]
         largest = max(held) * lab.needed
-        message = f"friction {mu:g}: holds from {min(held):g} to {max(held):g} of it, {largest:.0f} N"
+        message = (
+            f"friction {mu:g}: holds from {min(held):g} to {max(held):g} of it, {largest:.0f} N"
+        )
         panel.series.append(Series(f"friction {mu:g}", forces, slid, note=message))
     for sim, present in ((0.3, 0.9), (1.2, 0.4)):
         lab = replace(POLICY, friction=present, force=1.2 * replace(POLICY, friction=sim).needed)
@@ -83,7 +85,9 @@ def break_it(
     at = [h for h in steps if h <= 25]
     warned = sum(len(run.warnings) for run in runs)
     for label, depth in (("closing", [r.sunk for r in runs]), ("up", [r.pressed for r in runs])):
-        message = f"{label}: {1e3 * depth[1]:.2f} mm at {at[1]:g} ms, {1e3 * max(depth):.2f} at most"
+        message = (
+            f"{label}: {1e3 * depth[1]:.2f} mm at {at[1]:g} ms, {1e3 * max(depth):.2f} at most"
+        )
         panel.series.append(
             Series(label, at, 1e3 * np.array(depth), note=f"{message}; {warned} warnings")
         )

@@ -123,7 +123,10 @@ def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
             60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2 * distance,
         )
         return np.array(
-            [one(observed[:, i], v[:, i], *(x[:, i] for x in desired)) for i, one in enumerate(laws)]
+            [
+                one(observed[:, i], v[:, i], *(x[:, i] for x in desired))
+                for i, one in enumerate(laws)
+            ]
         ).T
 
     angles, _, _ = twin.run(law, posed.start, round(plants.SECONDS / plants.DT), posed.seed)

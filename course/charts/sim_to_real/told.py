@@ -71,7 +71,9 @@ def what_finds_the_numbers(
         some = 2 if name == "mujoco.sysid" else seeds
         y = [worst([method[name]() for method in row[:some]]) for row in at_noise]
         message = ", ".join(f"{e:.2g}" for e in y)
-        panel.series.append(Series(name, 1e3 * np.array(noises), y, name, note=f"{name}: {message} %"))
+        panel.series.append(
+            Series(name, 1e3 * np.array(noises), y, name, note=f"{name}: {message} %")
+        )
         errors = [worst([method[name]() for method in row[:some]]) for row in at_length]
         turns = 3 if name == "mujoco.sysid" else 15
         times = [

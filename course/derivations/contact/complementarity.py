@@ -253,7 +253,9 @@ def velocity_lcp_without_gap(result):
     touching = solve("lcp", _ball(0.0, -1.0, 1e-3)).impulses[0, 0] / 1e-3
     desired = result.formula.subs({m: 1, v: -1, a: -scenes.GRAVITY, h: 1e-3})
     gaps = result.rng.uniform(0.1, 2.0, 8)
-    result.statement = f"Falling at 1 m/s {height:g} m up: with the gap it goes on at {air:.4f} m/s."
+    result.statement = (
+        f"Falling at 1 m/s {height:g} m up: with the gap it goes on at {air:.4f} m/s."
+    )
     result.statement_holds(
         not stops(height),
         only_if="the contact is closed",
@@ -310,7 +312,9 @@ def contact_gradients_vanish(result):
         f"Derivatives before touch {np.round(before, 4)}, behind it {np.round(after, 4)}."
     )
     result.statement_holds(max(np.abs(after)) < 1e-6)
-    result.correction_holds(max(np.abs(before)) < 1e-9, abs(np.median(after) - 0.25) < 0.01, stepped < -0.9)
+    result.correction_holds(
+        max(np.abs(before)) < 1e-9, abs(np.median(after) - 0.25) < 0.01, stepped < -0.9
+    )
 
 
 @claim(

@@ -210,7 +210,9 @@ def pyramid_slips(result):
     def share(angle):
         return 1.0 / (abs(np.cos(np.radians(angle))) + abs(np.sin(np.radians(angle))))
 
-    result.statement = f"Way {distance:.4f}, sqrt(1 + sin^2 2t) = {np.hypot(1, np.sin(np.pi / 4)):.4f}."
+    result.statement = (
+        f"Way {distance:.4f}, sqrt(1 + sin^2 2t) = {np.hypot(1, np.sin(np.pi / 4)):.4f}."
+    )
     result.statement_holds(
         slips(0.0),
         only_if="the load is above the cone's over |cos t| + |sin t|, t its angle to an edge",
@@ -291,7 +293,9 @@ def friction_has_a_step_limit(result):
         inside=[remaining(*draw)[0] < 1e-3 for draw in draws],
         outside=[remaining(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws],
     )
-    result.correction_holds(remaining(0.5, 1e-3, 0.98)[0] < 1e-3, remaining(0.5, 1e-3, 1.02)[0] > 0.1, trembles > 1)
+    result.correction_holds(
+        remaining(0.5, 1e-3, 0.98)[0] < 1e-3, remaining(0.5, 1e-3, 1.02)[0] > 0.1, trembles > 1
+    )
 
 
 @claim(
@@ -316,7 +320,9 @@ def condim_4_is_the_full_cone(result):
         options = contact.Options(condim=condim, friction=(0.5, 0.05, 0.0001))
         return contact.spinning_disc(options, 10.0).run(200)[1][3]
 
-    stretched = result.measure("stretched", path("pyramidal", 4) / path("elliptic", 4), tolerance=1e-3)
+    stretched = result.measure(
+        "stretched", path("pyramidal", 4) / path("elliptic", 4), tolerance=1e-3
+    )
     same = path("elliptic", 4) / path("elliptic", 3)
     retained, lost = spin(3), spin(4)
     result.measure("spin_left_rad_s", retained, tolerance=1e-9)
@@ -379,7 +385,9 @@ def default_friction(result):
     ranked = friction('friction="0.3" priority="1"', 'friction="0.7"')
     result.statement = f"Two spheres without a word: {default}; 0.3 against 0.7: {larger}."
     result.statement_holds(abs(default - 0.5) < 1e-9)
-    result.correction_holds(abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9, abs(ranked - 0.3) < 1e-9)
+    result.correction_holds(
+        abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9, abs(ranked - 0.3) < 1e-9
+    )
 
 
 def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
@@ -471,4 +479,6 @@ def damper_damps(result):
         outside=[swing(z, 1.02 + s / 3) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
     )
     # Past the limit the contact may only rattle, but it leaves rest.
-    result.correction_holds(abs(retained - speed) < 1e-12, all(swing(z, 1.03) > 1e-6 for z in ratios))
+    result.correction_holds(
+        abs(retained - speed) < 1e-12, all(swing(z, 1.03) > 1e-6 for z in ratios)
+    )

@@ -111,7 +111,9 @@ def aabb_six_numbers(result):
     mean = result.measure("mean_comparisons", np.mean(counts), 0.02)
     result.statement = f"The course's own test, counted; {len(counts)} random boxes that are apart."
     result.statement_holds(numbers == 6)
-    result.correction_holds(overlap, numbers == 12, comparisons == 6, mean < comparisons, min(counts) == 1)
+    result.correction_holds(
+        overlap, numbers == 12, comparisons == 6, mean < comparisons, min(counts) == 1
+    )
 
 
 @claim(
@@ -331,7 +333,9 @@ def gjk_minkowski(result):
     result.measure("share_inside", np.mean(inside), 0.02)
     result.statement = "60 pairs of random hulls against the hull of all differences by Qhull."
     result.statement_holds(all(agree))
-    result.correction_holds(all(agree), wrong > 20.0, bool((observed | ~clear).all()), 0 < np.mean(inside) < 1)
+    result.correction_holds(
+        all(agree), wrong > 20.0, bool((observed | ~clear).all()), 0 < np.mean(inside) < 1
+    )
 
 
 # Two cubes with aligned faces, in a process that has asked Coal about nothing, or about a rod at a
@@ -446,7 +450,9 @@ def epa_gives_the_contact(result):
         outside=[back(share * middle) for share in result.rng.uniform(1.001, 1.9, 12)],
     )
     single = contact.distance(cube, pair[:, 0], cube, pair[:, 1])
-    result.correction_holds(abs(single.distance + 0.01) < 1e-12, corners == 4, abs(high - middle) < 1e-8)
+    result.correction_holds(
+        abs(single.distance + 0.01) < 1e-12, corners == 4, abs(high - middle) < 1e-8
+    )
 
 
 @claim(

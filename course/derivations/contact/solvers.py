@@ -167,7 +167,9 @@ def sweeps_and_masses(result):
     counted = [sweeps_needed([1.0, x]) / ((1 + x) * np.log(1e6)) for x in ratios]
     result.statement = f"Counted over (1 + r) ln(1/e): {min(counted):.3f} to {max(counted):.3f}."
     result.statement_holds(sweeps < 2 * upside)
-    result.correction_holds(bool(ratio_of_both == 1), np.allclose(counted, 1.0, atol=0.03), upside < 10)
+    result.correction_holds(
+        bool(ratio_of_both == 1), np.allclose(counted, 1.0, atol=0.03), upside < 10
+    )
 
 
 @claim(
@@ -218,7 +220,9 @@ def convex_cone_is_coulomb(result):
     sticks = solve("convex", scenes.block(0.2, 0.5).problem(0.01)).velocity
     result.statement = f"Hop {1e3 * hop:.3f} mm, theory {1e3 * theory:.3f} mm."
     result.statement_holds(hop < 1e-6)
-    result.correction_holds(abs(hop / theory - 1) < 0.02, np.abs(sticks).max() < 1e-9, abs(stop) < 0.01)
+    result.correction_holds(
+        abs(hop / theory - 1) < 0.02, np.abs(sticks).max() < 1e-9, abs(stop) < 0.01
+    )
 
 
 @claim(
@@ -317,7 +321,9 @@ def tower_sags(result):
         outside=[abs(share - 1) < 0.02 for share in shares.values()],
         cases=True,
     )
-    result.correction_holds(np.allclose(square, 1.0, atol=1e-9), big < 0.7, abs(big / small - 1) > 0.02)
+    result.correction_holds(
+        np.allclose(square, 1.0, atol=1e-9), big < 0.7, abs(big / small - 1) > 0.02
+    )
 
 
 @claim(

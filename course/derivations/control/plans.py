@@ -148,4 +148,6 @@ def acceleration_means_inertia(result):
     result.measure("drawn", len(cases) + 0 * np.sum(named))
     result.statement = "Logs of drawn joints, one number other than believed, 0.03 mrad of noise."
     result.statement_holds(all(causes == {"inertia"} for causes in flat))
-    result.correction_holds(all(both == {"inertia", "constant"} for both in flat), np.mean(named) > 0.9)
+    result.correction_holds(
+        all(both == {"inertia", "constant"} for both in flat), np.mean(named) > 0.9
+    )

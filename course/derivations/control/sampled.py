@@ -216,10 +216,14 @@ def pd_sample_late(result):
     result.measure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
     result.measure("tip", sampled.pd_limit(0.625, 1, 1, "late"))
     grid = np.linspace(0.3, 0.6, 61)
-    both = max(_largest_gain(lambda k, v=v: _growth(k, v, delay=1.0, rate="filtered"), 1.0) for v in grid)
+    both = max(
+        _largest_gain(lambda k, v=v: _growth(k, v, delay=1.0, rate="filtered"), 1.0) for v in grid
+    )
     result.measure("both", both, 1e-3)
     result.statement = "Jury's last condition, and the loop's matrix on both sides of it."
-    result.statement_holds(sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2)
+    result.statement_holds(
+        sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2
+    )
     result.correction_holds(
         all(_edge(sampled.pd_limit(V, 1, 1, "late"), V, delay=1.0) for V in draws),
         all(
@@ -260,7 +264,9 @@ def pade_is_enough(result):
     dt = delay / 60
     loop = {"dt": dt, "delay": delay - dt / 2}  # a hold is the other half sample
     exact = _largest_gain(lambda k: _growth(k, k * ratio, **loop), 5.0)
-    first, second = (_largest_gain(lambda k, n=n: pade(n, k, k * ratio), 5.0) / exact - 1 for n in (1, 2))
+    first, second = (
+        _largest_gain(lambda k, n=n: pade(n, k, k * ratio), 5.0) / exact - 1 for n in (1, 2)
+    )
     slow, heavy = (
         _largest_gain(lambda k, b=b: pade(1, k, 0.0, b), 200.0)
         / _largest_gain(lambda k, b=b: _growth(k, 0.0, damping=b, **loop), 200.0)

@@ -144,7 +144,9 @@ def pid_actuator_guards(result):
     result.measure("conditional_rad", ours("conditional"), 0.01)
     result.statement = "A step of 1 rad, the joint blocked at first, MuJoCo's actuator and ours."
     result.statement_holds(bare < 0.2)
-    result.correction_holds(abs(bare - ours("none")) < 0.1, clamped < 0.1 < wide, ours("conditional") < 0.1)
+    result.correction_holds(
+        abs(bare - ours("none")) < 0.1, clamped < 0.1 < wide, ours("conditional") < 0.1
+    )
 
 
 @claim(

@@ -31,7 +31,9 @@ def hold_is_half_a_sample(result):
         late = np.exp(-0.5j * w * dt) / (1j * w * (1j * w * inertia + damping))
         return abs(np.angle(held / late))
 
-    worst = max(deviation(*10 ** result.rng.uniform([-2, -2, -4], [1, 0, -2])) for _ in range(draws))
+    worst = max(
+        deviation(*10 ** result.rng.uniform([-2, -2, -4], [1, 0, -2])) for _ in range(draws)
+    )
     result.measure("off_rad", worst, 0.01)
     result.measure("fast_rad", deviation(1.0, 1.0, 1.0, result.input("fast", 3)), 0.01)
     result.statement = "Phase of the held loop, against the continuous one times a delay."

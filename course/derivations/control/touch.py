@@ -213,10 +213,13 @@ def vibration_needs_softness(result):
         only_if="what is too high is the stiffness, an impedance's or an inner loop's",
         inside=[
             calmed(TouchLaw(x * edge), k)
-            for x, k in zip(result.rng.uniform(1, 5, 8), result.rng.uniform(1e3, 1e5, 8), strict=True)
+            for x, k in zip(
+                result.rng.uniform(1, 5, 8), result.rng.uniform(1e3, 1e5, 8), strict=True
+            )
         ]
         + [
-            calmed(TouchLaw(x, 800.0, mass=8.0, give=400.0)) for x in result.rng.uniform(4e5, 8e5, 8)
+            calmed(TouchLaw(x, 800.0, mass=8.0, give=400.0))
+            for x in result.rng.uniform(4e5, 8e5, 8)
         ],
         outside=[calmed(force), calmed(give)]
         + [calmed(TouchLaw(100.0, 0.0, force_gain=x * gain)) for x in result.rng.uniform(1, 4, 6)],
@@ -292,7 +295,11 @@ def stiff_control_hurts(result):
 
     m, ke, v, F = sympy.symbols("m ke v F", positive=True)
     result.formula = sympy.solve(m * v**2 / 2 - F**2 / (2 * ke), F)[0]
-    mass, speed, wall = result.input("mass", 4.0), result.input("speed", 0.5), result.input("ke", 1e5)
+    mass, speed, wall = (
+        result.input("mass", 4.0),
+        result.input("speed", 0.5),
+        result.input("ke", 1e5),
+    )
 
     def run(stiffness, wall=wall):
         """(first peak, force held) while the set-point goes 2 cm into the wall [N]."""

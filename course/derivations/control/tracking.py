@@ -31,7 +31,9 @@ def computed_torque_law(result):
         deviation = forward_dynamics(arm, q, v, tau) - requested
         inside.append(np.abs(deviation).max() / np.abs(requested).max())
         deviation = q + np.eye(arm.n)[0]  # an error of the first joint alone
-        tau = computed_torque(arm, q, v, deviation, v, a_ref, 0.0, 0.0) + pd(q, v, deviation, v, 100.0, 20.0)
+        tau = computed_torque(arm, q, v, deviation, v, a_ref, 0.0, 0.0) + pd(
+            q, v, deviation, v, 100.0, 20.0
+        )
         a = forward_dynamics(arm, q, v, tau) - a_ref
         outside.append(np.abs(a[1:]).max() / np.abs(a[0]))
     result.measure("outside", np.median(outside), 1e-6)
@@ -123,13 +125,16 @@ def error_follows_acceleration(result):
     result.measure("share", share(1.2, fast, pole), 0.01)
     draws = result.rng.uniform([0.75, 5], [1.3, 15], (8, 2))
     slow = [
-        share(a, s * b, b) for (a, b), s in zip(draws, result.rng.uniform(0.02, 0.1, 8), strict=True)
+        share(a, s * b, b)
+        for (a, b), s in zip(draws, result.rng.uniform(0.02, 0.1, 8), strict=True)
     ]
     quick = [
         share(a, s * b, b) for (a, b), s in zip(draws, result.rng.uniform(0.3, 0.9, 8), strict=True)
     ]
     theory = float(result.formula.subs({r: 1.2, p: pole, w: fast})) / (0.2 / pole**2)
-    result.statement = "A joint whose model is wrong, followed over a period; slopes of eight draws."
+    result.statement = (
+        "A joint whose model is wrong, followed over a period; slopes of eight draws."
+    )
     result.statement_holds(
         abs(share(1.2, fast, pole) - 1) < 0.1,
         only_if="the motion is ten times slower than the poles",
@@ -166,7 +171,9 @@ def adaptive_finds_parameters(result):
     result.measure("fixed_mrad", fixed[1], 0.02)
     result.statement = "Estimates and errors at the end, from the numbers of a lighter arm on."
     result.statement_holds(still[0] < 0.05 and moving[0] < 0.05)
-    result.correction_holds(still[1] < 1e-3, still[0] > 0.1, moving[0] > 0.1, moving[1] < fixed[1] / 20)
+    result.correction_holds(
+        still[1] < 1e-3, still[0] > 0.1, moving[0] > 0.1, moving[1] < fixed[1] / 20
+    )
 
 
 @claim(
@@ -204,7 +211,9 @@ def residual_of_the_state(result):
     result.measure("seen", np.median(observed), 0.1)
     result.measure("later", np.median(later), 0.1)
     result.measure("whole", np.median(whole), 0.1)
-    result.statement = "Torques that a lighter model lacks, fitted by 200 waves, five draws of them."
+    result.statement = (
+        "Torques that a lighter model lacks, fitted by 200 waves, five draws of them."
+    )
     result.statement_holds(max(later) < 0.1)
     result.correction_holds(max(observed) < 0.05, min(later) > 3 * max(whole))
 
@@ -222,7 +231,11 @@ def residual_learning_is_faster(result):
 
     from course.charts.control import tracking
 
-    bar, draws, rounds = result.input("bar", 0.02), result.input("draws", 2), result.input("rounds", 4)
+    bar, draws, rounds = (
+        result.input("bar", 0.02),
+        result.input("draws", 2),
+        result.input("rounds", 4),
+    )
     empty = replace(tracking.WRONG, masses=(1e-6, 1e-6), damping=(0.0, 0.0))
 
     def needed(model, at_most=rounds, shown=None):
@@ -234,7 +247,9 @@ def residual_learning_is_faster(result):
     result.measure("shown", np.max(report), 1e-6)
     result.statement = "Rounds of collecting and fitting, with each draw of the waves."
     result.statement_holds(np.max(near) < np.min(alone))
-    result.correction_holds(np.isinf(alone).all(), np.isfinite(near).all(), np.max(report) <= rounds)
+    result.correction_holds(
+        np.isinf(alone).all(), np.isfinite(near).all(), np.max(report) <= rounds
+    )
 
 
 @claim(
@@ -300,7 +315,8 @@ def impedance_holds_a_force(result):
     result.statement_holds(abs(touch.surface_error(soft, deviation)) < 0.01)
     result.correction_holds(
         all(
-            abs(touch.surface_error(law, deviation) / touch.series_stiffness(law, deviation) - 1) < 1e-3
+            abs(touch.surface_error(law, deviation) / touch.series_stiffness(law, deviation) - 1)
+            < 1e-3
             for law in laws
         ),
         np.max(loops) < 0.1 * touch.surface_error(soft, deviation),

@@ -114,7 +114,9 @@ def integral_removes_the_error(result):
     result.measure("ramp", remaining(extra=-0.1 * 2e-3 * np.arange(n)), 1e-3)
     result.measure(
         "limited",
-        remaining(Gains(20, 20, 6, rate="exact", u_min=-1.5, u_max=1.5), joint=Joint(J, B, -2.0, 0.0)),
+        remaining(
+            Gains(20, 20, 6, rate="exact", u_min=-1.5, u_max=1.5), joint=Joint(J, B, -2.0, 0.0)
+        ),
         1e-3,
     )
     result.measure("hunting", np.ptp(swing[-15_000:]), 0.05)
@@ -133,7 +135,9 @@ def integral_removes_the_error(result):
         + [remaining(replace(g, ki=3 * g.ki / 0.5)) < 1e-4 for g in sets[:3]],
     )
     result.correction_holds(
-        remaining(Gains(20, 0, 6, rate="exact")) > 0.05, remaining() < 1e-6, np.ptp(swing[-15_000:]) > 0.01
+        remaining(Gains(20, 0, 6, rate="exact")) > 0.05,
+        remaining() < 1e-6,
+        np.ptp(swing[-15_000:]) > 0.01,
     )
 
 
@@ -265,9 +269,10 @@ def overshoot_means_p(result):
     def mended(kp, ki, kd, delay=0.0, at_most=np.inf):
         """Whether a fifth less P and a fifth more D both lower a loop's overshoot."""
         now, less, more = (
-            _step(Gains(p, ki, d, rate="exact", u_min=-at_most, u_max=at_most), delay=delay)[1].overshoot
-            for p, d in ((kp, kd), (0.8 * kp, kd), (kp, 1.2 * kd)))  # fmt: skip
-        return less < now and more < now
+            _step(Gains(p, ki, d, rate="exact", u_min=-at_most, u_max=at_most), delay=delay)[1]
+            for p, d in ((kp, kd), (0.8 * kp, kd), (kp, 1.2 * kd))
+        )
+        return less.overshoot < now.overshoot and more.overshoot < now.overshoot
 
     draws = result.rng.uniform([20, 0.5], [80, 3], (8, 2))
     result.statement = "Steps of the joint with the exact rate."
@@ -431,7 +436,9 @@ def every_joint_has_ku(result):
     fast = [sampled.ultimate_gain(*sampled.joint_system(J, B), x)[0] for x in (1e-3, 1e-4, 1e-5)]
     result.statement = "Exact ultimate gains at three rates; swings under a limited torque."
     result.statement_holds(_growth(1e-3, 0, 0) < 1 and abs(fast[2] / fast[0] - 1) < 0.1)
-    result.correction_holds(max(steady) < 0.05, fast[2] > 90 * fast[0], _growth(0.99 * gain, 0, 0) < 1)
+    result.correction_holds(
+        max(steady) < 0.05, fast[2] > 90 * fast[0], _growth(0.99 * gain, 0, 0) < 1
+    )
 
 
 @claim(
@@ -513,7 +520,9 @@ def safer_set(result):
         return found_out
 
     now, then = grown("", 0.0), grown("late_", late)
-    result.statement = "Growth of both sets by the loop's matrix, without further delay and with it."
+    result.statement = (
+        "Growth of both sets by the loop's matrix, without further delay and with it."
+    )
     result.statement_holds(max(now[0], then[0]) < 1)
     result.correction_holds(now[0] > now[1] > 1 > now[2], then[1] > then[0] > 1 > then[2])
 

@@ -239,7 +239,9 @@ def flow_samples_all(result):
 
     r = result.input("r_m", 1.2)
     arms = result.rng.uniform(0.3, 1.5, (100, 2))
-    reach = abs(arms[:, 0] - arms[:, 1]) + 2 * arms.min(axis=1) * result.rng.uniform(0.05, 0.95, 100)
+    reach = abs(arms[:, 0] - arms[:, 1]) + 2 * arms.min(axis=1) * result.rng.uniform(
+        0.05, 0.95, 100
+    )
     ratios = [
         strays(arm, x, result.rng.normal(0, 1, (2, 1)), k % 2) / least(arm, x)
         for k, (arm, x) in enumerate(zip(arms, reach, strict=True))

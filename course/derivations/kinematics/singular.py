@@ -178,7 +178,9 @@ def damping_is_free(result):
         along = U[:, :, i : i + 1]
         return np.linalg.norm(along - stack @ (damped_inverse(J, value) @ along), axis=(1, 2))
 
-    error = [np.abs(remaining(i, v) - law(values[:, i], v)).max() for i in (0, 1) for v in (0.01, 0.1, 1)]
+    error = [
+        np.abs(remaining(i, v) - law(values[:, i], v)).max() for i in (0, 1) for v in (0.01, 0.1, 1)
+    ]
     result.measure("left_percent", 100 * np.median(remaining(1, damping)), 1e-3)
     result.statement = (
         f"2000 random postures, both directions, three dampings: law to {max(error):.0e}."
@@ -203,7 +205,9 @@ def rank_loss_is_failure(result):
     answer = two_link_ik(ARM, edge)
     closed = np.hypot(*(planar_tip(ARM, answer.q[:, 0]) - edge))
     damping, more = result.input("damping", 0.03), result.input("more", 0.1)
-    (_, remaining, slow), (_, _, quick) = (_listing(x, start, damping, 3000) for x in (edge, inside))
+    (_, remaining, slow), (_, _, quick) = (
+        _listing(x, start, damping, 3000) for x in (edge, inside)
+    )
     _, also, slower = _listing(edge, start, more, 3000)
     rank = [np.linalg.matrix_rank(planar_jacobian(ARM, q), 1e-6) for q in answer.q[:, 0].T[:50]]
     result.measure("steps_edge", np.median(slow), 0.05)

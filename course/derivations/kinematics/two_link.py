@@ -85,7 +85,9 @@ def two_link_position(result):
 
     draws = result.rng.uniform(-np.pi, np.pi, (40, 2))
     arms = _lengths(result.rng, 40)
-    grid = [deviation(lengths, np.array([a, 0.3]), absolute=True) for a in np.linspace(-3.1, 3.1, 63)]
+    grid = [
+        deviation(lengths, np.array([a, 0.3]), absolute=True) for a in np.linspace(-3.1, 3.1, 63)
+    ]
     result.measure("worst_m", max(grid), 1e-3)
     plain, absolute = (
         [deviation(arm, q, direction) < 1e-12 for arm, q in zip(arms, draws, strict=True)]
@@ -132,12 +134,16 @@ def two_link_jacobian(result):
         np.abs(numeric(*a, *q) - planar_jacobian(a, q)).max()
         for a, q in zip(arms, draws, strict=True)
     ]
-    result.measure("det_at_right_angle", np.linalg.det(planar_jacobian((1.0, 0.8), [0.3, np.pi / 2])))
+    result.measure(
+        "det_at_right_angle", np.linalg.det(planar_jacobian((1.0, 0.8), [0.3, np.pi / 2]))
+    )
     result.statement = (
         "The formulas of the tip differentiated by algebra, and 50 random arms and postures of "
         "the course's geometric Jacobian."
     )
-    result.statement_holds(sympy.simplify(derived - quoted) == sympy.zeros(2) and max(deviation) < 1e-12)
+    result.statement_holds(
+        sympy.simplify(derived - quoted) == sympy.zeros(2) and max(deviation) < 1e-12
+    )
     result.correction_holds(
         sympy.diff(result.formula, q1) == 0,
         all(

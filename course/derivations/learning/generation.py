@@ -293,7 +293,10 @@ def ten_denoising_steps(result):
     def remaining(steps):
         return np.mean(np.abs(denoise(two_modes().clean, noise, steps, result.rng)) < 0.5)
 
-    five, ten = result.measure("five", remaining(5), 0.05), result.measure("ten", remaining(10), 0.1)
+    five, ten = (
+        result.measure("five", remaining(5), 0.05),
+        result.measure("ten", remaining(10), 0.1),
+    )
     nine = remaining(9)
     result.statement = "20,000 samples, modes at -1 and 1 of width 0.1; between is within 0.5."
     inside, outside = (
@@ -385,7 +388,8 @@ def react_less(result):
     size = result.input("size", 0.05)
     steps = {"two": 2, "eight": 8}
     two, eight = (
-        result.measure(n, passed(Commit(policy("mixture"), k), size), 0.15) for n, k in steps.items()
+        result.measure(n, passed(Commit(policy("mixture"), k), size), 0.15)
+        for n, k in steps.items()
     )
     for name, each in steps.items():
         result.measure(f"quiet_{name}", passed(Commit(policy("mixture"), each)), 0.05)
@@ -509,4 +513,6 @@ def code_of_zero(result):
     free = policy("autoencoder")(np.zeros((100, 2)), np.random.default_rng(0))
     result.statement = "The recorded autoencoder, a code of one number."
     result.statement_holds(same.std(axis=0).max() < 1e-9)
-    result.correction_holds(same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn)
+    result.correction_holds(
+        same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn
+    )

@@ -87,7 +87,9 @@ def errors_compound(result):
         outside=outside,
     )
     three = expected_cost(0.2, 3.0, recovers=False) - result.formula.subs(eps, 0.2)
-    result.correction_holds(1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12)
+    result.correction_holds(
+        1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12
+    )
 
 
 @claim(
@@ -306,7 +308,10 @@ def diffusion_mends_drift(result):
         return np.mean(far[:, -1] > 10.0 * far[:, 0])
 
     size = result.input("size", 1.0)
-    plain, taught = result.measure("lost", lost(0.0), 0.1), result.measure("taught", lost(size), 0.03)
+    plain, taught = (
+        result.measure("lost", lost(0.0), 0.1),
+        result.measure("taught", lost(size), 0.03),
+    )
     little = result.measure("little", lost(0.1 * size), 0.3)
     result.statement = "Trained on 100 runs of 40 steps, driven for 100 steps without noise."
     result.statement_holds(plain < 0.1)

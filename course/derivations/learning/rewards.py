@@ -363,7 +363,9 @@ def sparse_chance(result):
         inside=inside,
         outside=outside,
     )
-    result.correction_holds(abs(report / observed - 1.0) < 0.3, abs(measured(0.1) / law(0.1) - 1.0) < 0.3)
+    result.correction_holds(
+        abs(report / observed - 1.0) < 0.3, abs(measured(0.1) / law(0.1) - 1.0) < 0.3
+    )
 
 
 @claim(
@@ -383,7 +385,9 @@ def minus_distance(result):
         deviation = np.where(np.arange(n) <= last, near, far) * ~ends
         prize = np.zeros((n, 2, n))
         prize[:-1, :, -1] = 1.0
-        sparse, dense = (Process(P, x, 0.95, ends) for x in (prize, prize - deviation[:, None, None]))
+        sparse, dense = (
+            Process(P, x, 0.95, ends) for x in (prize, prize - deviation[:, None, None])
+        )
         policies = (value_iteration(x).policy for x in (sparse, dense, shaped(sparse, -deviation)))
         best, *others = (evaluate_policy(sparse, policy)[0] for policy in policies)
         return np.isclose(others, best)
@@ -517,7 +521,9 @@ def two_gains(result):
     shares = played(np.array(best), 9000, 500)[0] / optimum(starts).mean()
     share = result.measure("share", np.median(shares), 0.02)
     least = result.measure("least", shares.min(), 0.02)
-    hours = result.measure("hours", result.measure("steps", np.median(each), 0.02) * 0.05 / 3600, 0.02)
+    hours = result.measure(
+        "hours", result.measure("steps", np.median(each), 0.02) * 0.05 / 3600, 0.02
+    )
     result.statement = "32 starts a law, tested on 500 others, steps of 0.05 s; medians."
     result.statement_holds(share < 0.5 and hours == 0.0)
     result.correction_holds(share > 0.8, least > 0.7, hours > 0.2)
@@ -578,4 +584,6 @@ def gradient_cost(result):
     law = [float(result.formula.subs({d: 4, h: x, m: 2})) for x in widths]
     result.statement = "PyTorch's own count of products and calls, 4 inputs and 2 outputs."
     result.statement_holds(all(b <= 2.0 * f for f, b, _ in each))
-    result.correction_holds(np.allclose([b for _, b, _ in each], law), len({c for *_, c in each}) == 1)
+    result.correction_holds(
+        np.allclose([b for _, b, _ in each], law), len({c for *_, c in each}) == 1
+    )

@@ -66,7 +66,9 @@ def picture_lost_like_packet(result):
     # As many losses, in rows of ten.
     rows = result.rng.random((4000, n)) < loss / 10
     rows = np.logical_or.reduce([np.roll(rows, k) for k in range(10)])
-    result.statement = "Messages on the bus, each packet drawn; losses in rows of ten by themselves."
+    result.statement = (
+        "Messages on the bus, each packet drawn; losses in rows of ten by themselves."
+    )
     result.statement_holds(lost < 2.0 * loss)
     result.correction_holds(
         abs(lost - (1.0 - (1.0 - loss) ** n)) < 0.03,

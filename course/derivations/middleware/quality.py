@@ -57,13 +57,16 @@ def reliability_both_ways(result):
     reader = through(QoS(), QoS("best_effort"), Link(loss=result.input("loss", 0.2)))
     lost = result.measure("lost", reader.lost / 2000, 0.2)
     result.statement = "All pairs on Cyclone DDS; a link with losses on the bus."
-    result.statement_holds(not received["reliable", "best_effort"] and not received["best_effort", "reliable"])
+    result.statement_holds(
+        not received["reliable", "best_effort"] and not received["best_effort", "reliable"]
+    )
     result.correction_holds(
         silent == [tuple(kinds)],
         reader.rounds == 0,
         bool(abs(lost - 0.2) < 0.05),
         all(
-            one == (not compatible(*pair)) for pair, one in zip(pairs, received.values(), strict=True)
+            one == (not compatible(*pair))
+            for pair, one in zip(pairs, received.values(), strict=True)
         ),
     )
 
@@ -269,7 +272,11 @@ def reliable_arrives(result):
         outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]],
     )
     result.correction_holds(
-        len(best) == retained == depth, missing > 0.1, not any(outside), long.rounds > 0, quick.lost == 0
+        len(best) == retained == depth,
+        missing > 0.1,
+        not any(outside),
+        long.rounds > 0,
+        quick.lost == 0,
     )
 
 
@@ -323,7 +330,9 @@ def best_effort_is_fresh(result):
     deep = result.measure("deep", queue_ages(depth, 3, 20, "best_effort").ages[-1])
     newest = result.measure("newest", queue_ages(1, 3, 20, "reliable").ages[-1])
     drawn = zip(result.rng.integers(1, 12, 6), result.rng.uniform(1.3, 4.0, 6), strict=True)
-    observed = [(int(k), ages(int(k), float(r), ORDERS["reliability"][int(k) % 2])) for k, r in drawn]
+    observed = [
+        (int(k), ages(int(k), float(r), ORDERS["reliability"][int(k) % 2])) for k, r in drawn
+    ]
     result.statement = "On Cyclone DDS in turns, and on the bus with clocks of their own."
     result.statement_holds(deep == 0)
     result.correction_holds(

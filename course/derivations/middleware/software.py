@@ -103,9 +103,13 @@ def processes_isolate(result):
     noticed, _ = told_of_a_crash(0.1)
     result.measure("events", len(silent))
     report = result.measure("told", len(noticed))
-    result.statement = "A process with two threads, one of which reads address 0; leases on the bus."
+    result.statement = (
+        "A process with two threads, one of which reads address 0; leases on the bus."
+    )
     result.statement_holds(answer.strip() == "alive" and crashed.returncode != 0)
-    result.correction_holds(text == "", silent == [], report == 1 and noticed == ["not alive"], not done)
+    result.correction_holds(
+        text == "", silent == [], report == 1 and noticed == ["not alive"], not done
+    )
 
 
 @claim(
@@ -209,10 +213,15 @@ def launch_comments(result):
     def ends(text):
         return sum(len(launch.overrides(node.parameters)) for node in launch.nodes(text))
 
-    usual, ours = result.measure("usual", ends(launch.USUAL)), result.measure("ours", ends(launch.OURS))
+    usual, ours = (
+        result.measure("usual", ends(launch.USUAL)),
+        result.measure("ours", ends(launch.OURS)),
+    )
     (control,) = (x for x in launch.nodes(launch.USUAL) if "rate" in x.parameters)
     node = launch.Parameters(control.parameters)
-    remaining = result.measure("left", node.declare("update_rate", int(result.input("default", 100))))
+    remaining = result.measure(
+        "left", node.declare("update_rate", int(result.input("default", 100)))
+    )
     requested = control.parameters["rate"]
     result.statement = "Both files run against stand-ins of launch, their parameters read by name."
     result.statement_holds(usual > 0)
@@ -243,7 +252,7 @@ def parameters_are_tunable(result):
         if path != "undeclared":
             used["now"] = node.declare("stiffness", 1.0)
         if path == "told":
-            node.told.append(lambda name, value: used.update(now=value))
+            node.callbacks.append(lambda name, value: used.update(now=value))
         try:
             node.set("stiffness", new)
         except ValueError:
@@ -252,7 +261,9 @@ def parameters_are_tunable(result):
 
     paths = ("read", "told", "copied", "undeclared")
     drawn = result.rng.uniform(1.0, 100.0, (8, 2))
-    works = {method: [stiffness(method, float(a), float(b)) == b for a, b in drawn] for method in paths}
+    works = {
+        method: [stiffness(method, float(a), float(b)) == b for a, b in drawn] for method in paths
+    }
     result.measure("kinds", len(works))
     tuned = result.measure("tuned", sum(all(one) for one in works.values()))
     result.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."

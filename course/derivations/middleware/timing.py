@@ -329,7 +329,9 @@ def relative_sleep(result):
     result.statement_holds(abs(rate(work, wake, 1e-3) / requested - 1.0) < 1e-3)
     result.correction_holds(
         all(
-            abs(rate(*map(float, x)) / float(result.formula.subs({C: x[0], L: x[1], T: x[2]})) - 1.0)
+            abs(
+                rate(*map(float, x)) / float(result.formula.subs({C: x[0], L: x[1], T: x[2]})) - 1.0
+            )
             < 1e-4
             for x in drawn
         ),
@@ -382,7 +384,9 @@ def jitter_below_a_period(result):
     fair = result.measure("fair", error(good)[0], 0.1)
     result.measure("least_us", 1e6 * apart.min(), 0.5)
     result.measure("most_us", 1e6 * apart.max(), 0.05)
-    drawn = [(float(a), float(b)) for a, b in result.rng.uniform((1e-4, 1e-3), (9e-4, 5e-3), (4, 2))]
+    drawn = [
+        (float(a), float(b)) for a, b in result.rng.uniform((1e-4, 1e-3), (9e-4, 5e-3), (4, 2))
+    ]
     result.statement = "The chapter's loop on a clock whose wake-ups are late by chance."
     result.statement_holds(bool(wrong < 0.05))
     result.correction_holds(
@@ -436,7 +440,9 @@ def callback_over_a_period(result):
     long, phases = 1e-3 * result.input("long_ms", 1.2), np.linspace(0.0, 1e-3, 50, endpoint=False)
     share = result.measure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
     early = result.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
-    result.statement = "An executor on the bus, the callback just in front of a release of the loop."
+    result.statement = (
+        "An executor on the bus, the callback just in front of a release of the loop."
+    )
     outside += [control_misses(float(a), float(b)) for a, b in early]
     result.statement_holds(
         all(outside),
@@ -621,9 +627,13 @@ def fifo_makes_real_time(result):
     fresh = burdened(20, 0, pages=64, quiet=True)
     with loop.urgent(core=100_000, lock=False, scheduler="other") as granted:
         rejected = list(granted.denied)
-    result.statement = "Under SCHED_FIFO where the system grants it; collections and faults counted."
+    result.statement = (
+        "Under SCHED_FIFO where the system grants it; collections and faults counted."
+    )
     result.statement_holds(noisy.collections == 0)
-    result.correction_holds(runs > 10, quiet.collections == 0, fresh.faults > 10, rejected == ["core"])
+    result.correction_holds(
+        runs > 10, quiet.collections == 0, fresh.faults > 10, rejected == ["core"]
+    )
 
 
 @claim(

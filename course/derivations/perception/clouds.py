@@ -52,7 +52,9 @@ def voxels_remove_small_parts(result):
     from course.perception import dbscan, voxel_mean
 
     sides = result.rng.uniform(0.002, 0.01, int(result.input("parts", 200)))
-    parts = [result.rng.uniform(-x, x, (3, 60)) / 2 + result.rng.uniform(0, 1, (3, 1)) for x in sides]
+    parts = [
+        result.rng.uniform(-x, x, (3, 60)) / 2 + result.rng.uniform(0, 1, (3, 1)) for x in sides
+    ]
     means = [voxel_mean(part, 0.01, [-1.0] * 3)[0] for part in parts]
     counts = np.array([x.shape[1] for x in means])
 

@@ -24,7 +24,9 @@ def kabsch_without_determinant(result):
         mirrored, best = 0, True
         for _ in range(runs):
             a = result.rng.uniform(-1.7, 1.7, (3, count)) * [[1], [1], [0.1 * thick]]
-            b = to_matrix(exp(result.rng.normal(size=3))) @ a + 0.1 * result.rng.normal(size=a.shape)
+            b = to_matrix(exp(result.rng.normal(size=3))) @ a + 0.1 * result.rng.normal(
+                size=a.shape
+            )
             c, d = a - a.mean(axis=1, keepdims=True), b - b.mean(axis=1, keepdims=True)
             U, _, V = np.linalg.svd(d @ c.T)
             mirrored += int(np.linalg.det(U @ V) < 0)
@@ -114,7 +116,9 @@ def picture_to_picture(result):
     worst = result.measure("model_mm", max(row[1] for row in deviation[1:]), 0.3)
     result.statement = "A box that moves by 1 mm and 0.5 degrees from picture to picture."
     result.statement_holds(last < 2 * deviation[1][0])
-    result.correction_holds(last > 3 * deviation[len(deviation) // 4][0] / 2, worst < 0.5, last > 10 * worst)
+    result.correction_holds(
+        last > 3 * deviation[len(deviation) // 4][0] / 2, worst < 0.5, last > 10 * worst
+    )
 
 
 @claim(
@@ -177,7 +181,9 @@ def spread_of_symmetric_poses(result):
     near = result.measure("up_to", np.degrees(np.sqrt(np.mean(np.square(turns)))), 0.3)
     result.statement = "Ten pictures of a box on a table, at random turns."
     result.statement_holds(far < 10 * near)
-    result.correction_holds(min(raw) < 0.02, far > 170, near < 4 * np.degrees(np.sqrt(np.mean(report))))
+    result.correction_holds(
+        min(raw) < 0.02, far > 170, near < 4 * np.degrees(np.sqrt(np.mean(report)))
+    )
 
 
 @claim(

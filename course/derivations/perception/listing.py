@@ -45,7 +45,8 @@ def tutorial_runs(result):
 
     boxes = int(result.input("boxes", 3))
     places = [
-        (x, 0.0, yaw) for x, yaw in zip((-0.25, 0.0, 0.25), result.rng.uniform(0, 1, 3), strict=True)
+        (x, 0.0, yaw)
+        for x, yaw in zip((-0.25, 0.0, 0.25), result.rng.uniform(0, 1, 3), strict=True)
     ]
     things = [BOX.moved(on_table(BOX, *place)) for place in places[:boxes]]
     depth, _ = render(together([shape("plane").moved(TABLE), *things]), EYE)
@@ -167,7 +168,9 @@ def extent_is_size(result):
     measured = result.measure("measured", extent(turns[0]), 0.02)
     result.statement = "Extents along the table's x of exact pictures of a box at seven turns."
     result.statement_holds(abs(measured - long) < 5)
-    result.correction_holds(np.allclose([extent(x) for x in turns], law, atol=5.0), measured > long + 10)
+    result.correction_holds(
+        np.allclose([extent(x) for x in turns], law, atol=5.0), measured > long + 10
+    )
 
 
 @claim(
@@ -257,5 +260,6 @@ def two_millimetres_will_do(result):
         outside=[gap((1.02 + x) * largest) > 0 for x in draws[1]],
     )
     result.correction_holds(
-        gap(narrow / 1000) > 0 > gap(wide / 1000), abs(law(width, largest, error, turn) - play) < 1e-9
+        gap(narrow / 1000) > 0 > gap(wide / 1000),
+        abs(law(width, largest, error, turn) - play) < 1e-9,
     )

@@ -131,7 +131,9 @@ def half_a_pixel(result):
     law = 1000 * float(result.formula.subs({z: result.measure("far", right.p[2], 1e-3), f: EYE.fx}))
     result.statement = "One picture of a box on a table, located with both principal points."
     result.statement_holds(shift < 3 * report)
-    result.correction_holds(abs(same - 1) < 0.01, deviation.status == "found", abs(shift / law - 1) < 0.05)
+    result.correction_holds(
+        abs(same - 1) < 0.01, deviation.status == "found", abs(shift / law - 1) < 0.05
+    )
 
 
 @claim(
@@ -217,4 +219,6 @@ def motions_calibrate_any_arm(result):
     free = [solved(20, x).pose[2] - X[2] for x in result.rng.uniform(0.2, 1.0, 10)]
     result.statement = "Motions of a hand at random, in a plane and in space."
     result.statement_holds(rank == 3)
-    result.correction_holds(rank == 2, error > 20.0, abs(flat.pose[2]) < 1e-3 < 0.01 > np.abs(free).max())
+    result.correction_holds(
+        rank == 2, error > 20.0, abs(flat.pose[2]) < 1e-3 < 0.01 > np.abs(free).max()
+    )

@@ -125,7 +125,9 @@ def looked_through_is_wrong(result):
     text = [locate(depth, EYE, SENSOR, square)[0].status for depth in depths]
     result.statement = "Twenty pictures each of a box on a table, and of a nearly square one."
     result.statement_holds(10 * right < wrong)
-    result.correction_holds(scaled > 0.5, same < 0.1 < wrong, all(word == "ambiguous" for word in text))
+    result.correction_holds(
+        scaled > 0.5, same < 0.1 < wrong, all(word == "ambiguous" for word in text)
+    )
 
 
 @claim(

@@ -25,7 +25,7 @@ SYMBOLS = {
 
 def ends(mended=(), seeds=(0,), scenario=None, **changed):
     """Errors of the tip at the end (2, N) [m], with some stages mended."""
-    from course.pipeline import Scenario, Settings, errors, run_many, repair
+    from course.pipeline import Scenario, Settings, errors, repair, run_many
 
     settings = repair(replace(Settings(), **changed), *mended)
     return errors(run_many(scenario or Scenario(), settings, seeds))
@@ -374,4 +374,6 @@ def same_seeds(result):
     result.measure("other", other, 0.3)
     result.statement = "Twice 20 seeds, the lesser of the two savings; 40 for bias and pictures."
     result.statement_holds(saved < 1.0)
-    result.correction_holds(saved > 4.0, lost > 1.2, other < 2.0, all(one.square[1] > 0.0 for one in sets))
+    result.correction_holds(
+        saved > 4.0, lost > 1.2, other < 2.0, all(one.square[1] > 0.0 for one in sets)
+    )

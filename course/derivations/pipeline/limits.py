@@ -195,7 +195,9 @@ def high_gain_overshoots(result):
         return max(0.0, float(-(observed @ shapes[:, 0]).min()) / 1e-5), float(modes.overshoot[0])
 
     bent = (0.624, 1.64)
-    amount, little, kd = (result.input(*x) for x in (("much", 400.0), ("little", 25.0), ("kd", 8.0)))
+    amount, little, kd = (
+        result.input(*x) for x in (("much", 400.0), ("little", 25.0), ("kd", 8.0))
+    )
     high, report = beyond(amount, 0.0, bent)
     low = result.measure("low", beyond(little, 0.0, bent)[0], 0.02)
     result.measure("high", high, 0.02)

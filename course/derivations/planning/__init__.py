@@ -17,7 +17,11 @@ def runs(scene: str, method: str, seeds: int, *place: float, **options: Any) -> 
     options = usual | ({"goal_bias": 0.05} if method == "rrt" else {}) | options
     retained = _KEPT.setdefault((scene, place, method, *sorted(options.items())), [])
     for seed in range(len(retained), seeds):
-        retained.append(plan(requested.world, requested.start, requested.goal, method=method, rng=seed, **options))
+        retained.append(
+            plan(
+                requested.world, requested.start, requested.goal, method=method, rng=seed, **options
+            )
+        )
     return retained[:seeds]
 
 

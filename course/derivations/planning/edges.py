@@ -150,7 +150,9 @@ def thin_wall_missed(result):
             ).path
             for seed in range(1, 41)
         ]
-        bad = [not planning.check_path(requested.world, path.T) for path in paths if path is not None]
+        bad = [
+            not planning.check_path(requested.world, path.T) for path in paths if path is not None
+        ]
         return result.measure(name, np.mean(bad), 0.3)
 
     result.measure("ompl_m", resolution * planning.scenes.empty().world.extent)
@@ -219,5 +221,7 @@ def near_the_goal(result):
         inside=[joined(0.5, 0.999) for _ in range(12)],
         outside=[joined(1.2, 3.0) for _ in range(12)],
     )
-    verdicts = [planning.check_path(requested.world, end[:, None], end, requested.goal) for end in ends]
+    verdicts = [
+        planning.check_path(requested.world, end[:, None], end, requested.goal) for end in ends
+    ]
     result.correction_holds(across > 0.1, not any(bool(verdict) for verdict in verdicts))

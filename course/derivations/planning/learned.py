@@ -110,7 +110,9 @@ def diffusion_is_collision_free(result):
         result.measure(name, share)
     curves = _panels()[3]
     solved = result.measure("solved", max(curves["noise, checked"].y), 0.1)
-    paths = [numbers_in(rf"{name}.* median ([\d.]+) ms")[0] for name in ("noise, checked", "RRT-Connect")]
+    paths = [
+        numbers_in(rf"{name}.* median ([\d.]+) ms")[0] for name in ("noise, checked", "RRT-Connect")
+    ]
     times = result.measure("times", paths[0] / paths[1])
     world = scenes.discs(count=chart.DISCS).world
     requested = learned.questions(learned.grown(world), 40, result.rng)
@@ -118,7 +120,9 @@ def diffusion_is_collision_free(result):
     first = [(q, chart.bent(q, 2, result.rng)[0]) for q in lines]
     again = np.mean([not check_path(world, path) for _, path in first])
     pushed = np.mean([not check_path(world, chart.pushed(q, path)) for q, path in first[:20]])
-    result.statement = "100 held-out questions, three networks; lines again, for 40 other questions."
+    result.statement = (
+        "100 held-out questions, three networks; lines again, for 40 other questions."
+    )
     result.statement_holds(raw == 0.0)
     result.correction_holds(
         raw > 0.4,

@@ -59,14 +59,18 @@ def blocked_ends_are_named(result):
 
     requested, inside = scenes.gap(0.1), np.array([5.0, 1.0])
     ends = {"start": (inside, requested.goal), "goal": (requested.start, inside)}
-    cached: dict[str, dict[str, Any]] = {"roadmap": {"roadmap": build_roadmap(requested.world, 50, 0)}}
+    cached: dict[str, dict[str, Any]] = {
+        "roadmap": {"roadmap": build_roadmap(requested.world, 50, 0)}
+    }
     ours = {
         end: [plan(requested.world, *pair, method=x, **cached.get(x, {})) for x in METHODS]
         for end, pair in ends.items()
     }
     budget = result.input("budget", 300)
     theirs = {
-        (end, x): ompl.solve(requested.world.bounds, *pair, x, 1.0, budget, 1, *ompl.tests(requested.world))
+        (end, x): ompl.solve(
+            requested.world.bounds, *pair, x, 1.0, budget, 1, *ompl.tests(requested.world)
+        )
         for end, pair in ends.items()
         for x in ("rrt", "rrt_connect")
     }
@@ -95,9 +99,14 @@ def _tight():
     requested, rng = shelf("tight"), np.random.default_rng(0)
     queries = [requested.query(rng) for _ in range(36)]
     plans = [
-        [plan(requested.world, *q, rng=k, step=1.0, budget=50_000) for k in range(5)] for q in queries
+        [plan(requested.world, *q, rng=k, step=1.0, budget=50_000) for k in range(5)]
+        for q in queries
     ]
-    return requested, queries, np.array([[x.samples if x.solved else np.inf for x in p] for p in plans])
+    return (
+        requested,
+        queries,
+        np.array([[x.samples if x.solved else np.inf for x in p] for p in plans]),
+    )
 
 
 @claim(

@@ -49,7 +49,9 @@ def rrt_star_converges(result):
         all((np.diff(answer.history[2]) <= 0).all() for answer, _ in late)
         and np.median(ratios[:, 1]) - 1 < 0.3 * (np.median(ratios[:, 0]) - 1)
     )
-    result.correction_holds(ratios.min() >= 1.0, max(errors) < 1e-12, np.median(ratios[:, 1]) < 1.01)
+    result.correction_holds(
+        ratios.min() >= 1.0, max(errors) < 1e-12, np.median(ratios[:, 1]) < 1.01
+    )
 
 
 @claim(
@@ -270,7 +272,10 @@ def optimisers_get_stuck(result):
     ):
         ends = [
             optimise(path, requested.world, margin=0.1, points=20, **options)
-            for path in (planned, *(np.column_stack((requested.start, x, requested.goal)) for x in vias))
+            for path in (
+                planned,
+                *(np.column_stack((requested.start, x, requested.goal)) for x in vias),
+            )
         ]
         passed = np.array([bool(check_path(requested.world, end.path)) for end in ends])
         free[name], costs = passed[1:], np.array([end.costs[-1] for end in ends])
@@ -403,6 +408,8 @@ def limits_between_grid_points(result):
     result.measure("over", coarse[1] - 1, 0.05)
     result.measure("over_fine", fine[1] - 1, 0.05)
     result.measure("both", max(coarse[0], fine[0]), 1e-4)
-    result.statement = "Two joints, three rounded corners; acceleration at both ends of an interval."
+    result.statement = (
+        "Two joints, three rounded corners; acceleration at both ends of an interval."
+    )
     result.statement_holds(fine[1] < 1 + 1e-6)
     result.correction_holds(max(coarse[0], fine[0]) < 1 + 1e-9, 1 < fine[1] < coarse[1])

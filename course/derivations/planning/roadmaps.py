@@ -35,7 +35,9 @@ def lazy_tests_the_final_path(result):
         outside=(lazy == final).tolist(),
     )
     middle = np.median(lazy)
-    result.correction_holds(all(lazy >= final), 3 * np.median(final) < middle < 0.8 * np.median(eager))
+    result.correction_holds(
+        all(lazy >= final), 3 * np.median(final) < middle < 0.8 * np.median(eager)
+    )
 
 
 @functools.cache

@@ -37,7 +37,9 @@ def rrt_loop(result):
             goal_bias=0.1,
         )
         rng = np.random.default_rng(seed)
-        _, tree, parents, _ = rrt(requested.start, requested.goal, discs, world.bounds, 1.0, 500, rng)
+        _, tree, parents, _ = rrt(
+            requested.start, requested.goal, discs, world.bounds, 1.0, 500, rng
+        )
         same.append(np.array_equal(parents, ours.parents) and np.allclose(tree.T, ours.nodes))
         nodes += len(tree)
         edges.append(np.linalg.norm(tree[1:] - tree[parents[1:]], axis=1))
@@ -86,7 +88,13 @@ def rrt_complete(result):
         requested = scenes.gap(result.rng.uniform(0.05, 0.6), result.rng.uniform(0.05, 3.0))
         ends, step = (requested.start, requested.goal), result.rng.uniform(0.3, 3)
         tree = plan(
-            requested.world, *ends, method="rrt", budget=at_most, rng=result.rng, step=step, goal_bias=bias
+            requested.world,
+            *ends,
+            method="rrt",
+            budget=at_most,
+            rng=result.rng,
+            step=step,
+            goal_bias=bias,
         )
         return tree.solved
 
@@ -250,13 +258,17 @@ def goal_bias_in_passages(result):
     }
     needed = {}  # samples that are not the goal, in the mean
     for name, (scene, *place) in places.items():
-        for bias, tag in ((0.05, "5"), (0.2, "20"), (largest, "most"))[: 3 if name == "trap" else 2]:
+        for bias, tag in ((0.05, "5"), (0.2, "20"), (largest, "most"))[
+            : 3 if name == "trap" else 2
+        ]:
             runs_of = samples(scene, "rrt", 300, *place, goal_bias=bias)
             needed[name, tag] = (1.0 - bias) * runs_of.mean()
             middles[name, tag] = np.median(runs_of)
             result.measure(f"{name}_{tag}", middles[name, tag], 0.1)
     result.statement = "Medians of 300 seeds."
-    result.statement_holds(all(middles[name, "20"] < middles[name, "5"] for name in ("slit", "trap")))
+    result.statement_holds(
+        all(middles[name, "20"] < middles[name, "5"] for name in ("slit", "trap"))
+    )
     result.correction_holds(
         all(middles[x, "20"] < middles[x, "5"] for x in ("empty", "tenth")),
         all(

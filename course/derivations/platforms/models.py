@@ -249,7 +249,9 @@ def read_by(reader, texts):
     result = {}
     for model in texts:
         words, message, facts = reading(model.text)
-        result[model.name] = verdict(model, Reading(words, False, message * (message != usual), facts))
+        result[model.name] = verdict(
+            model, Reading(words, False, message * (message != usual), facts)
+        )
     mujoco.set_mju_user_warning(None)
     return result
 

@@ -348,9 +348,13 @@ def friction_rules(result):
     twice = result.measure("twice", in_pybullet(same, same), 0.02)
     draws = result.rng.uniform(0.1, 0.9, (4, 2)).tolist()
     deviation = [rule(*pair) / report(*pair) - 1.0 for pair in draws for rule, report in rules]
-    result.statement = "MuJoCo's contact, Drake's own function, a block that slows down in PyBullet."
+    result.statement = (
+        "MuJoCo's contact, Drake's own function, a block that slows down in PyBullet."
+    )
     result.statement_holds(max(made) < 1.05 * min(made))
-    result.correction_holds(bool(np.max(np.abs(deviation)) < 0.03), abs(twice / same**2 - 1.0) < 0.03)
+    result.correction_holds(
+        bool(np.max(np.abs(deviation)) < 0.03), abs(twice / same**2 - 1.0) < 0.03
+    )
 
 
 @claim(
@@ -418,7 +422,9 @@ def tower_by_engine(result):
     bullet = result.measure("pybullet", grown(PYBULLET, n), 0.2)
     more = [grown(MUJOCO, k) / theory.sag_growth(k, "inverse mass") for k in (2, 4, 5)]
     result.statement = "How deep the top is at rest, over that of one cube, fair settings, 2 ms."
-    result.statement_holds(all(abs(x / theory.sag_growth(n) - 1.0) < 0.05 for x in (mujoco, drake, bullet)))
+    result.statement_holds(
+        all(abs(x / theory.sag_growth(n) - 1.0) < 0.05 for x in (mujoco, drake, bullet))
+    )
     result.correction_holds(
         all(abs(x - 1.0) < 0.02 for x in more),
         abs(mujoco / n**2 - 1.0) < 0.02,

@@ -167,7 +167,9 @@ def explicit_adds_always(result):
     bottom, top = float(change(0.3, 2.0)), float(change(np.pi - 0.1, 2.0))
     result.measure("bottom_over_h2", bottom, 1e-3)
     result.measure("top_over_h2", top, 1e-3)
-    result.statement = "Change of a pendulum's energy in one step, near the bottom and near the top."
+    result.statement = (
+        "Change of a pendulum's energy in one step, near the bottom and near the top."
+    )
     result.statement_holds(bottom > 0 and top > 0)
     result.correction_holds(top < 0, np.abs(change(*draws) - law).max() < 1e-3 * np.abs(law).max())
 
@@ -253,7 +255,9 @@ def usual_listing_is_explicit(result):
     result.measure("from_explicit_m", apart(listing, explicit_euler), 0.5)
     result.statement = "Largest difference over 100 random states and steps of a pendulum."
     result.statement_holds(apart(listing, explicit_euler) < 1e-12)
-    result.correction_holds(apart(listing, semi_implicit_euler) == 0, apart(swapped, explicit_euler) == 0)
+    result.correction_holds(
+        apart(listing, semi_implicit_euler) == 0, apart(swapped, explicit_euler) == 0
+    )
 
 
 @claim(
@@ -440,8 +444,12 @@ def area_preserved(result):
         return dq[0] * dv[1] - dq[1] * dv[0]
 
     error = {n: float(np.abs(pendulum_area(n) - 1).max()) for n in names}
-    result.statement = "Determinant of one step less 1, on the oscillator and at 20 pendulum states."
-    result.statement_holds("semi_implicit_euler" in selected and "rk4" not in selected and error["rk4"] > 1e-6)
+    result.statement = (
+        "Determinant of one step less 1, on the oscillator and at 20 pendulum states."
+    )
+    result.statement_holds(
+        "semi_implicit_euler" in selected and "rk4" not in selected and error["rk4"] > 1e-6
+    )
     result.correction_holds(
         selected == {n for n in names if INTEGRATORS[n].symplectic},
         all((error[n] < 1e-7) == (n in selected) for n in names),

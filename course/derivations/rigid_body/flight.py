@@ -325,7 +325,9 @@ def worked_ten_bounces_semi_implicit(result):
     result.measure("near_lowest_j", others.energy[-1].min())
     result.measure("near_highest_j", others.energy[-1].max())
     result.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
-    result.statement_holds(abs(end - 48.5) < 0.1 or bool((abs(others.energy[-1] - 48.5) < 0.1).any()))
+    result.statement_holds(
+        abs(end - 48.5) < 0.1 or bool((abs(others.energy[-1] - 48.5) < 0.1).any())
+    )
     result.correction_holds(
         flight < 0 < rule,
         abs(flight + rule - (end - START)) < 1e-9,
@@ -397,7 +399,10 @@ def worked_ten_bounces_rk4(result):
         outside=[error < 1e-5 for error in late],
     )
     result.correction_holds(
-        max(resolved) < 1e-11, float(run.by_flight[0]) == 0, deviation < 1e-12, min(others.percent()) > 5
+        max(resolved) < 1e-11,
+        float(run.by_flight[0]) == 0,
+        deviation < 1e-12,
+        min(others.percent()) > 5,
     )
 
 
@@ -480,7 +485,9 @@ def semi_implicit_bouncing_decays(result):
     "left after ten bounces of the worked example, m g h v less at each.",
 )
 def bounce_gives_the_loss_back(result):
-    remaining = result.measure("left_after_ten", _resolved("semi_implicit_euler", (HEIGHT, 0.0, STEP)))
+    remaining = result.measure(
+        "left_after_ten", _resolved("semi_implicit_euler", (HEIGHT, 0.0, STEP))
+    )
     draws = result.rng.uniform((2, -2, 0.002), (5, 2, 0.01), (4, 3))
     ends = [_resolved("semi_implicit_euler", draw) for draw in draws]
     expected = [
@@ -489,7 +496,8 @@ def bounce_gives_the_loss_back(result):
     result.statement = f"Four other starts and steps: {min(ends):.2f} to {max(ends):.2f} are left."
     result.statement_holds(remaining > 0.99)
     result.correction_holds(
-        remaining < 0.9, all(abs(a - b) < 0.3 * (1 - b) for a, b in zip(ends, expected, strict=True))
+        remaining < 0.9,
+        all(abs(a - b) < 0.3 * (1 - b) for a, b in zip(ends, expected, strict=True)),
     )
 
 
@@ -558,7 +566,9 @@ def bounce_rule_takes_energy(result):
     limit = result.measure("limit_mm_per_s", 1000 * brentq(full_depth, 0.011, 1.0))
     late = drop("semi_implicit_euler", 4000, 10**9, step / 1000, rest, 1.0).v[-1000:, 0]
     result.measure("kept_mm_per_s", 1000 * late.min(), 1e-3)
-    result.statement = "200 bounces of each method, restitutions of 0.1 to 0.99, any step and depth."
+    result.statement = (
+        "200 bounces of each method, restitutions of 0.1 to 0.99, any step and depth."
+    )
     result.statement_holds(
         (slow < 0).all(),
         only_if="the ball hits the floor faster than 2 g h / (1 - e^2)",

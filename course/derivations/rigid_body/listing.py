@@ -42,7 +42,9 @@ def listing_box_tumbles(result):
 
     step = result.input("step_ms", 1.0) / 1000
     q, v, _ = _listing("semi_implicit_euler")
-    remaining = [_listing("semi_implicit_euler", spin=1.0, dt=h)[1][-1, 2] for h in (step, 4 * step)]
+    remaining = [
+        _listing("semi_implicit_euler", spin=1.0, dt=h)[1][-1, 2] for h in (step, 4 * step)
+    ]
     side = np.sqrt(0.6)  # 1 kg and 0.1 kg m^2 as a square
     box = PlanarBody(width=side, height=side, restitution=0.6)
     box.state[:3] = 0.0, 5.0, 0.3

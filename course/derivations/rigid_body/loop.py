@@ -119,7 +119,9 @@ def cameras_in_every_step(result):
         aged, _ = ages(int(camera_hz), int(delay_ms))
         return np.abs(aged[:, 0] - aged[:, 1]).max() < 1e-9
 
-    result.statement_holds(any(alike(hz, ms) for hz, ms in ((30, delay), (30, 0), (60, 5), (1000, 5))))
+    result.statement_holds(
+        any(alike(hz, ms) for hz, ms in ((30, delay), (30, 0), (60, 5), (1000, 5)))
+    )
     result.correction_holds(
         done.images < done.controls / 20,
         observed[:, 0].max() == 0.0,
@@ -328,7 +330,9 @@ def halving_dt_finds_the_culprit(result):
         return np.log10(spectral_radius(name, omega * ms / 1000)) * 1000 / ms
 
     before = result.measure("semi_implicit_10_ms", growth("semi_implicit_euler", 10))
-    after = result.measure("semi_implicit_5_ms", round(growth("semi_implicit_euler", half), 9) + 0.0)
+    after = result.measure(
+        "semi_implicit_5_ms", round(growth("semi_implicit_euler", half), 9) + 0.0
+    )
     slow = result.measure("explicit_10_ms", growth("explicit_euler", 10))
     fast = result.measure("explicit_5_ms", growth("explicit_euler", half))
     result.measure("explicit_0_1_ms", growth("explicit_euler", 0.1))

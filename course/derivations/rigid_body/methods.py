@@ -48,7 +48,9 @@ def orders_of_accuracy(result):
         "Observed on a pendulum with a swing of 2.5 rad (and 1.5), against the elliptic closed "
         "form."
     )
-    result.statement_holds(right["explicit_euler"] and right["semi_implicit_euler"] and right["rk4"])
+    result.statement_holds(
+        right["explicit_euler"] and right["semi_implicit_euler"] and right["rk4"]
+    )
     result.correction_holds(*right.values())
 
 

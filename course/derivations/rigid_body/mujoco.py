@@ -204,9 +204,13 @@ def mujoco_stable_by_euler(result):
     quiet = [moves(name, "enable") for name in ("Euler", "RK4", "implicitfast")]
     result.measure("rest_clamped_m", round(max(quiet), 9))
     free = result.measure("rest_free_m", moves("Euler", "disable"), tolerance=0.2)
-    result.statement = "A ball that lies on a plane, 2 ms, time constant 1 ms; and 1 kg on a spring."
+    result.statement = (
+        "A ball that lies on a plane, 2 ms, time constant 1 ms; and 1 kg on a spring."
+    )
     result.statement_holds(not _grows("Euler", above) and free < 1e-3)
-    result.correction_holds(_grows("Euler", above), not _grows("Euler", 1.99), max(quiet) < 1e-9, free > 1)
+    result.correction_holds(
+        _grows("Euler", above), not _grows("Euler", 1.99), max(quiet) < 1e-9, free > 1
+    )
 
 
 @claim(
@@ -281,7 +285,9 @@ def mujoco_euler_damping_explicit(result):
     result.statement_holds(abs(implicit) > 1)
     result.correction_holds(
         abs(explicit - (1 - h * 1e5)) < 1e-6,
-        all(abs(remaining(c) * (1 + h * c) - 1) < 1e-9 for c in 10 ** result.rng.uniform(-2, 9, 12)),
+        all(
+            abs(remaining(c) * (1 + h * c) - 1) < 1e-9 for c in 10 ** result.rng.uniform(-2, 9, 12)
+        ),
     )
 
 
@@ -354,8 +360,8 @@ def mujoco_discrete_has_a_limit(result):
 
     remaining = result.measure("energy_kept_after_10_s", retained(0.1, 100), tolerance=1e-3)
     result.statement = (
-        f"Stable at omega h up to 1000. At omega h = 0.1 the share {remaining:.3f} of the energy is "
-        f"left after 100 steps; implicit Euler keeps {(1 / (1 + 0.1**2)) ** 100:.3f}."
+        f"Stable at omega h up to 1000. At omega h = 0.1 the share {remaining:.3f} of the energy "
+        f"is left after 100 steps; implicit Euler keeps {(1 / (1 + 0.1**2)) ** 100:.3f}."
     )
     steps = 10 ** result.rng.uniform(-2, 3, 12)
     result.statement_holds(any(_grows("discrete", x, steps=300) for x in (*steps, 1000.0)))

@@ -280,7 +280,9 @@ def another_order_of_angles(result):
     ]
     result.measure("sequences", len(repeated))
     result.measure("singular", len(singular))
-    result.statement = f"{sum(repeated[o] for o in singular)} of the {len(singular)} repeat an axis."
+    result.statement = (
+        f"{sum(repeated[o] for o in singular)} of the {len(singular)} repeat an axis."
+    )
     result.statement_holds(len(singular) < len(repeated))
     result.correction_holds(len(singular) == len(repeated) == 12)
 
@@ -324,7 +326,9 @@ def quaternion_is_unique(result):
     result.measure("detour_rad", detour)
     result.statement = f"The matrices of q and -q differ by {same:g}."
     result.statement_holds(same > 1e-3)
-    result.correction_holds(same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - apart / 2)) < 1e-9)
+    result.correction_holds(
+        same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - apart / 2)) < 1e-9
+    )
 
 
 @claim(

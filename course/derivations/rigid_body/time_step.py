@@ -564,7 +564,9 @@ def explicit_midpoint_limit(result):
     result.statement = f"Energy per step times {result.formula}."
     heavy, light = result.rng.uniform(0.13, 0.5, 30), result.rng.uniform(0, 0.12, 30)
     limits = np.sqrt(2 * heavy - 0.25) / heavy  # (1 - x^2/2)^2 + (x - c x^3)^2 = 1
-    verlet = [spectral_radius("velocity_verlet", x) < STABLE for x in result.rng.uniform(0, 1.99, 8)]
+    verlet = [
+        spectral_radius("velocity_verlet", x) < STABLE for x in result.rng.uniform(0, 1.99, 8)
+    ]
     result.statement_holds(
         tenth <= 0,
         only_if="it is symplectic, as velocity Verlet is, or a Runge-Kutta method with a third "
@@ -677,7 +679,9 @@ def limit_scales_with_root(result):
 
     for method in ("semi_implicit_euler", "rk4"):
         result.measure(method, 2 * fall(method, 10, 20, 0, False), tolerance=1e-3)
-    retained = result.measure("fixed_damper", 2 * fall("semi_implicit_euler", 10, 20, 0.8, True), 1e-3)
+    retained = result.measure(
+        "fixed_damper", 2 * fall("semi_implicit_euler", 10, 20, 0.8, True), 1e-3
+    )
     methods = result.rng.choice(["semi_implicit_euler", "velocity_verlet", "rk4"], 12)
     drawn = result.rng.uniform((1, 12, 0.05), (9, 90, 0.9), (12, 3))
     draws = [(method, *row) for method, row in zip(methods, drawn, strict=True)]
@@ -688,4 +692,6 @@ def limit_scales_with_root(result):
         inside=[abs(fall(m, a, b, z * (z > 0.2), False) - 1) < 1e-3 for m, a, b, z in draws],
         outside=[abs(fall(m, a, b, z, True) - 1) < 1e-3 for m, a, b, z in draws],
     )
-    result.correction_holds(all(abs(fall(m, w, 2 * w, z, False) - 1) < 1e-3 for m, w, _, z in draws))
+    result.correction_holds(
+        all(abs(fall(m, w, 2 * w, z, False) - 1) < 1e-3 for m, w, _, z in draws)
+    )

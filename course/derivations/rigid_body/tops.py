@@ -123,7 +123,9 @@ def force_is_mass_times_acceleration(result):
 
     centre, elsewhere = ([deviation(scale) for _ in range(20)] for scale in (0.0, 0.5))
     result.measure("largest_off_n", max(elsewhere), 1e-3)
-    result.statement = "Accelerations from the paths of the centre and of other points of 20 bodies."
+    result.statement = (
+        "Accelerations from the paths of the centre and of other points of 20 bodies."
+    )
     result.statement_holds(
         max(elsewhere) < 1e-4,
         only_if="a is the acceleration of the centre of mass",
@@ -295,7 +297,9 @@ def top_condition(result):
 
     above, below = (tilt(0.02, 0.2, share, 8.0, 5e-4) for share in (1.01, 0.99))
     result.measure(
-        "critical_rad_per_s", result.formula.subs({i1: 0.02, i3: 0.004, m: 1, g: 1, length: 1}), 1e-3
+        "critical_rad_per_s",
+        result.formula.subs({i1: 0.02, i3: 0.004, m: 1, g: 1, length: 1}),
+        1e-3,
     )
     result.measure("largest_tilt_above_rad", above, 1e-3)
     result.measure("largest_tilt_below_rad", below, 1e-3)
@@ -369,7 +373,9 @@ def wobble_comes_from_the_term(result):
     rates = problems.tumble_acceleration(q[0], omega, np.full(3, 2.0))
     result.statement = f"With L only: {wander:.2f} degrees; {apart:.0e} rad off Euler's equations."
     result.statement_holds(wander < 1)
-    result.correction_holds(apart < 1e-4, abs(_wander(run.q, run.v) / wander - 1) < 1e-4, not rates.any())
+    result.correction_holds(
+        apart < 1e-4, abs(_wander(run.q, run.v) / wander - 1) < 1e-4, not rates.any()
+    )
 
 
 @claim(
@@ -407,7 +413,9 @@ def principal_axis_is_stable(result):
 
     middle = aside(_EXAMPLE, 1, 4.0)
     rate = result.measure("rate_per_s", np.log(middle[4000] / middle[3000]), 2e-3)
-    theory = result.measure("theory_per_s", result.formula.subs({i1: 1, i2: 2, i3: 3, w: spin}), 2e-3)
+    theory = result.measure(
+        "theory_per_s", result.formula.subs({i1: 1, i2: 2, i3: 3, w: spin}), 2e-3
+    )
     others = max(aside(_EXAMPLE, axis).max() for axis in (0, 2))
     shared = aside([2.0, 2.0, 3.0], 0, 20.0)
     result.statement = (
@@ -469,7 +477,9 @@ def gyroscopic_term_is_negligible(result):
     result.measure("spin_rad_per_s", np.linalg.norm(omega))
     result.measure("after_0_1_s_rad", soon, 1e-3)
     result.measure("after_2_s_rad", later, 1e-3)
-    result.measure("nearly_equal_after_2_s_rad", _without_term([1.0, 1.001, 1.002], omega, 2.0), 1e-3)
+    result.measure(
+        "nearly_equal_after_2_s_rad", _without_term([1.0, 1.001, 1.002], omega, 2.0), 1e-3
+    )
     allowed = result.input("allowed_rad", 0.01)
 
     def harmless(low: float, high: float) -> bool:
@@ -519,6 +529,8 @@ def robotics_cannot_drop_the_term(result):
     slow = _without_term(moments, turned * omega / np.linalg.norm(omega), 1.0)
     result.measure("slow_rad", slow, 1e-3)
     result.measure("changed_in_mujoco_rad_per_s", np.abs(data.qvel[3:] - omega).max(), 1e-3)
-    result.statement = f"MuJoCo's free body: rates within {error:.0e} rad/s of Euler's equations, 2 s."
+    result.statement = (
+        f"MuJoCo's free body: rates within {error:.0e} rad/s of Euler's equations, 2 s."
+    )
     result.statement_holds(slow > 0.01)
     result.correction_holds(slow < 1e-3, error < 1e-6, np.abs(data.qvel[3:] - omega).max() > 0.1)

@@ -159,7 +159,9 @@ def late_command(result):
         inside=inside,
         outside=outside + stuck,
     )
-    result.correction_holds(ranged > margin, not any(outside + stuck), both < 0.7 * margin, folded > both)
+    result.correction_holds(
+        ranged > margin, not any(outside + stuck), both < 0.7 * margin, folded > both
+    )
 
 
 def fitted(seed=0, **changed):
@@ -236,7 +238,10 @@ def one_sample_late(result):
     deviation, sigmas, growth, by = rows[0]
     result.measure("off", deviation, 0.02), result.measure("sigmas", sigmas, 0.02)
     result.measure("growth", growth, 0.02), result.measure("late_ms", by, 0.05)
-    far, observed = result.measure("coarse", rows[1][0], 0.05), result.measure("seen", rows[1][2], 0.05)
+    far, observed = (
+        result.measure("coarse", rows[1][0], 0.05),
+        result.measure("seen", rows[1][2], 0.05),
+    )
     result.statement = "The same log with its angles moved by a sample."
     result.statement_holds(sigmas < 3.0)
     result.correction_holds(
@@ -306,7 +311,9 @@ def slip_force(result):
     law = float(result.formula.subs(numbers))
     others = [
         replace(
-            policy(), friction=result.rng.uniform(0.3, 1.5), acceleration=result.rng.uniform(0.5, 6.0)
+            policy(),
+            friction=result.rng.uniform(0.3, 1.5),
+            acceleration=result.rng.uniform(0.5, 6.0),
         )
         for _ in range(4)
     ]
@@ -355,7 +362,9 @@ def friction_wrong_both_ways(result):
         inside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.35, 3.0, 8)],
         outside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.02, 1.12, 8)],
     )
-    result.correction_holds(retained == n, lost == 0, trials(replace(slick, force=hard * slick.needed), 4) == 0)
+    result.correction_holds(
+        retained == n, lost == 0, trials(replace(slick, force=hard * slick.needed), 4) == 0
+    )
 
 
 @claim(

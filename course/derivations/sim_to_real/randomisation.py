@@ -151,7 +151,9 @@ def set_const_data(result):
     before = result.measure("elbow_before_rad", float(data.qpos[1]), tolerance=0.0)
     mujoco.mj_setConst(model, data)
     after = result.measure("elbow_after_rad", float(data.qpos[1]), tolerance=1e-12)
-    result.statement = f"The elbow stood at {before:g} rad and then at {after:g} rad, its springref."
+    result.statement = (
+        f"The elbow stood at {before:g} rad and then at {after:g} rad, its springref."
+    )
     result.statement_holds(after == before)
     result.correction_holds(np.array_equal(data.qpos, model.qpos_spring))
 
@@ -435,7 +437,9 @@ def factors_compound(result):
     factors = np.random.default_rng(2).uniform(low, high, (2000, episodes))
     theory = (high * np.log(high) - low * np.log(low)) / (high - low) - 1.0
     drift = result.measure("drift_per_episode", theory, tolerance=1e-4)
-    median = result.measure("median_after_1000", np.median(np.prod(factors, axis=1)), tolerance=0.01)
+    median = result.measure(
+        "median_after_1000", np.median(np.prod(factors, axis=1)), tolerance=0.01
+    )
     default = _arm().body_mass[1:]
     masses, _, _ = _drawn(_arm(), episodes, result.rng, mass=(low, high))
     retained = result.measure("median_from_defaults", np.median(masses / default), tolerance=0.05)

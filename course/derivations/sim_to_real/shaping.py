@@ -60,7 +60,9 @@ def telescoped_sum(result):
     result.measure("paid", paid[-1], 1e-9)
     result.statement = "Eleven steps through a drawn process, summed."
     result.statement_holds(abs(paid[2] - three) < 1e-12)
-    result.correction_holds(all(cancels), abs(paid[-1] - (0.95**11 * phi[path[11]] - phi[path[0]])) < 1e-12)
+    result.correction_holds(
+        all(cancels), abs(paid[-1] - (0.95**11 * phi[path[11]] - phi[path[0]])) < 1e-12
+    )
 
 
 @claim(
@@ -196,7 +198,9 @@ def q_of_shaped(result):
     received = result.measure("heard_off", deviation(0, 0.05), 1e-6)
     result.statement = "Drawn processes with none to two ends, solved before and after."
     result.statement_holds(received < 1e-9)
-    result.correction_holds(max(deviation(ends, 1.0) for ends in (0, 1, 2)) < 1e-10, deviation(2, 1.0, True) > 0.01)
+    result.correction_holds(
+        max(deviation(ends, 1.0) for ends in (0, 1, 2)) < 1e-10, deviation(2, 1.0, True) > 0.01
+    )
 
 
 @claim(

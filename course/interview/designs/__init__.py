@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from course import role
-from course.check import one_of, invalid
+from course.check import invalid, one_of
 from course.interview import typed_numbers
 from course.interview.fields import Figure, filled
 

@@ -340,8 +340,12 @@ class Verdict:
         if not self.right:
             against = [row.probe for row in self.rows if self.diagnosis in row.ruled_out]
             message += [f"{', '.join(against)} had ruled {self.diagnosis} out."] if against else []
-        remaining = self.rows[-1].remaining if self.rows else tuple(cause.name for cause in one.causes)
-        message.append(f"Your {self.minutes} minutes of probes leave {' or '.join(remaining) or 'none'}.")
+        remaining = (
+            self.rows[-1].remaining if self.rows else tuple(cause.name for cause in one.causes)
+        )
+        message.append(
+            f"Your {self.minutes} minutes of probes leave {' or '.join(remaining) or 'none'}."
+        )
         message.append(self._of(self.tried, "Your repair"))
         if self.popular.repair != self.tried.repair:
             message.append(self._of(self.popular, "The popular repair"))
@@ -354,8 +358,8 @@ class Verdict:
         dear = "" if tried.affordable else ", too much"
         return (
             f"{lead} {tried.repair}: {one.symptom_words} {self.before:.4g} before and "
-            f"{_number(tried.symptom, one.unit)} after, so {missing}. The price, {one.price_words}: "
-            f"{tried.price:.3g}{dear}."
+            f"{_number(tried.symptom, one.unit)} after, so {missing}. The price, "
+            f"{one.price_words}: {tried.price:.3g}{dear}."
         )
 
     def __str__(self) -> str:

@@ -121,7 +121,9 @@ def sensed(figure: float, noise: float, seed: int) -> float:
 
 def driven(one: Robot, requested: Array, v: float = 0.0, q: float = 0.0) -> Log:
     """Open loop from `q` and `v`: the torques `requested`, (steps,)."""
-    return move(one, lambda i, q, _: requested[i] + 0.0 * q, np.full(1, q), np.full(1, v), len(requested))
+    return move(
+        one, lambda i, q, _: requested[i] + 0.0 * q, np.full(1, q), np.full(1, v), len(requested)
+    )
 
 
 def statistics(cause: str, seed: int) -> float:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import POSITIVE, finite, one_of, positive, invalid, vector
+from course.check import POSITIVE, finite, invalid, one_of, positive, vector
 from course.oracles.mujoco.kit import GRAVITY, BatchRunner, Runner, inertial, library, scene_xml
 from course.rigid_body import quaternion
 

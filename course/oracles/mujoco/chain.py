@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, one_of, invalid, vector
+from course.check import finite, invalid, one_of, vector
 from course.kinematics.chain import HERE, Chain, compose, invert, turn_to
 from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, library
 from course.rigid_body.quaternion import to_matrix

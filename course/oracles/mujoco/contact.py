@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, invalid
+from course.check import invalid, one_of
 from course.contact.problem import Problem
 from course.contact.soft import Softness
 from course.oracles.mujoco.kit import GRAVITY, Runner, library
@@ -77,7 +77,9 @@ def contact_xml(
     def text(values: Sequence[float]) -> str:
         return " ".join(f"{value:.17g}" for value in values)
 
-    deviation = " ".join(f'{flag}="disable"' for flag in ("autoreset", "island", "warmstart", "sensor"))
+    deviation = " ".join(
+        f'{flag}="disable"' for flag in ("autoreset", "island", "warmstart", "sensor")
+    )
     safe = "enable" if options.refsafe else "disable"
     exact = ' diagexact="enable"' if options.diagexact else ""
     return (

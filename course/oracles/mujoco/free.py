@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import POSITIVE, positive, invalid, vector
+from course.check import POSITIVE, invalid, positive, vector
 from course.oracles.mujoco.kit import (
     GRAVITY,
     BatchRunner,

@@ -28,7 +28,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import POSITIVE, count, finite, one_of, positive, invalid, vector
+from course.check import POSITIVE, count, finite, invalid, one_of, positive, vector
 from course.libraries import import_error
 
 _log = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, invalid, vector
+from course.check import count, finite, invalid, one_of, positive, vector
 from course.control import Controller, Gains
 from course.oracles.mujoco.kit import MUJOCO_INTEGRATORS, library, scene_xml
 from course.sim_to_real import Log, Outcome, Tasks

@@ -98,7 +98,7 @@ def learned(rate, epochs, seed, reward, left_out, first):
     prize = optimum(starts).mean()
     best = 0.0 if reward == DISTANCE else optimum(starts, kind).mean()
     report, paths = np.zeros((ITERATIONS, 8)), np.zeros((ITERATIONS, SHOWN, 2, MAX_STEPS + 1))
-    steps, other = np.zeros((2, ITERATIONS, SHOWN), dtype=np.int64)
+    steps, arrived = np.zeros((2, ITERATIONS, SHOWN), dtype=np.int64)
     k = -1
     with one_thread():
         try:
@@ -121,11 +121,11 @@ def learned(rate, epochs, seed, reward, left_out, first):
                     now.spread,
                 )
                 paths[k] = routes[:, :SHOWN].transpose(1, 0, 2)
-                steps[k], other[k] = played.steps[:SHOWN], played.success[:SHOWN]
+                steps[k], arrived[k] = played.steps[:SHOWN], played.success[:SHOWN]
         except Diverged:  # the last good one stays
-            for each in (report, paths, steps, other):
+            for each in (report, paths, steps, arrived):
                 each[k + 1 :] = each[k]
-    return report, best, paths, steps, other
+    return report, best, paths, steps, arrived
 
 
 @register_jitable
@@ -143,15 +143,15 @@ def initial(controls, state):
         ]
     )
     with objmode(
-        told="float64[:,:]",
+        report="float64[:,:]",
         best="float64",
         paths="float64[:,:,:,:]",
         steps="int64[:,:]",
-        there="int64[:,:]",
+        arrived="int64[:,:]",
     ):
-        report, best, paths, steps, other = learned(float(values[0]), *map(int, values[1:]))
+        report, best, paths, steps, arrived = learned(float(values[0]), *map(int, values[1:]))
     state["told"][:], state["best"], state["paths"][:] = report, best, paths
-    state["steps"][:], state["there"][:] = steps, other
+    state["steps"][:], state["there"][:] = steps, arrived
 
 
 def advance(state, controls, seconds):
@@ -212,7 +212,14 @@ def frame(pen, state, controls):
     draw.chart(pen, _UPPER, (0.0, 1.0 * ITERATIONS, 0.0, 100.0), 0, _PERCENT_OF, 0, 6, 5)
     for k in range(now + 1):
         draw.segment(
-            pen, k + 1.0, 100.0 * report[k, LOW], k + 1.0, 100.0 * report[k, HIGH], draw.BLUE, 4.0, 0.3
+            pen,
+            k + 1.0,
+            100.0 * report[k, LOW],
+            k + 1.0,
+            100.0 * report[k, HIGH],
+            draw.BLUE,
+            4.0,
+            0.3,
         )
     draw.curve(pen, at, 100.0 * rows[:, SUCCESS], draw.BLUE, 2.2)
     if controls["first"]:
@@ -236,7 +243,9 @@ def frame(pen, state, controls):
     draw.words(pen, _BAND)
     draw.number(pen, 100.0 * report[now, LOW], 0, _TO)
     draw.number(pen, 100.0 * report[now, HIGH], 0, _CLOSE)
-    draw.reading(pen, _READ, 100.0 * report[now, READ], 0, _PERCENT, 0 if controls["first"] else _NOT)
+    draw.reading(
+        pen, _READ, 100.0 * report[now, READ], 0, _PERCENT, 0 if controls["first"] else _NOT
+    )
     draw.reading(pen, _WORTH, report[now, RETURN], 2)
     draw.reading(pen, _BEST, state["best"], 2, 0, _NONE if controls["reward"] == DISTANCE else 0)
     draw.reading(pen, _OF, 100.0 * report[now, SHARE], 0, _PERCENT)

@@ -66,7 +66,7 @@ def initial(controls, state):
     """Run the policy from all starts."""
     c = controls
     values = np.array([1.0 * c["head"], 1.0 * c["executed"], c["noise"], 1.0 * c["sampled"]])
-    with objmode(ways="float64[:,:,:]", side="int64[:]", band="float64[:]", shown="float64[:,:,:]"):
+    with objmode(paths="float64[:,:,:]", side="int64[:]", band="float64[:]", shown="float64[:,:,:]"):
         head, executed, noise, sampled = values.tolist()
         paths, side, band = driven(int(head), int(executed), round(noise, 9), int(sampled))
         shown = demonstrated()

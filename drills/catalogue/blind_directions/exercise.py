@@ -83,7 +83,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
             observed(kind, f"{kind} of metres", size=large, moved=0.6)
             for kind in ("cylinder", "corner")
         ),
-        *(observed(kind, f"{kind}, rough", rough=2e-4, moved=0.6) for kind in ("patch", "cylinder")),
+        *(
+            observed(kind, f"{kind}, rough", rough=2e-4, moved=0.6)
+            for kind in ("patch", "cylinder")
+        ),
         *(
             observed(kind, f"{kind}, many points", n=400, rough=2e-3, moved=0.6)
             for kind in ("patch", "ball")

@@ -93,12 +93,17 @@ def explain(answers: Sequence[Answer]) -> str:
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(a.case.label == "gravity left out" for a in wrong):
         return "default_gravity"
-    if wrong and all(largest_error(a.parts[0], 0.0) == largest_error(a.parts[1], 0.0) == 0.0 for a in wrong):
+    if wrong and all(
+        largest_error(a.parts[0], 0.0) == largest_error(a.parts[1], 0.0) == 0.0 for a in wrong
+    ):
         halved = [_rests(*a.case.args[:4], *a.case.args[4:] or (9.81,), 0.5) for a in answers]
-        still = [largest_error(a.parts[0], 0.0) == largest_error(a.parts[1], 0.0) == 0.0 for a in answers]
+        still = [
+            largest_error(a.parts[0], 0.0) == largest_error(a.parts[1], 0.0) == 0.0 for a in answers
+        ]
         return "rest_time_halved" if halved == still else "rests_too_early"
     if wrong and all(
-        _rests(*a.case.args) and largest_error(a.parts[0], -1) < largest_error(a.parts[0], 1) for a in wrong
+        _rests(*a.case.args) and largest_error(a.parts[0], -1) < largest_error(a.parts[0], 1)
+        for a in wrong
     ):
         return "impacts_counted"
     if any(_start_speed(a) for a in wrong):
@@ -111,7 +116,13 @@ def explain(answers: Sequence[Answer]) -> str:
         _, _, dt, _, gravity = (*a.case.args, 9.81)[:5]
         if a.case.label == "falling" and not a.right[0]:
             drop = 0.5 * gravity * dt * dt
-            if min(largest_error(a.parts[0], a.truth[0] + drop), largest_error(a.parts[0], a.truth[0] - drop)) <= 1e-9:
+            if (
+                min(
+                    largest_error(a.parts[0], a.truth[0] + drop),
+                    largest_error(a.parts[0], a.truth[0] - drop),
+                )
+                <= 1e-9
+            ):
                 return "euler_flight"
     return coarse(answers)
 
@@ -122,7 +133,10 @@ def _start_speed(a: Answer) -> bool:
     if a.case.label != "one impact" or v > -3.0:
         return False
     remaining, up = dt - (v + math.sqrt(v * v + 2.0 * gravity * y)) / gravity, -e * v
-    ends = (up * remaining - 0.5 * gravity * remaining * remaining, up - gravity * remaining), (0.0, up)
+    ends = (
+        (up * remaining - 0.5 * gravity * remaining * remaining, up - gravity * remaining),
+        (0.0, up),
+    )
     return any(max(map(largest_error, a.parts, end)) <= 1e-9 for end in ends)
 
 

@@ -159,7 +159,10 @@ SLIPS = slips(
 
 EXERCISE = Exercise(
     judge=judge_of(
-        cases, allowed, "a closed form: only the rounding of the coordinates is left", explain=coarse
+        cases,
+        allowed,
+        "a closed form: only the rounding of the coordinates is left",
+        explain=coarse,
     ),
     examples=(
         "circle_contact(np.array([0.0, 0.0]), 1.0, np.array([3.0, 0.0]), 1.0)",

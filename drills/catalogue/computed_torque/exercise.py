@@ -195,7 +195,9 @@ SLIPS = slips(
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, allowed, "a closed form of some dozen products: rounding", explain=coarse),
+    judge=judge_of(
+        cases, allowed, "a closed form of some dozen products: rounding", explain=coarse
+    ),
     examples=(
         "computed_torque(np.ones(2), np.ones(2), 9.81, np.zeros(2), np.zeros(2), np.zeros((3, 2)), "
         "np.ones(2), np.ones(2))",

@@ -64,7 +64,8 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> float:
 def explain(answers: Sequence[Answer]) -> str:
     """Right but for the part of a sample."""
     whole = [
-        largest_error(a.parts[0], a.case.args[2] * np.rint(a.truth[0] / a.case.args[2])) for a in answers
+        largest_error(a.parts[0], a.case.args[2] * np.rint(a.truth[0] / a.case.args[2]))
+        for a in answers
     ]
     near = all(w < 1e-6 * a.case.args[2] for w, a in zip(whole, answers, strict=True))
     return "whole_samples_only" if near else ""

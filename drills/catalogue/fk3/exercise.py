@@ -46,7 +46,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 def explain(answers: Sequence[Answer]) -> str:
     """Three points for four, whatever else is wrong with them; else digits that are missing."""
-    firsts = [largest_error(np.asarray(a.got[0]), np.zeros(2)) for a in answers if np.shape(a.got) == (3, 2)]
+    firsts = [
+        largest_error(np.asarray(a.got[0]), np.zeros(2))
+        for a in answers
+        if np.shape(a.got) == (3, 2)
+    ]
     if firsts and len(firsts) == len(answers):
         return "base_missing" if max(firsts) > 0.0 else "tip_missing"
     return coarse(answers)

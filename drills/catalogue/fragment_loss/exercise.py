@@ -54,7 +54,11 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
 def explain(answers: Sequence[Answer]) -> str:
     """Coarse values; those wrong by what a difference of numbers near 1 leaves, and only these."""
     wrong = [a for a in answers if not all(a.right)]
-    if all(largest_error(part, t) < 1e-12 for a in wrong for part, t in zip(a.parts, a.truth, strict=True)):
+    if all(
+        largest_error(part, t) < 1e-12
+        for a in wrong
+        for part, t in zip(a.parts, a.truth, strict=True)
+    ):
         return "digits_cancelled" if wrong else ""
     return coarse(answers)
 

@@ -75,8 +75,9 @@ def pushed(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
     attempt.require(
         f"{PUSHED}: how far",
         abs(result - expected) <= 0.05 * abs(expected),
-        sentence=f"At t = 2 / pole = {2.0 / pole:.3g} s the load has moved the link by {result:.4g} "
-        f"rad. With three poles at -pole it is load / inertia t^2 / 2 e^(-2) = {expected:.4g} rad.",
+        sentence=f"At t = 2 / pole = {2.0 / pole:.3g} s the load has moved the link by "
+        f"{result:.4g} rad. With three poles at -pole it is load / inertia t^2 / 2 e^(-2) "
+        f"= {expected:.4g} rad.",
         got=f"{result:.6g}",
         expected=f"{expected:.6g}",
         error=abs(result - expected),

@@ -30,18 +30,18 @@ def cases(rng: np.random.Generator) -> list[Case]:
         label: str,
         *,
         gap: float,
-        off: float,
+        offset: float,
         reach: float = 1.0,
         speed: float = 0.0,
         level: str = "core",
         sign: float = 1.0,
     ) -> Case:
-        """Balls that close in from a gap along the motion, passing at `off` times the reach."""
+        """Balls that close in from a gap along the motion, passing at `offset` times the reach."""
         speed = speed or rng.uniform(0.5, 5.0)
         along = direction(d)
         across = direction(d)
         across = across - (across @ along) * along if d > 1 else np.zeros(d)
-        across = off * reach * across / max(float(np.linalg.norm(across)), 1e-300)
+        across = offset * reach * across / max(float(np.linalg.norm(across)), 1e-300)
         reach_along = math.sqrt(max(reach**2 - float(across @ across), 0.0))
         place, velocity = rng.uniform(-1.0, 1.0, d), rng.uniform(-1.0, 1.0, d)
         other = place + across + (reach_along + gap) * along
@@ -52,22 +52,22 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((0.0 * x, x, 5.0 * x, -x, 1.0), "head on", "simple"),
         Case((0.0 * x, 2.0 * x, 3.0 * x, 0.0 * x, 0.5), "one at rest", "simple"),
         Case((0.0 * x, -x, 5.0 * x, x, 1.0), "flying apart", "simple"),
-        flight(2, "in the plane", gap=2.0, gap=0.5),
-        flight(3, "in space", gap=3.0, gap=0.7),
-        flight(3, "in space", gap=rng.uniform(0.5, 9.0), gap=0.2),
-        flight(1, "on a line", gap=1.5, gap=0.0),
-        flight(5, "in five dimensions", gap=2.0, gap=0.4),
-        flight(2, "passing at a distance", gap=2.0, gap=rng.uniform(1.2, 2.0)),
-        flight(3, "passing at a distance", gap=5.0, gap=1.05),
-        flight(2, "a graze that hits", gap=4.0, gap=0.99),
+        flight(2, "in the plane", gap=2.0, offset=0.5),
+        flight(3, "in space", gap=3.0, offset=0.7),
+        flight(3, "in space", gap=rng.uniform(0.5, 9.0), offset=0.2),
+        flight(1, "on a line", gap=1.5, offset=0.0),
+        flight(5, "in five dimensions", gap=2.0, offset=0.4),
+        flight(2, "passing at a distance", gap=2.0, offset=rng.uniform(1.2, 2.0)),
+        flight(3, "passing at a distance", gap=5.0, offset=1.05),
+        flight(2, "a graze that hits", gap=4.0, offset=0.99),
         Case((x, x, np.array([3.0, 1.0, 0.0]), x, 1.0), "side by side"),
-        flight(3, "flying apart", gap=1.0, gap=0.3, sign=-1.0),
+        flight(3, "flying apart", gap=1.0, offset=0.3, sign=-1.0),
         Case((0.0 * x, -x, 0.6 * x, x, 1.0), "overlapping, flying apart", "edge"),
         Case((0.0 * x, x, 0.3 * x, 0.0 * x, 1.0), "overlapping", "edge"),
-        flight(3, FAR, gap=1e6, gap=0.0, reach=0.01, speed=900.0, level="edge"),
-        flight(2, "nearly touching", gap=1e-8, gap=0.0, level="edge"),
-        flight(3, "a near graze", gap=50.0, gap=1.0 - 1e-5, level="edge"),
-        flight(2, "slow", gap=1e-3, gap=0.3, speed=1e-6, level="edge"),
+        flight(3, FAR, gap=1e6, offset=0.0, reach=0.01, speed=900.0, level="edge"),
+        flight(2, "nearly touching", gap=1e-8, offset=0.0, level="edge"),
+        flight(3, "a near graze", gap=50.0, offset=1.0 - 1e-5, level="edge"),
+        flight(2, "slow", gap=1e-3, offset=0.3, speed=1e-6, level="edge"),
         Case(
             (np.array([0, 0]), np.array([1, 0]), np.array([6, 1]), np.array([-2, 0]), 2),
             WHOLE,
@@ -86,7 +86,9 @@ def allowed(case: Case, truth: tuple[Any, ...]) -> float:
 def squares(answers: Sequence[Answer]) -> str:
     """Whether only digits are wrong, and only where the balls are far from each other."""
     wrong = [a for a in answers if not all(a.right)]
-    near = [a for a in wrong if largest_error(a.parts[0], a.truth[0]) > 1e-6 * abs(float(a.truth[0]))]
+    near = [
+        a for a in wrong if largest_error(a.parts[0], a.truth[0]) > 1e-6 * abs(float(a.truth[0]))
+    ]
     far = all(a.case.label == FAR for a in wrong)
     return "squares_subtracted" if wrong and far and not near else coarse(answers)
 

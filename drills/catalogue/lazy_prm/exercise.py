@@ -37,9 +37,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
         free = np.flatnonzero((apart > radius + 0.05).all(axis=1))
         retained = points[np.unique([0, *free[:count], len(points) - 1])]
         result = result[
-            (np.linalg.norm(retained[[0, -1], None] - result[:, :2], axis=2) > radius + 0.05).all(axis=0)
+            (np.linalg.norm(retained[[0, -1], None] - result[:, :2], axis=2) > radius + 0.05).all(
+                axis=0
+            )
         ]
-        far = np.linalg.norm(retained[:, None] - retained, axis=2) + np.diag(np.full(len(retained), np.inf))
+        far = np.linalg.norm(retained[:, None] - retained, axis=2) + np.diag(
+            np.full(len(retained), np.inf)
+        )
         pairs = {
             (min(i, int(j)), max(i, int(j)))
             for i in range(len(retained))
@@ -76,7 +80,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Whether the route is one: edges of the roadmap that touch no disc."""
     points, edges, discs, *_ = case.args
-    if np.ndim(parts[0]) != 1 or not 0.0 <= largest_error(parts[0], np.zeros(len(parts[0]))) < len(points):
+    if np.ndim(parts[0]) != 1 or not 0.0 <= largest_error(parts[0], np.zeros(len(parts[0]))) < len(
+        points
+    ):
         return  # the comparison of the values says what is wrong with it
     route = [int(i) for i in parts[0]]
     known = {tuple(sorted(edge)) for edge in edges.tolist()}

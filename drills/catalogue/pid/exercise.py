@@ -643,9 +643,9 @@ def _jam(attempt: Attempt, side: float) -> None:
     def right() -> Array:
         again = MotorJoint(plant.inertia, plant.damping, dt, plant.load, substeps=10)
         blocked = np.arange(count) < held
-        return closed_loop(_reference_controller(controller.numbers), again, np.full(count, plant.step), blocked)[
-            0
-        ]
+        return closed_loop(
+            _reference_controller(controller.numbers), again, np.full(count, plant.step), blocked
+        )[0]
 
     past = float(np.max((angles - plant.step) * np.sign(plant.step)))
     allowed = OVERSHOOT * abs(plant.step)

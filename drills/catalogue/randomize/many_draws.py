@@ -484,9 +484,16 @@ def equal_ends(bench: Bench, seed: int) -> None:
         call="delay(action)",
     )
     truth_seen = attempt.rng.normal(size=3)
-    observed = attempt.learner.method(other.randomizer, "observe", truth_seen, other.generator(seed))
+    observed = attempt.learner.method(
+        other.randomizer, "observe", truth_seen, other.generator(seed)
+    )
     attempt.compare(
-        "an observation without noise", observed, truth_seen, tolerance=0.0, unit="1", why="noise is 0"
+        "an observation without noise",
+        observed,
+        truth_seen,
+        tolerance=0.0,
+        unit="1",
+        why="noise is 0",
     )
 
 

@@ -13,7 +13,16 @@ from drills import picture
 from drills.attempt import Attempt, Place
 from drills.catalogue.rrt.replay import PROPERTIES, Fault, Run, drawn_from, faults
 from drills.catalogue.rrt.slips import SLIPS
-from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, World, clutter, invalid_queries, worlds
+from drills.catalogue.rrt.worlds import (
+    GOAL,
+    HIGH,
+    LOW,
+    START,
+    World,
+    clutter,
+    invalid_queries,
+    worlds,
+)
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise
 from drills.reasons import Reason

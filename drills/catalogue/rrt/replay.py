@@ -232,7 +232,9 @@ def _missed(world: World, run: Run, k: int, known: int, nearest: int, end: Array
             slip = "always_a_whole_step" if _whole_steps(world, run) else ""
             return Fault("steps are as long as they may be", text, slip)
     text = f"Target {k}, {where}, added no node, though the step from node {nearest} is free."
-    retained = [_line_is_free(world, run.nodes[run.parents[i]], run.nodes[i]) for i in range(1, known)]
+    retained = [
+        _line_is_free(world, run.nodes[run.parents[i]], run.nodes[i]) for i in range(1, known)
+    ]
     rejected = not _line_is_free(world, run.nodes[nearest], end)
     slip = "line_for_segment" if rejected and all(retained) else ""
     larger = world.discs * [1.0, 1.0, 0.0] + np.sqrt(world.discs * [0.0, 0.0, 1.0])

@@ -54,7 +54,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Whether what came back as a path is one: that says more than its values."""
     start, goal, discs, _, step = case.args
-    if np.ndim(parts[0]) != 2 or not len(parts[0]) or largest_error(parts[0], np.shape(parts[0])) == np.inf:
+    if (
+        np.ndim(parts[0]) != 2
+        or not len(parts[0])
+        or largest_error(parts[0], np.shape(parts[0])) == np.inf
+    ):
         return  # the comparison of the values says what is wrong with it
     result = path_faults(parts[0], start, goal, discs, np.array([LOW, HIGH]), step)
     attempt.require(

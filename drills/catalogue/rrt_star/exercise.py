@@ -52,7 +52,10 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
     """Whether each cost is the length of its path: what must be true of every tree."""
     count = int(np.size(parts[1]))
     nodes, parents, costs = parts
-    if largest_error(nodes, np.zeros((count, 2))) + largest_error(parents, np.zeros(count)) == np.inf:
+    if (
+        largest_error(nodes, np.zeros((count, 2))) + largest_error(parents, np.zeros(count))
+        == np.inf
+    ):
         return  # the comparison of the values says what is wrong with it
     up = np.asarray(parents).astype(int)
     if largest_error(costs, np.zeros(count)) == np.inf or (up >= count).any():

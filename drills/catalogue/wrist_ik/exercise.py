@@ -85,7 +85,9 @@ def arrived(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> 
 def explain(answers: Sequence[Answer]) -> str:
     """Angles that are right but for full turns, in an answer that is wrong there alone."""
     wrong = [a for a in answers if not all(a.right)]
-    wrapped = [largest_error(a.parts[0], (a.truth[0] + math.pi) % (2.0 * math.pi) - math.pi) for a in wrong]
+    wrapped = [
+        largest_error(a.parts[0], (a.truth[0] + math.pi) % (2.0 * math.pi) - math.pi) for a in wrong
+    ]
     return "wrapped_at_the_end" if wrong and max(wrapped) < 1e-6 else ""
 
 

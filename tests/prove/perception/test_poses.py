@@ -8,7 +8,16 @@ import pytest
 from course.kinematics.chain import invert
 from course.oracles import open3d, small_gicp
 from course.perception import Cloud, Sensor, apart, icp, locate, render, sense, shape
-from tests.perception.looks import BOX, CAMERA, SENSOR, measured, nudged, on_surface, on_table, visible_pose
+from tests.perception.looks import (
+    BOX,
+    CAMERA,
+    SENSOR,
+    measured,
+    nudged,
+    on_surface,
+    on_table,
+    visible_pose,
+)
 from tests.perception.test_registration import calibration
 
 

@@ -58,7 +58,10 @@ def test_both_painters_draw_the_same_picture(page: Any, model: Any) -> None:
         experiment = Experiment(model, **preset.values)
         for _ in range(2):
             picture = experiment.picture()
-            for shown, largest, share in ((picture, 0.5, 0.01), (without_words(picture), 0.3, 0.004)):
+            for shown, largest, share in (
+                (picture, 0.5, 0.01),
+                (without_words(picture), 0.3, 0.004),
+            ):
                 text, browser = in_browser(page, shown)
                 assert text == picture.numbers
                 still = matplotlib.image.imread(BytesIO(to_png(shown, 1.0)), format="png")

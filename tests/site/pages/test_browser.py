@@ -199,7 +199,9 @@ def test_the_checks_see_what_they_are_for(browser: "Browser", tmp_path: Path) ->
         page = reader.open("bad.html")
         assert any("wide" in text for text in page.evaluate(TOO_WIDE))
         message = " ".join(page.evaluate(UNNAMED))
-        assert all(word in message for word in ("no language", "image", "<button>", "h1, h3", "id x"))
+        assert all(
+            word in message for word in ("no language", "image", "<button>", "h1, h3", "id x")
+        )
         assert len(page.evaluate(FAINT)) == 1
         assert any("asked for https://a.invalid/b.js" in text for text in reader.wrong)
 
