@@ -188,8 +188,8 @@ def inertia_from_log(q: ArrayLike, tau: ArrayLike, dt: float) -> float:
     t = dt * np.arange(q.size)
     # I (q - q0 - v0 t) + b int(q - q0) + w int int cos q = int int tau, q0 and v0 unknown.
     columns = (q, integral(q), integral(integral(np.cos(q))), t, np.ones(q.size))
-    found = np.linalg.lstsq(np.column_stack(columns), integral(pushed), rcond=None)[0]
-    return float(found[0])
+    fitted = np.linalg.lstsq(np.column_stack(columns), integral(pushed), rcond=None)[0]
+    return float(fitted[0])
 
 
 def mppi_step(

@@ -68,14 +68,14 @@ def stopping_distance(
     """
     v = np.asarray(speeds, dtype=float) / 3.6
     slowing = braking - 9.81 * np.sin(slope)
-    way = v * reaction + v**2 / (2.0 * slowing)
+    distance = v * reaction + v**2 / (2.0 * slowing)
     time = reaction + v / slowing
-    gap = way + person * time + unsure
+    gap = distance + person * time + unsure
     # sight = v^2 / (2 a) + v (reaction + person / a) + person reaction + unsure, solved for v.
     linear = reaction + person / slowing
     left = sight - person * reaction - unsure
     top = 2.0 * left / (linear + np.sqrt(linear**2 + 2.0 * max(left, 0.0) / slowing))
-    return way, gap, max(3.6 * float(top), 0.0)
+    return distance, gap, max(3.6 * float(top), 0.0)
 
 
 def latency_budget(
@@ -172,15 +172,15 @@ def catch_the_slip(
     with np.errstate(invalid="ignore"):
         mirrored = np.abs(np.linalg.det(R) - 1.0).max(axis=1)
     spin = np.gradient(R, step, axis=1, edge_order=2) @ back  # the rates as a matrix
-    seen = np.stack([spin[:, :, 2, 1], spin[:, :, 0, 2], spin[:, :, 1, 0]], axis=2)
-    late = np.abs(seen - w).max(axis=(1, 2))
+    rate = np.stack([spin[:, :, 2, 1], spin[:, :, 0, 2], spin[:, :, 1, 0]], axis=2)
+    late = np.abs(rate - w).max(axis=(1, 2))
     inertia = np.asarray(moments, dtype=float)[:, None]
     momentum = np.einsum("knij,knj->kni", R, inertia * np.einsum("knji,knj->kni", R, w))
     drift = np.linalg.norm(momentum - momentum[:, :1], axis=2).max(axis=1)
     drift = drift / np.linalg.norm(momentum[:, 0], axis=1)
     # "Not within" and not "beyond": a number that is none compares as neither.
-    kept = [np.maximum(bent, mirrored) < 1e-4, late < 0.25, drift < 1e-3]
-    return np.select([~one for one in kept], [1, 2, 3], 0)
+    passed = [np.maximum(bent, mirrored) < 1e-4, late < 0.25, drift < 1e-3]
+    return np.select([~one for one in passed], [1, 2, 3], 0)
 
 
 def silent_gate(

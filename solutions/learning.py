@@ -18,10 +18,10 @@ def backprop(
     Returns:
         Gradients by W1, b1, W2, b2 of the mean over the batch of half the squared error.
     """
-    inputs, wanted, W, V = (np.asarray(a, dtype=float) for a in (x, target, W1, W2))
+    inputs, desired, W, V = (np.asarray(a, dtype=float) for a in (x, target, W1, W2))
     hidden = np.tanh(W @ inputs + np.asarray(b1, dtype=float)[:, None])
     output = V @ hidden + np.asarray(b2, dtype=float)[:, None]
-    error = (output - wanted) / inputs.shape[1]
+    error = (output - desired) / inputs.shape[1]
     back = (V.T @ error) * (1.0 - hidden**2)
     return back @ inputs.T, back.sum(axis=1), error @ hidden.T, error.sum(axis=1)
 
@@ -102,12 +102,12 @@ def dagger_round(
     def fit(x: np.ndarray, u: np.ndarray) -> np.ndarray:
         return np.asarray(np.linalg.lstsq(x.T, u.T, rcond=None)[0].T)
 
-    seen, told = np.asarray(states, dtype=float), np.asarray(labels, dtype=float)
-    K, x = fit(seen, told), np.asarray(start, dtype=float)
+    visited, labelled = np.asarray(states, dtype=float), np.asarray(labels, dtype=float)
+    K, x = fit(visited, labelled), np.asarray(start, dtype=float)
     for _ in range(steps):
-        seen, told = np.column_stack((seen, x)), np.column_stack((told, expert(x)))
+        visited, labelled = np.column_stack((visited, x)), np.column_stack((labelled, expert(x)))
         x = plant @ x + push @ (K @ x)
-    return seen, told, fit(seen, told)
+    return visited, labelled, fit(visited, labelled)
 
 
 def flow_sample(
@@ -147,9 +147,9 @@ def execute_chunks(chunks: ArrayLike, every: int, rate: float) -> tuple[np.ndarr
     steps, ensembled = np.arange(T), np.zeros((T, m))
     began = steps // every * every
     for t in steps:
-        asked = np.arange(max(0, t - H + 1), t + 1)
-        weights = np.exp(-rate * np.arange(asked.size))
-        ensembled[t] = weights @ plans[asked, t - asked] / weights.sum()
+        made = np.arange(max(0, t - H + 1), t + 1)
+        weights = np.exp(-rate * np.arange(made.size))
+        ensembled[t] = weights @ plans[made, t - made] / weights.sum()
     return plans[began, steps - began], ensembled
 
 

@@ -99,7 +99,7 @@ def response_times(
         Of each task, -1 where it can miss its deadline, shape (n,) [us].
     """
     C, T, D, B = (np.asarray(x, dtype=int) for x in (executions, periods, deadlines, blocking))
-    found = np.full(len(C), -1)
+    times = np.full(len(C), -1)
     for i in range(len(C)):
         before, response = -1, C[i] + B[i]
         while before < response <= D[i]:
@@ -107,8 +107,8 @@ def response_times(
             releases = -(-before // T[:i])  # of each more important task, rounded up
             response = C[i] + B[i] + releases @ C[:i]
         if response <= D[i]:
-            found[i] = response
-    return found
+            times[i] = response
+    return times
 
 
 def wake_ups(
@@ -126,15 +126,15 @@ def wake_ups(
         (time that each cycle asked for (n,) [ns], periods skipped right after it (n,)).
     """
     lateness, works = np.asarray(late, dtype=int), np.asarray(work, dtype=int)
-    asked, skipped = np.zeros((2, len(works)), dtype=int)
+    requested, skipped = np.zeros((2, len(works)), dtype=int)
     turn = 0  # number of the period
     for i in range(len(works)):
-        asked[i] = start + turn * period
-        done = asked[i] + lateness[i] + works[i]
+        requested[i] = start + turn * period
+        done = requested[i] + lateness[i] + works[i]
         later = max(turn + 1, -((start - done) // period))  # the first that has not passed
         skipped[i] = later - turn - 1
         turn = later
-    return asked, skipped
+    return requested, skipped
 
 
 def follow_part(
@@ -174,15 +174,15 @@ def follow_part(
             published.append((free[group], rows[number, 0], rows[number, 2]))
     # The controller's node: a loop that carries the newest place on to its present.
     sent: list[tuple[float, float]] = []
-    asked = 0.0
+    wake_up = 0.0
     for cycle, lateness in enumerate(np.asarray(late, dtype=float)):
-        now = asked + lateness
+        now = wake_up + lateness
         here = [message for message in published if message[0] <= now]
         if here and now - here[-1][1] <= 1e-3 * deadline:
             sent.append((now, here[-1][2] + drift * (now - here[-1][1])))
-        asked = (cycle + 1) * period
+        wake_up = (cycle + 1) * period
     # The drive: one command a tick.
-    depth, told, came = 1, 0.0, 0
+    depth, command, came = 1, 0.0, 0
     queue: list[float] = []
     driven = np.zeros(len(np.asarray(ticks)))
     for i, tick in enumerate(np.asarray(ticks, dtype=float)):
@@ -190,6 +190,6 @@ def follow_part(
             queue = [*queue, sent[came][1]][-depth:]
             came += 1
         if queue:
-            told = queue.pop(0)
-        driven[i] = told
+            command = queue.pop(0)
+        driven[i] = command
     return driven

@@ -183,7 +183,7 @@ def point_in_base(
     """
     u, v, z = np.asarray(pixels, dtype=float)
     fx, fy, cx, cy = np.asarray(camera, dtype=float)
-    seen = np.array([(u - cx) / fx * z, (v - cy) / fy * z, z])
+    in_camera = np.array([(u - cx) / fx * z, (v - cy) / fy * z, z])
     rows = np.asarray(log, dtype=float).T
     rows = np.vstack((rows[:4], np.unwrap(rows[4])))
     flange = np.array([np.interp(stamp, rows[0], row) for row in rows[1:]])
@@ -193,4 +193,4 @@ def point_in_base(
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return R @ points + pose[:3, None]
 
-    return moved(flange, moved(np.asarray(mount, dtype=float), seen))
+    return moved(flange, moved(np.asarray(mount, dtype=float), in_camera))

@@ -184,22 +184,22 @@ def reach_target(
     """
     rows, camera = np.asarray(frames, dtype=float), np.asarray(calibration, dtype=float)
     R, t, belt = camera[:, :2], camera[:, 2], np.asarray(drift, dtype=float)
-    seconds, told = 1.0, np.array(start, dtype=float)
-    origin = goal = told
+    seconds, command = 1.0, np.array(start, dtype=float)
+    origin = goal = command
     began, reference = -math.inf, np.zeros((len(np.asarray(ticks)), 2))
     for i, now in enumerate(np.asarray(ticks, dtype=float)):
-        seen = rows[rows[:, 1] <= now][-5:]
-        if len(seen):
-            ages = now - seen[:, :1]
-            target = np.mean(seen[:, 2:] @ R.T + t + ages * belt, axis=0)
+        recent = rows[rows[:, 1] <= now][-5:]
+        if len(recent):
+            ages = now - recent[:, :1]
+            target = np.mean(recent[:, 2:] @ R.T + t + ages * belt, axis=0)
             lost = math.inf
             if began > -math.inf:
                 lost = math.dist(target, goal + (now - began - seconds) * belt)
             if lost > 3.0 * 1e-3 * noise:
-                origin, began = told, now
+                origin, began = command, now
                 goal = target + seconds * belt
             share = min((now - began) / seconds, 1.0)
             beyond = max(now - began - seconds, 0.0)
-            told = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
-        reference[i] = told
+            command = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
+        reference[i] = command
     return reference

@@ -86,11 +86,11 @@ def audit_model(
     """
     place = {int(one): j for j, one in enumerate(np.asarray(loaded_ids))}
     M, inertia = np.asarray(masses, dtype=float), np.asarray(inertias, dtype=float)
-    found = np.zeros(len(M), dtype=int)
+    marks = np.zeros(len(M), dtype=int)
     for i, one in enumerate(np.asarray(ids)):
         j = place.get(int(one))
         if j is None:
-            found[i] = 4
+            marks[i] = 4
             continue
         w, *v = np.asarray(turns, dtype=float)[j]
         x, y, z = v
@@ -98,10 +98,10 @@ def audit_model(
         R = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
         loaded = R @ np.diag(np.asarray(moments, dtype=float)[j]) @ R.T
         if abs(np.asarray(loaded_masses)[j] - M[i]) > tolerance * M[i]:
-            found[i] += 1
+            marks[i] += 1
         if np.abs(loaded - inertia[i]).max() > tolerance * np.abs(inertia[i]).max():
-            found[i] += 2
-    return found
+            marks[i] += 2
+    return marks
 
 
 def radar_areas(values: ArrayLike, worst: ArrayLike, best: ArrayLike) -> tuple[float, float]:
@@ -149,12 +149,12 @@ def pick_engine(
     able = met.all(axis=1) & np.isfinite(price)
     pick = int(np.argmin(np.where(able, price, np.inf))) if able.any() else -1
     # A tighter limit loses the pick, a looser one lets in an engine that is cheaper.
-    ways = [] if pick < 0 else [(float(one), need) for need, one in enumerate(margins[pick])]
+    changes = [] if pick < 0 else [(float(one), need) for need, one in enumerate(margins[pick])]
     for i in np.flatnonzero(price < (price[pick] if pick >= 0 else np.inf)):
         failed = np.flatnonzero(~met[i])
         if len(failed) == 1 and margins[i, failed[0]] > 0.0:
-            ways.append((1.0 / float(margins[i, failed[0]]), int(failed[0])))
-    factor, need = min(ways, default=(0.0, -1))
+            changes.append((1.0 / float(margins[i, failed[0]]), int(failed[0])))
+    factor, need = min(changes, default=(0.0, -1))
     return pick, need, factor
 
 

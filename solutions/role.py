@@ -49,8 +49,8 @@ def over_budget(
         best: tuple[float, list[int]] = (-np.inf, [])
         for k, (a, b) in enumerate(boxes):
             if a == box:
-                rest, way = longest(b)
-                best = max(best, (taken[k] + rest, [k, *way]))
+                rest, path = longest(b)
+                best = max(best, (taken[k] + rest, [k, *path]))
         return best
 
     total, path = longest(start)

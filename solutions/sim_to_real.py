@@ -49,9 +49,9 @@ def identifiable(
     relative = np.asarray(jacobian, dtype=float) * size
     _, values, directions = np.linalg.svd(np.linalg.qr(relative, mode="r"))
     rank = int(np.sum(values > 1e-8 * values[0]))
-    seen, hidden = directions[:rank], directions[rank:]
+    observable, hidden = directions[:rank], directions[rank:]
     projector = hidden.T @ hidden
-    variance = sigma**2 * np.sum((seen / values[:rank, None]) ** 2, axis=0)
+    variance = sigma**2 * np.sum((observable / values[:rank, None]) ** 2, axis=0)
     half = 1.96 * size * np.sqrt(variance)
     return rank, projector, np.where(np.diag(projector) > 1e-8, -1.0, half)
 

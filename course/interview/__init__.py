@@ -144,11 +144,11 @@ def read(path: Path) -> Question:
         raise ValueError(f"{path.name}, line {line_of(text, message)}: {message}") from None
 
 
-def line_of(text: str, said: str) -> int:
+def line_of(text: str, message: str) -> int:
     """The line of a file that a refusal is about, by the key or the words it begins with."""
-    if report := re.search(r"\(at line (\d+), column", said):  # of TOML, counted without the +++
+    if report := re.search(r"\(at line (\d+), column", message):  # of TOML, counted without the +++
         return int(report[1]) + 1
-    what = re.split(r", | is ", said)[0].removeprefix("part ")
+    what = re.split(r", | is ", message)[0].removeprefix("part ")
     lines = [
         re.match(rf"{re.escape(what)}\s*=|## {re.escape(what)}$", row) for row in text.splitlines()
     ]

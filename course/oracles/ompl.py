@@ -179,7 +179,7 @@ def solve(
     information = _information(base, np.asarray(bounds, dtype=float))
     begin, end = np.asarray(start, dtype=float).tolist(), np.asarray(goal, dtype=float).tolist()
     n = len(begin)
-    asked, checks, states, spent = 0, 0, 0, 0.0
+    polls, checks, states, spent = 0, 0, 0, 0.0
     motion_validator: Any = base.MotionValidator
     sampleable_region: Any = base.GoalSampleableRegion
 
@@ -224,9 +224,9 @@ def solve(
         return free
 
     def enough() -> bool:
-        nonlocal asked
-        asked += 1
-        return asked > max_samples
+        nonlocal polls
+        polls += 1
+        return polls > max_samples
 
     if state is not None:
         information.setStateValidityChecker(is_valid)
@@ -255,7 +255,7 @@ def solve(
         planner.setKNearest(False)
     planner.setProblemDefinition(problem)
     planner.setup()
-    asked, checks, states, spent = 0, 0, 0, 0.0
+    polls, checks, states, spent = 0, 0, 0, 0.0
 
     begun = time.perf_counter()
     planner.solve(base.PlannerTerminationCondition(enough))
@@ -278,7 +278,7 @@ def solve(
     return Plan(
         path=None if path is None else np.array(path),
         nodes=np.array(nodes),
-        samples=min(asked, max_samples),
+        samples=min(polls, max_samples),
         checks=checks,
         seconds=seconds,
         callback_seconds=spent,

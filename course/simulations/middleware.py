@@ -84,7 +84,7 @@ STATE = Record(
     start=Field(0.0, shape=(_TICKS,), unit="s"),  # when it ran, skipped ones left out,
     stamp=Field(-1.0, shape=(_TICKS,), unit="s"),  # and of which picture; -1: no plan yet
     ticks=Field(0),
-    asked=Field(0),  # ticks that were due
+    due_ticks=Field(0),  # ticks that were due
     missed=Field(0),  # deadlines of the topic that passed, on the reader's side
     dropped=Field(0),  # samples that newer ones pushed out of the topic's queue
     mean=Field(0.0, unit="s"),
@@ -242,7 +242,7 @@ def initial(controls, state):
     newest = np.searchsorted(known, starts[ran], side="right") - 1
     for k in range(m):
         state["stamp"][k] = aim[newest[k]] if newest[k] >= 0 else -1.0
-    state["ticks"], state["asked"] = m, due.size
+    state["ticks"], state["due_ticks"] = m, due.size
     state["late"] = np.max(starts[ran] - due[ran])
     _report(controls, state, arrived, received, known, taken)
 
@@ -499,7 +499,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _MEAN, 1e3 * state["mean"], 1, _MS, _NO_PLAN if state["mean"] < 0.0 else 0)
     draw.reading(pen, _LATE, 1e3 * state["late"], 2, _MS)
     draw.reading(pen, _BOUND, 1e3 * largest, 2, _MS, _NO_BOUND if largest < 0.0 else 0)
-    draw.reading(pen, _SKIPPED, 100.0 * (1.0 - state["ticks"] / state["asked"]), 1, _PER_CENT)
+    draw.reading(pen, _SKIPPED, 100.0 * (1.0 - state["ticks"] / state["due_ticks"]), 1, _PER_CENT)
     lost = np.sum(state["came"][: state["images"]] < 0.0) / state["images"]
     draw.reading(pen, _LOST, 100.0 * lost, 1, _PER_CENT)
     share = 1.0 - (1.0 - 1e-3 * controls["loss"]) ** PACKETS

@@ -57,8 +57,8 @@ CONTROLS = Record(
 STATE = Record(
     points=Field(0.0, shape=(3, ROOM), unit="m"),  # voxels in the table's frame
     kinds=Field(0, shape=(ROOM,)),
-    told=Field(0.0, shape=(9,)),
-    found=Field(0.0, shape=(PARTS, 9)),
+    report=Field(0.0, shape=(9,)),
+    result=Field(0.0, shape=(PARTS, 9)),
     time=Field(0.0, unit="s"),
     held=Field(0),  # 1 the picked part, -1 its knob; 0 nothing
     grip=Field(0.0, shape=(2,), unit="m"),
@@ -165,10 +165,12 @@ def measure(controls, state):
             1.0 * math.floor(RATE * state["time"]),
         ]
     )
-    with objmode(points="float64[:,:]", kinds="int64[:]", report="float64[:]", result="float64[:,:]"):
+    with objmode(
+        points="float64[:,:]", kinds="int64[:]", report="float64[:]", result="float64[:,:]"
+    ):
         points, kinds, report, result = process_image(values, pieces)
     state["points"][:, : kinds.size], state["kinds"][: kinds.size] = points, kinds
-    state["told"][:], state["found"][:] = report, result
+    state["report"][:], state["result"][:] = report, result
 
 
 def advance(state, controls, seconds):
@@ -233,15 +235,15 @@ def _knob(p):
 
 def frame(pen, state, controls):
     """Points from above and from the side, true and found outlines, keys and numbers."""
-    report, pieces, pick = state["told"], controls["pieces"], controls["pick"]
-    n, result = int(report[VOXELS]), state["found"][pick]
+    report, pieces, pick = state["report"], controls["pieces"], controls["pick"]
+    n, result = int(report[VOXELS]), state["result"][pick]
     x, y, z = state["points"][0, :n], state["points"][1, :n], state["points"][2, :n]
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)
     draw.title(pen, _VIEW[0], _VIEW[3], _TOP)
     _dots(pen, state["kinds"][:n], x, y, 0.0018)
     for k in range(PARTS):
-        p, at = pieces[k], state["found"][k]
+        p, at = pieces[k], state["result"][k]
         if p[0] != NOTHING:
             _outline(pen, p, p[4], p[5], p[6], draw.INK, 1.6, 5.0)
             if at[TRUST] < LOST:

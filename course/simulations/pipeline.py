@@ -88,13 +88,15 @@ STATE = Record(
     q=Field(0.0, shape=(2, SHOWN + 1), unit="rad"),
     reference=Field(0.0, shape=(2, SHOWN + 1), unit="rad"),
     target=Field(0.0, shape=(2, SHOWN + 1), unit="m"),
-    seen=Field(0.0, shape=(8, FRAMES)),  # arrival, capture [s], picture, estimate, spread xx, yy
+    sightings=Field(
+        0.0, shape=(8, FRAMES)
+    ),  # arrival, capture [s], picture, estimate, spread xx, yy
     tree=Field(0.0, shape=(4, TREE), unit="m"),
     paths=Field(0.0, shape=(2, PLANS, LINE), unit="m"),
     ready=Field(0.0, shape=(PLANS,), unit="s"),
     moves=Field(0.0, shape=(3, MOVES)),  # when the target was moved [s], and where to [m]
     moved=Field(0),
-    told=Field(0.0, shape=(PARTS + 2 * len(STAGES),)),
+    report=Field(0.0, shape=(PARTS + 2 * len(STAGES),)),
     values=Field(0.0, shape=(14,)),  # the controls that this was computed for
     time=Field(0.7, unit="s"),  # it is first seen on its way, not while it waits for a picture
 )
@@ -239,7 +241,7 @@ def _fill(state):
     with objmode(
         report="float64[:]",
         q="float64[:,:]",
-        wanted="float64[:,:]",
+        desired="float64[:,:]",
         target="float64[:,:]",
         observed="float64[:,:]",
         tree="float64[:,:]",
@@ -247,9 +249,9 @@ def _fill(state):
         ready="float64[:]",
     ):
         report, q, desired, target, observed, tree, paths, ready = computed(values, moves)
-    state["told"][:], state["ready"][:] = report, ready
+    state["report"][:], state["ready"][:] = report, ready
     state["q"][:], state["reference"][:], state["target"][:] = q, desired, target
-    state["seen"][:], state["tree"][:], state["paths"][:] = observed, tree, paths
+    state["sightings"][:], state["tree"][:], state["paths"][:] = observed, tree, paths
 
 
 @register_jitable
@@ -357,7 +359,7 @@ def _scene(pen, state, t, now):
                 )
         path = state["paths"][:, latest]
         draw.curve(pen, path[0], path[1], draw.ORANGE, 2.0)
-    observed, last, first = state["seen"], -1, 0
+    observed, last, first = state["sightings"], -1, 0
     for k in range(FRAMES):
         if observed[0, k] <= t:
             last = k
@@ -390,7 +392,7 @@ def _scene(pen, state, t, now):
 
 def frame(pen, state, controls):
     """The scene, the error over time, its signed parts, the step and its limit, the verdict."""
-    report = state["told"]
+    report = state["report"]
     t = min(state["time"], SECONDS)
     now = int(t / SECONDS * SHOWN + 1e-9)
     u, v = _scene(pen, state, t, now)

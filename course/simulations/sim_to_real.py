@@ -55,7 +55,7 @@ CONTROLS = Record(
 )
 STATE = Record(
     q=Field(0.0, shape=(2, 2, SAMPLES + 1), unit="rad"),
-    told=Field(0.0, shape=(12,)),
+    report=Field(0.0, shape=(12,)),
     time=Field(0.0, unit="s"),
 )
 
@@ -135,7 +135,7 @@ def initial(controls, state):
     values = np.array([c["gap"], c["width"], c["delay"], x, y, 1.0 * c["policy"]])
     with objmode(q="float64[:,:,:]", report="float64[:]"):
         q, report = measure(values)
-    state["q"][:], state["told"][:] = q, report
+    state["q"][:], state["report"][:] = q, report
 
 
 def advance(state, controls, seconds):
@@ -180,7 +180,7 @@ def _links(pen, q, ink, width, alpha):
 
 def frame(pen, state, controls):
     """Both arms, the simulated one as a ghost over the real; rates, distances, delay and limit."""
-    report = state["told"]
+    report = state["report"]
     x, y = _target(controls)
     now = int(min(state["time"] % (plants.SECONDS + PAUSE), plants.SECONDS) / plants.DT + 1e-9)
     t = np.linspace(0.0, plants.SECONDS, SAMPLES + 1)

@@ -472,16 +472,16 @@ for name, message, standing in (
     ("6 numbers", table, False),
     ("3, the table told 5 mm too high", table - (0.0, 0.0, 0.0, 0.005), True),
 ):
-    deviation, says = [], []
+    deviation, verdicts = [], []
     for seed, yaw in enumerate(np.random.default_rng(3).uniform(0.3, 1.2, 12)):
         part = stand(BOX, 0.03, 0.0, 0.0, yaw)
         result = locate(
             take_image(shared, seed, part), EYE, shared, BOX, table=message, standing=standing
         )[0]
         deviation.append(perception.apart(BOX, part.poses[:, 0], result.pose))
-        says.append(result.status)
+        verdicts.append(result.status)
     shift, turn = np.sqrt(np.mean(np.square(deviation), axis=0))
-    result = f"{says.count('found')} of 12 found"
+    result = f"{verdicts.count('found')} of 12 found"
     print(f"{name:<31} {1e3 * shift:5.2f} mm, {np.degrees(turn):.2f} degrees, {result}")
     _ = axis.loglog(
         1e3 * np.array(deviation)[:, 0], np.degrees(deviation)[:, 1], "o", ms=4, label=name
@@ -535,8 +535,8 @@ for name, part, available, then in (
     ("another part", BOX, (stand(other, 0.03, 0.0, 0.0, 0.5),), "leave it, report it"),
 ):
     result = locate(take_image(SENSOR, 5, *available), EYE, SENSOR, part)
-    says = "; ".join(" ".join((one.status, *one.unobserved)) for one in result)
-    print(f"{name:<24} {says or '[]':<13} -> {then}")
+    verdict = "; ".join(" ".join((one.status, *one.unobserved)) for one in result)
+    print(f"{name:<24} {verdict or '[]':<13} -> {then}")
 
 # %% [markdown]
 # ### Rates and ages

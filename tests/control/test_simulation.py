@@ -22,7 +22,7 @@ def chosen(model, preset, **values):
 
 def outcome(preset, **values):
     """Overshoot, settling, error, growth and the margins of a preset of the joint."""
-    return chosen(joint.MODEL, preset, **values).state["told"]
+    return chosen(joint.MODEL, preset, **values).state["report"]
 
 
 @pytest.mark.parametrize("preset", joint.MODEL.presets)
@@ -55,12 +55,12 @@ def test_the_run_and_its_numbers_are_the_chapters(preset):
     assert np.array_equal(state["run"][:, : n + 1], np.stack((run.q, run.torque)))
     first = math.ceil(joint.STEP / dt)
     observed = control.step_metrics(run.times[first:], run.q[first:], c["target"])
-    assert state["told"][0] == observed.overshoot
-    assert state["told"][2] == pytest.approx(observed.error, rel=1e-9, abs=1e-12)
+    assert state["report"][0] == observed.overshoot
+    assert state["report"][2] == pytest.approx(observed.error, rel=1e-9, abs=1e-12)
     A, B = control.joint_system(joint.INERTIA, joint.DAMPING)
     law = gains.law(dt)
     growth = control.growth(control.loop_matrix(control.held(A, B, dt, late), law))
-    assert state["told"][3] == pytest.approx(growth, rel=1e-10)
+    assert state["report"][3] == pytest.approx(growth, rel=1e-10)
 
 
 def test_a_delay_margin_is_the_delay_at_which_it_grows():
@@ -79,7 +79,7 @@ def test_the_presets_of_the_joint_show_what_they_say():
     assert jam[0][0] > 0.5 > 0.2 > jam[1][0]
     kick = chosen(joint.MODEL, "Derivative kick"), chosen(joint.MODEL, "As it comes")
     assert [float(np.max(e.state["run"][1])) for e in kick] == [50.0, 20.002]
-    assert kick[0].state["told"][3] == kick[1].state["told"][3]
+    assert kick[0].state["report"][3] == kick[1].state["report"][3]
     assert abs(outcome("Dry friction")[2] - 1.0 / 20.0) < 1e-4
     swing = [
         np.ptp(chosen(joint.MODEL, "Hunting", static=s).state["run"][0, 3000:]) for s in (3.0, 1.0)

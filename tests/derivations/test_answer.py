@@ -203,7 +203,7 @@ def test_a_difference_in_a_corner_is_found():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("dt > 2/omega", "turn the sign round"),
         ("2/omega < dt", "turn the sign round"),
@@ -220,10 +220,10 @@ def test_a_difference_in_a_corner_is_found():
         ("sqrt(-m)", "not a real number"),
     ],
 )
-def test_messages_say_what_is_wrong(text, said):
+def test_messages_say_what_is_wrong(text, expected):
     result = _check("semi_implicit_limit", text)
     assert not result.correct
-    assert said in result.message
+    assert expected in result.message
 
 
 def test_a_rounded_number_is_told_from_the_exact_one():

@@ -54,7 +54,7 @@ def test_a_true_claim_has_no_fault_and_agrees_with_its_record():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "expected"),
     [
         ({"verdict": "holds"}, "verdict on record: 'holds'; found: 'false'"),
         ({"heard": "The first n odd numbers add up to n^2."}, "heard on record"),
@@ -73,9 +73,9 @@ def test_a_true_claim_has_no_fault_and_agrees_with_its_record():
         ),
     ],
 )
-def test_a_wrong_record_is_found(change, said):
+def test_a_wrong_record_is_found(change, expected):
     item, record = _on_record(only(odd_sum))
-    assert any(said in text for text in settle(item, record | change).changes)
+    assert any(expected in text for text in settle(item, record | change).changes)
 
 
 def test_a_claim_that_is_not_on_record_is_found():
@@ -83,7 +83,7 @@ def test_a_claim_that_is_not_on_record_is_found():
 
 
 @pytest.mark.parametrize(
-    ("texts", "said"),
+    ("texts", "expected"),
     [
         ((SAID[0], "They add up to n^2: 9.5 for three."), "'9.5' in the corrected"),
         ((SAID[0], "They add up to n^2: {of_four:.0f}."), "cannot be filled: KeyError('of_four')"),
@@ -91,9 +91,9 @@ def test_a_claim_that_is_not_on_record_is_found():
         ((SAID[0], "They add up to n^2: {."), "cannot be filled"),
     ],
 )
-def test_a_number_in_the_corrected_sentence_comes_from_a_figure(texts, said):
+def test_a_number_in_the_corrected_sentence_comes_from_a_figure(texts, expected):
     (text,) = _faults(odd_sum, *texts)
-    assert said in text
+    assert expected in text
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "expected"),
     [
         ({"corrected": "found.correction_holds(True)"}, "a fact is constant, not computed: True"),
         ({"corrected": "found.correction_holds(total(3) == 9, 9 == 9)"}, "not computed: 9 == 9"),
@@ -180,9 +180,9 @@ def written(tmp_path):
         ({"first": "_by_another(found)"}, "found is handed on"),
     ],
 )
-def test_a_constant_is_refused(change, said, written):
+def test_a_constant_is_refused(change, expected, written):
     (text,) = written(**change).faults
-    assert said in text
+    assert expected in text
 
 
 def test_the_small_claim_is_sound_before_it_is_changed(written):
@@ -250,7 +250,7 @@ def test_a_condition_that_is_right(written):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "expected"),
     [
         (
             _only_if(
@@ -279,9 +279,9 @@ def test_a_condition_that_is_right(written):
         (_only_if("", "total(1) == 1", "total(2) == 2"), "draws were given without a condition"),
     ],
 )
-def test_a_false_condition_is_found(change, said, written):
+def test_a_false_condition_is_found(change, expected, written):
     (text,) = written(**change).faults
-    assert said in text
+    assert expected in text
 
 
 def test_a_condition_needs_draws(written):

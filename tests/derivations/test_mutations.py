@@ -52,7 +52,7 @@ def _item(id):
 
 
 @pytest.mark.parametrize(
-    ("id", "old", "new", "said"),
+    ("id", "old", "new", "expected"),
     [
         # A false corrected text.
         ("semi_implicit_unconditional", "while omega dt < 2", "while omega dt < 3", "corrected on"),
@@ -133,9 +133,9 @@ def _item(id):
         ("verlet_limit", "abs(verlet - 2) < 1e-6", "abs(verlet - 3) < 1e-6", "is false"),
     ],
 )
-def test_a_changed_claim_is_noticed(id, old, new, said, tmp_path, monkeypatch):
+def test_a_changed_claim_is_noticed(id, old, new, expected, tmp_path, monkeypatch):
     outcome = settle(_mutated(_item(id), tmp_path, monkeypatch, (old, new)))
-    assert any(said in text for text in outcome.disagreements), outcome.disagreements
+    assert any(expected in text for text in outcome.disagreements), outcome.disagreements
 
 
 def test_a_claim_that_is_only_copied_agrees(tmp_path, monkeypatch):

@@ -110,7 +110,7 @@ def place(built: tuple[Path, Path]) -> Path:
 
 
 def newcomer(place: Path, what: str) -> dict[str, Any]:
-    """Run the program of that name there; what it found."""
+    """Run the program of that name there; what it installed."""
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DRILLS"))}
     program = [str(place / "env" / "bin" / "python"), "-P", "-c"]
     text = Path(__file__).with_name("newcomer.py").read_text(encoding="utf-8")
@@ -129,7 +129,7 @@ def newcomer(place: Path, what: str) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def found(place: Path) -> dict[str, Any]:
+def installed(place: Path) -> dict[str, Any]:
     return newcomer(place, "core")
 
 
@@ -158,51 +158,51 @@ def test_two_builds_are_equal_byte_for_byte(built: tuple[Path, Path]) -> None:
 
 
 def test_nothing_comes_from_the_tree_and_nothing_needs_an_extra(
-    place: Path, found: dict[str, Any]
+    place: Path, installed: dict[str, Any]
 ) -> None:
-    assert all(path.startswith(str(place)) for path in found["places"])
-    assert found["unimportable"] == {}
+    assert all(path.startswith(str(place)) for path in installed["places"])
+    assert installed["unimportable"] == {}
     chapters = {name for c in CHAPTERS for name in (c.module, c.simulation_module)}
-    assert chapters <= {*found["imported"]}
+    assert chapters <= {*installed["imported"]}
     extras = ("torch", "pinocchio", "ompl", "open3d", "fsrs", "sphinx", "pytest")
-    assert {*extras}.isdisjoint(found["imported"])
+    assert {*extras}.isdisjoint(installed["imported"])
 
 
-def test_the_figures_of_every_chart_are_there(found: dict[str, Any]) -> None:
+def test_the_figures_of_every_chart_are_there(installed: dict[str, Any]) -> None:
     built = {Path(name).stem for name in tracked() if name.startswith("course/charts/data/")}
-    assert {*found["charts"]} == {*found["registered"]} == built
-    assert all(found["charts"].values()) and all(found["drawn"].values())
+    assert {*installed["charts"]} == {*installed["registered"]} == built
+    assert all(installed["charts"].values()) and all(installed["drawn"].values())
     pictures = {path.stem for path in charts.PICTURES.glob("*.png")}
-    assert {*found["drawn"]} == pictures
+    assert {*installed["drawn"]} == pictures
 
 
-def test_a_claim_is_settled_and_a_formula_checked(found: dict[str, Any]) -> None:
-    assert len(found["claims"]) == len(CHAPTERS) and all(found["claims"].values())
-    assert all(isinstance(value, float | int | str) for value in found["claim"].values())
-    right, wrong, message = found["formula"]
+def test_a_claim_is_settled_and_a_formula_checked(installed: dict[str, Any]) -> None:
+    assert len(installed["claims"]) == len(CHAPTERS) and all(installed["claims"].values())
+    assert all(isinstance(value, float | int | str) for value in installed["claim"].values())
+    right, wrong, message = installed["formula"]
     assert (right, wrong) == (True, False) and message.startswith("With m = 1")
 
 
-def test_a_drill_is_started_failed_and_solved(found: dict[str, Any]) -> None:
-    code, listed, text = found["list"]
+def test_a_drill_is_started_failed_and_solved(installed: dict[str, Any]) -> None:
+    code, listed, text = installed["list"]
     assert (code, text) == (0, "") and "verlet" in listed and "Exercises of chapter 12" in listed
-    assert found["start"][0] == 0
-    assert found["starter"][0] == 1 and "NOT ATTEMPTED" in found["starter"][1]
-    assert found["wrong"][0] == 1 and found["hint"][0] == 0 and found["hint"][1]
-    assert found["right"][0] == 0 and "RIGHT" in found["right"][1], found["right"]
+    assert installed["start"][0] == 0
+    assert installed["starter"][0] == 1 and "NOT ATTEMPTED" in installed["starter"][1]
+    assert installed["wrong"][0] == 1 and installed["hint"][0] == 0 and installed["hint"][1]
+    assert installed["right"][0] == 0 and "RIGHT" in installed["right"][1], installed["right"]
 
 
-def test_an_interview_is_held(found: dict[str, Any]) -> None:
-    code, text, errors = found["interview"]
+def test_an_interview_is_held(installed: dict[str, Any]) -> None:
+    code, text, errors = installed["interview"]
     assert code == 0, errors
     assert "45 min left" in text and "The report: work/interview/report-" in text
 
 
 def test_the_notebooks_are_copied_without_the_pictures_that_are_not_there(
-    place: Path, found: dict[str, Any]
+    place: Path, installed: dict[str, Any]
 ) -> None:
     for chapter in CHAPTERS:
-        code, message, errors = found["chapter"][chapter.topic]
+        code, message, errors = installed["chapter"][chapter.topic]
         name = Path(chapter.notebook).name
         assert (code, errors) == (0, "") and f"jupyter lab work/{name}" in message
         text = (place / "work" / name).read_text(encoding="utf-8")
@@ -221,16 +221,16 @@ def test_the_notebooks_are_copied_without_the_pictures_that_are_not_there(
         ("drake", "platforms"), ("pybullet", "platforms"), ("sb3", "sb3"),
     ],
 )
-def test_one_sentence_says_what_an_extra_adds(found: dict[str, Any], name: str, extra: str) -> None:
-    message = found["refusals"][name]
+def test_one_sentence_says_what_an_extra_adds(installed: dict[str, Any], name: str, extra: str) -> None:
+    message = installed["refusals"][name]
     assert message.startswith("this needs ") and "\n" not in message
     requested = re.findall(r"'([^']+)'", message)
     bounds = [text.partition(";")[0] for text in EXTRAS[extra]]
     assert requested and {*requested} <= {*bounds}, message
 
 
-def test_cards_need_an_extra_and_then_review(place: Path, found: dict[str, Any]) -> None:
-    code, message = found["review"][0], " ".join(found["review"][2].split())
+def test_cards_need_an_extra_and_then_review(place: Path, installed: dict[str, Any]) -> None:
+    code, message = installed["review"][0], " ".join(installed["review"][2].split())
     assert code == 3
     assert message.startswith("The package fsrs is not installed, and this command needs it. ")
     assert "pip install 'robotics-simulation-course[lab]'" in message

@@ -129,12 +129,12 @@ def test_what_is_read_off_lies_on_the_line(ys: list[float], part: float) -> None
 
 
 @pytest.mark.parametrize(
-    ("seconds", "said"),
+    ("seconds", "expected"),
     [(2.0, "2 s"), (0.1584, "160 ms"), (9.65e-4, "960 us"), (1e-3, "1 ms"), (2e-8, "0.02 us")],
 )
-def test_seconds_get_a_unit_that_fits(seconds: float, said: str) -> None:
+def test_seconds_get_a_unit_that_fits(seconds: float, expected: str) -> None:
     text = fields.filled("{a.b:time}", lambda *_: seconds)
-    assert text in (said, said.replace("960", "970"))
+    assert text in (expected, expected.replace("960", "970"))
 
 
 # --- The tables -----------------------------------------------------------------------------------

@@ -81,7 +81,7 @@ def test_one_step_is_that_of_the_formula():
         square = damping**2 if method == DAMPED else 0.0
         change = J.T @ np.linalg.solve(J @ J.T + square * np.eye(2), e)
         np.testing.assert_allclose(now.state["q"], q + change, atol=1e-13)
-        assert now.state["asked"] == pytest.approx(np.linalg.norm(change) / arm._AIM)
+        assert now.state["amplification"] == pytest.approx(np.linalg.norm(change) / arm._AIM)
 
 
 def test_the_numbers_are_those_of_the_chapter():
@@ -217,6 +217,6 @@ def test_it_swings_to_and_fro():
     now, paths = Experiment(elbow.MODEL, correct=True), []
     for _ in range(50):
         now.advance(0.2)
-        paths.append(float(now.state["way"]))
+        paths.append(float(now.state["swing"]))
     assert max(paths) > 0.5 and min(paths) < -0.2 and max(np.abs(paths)) <= elbow._SWING + 1e-9
     assert (np.diff(np.sign(np.diff(paths))) != 0).sum() >= 2

@@ -48,16 +48,16 @@ def test_the_plan_takes_the_steps_that_it_promises(seed, case):
 
 @examples(50)
 @given(st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4))
-def test_one_step_less_is_not_enough(way):
+def test_one_step_less_is_not_enough(path):
     """A direction in which, a step before, no sequence of accelerations gets far enough."""
-    way = np.array(way)
-    (least,), _ = plan(way[None])
+    path = np.array(path)
+    (least,), _ = plan(path[None])
     if least == 1:
         return
     k = least - 1
     # What each acceleration still adds to the position at step k, the first one k times.
     reach = DT * DT * np.arange(k, 0, -1).sum()
-    rest = way[:2] - DT * k * way[2:]
+    rest = path[:2] - DT * k * path[2:]
     angles = np.linspace(0.0, 2.0 * np.pi, 20_001)
     along = np.stack([np.cos(angles), np.sin(angles)])
     short = rest @ along - np.abs(along).sum(axis=0) * reach

@@ -18,7 +18,7 @@ def run(preset, **values):
     experiment = Experiment(point.MODEL)
     experiment.choose(preset)
     experiment.set(**values)
-    return experiment, experiment.state["told"].T
+    return experiment, experiment.state["report"].T
 
 
 STORY = presets.recorded()
@@ -118,7 +118,7 @@ def test_what_is_judged_is_one_episode_of_each_common_start():
     assert np.array_equal(ends, played.steps[: point.SHOWN])
     inside = np.hypot(*paths.transpose(1, 0, 2)) < RADIUS
     for i, end in enumerate(ends):
-        assert inside[i, end] == now.state["there"][-1, i] and not inside[i, :end].any()
+        assert inside[i, end] == now.state["arrived"][-1, i] and not inside[i, :end].any()
 
 
 def test_the_ways_of_the_best_policy_take_the_least_steps():
@@ -178,7 +178,7 @@ def test_a_hundred_runs_pass_the_disc_as_their_preset_says(preset, values, least
     now = Experiment(two_ways.MODEL)
     now.choose(preset)
     now.set(**values)
-    side, paths = now.state["side"], now.state["ways"]
+    side, paths = now.state["side"], now.state["paths"]
     assert least <= np.sum(side != 0) <= at_most
     if least > 50:  # both ways, nearly as often as they were shown
         assert abs(int(np.sum(side))) < 25

@@ -19,9 +19,9 @@ def outcome(preset, **values):
     experiment.choose(preset)
     if values:
         experiment.set(**values)
-    result = experiment.state["found"][experiment.controls["pieces"][:, 0] > 0]
+    result = experiment.state["result"][experiment.controls["pieces"][:, 0] > 0]
     return (
-        experiment.state["told"],
+        experiment.state["report"],
         [(*table.STATUS, "lost")[int(row[TRUST])] for row in result],
         result,
     )
@@ -42,7 +42,7 @@ def test_points_are_of_what_they_are_said_to_be():
     state, controls = experiment.state, experiment.controls
     shapes, _, _, pose = table.scene(controls["pieces"], controls["distance"])
     ids = render(shapes, table.CAMERA)[1]
-    n = int(state["told"][table.VOXELS])
+    n = int(state["report"][table.VOXELS])
     points = pose[:3, None] + table.to_matrix(pose[3:]) @ state["points"][:, :n]
     u, v = np.rint(table.CAMERA.project(points)).astype(int)
     truth, kinds = ids[v.clip(0, 119), u.clip(0, 159)], state["kinds"][:n]
@@ -96,13 +96,13 @@ def test_parts_are_dragged_turned_and_added():
     assert now.controls["pieces"][0, 4:] == pytest.approx(
         [-0.095, 0.055, 0.5 * math.pi - math.radians(5.0)]
     )
-    assert now.state["found"][0, SHIFT] < 1e-3 and now.state["found"][0, TRUST] == 0
+    assert now.state["result"][0, SHIFT] < 1e-3 and now.state["result"][0, TRUST] == 0
     now.grab(*at(-0.1, -0.08))
     now.drag(*at(-0.09, -0.1))
     assert now.controls["pick"] == 3 and now.controls["pieces"][3, 3] == 0.003
-    assert now.state["found"][3, TRUST] == LOST
+    assert now.state["result"][3, TRUST] == LOST
     now.set(tolerance=4.0)
-    assert now.state["found"][3, TRUST] < 2 and now.state["found"][3, SHIFT] < 1e-3
+    assert now.state["result"][3, TRUST] < 2 and now.state["result"][3, SHIFT] < 1e-3
 
 
 def test_milliseconds_are_in_the_panel_and_nowhere_else():

@@ -19,21 +19,21 @@ PLANNED = repair(Settings(), "plan")
 
 
 @pytest.fixture(scope="module")
-def found():
+def measured():
     return budget(SCENE, PLANNED, range(60), PARTS)
 
 
 @pytest.mark.slow
-def test_each_part_alone_and_all_together_are_what_was_predicted(found):
+def test_each_part_alone_and_all_together_are_what_was_predicted(measured):
     for some in subsets(PARTS):
-        (mean, deviation), (report, covariance) = found.mean(some), found.moments[some]
-        n = found.errors[some].shape[1]
+        (mean, deviation), (report, covariance) = measured.mean(some), measured.moments[some]
+        n = measured.errors[some].shape[1]
         chance = np.maximum(deviation, math.sqrt(covariance[0, 0] / n))
         assert np.all(np.abs(mean - report) < 4.0 * chance + 2e-4), some
         if "perceive" in some:
-            assert np.abs(found.errors[some] - report[:, None]).max() < 4e-4
+            assert np.abs(measured.errors[some] - report[:, None]).max() < 4e-4
         else:
-            ratio = found.errors[some].var(axis=1, ddof=1) / np.diag(covariance)
+            ratio = measured.errors[some].var(axis=1, ddof=1) / np.diag(covariance)
             assert np.all((ratio > 0.5) & (ratio < 1.7)), some
     everything = predicted(SCENE, repair(PLANNED, *PARTS))
     assert not everything[0].any() and not everything[1].any()
@@ -48,17 +48,17 @@ def test_the_error_that_chapter_11_predicts_of_age_is_speed_times_the_age_on_the
     assert np.allclose(late - fresh, -speed * bus.age(times).mean(), rtol=0.003)
 
 
-def test_the_signed_parts_add_up_and_the_squares_do_not(found):
-    gap, deviation = found.gap()
+def test_the_signed_parts_add_up_and_the_squares_do_not(measured):
+    gap, deviation = measured.gap()
     assert np.all(np.abs(gap) < 4.0 * deviation + 3e-4)
-    squares, shares = found.squares(), found.shares(60)
+    squares, shares = measured.squares(), measured.shares(60)
     whole = squares[frozenset()]
     assert sum(share for share, _, _ in shares.values()) == pytest.approx(
-        whole - squares[found.only()], rel=1e-9
+        whole - squares[measured.only()], rel=1e-9
     )
     for share, low, high in shares.values():
         assert low <= share <= high
-    alone = sum(squares[found.only(part)] for part in PARTS)
+    alone = sum(squares[measured.only(part)] for part in PARTS)
     assert abs(alone / whole - 1.0) > 0.01
     assert shares["perceive"][0] > 0.8 * whole
 

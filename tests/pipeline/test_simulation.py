@@ -14,7 +14,7 @@ def outcome(preset, **values):
     experiment.choose(preset)
     if values:
         experiment.set(**values)
-    return experiment, experiment.state["told"]
+    return experiment, experiment.state["report"]
 
 
 def distance(experiment):

@@ -97,7 +97,7 @@ def test_a_path_is_one_unless_edges_are_not_tested_exactly(preset, method):
         assert now.state["became"] != SOLVED
     elif state["became"] == SOLVED:
         assert right(now)
-        assert state["found"] == pytest.approx(length(path(now)), rel=1e-12)
+        assert state["length"] == pytest.approx(length(path(now)), rel=1e-12)
         if method != PRM:
             step = float(now.controls["step"])
             assert np.linalg.norm(np.diff(path(now)), axis=0).max() <= step + 1e-12
@@ -136,7 +136,7 @@ def test_shortcuts_shorten_and_stay_right():
         before = length(path(now))
         now.grab(*SHORTCUT)
         assert right(now)
-        assert length(path(now)) < before == pytest.approx(float(now.state["found"]))
+        assert length(path(now)) < before == pytest.approx(float(now.state["length"]))
         straight = math.dist(now.controls["ends"][:2], now.controls["ends"][2:])
         assert length(path(now)) > straight
 
@@ -168,13 +168,13 @@ def test_pieces_are_placed_moved_resized_and_taken_away():
     now.grab(*at(3.0, 7.0))  # free ground: a new one, whose rim is in hand
     now.drag(*at(3.5, 7.8))
     np.testing.assert_allclose(now.controls["pieces"][4], [3.0, 7.0, 0.5, 0.8], atol=1e-9)
-    assert now.controls["piece"] == 6 and now.state["many"] == 20
+    assert now.controls["piece"] == 6 and now.state["count"] == 20
     now.grab(*at(3.1, 7.1))  # inside: it moves, and does not jump
     now.drag(*at(4.1, 6.1))
     np.testing.assert_allclose(now.controls["pieces"][4], [4.0, 6.0, 0.5, 0.8], atol=1e-9)
     now.grab(*at(4.5, 6.0))
     now.drag(*at(4.0, 6.0))
-    assert now.controls["pieces"][4, 2] == 0.0 and now.state["many"] == 16
+    assert now.controls["pieces"][4, 2] == 0.0 and now.state["count"] == 16
     now.grab(*at(1.5, 4.5))
     now.drag(*at(12.6, 4.5))  # the start into the wall
     assert now.state["became"] == BLOCKED

@@ -47,8 +47,8 @@ def runs():
     st.lists(st.floats(0.3, 3.0), min_size=2, max_size=2),
 )
 @examples(6)
-def test_without_noise_the_truth_comes_back_from_afar(heavy, off, damping):
-    factors = [*(heavy * (1.0 + x) for x in off), *damping]
+def test_without_noise_the_truth_comes_back_from_afar(heavy, deviation, damping):
+    factors = [*(heavy * (1.0 + x) for x in deviation), *damping]
     start = {name: value * f for (name, value), f in zip(TRUTH.items(), factors, strict=True)}
     result = fit(arm, record(noise=0.0), start, FREE)
     assert result.value == pytest.approx(TRUE, rel=1e-7)

@@ -18,7 +18,7 @@ def outcome(preset, **values):
     experiment = Experiment(arms.MODEL)
     experiment.choose(preset)
     experiment.set(**values)
-    report = experiment.state["told"]
+    report = experiment.state["report"]
     return report[0], report[4], report
 
 

@@ -391,7 +391,7 @@ def test_a_simulation_that_is_neither_compiled_nor_recorded(tmp_path: Path, monk
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("[x](nowhere.ipynb)", "the link to nowhere.ipynb leads nowhere"),
         (
@@ -401,8 +401,8 @@ def test_a_simulation_that_is_neither_compiled_nor_recorded(tmp_path: Path, monk
         ("[x](../../../etc/hosts)", "the link to ../../../etc/hosts leads nowhere"),
     ],
 )
-def test_a_link_to_nowhere(tmp_path: Path, text: str, said: str) -> None:
-    assert faults(tmp_path, new_markdown_cell(text)) == [f"77_some.ipynb, cell 0: {said}"]
+def test_a_link_to_nowhere(tmp_path: Path, text: str, expected: str) -> None:
+    assert faults(tmp_path, new_markdown_cell(text)) == [f"77_some.ipynb, cell 0: {expected}"]
 
 
 def test_a_link_to_a_file_of_the_project_is_shown_as_its_path() -> None:

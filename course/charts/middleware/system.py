@@ -230,7 +230,9 @@ def late_or_lost(
     yield panel
 
 
-def added(way: float, loss: float, reliability: str, seconds: float, period: float = 0.01) -> float:
+def added(
+    delay: float, loss: float, reliability: str, seconds: float, period: float = 0.01
+) -> float:
     """Rms distance of a servo over a lossy link from the same over one that loses nothing [rad].
 
     The command is a sine of 0.3 rad at 1 Hz; the servo (60 rad/s, critically damped) holds the
@@ -246,7 +248,7 @@ def added(way: float, loss: float, reliability: str, seconds: float, period: flo
         def received(sample, bus=bus, got=got):
             got.append((bus.now, sample.value))
 
-        servo.reader("command", received, qos, Link(way, loss=share))
+        servo.reader("command", received, qos, Link(delay, loss=share))
         sender.timer(
             period,
             lambda bus=bus, writer=writer: writer.publish(

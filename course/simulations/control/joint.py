@@ -39,7 +39,7 @@ STATE = Record(
     time=Field(0.0, unit="s"),
     samples=Field(0),
     run=Field(0.0, shape=(2, _MOST + 1)),  # angle [rad], torque [N m]
-    told=Field(0.0, shape=(7,)),  # as `judged` gives it; below 0 where there is no number
+    report=Field(0.0, shape=(7,)),  # as `judged` gives it; below 0 where there is no number
 )
 
 
@@ -106,7 +106,7 @@ def initial(controls, state):
     state["samples"] = n
     state["run"][0, : n + 1], state["run"][1, : n + 1] = out[0], out[2]
     q, kp, ki, kd = out[0].copy(), controls["kp"], controls["ki"], controls["kd"]
-    state["told"][:] = _judged(kp, ki, kd, dt, late, target, q)
+    state["report"][:] = _judged(kp, ki, kd, dt, late, target, q)
 
 
 def advance(state, controls, seconds):
@@ -138,7 +138,7 @@ def frame(pen, state, controls):
     """The arm now, angle and torque over the whole run; numbers of the run and of the loop."""
     dt, n, target = 1e-3 * controls["dt"], state["samples"], controls["target"]
     at = min(int(state["time"] / dt + 1e-9), n)
-    run, report = state["run"], state["told"]
+    run, report = state["run"], state["report"]
     draw.area(pen, _SCENE, _VIEW)
     draw.segment(pen, 0.0, 0.0, math.cos(target), math.sin(target), draw.INK, 1.6, 0.8, 5.0, 4.0)
     x, y = math.cos(run[0, at]), math.sin(run[0, at])

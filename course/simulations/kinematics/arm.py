@@ -32,7 +32,9 @@ CONTROLS = Record(
 STATE = Record(
     q=Field(0.0, shape=(2,), unit="rad"),
     lam=Field(0.0, unit="m/rad"),  # damping of Levenberg-Marquardt, which follows its success
-    asked=Field(0.0, unit="rad/m"),  # length of the last step by the error that it was made for
+    amplification=Field(
+        0.0, unit="rad/m"
+    ),  # length of the last step by the error that it was made for
     largest=Field(0.0, unit="rad/m"),  # of these since the start
     steps=Field(0),
     owed=Field(0.0, unit="s"),
@@ -111,9 +113,9 @@ def follow(controls, state):
         np.empty((2, 2)),
         change,
     )
-    state["asked"] = math.hypot(change[0], change[1]) / max(min(size, _AIM), 1e-300)
+    state["amplification"] = math.hypot(change[0], change[1]) / max(min(size, _AIM), 1e-300)
     if size > 1e-9:
-        state["largest"] = max(state["largest"], state["asked"])
+        state["largest"] = max(state["largest"], state["amplification"])
     # Turned back into one turn: the picture cannot tell, and no number grows.
     ahead = (q + change + math.pi) % (2.0 * math.pi) - math.pi
     if method == MARQUARDT:
@@ -299,7 +301,7 @@ def frame(pen, state, controls):
         draw.words(pen, _ENDLESS)
     draw.reading(pen, _YOSHIKAWA, s[0] * s[1], 4, _SQUARE)
     draw.reading(pen, _SMALLEST, s[1], 4, _RADIANS)
-    draw.reading(pen, _ASKED, state["asked"], 2, _PER)
+    draw.reading(pen, _ASKED, state["amplification"], 2, _PER)
     draw.reading(pen, _MOST, state["largest"], 1, _PER)
     draw.readout(pen, _BOUND)
     if controls["method"] == DAMPED or controls["method"] == MARQUARDT:

@@ -30,7 +30,7 @@ STATE = Record(
     q=Field(0.0, shape=(7,), unit="rad"),
     goal=Field(0.0, shape=(7,)),  # pose of the tip at the start
     along=Field(0.0, shape=(7,)),  # where the last step went, a unit vector
-    way=Field(0.0, unit="rad"),  # made along the null space, from the start
+    swing=Field(0.0, unit="rad"),  # made along the null space, from the start
     sense=Field(1.0),
     travelled=Field(0.0, unit="m"),  # by the elbow
     steps=Field(0),
@@ -98,12 +98,12 @@ def advance(state, controls, seconds):
         pose, J = posed(q)
         state["along"][:] = still(J, state["along"])
         ahead = q + h * state["sense"] * state["along"]
-        if abs(state["way"] + h * state["sense"]) > _SWING or np.any(
+        if abs(state["swing"] + h * state["sense"]) > _SWING or np.any(
             (ahead < _LOWER) | (ahead > _UPPER)
         ):
             state["sense"] = -state["sense"]
             ahead = q + h * state["sense"] * state["along"]
-        state["way"] += h * state["sense"]
+        state["swing"] += h * state["sense"]
         after, J = posed(ahead)
         if controls["correct"]:
             change, e = np.zeros(7), error_of(after, state["goal"])
@@ -178,7 +178,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _TIP, 1000.0 * math.sqrt(np.sum(away[:3] ** 2)), 6, _MM)
     draw.reading(pen, _TURNED, math.degrees(math.sqrt(np.sum(away[3:] ** 2))), 6, _DEGREES)
     draw.reading(pen, _STEPS, state["steps"], 0)
-    draw.reading(pen, _WAY, state["way"], 2, _RAD)
+    draw.reading(pen, _WAY, state["swing"], 2, _RAD)
     draw.reading(pen, _ROAD, state["travelled"], 3, _M)
     draw.reading(pen, _CURVE, one / (h * h), 4, _PER)
 

@@ -54,12 +54,12 @@ CONTROLS = Record(
     first=switch("Count the first to finish too", False),
 )
 STATE = Record(
-    told=Field(0.0, shape=(ITERATIONS, 8)),
+    report=Field(0.0, shape=(ITERATIONS, 8)),
     best=Field(0.0),
     time=Field(0.0, unit="s"),
     paths=Field(0.0, shape=(ITERATIONS, SHOWN, 2, MAX_STEPS + 1), unit="m"),
     steps=Field(0, shape=(ITERATIONS, SHOWN)),
-    there=Field(0, shape=(ITERATIONS, SHOWN)),
+    arrived=Field(0, shape=(ITERATIONS, SHOWN)),
 )
 
 
@@ -150,8 +150,8 @@ def initial(controls, state):
         arrived="int64[:,:]",
     ):
         report, best, paths, steps, arrived = learned(float(values[0]), *map(int, values[1:]))
-    state["told"][:], state["best"], state["paths"][:] = report, best, paths
-    state["steps"][:], state["there"][:] = steps, arrived
+    state["report"][:], state["best"], state["paths"][:] = report, best, paths
+    state["steps"][:], state["arrived"][:] = steps, arrived
 
 
 def advance(state, controls, seconds):
@@ -190,7 +190,7 @@ _UPPER, _LOWER = (5.35, 8.85, 3.05, 4.6), (5.35, 8.85, 0.55, 2.1)
 
 def frame(pen, state, controls):
     """Ways of this iteration's policy; success and return of all iterations up to it."""
-    report, now = state["told"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
+    report, now = state["report"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
     phase = min(1.4 * max(state["time"] / PICTURE - now, 0.0), 1.0)
     reach = 1.2 * NEAR if controls["reward"] == HOVER else 2.1
     draw.area(pen, _SCENE, (-reach, reach, -reach, reach))
@@ -202,7 +202,7 @@ def frame(pen, state, controls):
     for i in range(SHOWN):
         x, y = state["paths"][now, i, 0], state["paths"][now, i, 1]
         count = int(phase * state["steps"][now, i]) + 1
-        ink = draw.BLUE if state["there"][now, i] else draw.ORANGE
+        ink = draw.BLUE if state["arrived"][now, i] else draw.ORANGE
         draw.curve(pen, x[:count], y[:count], ink, 1.6, 0.8)
         draw.spot(pen, x[0], y[0], 0.008 * reach, draw.GREY)
         draw.spot(pen, x[count - 1], y[count - 1], 0.01 * reach, ink)

@@ -30,7 +30,7 @@ CONTROLS = Record(
 STATE = Record(
     shown=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"),
     side=Field(0, shape=(RUNS,)),
-    ways=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"),
+    paths=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"),
     time=Field(0.0, unit="s"),
     band=Field((0.0, 0.0)),
 )
@@ -66,11 +66,13 @@ def initial(controls, state):
     """Run the policy from all starts."""
     c = controls
     values = np.array([1.0 * c["head"], 1.0 * c["executed"], c["noise"], 1.0 * c["sampled"]])
-    with objmode(paths="float64[:,:,:]", side="int64[:]", band="float64[:]", shown="float64[:,:,:]"):
+    with objmode(
+        paths="float64[:,:,:]", side="int64[:]", band="float64[:]", shown="float64[:,:,:]"
+    ):
         head, executed, noise, sampled = values.tolist()
         paths, side, band = driven(int(head), int(executed), round(noise, 9), int(sampled))
         shown = demonstrated()
-    state["ways"][:], state["side"][:], state["band"][:] = paths, side, band
+    state["paths"][:], state["side"][:], state["band"][:] = paths, side, band
     state["shown"][:] = shown
 
 
@@ -108,7 +110,7 @@ def frame(pen, state, controls):
         draw.curve(pen, state["shown"][i, :, 0], state["shown"][i, :, 1], draw.GREY, 0.8, 0.25)
     draw.spot(pen, _CENTRE, 0.0, _RADIUS, draw.GREY, draw.INK, 1.0, 0.5)
     for i in range(RUNS):
-        x, y = state["ways"][i, : now + 1, 0], state["ways"][i, : now + 1, 1]
+        x, y = state["paths"][i, : now + 1, 0], state["paths"][i, : now + 1, 1]
         ink = draw.BLUE if state["side"][i] != 0 else draw.ORANGE
         draw.curve(pen, x, y, ink, 1.2, 0.6)
         draw.spot(pen, x[now], y[now], 0.006, ink)

@@ -40,7 +40,7 @@ CONTROLS = Record(
 )
 STATE = Record(
     rows=Field(0.0, shape=(4 * PIECES, 5)),  # the obstacles as a world has them
-    many=Field(0),
+    count=Field(0),
     nodes=Field(0.0, shape=(2, ROOM, 2), unit="m"),
     parents=Field(0, shape=(2, ROOM)),
     links=Field(0, shape=(2, ROOM, WIDTH)),
@@ -54,7 +54,7 @@ STATE = Record(
     became=Field(SEARCHING),
     path=Field(0.0, shape=(ROOM, 2), unit="m"),
     corners=Field(0),
-    found=Field(0.0, unit="m"),  # length of the path before shortcuts
+    length=Field(0.0, unit="m"),  # length of the path before shortcuts
     owed=Field(0.0),  # samples
     held=Field(0),  # 1 start, 2 goal, 3 + k obstacle k, -3 - k its rim; 0 nothing
     grip=Field(0.0, shape=(2,), unit="m"),
@@ -91,7 +91,7 @@ def initial(controls, state):
             rows[count, 3], rows[count, 4] = p[0] - v * p[2], p[1] + u * p[3]
             count += 1
     counts[:], counts[trees.LAST : trees.LAST + 2] = 0, -1
-    state["many"], state["corners"], state["owed"], state["found"] = count, 0, 0.0, 0.0
+    state["count"], state["corners"], state["owed"], state["length"] = count, 0, 0.0, 0.0
     state["seed"][0] = controls["seed"]
     start, goal = controls["ends"][:2], controls["ends"][2:]
     roadmap = int(controls["method"] == PRM)  # it has both ends in one table
@@ -170,7 +170,7 @@ def grow(controls, state, samples):
     samples = min(samples, BUDGET[method] - counts[SAMPLES])
     if state["became"] != SEARCHING and not (state["became"] == SOLVED and method == STAR):
         return
-    rows, body, rng = state["rows"][: state["many"]], _body(controls), Stream(state["seed"])
+    rows, body, rng = state["rows"][: state["count"]], _body(controls), Stream(state["seed"])
     bounds, numbers = np.array([[0.0, 0.0], [LONG, HIGH]]), np.zeros(8)
     if samples > 0 and method == PRM:
         numbers[roadmaps.NEAREST], numbers[roadmaps.STOP], numbers[roadmaps.MIX] = JOINED, 1.0, 1.0
@@ -219,7 +219,7 @@ def grow(controls, state, samples):
         else:
             code = trees._grow(state_free, edge_free, *rest)
         last = counts[trees.LAST]
-        if method == STAR and last >= 0 and state["costs"][0, last] == state["found"]:
+        if method == STAR and last >= 0 and state["costs"][0, last] == state["length"]:
             last = -1  # as short as it was
     if last >= 0:
         state["corners"] = 0
@@ -227,7 +227,7 @@ def grow(controls, state, samples):
         if method == CONNECT:  # the meeting point is in both trees
             _up(state, 1, state["parents"][1, counts[trees.LAST + 1]])
         state["became"] = SOLVED
-        state["found"] = state["costs"][0, last] if method == STAR else _length(state)
+        state["length"] = state["costs"][0, last] if method == STAR else _length(state)
     elif state["became"] == SEARCHING and (code == trees.FULL or counts[SAMPLES] >= BUDGET[method]):
         state["became"] = SPENT
 
@@ -235,7 +235,7 @@ def grow(controls, state, samples):
 @register_jitable
 def shorten(controls, state):
     """Shortcuts between corners drawn at random, where the edge between them is free."""
-    rows, path, draws = state["rows"][: state["many"]], state["path"], np.empty(2)
+    rows, path, draws = state["rows"][: state["count"]], state["path"], np.empty(2)
     for _ in range(CUTS):
         n = state["corners"]
         uniform(state["seed"], draws)
@@ -300,7 +300,7 @@ def frame(pen, state, controls):
             edge = draw.INK if controls["piece"] == 2 + k else draw.RED
             draw.box(pen, p[0] - p[2], p[0] + p[2], p[1] - p[3], p[1] + p[3], _ROSE, edge)
     nodes = _grown(pen, state, controls)
-    rows, path, hits = state["rows"][: state["many"]], state["path"], 0
+    rows, path, hits = state["rows"][: state["count"]], state["path"], 0
     for k in range(state["corners"] - 1):
         a, b = path[k], path[k + 1]
         wrong = not segment_free(rows, a[0], a[1], b[0], b[1])
@@ -321,7 +321,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _NODES, nodes, 0)
     empty = 0 if state["corners"] else _NONE
     draw.reading(pen, _PATH, _length(state), 2, _METRES, empty)
-    draw.reading(pen, _FIRST, state["found"], 2, _METRES, empty)
+    draw.reading(pen, _FIRST, state["length"], 2, _METRES, empty)
     draw.reading(pen, _WRONG, hits, 0, 0, empty)
 
 

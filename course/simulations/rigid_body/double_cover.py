@@ -15,7 +15,7 @@ _RATE = 1.2  # rad/s
 
 CONTROLS = Record(
     goal=slider("Turn of q′", 360.0, 0.0, 720.0, 5.0, "°", 0),
-    way=menu("Go straight from q", ("to q′", "to −q′")),
+    path=menu("Go straight from q", ("to q′", "to −q′")),
     **space.camera(0.4, 0.3),
 )
 STATE = Record(turned=Field(0.0, unit="rad"))
@@ -28,7 +28,7 @@ def initial(controls, state):
 
 def advance(state, controls, seconds):
     """Turn at a steady rate along the great circle to q' or -q', and stop there."""
-    end = math.radians(controls["goal"]) - 2.0 * math.pi * controls["way"]
+    end = math.radians(controls["goal"]) - 2.0 * math.pi * controls["path"]
     remaining = end - state["turned"]
     state["turned"] += math.copysign(min(_RATE * seconds, abs(remaining)), remaining)
 
@@ -50,7 +50,7 @@ _SCENE, _PANEL, _ROUND = (0.1, 5.4, 0.1, 4.6), (6.35, 8.8, 2.75, 4.5), (6.85, 8.
 def frame(pen, state, controls):
     """The body and the path of its corner; the four components as bars and on their circle."""
     turned, q = state["turned"], exp(state["turned"] * AXIS)
-    target = math.radians(controls["goal"]) - 2.0 * math.pi * controls["way"]
+    target = math.radians(controls["goal"]) - 2.0 * math.pi * controls["path"]
     end, zero, corner = exp(target * AXIS), np.zeros(3), np.array([0.75, 0.45, 0.15])
     eye = space.camera_view(pen, _SCENE, controls, 1.35)
     space.trail(pen, eye, np.outer(AXIS, np.array([-1.3, 0.0])), draw.GREY, 1.5, 1.0, 6.0, 4.0)
@@ -99,7 +99,7 @@ PRESETS = {
     "The long way": Preset(
         {"goal": 270.0}, "q · q′ is negative: the straight way from q to q′ turns by 270°."),
     "The short way": Preset(
-        {"goal": 270.0, "way": 1}, "The same attitude, written as −q′: now the straight way turns "
+        {"goal": 270.0, "path": 1}, "The same attitude, written as −q′: now the straight way turns "
         "by 90°, backwards. Before you interpolate, take the sign with q · q′ ≥ 0."),
 }  # fmt: skip
 

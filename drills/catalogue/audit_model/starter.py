@@ -13,10 +13,10 @@ def audit_model(ids, masses, inertias, loaded_ids, loaded_masses, moments, turns
     Returns:
         Sum of 1: other mass, 2: other inertia, 4: not loaded, (n,).
     """
-    found = np.zeros(len(ids), dtype=int)
+    marks = np.zeros(len(ids), dtype=int)
     for i in range(len(ids)):
         if abs(loaded_masses[i] - masses[i]) > tolerance:
-            found[i] += 1
+            marks[i] += 1
         if np.abs(np.diag(moments[i]) - inertias[i]).max() > tolerance:
-            found[i] += 2
-    return found
+            marks[i] += 2
+    return marks

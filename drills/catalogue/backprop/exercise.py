@@ -59,7 +59,7 @@ def components(figure: Any, shown: Shown) -> None:
     axes.legend()
 
 
-_ERROR = "error = (output - wanted) / inputs.shape[1]"
+_ERROR = "error = (output - desired) / inputs.shape[1]"
 _RETURN = "return back @ inputs.T, back.sum(axis=1), error @ hidden.T, error.sum(axis=1)"
 _SLOPE = "(1.0 - hidden**2)"
 
@@ -77,12 +77,12 @@ SLIPS = slips(
     ),
     batch_mean_forgotten=(
         _ERROR,
-        "error = output - wanted",
+        "error = output - desired",
         "The mean over the batch is missing: this is the gradient of the sum.",
     ),
     mean_over_outputs_too=(
         _ERROR,
-        "error = (output - wanted) / output.size",
+        "error = (output - desired) / output.size",
         "The mean is taken over the outputs too. The loss sums them: a squared length.",
     ),
     half_forgotten=(
@@ -92,7 +92,7 @@ SLIPS = slips(
     ),
     sign_of_the_error=(
         _ERROR,
-        "error = (wanted - output) / inputs.shape[1]",
+        "error = (desired - output) / inputs.shape[1]",
         "The sign is turned: this is the way down, the gradient points up.",
     ),
     no_derivative=(

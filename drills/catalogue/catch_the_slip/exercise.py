@@ -128,12 +128,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 _BENT = "bent = np.abs(back @ R - np.eye(3)).max(axis=(1, 2, 3))"
 _DET = "mirrored = np.abs(np.linalg.det(R) - 1.0).max(axis=1)"
 _SPIN = "spin = np.gradient(R, step, axis=1, edge_order=2) @ back"
-_LATE = "late = np.abs(seen - w).max(axis=(1, 2))"
+_LATE = "late = np.abs(rate - w).max(axis=(1, 2))"
 _DRIFT = "drift = np.linalg.norm(momentum - momentum[:, :1], axis=2).max(axis=1)"
 _PART = "drift = drift / np.linalg.norm(momentum[:, 0], axis=1)"
 _ENERGY = """energy = np.sum(momentum * w, axis=2)
     drift = np.abs(energy - energy[:, :1]).max(axis=1) / energy[:, 0]"""
-_KEPT = "[~one for one in kept], [1, 2, 3], 0"
+_KEPT = "[~one for one in passed], [1, 2, 3], 0"
 
 SLIPS = slips(
     mirrors_pass=(
@@ -160,13 +160,13 @@ SLIPS = slips(
     ),
     on_average=(
         _LATE,
-        "late = np.abs(seen - w).mean(axis=(1, 2))",
+        "late = np.abs(rate - w).mean(axis=(1, 2))",
         "The rates are compared on average: one wrong sample in a record disappears. Take the "
         "worst.",
     ),
     ends_left_out=(
         _LATE,
-        "late = np.abs(seen - w)[:, 1:-1].max(axis=(1, 2))",
+        "late = np.abs(rate - w)[:, 1:-1].max(axis=(1, 2))",
         "The first and the last sample are left out, where central differences don't reach. "
         "Differences to one side do, of second order.",
     ),
@@ -176,14 +176,14 @@ SLIPS = slips(
         "R^T dR/dt is the rate in the body's axes. In the world's it is dR/dt R^T.",
     ),
     sign_of_the_rates=(
-        "np.abs(seen - w)",
-        "np.abs(seen + w)",
+        "np.abs(rate - w)",
+        "np.abs(rate + w)",
         "The rates are compared with the other sign: look at which element of the matrix is which "
         "component.",
     ),
     speed_alone=(
         _LATE,
-        "late = np.abs(np.linalg.norm(seen, axis=2) - np.linalg.norm(w, axis=2)).max(axis=1)",
+        "late = np.abs(np.linalg.norm(rate, axis=2) - np.linalg.norm(w, axis=2)).max(axis=1)",
         "Only the size of the rates is compared: in other axes, or with the other sign, it is the "
         "same.",
     ),

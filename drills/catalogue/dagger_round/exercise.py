@@ -60,26 +60,29 @@ def labelled(figure: Any, shown: Shown) -> None:
     axes.legend()
 
 
-_STORE = "        seen, told = np.column_stack((seen, x)), np.column_stack((told, expert(x)))\n"
+_STORE = (
+    "        visited, labelled = np.column_stack((visited, x)), "
+    "np.column_stack((labelled, expert(x)))\n"
+)
 _MOVE = "        x = plant @ x + push @ (K @ x)\n"
-_RETURN = "return seen, told, fit(seen, told)"
+_RETURN = "return visited, labelled, fit(visited, labelled)"
 _OLD = "np.shape(states)[1]"
 
 SLIPS = slips(
     learners_labels=(
-        "told, expert(x)",
+        "labelled, expert(x)",
         "told, K @ x",
         "The new labels are the learner's own actions: it is told to do what it does. Ask the "
         "expert what to do in the states that the learner has come to.",
     ),
     data_replaced=(
         _RETURN,
-        f"seen, told = seen[:, {_OLD}:], told[:, {_OLD}:]\n    {_RETURN}",
+        f"visited, labelled = visited[:, {_OLD}:], labelled[:, {_OLD}:]\n    {_RETURN}",
         "The old data are gone. DAgger aggregates: a fit to the last round alone forgets.",
     ),
     fitted_to_the_new_alone=(
         _RETURN,
-        f"return seen, told, fit(seen[:, {_OLD}:], told[:, {_OLD}:])",
+        f"return visited, labelled, fit(visited[:, {_OLD}:], labelled[:, {_OLD}:])",
         "The fit uses the new data alone. DAgger fits to all: else what was learnt is forgotten.",
     ),
     expert_drives=(
@@ -95,12 +98,12 @@ SLIPS = slips(
     ),
     not_fitted_again=(
         _RETURN,
-        "return seen, told, K",
+        "return visited, labelled, K",
         "The data are right, and K is still that of the old ones: fit again.",
     ),
     fitted_after_each_step=(
         _MOVE,
-        _MOVE + "        K = fit(seen, told)\n",
+        _MOVE + "        K = fit(visited, labelled)\n",
         "The learner is fitted again within the round. It drives as it was until the round ends.",
     ),
     both_drive=(

@@ -52,8 +52,8 @@ def actions(figure: Any, shown: Shown) -> None:
 
 
 _PLANS, _BEGAN = "plans[began, steps - began]", "began = steps // every * every"
-_ASKED = "asked = np.arange(max(0, t - H + 1), t + 1)"
-_WEIGHTS = "np.exp(-rate * np.arange(asked.size))"
+_ASKED = "made = np.arange(max(0, t - H + 1), t + 1)"
+_WEIGHTS = "np.exp(-rate * np.arange(made.size))"
 
 SLIPS = slips(
     replans_every_step=(
@@ -85,7 +85,7 @@ SLIPS = slips(
     ),
     no_weights=(
         _WEIGHTS,
-        "np.ones(asked.size)",
+        "np.ones(made.size)",
         "All proposals weigh alike: the rate does nothing.",
     ),
     weights_not_normalised=(
@@ -94,8 +94,8 @@ SLIPS = slips(
         "The weights do not add up to 1: divide by their sum.",
     ),
     first_actions_averaged=(
-        "plans[asked, t - asked]",
-        "plans[asked, 0]",
+        "plans[made, t - made]",
+        "plans[made, 0]",
         "First actions of several chunks are averaged: each of them is for another step. The chunk "
         "of step s proposes its action t - s for step t.",
     ),

@@ -62,7 +62,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def over_time(figure: Any, shown: Shown) -> None:
-    """What the drive is told, and where the part was seen."""
+    """Draw what the drive is commanded and where the part was seen."""
     axes = picture.plane(figure, "time [s]", "place [m]")
     frames = np.asarray(shown.args[0], dtype=float)
     axes.plot(frames[:, 0], frames[:, 2], "s", color="0.7", ms=4, label="seen")
@@ -73,9 +73,9 @@ def over_time(figure: Any, shown: Shown) -> None:
 
 _STAMP = ("(free[group], rows[number, 0],", "(free[group], free[group],")
 _GROUP = ("group = kind", "group = 0")
-_SLEEP = ("asked = (cycle + 1) * period", "asked = now + period")
+_SLEEP = ("wake_up = (cycle + 1) * period", "wake_up = now + period")
 _UNIT = ("<= 1e-3 * deadline", "<= deadline")
-_DEPTH = ("depth, told, came = 1,", "depth, told, came = 10,")
+_DEPTH = ("depth, command, came = 1,", "depth, command, came = 10,")
 
 SLIPS = slips(
     stamp_at_publishing=(
@@ -129,15 +129,15 @@ SLIPS = slips(
         "capture.",
     ),
     newest_and_then_older=(
-        "told = queue.pop(0)",
-        "told = queue.pop()",
+        "command = queue.pop(0)",
+        "command = queue.pop()",
         *_DEPTH,
         "The newest command is taken, and older ones stay in the queue: when there is no new one "
         "the drive goes back in time.",
     ),
     sleep_from_waking=(
         _SLEEP[0],
-        "asked = asked + period + 0.5 * lateness",
+        "wake_up = wake_up + period + 0.5 * lateness",
         "The grid still moves with the lateness of the cycles.",
     ),
     every_call_a_group=(
@@ -146,8 +146,8 @@ SLIPS = slips(
         "No callback waits for any other: images of one group are worked on one at a time.",
     ),
     silent_without_news=(
-        "        if queue:\n            told = queue.pop(0)\n",
-        "        told = queue.pop(0) if queue else 0.0\n",
+        "        if queue:\n            command = queue.pop(0)\n",
+        "        command = queue.pop(0) if queue else 0.0\n",
         "Without a new command the drive is told 0. It stays with the last one.",
     ),
 )

@@ -98,14 +98,14 @@ SLIPS = slips(
         "The half-widths are relative. They are asked for in each parameter's unit.",
     ),
     each_by_itself=(
-        "np.sum((seen / values[:rank, None]) ** 2, axis=0)",
+        "np.sum((observable / values[:rank, None]) ** 2, axis=0)",
         "1.0 / np.maximum(np.sum(relative**2, axis=0), 1e-300)",
         "Each parameter is looked at as if the others were known. Take the diagonal of the "
         "inverse, not the inverse of the diagonal.",
     ),
     seen_for_hidden=(
         "projector = hidden.T @ hidden",
-        "projector = seen.T @ seen",
+        "projector = observable.T @ observable",
         "This is the projector onto what is seen.",
     ),
 )

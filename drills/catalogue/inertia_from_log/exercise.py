@@ -129,9 +129,9 @@ def one_log(attempt: Attempt, drawn: Sequence[Case]) -> None:
 
 
 _COLUMNS = "columns = (q, integral(q), integral(integral(np.cos(q))), t, np.ones(q.size))"
-_FOUND = "found = np.linalg.lstsq(np.column_stack(columns), integral(pushed), rcond=None)[0]"
+_FOUND = "fitted = np.linalg.lstsq(np.column_stack(columns), integral(pushed), rcond=None)[0]"
 _PUSHED = "pushed = np.concatenate(([0.0], np.cumsum(dt * tau[:-1])))"
-_RETURN = "return float(found[0])"
+_RETURN = "return float(fitted[0])"
 
 SLIPS = slips(
     differentiated=(
@@ -188,15 +188,15 @@ SLIPS = slips(
         "pushed = np.concatenate(([0.0, 0.0], np.cumsum(dt * tau[:-2])))",
         "The torque enters a sample late: tau[i] acts from sample i on, not from the next one.",
     ),
-    inverse_returned=(_RETURN, "return float(1.0 / found[0])", "This is one over the inertia."),
+    inverse_returned=(_RETURN, "return float(1.0 / fitted[0])", "This is one over the inertia."),
     friction_returned=(
         _RETURN,
-        "return float(found[1])",
+        "return float(fitted[1])",
         "This is the viscous friction, or what a fit takes for it. The inertia is asked for.",
     ),
     weight_returned=(
         _RETURN,
-        "return float(found[2])",
+        "return float(fitted[2])",
         "This is the weight. The inertia is asked for.",
     ),
 )

@@ -171,8 +171,8 @@ SLIPS = slips(
         "An engine that fails two needs is let in by changing one of them.",
     ),
     factor_inverted=(
-        "ways.append((1.0 / float(margins[i, failed[0]]),",
-        "ways.append((float(margins[i, failed[0]]),",
+        "changes.append((1.0 / float(margins[i, failed[0]]),",
+        "changes.append((float(margins[i, failed[0]]),",
         "Where a looser limit does it the factor is below 1: it is the ratio of the larger limit "
         "to the smaller one, in either direction.",
     ),

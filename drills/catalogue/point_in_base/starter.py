@@ -5,7 +5,7 @@ def point_in_base(pixels, stamp, camera, mount, log):
     """Where what a camera at a moving arm has seen is in the base, shape (3, n) [m]."""
     u, v, z = np.asarray(pixels, dtype=float)
     fx, fy, cx, cy = camera
-    seen = np.array([(u + 0.5 - cx) / fx * z, (v + 0.5 - cy) / fy * z, z])
+    in_camera = np.array([(u + 0.5 - cx) / fx * z, (v + 0.5 - cy) / fy * z, z])
     rows = np.asarray(log, dtype=float).T
     rows = np.vstack((rows[:4], np.unwrap(rows[4])))
     flange = np.array([np.interp(stamp + 0.1, rows[0], row) for row in rows[1:]])
@@ -16,4 +16,4 @@ def point_in_base(pixels, stamp, camera, mount, log):
         return R @ points + pose[:3, None]
 
     turned = np.asarray(mount, dtype=float) * np.array([1.0, 1.0, 1.0, -1.0])
-    return moved(flange, moved(turned, seen))
+    return moved(flange, moved(turned, in_camera))

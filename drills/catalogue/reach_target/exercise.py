@@ -66,11 +66,11 @@ def paths(figure: Any, shown: Shown) -> None:
     axes.legend()
 
 
-_TURN = ("seen[:, 2:] @ R.T", "seen[:, 2:] @ R")
-_STAMP = ("ages = now - seen[:, :1]", "ages = now - seen[:, 1:2]")
+_TURN = ("recent[:, 2:] @ R.T", "recent[:, 2:] @ R")
+_STAMP = ("ages = now - recent[:, :1]", "ages = now - recent[:, 1:2]")
 _UNIT = ("3.0 * 1e-3 * noise", "3.0 * noise")
 _STALE = (
-    "origin, began = told, now",
+    "origin, began = command, now",
     "began = now if began == -math.inf else began",
     "goal = target + seconds * belt",
     "goal = target + (began + seconds - now) * belt",
@@ -112,21 +112,21 @@ SLIPS = slips(
         "All four are still there: a turn, a stamp, a unit, a reference.",
     ),
     stale_clock=(
-        "origin, began = told, now",
-        "origin, began = told, now if began == -math.inf else began",
+        "origin, began = command, now",
+        "origin, began = command, now if began == -math.inf else began",
         "goal = target + seconds * belt",
         "goal = target + (began + seconds - now) * belt",
         "A new plan starts from the right place, with the old one's clock: it is half done when it "
         "begins.",
     ),
     stale_start=(
-        "origin, began = told, now",
-        "origin, began = (told if began == -math.inf else origin), now",
+        "origin, began = command, now",
+        "origin, began = (command if began == -math.inf else origin), now",
         "A new plan starts at the right time from the old one's start: the reference jumps back.",
     ),
     age_twice=(
         _STAMP[0],
-        "ages = 2.0 * (now - seen[:, :1])",
+        "ages = 2.0 * (now - recent[:, :1])",
         "The age is counted twice: ahead by as much as it was behind.",
     ),
     at_every_tick=(

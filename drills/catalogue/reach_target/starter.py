@@ -7,14 +7,14 @@ def reach_target(frames, noise, calibration, drift, start, ticks):
     """Where the tip is told to be at each tick, (m, 2) [m]; the task's table says what goes in."""
     rows, camera = np.asarray(frames, dtype=float), np.asarray(calibration, dtype=float)
     R, t, belt = camera[:, :2], camera[:, 2], np.asarray(drift, dtype=float)
-    seconds, told = 1.0, np.array(start, dtype=float)
-    origin = goal = told
+    seconds, command = 1.0, np.array(start, dtype=float)
+    origin = goal = command
     began, reference = -math.inf, np.zeros((len(np.asarray(ticks)), 2))
     for i, now in enumerate(np.asarray(ticks, dtype=float)):
-        seen = rows[rows[:, 1] <= now][-5:]
-        if len(seen):
-            ages = now - seen[:, 1:2]
-            target = np.mean(seen[:, 2:] @ R + t + ages * belt, axis=0)
+        recent = rows[rows[:, 1] <= now][-5:]
+        if len(recent):
+            ages = now - recent[:, 1:2]
+            target = np.mean(recent[:, 2:] @ R + t + ages * belt, axis=0)
             lost = math.inf
             if began > -math.inf:
                 lost = math.dist(target, goal + (now - began - seconds) * belt)
@@ -23,6 +23,6 @@ def reach_target(frames, noise, calibration, drift, start, ticks):
                 goal = target + (began + seconds - now) * belt
             share = min((now - began) / seconds, 1.0)
             beyond = max(now - began - seconds, 0.0)
-            told = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
-        reference[i] = told
+            command = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
+        reference[i] = command
     return reference

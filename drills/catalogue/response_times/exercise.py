@@ -69,7 +69,7 @@ def bars(figure: Any, shown: Shown) -> None:
 _RELEASES = "releases = -(-before // T[:i])"
 _SUM = "response = C[i] + B[i] + releases @ C[:i]"
 _WHILE = "while before < response <= D[i]:"
-_MET = "        if response <= D[i]:\n            found[i] = response\n"
+_MET = "        if response <= D[i]:\n            times[i] = response\n"
 
 SLIPS = slips(
     floor_for_ceiling=(
@@ -101,7 +101,7 @@ SLIPS = slips(
         _MET,
         """        n = i + 1
         if np.sum(C[:n] / T[:n]) <= n * (2.0 ** (1.0 / n) - 1.0):
-            found[i] = response
+            times[i] = response
 """,
         "A task is refused because the utilisation is above n (2^(1/n) - 1). That bound is enough "
         "and not needed: below it all is well, above it one has to look.",
@@ -109,7 +109,7 @@ SLIPS = slips(
     full_processor_test=(
         _MET,
         """        if np.sum(C[: i + 1] / T[: i + 1]) <= 1.0:
-            found[i] = min(response, D[i])
+            times[i] = min(response, D[i])
 """,
         "A utilisation below 1 is taken for enough. Fixed priorities may miss a deadline below it: "
         "compare the response time.",
@@ -151,17 +151,17 @@ SLIPS = slips(
         "A task that is done at its deadline has met it.",
     ),
     miss_not_told=(
-        "        if response <= D[i]:\n            found[i]",
-        "        found[i]",
+        "        if response <= D[i]:\n            times[i]",
+        "        times[i]",
         "The response time of a task beyond its deadline is given, at the point where the sum was "
         "stopped. It must be -1.",
     ),
     sorted_by_rate=(
-        "    found = np.full(len(C), -1)",
+        "    times = np.full(len(C), -1)",
         "    order = np.argsort(T, kind='stable')\n"
-        "    C, T, D, B = C[order], T[order], D[order], B[order]\n    found = np.full(len(C), -1)",
-        "return found",
-        "return found[np.argsort(order)]",
+        "    C, T, D, B = C[order], T[order], D[order], B[order]\n    times = np.full(len(C), -1)",
+        "return times",
+        "return times[np.argsort(order)]",
         "The tasks are sorted by their periods. The order of the arguments is that of importance, "
         "even where it is not rate-monotonic.",
     ),

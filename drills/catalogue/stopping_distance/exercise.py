@@ -48,15 +48,15 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 _V, _SLOWING = "dtype=float) / 3.6", "slowing = braking - 9.81 * np.sin(slope)"
-_WAY = "way = v * reaction + v**2 / (2.0 * slowing)"
-_TIME, _GAP = "time = reaction + v / slowing", "gap = way + person * time + unsure"
+_WAY = "distance = v * reaction + v**2 / (2.0 * slowing)"
+_TIME, _GAP = "time = reaction + v / slowing", "gap = distance + person * time + unsure"
 _LINEAR, _LEFT = "linear = reaction + person / slowing", "left = sight - person * reaction - unsure"
 _RETURN = "max(3.6 * float(top), 0.0)"
 
 SLIPS = slips(
     reaction_forgotten=(
         _WAY,
-        "way = v**2 / (2.0 * slowing)",
+        "distance = v**2 / (2.0 * slowing)",
         _LINEAR,
         "linear = person / slowing",
         "The robot goes on at full speed until the brake acts: the way of the reaction time is "
@@ -64,7 +64,7 @@ SLIPS = slips(
     ),
     half_missing=(
         _WAY,
-        "way = v * reaction + v**2 / slowing",
+        "distance = v * reaction + v**2 / slowing",
         "The way of the brake is v^2 / (2 a): the mean speed while braking is half the first.",
     ),
     kilometres_an_hour=(
@@ -81,7 +81,7 @@ SLIPS = slips(
     ),
     person_forgotten=(
         _GAP,
-        "gap = way + unsure",
+        "gap = distance + unsure",
         _LINEAR,
         "linear = reaction",
         _LEFT,
@@ -126,14 +126,14 @@ SLIPS = slips(
     ),
     unsure_forgotten=(
         _GAP,
-        "gap = way + person * time",
+        "gap = distance + person * time",
         _LEFT,
         "left = sight - person * reaction",
         "What the scanner may measure too far is left out.",
     ),
     unsure_taken_off=(
         _GAP,
-        "gap = way + person * time - unsure",
+        "gap = distance + person * time - unsure",
         _LEFT,
         "left = sight - person * reaction + unsure",
         "What the scanner may measure too far makes the gap larger, not smaller.",

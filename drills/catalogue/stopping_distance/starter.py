@@ -18,5 +18,5 @@ def stopping_distance(speeds, reaction, braking, slope, person, unsure, sight):
         highest speed [km/h]).
     """
     # The brake alone, before somebody who stands.
-    way = np.asarray(speeds) ** 2 / (2.0 * braking)
-    return way, way + unsure, np.sqrt(2.0 * braking * sight)
+    distance = np.asarray(speeds) ** 2 / (2.0 * braking)
+    return distance, distance + unsure, np.sqrt(2.0 * braking * sight)

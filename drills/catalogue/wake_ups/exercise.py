@@ -68,15 +68,15 @@ def against_grid(figure: Any, shown: Shown) -> None:
     axes.legend()
 
 
-_ASKED = "asked[i] = start + turn * period"
-_DONE = "done = asked[i] + lateness[i] + works[i]"
+_ASKED = "requested[i] = start + turn * period"
+_DONE = "done = requested[i] + lateness[i] + works[i]"
 _LATER = "later = max(turn + 1, -((start - done) // period))"
 _SKIPPED = "skipped[i] = later - turn - 1"
 
 SLIPS = slips(
     drift=(
         _ASKED,
-        "asked[i] = start if i == 0 else done + period",
+        "requested[i] = start if i == 0 else done + period",
         _SKIPPED,
         "skipped[i] = 0",
         "The loop sleeps for a period after its work: every cycle takes a period and what it "
@@ -84,7 +84,7 @@ SLIPS = slips(
     ),
     drift_from_waking=(
         _ASKED,
-        "asked[i] = start if i == 0 else asked[i - 1] + lateness[i - 1] + period",
+        "requested[i] = start if i == 0 else requested[i - 1] + lateness[i - 1] + period",
         _SKIPPED,
         "skipped[i] = 0",
         "The next time counts from when the cycle really began, so every lateness moves all that "
@@ -98,19 +98,19 @@ SLIPS = slips(
     ),
     lost_phase=(
         _ASKED,
-        "asked[i] = start if i == 0 else max(asked[i - 1] + period, done)",
+        "requested[i] = start if i == 0 else max(requested[i - 1] + period, done)",
         "After an overrun the loop goes on at once, off its grid. The phase is lost, and with it "
         "its place beside the other loops.",
     ),
     lost_phase_and_a_period=(
         _ASKED,
-        "asked[i] = start if i == 0 else (asked[i - 1] + period if "
-        "done <= asked[i - 1] + period else done + period)",
+        "requested[i] = start if i == 0 else (requested[i - 1] + period if "
+        "done <= requested[i - 1] + period else done + period)",
         "After an overrun the grid begins anew at now. Only whole periods may be left out.",
     ),
     always_one_skipped=(
         _LATER,
-        "later = turn + 1 + (done > asked[i] + period)",
+        "later = turn + 1 + (done > requested[i] + period)",
         "One period is skipped for an overrun, however long it was.",
     ),
     just_now_is_too_late=(
@@ -120,13 +120,13 @@ SLIPS = slips(
     ),
     lateness_forgotten=(
         _DONE,
-        "done = asked[i] + works[i]",
+        "done = requested[i] + works[i]",
         "The cycle is taken to begin when it asked to. It ends later by its lateness, which may "
         "cost a period.",
     ),
     work_forgotten=(
         _DONE,
-        "done = asked[i] + lateness[i]",
+        "done = requested[i] + lateness[i]",
         "What has passed is asked at the beginning of the cycle. The work comes on top.",
     ),
     nearest=(
@@ -145,8 +145,8 @@ SLIPS = slips(
         "The skipped periods are added up. Asked are those right after each cycle.",
     ),
     skipped_before=(
-        "return asked, skipped",
-        "return asked, np.roll(skipped, 1)",
+        "return requested, skipped",
+        "return requested, np.roll(skipped, 1)",
         "The skipped periods stand with the cycle after them. They belong to the one that was too "
         "long.",
     ),
