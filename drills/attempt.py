@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drills.cards import Card
+from drills.grade_report import Check, Cost, Part, Report
 from drills.inprocess import InProcess
 from drills.reasons import SENTENCES, Reason
-from drills.report import Check, Cost, Part, Report
 from drills.sandbox import Handle, Loaded, Raised
 from drills.values import Failure, Mismatch, as_float64, describe, describe_call, type_name, worst
 

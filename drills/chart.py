@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Union
 from drills import exercise as exercises
 from drills.attempt import Attempt, Place
 from drills.cards import card
-from drills.grade import start_child
-from drills.report import Report
+from drills.grade_report import Report
+from drills.grader import start_child
 
 if TYPE_CHECKING:
     from course.measure.figure import Panel

@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from drills import agenda, chapters, grading, present, progress, workspace
+from drills import agenda, chapters, commands, progress, task_text, workspace
 from drills import cards as catalogue
 from drills.cards import Card
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED, Reading, Record
@@ -121,7 +121,7 @@ def _list(session: Session, cards: list[Card]) -> int:
     groups = {"Interview drills": [card for card in cards if card.drill]}
     for card in cards:
         if not card.drill:
-            title = f"Exercises of chapter {card.chapter}: {present.chapter_title(card.chapter)}"
+            title = f"Exercises of chapter {card.chapter}: {task_text.chapter_title(card.chapter)}"
             groups.setdefault(title, []).append(card)
     name_width = max((len(card.name) for card in cards), default=4)
     for title, members in groups.items():
@@ -129,15 +129,15 @@ def _list(session: Session, cards: list[Card]) -> int:
             continue
         session.say(terminal.paint(title, "head"))
         for card in members:
-            mark = present.sign(loaded.of(card.name).state, terminal)
+            mark = task_text.sign(loaded.of(card.name).state, terminal)
             right = f"{card.difficulty}/5 {card.minutes:>3} min"
             right = f"ch {card.chapter:>2}  {right}" if card.drill else right
             left = terminal.width - len(right) - name_width - (8 if terminal.unicode else 10)
-            text = present.cut(card.title, left)
+            text = task_text.cut(card.title, left)
             session.say(f"  {mark} {card.name:<{name_width}}  {text:<{left}}  {right}")
         session.say()
     states = (NOT_ATTEMPTED, ATTEMPTED, SOLVED)
-    legend = "   ".join(f"{present.sign(s, terminal)} {present.STATE_WORDS[s]}" for s in states)
+    legend = "   ".join(f"{task_text.sign(s, terminal)} {task_text.STATE_WORDS[s]}" for s in states)
     session.say(f"  {legend}   1/5 easy, 5/5 hard" if cards else "Nothing fits.")
     entries = [_card_data(card, loaded.of(card.name)) for card in cards]
     reasons = [{"reason": str(r), "meaning": text} for r, text in SENTENCES.items()]
@@ -160,7 +160,7 @@ def next_(
         tried = loaded.of(card.name).state == ATTEMPTED
         verb = "Go on with" if tried else "Next:"
         session.wrap(terminal.paint(f"{verb} {card.name}: {card.title}", "head"))
-        session.wrap(present.facts(card), "  ", "  ")
+        session.wrap(task_text.facts(card), "  ", "  ")
         session.wrap(f"It teaches: {card.teaches}", "  ", "  ")
         session.say()
         session.say(f"  drills {'check' if tried else 'start'} {card.name}")
@@ -171,7 +171,7 @@ def next_(
             lead = f"  {card.name}: "
             right = f"{card.difficulty}/5 {card.minutes:>3} min"
             room = terminal.width - len(lead) - len(right) - 2
-            session.say(f"{lead}{present.cut(card.title, room):<{room}}  {right}")
+            session.say(f"{lead}{task_text.cut(card.title, room):<{room}}  {right}")
         time = agenda.duration(sum(card.minutes for card in left))
         session.say(f"{len(left)} to solve, about {time}.")
     else:
@@ -256,13 +256,13 @@ def read(
         session.record_chapter(chapter, mark)
     reading = session.records().reading(chapter)
     terminal = session.terminal
-    session.say(terminal.paint(f"Chapter {chapter}: {present.chapter_title(chapter)}", "head"))
+    session.say(terminal.paint(f"Chapter {chapter}: {task_text.chapter_title(chapter)}", "head"))
     for part in parts:
-        mark_of = present.sign(SOLVED if part.number in reading.read else NOT_ATTEMPTED, terminal)
+        mark_of = task_text.sign(SOLVED if part.number in reading.read else NOT_ATTEMPTED, terminal)
         right = f"{part.about:>3} min"
         lead = f"  {mark_of} {part.number:>2}  "
         room = terminal.width - len(right) - (11 if terminal.unicode else 13)
-        session.say(f"{lead}{present.cut(part.title, room):<{room}}  {right}")
+        session.say(f"{lead}{task_text.cut(part.title, room):<{room}}  {right}")
     left = [part for part in parts if part.number not in reading.read]
     session.say()
     time = agenda.duration(round(sum(part.minutes for part in left)))
@@ -318,19 +318,19 @@ def show(session: Session, name: str) -> int:
     terminal = session.terminal
     record = session.records().of(card.name)
     session.wrap(terminal.paint(f"{card.name}: {card.title}", "head"))
-    session.wrap(f"{present.facts(card)}; {present.STATE_WORDS[record.state]}")
+    session.wrap(f"{task_text.facts(card)}; {task_text.STATE_WORDS[record.state]}")
     session.wrap(f"It teaches: {card.teaches}", "  ", "")
     session.say()
     if not terminal.json:
-        for line in present.markdown_lines(present.task(card), terminal):
+        for line in task_text.markdown_lines(task_text.task(card), terminal):
             session.say(line)
-        present.say_examples(card, terminal)
+        task_text.say_examples(card, terminal)
     session.say()
     path = workspace.answer(session.work, card.name)
     begin = f"Your answer: {workspace.shown(path)}" if path.exists() else f"drills start {name}"
     session.wrap(begin)
     session.say(f"drills check {name}   drills hint {name}")
-    pairs = [{"call": call, "answer": answer} for call, answer in present.examples(card)]
+    pairs = [{"call": call, "answer": answer} for call, answer in task_text.examples(card)]
     payload = {**_card_data(card, record), "prompt": card.prompt(), "examples": pairs}
     return session.finish(RIGHT, payload)
 
@@ -357,8 +357,8 @@ def check(
     if everything:
         if target or file:
             raise Misuse("Check one answer or --all of them, not both.")
-        return grading.check_all(session, seed)
-    return grading.check(session, target, file, seed, rendered, called)
+        return commands.check_all(session, seed)
+    return commands.check(session, target, file, seed, rendered, called)
 
 
 @cli.command()
@@ -369,7 +369,7 @@ def check(
 @body
 def watch(session: Session, name: str, file: str | None, seed: int | None) -> int:
     """Grade NAME again each time its file is saved, until Ctrl-C."""
-    return grading.watch(session, catalogue.card(name), file, seed)
+    return commands.watch(session, catalogue.card(name), file, seed)
 
 
 @cli.command()
@@ -391,7 +391,7 @@ def hint(session: Session, name: str) -> int:
     else:
         numbers = range(record.hints, record.hints + 1)
     for number in numbers:
-        present.say_hint(number, count, card.hints[number - 1], session.terminal)
+        task_text.say_hint(number, count, card.hints[number - 1], session.terminal)
     session.say()
     last = numbers[-1]
     if before >= count:
@@ -485,7 +485,7 @@ def status(session: Session) -> int:
         )
         label = f"Chapter {number}: {one.chapter.title}"
         room = terminal.width - 10 - 2 - 16
-        label = present.cut(label, room)
+        label = task_text.cut(label, room)
         drawn = terminal.paint(bar(solved, len(here)), "good")
         session.say(f"{label:<{room}}  {drawn} {solved:>2} of {len(here):<2} solved")
         if one.sections:
@@ -495,7 +495,7 @@ def status(session: Session) -> int:
                 f"read, checkpoint {passed}"
             )
         for key, state in sorted(loaded.reading(number).tried.items()):
-            session.say(f"        {present.sign(state, terminal)} {key}")
+            session.say(f"        {task_text.sign(state, terminal)} {key}")
         for card in here:
             record = loaded.of(card.name)
             if record.attempts or record.hints or record.gave_up:
@@ -529,7 +529,7 @@ def status(session: Session) -> int:
 
 
 def _sign(session: Session, record: Record) -> str:
-    return present.sign(record.state, session.terminal)
+    return task_text.sign(record.state, session.terminal)
 
 
 def _story(card: Card, record: Record) -> str:
@@ -597,7 +597,7 @@ def chart(session: Session, name: str, file: str | None, seed: int, output: str 
     """Draw the speed and accuracy of your answer beside the reference and a library."""
     card = catalogue.card(name)
     target = Path(output) if output else session.work / f"{card.name}.png"
-    return grading.chart(session, card, file, seed, target)
+    return commands.chart(session, card, file, seed, target)
 
 
 @cli.command()

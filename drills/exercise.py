@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from drills.attempt import Attempt, Place
 from drills.cards import card
+from drills.grade_report import Shown
 from drills.reasons import Reason
-from drills.report import Shown
 from drills.sandbox import Limits
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def slips(**table: Sequence[str]) -> tuple[Slip, ...]:
 
 
 def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
-    """The worked answer in single precision and rounded, which `drills.judge.coarse` names.
+    """The worked answer in single precision and rounded, which `drills.case_judge.coarse` names.
 
     Args:
         entry: the function's name.
@@ -122,7 +122,7 @@ def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
 def value_slips(
     entry: str, *, swapped: bool = False, in_part: bool = True, whole: bool = True
 ) -> tuple[Slip, ...]:
-    """Mistakes that every function knows, which `drills.judge` names by the values.
+    """Mistakes that every function knows, which `drills.case_judge` names by the values.
 
     Args:
         entry: the function's name.

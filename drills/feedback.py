@@ -15,8 +15,8 @@ from dataclasses import replace
 from typing import Any
 
 from drills.cards import Card
+from drills.grade_report import Check, Cost, Report
 from drills.reasons import Reason
-from drills.report import Check, Cost, Report
 
 SHOWN_CASES = 6
 SHOWN_LINES = 12

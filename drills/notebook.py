@@ -24,12 +24,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from course import CHAPTERS, kept
+from course import CHAPTERS, json_store
 from course.check import one_of
-from drills import agenda, chapters, present, progress, workspace
+from drills import agenda, chapters, progress, task_text, workspace
 from drills import cards as catalogue
-from drills.borrowed import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
 from drills.cards import Card
+from drills.cell_source import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
 from drills.chapters import Section
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
 from drills.reasons import Reason
@@ -152,9 +152,9 @@ def card(name: str) -> Shown:
     parts = [
         f"### {one.title}",
         f"*{facts}. It teaches: {one.teaches}.*",
-        present.task(one).strip(),
+        task_text.task(one).strip(),
     ]
-    pairs = present.examples(one)
+    pairs = task_text.examples(one)
     if pairs:
         lines = [line for call, answer in pairs for line in (f">>> {call}", answer)]
         parts.append("```python\n" + "\n".join(lines) + "\n```")
@@ -163,7 +163,7 @@ def card(name: str) -> Shown:
             f"<details><summary>Hint {number}: {_escaped(hint.symptom)}</summary>\n\n"
             f"{hint.text}\n\n</details>"
         )
-    plain = [f"{one.title} ({facts})", "", present.task(one).strip(), ""]
+    plain = [f"{one.title} ({facts})", "", task_text.task(one).strip(), ""]
     plain += [f"Hint {number}: {hint.symptom}" for number, hint in enumerate(one.hints, 1)]
     return Shown("\n".join(plain), markdown="\n\n".join(parts))
 
@@ -189,7 +189,7 @@ def badges(chapter: int) -> Shown:
     here += [(key, key, state) for key, state in sorted(loaded.reading(chapter).tried.items())]
     for name, title, state in here:
         ground, ink = _BADGE_COLOURS[state]
-        sign, word = present.STATE_SIGNS[state], present.STATE_WORDS[state]
+        sign, word = task_text.STATE_SIGNS[state], task_text.STATE_WORDS[state]
         spans.append(
             f'<span title="{_escaped(title)}" style="display:inline-block;'
             f"margin:2px 6px 2px 0;padding:2px 10px;border-radius:10px;background:{ground};"
@@ -281,14 +281,16 @@ def home() -> Shown:
         link = chapter.notebook.removeprefix("notebooks/")
         title = f"[{chapter.title}]({link})" if row.sections else chapter.title
         read = f"{len(row.sections) - len(row.unread)} of {len(row.sections)} sections"
-        signs = "".join(present.STATE_SIGNS[loaded.of(card.name).state] for card in row.cards)
+        signs = "".join(task_text.STATE_SIGNS[loaded.of(card.name).state] for card in row.cards)
         passed = f"passed on {row.checkpoint[:10]}" if row.checkpoint else "open"
         table.append(
             f"| {chapter.number} | {title} | {read if row.sections else 'coming'} | {signs} "
             f"| {agenda.duration(row.reading_minutes) if row.sections else ''} "
             f"| {agenda.duration(row.exercise_minutes)} | {passed if row.sections else ''} |"
         )
-    signs = ", ".join(f"{present.STATE_SIGNS[s]} {present.STATE_WORDS[s]}" for s in progress.STATES)
+    signs = ", ".join(
+        f"{task_text.STATE_SIGNS[s]} {task_text.STATE_WORDS[s]}" for s in progress.STATES
+    )
     other = [row for row in standing if row.sections]
     to_read = agenda.duration(sum(row.reading_minutes for row in other))
     to_solve = agenda.duration(sum(row.exercise_minutes for row in other))
@@ -396,14 +398,14 @@ def _card_for(obj: Any, name: str | None) -> Card:
 
 def _untouched(card: Card, what: Any) -> Result | None:
     """The result for a starter that is as it was, else None. It is no attempt: nothing is kept."""
-    from drills.grade import is_starter
+    from drills.grader import is_starter
 
     source = what.source if isinstance(what, Assembled) else own_source(what)
     if not is_starter(card, source):
         return None
     from drills import feedback
+    from drills.grade_report import Report
     from drills.reasons import SENTENCES
-    from drills.report import Report
 
     reason = Reason.NOT_ATTEMPTED
     report = Report(card.name, 0, _CELL, source, reason, SENTENCES[reason])
@@ -499,7 +501,7 @@ def _noted(chapter: int, edit: Callable[[progress.Reading], None]) -> progress.L
     """Enter something on a chapter; where that can't be written, what there is and why."""
     try:
         return progress.change_chapter(_progress_file(), chapter, edit)
-    except kept.Problem as problem:
+    except json_store.Problem as problem:
         loaded = progress.load(_progress_file())
         return progress.Loaded(loaded.records, loaded.chapters, (*loaded.notices, str(problem)))
 

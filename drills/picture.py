@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drills import exercise as exercises
-from drills.report import Report
+from drills.grade_report import Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,6 +1,6 @@
 """What a learner has read, attempted and solved: one small file that a person can read.
 
-`course.kept` says how it is read and written, so that nothing is lost.
+`course.json_store` says how it is read and written, so that nothing is lost.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from course import kept
-from course.kept import Damaged
+from course import json_store
+from course.json_store import Damaged
 
 SCHEMA = "drills-progress/1"
 NOT_ATTEMPTED, ATTEMPTED, SOLVED = "not_attempted", "attempted", "solved"
@@ -82,7 +82,7 @@ def load(path: Path | None) -> Loaded:
     Args:
         path: of the file, or None to keep no progress.
     """
-    loaded, notices = kept.load(path, FORM)
+    loaded, notices = json_store.load(path, FORM)
     return replace(loaded, notices=notices)
 
 
@@ -113,7 +113,7 @@ def change_chapter(path: Path | None, number: int, edit: Callable[[Reading], Non
 
 
 def _edited(path: Path | None, edit: Callable[[Loaded], object]) -> Loaded:
-    loaded, notices = kept.change(path, FORM, edit)
+    loaded, notices = json_store.change(path, FORM, edit)
     return replace(loaded, notices=notices)
 
 
@@ -244,4 +244,4 @@ def _plain(loaded: Loaded) -> dict[str, Any]:
     }
 
 
-FORM = kept.Form(SCHEMA, "progress", Loaded, _loaded, _plain)
+FORM = json_store.Form(SCHEMA, "progress", Loaded, _loaded, _plain)

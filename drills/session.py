@@ -16,7 +16,7 @@ from typing import Any
 
 import click
 
-from course.kept import Problem
+from course.json_store import Problem
 from course.libraries import import_error, missing_shared_library
 from drills import progress, workspace
 from drills.cards import UnknownExercise

@@ -23,10 +23,10 @@ from drills import exercise as exercises
 from drills.attempt import Attempt, Place
 from drills.cards import Card, Quantity
 from drills.exercise import HEADROOM, Exercise
-from drills.grade import attempt, grade, start_child
+from drills.grade_report import LEVELS
+from drills.grader import attempt, grade, start_child
 from drills.inprocess import InProcess, Local, StandIn
 from drills.reasons import Reason
-from drills.report import LEVELS
 from drills.sandbox import Handle, Limits
 
 LEAST_SLIPS = 4

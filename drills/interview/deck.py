@@ -141,11 +141,11 @@ def _sourced(entry: Entry) -> None:
 
 
 def _drill(entry: Entry) -> Sides:
-    from drills import present
+    from drills import task_text
 
     card = catalogue.card(entry.name)
     work = f"Work it before you look: `drills start {card.name}`, `drills check {card.name}`."
-    front = f"**{card.title}** ({card.minutes} minutes)\n\n{present.task(card)}\n\n{work}"
+    front = f"**{card.title}** ({card.minutes} minutes)\n\n{task_text.task(card)}\n\n{work}"
     return Sides(front, f"{card.insight}\n\n```python\n{card.solution_text()}```")
 
 

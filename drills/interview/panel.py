@@ -20,7 +20,7 @@ import anywidget
 import ipywidgets
 import traitlets
 
-from course import kept
+from course import json_store
 from course.cards import tex
 from course.check import one_of
 from drills import workspace
@@ -114,7 +114,7 @@ class Flashcards(ipywidgets.VBox):
                 self._reviews, report = store.rate(
                     self._path, self.entry, rating, self._clock(), self._reviews
                 )
-            except kept.Problem as problem:
+            except json_store.Problem as problem:
                 report = (f"{problem} The card is as it was.",)
                 self._passed.add(self.entry.key)
             self.note.value = " ".join(report)

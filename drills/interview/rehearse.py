@@ -13,12 +13,12 @@ from typing import Any
 
 import click
 
-from course import CHAPTERS, kept
+from course import CHAPTERS, json_store
 from course.derivations.records import figure
 from course.interview import rehearsal
 from course.interview.rehearsal import MARKS, PARTS, Entry, Interview, Item
 from drills import cards as catalogue
-from drills import grading, present, workspace
+from drills import commands, task_text, workspace
 from drills.chapters import notebook_of
 from drills.interview import deck, listen, read_line, store
 from drills.progress import SOLVED
@@ -52,10 +52,10 @@ def _parse(content: dict[str, Any]) -> Past:
         }
         return Past(opened, {k: float(v) for k, v in content["scores"].items()}, content["last"])
     except (TypeError, KeyError, ValueError, AttributeError):
-        raise kept.Damaged from None
+        raise json_store.Damaged from None
 
 
-FORM = kept.Form("drills-interviews/1", "interviews", Past, _parse, asdict)
+FORM = json_store.Form("drills-interviews/1", "interviews", Past, _parse, asdict)
 
 
 def pool(chosen: frozenset[int] = EVERY) -> dict[str, Item]:
@@ -119,7 +119,7 @@ class Talk:
 
     def past(self) -> Past:
         """What is kept; what is wrong with its file is said."""
-        past, notices = kept.load(self.file, FORM)
+        past, notices = json_store.load(self.file, FORM)
         self.session.notices += notices
         return past
 
@@ -139,8 +139,8 @@ class Talk:
     def store(self, edit: Callable[[Past], object]) -> None:
         """Change the file of the interviews; where that is not possible, it is said once."""
         try:
-            _, notices = kept.change(self.file, FORM, edit)
-        except kept.Problem as problem:
+            _, notices = json_store.change(self.file, FORM, edit)
+        except json_store.Problem as problem:
             notices = (str(problem),)
         self.session.notices += [one for one in notices if one not in self.session.notices]
 
@@ -164,7 +164,7 @@ class Talk:
     def show(self, markdown: str) -> None:
         """Write Markdown."""
         if not self.session.terminal.json:
-            for line in present.markdown_lines(markdown, self.session.terminal):
+            for line in task_text.markdown_lines(markdown, self.session.terminal):
                 self.session.say(line)
 
     def take(self, entry: Entry, name: str) -> None:
@@ -217,7 +217,7 @@ class Talk:
             entry.answered = True
             self.book_time(entry)
         self.ask(f"{card.title}: write {card.entry} in {workspace.shown(path)}.")
-        self.show(present.task(card))
+        self.show(task_text.task(card))
         verdicts: list[str] = [attempt["verdict"] for attempt in entry.attempts]
         while "pass" not in verdicts:
             editor = "e opens your editor, " * self.editor
@@ -228,9 +228,9 @@ class Talk:
             if line == "e" and self.editor:
                 click.edit(filename=str(path))
             elif not line:
-                report = grading.graded(self.session, card, str(path), None)
-                grading.report_result(self.session, card, report, str(path))
-                if report.reason not in grading.UNCOUNTED:
+                report = commands.graded(self.session, card, str(path), None)
+                commands.report_result(self.session, card, report, str(path))
+                if report.reason not in commands.UNCOUNTED:
                     entry.attempts.append({"verdict": report.verdict, "sentence": report.sentence})
                     verdicts.append(report.verdict)
             self.book_time(entry)

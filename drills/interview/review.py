@@ -10,9 +10,9 @@ from typing import Any
 
 import click
 
-from course import kept
+from course import json_store
 from drills import cards as catalogue
-from drills import grading, present, workspace
+from drills import commands, task_text, workspace
 from drills.interview import listen, read_line, store
 from drills.interview.deck import Entry, deck, judge, sides
 from drills.interview.rehearse import chapters_of
@@ -102,11 +102,11 @@ class Round:
         words += f"; a blank line is {RATINGS[intended]}" if intended else ""
         self.session.say(f"How well did you know it? {words}.")
         while (line := self._line()) not in map(str, RATINGS) and (line or not intended):
-            self.session.say(f"{present.cut(line, 20)!r} is no rating: {words}.")
+            self.session.say(f"{task_text.cut(line, 20)!r} is no rating: {words}.")
         rating, now = int(line or intended or AGAIN), self.clock()
         try:
             self.reviews, report = store.rate(self.path, entry, rating, now, self.reviews)
-        except kept.Problem as problem:
+        except json_store.Problem as problem:
             report = (str(problem),)
             self.path = None  # said once; the round goes on
             self.reviews, _ = store.rate(None, entry, rating, now, self.reviews)
@@ -128,7 +128,7 @@ class Round:
 
     def _show(self, markdown: str) -> None:
         if not self.session.terminal.json:
-            for line in present.markdown_lines(markdown, self.session.terminal):
+            for line in task_text.markdown_lines(markdown, self.session.terminal):
                 self.session.say(line)
 
     def _graded(self, entry: Entry, grades: list[bool]) -> bool:
@@ -138,8 +138,8 @@ class Round:
         if not path.exists() or workspace.is_untouched(path, card):
             self.session.wrap(f"Nothing is written yet: drills start {card.name}, then come back.")
             return False
-        report = grading.graded(self.session, card, str(path), None)
-        grading.report_result(self.session, card, report, str(path))
+        report = commands.graded(self.session, card, str(path), None)
+        commands.report_result(self.session, card, report, str(path))
         grades.append(report.passed)
         return report.passed
 

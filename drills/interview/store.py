@@ -1,8 +1,8 @@
 """How well each card is known: `reviews.json` beside the progress, and the next time it is asked.
 
 When that is comes from the library fsrs (a model of memory; the chance to recall is kept at nine in
-ten). The file holds its state of each card and what was rated. `course.kept` says how it is read
-and written: two terminals at once lose nothing, and a damaged file is put aside.
+ten). The file holds its state of each card and what was rated. `course.json_store` says how it is
+read and written: two terminals at once lose nothing, and a damaged file is put aside.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from course import kept
+from course import json_store
 from course.check import invalid
-from course.kept import Damaged
+from course.json_store import Damaged
 from drills.interview.deck import Entry
 
 RATINGS = {1: "again", 2: "hard", 3: "good", 4: "easy"}
@@ -48,7 +48,7 @@ def load(path: Path | None) -> tuple[Reviews, tuple[str, ...]]:
     Args:
         path: of the file, or None to keep none.
     """
-    return kept.load(path, FORM)
+    return json_store.load(path, FORM)
 
 
 def rate(
@@ -96,7 +96,7 @@ def rate(
     if path is None:
         edit(reviews := reviews or Reviews())
         return reviews, tuple(notices)
-    after, report = kept.change(path, FORM, edit)
+    after, report = json_store.change(path, FORM, edit)
     return after, (*report, *notices)
 
 
@@ -191,4 +191,6 @@ def _is_time(text: Any) -> bool:
         return False
 
 
-FORM: kept.Form[Reviews] = kept.Form("drills-reviews/1", "reviews", Reviews, _parsed, vars)
+FORM: json_store.Form[Reviews] = json_store.Form(
+    "drills-reviews/1", "reviews", Reviews, _parsed, vars
+)

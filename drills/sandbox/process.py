@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from drills.reasons import Reason
-from drills.sandbox import places, scratch, tree, wire
+from drills.sandbox import readable_paths, scratch, tree, wire
 from drills.sandbox.outcome import (
     DEFAULT,
     Ended,
@@ -41,7 +41,7 @@ from drills.sandbox.outcome import (
     StartFailed,
     SyntaxProblem,
 )
-from drills.sandbox.words import readable, size_text
+from drills.sandbox.safe_text import readable, size_text
 
 SCRIPT = Path(__file__).with_name("child.py")
 START = 60.0  # s, for the interpreter, numpy and the drill's own module: not the learner's time
@@ -190,8 +190,8 @@ class Child:
                 "NOFILE": 128,
                 "STACK": 8 << 20,
             },
-            "path": places.search_path(),
-            **places.access(self._folder),
+            "path": readable_paths.search_path(),
+            **readable_paths.access(self._folder),
         }
         self._pending = memoryview(wire.pack(settings))
         self._poll = select.poll()

@@ -6,7 +6,7 @@ import os
 import sys
 from dataclasses import dataclass
 
-from drills.sandbox import places, tree
+from drills.sandbox import readable_paths, tree
 from drills.sandbox.outcome import Ended, Raised, StartFailed
 from drills.sandbox.process import Child
 
@@ -58,7 +58,9 @@ def protections() -> list[Protection]:
         with Child("def nothing(): pass", filename="probe", entry="nothing", given=PROBE) as child:
             child.load()
             layers = child.layers
-            tried = child.given("report", str(places.HERE / "drills" / "reasons.py"), os.getpid())
+            tried = child.given(
+                "report", str(readable_paths.HERE / "drills" / "reasons.py"), os.getpid()
+            )
     except (StartFailed, Ended, Raised) as error:
         return [Protection("own process", False, str(error))]
     names = {

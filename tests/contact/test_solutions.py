@@ -15,7 +15,7 @@ from course.contact import scenes
 from course.contact.problem import Problem
 from course.oracles import coal
 from drills.cards import Card, cards
-from drills.grade import is_starter
+from drills.grader import is_starter
 from solutions import contact as solutions
 from tests.budget import examples
 from tools import notebooks

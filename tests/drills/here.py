@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from drills import cards
-from drills.grade import attempt
-from drills.report import Report
+from drills.grade_report import Report
+from drills.grader import attempt
 from drills.verify import in_this_process
 
 

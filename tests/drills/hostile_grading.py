@@ -25,17 +25,17 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from drills import grade as engine
+from drills import grader as engine
 from drills.cli import cli
-from drills.grade import grade
+from drills.grade_report import Report
+from drills.grader import grade
 from drills.progress import load
 from drills.reasons import Reason
-from drills.report import Report
-from drills.sandbox import Child, Limits, places, tree
+from drills.sandbox import Child, Limits, readable_paths, tree
 
 HERE = Path(__file__).parent
 KINDS = ("ends", "floods", "processes", "forging", "files", "values", "unlucky")
-ROOT = places.HERE
+ROOT = readable_paths.HERE
 LINUX = sys.platform.startswith("linux")
 HOME = pwd.getpwuid(os.getuid()).pw_dir
 SHORT = Limits(load=1.0, call=0.5, patience=2)

@@ -12,7 +12,7 @@ from drills import cards
 from drills import exercise as exercises
 from drills.attempt import Attempt, Place
 from drills.chart import Drawing, Plan, chart_of
-from drills.report import Report
+from drills.grade_report import Report
 from drills.verify import in_this_process
 
 

@@ -11,9 +11,9 @@ import pytest
 from drills import cards as catalogue
 from drills import exercise as exercises
 from drills import feedback, picture
-from drills.grade import COMPILING, limits_for
+from drills.grade_report import Shown
+from drills.grader import COMPILING, limits_for
 from drills.reasons import Reason
-from drills.report import Shown
 from drills.sandbox import Limits
 from tests.drills.here import grade_here
 from tests.drills.place import Place, a_place

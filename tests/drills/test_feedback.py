@@ -17,9 +17,9 @@ import pytest
 
 from drills import feedback
 from drills.cards import card
-from drills.grade import grade
+from drills.grade_report import Check, Report
+from drills.grader import grade
 from drills.reasons import SENTENCES, Reason
-from drills.report import Check, Report
 from drills.sandbox import Limits
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -83,7 +83,7 @@ def _settled(text: str) -> str:
 @pytest.mark.parametrize("case", CASES)
 def test_feedback_is_the_golden_one(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # On a busy machine the clock must not come before the processor time.
-    monkeypatch.setattr("drills.grade.Limits", functools.partial(Limits, patience=100.0))
+    monkeypatch.setattr("drills.grader.Limits", functools.partial(Limits, patience=100.0))
     shown = _settled(feedback.text(_report(case), card("fk3")))
     file = GOLDEN / f"{case}.txt"
     if os.environ.get("WRITE_GOLDEN"):

@@ -13,14 +13,14 @@ import pytest
 
 from drills import cards as catalogue
 from drills import exercise as exercises
-from drills import grade as engine
+from drills import grader as engine
 from drills.attempt import Attempt
 from drills.cards import Quantity, Signature
+from drills.case_judge import Answer, Case, coarse, judge_of
 from drills.exercise import Slip
-from drills.grade import grade
-from drills.judge import Answer, Case, coarse, judge_of
+from drills.grade_report import Report
+from drills.grader import grade
 from drills.reasons import Reason
-from drills.report import Report
 from drills.verify import in_this_process
 
 pytestmark = pytest.mark.slow

@@ -15,7 +15,7 @@ from jupyter_client.manager import KernelManager
 
 from drills import cards as catalogue
 from drills import notebook
-from drills.borrowed import Borrowed, Unusable, assemble
+from drills.cell_source import Borrowed, Unusable, assemble
 from drills.reasons import Reason
 
 RIGHT = """

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course import kept
+from course import json_store
 from drills import progress
 from drills.progress import Record
 
@@ -122,7 +122,7 @@ def test_a_file_of_another_version_is_left_alone(file: Path) -> None:
     file.parent.mkdir()
     file.write_text('{"schema": "drills-progress/2", "exercises": {}}')
     assert "another version" in progress.load(file).notices[0]
-    with pytest.raises(kept.Problem, match="another version"):
+    with pytest.raises(json_store.Problem, match="another version"):
         attempt(file, "fk3", True)
     assert "drills-progress/2" in file.read_text()
 
@@ -136,7 +136,7 @@ def test_a_file_that_grew_without_bound_is_not_read_into_memory(file: Path) -> N
 
 def test_what_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "work").write_text("a file where the folder should be")
-    with pytest.raises(kept.Problem, match="can't be written"):
+    with pytest.raises(json_store.Problem, match="can't be written"):
         attempt(tmp_path / "work" / "progress.json", "fk3", True)
     folder = tmp_path / "progress.json"
     folder.mkdir()
@@ -154,7 +154,7 @@ def test_a_read_only_folder_is_a_sentence(file: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(os, "open", read_only)
     assert progress.load(file).of("fk3").state == "solved"
-    with pytest.raises(kept.Problem, match="can't be written: read-only file system"):
+    with pytest.raises(json_store.Problem, match="can't be written: read-only file system"):
         attempt(file, "fk3", True)
 
 
@@ -166,7 +166,7 @@ def test_a_full_disk_leaves_the_old_file(file: Path, monkeypatch: pytest.MonkeyP
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(kept.Problem, match="no space left"):
+    with pytest.raises(json_store.Problem, match="no space left"):
         attempt(file, "fk3", True)
     assert file.read_bytes() == before
     assert not list(file.parent.glob(".*.part"))
@@ -231,10 +231,10 @@ def test_a_lock_that_is_never_freed_is_a_sentence(
     import fcntl
 
     attempt(file, "fk3", False)
-    monkeypatch.setattr(kept, "_PATIENCE", 0.1)
+    monkeypatch.setattr(json_store, "_PATIENCE", 0.1)
     with (file.parent / ".progress.json.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        with pytest.raises(kept.Problem, match="has held the lock"):
+        with pytest.raises(json_store.Problem, match="has held the lock"):
             attempt(file, "fk3", True)
         assert progress.load(file).of("fk3").state == "attempted"  # reading needs no lock
 

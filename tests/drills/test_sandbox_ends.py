@@ -17,7 +17,16 @@ import numpy as np
 import pytest
 
 from drills.reasons import Reason
-from drills.sandbox import Ended, Limits, Raised, confine, places, protections, scratch, tree
+from drills.sandbox import (
+    Ended,
+    Limits,
+    Raised,
+    confine,
+    protections,
+    readable_paths,
+    scratch,
+    tree,
+)
 from drills.sandbox.process import LAYERS
 from tests.drills.sandbox_children import PLAIN, QUICK, child, ended, loaded
 
@@ -286,7 +295,7 @@ def syscall(number, *a):
     return [libc.syscall(number, *map(ctypes.c_ulong, a)), ctypes.get_errno()]
 """
 
-ROOT = Path(places.HERE)
+ROOT = Path(readable_paths.HERE)
 
 
 def kernel_has(layer: str) -> bool:

@@ -221,14 +221,14 @@ def test_watch_says_the_time_and_survives_a_missing_file(place: Place) -> None:
 @pytest.fixture
 def broken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Exception]:
     """A grader that raises what the test puts into the list."""
-    import drills.grade
+    import drills.grader
 
     raised: list[Exception] = []
 
     def grade(*args: object, **kwargs: object) -> None:
         raise raised[0]
 
-    monkeypatch.setattr(drills.grade, "grade", grade)
+    monkeypatch.setattr(drills.grader, "grade", grade)
     monkeypatch.setenv("DRILLS_WORK", str(tmp_path / "work"))
     monkeypatch.delenv("DRILLS_DEBUG", raising=False)
     (tmp_path / "work").mkdir()

@@ -201,7 +201,7 @@ def test_a_whole_interview(
     assert result["over"] == items[int(np.argmax(spent > MINUTES * 60))]["title"]
     assert out.count("The time is over") == 1
 
-    past = rehearse.kept.load(talk.file, rehearse.FORM)[0]
+    past = rehearse.json_store.load(talk.file, rehearse.FORM)[0]
     assert past.open == {} and past.last == keys and past.scores[keys[1]] == 0
     again = talk_of(place, [], MINUTES, PARTS, seed)
     assert not {one.key for one in again.interview.items} & set(keys)
@@ -228,7 +228,7 @@ def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(rehearsal, "draw", draw)
     talk = talk_of(place, [], 15, ("concept",), 3)
-    scores = rehearse.kept.load(talk.file, rehearse.FORM)[0].scores
+    scores = rehearse.json_store.load(talk.file, rehearse.FORM)[0].scores
     assert sorted(scores.values()) == [0, 1]
     assert weak == [{"drill/fk3", card.key, *(key for key, score in scores.items() if score == 0)}]
     assert talk.run() == 0 and talk.interview.cards_due == [card.key]
@@ -241,7 +241,7 @@ def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(place: Place)
     assert again.interview.items[0].key == talk.interview.items[0].key
     third = talk_of(place, [], 15, ("concept",), 1)
     assert third.interview.items[0].key != talk.interview.items[0].key
-    retained = rehearse.kept.load(talk.file, rehearse.FORM)[0].open.popitem()[1]
+    retained = rehearse.json_store.load(talk.file, rehearse.FORM)[0].open.popitem()[1]
     assert retained.seconds == 200  # one look for the line, one at the end
     assert "One is not over" in third.session.notices[0]
 

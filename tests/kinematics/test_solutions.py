@@ -20,7 +20,7 @@ from course.oracles.pinocchio import Arm
 from course.rigid_body.quaternion import angle_between, from_euler_zyx, to_matrix
 from drills import cards
 from drills import exercise as exercises
-from drills.grade import attempt
+from drills.grader import attempt
 from drills.verify import in_this_process
 from solutions import kinematics as solutions
 from tests.budget import examples

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from course import charts
-from course.charts.learning import reinforced, ways
+from course.charts.learning import reinforced, two_ways
 from course.learning import Mixture, accumulated, evaluate
 from course.vector_env import PointReachVector
 from course.vector_env.point import plan
@@ -50,7 +50,7 @@ def test_samplers_have_their_orders_and_the_nets_their_floor() -> None:
     assert exact["flow net"].y[-1] > 3.0 * exact["Heun"].y[-1]
     assert driven["flow, euler"].y[0] < 0.5 < driven["flow, euler"].y[-1]
     mixture = Mixture(np.array([0.3, 0.7]), np.array([[-1.0], [2.0]]), np.array([0.2, 0.5]))
-    x = ways.quantiles(mixture, np.array([0.1, 0.6]))
+    x = two_ways.quantiles(mixture, np.array([0.1, 0.6]))
     below = 0.3 * norm.cdf((x + 1.0) / 0.2) + 0.7 * norm.cdf((x - 2.0) / 0.5)
     assert np.allclose(below, [0.1, 0.6])
 

@@ -10,7 +10,7 @@ from course.perception.pose import STANDING, apart, locate, see_through, stand_i
 from course.perception.registration import DIRECTIONS
 from course.rigid_body.quaternion import exp
 from tests.budget import examples
-from tests.perception.looks import BOX, CAMERA, CYLINDER, SENSOR, SPHERE, error, on_table
+from tests.perception.part_images import BOX, CAMERA, CYLINDER, SENSOR, SPHERE, error, on_table
 
 HEIGHT = {"box": 0.03, "cylinder": 0.05, "sphere": 0.04}
 SMALL = shape("box", 0.03, 0.02, 0.02)

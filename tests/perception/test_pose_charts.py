@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from course import charts
-from course.charts.perception import left_out
+from course.charts.perception import neglected
 
 
 def test_a_prism_comes_home_from_half_its_period():
@@ -44,13 +44,13 @@ def test_averages_lag_and_predictions_say_their_error():
 
 @pytest.mark.slow
 def test_what_a_picture_leaves_out_is_below_what_the_gripper_needs(monkeypatch):
-    known = left_out.known_part()
+    known = neglected.known_part()
     assert known.check() == []
     assert all(effect.measured() > 0.0 for effect in known.left_out)
-    scene = left_out.scene(left_out.YAWS[1], left_out.ASIDE[1])
+    scene = neglected.scene(neglected.YAWS[1], neglected.ASIDE[1])
     for empty in ("DISTORTED", "SPEED", "DAZZLED"):
-        monkeypatch.setattr(left_out, empty, 0.0)
-    for view in (left_out.through_a_lens, left_out.moving, left_out.dazzled):
-        assert np.allclose(view(scene, 1), left_out.plain(scene, 1), atol=1e-12), view.__name__
-    monkeypatch.setattr(left_out, "DISTORTED", 40.0)  # nobody has calibrated it
-    assert left_out.change(left_out.through_a_lens) > known.tolerance.value
+        monkeypatch.setattr(neglected, empty, 0.0)
+    for view in (neglected.through_a_lens, neglected.moving, neglected.dazzled):
+        assert np.allclose(view(scene, 1), neglected.plain(scene, 1), atol=1e-12), view.__name__
+    monkeypatch.setattr(neglected, "DISTORTED", 40.0)  # nobody has calibrated it
+    assert neglected.change(neglected.through_a_lens) > known.tolerance.value

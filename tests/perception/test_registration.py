@@ -13,7 +13,7 @@ from course.perception.camera import shape, together
 from course.perception.registration import DIRECTIONS, Cloud, icp, known, rigid_fit
 from course.rigid_body.quaternion import exp, from_matrix, to_matrix
 from tests.budget import examples
-from tests.perception.looks import (
+from tests.perception.part_images import (
     BOX,
     CYLINDER,
     SENSOR,

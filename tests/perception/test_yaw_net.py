@@ -7,7 +7,7 @@ import pytest
 
 from course.charts.perception import learned
 from course.perception import Camera, Sensor, yaw_net
-from tests.perception.looks import TABLE
+from tests.perception.part_images import TABLE
 
 EYE = Camera.symmetric(160, 120, 1.0)
 SENSOR, PLANE = Sensor(0.075, 0.02), yaw_net.plane_of(TABLE)

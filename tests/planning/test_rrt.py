@@ -16,7 +16,7 @@ from drills import exercise as exercises
 from drills.catalogue.rrt.replay import Run, faults, share_inside
 from drills.catalogue.rrt.worlds import invalid_queries, worlds
 from drills.geometry import TOLERANCE, clearances, missed_by_sampling, path_faults
-from drills.grade import attempt
+from drills.grader import attempt
 from drills.reasons import Reason
 from drills.verify import in_this_process
 from tests.budget import examples

@@ -17,7 +17,7 @@ from course.oracles.mujoco import kit as mujoco_kit
 from course.oracles.mujoco import oscillator as mujoco_oscillator
 from course.rigid_body import planar, problems, quaternion
 from drills.cards import Card, cards
-from drills.grade import is_starter
+from drills.grader import is_starter
 from solutions import rigid_body as solutions
 from tests.budget import examples
 from tools import notebooks

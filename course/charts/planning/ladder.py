@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from course import planning
 from course.charts import chart
-from course.charts.planning.beside import alone
+from course.charts.planning.ompl_comparison import alone
 from course.measure.figure import Panel, Series
 from course.measure.work_precision import machine
 from course.planning import Budget, Roadmap, Shelf, World, plan

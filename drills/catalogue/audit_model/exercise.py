@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills import picture
+from drills.case_judge import Case, judge_of
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import Case, judge_of
-from drills.report import Shown
+from drills.grade_report import Shown
 
 Array = NDArray[np.float64]
 

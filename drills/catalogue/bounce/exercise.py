@@ -11,11 +11,11 @@ import numpy as np
 
 from drills import picture
 from drills.attempt import Attempt
+from drills.case_judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, Slip, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
+from drills.grade_report import Shown
 from drills.reasons import Reason
-from drills.report import Shown
 
 CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights stays below 1e-9"
 

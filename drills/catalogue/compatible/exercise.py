@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from drills import picture
+from drills.case_judge import WHOLE, Case, judge_of
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Case, judge_of
-from drills.report import Shown
+from drills.grade_report import Shown
 
 TIMES = (0.01, 0.05, 0.1, 0.5, 2.0)
 VALUES = ((0, 1), (0, 1, 2, 3), TIMES, (0, 1, 2), TIMES, (0, 1), (0, 1))

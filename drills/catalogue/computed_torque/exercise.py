@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from drills import picture
+from drills.case_judge import WHOLE, Case, coarse, judge_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Case, coarse, judge_of
-from drills.report import Shown
+from drills.grade_report import Shown
 
 G = 9.81
 

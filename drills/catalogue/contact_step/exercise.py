@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from drills.attempt import Attempt
+from drills.case_judge import WHOLE, Case, judge_of
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Case, judge_of
 from drills.values import Mismatch, as_float64
 
 

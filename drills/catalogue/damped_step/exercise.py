@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from drills import picture
 from drills.attempt import Attempt
+from drills.case_judge import WHOLE, Answer, Case, coarse, judge_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of
-from drills.report import Shown
+from drills.grade_report import Shown
 from drills.values import Mismatch, as_float64
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.case_judge import Answer, Case, judge_of, largest_error
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import Answer, Case, judge_of, largest_error
 
 Array = NDArray[np.float64]
 FASTEST = 0.05  # part of the sample rate

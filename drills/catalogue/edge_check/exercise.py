@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.attempt import Attempt
+from drills.case_judge import WHOLE, Case, judge_of, largest_error
 from drills.catalogue.rrt.worlds import paths
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Case, judge_of, largest_error
 
 Array = NDArray[np.float64]
 SHARES = np.linspace(0.0, 1.0, 401)

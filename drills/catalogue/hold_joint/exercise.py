@@ -9,9 +9,9 @@ import numpy as np
 
 from drills import picture
 from drills.attempt import Attempt
+from drills.case_judge import WHOLE, Case, judge_of
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Case, judge_of
-from drills.report import Shown
+from drills.grade_report import Shown
 from drills.values import Mismatch, as_float64
 
 PUSHED = "a load comes on"

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from drills import picture
 from drills.attempt import Attempt
+from drills.case_judge import Answer, Case, judge_of, largest_error
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import Answer, Case, judge_of, largest_error
-from drills.report import Shown
+from drills.grade_report import Shown
 
 Array = NDArray[np.float64]
 SAMPLES = 1200

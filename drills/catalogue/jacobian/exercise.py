@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.case_judge import WHOLE, Case, coarse, judge_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Case, coarse, judge_of
+from drills.grade_report import Shown
 from drills.picture import RIGHT, YOURS
-from drills.report import Shown
 
 Array = NDArray[np.float64]
 NO_TOOL = np.zeros(3)

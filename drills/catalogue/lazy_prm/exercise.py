@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.attempt import Attempt
+from drills.case_judge import Case, judge_of, largest_error
 from drills.catalogue.rrt.worlds import paths
 from drills.exercise import Exercise, slips, value_slips
 from drills.geometry import edge_faults
-from drills.judge import Case, judge_of, largest_error
-from drills.report import Shown
+from drills.grade_report import Shown
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.attempt import Attempt
+from drills.case_judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.values import describe_call
 
 Array = NDArray[np.float64]

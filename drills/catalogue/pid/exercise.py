@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from drills import picture
 from drills.attempt import Attempt
 from drills.cards import definitions
+from drills.case_judge import Stage, staged
 from drills.catalogue.pid.chart import SETPOINT, WIDE, sampled
 from drills.catalogue.pid.slips import SLIPS
 from drills.chart import chart_of
 from drills.exercise import Exercise
-from drills.judge import Stage, staged
-from drills.report import Shown
+from drills.grade_report import Shown
 from drills.sandbox import Handle, Limits
 from drills.values import as_float64, describe
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.case_judge import WHOLE, Case, either_sign, judge_of
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Case, either_sign, judge_of
 
 Array = NDArray[np.float64]
 TOLERANCE, MARGIN = 0.01, 1e-7

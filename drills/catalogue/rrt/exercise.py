@@ -25,8 +25,8 @@ from drills.catalogue.rrt.worlds import (
 )
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise
+from drills.grade_report import LEVELS, Shown
 from drills.reasons import Reason
-from drills.report import LEVELS, Shown
 from drills.sandbox import Limits, Raised
 from drills.values import Mismatch, as_float64, describe
 

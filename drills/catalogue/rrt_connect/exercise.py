@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.attempt import Attempt
+from drills.case_judge import Case, judge_of, largest_error
 from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, clutter, fence, paths, ring
 from drills.exercise import Exercise, slips, value_slips
 from drills.geometry import path_faults
-from drills.judge import Case, judge_of, largest_error
 
 Array = NDArray[np.float64]
 

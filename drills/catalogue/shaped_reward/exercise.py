@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.case_judge import WHOLE, Case, coarse, judge_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Case, coarse, judge_of
 
 Array = NDArray[np.float64]
 

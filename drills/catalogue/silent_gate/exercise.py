@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from drills.case_judge import Case, coarse, judge_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import Case, coarse, judge_of
 
 
 def cases(rng: np.random.Generator) -> list[Case]:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from drills import picture
 from drills.attempt import Attempt
+from drills.case_judge import WHOLE, Answer, Case, either_sign, judge_of, largest_error
 from drills.chart import Plan, angle_between, chart_of
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Answer, Case, either_sign, judge_of, largest_error
 from drills.values import Mismatch, as_float64
 
 Array = NDArray[np.float64]

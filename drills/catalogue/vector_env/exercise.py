@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from drills.attempt import Attempt
+from drills.case_judge import Stage, staged
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, slips
 from drills.inprocess import Local
-from drills.judge import Stage, staged
 from drills.reasons import Reason
 from drills.sandbox import Handle
 from drills.values import describe

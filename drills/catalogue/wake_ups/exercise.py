@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from drills import picture
+from drills.case_judge import WHOLE, Case, judge_of
 from drills.exercise import Exercise, slips, value_slips
-from drills.judge import WHOLE, Case, judge_of
-from drills.report import Shown
+from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:

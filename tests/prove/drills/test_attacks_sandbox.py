@@ -18,7 +18,7 @@ import pytest
 
 from drills import cards as catalogue
 from drills import feedback, progress
-from drills.grade import grade
+from drills.grader import grade
 from drills.reasons import Reason
 from drills.sandbox import Child, Ended, Limits, scratch, wire
 from drills.values import describe, numbers

@@ -11,8 +11,8 @@ import pytest
 from drills import cards as catalogue
 from drills import exercise as exercises
 from drills import verify
-from drills.grade import attempt, start_child
-from drills.report import Report
+from drills.grade_report import Report
+from drills.grader import attempt, start_child
 from drills.verify import Effort
 from tests.budget import exercise_topics
 

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from drills import cards as catalogue
 from drills.cli import cli
-from drills.grade import grade
+from drills.grader import grade
 from drills.reasons import Reason
 from tests.drills.hostile_grading import (
     KINDS,

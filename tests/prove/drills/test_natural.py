@@ -13,8 +13,8 @@ import pytest
 
 from drills import cards
 from drills.cards import Card
-from drills.grade import attempt, start_child
-from drills.report import Report
+from drills.grade_report import Report
+from drills.grader import attempt, start_child
 from drills.verify import in_this_process
 
 SHARE = 0.9

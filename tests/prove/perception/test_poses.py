@@ -8,7 +8,7 @@ import pytest
 from course.kinematics.chain import invert
 from course.oracles import open3d, small_gicp
 from course.perception import Cloud, Sensor, apart, icp, locate, render, sense, shape
-from tests.perception.looks import (
+from tests.perception.part_images import (
     BOX,
     CAMERA,
     SENSOR,

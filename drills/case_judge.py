@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.attempt import Attempt
+from drills.grade_report import LEVELS, Shown
 from drills.reasons import Reason
-from drills.report import LEVELS, Shown
 from drills.terminal import listed
 from drills.values import Mismatch, as_float64, describe, describe_call, identical
 

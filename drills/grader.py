@@ -20,8 +20,8 @@ from drills.attempt import Attempt, Place, Step
 from drills.cards import Card
 from drills.diagnosis import diagnosis, repeated
 from drills.exercise import Exercise
+from drills.grade_report import LEVELS, Check, Problem, Report
 from drills.reasons import SENTENCES, Reason
-from drills.report import LEVELS, Check, Problem, Report
 from drills.sandbox import Child, Ended, Limits, Loaded, MissingName, Raised, SyntaxProblem
 from drills.values import Mismatch, describe, describe_call, identical
 

@@ -20,7 +20,7 @@ from drills.terminal import listed
 from drills.workspace import Misuse
 
 if TYPE_CHECKING:
-    from drills.report import Report
+    from drills.grade_report import Report
 
 STANDARD_INPUT = "-"
 UNCOUNTED = (Reason.NOT_ATTEMPTED, Reason.UNREADABLE)  # nothing was graded
@@ -203,8 +203,8 @@ def graded(
     called: str | None = None,
 ) -> Report:
     """Grade, and enter the attempt into the progress."""
-    from drills.grade import grade
-    from drills.report import Report
+    from drills.grade_report import Report
+    from drills.grader import grade
 
     session.drill = card.name
     session.seed = secrets.randbits(32) if seed is None else seed
