@@ -13,7 +13,7 @@ POSITIVE = float(np.finfo(float).tiny)
 
 
 def invalid(name: str, value: Any, allowed: str) -> ValueError:
-    """The error for a value that is not allowed.
+    """Return the error for a value that is not allowed.
 
     Args:
         name: of the argument.
@@ -32,7 +32,7 @@ def invalid(name: str, value: Any, allowed: str) -> ValueError:
 def finite(
     name: str, value: Any, low: float = -np.inf, high: float = np.inf, *, unit: str = ""
 ) -> float:
-    """A finite number from `low` to `high`, both allowed.
+    """Return a finite number from `low` to `high`, both allowed.
 
     Raises:
         ValueError: otherwise.
@@ -49,12 +49,15 @@ def finite(
 
 
 def positive(name: str, value: Any, *, unit: str = "") -> float:
-    """A finite number above 0; anything else raises ValueError."""
+    """Return a finite number above 0; anything else raises ValueError."""
     return finite(name, value, POSITIVE, unit=unit)
 
 
 def count(name: str, value: Any, least: int = 0, at_most: int | None = None) -> int:
-    """A whole number from `least` to `at_most`, both allowed; anything else raises ValueError."""
+    """Return a whole number from `least` to `at_most`, both allowed.
+
+    Anything else raises ValueError.
+    """
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or value < least or (at_most is not None and value > at_most):
         end = "on" if at_most is None else f"to {at_most}"
@@ -88,7 +91,7 @@ def vector(
     high: float = np.inf,
     unit: str = "",
 ) -> NDArray[np.float64]:
-    """An array of finite numbers, each from `low` to `high`.
+    """Return an array of finite numbers, each from `low` to `high`.
 
     Args:
         name: of the argument.
@@ -117,7 +120,9 @@ def vector(
 
 
 def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
-    """Bounds of so many numbers, of each its own or one for all; infinite where there is none.
+    """Return bounds of so many numbers, of each its own or one for all.
+
+    Infinite where there is none.
 
     Returns:
         A new array, shape (size,).
@@ -137,7 +142,7 @@ def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
 
 
 def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
-    """One of the values in `allowed`; anything else raises ValueError."""
+    """Return one of the values in `allowed`; anything else raises ValueError."""
     known = list(allowed)
     if value not in known:
         raise invalid(name, value, f"one of {', '.join(map(repr, known))}")

@@ -39,7 +39,7 @@ MATRIX = types.Array(numba.float64, 2, "C")
 
 
 def acceleration_type(array: types.Array) -> types.FunctionType:
-    """The type of `acceleration(q, v, params)` over states of the given array type."""
+    """Return the type of `acceleration(q, v, params)` over states of the given array type."""
     return types.FunctionType(array(array, array, VECTOR))
 
 
@@ -76,7 +76,7 @@ _KEEP = 3  # folders of earlier states of the sources
 
 @functools.cache
 def _cache_folder() -> str:
-    """Folder for this state of the sources; older ones are removed, but for a few.
+    """Return folder for this state of the sources; older ones are removed, but for a few.
 
     It is below NUMBA_CACHE_DIR if that is set, else below the package's own __pycache__; where
     that can't be written, numba's default applies ("").
@@ -122,7 +122,7 @@ def _alone(folder: str, function: Callable[..., Any]) -> Iterator[None]:
 
 @functools.cache
 def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
-    """`function` compiled for `signature`, from the disk cache where it is there.
+    """Return `function` compiled for `signature`, from the disk cache where it is there.
 
     A compilation that takes longer than half a second prints one line to standard error, unless
     the environment variable COURSE_QUIET is 1. Under NUMBA_DISABLE_JIT=1 the function itself
@@ -154,7 +154,8 @@ def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]
 
 
 def loop(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
-    """`function`, to be called from code that runs as plain Python and may be compiled itself.
+    """Return `function`, to be called from code that runs as plain Python and may be compiled
+    itself.
 
     Args:
         function, signature: as for `compiled`.
@@ -175,7 +176,7 @@ def loop(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
 
 
 def function_argument(function: Any) -> Callable[..., Any]:
-    """A compiled function in the form that is cheapest to hand to another one.
+    """Return a compiled function in the form that is cheapest to hand to another one.
 
     numba looks up the address of a function argument at every call, which takes longer than a
     short run; this form carries the address.
@@ -192,7 +193,7 @@ def function_argument(function: Any) -> Callable[..., Any]:
 
 
 def address_of(value: Any) -> Any:
-    """A `function_argument` or a NumPy generator as a number, which `from_address` takes.
+    """Return a `function_argument` or a NumPy generator as a number, which `from_address` takes.
 
     To take apart one of these costs a compiled loop 2 to 20 us a call, a number nothing. Whoever
     hands the number on keeps `value` alive meanwhile. Under NUMBA_DISABLE_JIT=1 it is `value`.
@@ -210,7 +211,7 @@ _POINTER = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 
 
 def from_address(kind: Any) -> Callable[[Any], Any]:
-    """For compiled code: what makes a function or a generator again of its `address_of`.
+    """Return for compiled code: what makes a function or a generator again of its `address_of`.
 
     Args:
         kind: `numba.types.FunctionType(signature)` or `numba.types.npy_rng`.

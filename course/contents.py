@@ -6,7 +6,7 @@ from course import CHAPTERS, DIMENSIONS
 
 
 def figures() -> str:
-    """How many chapters and simulations are planned and written, and from how many sides.
+    """Return how many chapters and simulations are planned and written, and from how many sides.
 
     Returns:
         A Markdown table of three figures.
@@ -24,7 +24,7 @@ def figures() -> str:
 
 
 def map_of_chapters(folder: str = "") -> str:
-    """Every chapter with its question, its simulation and whether it is there.
+    """Return every chapter with its question, its simulation and whether it is there.
 
     Args:
         folder: what to put before the name of a notebook in a link, such as "notebooks/".
@@ -44,7 +44,9 @@ def map_of_chapters(folder: str = "") -> str:
 
 
 def neighbours(number: int) -> str:
-    """The last line of a chapter's page: the chapter before, the contents, the chapter behind.
+    """Return the last line of a chapter's page.
+
+    The chapter before, the contents, the chapter behind.
 
     Args:
         number: of the chapter.
@@ -64,7 +66,7 @@ def neighbours(number: int) -> str:
 
 
 def moving() -> str:
-    """Which simulations a page without a kernel moves, and which it shows as recorded.
+    """Return which simulations a page without a kernel moves, and which it shows as recorded.
 
     Returns:
         A sentence and a Markdown list.

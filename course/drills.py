@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def fk3(lengths: ArrayLike, thetas: ArrayLike) -> Array:
-    """Joint positions of a planar arm of three links, from the base to the tip.
+    """Return joint positions of a planar arm of three links, from the base to the tip.
 
     Each joint turns everything after it, so the direction of link i is the sum of the first i
     relative angles; a joint is the one before it plus a link along that direction (Craig,
@@ -55,7 +55,9 @@ GOAL_BIAS = 0.1  # the share of samples that are the goal itself
 
 
 def edge_is_free(a: Array, b: Array, discs: Array) -> bool:
-    """Whether the segment from a to b touches no disc: its nearest point to each centre decides.
+    """Return whether the segment from a to b touches no disc.
+
+    Its nearest point to each centre decides.
 
     Points tried along the edge instead would let through discs that fit between two of them.
     """
@@ -68,14 +70,16 @@ def edge_is_free(a: Array, b: Array, discs: Array) -> bool:
 
 
 def steer(origin: Array, target: Array, step: float) -> Array:
-    """The target itself if it is within `step` of origin, else the point at `step` towards it."""
+    """Return the target itself if it is within `step` of origin, else the point at `step` towards
+    it.
+    """
     offset = target - origin
     distance = np.hypot(offset[0], offset[1])
     return target if distance <= step else origin + step / distance * offset
 
 
 def trace(nodes: Array, parents: list[int]) -> Array:
-    """The path from the root to the newest node, found backwards from parent to parent."""
+    """Return the path from the root to the newest node, found backwards from parent to parent."""
     chain = [len(parents) - 1]
     while parents[chain[-1]] >= 0:
         chain.append(parents[chain[-1]])
@@ -91,7 +95,7 @@ def rrt(
     max_samples: int,
     rng: np.random.Generator,
 ) -> tuple[Array | None, Array, NDArray[np.int64], Array]:
-    """A collision-free path for a point among discs, by a rapidly-exploring random tree.
+    """Return a collision-free path for a point among discs, by a rapidly-exploring random tree.
 
     Draw a target (the goal in one of ten draws, else uniform within the bounds), find the nearest
     node, go at most `step` from there towards the target, keep the new node if the edge is free.
@@ -220,7 +224,7 @@ class PID:
         self.last: float | None = None
 
     def update(self, setpoint: float, measurement: float) -> float:
-        """The command for the sample that begins now.
+        """Return the command for the sample that begins now.
 
         Args:
             setpoint: wanted value [y].
@@ -258,7 +262,7 @@ class Joint:
     """
 
     def __init__(self, inertia: float, damping: float, dt: float, load: float = 0.0) -> None:
-        """A joint at rest at angle 0.
+        """Create a joint at rest at angle 0.
 
         Args:
             inertia: about the axis [kg m^2], positive.
@@ -489,7 +493,10 @@ class DomainRandomizer:
         return self._waiting.popleft()
 
     def observe(self, observation: ArrayLike, rng: np.random.Generator) -> Array:
-        """The observation with fresh noise on each component, in a new array of its shape."""
+        """Return the observation with fresh noise on each component.
+
+        In a new array of its shape.
+        """
         observation = np.asarray(observation, dtype=float)
         return observation + rng.normal(0.0, self.noise, size=observation.shape)
 

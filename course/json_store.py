@@ -52,7 +52,7 @@ class Form(Generic[T]):
 
 
 def load(path: Path | None, form: Form[T]) -> tuple[T, tuple[str, ...]]:
-    """What the file holds, and what to tell of it; a damaged file is put aside.
+    """Return what the file holds, and what to tell of it; a damaged file is put aside.
 
     Args:
         path: of the file, or None to keep nothing.
@@ -124,7 +124,7 @@ def _read(path: Path, form: Form[T]) -> T:
 
 
 def _read_or_put_aside(path: Path, form: Form[T]) -> tuple[T, tuple[str, ...]]:
-    """Under the lock: the content, or none after a damaged file was given another name."""
+    """Return under the lock: the content, or none after a damaged file was given another name."""
     with contextlib.suppress(Damaged):
         return _read(path, form), ()
     number = 1

@@ -21,12 +21,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stage:
-    """Turns one sample into the next. execution: C, from start to result [s]. period: T of its
-    clock [s]; None: it starts when a sample arrives. depth: of the queue it reads, which keeps the
-    last so many; 1: the newest value. overload: of a start while it is busy. "": refused, with an
-    execution above the period; "skip": lost; "queue": the sample waits (on arrival); "pipelined":
-    another worker. jitter: executions are spread evenly over C - jitter to C + jitter [s].
-    lost: share of results that never arrive."""
+    """Turns one sample into the next. execution.
+
+    C, from start to result [s]. period: T of its clock [s]; None: it starts when a sample arrives.
+    depth: of the queue it reads, which keeps the last so many; 1: the newest value. overload: of a
+    start while it is busy. "": refused, with an execution above the period; "skip": lost; "queue":
+    the sample waits (on arrival); "pipelined": another worker. jitter: executions are spread evenly
+    over C - jitter to C + jitter [s]. lost: share of results that never arrive.
+    """
 
     name: str
     execution: float
@@ -50,8 +52,10 @@ class Stage:
             self.interval(self.period)
 
     def interval(self, period: float, early: float = 0.0) -> float:
-        """Time between results [s] if starts come once a period, or `early` by up to so much;
-        ValueError if that is overload, and there is no rule for it."""
+        """Time between results [s] if starts come once a period, or `early` by up to so much.
+
+        ValueError if that is overload, and there is no rule for it.
+        """
         longest, rule = self.execution + self.jitter, self.overload
         if longest <= (period - early) * (1.0 + 1e-9) or rule == "pipelined":
             return period
@@ -71,8 +75,11 @@ class Stage:
 
 @dataclass(frozen=True)
 class Age:
-    """How old the information behind the command in force is [s]: bounds (the greatest a supremum,
-    inf with losses), mean and standard deviation over time and phases; mean wait after each."""
+    """How old the information behind the command in force is [s].
+
+    Bounds (the greatest a supremum, inf with losses), mean and standard deviation over time and
+    phases; mean wait after each.
+    """
 
     least: float
     mean: float
@@ -82,8 +89,11 @@ class Age:
 
 
 def _links(stages: Sequence[Stage]) -> list[tuple[float, float, float, float]]:
-    """After each stage: its results' interval [s], the share that arrives, the interval that a
-    result may wait [s], and what a full queue adds [s]."""
+    """Return after each stage.
+
+    Its results' interval [s], the share that arrives, the interval that a result may wait [s], and
+    what a full queue adds [s].
+    """
     if not stages or stages[0].period is None:
         raise invalid("stages", [s.name for s in stages], "a chain whose first stage has a period")
     result: list[tuple[float, float, float, float]] = []
@@ -108,7 +118,7 @@ def _links(stages: Sequence[Stage]) -> list[tuple[float, float, float, float]]:
 
 
 def age(stages: Sequence[Stage]) -> Age:
-    """Data age of a chain in closed form, for independent phases.
+    """Return data age of a chain in closed form, for independent phases.
 
     A clock reads at any time what came last: it is old by anything from 0 to the *producer's*
     interval; the last command is in force for the last one; a start on arrival waits for nothing.
@@ -135,8 +145,10 @@ def age(stages: Sequence[Stage]) -> Age:
 
 
 def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
-    """Which of the samples that arrive at `times` (N,) a reader gets at each tick (M,), from a
-    queue: the oldest unread of the last `depth`, from an empty one the last again; -1: none yet."""
+    """Return which of the samples that arrive at `times` (N,) a reader gets at each tick (M,), from
+    a queue: the oldest unread of the last `depth`, from an empty one the last again; -1: none
+    yet.
+    """
     index = np.searchsorted(times, ticks, side="right") - 1
     last = np.int64(-1)
     for k in range(index.size) if depth > 1 else range(0):
@@ -146,7 +158,10 @@ def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
 
 
 def free(ticks: Array, durations: Array) -> NDArray[np.bool_]:
-    """Which ticks find the stage free, if those that do not are lost; both shapes (M,) [s]."""
+    """Return which ticks find the stage free, if those that do not are lost.
+
+    Both shapes (M,) [s].
+    """
     retained, until = np.zeros(ticks.size, np.bool_), -np.inf
     for k in range(ticks.size):
         if ticks[k] >= until - 1e-12:
@@ -155,7 +170,7 @@ def free(ticks: Array, durations: Array) -> NDArray[np.bool_]:
 
 
 def serve(times: Array, durations: Array, depth: int) -> tuple[NDArray[np.int64], Array]:
-    """Which samples are taken, one after the other, and when: (K,) each; see `read`."""
+    """Return which samples are taken, one after the other, and when: (K,) each; see `read`."""
     taken, starts = np.empty(times.size, np.int64), np.empty(times.size)
     last, jobs, now = -1, 0, -np.inf
     while last + 1 < times.size:
@@ -176,12 +191,12 @@ class Trace:
     captured: Array
 
     def age(self, times: Array) -> Array:
-        """Data age at these times, NaN before the first command [s]."""
+        """Return data age at these times, NaN before the first command [s]."""
         index = np.searchsorted(self.published, times, side="right")
         return times - np.append(np.nan, self.captured)[index]
 
     def reaction(self, events: Array) -> Array:
-        """Reaction time to events at these times, NaN where the run ended before it [s]."""
+        """Return reaction time to events at these times, NaN where the run ended before it [s]."""
         index = np.searchsorted(self.captured, events)
         return np.append(self.published, np.nan)[index] - events
 
@@ -230,14 +245,16 @@ class Option(NamedTuple):
 
 
 def load(stages: Sequence[Stage]) -> float:
-    """How many cores a chain keeps busy: the sum of execution over interval."""
+    """Return how many cores a chain keeps busy: the sum of execution over interval."""
     return sum(s.execution / link[0] for s, link in zip(stages, _links(stages), strict=True))
 
 
 def spend(stages: Sequence[Stage]) -> list[Option]:
-    """What each change of one stage would save, best per core first: twice the rate, a start on
-    arrival (or once free), parallel workers where starts are lost, the newest value of a queue.
-    What overloads a stage or breaks a hard deadline is left out."""
+    """Return what each change of one stage would save, best per core first.
+
+    Twice the rate, a start on arrival (or once free), parallel workers where starts are lost, the
+    newest value of a queue. What overloads a stage or breaks a hard deadline is left out.
+    """
     before, busy, result = age(stages).mean, load(stages), []
     for k, stage in enumerate(stages):
         T, rule = stage.period, stage.overload
@@ -259,8 +276,11 @@ def spend(stages: Sequence[Stage]) -> list[Option]:
 
 
 class Cost(NamedTuple):
-    """Errors of position [m] and phase lost [rad]. Held: the value taken as it is. Predicted: at
-    constant velocity over the known age. Unstamped: over the mean age, the true one unknown."""
+    """Errors of position [m] and phase lost [rad]. Held: the value taken as it is.
+
+    Predicted: at constant velocity over the known age. Unstamped: over the mean age, the true one
+    unknown.
+    """
 
     held: float
     predicted: float
@@ -269,8 +289,11 @@ class Cost(NamedTuple):
 
 
 def cost(age: Age | float, speed: float, acceleration: float = 0.0, bandwidth: float = 0.0) -> Cost:
-    """What an age, or one single age [s], does to a motion: errors in the mean (unstamped: rms), of
-    what moves with a speed and acceleration [m/s, m/s^2], in a loop of some bandwidth [Hz]."""
+    """Return what an age, or one single age [s], does to a motion.
+
+    Errors in the mean (unstamped: rms), of what moves with a speed and acceleration [m/s, m/s^2],
+    in a loop of some bandwidth [Hz].
+    """
     mean, std = (age.mean, age.std) if isinstance(age, Age) else (finite("age", age, 0.0), 0.0)
     speed, acceleration = finite("speed", speed, 0.0), finite("acceleration", acceleration, 0.0)
     turn = 2.0 * math.pi * finite("bandwidth", bandwidth, 0.0)
@@ -282,8 +305,11 @@ BOXES = ("robot", "simulation", "middleware", "perception", "planning", "control
 
 @dataclass(frozen=True)
 class Edge:
-    """What flows from one box to another: rate [Hz], bytes a sample, depth of the queue it is read
-    from, and whether its deadline is "hard", "soft" or "none"."""
+    """What flows from one box to another.
+
+    Rate [Hz], bytes a sample, depth of the queue it is read from, and whether its deadline is
+    "hard", "soft" or "none".
+    """
 
     source: str
     target: str
@@ -330,14 +356,15 @@ CHAIN = (
 
 
 def around(box: str, edges: Sequence[Edge] = STACK) -> tuple[list[Edge], list[Edge]]:
-    """What flows into a box, and what flows out of it."""
+    """Return what flows into a box, and what flows out of it."""
     one_of("box", box, BOXES)
     return [e for e in edges if e.target == box], [e for e in edges if e.source == box]
 
 
 def missed(stages: Sequence[Stage], edges: Sequence[Edge] = STACK) -> list[str]:
-    """What flows from these stages with a hard deadline and may be lost, or come later than a
-    period of its edge after the one before, or after its start."""
+    """Return what flows from these stages with a hard deadline and may be lost, or come later than
+    a period of its edge after the one before, or after its start.
+    """
     chain = zip(stages, _links(stages), strict=True)
     return [
         e.flow

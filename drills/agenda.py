@@ -44,7 +44,7 @@ class Standing:
 
 
 def standings(loaded: Loaded) -> list[Standing]:
-    """Every chapter that has something to read or to solve, in order."""
+    """Return every chapter that has something to read or to solve, in order."""
     result = []
     for chapter in CHAPTERS:
         cards = [card for card in catalogue.cards() if card.chapter == chapter.number]
@@ -59,7 +59,7 @@ def standings(loaded: Loaded) -> list[Standing]:
 
 
 def to_read(loaded: Loaded, standing: list[Standing]) -> tuple[Chapter, Section] | None:
-    """Where to go on reading: in the chapter that was opened last, else in the first."""
+    """Return where to go on reading: in the chapter that was opened last, else in the first."""
     open_ones = [one for one in standing if one.unread]
     if not open_ones:
         return None
@@ -68,7 +68,7 @@ def to_read(loaded: Loaded, standing: list[Standing]) -> tuple[Chapter, Section]
 
 
 def to_solve(loaded: Loaded, cards: list[Card]) -> list[Card]:
-    """The unsolved ones: what was tried last comes first, then in the order of the cards."""
+    """Return the unsolved ones: what was tried last comes first, then in the order of the cards."""
     remaining = [card for card in cards if loaded.of(card.name).state != SOLVED]
     tried = [card for card in remaining if loaded.of(card.name).state == ATTEMPTED]
     if tried:
@@ -79,6 +79,6 @@ def to_solve(loaded: Loaded, cards: list[Card]) -> list[Card]:
 
 
 def duration(minutes: int) -> str:
-    """Minutes as one says them: "45 min", "2 h 10 min"."""
+    """Return minutes as one says them: "45 min", "2 h 10 min"."""
     hours, rest = divmod(minutes, 60)
     return " ".join([f"{hours} h"] * bool(hours) + [f"{rest} min"] * bool(rest or not hours))

@@ -82,23 +82,23 @@ class Learner:
         return float(np.median(self._spent)) if self._spent else 0.0
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        """A function of the submission."""
+        """Return a function of the submission."""
         return self._record("call", name, None, args, kwargs)
 
     def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
-        """An object of the submission, which stays in the child."""
+        """Return an object of the submission, which stays in the child."""
         return self._record("new", name, None, args, kwargs)
 
     def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
-        """A method of an object that is in the child."""
+        """Return a method of an object that is in the child."""
         return self._record("method", name, handle, args, kwargs)
 
     def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        """A function of the drill's given module, run in the child."""
+        """Return a function of the drill's given module, run in the child."""
         return self._record("given", name, None, args, kwargs)
 
     def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
-        """The same, and the result stays in the child."""
+        """Return the same, and the result stays in the child."""
         return self._record("given_new", name, None, args, kwargs)
 
     def _record(
@@ -138,7 +138,7 @@ class Attempt:
     """
 
     def __init__(self, card: Card, child: Place, report: Report, given: str = "") -> None:
-        """An attempt that has just begun.
+        """Create an attempt that has just begun.
 
         Args:
             card: of the exercise.
@@ -178,11 +178,11 @@ class Attempt:
         return any(not check.passed for check in self.report.checks)
 
     def call(self, *args: Any, **kwargs: Any) -> Any:
-        """The submission's function, for an exercise that is one function."""
+        """Return the submission's function, for an exercise that is one function."""
         return self.learner.call(self.card.entry, *args, **kwargs)
 
     def expected(self, *args: Any, **kwargs: Any) -> Any:
-        """What the worked answer gives for the same call."""
+        """Return what the worked answer gives for the same call."""
         return self.reference.call(self.card.entry, *args, **kwargs)
 
     def compare(
@@ -293,7 +293,7 @@ class Attempt:
         return False
 
     def parts(self, got: Any, names: Sequence[str], *, call: str = "") -> tuple[Any, ...] | None:
-        """The members of an answer that is a tuple, or None after a failed check.
+        """Return the members of an answer that is a tuple, or None after a failed check.
 
         A list, or an array with one row for each member, is as good as a tuple.
         """
@@ -318,7 +318,7 @@ class Attempt:
     def numbers(
         self, name: str, got: Any, shape: tuple[int, ...], *, call: str = ""
     ) -> Array | None:
-        """What came back as finite float64 of that shape, or None after a failed check."""
+        """Return what came back as finite float64 of that shape, or None after a failed check."""
         try:
             return as_float64(got, shape)
         except Mismatch as wrong:
@@ -380,7 +380,7 @@ class Attempt:
 
 
 def _copied(value: Any) -> Any:
-    """A copy of an argument; a handle stays the same handle."""
+    """Return a copy of an argument; a handle stays the same handle."""
     if isinstance(value, np.ndarray):
         return value.copy()
     if isinstance(value, list | tuple):

@@ -54,7 +54,7 @@ class Signature:
         return self.text.partition("(")[0]
 
     def counts(self) -> tuple[int, int]:
-        """How many positional arguments are required, and how many may be given."""
+        """Return how many positional arguments are required, and how many may be given."""
         definition = ast.parse(f"def {self.text}: ...").body[0]
         assert isinstance(definition, ast.FunctionDef)
         total = len(definition.args.args)
@@ -107,11 +107,14 @@ class Card:
         return CATALOGUE / self.name
 
     def starter(self) -> str:
-        """The text that the learner starts from."""
+        """Return the text that the learner starts from."""
         return (self.folder / "starter.py").read_text(encoding="utf-8")
 
     def prompt(self) -> str:
-        """The task in Markdown: the text, then a table of what goes in and what comes back."""
+        """Return the task in Markdown.
+
+        The text, then a table of what goes in and what comes back.
+        """
         parts = [f"# {self.title}", (self.folder / "prompt.md").read_text(encoding="utf-8").strip()]
         for signature in self.signatures:
             rows = [("takes", q) for q in signature.arguments]
@@ -126,24 +129,30 @@ class Card:
         return "\n\n".join(parts) + "\n"
 
     def solution_text(self) -> str:
-        """The worked answer: the imports of its module that it uses, and the named definitions."""
+        """Return the worked answer.
+
+        The imports of its module that it uses, and the named definitions.
+        """
         return _solution_text(self.solution)
 
 
 def names() -> list[str]:
-    """The names of all exercises, in the order of `cards`."""
+    """Return the names of all exercises, in the order of `cards`."""
     return [card.name for card in cards()]
 
 
 @functools.cache
 def cards() -> tuple[Card, ...]:
-    """The cards of all exercises: by chapter, as its notebook has them, then drills, easy first."""
+    """Return the cards of all exercises.
+
+    By chapter, as its notebook has them, then drills, easy first.
+    """
     result = map(_read_card, (path.parent for path in CATALOGUE.glob("*/card.toml")))
     return tuple(sorted(result, key=lambda c: (c.chapter, c.drill, c.place, c.difficulty, c.name)))
 
 
 def card(name: str) -> Card:
-    """The card of that name.
+    """Return the card of that name.
 
     Raises:
         UnknownExercise: with the nearest names.
@@ -161,7 +170,8 @@ def _solution_text(solution: str) -> str:
 
 
 def definitions(path: Path, desired: list[str]) -> str:
-    """The named top-level definitions of a module, after the imports and names that they use.
+    """Return the named top-level definitions of a module, after the imports and names that they
+    use.
 
     Args:
         path: a Python file.
@@ -218,7 +228,7 @@ def _text(node: ast.stmt, lines: list[str]) -> str:
 
 
 def _module_file(module: str) -> Path:
-    """The file of a module of this project, found without importing it."""
+    """Return the file of a module of this project, found without importing it."""
     path = Path(__file__).parents[1].joinpath(*module.split("."))
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 

@@ -45,7 +45,7 @@ class Stage:
 
 
 def staged(*stages: Stage, timed: Callable[[Attempt], None]) -> Callable[[Attempt], None]:
-    """The judge that goes through stages in the order of their levels.
+    """Return the judge that goes through stages in the order of their levels.
 
     All simple ones are tried; after these a failure ends the run, as what comes later builds on
     what came before. What is right is timed.
@@ -99,7 +99,7 @@ def judge_of(
     then: tuple[str, str] = ("core", "many calls in a row"),
     timed: Callable[[Attempt, Sequence[Case]], None] | None = None,
 ) -> Callable[[Attempt], None]:
-    """The judge of a pure function: every case, level by level, and some of them twice.
+    """Return the judge of a pure function: every case, level by level, and some of them twice.
 
     The worked answer says what is right; names and units of the values are those of the card.
 
@@ -179,13 +179,19 @@ def judge_of(
 
 
 def _shuffled(rng: np.random.Generator, cases: Sequence[Case]) -> list[int]:
-    """The cases level by level; within one in random order, so that none can be counted on."""
+    """Return the cases level by level.
+
+    Within one in random order, so that none can be counted on.
+    """
     order = rng.permutation(len(cases)).tolist()
     return sorted(order, key=lambda index: LEVELS.index(cases[index].level))
 
 
 def _simplest_wrong(answers: Sequence[Answer]) -> Shown | None:
-    """What a picture can be drawn of: the first case that is wrong and has the form asked for."""
+    """Return what a picture can be drawn of.
+
+    The first case that is wrong and has the form asked for.
+    """
     for a in answers:
         if a.parts and not all(a.right):
             if all(
@@ -235,7 +241,7 @@ def repeat_calls(
 
 
 def largest_error(got: Any, wrong: Any) -> float:
-    """The largest error of a value against another, infinite where it is none of that shape."""
+    """Return the largest error of a value against another, infinite where it is none of that shape."""
     wrong = np.asarray(wrong, dtype=float)
     try:
         return float(np.max(np.abs(as_float64(got, wrong.shape) - wrong), initial=0.0))
@@ -244,7 +250,7 @@ def largest_error(got: Any, wrong: Any) -> float:
 
 
 def either_sign(got: Any, truth: Array) -> Array:
-    """The value or its negative, whichever is on the side of what came back.
+    """Return the value or its negative, whichever is on the side of what came back.
 
     A quaternion and its negative are one orientation.
     """
@@ -256,7 +262,7 @@ def either_sign(got: Any, truth: Array) -> Array:
 
 
 def swapped(answers: Sequence[Answer]) -> str:
-    """The slip of answers whose values are right in another order, or ""."""
+    """Return the slip of answers whose values are right in another order, or ""."""
     if not answers or len(answers[0].truth) < 2:
         return ""
     for order in itertools.permutations(range(len(answers[0].truth))):
@@ -274,7 +280,7 @@ def swapped(answers: Sequence[Answer]) -> str:
 
 
 def constant_factor(answers: Sequence[Answer]) -> str:
-    """A sentence on values that are all the same multiple of the right ones, or ""."""
+    """Return a sentence on values that are all the same multiple of the right ones, or ""."""
     if len(answers) < 3 or len(answers[0].truth) > 1:
         return ""
     try:
@@ -294,7 +300,7 @@ def constant_factor(answers: Sequence[Answer]) -> str:
 
 
 def whole_numbers(answers: Sequence[Answer]) -> str:
-    """The slip of answers in which an array of integers cut the digits off, or ""."""
+    """Return the slip of answers in which an array of integers cut the digits off, or ""."""
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(a.case.label == WHOLE for a in wrong) and len(answers) > len(wrong):
         return "whole_numbers"
@@ -313,7 +319,7 @@ def whole_numbers(answers: Sequence[Answer]) -> str:
 
 
 def one_part_right(attempt: Attempt, answers: Sequence[Answer], names: Sequence[str]) -> str:
-    """A sentence on the parts that are right in every case where others never are, or ""."""
+    """Return a sentence on the parts that are right in every case where others never are, or ""."""
     if len(answers) < 3:
         return ""
     if len(answers[0].truth) > 1:
@@ -336,7 +342,7 @@ def one_part_right(attempt: Attempt, answers: Sequence[Answer], names: Sequence[
 
 
 def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
-    """Which rows (or components) of a single array are right, case by case."""
+    """Return which rows (or components) of a single array are right, case by case."""
     shapes = {a.truth[0].shape for a in answers}
     if len(shapes) > 1 or not (shape := shapes.pop()) or shape[0] < 2:
         return None
@@ -358,7 +364,7 @@ def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
 
 
 def coarse(answers: Sequence[Answer]) -> str:
-    """The slip of answers of which every wrong value is right but for its digits, or ""."""
+    """Return the slip of answers of which every wrong value is right but for its digits, or ""."""
     result = {
         _coarse(part, truth)
         for answer in answers
@@ -369,7 +375,10 @@ def coarse(answers: Sequence[Answer]) -> str:
 
 
 def _coarse(got: Any, expected: Array) -> str | None:
-    """What made a value coarse; "" if something else is wrong with it; None if it can't be told."""
+    """Return what made a value coarse; "" if something else is wrong with it.
+
+    None if it can't be told.
+    """
     try:
         values = as_float64(got, expected.shape)
     except Mismatch:

@@ -45,7 +45,7 @@ class Assembled:
 
 
 def assemble(obj: Any) -> Assembled:
-    """The source of a function or class, with what it borrows.
+    """Return the source of a function or class, with what it borrows.
 
     Args:
         obj: as it was defined in a cell, or in a file.
@@ -65,12 +65,12 @@ def assemble(obj: Any) -> Assembled:
 
 
 def defined_by(obj: Any) -> str:
-    """The name under which an object was defined."""
+    """Return the name under which an object was defined."""
     return str(getattr(_bare(obj), "__name__", ""))
 
 
 def own_source(obj: Any) -> str:
-    """The definition alone, without what it borrows; "" if there is none."""
+    """Return the definition alone, without what it borrows; "" if there is none."""
     obj = _bare(obj)
     try:
         cell, node = _located(obj, obj.__name__)
@@ -80,7 +80,9 @@ def own_source(obj: Any) -> str:
 
 
 def _bare(obj: Any) -> Any:
-    """Without the wrappers of a compiler, a cache, or another decorator that says what it wraps."""
+    """Return without the wrappers of a compiler, a cache, or another decorator that says what it
+    wraps.
+    """
     visited: set[int] = set()
     while id(obj) not in visited and not isinstance(obj, type):
         visited.add(id(obj))
@@ -97,7 +99,7 @@ class _Cell:
     lines: list[str]
 
     def text(self, node: ast.stmt) -> str:
-        """The lines of a statement, without others that share its first or last line."""
+        """Return the lines of a statement, without others that share its first or last line."""
         lines = [line.encode() for line in self.lines[_first_line(node) - 1 : node.end_lineno]]
         lines[-1] = lines[-1][: node.end_col_offset]
         lines[0] = lines[0][node.col_offset :] if len(lines) == 1 else lines[0]
@@ -270,7 +272,7 @@ class _Assembly:
 
 
 def _located(obj: Any, name: str) -> tuple[_Cell, ast.stmt]:
-    """The cell of a function or class, and its definition there."""
+    """Return the cell of a function or class, and its definition there."""
     if "<locals>" in obj.__qualname__:
         raise Unusable(
             f"{name} is defined inside another function. Define it at the top level of a cell."
@@ -318,7 +320,7 @@ def _is_annotated(node: ast.stmt) -> bool:
 
 
 def _names_when_run(node: ast.stmt) -> set[str]:
-    """The names that a statement uses when it is run itself: what is in functions waits."""
+    """Return the names that a statement uses when it is run itself: what is in functions waits."""
     if not isinstance(node, ast.FunctionDef | ast.ClassDef):
         return _global_names(node)
     used = {n.id for outer in node.decorator_list for n in ast.walk(outer) if _is_name(n)}
@@ -335,7 +337,7 @@ def _is_name(node: ast.AST) -> TypeGuard[ast.Name]:
 
 
 def _bound(line: str) -> set[str]:
-    """The names that an import or an assignment binds."""
+    """Return the names that an import or an assignment binds."""
     node = ast.parse(line).body[0]
     if isinstance(node, ast.Import | ast.ImportFrom):
         return {(alias.asname or alias.name).partition(".")[0] for alias in node.names}
@@ -347,7 +349,7 @@ def _spans(node: ast.stmt, line: int) -> bool:
 
 
 def _codes(obj: Any) -> list[types.CodeType]:
-    """The code of a function, or of the methods that a class defines itself."""
+    """Return the code of a function, or of the methods that a class defines itself."""
     if isinstance(obj, types.FunctionType):
         return [obj.__code__]
     result = []
@@ -361,7 +363,7 @@ def _codes(obj: Any) -> list[types.CodeType]:
 
 
 def _recent_cells() -> list[str]:
-    """The files of the cells, the newest first: for a class without a method of its own."""
+    """Return the files of the cells, the newest first: for a class without a method of its own."""
     cells = [name for name in linecache.cache if "ipykernel" in name or "<ipython-input" in name]
     return cells[::-1]
 
@@ -405,7 +407,7 @@ class _WithoutAnnotations(ast.NodeTransformer):
 
 
 def _global_names(node: ast.stmt) -> set[str]:
-    """The global names that a statement uses, in itself or in what it defines."""
+    """Return the global names that a statement uses, in itself or in what it defines."""
     bare = _WithoutAnnotations().visit(ast.parse(ast.unparse(node)))
     top = symtable.symtable(ast.unparse(ast.fix_missing_locations(bare)), "<cell>", "exec")
     bound = {symbol.get_name() for symbol in top.get_symbols() if symbol.is_assigned()}
@@ -422,7 +424,7 @@ def _global_names(node: ast.stmt) -> set[str]:
 
 
 def _import_of(cell: _Cell, name: str) -> tuple[ast.Import | ast.ImportFrom, str] | None:
-    """The cell's own import of a name, and what binds this name alone."""
+    """Return the cell's own import of a name, and what binds this name alone."""
     for node in cell.body:
         if isinstance(node, ast.Import):
             for alias in node.names:
@@ -447,7 +449,7 @@ def _own_sentence(name: str, module: str, user: str) -> str:
 
 
 def _assignment(cell: _Cell, name: str) -> ast.stmt | None:
-    """The last plain assignment of a name in a cell."""
+    """Return the last plain assignment of a name in a cell."""
     result = None
     for node in cell.body:
         targets = node.targets if isinstance(node, ast.Assign) else []
@@ -458,7 +460,10 @@ def _assignment(cell: _Cell, name: str) -> ast.stmt | None:
 
 
 def _literal(value: Any) -> str | None:
-    """A plain number, text or tuple of such as Python would write it; None for anything else."""
+    """Return a plain number, text or tuple of such as Python would write it.
+
+    None for anything else.
+    """
     if isinstance(value, float):  # NumPy's float64 is one
         value = float(value)
         text = repr(value) if math.isfinite(value) else f"float({str(value)!r})"
@@ -475,12 +480,12 @@ def _literal(value: Any) -> str | None:
 
 
 def _is_theirs(value: Any) -> bool:
-    """Whether a value under the name of a builtin was put there by the learner."""
+    """Return whether a value under the name of a builtin was put there by the learner."""
     return getattr(_bare(value), "__module__", None) == "__main__" or _literal(value) is not None
 
 
 def _importable(value: Any) -> tuple[str, str] | None:
-    """The installed module that has a value, and its name there."""
+    """Return the installed module that has a value, and its name there."""
     module, name = getattr(value, "__module__", None), getattr(value, "__name__", None)
     if not isinstance(module, str) or not isinstance(name, str):
         return None
@@ -493,7 +498,10 @@ def _importable(value: Any) -> tuple[str, str] | None:
 
 
 def _is_installed(module: types.ModuleType) -> bool:
-    """Whether a module comes with Python or with a package, so that a submission can import it."""
+    """Return whether a module comes with Python or with a package.
+
+    So that a submission can import it.
+    """
     if module.__name__.partition(".")[0] in sys.stdlib_module_names:
         return True
     file = getattr(module, "__file__", None)

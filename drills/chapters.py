@@ -59,20 +59,20 @@ class Section:
 
 
 def opened(text: str) -> str:
-    """Markdown without its fold-outs."""
+    """Return Markdown without its fold-outs."""
     while _DETAILS.search(text):
         text = _DETAILS.sub("", text)
     return text
 
 
 def words(text: str) -> int:
-    """Words of Markdown: formulas count one, code blocks, pictures and tags none."""
+    """Return words of Markdown: formulas count one, code blocks, pictures and tags none."""
     plain = _TAG.sub(" ", _MATH.sub(" formula ", _IMAGE.sub(" ", _FENCE.sub(" ", text))))
     return sum(any(c.isalnum() for c in token) for token in plain.split())
 
 
 def doing(code: str) -> int:
-    """Minutes for what the reader is asked to do by the code of some cells."""
+    """Return minutes for what the reader is asked to do by the code of some cells."""
     return sum(
         minutes * len(re.findall(rf"^\s*(?:\w+\.)?{name}\(", code, re.M))
         for name, minutes in MINUTES.items()
@@ -80,7 +80,7 @@ def doing(code: str) -> int:
 
 
 def sections(path: Path) -> list[Section]:
-    """The parts of a notebook; what stands before the first counts for the first.
+    """Return the parts of a notebook; what stands before the first counts for the first.
 
     Reading time is that of the open text, and of what is asked on the way.
 
@@ -107,7 +107,7 @@ def sections(path: Path) -> list[Section]:
 
 
 def of_number(number: int) -> Chapter:
-    """The chapter of that number.
+    """Return the chapter of that number.
 
     Raises:
         Misuse: there is none, or it is not written yet.
@@ -124,7 +124,7 @@ def of_number(number: int) -> Chapter:
 
 
 def notebook_of(chapter: Chapter) -> Path:
-    """The course's own notebook of a chapter, which nobody types into."""
+    """Return the course's own notebook of a chapter, which nobody types into."""
     return ROOT / chapter.notebook
 
 
@@ -149,7 +149,7 @@ class Copy:
     aside: Path | None = None
 
     def sentence(self) -> str:
-        """What the learner should know; "" for a copy that is as it was."""
+        """Return what the learner should know; "" for a copy that is as it was."""
         name = shown(self.path)
         if self.state == "made":
             return f"{name} is your copy: read it, run it, answer in it."
@@ -220,7 +220,7 @@ def _updated(
     version: str,
     is_open: Callable[[Path], bool],
 ) -> tuple[dict[str, Any] | None, Copy]:
-    """The notebook to write, None to leave what is there, and what becomes of the copy."""
+    """Return the notebook to write, None to leave what is there, and what becomes of the copy."""
     if before is None:
         return new, Copy(path, "made")
     try:
@@ -282,7 +282,10 @@ def merge(
 
 
 def _followed(base: Sequence[Cell], new: Sequence[Cell]) -> tuple[dict[int, int], dict[int, int]]:
-    """Where the cells of the base that are unchanged went, and after which cell the others were."""
+    """Return where the cells of the base that are unchanged went.
+
+    And after which cell the others were.
+    """
     before, now = [_key(cell) for cell in base], [_key(cell) for cell in new]
     matcher = difflib.SequenceMatcher(None, before, now, autojunk=False)
     same: dict[int, int] = {}
@@ -296,7 +299,10 @@ def _followed(base: Sequence[Cell], new: Sequence[Cell]) -> tuple[dict[int, int]
 
 
 def _origins(base: Sequence[Cell], mine: Sequence[Cell]) -> list[int | None]:
-    """For each cell of the copy the one of the base that it is or was; None for an added one."""
+    """Return for each cell of the copy the one of the base that it is or was.
+
+    None for an added one.
+    """
     by_id = {cell["id"]: index for index, cell in enumerate(base)}
     result: list[int | None] = [by_id.pop(cell.get("id"), None) for cell in mine]
     remaining: dict[tuple[str, str], list[int]] = {}
@@ -318,7 +324,7 @@ def _note(cell: Cell) -> Cell:
 
 
 def _with_own_ids(cells: list[Cell]) -> list[Cell]:
-    """The cells, each with an id that no other has."""
+    """Return the cells, each with an id that no other has."""
     used: set[str] = set()
     for place, cell in enumerate(cells):
         name, number = cell.get("id") or f"cell-{place}", 1
@@ -330,12 +336,12 @@ def _with_own_ids(cells: list[Cell]) -> list[Cell]:
 
 
 def written(book: dict[str, Any]) -> str:
-    """A notebook as its file holds it."""
+    """Return a notebook as its file holds it."""
     return json.dumps(book, ensure_ascii=False, indent=1, sort_keys=True) + "\n"
 
 
 def _cells(book: dict[str, Any]) -> list[Cell]:
-    """The cells, the source of each as one text."""
+    """Return the cells, the source of each as one text."""
     return [{**cell, "source": "".join(cell["source"])} for cell in book["cells"]]
 
 
@@ -388,7 +394,7 @@ def _point_links(book: dict[str, Any], work: Path, source: Path) -> None:
 
 
 def open_in_jupyter(path: Path) -> bool:
-    """Whether a Jupyter server of this user has a kernel at work for the notebook."""
+    """Return whether a Jupyter server of this user has a kernel at work for the notebook."""
     return any(os.path.realpath(path) == os.path.realpath(one) for one in _at_work())
 
 

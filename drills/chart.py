@@ -59,11 +59,11 @@ class Drawing:
     drawn: Sequence[Panel]
 
     def panels(self) -> Sequence[Panel]:
-        """What is drawn."""
+        """Return what is drawn."""
         return self.drawn
 
     def table(self) -> str:
-        """What is said."""
+        """Return what is said."""
         from course.measure.figure import text
 
         return text(self.drawn)
@@ -80,7 +80,9 @@ def chart_of(
     repeats: int = 3,
     converges: bool = True,
 ) -> Callable[[Attempt, Place], WorkPrecision]:
-    """The chart of an exercise: both answers through a pipe, other methods and libraries beside.
+    """Return the chart of an exercise.
+
+    Both answers through a pipe, other methods and libraries beside.
 
     Args:
         question: the title.
@@ -127,7 +129,7 @@ def chart_of(
 
 
 def angle_between(answer: Any, truth: Any) -> float:
-    """Angle between two orientations [rad], infinite where the answer is no orientation."""
+    """Return angle between two orientations [rad], infinite where the answer is no orientation."""
     import numpy as np
 
     from course.rigid_body import quaternion

@@ -30,7 +30,7 @@ FEW = 3  # how many `next` names
 
 
 def chosen(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that choose among the exercises; a command gets the cards that fit."""
+    """Return the options that choose among the exercises; a command gets the cards that fit."""
     chapter = click.option("--chapter", type=int, multiple=True, help="Of this chapter only.")
     level = click.option(
         "--level", type=click.IntRange(1, 5), multiple=True, help="Of this difficulty only."
@@ -84,7 +84,7 @@ def main() -> None:
 @options
 @click.pass_context
 def cli(context: click.Context, as_json: bool, work: str | None) -> int:
-    """Coding drills and exercises, graded in a second or two."""
+    """Return coding drills and exercises, graded in a second or two."""
     if context.invoked_subcommand is None:
         return body(_welcome)(as_json=as_json, work=work)
     return RIGHT

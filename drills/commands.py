@@ -131,7 +131,7 @@ def chart(session: Session, card: Card, file: str | None, seed: int, target: Pat
 
 
 def _exercise_and_file(session: Session, target: str | None, file: str | None) -> tuple[Card, str]:
-    """Which exercise is meant, and the file of its answer ("-" for standard input)."""
+    """Return which exercise is meant, and the file of its answer ("-" for standard input)."""
     if target is None and file is None:
         started = [
             card.name
@@ -180,7 +180,7 @@ def _must_be_there(path: str) -> None:
 
 
 def _read(session: Session, path: str) -> tuple[str | None, str]:
-    """The text of a submission, or None and why it can't be used."""
+    """Return the text of a submission, or None and why it can't be used."""
     from drills.sandbox.submission import SIZE, Unreadable, decode_submission, read_submission
 
     try:
@@ -250,7 +250,7 @@ def report_result(
 
 
 def _pictured(session: Session, card: Card, report: Report) -> Path | None:
-    """The picture of the case that failed, in the work folder; an older one goes."""
+    """Return the picture of the case that failed, in the work folder; an older one goes."""
     from drills import picture
 
     target = session.work / f"{card.name}.case.png"
@@ -264,7 +264,7 @@ def _pictured(session: Session, card: Card, report: Report) -> Path | None:
 
 
 def _drawn(payload: dict[str, Any]) -> bytes:
-    """The content of the picture that was written, or nothing."""
+    """Return the content of the picture that was written, or nothing."""
     return Path(payload["picture"]).read_bytes() if payload["picture"] else b""
 
 
@@ -278,7 +278,10 @@ def _data(session: Session, card: Card, report: Report, path: str) -> dict[str, 
 
 
 def _settled(path: Path) -> object:
-    """What identifies a version of the file, once it has stopped changing; None if it is gone."""
+    """Return what identifies a version of the file, once it has stopped changing.
+
+    None if it is gone.
+    """
     before = _version(path)
     while True:
         time.sleep(_LOOKS / 4)

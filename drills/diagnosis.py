@@ -26,7 +26,9 @@ CAST = "Cannot cast ufunc"  # how NumPy refuses to add floats into an array of i
 
 
 def diagnosis(attempt: Attempt, graded: Exercise) -> tuple[str, str]:
-    """The name of the slip and the sentence for the learner, both "" where nothing explains it."""
+    """Return the name of the slip and the sentence for the learner, both "" where nothing explains
+    it.
+    """
     report = attempt.report
     sentences = {slip.name: slip.sentence for slip in graded.slips}
     named = next((c.slip for c in report.checks if c.slip and not c.passed), "") or attempt.shown
@@ -42,7 +44,7 @@ def diagnosis(attempt: Attempt, graded: Exercise) -> tuple[str, str]:
 
 
 def matched(attempt: Attempt, graded: Exercise) -> str:
-    """The slip that gives most of what the submission got wrong, and wrong alike; or ""."""
+    """Return the slip that gives most of what the submission got wrong, and wrong alike; or ""."""
     for slip in graded.slips:
         if slip.ends is not None and slip.ends is attempt.report.reason:
             if slip.cause(attempt.learner.last_args):
@@ -63,7 +65,7 @@ def matched(attempt: Attempt, graded: Exercise) -> str:
 
 
 def _share(right: NDArray[np.bool_], alike: Iterator[bool]) -> float:
-    """How much a slip explains: of what either has wrong, the share that is the same; or 0.
+    """Return how much a slip explains: of what either has wrong, the share that is the same; or 0.
 
     Args:
         right: which answers of the submission are those of the worked answer.
@@ -82,7 +84,7 @@ def _share(right: NDArray[np.bool_], alike: Iterator[bool]) -> float:
 
 
 def _alike(text: str, graded: Exercise, steps: Sequence[Step]) -> Iterator[bool]:
-    """For each recorded request, whether a text of this project gives what came back."""
+    """Yield for each recorded request, whether a text of this project gives what came back."""
     for step, result in repeated(InProcess(text, graded.given), steps):
         yield result is step.result or close(step.result, result)
 

@@ -28,7 +28,10 @@ Row = dict[str, Any]
 
 
 def examine(work: Path, progress_file: Path | None) -> dict[str, list[Row]]:
-    """What was found, by topic; each row has a name, whether it is all right, and a detail."""
+    """Return what was found, by topic.
+
+    Each row has a name, whether it is all right, and a detail.
+    """
     return {
         "grader": [_python(), _catalogue(), _process()],
         "protections": _protections(),
@@ -57,7 +60,7 @@ def _catalogue() -> Row:
 
 
 def _process() -> Row:
-    """Whether a submission can be run at all."""
+    """Return whether a submission can be run at all."""
     from drills.sandbox import Child, Ended, Raised, StartFailed
 
     text = "def answer():\n    return 42.0\n"

@@ -52,7 +52,7 @@ class Slip:
     generic: bool = False
 
     def text(self, solution: str) -> str:
-        """The source of the slip.
+        """Return the source of the slip.
 
         Raises:
             ValueError: when an edit doesn't fit the solution.
@@ -73,7 +73,7 @@ class Slip:
 
 
 def slips(**table: Sequence[str]) -> tuple[Slip, ...]:
-    """Slips as a table, by their names.
+    """Return slips as a table, by their names.
 
     Args:
         **table: for each name a text of the worked answer, what stands there instead, perhaps more
@@ -95,7 +95,9 @@ def slips(**table: Sequence[str]) -> tuple[Slip, ...]:
 
 
 def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
-    """The worked answer in single precision and rounded, which `drills.case_judge.coarse` names.
+    """Return the worked answer in single precision and rounded.
+
+    Which `drills.case_judge.coarse` names.
 
     Args:
         entry: the function's name.
@@ -122,7 +124,7 @@ def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
 def value_slips(
     entry: str, *, swapped: bool = False, in_part: bool = True, whole: bool = True
 ) -> tuple[Slip, ...]:
-    """Mistakes that every function knows, which `drills.case_judge` names by the values.
+    """Return mistakes that every function knows, which `drills.case_judge` names by the values.
 
     Args:
         entry: the function's name.
@@ -168,7 +170,7 @@ def value_slips(
 
 
 def _changed(name: str, entry: str, parts: str, explain: str) -> Slip:
-    """The worked answer whose results, a tuple `parts`, are changed."""
+    """Return the worked answer whose results, a tuple `parts`, are changed."""
     return Slip(
         name,
         explain,
@@ -214,7 +216,7 @@ class Exercise:
 
 
 def of(name: str) -> Exercise:
-    """The exercise of that name; imports what its judge needs."""
+    """Return the exercise of that name; imports what its judge needs."""
     module = importlib.import_module(f"drills.catalogue.{card(name).name}.exercise")
     result = module.EXERCISE
     assert isinstance(result, Exercise)

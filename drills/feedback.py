@@ -26,7 +26,10 @@ _COLOURS = {"good": "32;1", "bad": "31;1", "dim": "2", "head": "1"}
 
 
 def clean(text: str) -> str:
-    """Without control characters and directional marks; tabs become spaces, line ends stay."""
+    """Return without control characters and directional marks.
+
+    Tabs become spaces, line ends stay.
+    """
     retained = []
     for character in text.replace("\r\n", "\n").replace("\r", "\n").expandtabs(4):
         odd = unicodedata.category(character) in ("Cc", "Cf", "Cs", "Co", "Zl", "Zp")
@@ -37,7 +40,7 @@ def clean(text: str) -> str:
 def text(
     report: Report, card: Card, *, colour: bool = False, unicode: bool = True, width: int = 80
 ) -> str:
-    """The feedback on one attempt as lines of text.
+    """Return the feedback on one attempt as lines of text.
 
     Args:
         report: what the grader found.
@@ -201,7 +204,7 @@ class _Page:
 
 
 def tally_text(report: Report) -> str:
-    """What holds, level by level: "Cases: simple 2 of 2, core 9 of 9, edge 2 of 4"."""
+    """Return what holds, level by level: "Cases: simple 2 of 2, core 9 of 9, edge 2 of 4"."""
     parts = [f"{level} {hold} of {requested}" for level, hold, requested in report.tally()]
     if report.unreached:
         parts.append(f"{report.unreached} not reached")
@@ -212,7 +215,7 @@ def tally_text(report: Report) -> str:
 
 
 def grouped(checks: list[Check]) -> list[tuple[Check, int]]:
-    """Checks of one name and reason together: the worst, and their number; failures first.
+    """Return checks of one name and reason together: the worst, and their number; failures first.
 
     What is said of several in the same words is said once.
     """
@@ -238,19 +241,19 @@ def grouped(checks: list[Check]) -> list[tuple[Check, int]]:
 
 
 def quantity(value: float, unit: str, digits: int = 2) -> str:
-    """A number with its unit; the unit 1 is not written."""
+    """Return a number with its unit; the unit 1 is not written."""
     return f"{value:.{digits}g}" if unit in ("", "1") else f"{value:.{digits}g} {unit}"
 
 
 def check_note(check: Check) -> str:
-    """What is to be said of one check in a line."""
+    """Return what is to be said of one check in a line."""
     if check.passed and not math.isnan(check.error):
         return f"error {quantity(check.error, check.unit)}, {check.tolerance:.2g} allowed"
     return check.sentence
 
 
 def cost_text(cost: Cost) -> str:
-    """One line: yours, the reference's, and their ratio."""
+    """Return one line: yours, the reference's, and their ratio."""
     ratio = f" ({cost.yours / cost.reference:.2g} times)" if cost.reference > 0.0 else ""
     yours, reference = _figure(cost.yours, cost.unit), _figure(cost.reference, cost.unit)
     return f"{cost.what}: yours {yours}, reference {reference}{ratio}"
@@ -266,7 +269,10 @@ def _figure(value: float, unit: str) -> str:
 
 
 def as_dict(report: Report, card: Card) -> dict[str, Any]:
-    """The attempt as plain data: what `--json` prints. A number that is not finite becomes null."""
+    """Return the attempt as plain data: what `--json` prints.
+
+    A number that is not finite becomes null.
+    """
     problem = report.problem
     return {
         "drill": report.drill,
@@ -327,7 +333,7 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
 
 
 def html(report: Report, card: Card, picture: bytes = b"") -> str:
-    """The feedback as HTML without scripts, readable on a light and on a dark page.
+    """Return the feedback as HTML without scripts, readable on a light and on a dark page.
 
     Args:
         report: what the grader found.

@@ -35,7 +35,7 @@ class Fault:
 
 
 def clearances(a: ArrayLike, b: ArrayLike, discs: ArrayLike) -> Array:
-    """Gap between a segment and each disc: distance from the centre, less the radius.
+    """Return gap between a segment and each disc: distance from the centre, less the radius.
 
     Seen along the segment, a centre is behind its start, beyond its end, or beside it. Beside it,
     the distance is the height of the triangle over the segment, its doubled area by its base; else
@@ -69,7 +69,7 @@ def path_faults(
     bounds: ArrayLike,
     step: float,
 ) -> list[Fault]:
-    """Everything that is wrong with a path, in the order of travel; empty if it is right.
+    """Return everything that is wrong with a path, in the order of travel; empty if it is right.
 
     It must begin at the start and end at the goal exactly (these are copied, not computed), stay
     within the bounds, touch no disc, and have no edge longer than `step`, the last two to within
@@ -107,7 +107,7 @@ def path_faults(
 
 
 def bounds_faults(points: ArrayLike, bounds: ArrayLike) -> list[Fault]:
-    """The points, shape (k, 2), that lie outside the bounds by more than `TOLERANCE`."""
+    """Return the points, shape (k, 2), that lie outside the bounds by more than `TOLERANCE`."""
     points = np.asarray(points, dtype=float).reshape(-1, 2)
     low, high = np.asarray(bounds, dtype=float)
     outside = ((points < low - TOLERANCE) | (points > high + TOLERANCE)).any(axis=1)
@@ -120,7 +120,10 @@ def bounds_faults(points: ArrayLike, bounds: ArrayLike) -> list[Fault]:
 def edge_faults(
     a: ArrayLike, b: ArrayLike, discs: ArrayLike, step: float, index: int = 0
 ) -> list[Fault]:
-    """What is wrong with the edge from a to b: the deepest disc it enters, and its length."""
+    """Return what is wrong with the edge from a to b.
+
+    The deepest disc it enters, and its length.
+    """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     faults = []
     gaps = clearances(a, b, discs)
@@ -139,7 +142,7 @@ def edge_faults(
 
 
 def missed_by_sampling(spacing: float, radius: float) -> float:
-    """Share of the lines crossing a disc that points at a spacing along them all miss.
+    """Return share of the lines crossing a disc that points at a spacing along them all miss.
 
     A line at distance y from the centre leaves a chord c = 2 sqrt(radius^2 - y^2) in the disc;
     points at a spacing h with a random offset miss it with probability 1 - c/h if c < h. The mean

@@ -121,7 +121,10 @@ class Report:
         self.checks.sort(key=lambda check: places.get(check.part, (len(LEVELS), 0)))
 
     def tally(self) -> list[tuple[str, int, int]]:
-        """For each level that was begun: how many of its cases hold, and how many were asked."""
+        """Return for each level that was begun.
+
+        How many of its cases hold, and how many were asked.
+        """
         failed = {check.part for check in self.checks if not check.passed}
         rows: list[tuple[str, int, int]] = []
         for level in LEVELS:

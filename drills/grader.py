@@ -113,19 +113,19 @@ def attempt(
 
 
 def _judges(card: Card, seed: int) -> bool:
-    """Whether the worked answer passes, so that the judge is sound for this seed."""
+    """Return whether the worked answer passes, so that the judge is sound for this seed."""
     return attempt(card, card.solution_text(), seed=seed).report.passed
 
 
 def start_child(card: Card, source: str, filename: str) -> Child:
-    """A child for a submission; it starts at once and is ready when `load` returns."""
+    """Return a child for a submission; it starts at once and is ready when `load` returns."""
     graded = exercises.of(card.name)
     limits = limits_for(graded.limits or Limits(), source)
     return Child(source, filename=filename, entry=card.entry, given=graded.given, limits=limits)
 
 
 def limits_for(limits: Limits, source: str) -> Limits:
-    """The limits of a submission; one that uses Numba may compile once on top of them."""
+    """Return the limits of a submission; one that uses Numba may compile once on top of them."""
     if not NUMBA.search(source):
         return limits
     longer = {name: getattr(limits, name) + COMPILING for name in ("load", "call", "total")}
@@ -143,7 +143,7 @@ def _note_compiling(attempt: Attempt) -> None:
 
 
 def is_starter(card: Card, source: str) -> bool:
-    """Whether the graded definition is still that of the starter, comments and layout aside."""
+    """Return whether the graded definition is still that of the starter, comments and layout aside."""
     if len(source) > PARSED:
         return False
     theirs, ours = _entry_text(source, card.entry), _entry_text(card.starter(), card.entry)
@@ -227,7 +227,10 @@ def _conclude(attempt: Attempt, graded: Exercise) -> None:
 
 
 def printed(output: str, start: float, end: float) -> str:
-    """What was printed; of warnings only those between two places, and no folders in them."""
+    """Return what was printed.
+
+    Of warnings only those between two places, and no folders in them.
+    """
 
     def report(match: re.Match[str]) -> str:
         return match["said"] if start <= match.start() < end else ""
@@ -236,14 +239,17 @@ def printed(output: str, start: float, end: float) -> str:
 
 
 def _is_simpler(failed: Check, report: Report) -> bool:
-    """Whether a check failed at a level below that of the case at which the run was stopped."""
+    """Return whether a check failed at a level below that of the case at which the run was stopped."""
     stopped = [report.parts[i].level for i in report.begun - report.ended]
     level = report.parts[failed.part].level if failed.part >= 0 else LEVELS[-1]
     return any(LEVELS.index(level) < LEVELS.index(later) for later in stopped)
 
 
 def _entry_text(source: str, entry: str) -> str | None:
-    """The graded definition without comments, layout and docstrings; None if there is none."""
+    """Return the graded definition without comments, layout and docstrings.
+
+    None if there is none.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -50,7 +50,7 @@ class InProcess:
         self._module = _module("submission", source, {"given": self._given})
 
     def call(self, name: str, *args: Any, repeat: int = 1, **kwargs: Any) -> Any:
-        """A function of the text; `elapsed` is then the time of all repeats [s]."""
+        """Return a function of the text; `elapsed` is then the time of all repeats [s]."""
         known, run = self.memory, getattr(self._module, name)
         if known is None or not self._past or repeat > 1 or not _is_data((args, kwargs)):
             return self._run(run, args, kwargs, repeat)
@@ -67,27 +67,27 @@ class InProcess:
         return copy.deepcopy(result)
 
     def new(self, name: str, *args: Any, **kwargs: Any) -> Local:
-        """The same, and the result stays here."""
+        """Return the same, and the result stays here."""
         return Local(self._run(getattr(self._module, name), args, kwargs))
 
     def method(self, handle: Local, name: str, *args: Any, **kwargs: Any) -> Any:
-        """A method of an object made by `new`."""
+        """Return a method of an object made by `new`."""
         return self._run(getattr(handle.value, name), args, kwargs)
 
     def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        """A function of the given module."""
+        """Return a function of the given module."""
         return self._run(getattr(self._given, name), args, kwargs)
 
     def given_new(self, name: str, *args: Any, **kwargs: Any) -> Local:
-        """The same, and the result stays here."""
+        """Return the same, and the result stays here."""
         return Local(self._run(getattr(self._given, name), args, kwargs))
 
     def fetch(self, handle: Local) -> Any:
-        """The value of a handle."""
+        """Return the value of a handle."""
         return copy.deepcopy(handle.value)
 
     def evaluate(self, expression: str) -> Any:
-        """The value of an expression in the namespace of the text, with `given`."""
+        """Return the value of an expression in the namespace of the text, with `given`."""
         return eval(expression, {**self._module.__dict__, "given": self._given})
 
     def _run(self, function: Any, args: Any, kwargs: Any, repeat: int = 1) -> Any:
@@ -162,28 +162,28 @@ class StandIn:
     def call(
         self, name: str, *args: Any, repeat: int = 1, seconds: float | None = None, **kwargs: Any
     ) -> Any:
-        """A function of the text; no limit on its time holds here."""
+        """Return a function of the text; no limit on its time holds here."""
         return self._answer(self._named("submission", name), args, kwargs, repeat)
 
     def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
-        """The same, and the result stays here."""
+        """Return the same, and the result stays here."""
         return self._create(self._named("submission", name), args, kwargs)
 
     def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
-        """A method of an object made by `new`."""
+        """Return a method of an object made by `new`."""
         value = self._objects[handle._number]
         return self._answer(lambda *a, **k: getattr(value, name)(*a, **k), args, kwargs)
 
     def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        """A function of the given module."""
+        """Return a function of the given module."""
         return self._answer(self._named("given", name), args, kwargs)
 
     def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
-        """The same, and the result stays here."""
+        """Return the same, and the result stays here."""
         return self._create(self._named("given", name), args, kwargs)
 
     def fetch(self, handle: Handle) -> Any:
-        """The value of a handle."""
+        """Return the value of a handle."""
         return self._travelled(self._objects[handle._number])
 
     def _named(self, module: str, name: str) -> Any:
@@ -243,7 +243,7 @@ class StandIn:
             self.used += self.spent
 
     def _sent(self, value: Any) -> Any:
-        """An argument as it travels; a handle or a function goes by its number."""
+        """Return an argument as it travels; a handle or a function goes by its number."""
 
         def other(x: Any, name: str) -> Any:
             if isinstance(x, Handle):
@@ -260,7 +260,7 @@ class StandIn:
         return self._objects[number] if tag == "h" else self._asking(self._functions[number])
 
     def _asking(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """A function of the grader: its arguments and its answer travel."""
+        """Return a function of the grader: its arguments and its answer travel."""
 
         def requested(*args: Any) -> Any:
             try:
@@ -272,7 +272,7 @@ class StandIn:
         return requested
 
     def _travelled(self, value: Any) -> Any:
-        """A result as it comes back: plain data, or the name of what does not travel."""
+        """Return a result as it comes back: plain data, or the name of what does not travel."""
         try:
             data = wire.encode(value, lambda x, name: {"x": name})
         except wire.TooLarge as error:
@@ -301,7 +301,7 @@ def _module(
 
 
 def _builtins_with(modules: dict[str, types.ModuleType]) -> dict[str, Any]:
-    """The builtins, with an import that finds the given module without registering it."""
+    """Return the builtins, with an import that finds the given module without registering it."""
     import builtins
 
     def find(name: str, *args: Any, **kwargs: Any) -> Any:

@@ -100,7 +100,7 @@ class Result(Shown):
         self._source = source
 
     def chart(self) -> Shown:
-        """Speed against accuracy: this answer beside the reference and a library."""
+        """Return speed against accuracy: this answer beside the reference and a library."""
         if not self.passed:
             return Shown("Only a right answer goes on the chart.")
         with tempfile.TemporaryDirectory() as folder:
@@ -142,7 +142,7 @@ def check(obj: Any, name: str | None = None, seed: int | None = None) -> Result:
 
 
 def card(name: str) -> Shown:
-    """The card of an exercise: what it is about, the task, the hints to unfold.
+    """Return the card of an exercise: what it is about, the task, the hints to unfold.
 
     Raises:
         UnknownExercise: with the nearest names.
@@ -169,7 +169,7 @@ def card(name: str) -> Shown:
 
 
 def badges(chapter: int) -> Shown:
-    """A row with the state of each exercise of a chapter: not attempted, attempted, solved.
+    """Return a row with the state of each exercise of a chapter: not attempted, attempted, solved.
 
     Derivations, labs and designs join it once they were tried.
 
@@ -203,7 +203,9 @@ def badges(chapter: int) -> Shown:
 
 
 def checkpoint(topic: str, **answers: str) -> Gate:
-    """The gate at the end of a chapter, `course.cards.checkpoint`; a chapter's first pass is kept.
+    """Return the gate at the end of a chapter, `course.cards.checkpoint`.
+
+    A chapter's first pass is kept.
 
     Raises:
         ValueError: for a topic without a checkpoint, or a name that is not in it.
@@ -250,7 +252,7 @@ def tried(kind: str, name: str, chapter: int, passed: bool = False) -> None:
 
 
 def home() -> Shown:
-    """The home page: where to go on, what is read and solved, and the time that is left."""
+    """Return the home page: where to go on, what is read and solved, and the time that is left."""
     loaded = progress.load(_progress_file())
     standing = agenda.standings(loaded)
     reading = agenda.to_read(loaded, standing)
@@ -346,7 +348,7 @@ class Ticks(Shown):
 
 
 def ticks(chapter: int | None = None) -> Shown:
-    """The sections of a chapter to tick off as read; of the one to go on with if None."""
+    """Return the sections of a chapter to tick off as read; of the one to go on with if None."""
     if chapter is None:
         loaded = progress.load(_progress_file())
         place = agenda.to_read(loaded, agenda.standings(loaded))
@@ -357,7 +359,7 @@ def ticks(chapter: int | None = None) -> Shown:
 
 
 def solution(name: str, give_up: bool = False) -> Shown:
-    """The worked answer of an exercise, after a pass or with `give_up=True`.
+    """Return the worked answer of an exercise, after a pass or with `give_up=True`.
 
     Raises:
         UnknownExercise: with the nearest names.
@@ -397,7 +399,10 @@ def _card_for(obj: Any, name: str | None) -> Card:
 
 
 def _untouched(card: Card, what: Any) -> Result | None:
-    """The result for a starter that is as it was, else None. It is no attempt: nothing is kept."""
+    """Return the result for a starter that is as it was, else None.
+
+    It is no attempt: nothing is kept.
+    """
     from drills.grader import is_starter
 
     source = what.source if isinstance(what, Assembled) else own_source(what)
@@ -414,7 +419,7 @@ def _untouched(card: Card, what: Any) -> Result | None:
 
 
 def _ungraded(card: Card | None, reason: Reason | None, sentence: str) -> Result:
-    """A verdict that needs no grading."""
+    """Return a verdict that needs no grading."""
     title = _escaped(card.title) if card else ""
     html = (
         '<div style="border-left:4px solid #c62828;padding:2px 0 2px 12px"><p><span style="'

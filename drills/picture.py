@@ -20,7 +20,7 @@ RIGHT: dict[str, Any] = {"color": "0.35", "lw": 1.2, "ls": "--", "label": "right
 
 
 def figure_of(report: Report) -> Figure | None:
-    """The drawn case; None where nothing failed, or where nothing can be drawn."""
+    """Return the drawn case; None where nothing failed, or where nothing can be drawn."""
     shown, painter = report.shown, exercises.of(report.drill).picture
     if report.passed or shown is None or painter is None:
         return None
@@ -53,7 +53,7 @@ def write(report: Report, target: Path) -> Path | None:
 
 
 def plane(figure: Figure, x: str, y: str, *, equal: bool = False) -> Any:
-    """One pair of axes with a grid; `equal` for lengths on both."""
+    """Return one pair of axes with a grid; `equal` for lengths on both."""
     axes = figure.add_subplot()
     axes.set(xlabel=x, ylabel=y)
     axes.grid(alpha=0.3)
@@ -83,13 +83,13 @@ def bodies(figure: Figure, start: Any, got: Any, right: Any) -> None:
 
 
 def angle(p: Any, q: Any) -> float:
-    """The angle between two orientations [degrees], of quaternions of any length."""
+    """Return the angle between two orientations [degrees], of quaternions of any length."""
     apart = float(np.linalg.norm(_axes_of(p) - _axes_of(q)))
     return math.degrees(2.0 * math.asin(min(apart / math.sqrt(8.0), 1.0)))
 
 
 def _axes_of(q: Any) -> Any:
-    """The body's axes in the world, one a row, of a quaternion (w, x, y, z)."""
+    """Return the body's axes in the world, one a row, of a quaternion (w, x, y, z)."""
     q = np.asarray(q, dtype=float)
     size = float(np.linalg.norm(q))
     w, *v = q / size if 0.0 < size < np.inf else np.array([1.0, 0.0, 0.0, 0.0])

@@ -68,16 +68,16 @@ class Loaded:
     notices: tuple[str, ...] = ()
 
     def of(self, name: str) -> Record:
-        """The record of an exercise, an empty one if there is none."""
+        """Return the record of an exercise, an empty one if there is none."""
         return self.records.get(name, Record())
 
     def reading(self, number: int) -> Reading:
-        """The record of a chapter, an empty one if there is none."""
+        """Return the record of a chapter, an empty one if there is none."""
         return self.chapters.get(number, Reading())
 
 
 def load(path: Path | None) -> Loaded:
-    """The records in the file; a damaged file is put aside and a notice says so.
+    """Return the records in the file; a damaged file is put aside and a notice says so.
 
     Args:
         path: of the file, or None to keep no progress.
@@ -104,7 +104,7 @@ def change(path: Path | None, name: str, edit: Callable[[Record], None]) -> Load
 
 
 def change_chapter(path: Path | None, number: int, edit: Callable[[Reading], None]) -> Loaded:
-    """The same for the record of a chapter.
+    """Return the same for the record of a chapter.
 
     Raises:
         kept.Problem: if the file can't be written; it is then as it was.
@@ -172,7 +172,7 @@ def note_tried(reading: Reading, key: str, passed: bool) -> None:
 
 
 def timestamp() -> str:
-    """The time now, in UTC, to the second."""
+    """Return the time now, in UTC, to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 

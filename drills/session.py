@@ -53,7 +53,7 @@ class Session:
         return workspace.progress_file(self.work)
 
     def records(self) -> progress.Loaded:
-        """The progress; what is wrong with its file is said."""
+        """Return the progress; what is wrong with its file is said."""
         loaded = progress.load(self.progress_file)
         self.notices += loaded.notices
         return loaded
@@ -104,7 +104,7 @@ Body = Callable[..., int]
 
 
 def options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that every command has."""
+    """Return the options that every command has."""
     work = click.option(
         "--work", metavar="FOLDER", help="Folder of your answers (else DRILLS_WORK, else work)."
     )
@@ -143,7 +143,7 @@ class Later(click.Command):
         self.module = module
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        """The context of the command itself."""
+        """Return the context of the command itself."""
         command: click.Command = importlib.import_module(self.module).command
         return command.make_context(*args, **kwargs)
 
@@ -152,13 +152,13 @@ class Commands(click.Group):
     """The group of commands; it turns every way to end into an exit code and a sentence."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """In the order in which they were written, which is the order of their use."""
+        """Return in the order in which they were written, which is the order of their use."""
         return list(self.commands)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command of that name; a mistyped one gets the nearest."""
+        """Return the command of that name; a mistyped one gets the nearest."""
         if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
             import difflib
 
@@ -249,7 +249,7 @@ class Commands(click.Group):
 
 
 def _failure(error: Exception, session: Session | None) -> str:
-    """One sentence on a failure of ours, and how to report it."""
+    """Return one sentence on a failure of ours, and how to report it."""
     message = " ".join(str(error).split())[:200]
     what = f"{type(error).__name__}: {message}" if message else type(error).__name__
     if isinstance(error, ModuleNotFoundError):

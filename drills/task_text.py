@@ -17,14 +17,14 @@ _STATE_STYLES = {NOT_ATTEMPTED: "dim", ATTEMPTED: "warn", SOLVED: "good"}
 
 
 def chapter_title(number: int) -> str:
-    """The title of a chapter of the course."""
+    """Return the title of a chapter of the course."""
     from course import CHAPTERS
 
     return next((c.title for c in CHAPTERS if c.number == number), "")
 
 
 def facts(card: Card) -> str:
-    """One line: chapter, difficulty, minutes."""
+    """Return one line: chapter, difficulty, minutes."""
     return (
         f"chapter {card.chapter} ({chapter_title(card.chapter)}), "
         f"difficulty {card.difficulty} of 5, about {card.minutes} minutes"
@@ -32,23 +32,23 @@ def facts(card: Card) -> str:
 
 
 def sign(state: str, terminal: Terminal) -> str:
-    """The state as a sign that does not need its colour."""
+    """Return the state as a sign that does not need its colour."""
     signs = STATE_SIGNS if terminal.unicode else _STATE_ASCII
     return terminal.paint(signs[state], _STATE_STYLES[state])
 
 
 def cut(text: str, width: int) -> str:
-    """The text, or as much of it as fits."""
+    """Return the text, or as much of it as fits."""
     return text if len(text) <= width else text[: max(width - 3, 0)] + "..."
 
 
 def task(card: Card) -> str:
-    """The prompt in Markdown, without the title."""
+    """Return the prompt in Markdown, without the title."""
     return card.prompt().split("\n", 1)[1].strip() + "\n"
 
 
 def examples(card: Card) -> list[tuple[str, str]]:
-    """The public examples: the call and what the worked answer gives."""
+    """Return the public examples: the call and what the worked answer gives."""
     from drills import exercise as exercises
     from drills.values import describe, without_rounding
     from drills.verify import example_result
@@ -62,7 +62,7 @@ def examples(card: Card) -> list[tuple[str, str]]:
 
 
 def markdown_lines(text: str, terminal: Terminal) -> list[str]:
-    """Markdown as the lines of a terminal."""
+    """Return Markdown as the lines of a terminal."""
     import io
 
     from rich.console import Console

@@ -74,7 +74,7 @@ class Terminal:
                 _write(sys.stderr, line + "\n", _speaks_unicode(sys.stderr))
 
     def paint(self, text: str, style: str) -> str:
-        """The text in a colour, where there is colour."""
+        """Return the text in a colour, where there is colour."""
         return f"\x1b[{_STYLES[style]}m{text}\x1b[0m" if self.colour else text
 
     def line_of_json(self, payload: dict[str, Any]) -> None:
@@ -85,7 +85,7 @@ class Terminal:
 
 
 def wrapped(text: str, width: int, indent: str = "", first: str | None = None) -> list[str]:
-    """The lines of a paragraph; words that are longer than a line are left whole."""
+    """Return the lines of a paragraph; words that are longer than a line are left whole."""
     return textwrap.wrap(
         text,
         width,
@@ -97,7 +97,7 @@ def wrapped(text: str, width: int, indent: str = "", first: str | None = None) -
 
 
 def to_ascii(text: str) -> str:
-    """The text in ASCII: names for Greek letters, plain signs for drawn ones."""
+    """Return the text in ASCII: names for Greek letters, plain signs for drawn ones."""
     if text.isascii():
         return text
     plain = unicodedata.normalize("NFKD", text.translate(_ASCII))
@@ -106,7 +106,7 @@ def to_ascii(text: str) -> str:
 
 
 def bar(part: int, whole: int, width: int = 10) -> str:
-    """A bar of `width` characters of which the given share is full."""
+    """Return a bar of `width` characters of which the given share is full."""
     full = round(width * part / whole) if whole else 0
     # Neither full nor empty before it is true.
     full = min(max(full, int(part > 0)), width - int(part < whole)) if whole else 0
@@ -114,7 +114,7 @@ def bar(part: int, whole: int, width: int = 10) -> str:
 
 
 def listed(words: Iterable[str], joint: str = "or") -> str:
-    """The words as a sentence lists them: "a, b or c"."""
+    """Return the words as a sentence lists them: "a, b or c"."""
     items = list(words)
     return f" {joint} ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
 

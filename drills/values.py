@@ -32,7 +32,7 @@ class Mismatch(Exception):
 
 
 def as_float64(value: Any, shape: tuple[int, ...] | None, what: str = "the answer") -> Array:
-    """The value as a float64 array of that shape.
+    """Return the value as a float64 array of that shape.
 
     Args:
         value: a number, a list or tuple of numbers (nested), or a numeric array. A list of floats
@@ -56,7 +56,7 @@ def as_float64(value: Any, shape: tuple[int, ...] | None, what: str = "the answe
 
 
 def type_name(value: Any) -> str:
-    """How a sentence calls the type of a value."""
+    """Return how a sentence calls the type of a value."""
     if isinstance(value, np.ndarray):
         return f"array of {value.dtype}"
     name = getattr(value, "type_name", None)  # a value of a type that cannot travel
@@ -64,7 +64,7 @@ def type_name(value: Any) -> str:
 
 
 def worst(got: Array, expected: Array) -> tuple[float, tuple[int, ...]]:
-    """The largest difference of a component, and its index."""
+    """Return the largest difference of a component, and its index."""
     if got.size == 0:
         return 0.0, ()
     difference = np.abs(got - expected)
@@ -73,7 +73,7 @@ def worst(got: Array, expected: Array) -> tuple[float, tuple[int, ...]]:
 
 
 def numbers(value: Any, what: str = "the answer") -> Array:
-    """The value as a float64 array of whatever shape, NaN and infinity included.
+    """Return the value as a float64 array of whatever shape, NaN and infinity included.
 
     Raises:
         Mismatch: for what is not numbers, is ragged, or holds an integer beyond any float.
@@ -114,7 +114,7 @@ def numbers(value: Any, what: str = "the answer") -> Array:
 
 
 def _a(name: str) -> str:
-    """A name with its article."""
+    """Return a name with its article."""
     return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
 
 
@@ -138,7 +138,7 @@ class Failure:
 
 
 def describe(value: Any, limit: int = 72) -> str:
-    """A value as a short text: numbers with six digits, long ones cut."""
+    """Return a value as a short text: numbers with six digits, long ones cut."""
     text = _described(value, limit)
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
@@ -169,7 +169,7 @@ def _described(value: Any, limit: int) -> str:
 
 
 def describe_call(name: str, args: Sequence[Any], kwargs: dict[str, Any] | None = None) -> str:
-    """A call as one would type it."""
+    """Return a call as one would type it."""
     inside = [describe(a, 40) for a in args]
     inside += [f"{key}={describe(value, 40)}" for key, value in (kwargs or {}).items()]
     return f"{name}({', '.join(inside)})"
@@ -196,7 +196,7 @@ def without_rounding(result: Any) -> Any:
 
 
 def _magnitudes(value: Any) -> Iterator[float]:
-    """The sizes of the finite floats in a value."""
+    """Yield the sizes of the finite floats in a value."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f":
         yield from np.abs(value[np.isfinite(value)]).tolist()
     elif isinstance(value, float) and math.isfinite(value):
@@ -207,7 +207,7 @@ def _magnitudes(value: Any) -> Iterator[float]:
 
 
 def identical(a: Any, b: Any) -> bool:
-    """Whether two results are the same to the last bit, NaN equal to NaN."""
+    """Return whether two results are the same to the last bit, NaN equal to NaN."""
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
     if type(a) is not type(b):
@@ -224,7 +224,7 @@ def identical(a: Any, b: Any) -> bool:
 
 
 def close(a: Any, b: Any, relative: float = 1e-9) -> bool:
-    """Whether two results are the same but for rounding; lists are as good as arrays."""
+    """Return whether two results are the same but for rounding; lists are as good as arrays."""
     if isinstance(a, Failure) or isinstance(b, Failure):
         return type(a) is type(b) and bool(a == b)
     if isinstance(a, dict) and isinstance(b, dict):
@@ -243,7 +243,7 @@ def close(a: Any, b: Any, relative: float = 1e-9) -> bool:
 
 
 def _as_numbers(value: Any) -> Array | None:
-    """Numbers as a float64 array, truth values as 0 and 1; None for anything else."""
+    """Return numbers as a float64 array, truth values as 0 and 1; None for anything else."""
     if isinstance(value, bool) or (isinstance(value, np.ndarray) and value.dtype.kind == "b"):
         return np.asarray(value, dtype=np.float64)
     try:

@@ -84,7 +84,7 @@ def verify(
 
 
 def in_this_process(card: Card, source: str, filename: str) -> StandIn:
-    """The place of a text of this project that is graded often."""
+    """Return the place of a text of this project that is graded often."""
     given = exercises.of(card.name).given
     return StandIn(source, filename=filename, entry=card.entry, given=given)
 
@@ -106,7 +106,7 @@ class Effort:
 
 
 def findings_of(name: str, effort: Effort = Effort()) -> list[Finding]:
-    """Everything that is proved of one exercise."""
+    """Return everything that is proved of one exercise."""
     card, exercise = catalogue.card(name), exercises.of(name)
     steps = (_texts, _examples, _starter, _solution, _slips)
     InProcess.memory = {}  # all slips are asked alike, and each is compared with the others
@@ -138,7 +138,7 @@ def _examples(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
 
 
 def example_result(card: Card, exercise: Exercise, text: str) -> Any:
-    """What the worked answer gives for a public example, an expression as one would type it."""
+    """Return what the worked answer gives for a public example, an expression as one would type it."""
     module = InProcess(card.solution_text(), exercise.given)
     return module.evaluate(text)
 
@@ -180,7 +180,7 @@ def _solution(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
 
 
 def _headroom(card: Card, limits: Limits, runs: list[Attempt]) -> Finding:
-    """The limits, in processor time, against what the quickest run needed."""
+    """Return the limits, in processor time, against what the quickest run needed."""
     # The clock of a process may tick too slowly to see what is quick.
     loading = max(min(run.learner.loading for run in runs), 1e-6)
     longest = max(min(run.learner.longest for run in runs), 1e-6)
@@ -196,7 +196,7 @@ def _headroom(card: Card, limits: Limits, runs: list[Attempt]) -> Finding:
 
 
 def _units(card: Card, one: Attempt) -> Finding:
-    """Every unit that a check relies on is stated in the prompt."""
+    """Return every unit that a check relies on is stated in the prompt."""
     stated = {q.unit for s in card.signatures for q in (*s.arguments, *s.returns)} | {"", "1"}
     prompt = card.prompt()
     used = {check.unit for check in one.report.checks}
@@ -208,7 +208,7 @@ def _units(card: Card, one: Attempt) -> Finding:
 
 
 def _shapes(card: Card, one: Attempt) -> Finding:
-    """Every argument that the checks sent has the shape that the prompt states."""
+    """Return every argument that the checks sent has the shape that the prompt states."""
     signatures = {signature.name: signature for signature in card.signatures}
     wrong: list[str] = []
     unknown: set[str] = set()
@@ -230,7 +230,7 @@ def _shapes(card: Card, one: Attempt) -> Finding:
 
 
 def shape_matches(quantity: Quantity, argument: Any, sizes: dict[str, int]) -> bool:
-    """Whether an argument has the stated shape; symbols such as n are bound in `sizes`."""
+    """Return whether an argument has the stated shape; symbols such as n are bound in `sizes`."""
     if isinstance(argument, Handle | Local) or callable(argument):
         return not quantity.shape.startswith("(")
     if quantity.shape == "number":

@@ -27,17 +27,17 @@ class Misuse(Exception):
 
 
 def in_tree() -> bool:
-    """Whether this is the project's tree, with its Makefile, and no installed package."""
+    """Return whether this is the project's tree, with its Makefile, and no installed package."""
     return (ROOT / "pyproject.toml").exists()
 
 
 def set_up() -> str:
-    """The command that installs what is missing."""
+    """Return the command that installs what is missing."""
     return "make setup" if in_tree() else "pip install 'robotics-simulation-course[lab]'"
 
 
 def folder(chosen: str | None = None) -> Path:
-    """The folder of the answers.
+    """Return the folder of the answers.
 
     Args:
         chosen: on the command line; else DRILLS_WORK, else `work` in the project when the current
@@ -54,7 +54,7 @@ def folder(chosen: str | None = None) -> Path:
 
 
 def progress_file(work: Path) -> Path | None:
-    """The progress file: DRILLS_PROGRESS, else in the work folder; None to keep none."""
+    """Return the progress file: DRILLS_PROGRESS, else in the work folder; None to keep none."""
     report = os.environ.get("DRILLS_PROGRESS")
     if report == NO_PROGRESS:
         return None
@@ -69,19 +69,19 @@ def _expanded(place: str) -> Path:
 
 
 def answer(work: Path, name: str) -> Path:
-    """Where the answer to an exercise is."""
+    """Return where the answer to an exercise is."""
     return work / f"{name}.py"
 
 
 def shown(path: Path) -> str:
-    """The path as a message shows it: from the current folder where it is inside."""
+    """Return the path as a message shows it: from the current folder where it is inside."""
     with contextlib.suppress(ValueError, OSError):
         path = path.absolute().relative_to(Path.cwd())
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(path))
 
 
 def start_text(card: Card) -> str:
-    """The starter under a header that says what to do next."""
+    """Return the starter under a header that says what to do next."""
     facts = f"chapter {card.chapter}, difficulty {card.difficulty} of 5, about {card.minutes} min"
     return (
         f"# {card.name}: {card.title}\n"
@@ -94,7 +94,7 @@ def start_text(card: Card) -> str:
 
 
 def is_untouched(path: Path, card: Card) -> bool:
-    """Whether the file holds the starter as `start` wrote it."""
+    """Return whether the file holds the starter as `start` wrote it."""
     try:
         return path.read_bytes() == start_text(card).encode()
     except OSError:
@@ -136,7 +136,9 @@ def write_start(path: Path, card: Card, replace: bool) -> Path | None:
 
 
 def chosen_card(target: str, source: str | None) -> Card:
-    """The exercise that a file answers: the one of its name, else the one whose entry it defines.
+    """Return the exercise that a file answers.
+
+    The one of its name, else the one whose entry it defines.
 
     Args:
         target: the file as it was given, "-" for standard input.
@@ -163,7 +165,10 @@ def chosen_card(target: str, source: str | None) -> Card:
 
 
 def top_level_names(source: str) -> set[str]:
-    """The names that a text binds at its top level, as far as it can be told if it isn't Python."""
+    """Return the names that a text binds at its top level.
+
+    As far as it can be told if it isn't Python.
+    """
     if len(source) > PARSED:  # the time to parse can grow as the square of the length
         return set(re.findall(r"^(?:def|class)\s+(\w+)", source, re.MULTILINE))
     try:

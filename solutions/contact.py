@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 
 def aabb_contact(a: ArrayLike, b: ArrayLike) -> tuple[float, np.ndarray]:
-    """Overlap of two axis-aligned boxes, and the shortest way out of it along an axis.
+    """Return overlap of two axis-aligned boxes, and the shortest way out of it along an axis.
 
     Args:
         a: corners of the first box, rows low and high, shape (2, d) [m].
@@ -31,7 +31,7 @@ def aabb_contact(a: ArrayLike, b: ArrayLike) -> tuple[float, np.ndarray]:
 def circle_contact(
     centre_a: ArrayLike, radius_a: float, centre_b: ArrayLike, radius_b: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """Gap, normal and point of contact of two circles, at any distance of their centres.
+    """Return gap, normal and point of contact of two circles, at any distance of their centres.
 
     Args:
         centre_a: of the first circle, shape (2,) [m].
@@ -58,7 +58,8 @@ def circle_contact(
 
 
 def pgs_sweep(impulses: ArrayLike, A: ArrayLike, b: ArrayLike, mu: float) -> np.ndarray:
-    """One sweep of projected Gauss-Seidel over contacts with friction, each in its true cone.
+    """Return one sweep of projected Gauss-Seidel over contacts with friction, each in its true
+    cone.
 
     Args:
         impulses: of each contact: normal, then two tangents, shape (n, 3) [N s].
@@ -89,7 +90,7 @@ def pgs_sweep(impulses: ArrayLike, A: ArrayLike, b: ArrayLike, mu: float) -> np.
 def impact_time(
     place: ArrayLike, velocity: ArrayLike, other: ArrayLike, other_velocity: ArrayLike, reach: float
 ) -> float:
-    """When two balls in straight flight touch for the first time.
+    """Return when two balls in straight flight touch for the first time.
 
     Args:
         place: of the first ball's centre, shape (d,) [m].
@@ -122,7 +123,9 @@ def impact_time(
 def contact_step(
     position: ArrayLike, velocity: ArrayLike, slope: float, mu: float, dt: float, steps: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A block over an inclined plane, by time stepping with one contact and Coulomb friction.
+    """Return a block over an inclined plane.
+
+    By time stepping with one contact and Coulomb friction.
 
     Args:
         position: along the slope downwards, and above the plane, shape (2,) [m].

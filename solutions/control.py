@@ -7,7 +7,9 @@ from numpy.typing import ArrayLike
 
 
 def ultimate_gain(inertia: float, damping: float, dt: float, delay: float) -> tuple[float, float]:
-    """The gain at which a sampled P loop around a joint swings for ever, and the period of that.
+    """Return the gain at which a sampled P loop around a joint swings for ever.
+
+    And the period of that.
 
     Args:
         inertia: of the joint [kg m^2].
@@ -23,7 +25,7 @@ def ultimate_gain(inertia: float, damping: float, dt: float, delay: float) -> tu
     rest = delay - whole * dt
 
     def driven(t: float) -> tuple[np.ndarray, np.ndarray]:
-        """What a time does to (q, v), and what a torque of one adds meanwhile."""
+        """Return what a time does to (q, v), and what a torque of one adds meanwhile."""
         lost = -math.expm1(-rate * t)
         return (
             np.array([[1.0, lost / rate], [0.0, 1.0 - lost]]),
@@ -35,7 +37,7 @@ def ultimate_gain(inertia: float, damping: float, dt: float, delay: float) -> tu
     before = second @ late
 
     def loop(gain: float) -> np.ndarray:
-        """The loop as a matrix over q, v and the last commands, the newest first."""
+        """Return the loop as a matrix over q, v and the last commands, the newest first."""
         F = np.eye(whole + 3, k=-1)
         F[:3] = 0.0
         F[:2, :2] = second @ first
@@ -72,7 +74,7 @@ def computed_torque(
     kp: ArrayLike,
     kd: ArrayLike,
 ) -> np.ndarray:
-    """Torques that make two links in a vertical plane follow a reference.
+    """Return torques that make two links in a vertical plane follow a reference.
 
     Args:
         lengths: of the two uniform rods, shape (2,) [m].
@@ -103,7 +105,7 @@ def computed_torque(
 
 
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> np.ndarray:
-    """The gain of the discrete linear quadratic regulator, by doubling.
+    """Return the gain of the discrete linear quadratic regulator, by doubling.
 
     Args:
         A: of x[k+1] = A x[k] + B u[k], shape (n, n).
@@ -141,7 +143,8 @@ def hybrid_torque(
     wanted: ArrayLike,
     gains: ArrayLike,
 ) -> np.ndarray:
-    """Joint torques that press along some axes of a surface and follow a place along the others.
+    """Return joint torques that press along some axes of a surface and follow a place along the
+    others.
 
     Args:
         J: Jacobian of the tip, velocity in the world by joint rates, shape (3, n).
@@ -166,7 +169,7 @@ def hybrid_torque(
 
 
 def inertia_from_log(q: ArrayLike, tau: ArrayLike, dt: float) -> float:
-    """Inertia of a joint with friction and gravity, from a log of angles and torques.
+    """Return inertia of a joint with friction and gravity, from a log of angles and torques.
 
     The equation of motion is integrated twice, so that nothing has to be differentiated.
 
@@ -181,7 +184,7 @@ def inertia_from_log(q: ArrayLike, tau: ArrayLike, dt: float) -> float:
     q, tau = np.asarray(q, dtype=float), np.asarray(tau, dtype=float)
 
     def integral(y: np.ndarray) -> np.ndarray:
-        """From the first sample on, by the trapezoidal rule."""
+        """Return from the first sample on, by the trapezoidal rule."""
         return np.concatenate(([0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))))
 
     pushed = np.concatenate(([0.0], np.cumsum(dt * tau[:-1])))  # a held torque's own integral
@@ -200,7 +203,8 @@ def mppi_step(
     low: ArrayLike,
     high: ArrayLike,
 ) -> tuple[np.ndarray, float]:
-    """A plan of commands, moved towards its cheap variations (model predictive path integral).
+    """Return a plan of commands, moved towards its cheap variations (model predictive path
+    integral).
 
     Args:
         plan: commands, shape (steps, m).
@@ -226,7 +230,7 @@ def mppi_step(
 def hold_joint(
     q: float, target: float, pole: float, load: float, dt: float, steps: int
 ) -> tuple[float, float, float]:
-    """A link in a vertical plane under computed torque with an integral, from rest.
+    """Return a link in a vertical plane under computed torque with an integral, from rest.
 
     Args:
         q: angle at the start, from the horizontal [rad].

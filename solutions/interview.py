@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 def success_interval(
     solved: ArrayLike, tried: ArrayLike, confidence: float, share: float, half: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Wilson's intervals of success rates, and the trials that make one narrow enough.
+    """Return Wilson's intervals of success rates, and the trials that make one narrow enough.
 
     Args:
         solved: how many trials worked, shape (n,).
@@ -51,7 +51,7 @@ def stopping_distance(
     unsure: float,
     sight: float,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """What a mobile robot needs to stop before a person who walks on towards it.
+    """Return what a mobile robot needs to stop before a person who walks on towards it.
 
     Args:
         speeds: of the robot, shape (n,) [km/h].
@@ -86,7 +86,7 @@ def latency_budget(
     actuator: int,
     allowed: float,
 ) -> tuple[float, np.ndarray]:
-    """The worst latency of a graph of stages, and how much longer each of them may take.
+    """Return the worst latency of a graph of stages, and how much longer each of them may take.
 
     Args:
         edges: from stage, to stage, shape (m, 2); no loops.
@@ -122,7 +122,8 @@ def truncated_advantages(
     gamma: float,
     lam: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Generalised advantages of a buffer of episodes, some of which a time limit has cut off.
+    """Return generalised advantages of a buffer of episodes, some of which a time limit has cut
+    off.
 
     Args:
         reward: of each step, shape (n,).
@@ -154,7 +155,8 @@ def truncated_advantages(
 def catch_the_slip(
     turns: ArrayLike, rates: ArrayLike, moments: ArrayLike, step: float
 ) -> np.ndarray:
-    """What is wrong with each of several implementations of a free body, none of which is known.
+    """Return what is wrong with each of several implementations of a free body, none of which is
+    known.
 
     Args:
         turns: attitudes that each gave, body to world, shape (k, n, 3, 3).
@@ -190,7 +192,7 @@ def silent_gate(
     old_outcomes: ArrayLike,
     gate: float,
 ) -> tuple[float, np.ndarray, int]:
-    """What a nightly run says of a new version, beside the night before.
+    """Return what a nightly run says of a new version, beside the night before.
 
     Args:
         seeds: of the scenarios, in the order of the runs; one that comes again is a retry, (n,).

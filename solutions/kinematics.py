@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def two_link_ik(lengths: Array, target: Array) -> Array:
-    """Both pairs of joint angles that bring the tip of a planar two-link arm to a target.
+    """Return both pairs of joint angles that bring the tip of a planar two-link arm to a target.
 
     The half-angle form of the law of cosines: tan^2(q2 / 2) = (L^2 - r^2) / (r^2 - D^2) with L the
     sum of the lengths and D their difference. Unlike acos it keeps its digits near q2 = 0 and pi.
@@ -49,7 +49,7 @@ def two_link_ik(lengths: Array, target: Array) -> Array:
 
 
 def geometric_jacobian(placements: Array, q: Array, tool: Array) -> Array:
-    """Velocity and angular velocity of a tool point for each joint rate of an arm in space.
+    """Return velocity and angular velocity of a tool point for each joint rate of an arm in space.
 
     A joint that turns about the axis z through p gives a point at x the velocity z cross (x - p)
     and the last link the angular velocity z (Siciliano et al. 2009, Robotics, sec. 3.1.3).
@@ -77,7 +77,7 @@ def geometric_jacobian(placements: Array, q: Array, tool: Array) -> Array:
 
 
 def damped_step(J: Array, error: Array, damping: float) -> Array:
-    """One step of damped least squares (Wampler 1986; Nakamura and Hanafusa 1986).
+    """Return one step of damped least squares (Wampler 1986; Nakamura and Hanafusa 1986).
 
     Each singular value s answers with the gain s / (s^2 + damping^2), which is at most
     1 / (2 damping), at s = damping. By singular values it keeps its digits where
@@ -97,7 +97,7 @@ def damped_step(J: Array, error: Array, damping: float) -> Array:
 
 
 def null_space_step(J: Array, dx: Array, secondary: Array, weights: Array) -> Array:
-    """The step that moves the tip by dx and, for the rest, follows a second wish.
+    """Return the step that moves the tip by dx and, for the rest, follows a second wish.
 
     With the weighted pseudo-inverse A = W^-1 J^T (J W^-1 J^T)^-1 it is A dx + (I - A J) secondary:
     of all steps with J dq = dx the one nearest to `secondary`, where the square of joint i counts
@@ -122,7 +122,9 @@ def null_space_step(J: Array, dx: Array, secondary: Array, weights: Array) -> Ar
 def rnea_planar(
     lengths: Array, masses: Array, q: Array, v: Array, a: Array, gravity: float
 ) -> Array:
-    """Joint torques of a planar arm of uniform rods, by the recursive Newton-Euler algorithm.
+    """Return joint torques of a planar arm of uniform rods.
+
+    By the recursive Newton-Euler algorithm.
 
     Outward the motion of each link, inward its forces (Luh, Walker and Paul 1980). A base that
     accelerates upwards at g feels the same as one at rest under gravity.
@@ -160,7 +162,7 @@ def rnea_planar(
 
 
 def wrist_ik(q: Array, target: Array, damping: float, steps: int) -> Array:
-    """Joint angles that turn a wrist of three joints to a target orientation, the short way.
+    """Return joint angles that turn a wrist of three joints to a target orientation, the short way.
 
     Damped steps along the rotation that is left. q and -q are one orientation: of the two
     rotations that lead there the one with w >= 0 is at most half a turn.

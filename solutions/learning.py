@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 def backprop(
     x: ArrayLike, target: ArrayLike, W1: ArrayLike, b1: ArrayLike, W2: ArrayLike, b2: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Gradients of a net of two layers, tanh after the first, by hand.
+    """Return gradients of a net of two layers, tanh after the first, by hand.
 
     Args:
         x, target: a batch of inputs (d, n), and of what should come out (m, n).
@@ -35,7 +35,9 @@ def gae(
     gamma: float,
     lam: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Generalised advantage estimates of T steps in N environments, and the critic's targets.
+    """Return generalised advantage estimates of T steps in N environments.
+
+    And the critic's targets.
 
     Args:
         reward: of each step, (T, N).
@@ -59,7 +61,7 @@ def gae(
 def ppo_objective(
     new: ArrayLike, old: ArrayLike, advantage: ArrayLike, clip: float
 ) -> tuple[float, np.ndarray]:
-    """PPO's clipped objective, which is to be raised, and its gradient by `new`.
+    """Return PPO's clipped objective, which is to be raised, and its gradient by `new`.
 
     Args:
         new, old: log-probabilities of the actions taken, now and when they were taken, (n,).
@@ -85,7 +87,7 @@ def dagger_round(
     start: ArrayLike,
     steps: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One round of DAgger, with a linear learner u = K x fitted by least squares.
+    """Return one round of DAgger, with a linear learner u = K x fitted by least squares.
 
     Args:
         A, B: of the plant x' = A x + B u, (n, n) and (n, m).
@@ -113,7 +115,7 @@ def dagger_round(
 def flow_sample(
     field: Callable[[np.ndarray, float], np.ndarray], noise: ArrayLike, steps: int
 ) -> np.ndarray:
-    """Samples of a flow policy: from noise at time 0 to actions at time 1, by Heun's method.
+    """Return samples of a flow policy: from noise at time 0 to actions at time 1, by Heun's method.
 
     Args:
         field: velocity (x, t) -> (d, n) of samples x (d, n) at time t.
@@ -132,7 +134,7 @@ def flow_sample(
 
 
 def execute_chunks(chunks: ArrayLike, every: int, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """What is executed of a chunk policy: committed for some steps, and ensembled over time.
+    """Return what is executed of a chunk policy: committed for some steps, and ensembled over time.
 
     Args:
         chunks: what is proposed at step t for step t + j, (T, H, m).
@@ -156,7 +158,9 @@ def execute_chunks(chunks: ArrayLike, every: int, rate: float) -> tuple[np.ndarr
 def reach_reward(
     path: ArrayLike, goal: ArrayLike, radius: float, gamma: float
 ) -> tuple[np.ndarray, int]:
-    """Rewards of a logged run to a disc: 1 for reaching it, and a potential of minus the distance.
+    """Return rewards of a logged run to a disc.
+
+    1 for reaching it, and a potential of minus the distance.
 
     Args:
         path: positions before, between and after T steps, (2, T + 1) [m].
@@ -184,7 +188,7 @@ def training_round(
     noise: ArrayLike,
     tested: ArrayLike,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """One round of training a carriage to go to 0, and the point of its learning curve.
+    """Return one round of training a carriage to go to 0, and the point of its learning curve.
 
     Args:
         weights: (slope, offset) of the policy's mean over the normalised place.

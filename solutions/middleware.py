@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 
 def compatible(offered: ArrayLike, requested: ArrayLike) -> np.ndarray:
-    """The policies for which a writer offers less than a reader requests.
+    """Return the policies for which a writer offers less than a reader requests.
 
     Args:
         offered, requested: reliability, durability, deadline [s], liveliness, lease [s],
@@ -30,7 +30,8 @@ def compatible(offered: ArrayLike, requested: ArrayLike) -> np.ndarray:
 def keep_last(
     stamps: ArrayLike, arrivals: ArrayLike, reads: ArrayLike, depth: int, lifespan: float
 ) -> tuple[np.ndarray, int]:
-    """What a reader takes out of a cache that keeps the last messages, none longer than they live.
+    """Return what a reader takes out of a cache that keeps the last messages, none longer than they
+    live.
 
     Args:
         stamps: when each message was written, shape (n,) [s].
@@ -65,7 +66,9 @@ def keep_last(
 
 
 def fragment_loss(size: int, payload: int, loss: float) -> tuple[float, float, float]:
-    """A message in fragments over a link that loses some: lost, or sent again until all are there.
+    """Return a message in fragments over a link that loses some.
+
+    Lost, or sent again until all are there.
 
     Args:
         size: of the message [byte].
@@ -88,7 +91,7 @@ def fragment_loss(size: int, payload: int, loss: float) -> tuple[float, float, f
 def response_times(
     executions: ArrayLike, periods: ArrayLike, deadlines: ArrayLike, blocking: ArrayLike
 ) -> np.ndarray:
-    """The longest response times of periodic tasks on one processor that can be interrupted.
+    """Return the longest response times of periodic tasks on one processor that can be interrupted.
 
     Args:
         executions, periods: of each task, the most important first, shape (n,) [us].
@@ -114,7 +117,7 @@ def response_times(
 def wake_ups(
     start: int, period: int, late: ArrayLike, work: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """When a periodic loop asks to be woken, and how many of its periods it has to skip.
+    """Return when a periodic loop asks to be woken, and how many of its periods it has to skip.
 
     Args:
         start: of the first period [ns].
@@ -147,7 +150,7 @@ def follow_part(
     drift: float,
     ticks: ArrayLike,
 ) -> np.ndarray:
-    """What a drive is told by two nodes that follow a part by camera.
+    """Return what a drive is told by two nodes that follow a part by camera.
 
     Args:
         frames: rows (captured, received, place), both times rising, shape (n, 3) [s, m].

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 def back_project(
     picture: ArrayLike, fx: float, fy: float, cx: float, cy: float, unit: float
 ) -> np.ndarray:
-    """The points that a depth picture shows, row by row.
+    """Return the points that a depth picture shows, row by row.
 
     Args:
         picture: depth along z in counts, shape (H, W); 0 and NaN are no measurement.
@@ -28,7 +28,8 @@ def back_project(
 def rigid_fit(
     source: ArrayLike, target: ArrayLike, weights: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The rigid motion that brings points onto their partners best (Kabsch, 1978; Umeyama, 1991).
+    """Return the rigid motion that brings points onto their partners best (Kabsch, 1978; Umeyama,
+    1991).
 
     Args:
         source, target: partners, shape (3, n) [m].
@@ -51,7 +52,8 @@ def rigid_fit(
 def plane_ransac(
     points: ArrayLike, triples: ArrayLike, tolerance: float, confidence: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """The plane near which most points lie (Fischler and Bolles, 1981), fitted once more to them.
+    """Return the plane near which most points lie (Fischler and Bolles, 1981), fitted once more to
+    them.
 
     Args:
         points: shape (3, n) [m].
@@ -87,7 +89,7 @@ def plane_ransac(
 def point_to_plane_step(
     points: ArrayLike, model: ArrayLike, normals: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One step of ICP from points to planes (Chen and Medioni, 1992).
+    """Return one step of ICP from points to planes (Chen and Medioni, 1992).
 
     Args:
         points: measured, shape (3, n) [m].
@@ -116,7 +118,7 @@ def point_to_plane_step(
 
 
 def dbscan(points: ArrayLike, eps: float, least: int) -> np.ndarray:
-    """The cluster of each point (Ester, Kriegel, Sander and Xu, 1996), -1 for noise.
+    """Return the cluster of each point (Ester, Kriegel, Sander and Xu, 1996), -1 for noise.
 
     Args:
         points: shape (3, n) [m].
@@ -148,7 +150,7 @@ def dbscan(points: ArrayLike, eps: float, least: int) -> np.ndarray:
 def blind_directions(
     points: ArrayLike, normals: ArrayLike, lever: float, least: float
 ) -> tuple[int, np.ndarray]:
-    """The motions of a part that its measured points do not tell.
+    """Return the motions of a part that its measured points do not tell.
 
     Args:
         points: seen on the part, in its frame, shape (3, n) [m].
@@ -169,7 +171,7 @@ def blind_directions(
 def point_in_base(
     pixels: ArrayLike, stamp: float, camera: ArrayLike, mount: ArrayLike, log: ArrayLike
 ) -> np.ndarray:
-    """Where what a camera at a moving arm has seen is in the base.
+    """Return where what a camera at a moving arm has seen is in the base.
 
     Args:
         pixels: columns (u, v, z), shape (3, n) [px, px, m].

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 
 def error_budget(errors: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Who owns how much of an error, from runs with every set of stages at fault.
+    """Return who owns how much of an error, from runs with every set of stages at fault.
 
     Args:
         errors: at the end of each run [m], shape (2^k, n, 2); in row s stage i is real where bit i
@@ -40,7 +40,7 @@ def to_the_present(
     now: float,
     noise: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The newest estimate of a moving target, carried forward to now.
+    """Return the newest estimate of a moving target, carried forward to now.
 
     Args:
         states: (x, y, vx, vy) of each message, shape (n, 4) [m, m/s].
@@ -65,7 +65,7 @@ def to_the_present(
 def step_limit(
     inertia: ArrayLike, elbow: ArrayLike, kp: float, kd: float, damping: float
 ) -> np.ndarray:
-    """The largest stable step of a two-link arm that a PD law holds, at each posture.
+    """Return the largest stable step of a two-link arm that a PD law holds, at each posture.
 
     Args:
         inertia: a, b, d of the arm's mass matrix [kg m^2].
@@ -85,7 +85,9 @@ def step_limit(
 
 
 def visual_gain(gain: float, delay: int) -> tuple[float, float]:
-    """Corrections from a picture that is some frames old: how much gain, and what noise becomes.
+    """Return corrections from a picture that is some frames old.
+
+    How much gain, and what noise becomes.
 
     Args:
         gain: part of the error seen that is corrected at each frame.
@@ -111,7 +113,9 @@ def visual_gain(gain: float, delay: int) -> tuple[float, float]:
 def which_stage(
     record: ArrayLike, limits: ArrayLike, errors: ArrayLike, tolerance: float
 ) -> tuple[int, np.ndarray]:
-    """The first contract that a failed run broke, and the fewest stages whose repair cures it.
+    """Return the first contract that a failed run broke.
+
+    And the fewest stages whose repair cures it.
 
     Args:
         record: what each contract bounds, at each tick, shape (m, n); the upstream one first.
@@ -141,7 +145,7 @@ def which_stage(
 def rescale_step(
     rewards: ArrayLike, once: ArrayLike, gamma: float, steps: int, dt: float, new: float
 ) -> tuple[np.ndarray, float, int]:
-    """The same task for an agent that steps at another rate.
+    """Return the same task for an agent that steps at another rate.
 
     Args:
         rewards: terms of the reward, (m,).
@@ -169,7 +173,7 @@ def reach_target(
     start: ArrayLike,
     ticks: ArrayLike,
 ) -> np.ndarray:
-    """Where the tip is told to be, for a target on a belt that a camera sees late.
+    """Return where the tip is told to be, for a target on a belt that a camera sees late.
 
     Args:
         frames: rows (captured, arrived, x, y) in both orders of time, shape (n, 4) [s, m].

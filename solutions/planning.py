@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 
 def edge_is_free(a: np.ndarray, b: np.ndarray, discs: np.ndarray) -> bool:
-    """Whether the segment from a to b, each (2,), touches no disc, rows (x, y, radius) [m]."""
+    """Return whether the segment from a to b, each (2,), touches no disc, rows (x, y, radius) [m]."""
     along, to_centres = b - a, discs[:, :2] - a
     length_squared = max(float(along @ along), 1e-300)
     share = np.clip(to_centres @ along / length_squared, 0.0, 1.0)
@@ -18,7 +18,9 @@ def edge_is_free(a: np.ndarray, b: np.ndarray, discs: np.ndarray) -> bool:
 
 
 def edge_check(lengths: ArrayLike, discs: ArrayLike, a: ArrayLike, b: ArrayLike) -> float:
-    """How much of a straight motion of the joints of a planar arm is free: never more than is.
+    """Return how much of a straight motion of the joints of a planar arm is free.
+
+    Never more than is.
 
     Conservative advancement (Mirtich, 1996): no point of the arm moves farther than the joints
     can carry it, so that the arm's gap says how far the motion may go on unseen.
@@ -59,7 +61,7 @@ def edge_check(lengths: ArrayLike, discs: ArrayLike, a: ArrayLike, b: ArrayLike)
 def rrt_connect(
     start: ArrayLike, goal: ArrayLike, discs: ArrayLike, samples: ArrayLike, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A path from two trees (Kuffner and LaValle, 2000), whose samples are given.
+    """Return a path from two trees (Kuffner and LaValle, 2000), whose samples are given.
 
     Args:
         start, goal: ends of the path, shape (2,) [m].
@@ -75,7 +77,7 @@ def rrt_connect(
     trees = [([np.array(end, dtype=float)], [-1]) for end in (start, goal)]
 
     def grow(tree: tuple[list, list], target: np.ndarray, greedy: bool) -> bool:
-        """A step towards the target, or all the way; whether no disc was in it."""
+        """Return a step towards the target, or all the way; whether no disc was in it."""
         nodes, parents = tree
         offsets = np.array(nodes) - target
         near = int(np.argmin(np.hypot(offsets[:, 0], offsets[:, 1])))
@@ -135,7 +137,7 @@ def shortcut(path: ArrayLike, discs: ArrayLike, draws: ArrayLike) -> np.ndarray:
 def lazy_prm(
     points: ArrayLike, edges: ArrayLike, discs: ArrayLike, start: int, goal: int
 ) -> tuple[np.ndarray, int]:
-    """The shortest free route of a roadmap, of which only what is needed is checked.
+    """Return the shortest free route of a roadmap, of which only what is needed is checked.
 
     Lazy PRM (Bohlin and Kavraki, 2000): take every edge for free, search, check the route's edges
     from the start on, and search again without the one that hits.
@@ -186,7 +188,7 @@ def lazy_prm(
 def trapezoid(
     start: ArrayLike, end: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, times: ArrayLike
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """The quickest motion from rest to rest along a straight line of the joints.
+    """Return the quickest motion from rest to rest along a straight line of the joints.
 
     Args:
         start, end: joint angles, shape (n,) [rad].
@@ -220,7 +222,7 @@ def trapezoid(
 def rrt_star(
     start: ArrayLike, discs: ArrayLike, samples: ArrayLike, step: float, radius: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A tree of short paths (RRT*, Karaman and Frazzoli, 2011), whose samples are given.
+    """Return a tree of short paths (RRT*, Karaman and Frazzoli, 2011), whose samples are given.
 
     Args:
         start: the root, shape (2,) [m].

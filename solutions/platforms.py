@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 def sliding_stop(
     speed: float, angle: float, frame: float, mu: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where a block that was sent off over a level floor stops, by the shape of its friction cone.
+    """Return where a block that was sent off over a level floor stops.
+
+    By the shape of its friction cone.
 
     Args:
         speed: at the start [m/s].
@@ -39,7 +41,7 @@ def sliding_stop(
 
 
 def energy_drift(times: ArrayLike, energy: ArrayLike, period: float) -> tuple[float, float]:
-    """What an energy loses or gains for good, apart from what comes back every period.
+    """Return what an energy loses or gains for good, apart from what comes back every period.
 
     Args:
         times: of the samples, (n,) [s].
@@ -69,7 +71,7 @@ def audit_model(
     turns: ArrayLike,
     tolerance: float,
 ) -> np.ndarray:
-    """Which links of a file are not what the simulator has loaded.
+    """Return which links of a file are not what the simulator has loaded.
 
     Args:
         ids: of the file's links, (n,).
@@ -105,7 +107,7 @@ def audit_model(
 
 
 def radar_areas(values: ArrayLike, worst: ArrayLike, best: ArrayLike) -> tuple[float, float]:
-    """The smallest and the largest area of one radar chart, over the orders of its axes.
+    """Return the smallest and the largest area of one radar chart, over the orders of its axes.
 
     Args:
         values: what was measured, positive, (n,), n from 3 on, each with a unit of its own.
@@ -128,7 +130,9 @@ def radar_areas(values: ArrayLike, worst: ArrayLike, best: ArrayLike) -> tuple[f
 def pick_engine(
     facts: ArrayLike, limits: ArrayLike, larger: ArrayLike, cost: ArrayLike
 ) -> tuple[int, int, float]:
-    """The cheapest engine that is known to meet every need, and the need that would change it.
+    """Return the cheapest engine that is known to meet every need.
+
+    And the need that would change it.
 
     Args:
         facts: what was measured of each engine, positive, NaN where nothing was, (m, n).
@@ -161,7 +165,7 @@ def pick_engine(
 def compare_engines(
     mu: float, masses: ArrayLike, place: float, speed: float, steps: ArrayLike, times: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One scene on two engines: a block that slides over a plank, which is free itself.
+    """Return one scene on two engines: a block that slides over a plank, which is free itself.
 
     Args:
         mu: coefficient of friction between them, the same for both engines.

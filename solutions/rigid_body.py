@@ -23,7 +23,7 @@ def verlet_step(
     acceleration: Callable[[Array], Array],
     dt: float,
 ) -> tuple[Array, Array, Array]:
-    """One step of velocity Verlet, with one evaluation of the acceleration.
+    """Return one step of velocity Verlet, with one evaluation of the acceleration.
 
     Second order, symplectic and reversible for forces that depend on the position alone: a step
     with -dt leads back. The acceleration at the new position is handed on, because the next step
@@ -54,7 +54,7 @@ def verlet_step(
 
 
 def update_orientation(q: Array, omega: Array, dt: float) -> Array:
-    """The orientation after turning for dt at a constant body rate.
+    """Return the orientation after turning for dt at a constant body rate.
 
     Exact for any angle: q exp(dt omega), with the exponential on the right because the rate is
     given in the body frame (Solà 2017, Quaternion kinematics for the error-state Kalman filter,
@@ -96,7 +96,8 @@ def update_orientation(q: Array, omega: Array, dt: float) -> Array:
 def bounce_step(
     y: float, v: float, dt: float, restitution: float, gravity: float = 9.81
 ) -> tuple[float, float]:
-    """Height and velocity of a bouncing point after one step, however often it bounces in it.
+    """Return height and velocity of a bouncing point after one step, however often it bounces in
+    it.
 
     The impact time is the root of a parabola; after it come flights of 2 u / g, 2 e u / g, ...,
     whose sum is finite for e < 1: what bounces infinitely often is at rest at a known time. Nothing
@@ -144,7 +145,7 @@ def bounce_step(
 
 
 def largest_stable_step(stiffness: Array, mass: Array) -> float:
-    """The longest step at which semi-implicit Euler is stable on M x'' = -K x.
+    """Return the longest step at which semi-implicit Euler is stable on M x'' = -K x.
 
     2 / omega_max, where omega_max^2 is the largest eigenvalue of K x = omega^2 M x. The same limit
     holds for velocity Verlet (Hairer, Lubich and Wanner, Geometric Numerical Integration, 2006,
@@ -178,7 +179,7 @@ def largest_stable_step(stiffness: Array, mass: Array) -> float:
 
 
 def tumble(q: Array, omega: Array, inertia: Array, dt: float, steps: int) -> tuple[Array, Array]:
-    """A body that turns freely, integrated with RK4.
+    """Return a body that turns freely, integrated with RK4.
 
     Four quantities are constant: the length of q, the kinetic energy, and the angular momentum in
     the **world** as a vector, which is more than its length. The silent bug of this exercise is a

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 
 def chain_age(executions: ArrayLike, periods: ArrayLike) -> np.ndarray:
-    """Least, mean and greatest age of the information behind the command in force.
+    """Return least, mean and greatest age of the information behind the command in force.
 
     Args:
         executions: of each stage, shape (n,) [s].
@@ -28,7 +28,7 @@ def chain_age(executions: ArrayLike, periods: ArrayLike) -> np.ndarray:
 def over_budget(
     edges: ArrayLike, latencies: ArrayLike, budgets: ArrayLike, start: int, goal: int
 ) -> tuple[int, float]:
-    """The first edge on the critical path that takes more than it may.
+    """Return the first edge on the critical path that takes more than it may.
 
     Args:
         edges: from box, to box, shape (m, 2); no loops.
@@ -43,7 +43,7 @@ def over_budget(
     taken, allowed = (np.asarray(x, dtype=float).tolist() for x in (latencies, budgets))
 
     def longest(box: int) -> tuple[float, list[int]]:
-        """Latency and edges of the longest way from a box to the goal."""
+        """Return latency and edges of the longest way from a box to the goal."""
         if box == goal:
             return 0.0, []
         best: tuple[float, list[int]] = (-np.inf, [])
@@ -59,7 +59,7 @@ def over_budget(
 
 
 def log_age(captured: ArrayLike, published: ArrayLike, times: ArrayLike) -> np.ndarray:
-    """How old the newest information is that a reader has.
+    """Return how old the newest information is that a reader has.
 
     Args:
         captured: when each measurement was taken, shape (n,) [s].

@@ -13,7 +13,7 @@ def shaped_reward(
     phi: ArrayLike,
     gamma: float,
 ) -> np.ndarray:
-    """Rewards of logged steps with a potential's difference added.
+    """Return rewards of logged steps with a potential's difference added.
 
     Args:
         state, following: where each step begins and leads to, whole numbers (n,).
@@ -34,7 +34,7 @@ def shaped_reward(
 def identifiable(
     jacobian: ArrayLike, scale: ArrayLike, sigma: float
 ) -> tuple[int, np.ndarray, np.ndarray]:
-    """What a log tells of parameters: rank, hidden directions, and error bars.
+    """Return what a log tells of parameters: rank, hidden directions, and error bars.
 
     Args:
         jacobian: of the samples by the parameters, shape (n, p).
@@ -57,7 +57,7 @@ def identifiable(
 
 
 def delay_from_log(sent: ArrayLike, measured: ArrayLike, dt: float, longest: float) -> float:
-    """How late a measurement follows a command, in parts of a sample too.
+    """Return how late a measurement follows a command, in parts of a sample too.
 
     Args:
         sent, measured: one value a sample, (n,); the measurement has a gain and an offset.
@@ -85,7 +85,8 @@ def delay_from_log(sent: ArrayLike, measured: ArrayLike, dt: float, longest: flo
 def output_error(
     q: ArrayLike, tau: ArrayLike, dt: float, start: ArrayLike, guess: ArrayLike
 ) -> np.ndarray:
-    """Inertia and damping of a joint with the smallest squared error of its simulated angles.
+    """Return inertia and damping of a joint with the smallest squared error of its simulated
+    angles.
 
     Args:
         q: measured angle at each sample, (n,) [rad].
@@ -101,7 +102,7 @@ def output_error(
     first, speed = np.asarray(start, dtype=float)
 
     def simulate(logs: np.ndarray) -> np.ndarray:
-        """Angles at the samples, exact for a held torque."""
+        """Return angles at the samples, exact for a held torque."""
         inertia, damping = np.exp(logs)
         time = inertia / damping
         decay = np.exp(-dt / time)
@@ -125,7 +126,7 @@ def output_error(
 def tune_randomised(
     gains: ArrayLike, draws: ArrayLike, trained: int
 ) -> tuple[np.ndarray, int, float]:
-    """The gains that are best on randomised carts, and what they cost on carts not seen.
+    """Return the gains that are best on randomised carts, and what they cost on carts not seen.
 
     Args:
         gains: rows (kp, kd) to choose from, shape (K, 2) [N/m, N s/m].
@@ -172,7 +173,7 @@ def boundary_update(
     thresholds: ArrayLike,
     step: ArrayLike,
 ) -> np.ndarray:
-    """Both ends of each range after their buffers are full.
+    """Return both ends of each range after their buffers are full.
 
     Args:
         bounds: low and high end of each range, shape (n, 2).

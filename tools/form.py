@@ -28,13 +28,13 @@ _FENCE = re.compile(r"^```.*?^```", re.S | re.M)
 
 
 def paragraphs(text: str) -> list[str]:
-    """Paragraphs of Markdown: blocks, entries of lists, cells of tables."""
+    """Return paragraphs of Markdown: blocks, entries of lists, cells of tables."""
     blocks = re.split(r"\n\s*\n|\n(?=\s*(?:[*-]|\d+\.) )|</t[dh]>|</tr>", _FENCE.sub("", text))
     return [cell for block in blocks for cell in (block.split("|") if "|\n" in block else [block])]
 
 
 def pauses(cell: NotebookNode) -> list[str]:
-    """What interrupts the reading of a code cell: "question", "simulation", "picture"."""
+    """Return what interrupts the reading of a code cell: "question", "simulation", "picture"."""
     result = ["question"] if _ASKED.search(cell.source) else []
     if _MOVED.search(cell.source):
         result.append("simulation")
@@ -43,7 +43,10 @@ def pauses(cell: NotebookNode) -> list[str]:
 
 
 def stretches(cells: Sequence[NotebookNode]) -> Iterator[tuple[int, str]]:
-    """The words between one picture, question or control and the next: (words, where it ends)."""
+    """Yield the words between one picture, question or control and the next.
+
+    (words, where it ends).
+    """
     count = 0
     for cell in cells:
         if cell.cell_type == "markdown":
@@ -60,7 +63,10 @@ def stretches(cells: Sequence[NotebookNode]) -> Iterator[tuple[int, str]]:
 
 
 def first_screen(cells: Sequence[NotebookNode]) -> int:
-    """The words before both a simulation and a question are reached; all if one is missing."""
+    """Return the words before both a simulation and a question are reached.
+
+    All if one is missing.
+    """
     count, missing = 0, {"question", "simulation"}
     for stretch, kind in stretches(cells):
         count += stretch
@@ -71,12 +77,15 @@ def first_screen(cells: Sequence[NotebookNode]) -> int:
 
 
 def open_words(cells: Sequence[NotebookNode]) -> int:
-    """Words of open prose."""
+    """Return words of open prose."""
     return sum(words(opened(cell.source)) for cell in cells if cell.cell_type == "markdown")
 
 
 def printed(cell: NotebookNode) -> Iterator[str]:
-    """The texts that outputs of a cell show as they are: printed, or in an open block of code."""
+    """Yield the texts that outputs of a cell show as they are.
+
+    Printed, or in an open block of code.
+    """
     for output in cell.get("outputs", []):
         data = output.get("data", {})
         if output.output_type == "stream":
@@ -90,7 +99,7 @@ def printed(cell: NotebookNode) -> Iterator[str]:
 
 
 def faults(cells: Sequence[NotebookNode]) -> list[str]:
-    """Where the outputs and paragraphs of a notebook are too long, one sentence each."""
+    """Return where the outputs and paragraphs of a notebook are too long, one sentence each."""
     result = []
     for number, cell in enumerate(cells):
         if cell.cell_type == "markdown":
@@ -112,7 +121,7 @@ def faults(cells: Sequence[NotebookNode]) -> list[str]:
 
 
 def undefined(texts: Sequence[str], vocabulary: Sequence[str]) -> list[str]:
-    """The terms that a chapter does not define where they first appear, one sentence each.
+    """Return the terms that a chapter does not define where they first appear, one sentence each.
 
     Args:
         texts: Markdown in the order of reading; headings do not count.
@@ -133,7 +142,7 @@ def undefined(texts: Sequence[str], vocabulary: Sequence[str]) -> list[str]:
 
 
 def reading(cells: Sequence[NotebookNode]) -> dict[str, int]:
-    """How long a chapter takes, in minutes.
+    """Return how long a chapter takes, in minutes.
 
     Args:
         cells: of its source.

@@ -31,7 +31,10 @@ six curves; the others, named under it, are in its data.
 
 
 def caption(name: str) -> str:
-    """What a chart shows, in a sentence: of its experiment, or the question on the picture."""
+    """Return what a chart shows, in a sentence.
+
+    Of its experiment, or the question on the picture.
+    """
     sentence = (charts.CHARTS[name][0].__doc__ or "").strip().partition("\n")[0]
     if not sentence:
         data = json.loads((charts.FOLDER / f"{name}.json").read_text(encoding="utf-8"))
@@ -40,18 +43,18 @@ def caption(name: str) -> str:
 
 
 def topic(name: str) -> str:
-    """The file or folder of `course.charts` that a chart is in."""
+    """Return the file or folder of `course.charts` that a chart is in."""
     return charts.CHARTS[name][0].__module__.split(".")[2]
 
 
 def place(name: str) -> tuple[str, int]:
-    """Where a chart is written, which orders the page however its modules were imported."""
+    """Return where a chart is written, which orders the page however its modules were imported."""
     experiment = charts.CHARTS[name][0]
     return experiment.__module__, experiment.__code__.co_firstlineno
 
 
 def gallery() -> str:
-    """The page, in Markdown."""
+    """Return the page, in Markdown."""
     charts.load()
     titles = {chapter.topic: f"{chapter.number} · {chapter.title}" for chapter in CHAPTERS}
     titles["vector_env"] = "Many environments stepped as one"

@@ -50,7 +50,7 @@ def trust(path: Path) -> None:
 
 
 def server_options(log: Path, arguments: list[str]) -> list[str]:
-    """How JupyterLab is started: on the home page, its words in a file.
+    """Return how JupyterLab is started: on the home page, its words in a file.
 
     Args:
         log: the file.

@@ -45,17 +45,17 @@ _MINUTES = re.compile(r"\{(open|folded|exercise) minutes\}")
 
 
 def sources(folder: Path = FOLDER) -> list[Path]:
-    """The sources under `folder`, in the order of their names."""
+    """Return the sources under `folder`, in the order of their names."""
     return sorted((folder / "source").glob("*.py"))
 
 
 def target(source: Path) -> Path:
-    """The notebook that is built from `source`."""
+    """Return the notebook that is built from `source`."""
     return source.parent.parent / f"{source.stem}.ipynb"
 
 
 def filled(text: str) -> str:
-    """A text with what the package `course` has in place of {{names}}; functions are called.
+    """Return a text with what the package `course` has in place of {{names}}; functions are called.
 
     Raises:
         AttributeError: there is no such name.
@@ -69,7 +69,7 @@ def filled(text: str) -> str:
 
 
 def read_source(source: Path) -> NotebookNode:
-    """The notebook that a py:percent file describes, without outputs.
+    """Return the notebook that a py:percent file describes, without outputs.
 
     Every cell's id is a hash of its place and its text, so that it only changes with them. A text
     is `filled`; in it `{open minutes}` and `{folded minutes}` become the time to read it, and
@@ -103,14 +103,17 @@ def read_source(source: Path) -> NotebookNode:
 
 
 def _exercise_minutes(source: Path) -> int:
-    """The sum of the minutes on the cards of a chapter's exercises; 0 where it is no chapter."""
+    """Return the sum of the minutes on the cards of a chapter's exercises.
+
+    0 where it is no chapter.
+    """
     number = source.stem.partition("_")[0]
     mine = [one for one in cards.cards() if number == f"{one.chapter:02d}" and not one.drill]
     return sum(one.minutes for one in mine)
 
 
 def films(text: str) -> dict[str, dict[str, str]]:
-    """The films that a text shows, as the attachments of its cell.
+    """Return the films that a text shows, as the attachments of its cell.
 
     A film is there before a kernel runs and while it is busy: cells of text keep what they show
     when all cells are run. `![title](attachment:topic.module.png)` is one of the simulation
@@ -136,7 +139,9 @@ def films(text: str) -> dict[str, dict[str, str]]:
 
 
 def smaller(png: str) -> str:
-    """A picture in 256 colours of its own, which is plenty for a chart and a third of the size.
+    """Return a picture in 256 colours of its own.
+
+    Which is plenty for a chart and a third of the size.
 
     Args:
         png: in base64.
@@ -229,7 +234,9 @@ def build(source: Path) -> Path:
 
 
 def check(source: Path) -> list[str]:
-    """What is wrong with the notebook of `source`; nothing if it was built from it and ran through.
+    """Return what is wrong with the notebook of `source`.
+
+    Nothing if it was built from it and ran through.
 
     The outputs themselves aren't compared here: nbval does that by running the notebook again.
 
@@ -278,7 +285,7 @@ def check(source: Path) -> list[str]:
 
 
 def check_all(folder: Path = FOLDER) -> list[str]:
-    """The faults of every notebook under `folder`, and the notebooks that have no source.
+    """Return the faults of every notebook under `folder`, and the notebooks that have no source.
 
     Args:
         folder: the folder of the notebooks, with their sources in its folder `source`.

@@ -13,7 +13,7 @@ _CHUNK = 1 << 24  # bytes
 
 
 def packed(path: Path) -> int:
-    """Bytes of a file, compressed as a wheel compresses it."""
+    """Return bytes of a file, compressed as a wheel compresses it."""
     engine, size = zlib.compressobj(6, zlib.DEFLATED, -15), 0
     with path.open("rb") as file:
         while chunk := file.read(_CHUNK):
@@ -22,7 +22,7 @@ def packed(path: Path) -> int:
 
 
 def measured() -> tuple[int, int, int]:
-    """How many packages are installed here, and their bytes as loaded and as kept."""
+    """Return how many packages are installed here, and their bytes as loaded and as kept."""
     loaded = retained = 0
     packages = {one.metadata["Name"]: one for one in importlib.metadata.distributions()}
     for package in packages.values():

@@ -31,7 +31,7 @@ READ_WITH = {"sim_to_real": ("vector_env",)}
 
 
 def topics() -> list[str]:
-    """What there is to compile, in reading order."""
+    """Return what there is to compile, in reading order."""
     result = []
     for chapter in CHAPTERS:
         result += [*READ_WITH.get(chapter.topic, ()), chapter.topic]
@@ -79,7 +79,7 @@ def warm(names: list[str], jobs: int = 1) -> Iterator[Warmed]:
 
 
 def start_in_background(names: list[str]) -> subprocess.Popen[bytes]:
-    """A process of its own that warms these topics, or all, at the lowest priority."""
+    """Return a process of its own that warms these topics, or all, at the lowest priority."""
     return subprocess.Popen(
         [sys.executable, "-m", "tools.warm", "--gently", *names],
         cwd=ROOT,

@@ -74,12 +74,12 @@ class Gate(Shown):
 
 
 def folded(summary: str, body: str) -> str:
-    """Markdown that a click on its summary unfolds."""
+    """Return Markdown that a click on its summary unfolds."""
     return f"<details><summary>{summary}</summary>\n\n{body}\n\n</details>"
 
 
 def choice(head: str, question: str, options: Sequence[tuple[str, str]], more: str = "") -> str:
-    """Markdown of a question whose options unfold.
+    """Return Markdown of a question whose options unfold.
 
     Args:
         head: what kind of card it is.
@@ -144,7 +144,7 @@ def _file(topic: str) -> dict[str, Any]:
 
 
 def vocabulary(topic: str) -> list[str]:
-    """The words of a chapter that an interviewer uses.
+    """Return the words of a chapter that an interviewer uses.
 
     Raises:
         ValueError: for a topic that has no file.
@@ -154,7 +154,7 @@ def vocabulary(topic: str) -> list[str]:
 
 @functools.cache
 def predictions(topic: str) -> dict[str, Prediction]:
-    """The questions of a chapter by name.
+    """Return the questions of a chapter by name.
 
     Raises:
         ValueError: for a topic that has no file, or a question that is not whole.
@@ -167,7 +167,7 @@ def predictions(topic: str) -> dict[str, Prediction]:
 
 
 def predict(name: str) -> Shown:
-    """The card of a question, to answer before anything is shown.
+    """Return the card of a question, to answer before anything is shown.
 
     Args:
         name: of the question, in the file of any chapter.
@@ -194,7 +194,7 @@ def predict(name: str) -> Shown:
 
 
 def figures(text: str, *rows: str, cut: str = "", summary: str = "All figures") -> Shown:
-    """The lines of a table that matter, with the whole table folded below.
+    """Return the lines of a table that matter, with the whole table folded below.
 
     Args:
         text: the table.
@@ -221,7 +221,7 @@ def figures(text: str, *rows: str, cut: str = "", summary: str = "All figures") 
 
 
 def _narrow(lines: Sequence[str]) -> list[str]:
-    """The lines of a table with at most two columns of blanks between its own."""
+    """Return the lines of a table with at most two columns of blanks between its own."""
     wide = max(map(len, lines), default=0)
     blank = [all(line[k : k + 1] in ("", " ") for line in lines) for k in range(wide)]
     selected = [k for k in range(wide) if k < 2 or not all(blank[k - 2 : k + 1])]
@@ -229,7 +229,7 @@ def _narrow(lines: Sequence[str]) -> list[str]:
 
 
 def interview(topic: str) -> Shown:
-    """The interview questions of a chapter, by level, with their answers folded.
+    """Return the interview questions of a chapter, by level, with their answers folded.
 
     Raises:
         ValueError: for a topic without questions.
@@ -245,7 +245,7 @@ def interview(topic: str) -> Shown:
 
 
 def checkpoint(topic: str, **answers: str) -> Gate:
-    """The gate at the end of a chapter: formulas to find, whose answers are not on its page.
+    """Return the gate at the end of a chapter: formulas to find, whose answers are not on its page.
 
     Args:
         topic: of the chapter.
@@ -278,7 +278,7 @@ def checkpoint(topic: str, **answers: str) -> Gate:
 
 
 def gate(topic: str) -> list[str]:
-    """The claims that the checkpoint of a chapter asks for.
+    """Return the claims that the checkpoint of a chapter asks for.
 
     Raises:
         ValueError: for a topic that has no file.

@@ -32,7 +32,7 @@ Token = tuple[str, str]
 
 
 def tex(text: str) -> str:
-    r"""A sentence with its formulas as mathematics: "omega h < 2" becomes $\omega h \lt 2$.
+    r"""Return a sentence with its formulas as mathematics: "omega h < 2" becomes $\omega h \lt 2$.
 
     A formula is a run of symbols (single letters, with a digit or an index), Greek names,
     functions, numbers and operators. A number with its unit, and the words "a" and "I", are none.
@@ -55,7 +55,7 @@ def tex(text: str) -> str:
 
 
 def _run(tokens: list[Token], start: int) -> int:
-    """The end of the formula that begins at `start`; `start` itself if there is none."""
+    """Return the end of the formula that begins at `start`; `start` itself if there is none."""
     depth, end, position, before = 0, start, start, ""
     while position < len(tokens):
         kind, word = tokens[position]
@@ -90,7 +90,7 @@ def _run(tokens: list[Token], start: int) -> int:
 
 
 def _strong(run: list[Token], unit: bool) -> bool:
-    """Whether a run is a formula, not a number with its unit or a word of one letter.
+    """Return whether a run is a formula, not a number with its unit or a word of one letter.
 
     Args:
         run: what may be one.
@@ -150,7 +150,10 @@ def _set(run: list[Token]) -> str:
 
 
 def _crosses(run: list[Token], position: int) -> bool:
-    """Whether an x is the sign of a cross product: of two symbols alone, or before a bracket."""
+    """Return whether an x is the sign of a cross product.
+
+    Of two symbols alone, or before a bracket.
+    """
     after = [kind for kind, _ in run[position + 1 : position + 3]]
     alone = len(run) == 5 and all(kind in ("greek", "symbol") for kind, _ in run[::2])
     return bool(position) and after[:1] == ["space"] and (alone or after == ["space", "open"])

@@ -60,7 +60,7 @@ def make(name: str) -> str:
 
 
 def stored(name: str) -> list[Panel]:
-    """The panels of a chart as they were measured last, from its data; without their notes.
+    """Return the panels of a chart as they were measured last, from its data; without their notes.
 
     Raises:
         ValueError: for a chart that has no data.
@@ -99,7 +99,7 @@ def load() -> None:
 
 
 def read(name: str) -> str:
-    """The key figures of a chart as they were when it was last built.
+    """Return the key figures of a chart as they were when it was last built.
 
     Args:
         name: name of the chart.

@@ -18,7 +18,10 @@ CAMERA = 1.0 / 30.0
 
 
 def lattice(count: int, dimensions: int) -> Array:
-    """Points spread evenly in the unit cube, (count, dimensions): multiples of roots, mod 1."""
+    """Return points spread evenly in the unit cube, (count, dimensions).
+
+    Multiples of roots, mod 1.
+    """
     root = 1.0
     for _ in range(40):  # root^(dimensions + 1) = root + 1 (Roberts, 2018)
         root = (1.0 + root) ** (1.0 / (dimensions + 1))
@@ -26,7 +29,10 @@ def lattice(count: int, dimensions: int) -> Array:
 
 
 def sampled(phases: Array) -> float:
-    """Mean age at one moment of as many runs of the chain [s]; rows hold phases and a moment."""
+    """Return mean age at one moment of as many runs of the chain [s].
+
+    Rows hold phases and a moment.
+    """
     return float(
         np.mean(
             [
@@ -41,7 +47,7 @@ def sampled(phases: Array) -> float:
 def age_precision(
     runs: Sequence[int] = (3, 10, 30, 100, 300, 1000), repeats: int = 9, reference: int = 8192
 ) -> Iterator[Panel]:
-    """The mean age of the chapter's chain: error against processor time."""
+    """Yield the mean age of the chapter's chain: error against processor time."""
     truth, rng = sampled(lattice(reference, 4)), np.random.default_rng(0)
     predicted = age(CHAIN)
     panel = Panel(
@@ -89,7 +95,7 @@ def age_precision(
 
 
 def at_read(reader: float, phase: float, seconds: float, depth: int = 1) -> tuple[Array, Array]:
-    """When a reader reads a quick camera, and how old what it gets is [s]."""
+    """Return when a reader reads a quick camera, and how old what it gets is [s]."""
     run = simulate(
         [Stage("camera", 1e-6, CAMERA), Stage("reader", 1e-6, reader, depth)],
         [0.0, phase],
@@ -100,7 +106,7 @@ def at_read(reader: float, phase: float, seconds: float, depth: int = 1) -> tupl
 
 @chart
 def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> Iterator[Panel]:
-    """Where the mean is wrong: locked clocks, drifting clocks, deep queues, overload."""
+    """Yield where the mean is wrong: locked clocks, drifting clocks, deep queues, overload."""
     panel = Panel(
         "Locked clocks: the start decides, for ever",
         "start phase of the reader",

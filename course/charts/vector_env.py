@@ -86,7 +86,7 @@ def measure_rates(
     sample: float = 0.01,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Rates:
-    """The time of a step, all contenders interleaved, with the same actions.
+    """Return the time of a step, all contenders interleaved, with the same actions.
 
     Args:
         contenders: what to run.
@@ -111,7 +111,7 @@ def measure_rates(
 
 
 def ratio(rates: Rates, name: str, others: Sequence[str], n: int = COMPARED_AT) -> float:
-    """Best sample of one at N = n over the best sample of some others.
+    """Return best sample of one at N = n over the best sample of some others.
 
     Other work on the machine slows long samples down more than short ones, so the medians of slow
     contenders suffer more; the best of each is nearest to what it does alone.
@@ -123,7 +123,7 @@ def ratio(rates: Rates, name: str, others: Sequence[str], n: int = COMPARED_AT) 
 
 
 def tip_error(make: Callable[[int], Any], samples: int = 32, steps: int = 99) -> float:
-    """Largest distance [m] of the tip from the truth, over an episode of many arms.
+    """Return largest distance [m] of the tip from the truth, over an episode of many arms.
 
     Truth: the closed form with 64 Runge-Kutta steps in a control step, whose own error, judged by
     32, is below 1e-11 m. The actions change every tenth of an episode, at random.
@@ -164,7 +164,8 @@ BUSY_SIZES = (0, 4_000, 16_000, 64_000, 128_000, 256_000, 512_000, 1_024_000)
 def cost_of_processes(
     sizes: Sequence[int] = BUSY_SIZES, n: int = CROSSING_ENVS, repeats: int = 25
 ) -> dict[str, list[float]]:
-    """Seconds per step of N environments, a loop's and processes', against an environment's cost.
+    """Return seconds per step of N environments, a loop's and processes', against an environment's
+    cost.
 
     Args:
         sizes: how much an environment computes in a step.
@@ -198,7 +199,7 @@ def cost_of_processes(
 
 
 def predicted_crossing(loop: float, processes: float, n: int, workers: int, base: float) -> float:
-    """The cost of one environment's step [s] from which W processes beat a loop over N.
+    """Return the cost of one environment's step [s] from which W processes beat a loop over N.
 
     N c + loop = N c / W + processes, with both measured for an environment that does nothing:
     c = (processes - loop) / (N (1 - 1 / W)).
@@ -214,7 +215,7 @@ def predicted_crossing(loop: float, processes: float, n: int, workers: int, base
 
 
 def predicted_by_size(data: Mapping[str, ArrayLike], n: int, workers: int) -> Array:
-    """What `predicted_crossing` says with the time of waking as it was at each cost [s].
+    """Return what `predicted_crossing` says with the time of waking as it was at each cost [s].
 
     That time is what a step of the processes takes beyond N c / W. If it were the same at every
     cost, so would be these, and the crossing; busy cores, which the workers wait for, raise it.
@@ -225,7 +226,10 @@ def predicted_by_size(data: Mapping[str, ArrayLike], n: int, workers: int) -> Ar
 
 
 def crossing(cost: ArrayLike, loop: ArrayLike, processes: ArrayLike) -> float | None:
-    """Where the ratio of two curves passes 1, interpolated in logarithms; None if it never does."""
+    """Return where the ratio of two curves passes 1, interpolated in logarithms.
+
+    None if it never does.
+    """
     c = np.log(np.array(cost, dtype=float))
     gap = np.log(np.array(processes, dtype=float) / np.array(loop, dtype=float))
     below = np.flatnonzero((gap[:-1] > 0.0) & (gap[1:] <= 0.0))
@@ -246,7 +250,7 @@ def vector_env(
     busy: Sequence[int] = BUSY_SIZES,
     repeats: int = 25,
 ) -> Iterator[Panel]:
-    """Steps per second of vectorised environments, their error, and when processes pay.
+    """Yield steps per second of vectorised environments, their error, and when processes pay.
 
     Args:
         sizes: numbers of environments.
@@ -370,7 +374,8 @@ BY_HAND = np.array([[[0, -7.5, 0, -6.0, -0.5, 0], [0, 0, 0, -12.0, 0, -0.3]]])
 
 @chart
 def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Panel]:
-    """What `course.vector_env.training` learns, over several seeds, beside a law written by hand.
+    """Yield what `course.vector_env.training` learns, over several seeds, beside a law written by
+    hand.
 
     Args:
         seeds: runs.
@@ -410,12 +415,12 @@ class Arm:
     """The arm as a task for imitation: its observation (8,) says all of its state."""
 
     def starts(self, number: int, rng: np.random.Generator) -> Array:
-        """First observations, (number, 8)."""
+        """Return first observations, (number, 8)."""
         task = ReachTask(table(TwoLink(), number), MAX_STEPS)
         return task.start(np.arange(number), [rng] * number)
 
     def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """Observations a control step later, also of an arm that is there already."""
+        """Return observations a control step later, also of an arm that is there already."""
         task = ReachTask(table(TwoLink(), len(states)), MAX_STEPS)
         c1, s1, c2, s2, *rates, dx, dy = states.T
         task.q[:], task.v[:] = (np.arctan2(s1, c1), np.arctan2(s2, c2)), rates
@@ -425,11 +430,11 @@ class Arm:
         return task.move(np.asarray(actions, dtype=np.float32), 1)[0]
 
     def expert(self, states: Array, rng: np.random.Generator) -> Array:
-        """The law written by hand, within the torques' limits, (N, 2)."""
+        """Return the law written by hand, within the torques' limits, (N, 2)."""
         return np.clip(features(states) @ BY_HAND[0].T, -1.0, 1.0)
 
     def reached(self, act: Any, number: int) -> float:
-        """Share of so many common targets that a policy reaches within an episode."""
+        """Return share of so many common targets that a policy reaches within an episode."""
         rng = np.random.default_rng(9)
         distance = roll(self, act, self.starts(number, rng), MAX_STEPS, rng).states[:, 1:, 6:]
         return float((np.hypot(*np.moveaxis(distance, 2, 0)) < RADIUS).any(axis=1).mean())
@@ -444,7 +449,7 @@ def arm_learned(
     fit: int = 2000,
     steps: int = 500_000,
 ) -> Iterator[Panel]:
-    """The hard end: torques of an arm, copied from a written law, and learned from reward.
+    """Yield the hard end: torques of an arm, copied from a written law, and learned from reward.
 
     Args:
         number, rounds: of demonstrations in a round, and rounds of DAgger after the first.

@@ -28,7 +28,7 @@ _TWO = types.UniTuple(int64, 2)
 
 
 def _boxes(boxes: ArrayLike) -> Array:
-    """Boxes from outside; an infinite one is allowed, as a plane has no other."""
+    """Return boxes from outside; an infinite one is allowed, as a plane has no other."""
     given = np.ascontiguousarray(boxes, dtype=float)
     if given.ndim != 3 or given.shape[0] != 2 or not given.shape[1]:
         raise invalid("boxes.shape", given.shape, "(2, d, N), lower and upper corners")
@@ -42,7 +42,10 @@ def _boxes(boxes: ArrayLike) -> Array:
 
 @register_jitable
 def aabb_overlap(boxes, i, j):
-    """Whether boxes i and j of boxes (2, d, N) overlap: they do unless some axis separates them."""
+    """Return whether boxes i and j of boxes (2, d, N) overlap.
+
+    They do unless some axis separates them.
+    """
     for axis in range(boxes.shape[1]):
         if boxes[0, axis, i] > boxes[1, axis, j] or boxes[0, axis, j] > boxes[1, axis, i]:
             return False
@@ -69,7 +72,10 @@ def _all_pairs(boxes, pairs):
 
 
 def _sort(keys, order):
-    """Insertion sort of `order` by its keys, which costs one swap for each pair out of order."""
+    """Return insertion sort of `order` by its keys.
+
+    Which costs one swap for each pair out of order.
+    """
     swaps = 0
     for k in range(1, order.size):
         this = order[k]
@@ -100,7 +106,7 @@ def _sweep(boxes, axis, order, pairs):
 
 
 def _cells(boxes, first, shape, cell, keys, members):
-    """Every cell that a box lies in, as one number, and the box; how many there are."""
+    """Return every cell that a box lies in, as one number, and the box; how many there are."""
     dim = boxes.shape[1]
     low = np.zeros(dim, np.int64)
     span = np.zeros(dim, np.int64)
@@ -170,7 +176,7 @@ def _collect(function: Callable[..., Any], n: int, *arguments: Any) -> tuple[Pai
 
 
 def brute_force(boxes: ArrayLike) -> tuple[Pairs, int]:
-    """All n (n - 1) / 2 tests of boxes (2, d, N): the overlapping pairs, and how many tests.
+    """Return all n (n - 1) / 2 tests of boxes (2, d, N): the overlapping pairs, and how many tests.
 
     Raises:
         ValueError: for another shape, a NaN, or an upper end below the lower one.
@@ -200,7 +206,7 @@ class SweepAndPrune:
     swaps: int = field(default=0, init=False)
 
     def pairs(self, boxes: ArrayLike) -> Pairs:
-        """The overlapping pairs.
+        """Return the overlapping pairs.
 
         Raises:
             ValueError: as for `brute_force`, and for another number of boxes than before.
@@ -264,7 +270,7 @@ def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, in
 
 
 def overlapping_pairs(boxes: ArrayLike, method: str = "sweep") -> Pairs:
-    """The pairs of boxes that overlap or touch, indices i < j, sorted, shape (2, K).
+    """Return the pairs of boxes that overlap or touch, indices i < j, sorted, shape (2, K).
 
     Args:
         boxes: lower and upper corners, shape (2, d, N).
@@ -283,7 +289,7 @@ CROWDS = {"spread": 3, "settled": 2, "aligned": 2}
 
 
 def crowd(kind: str, n: int, rng: np.random.Generator) -> Array:
-    """n boxes of edges 0.5 to 1 m, about one on each cubic metre (on each square metre).
+    """Return n boxes of edges 0.5 to 1 m, about one on each cubic metre (on each square metre).
 
     Args:
         kind: "spread" in a cube, "settled" in one layer, or "aligned": a wall across the

@@ -28,7 +28,7 @@ _FACE = 1.0 - 1e-6  # cosine from which a normal counts as that of a face: 0.08 
 
 
 def _edges(shape: Shape, R: Array) -> list[Array]:
-    """Half edges of the core in the world, one a direction, each of shape (3, N)."""
+    """Return half edges of the core in the world, one a direction, each of shape (3, N)."""
     return [shape.half[k] * R[:, k] for k in np.flatnonzero(shape.half)]
 
 
@@ -40,7 +40,7 @@ def _simple(name: str, shape: Shape) -> None:
 def separating_axes(
     a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike
 ) -> tuple[Array, Array]:
-    """The most that any candidate axis separates two boxes, capsules or spheres.
+    """Return the most that any candidate axis separates two boxes, capsules or spheres.
 
     The candidates are the normals of the faces of the set of differences, which are the products of
     any two edges (Gottschalk, Lin and Manocha, OBBTree, 1996). Below zero the result is the depth
@@ -78,7 +78,7 @@ def separating_axes(
 
 
 def _segments(shape: Shape, q: Array) -> tuple[Array, Array]:
-    """Ends of the edges of the core in the world, each (3, n, N)."""
+    """Return ends of the edges of the core in the world, each (3, n, N)."""
     corners, own = corners_in_space(shape, q), shape.corners
     ends = [
         (i, j)
@@ -91,7 +91,8 @@ def _segments(shape: Shape, q: Array) -> tuple[Array, Array]:
 
 
 def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Array:
-    """The signed distance of two boxes, capsules or spheres by trying every pair of features.
+    """Return the signed distance of two boxes, capsules or spheres by trying every pair of
+    features.
 
     Apart, the nearest points are a corner and a shape, or two edges; in each other the separating
     axes give the depth. It takes 144 pairs of edges for two boxes, and no search.
@@ -131,7 +132,10 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
 
 @register_jitable
 def _clip(polygon, n, c, sign, limit, other):
-    """The part of a polygon with sign * coordinate c up to a limit; how many corners it has."""
+    """Return the part of a polygon with sign * coordinate c up to a limit.
+
+    How many corners it has.
+    """
     retained = 0
     near = 1e-10 * limit  # a corner on the line is cut once, and not a second time beside it
     for i in range(n):
@@ -155,7 +159,7 @@ def _clip(polygon, n, c, sign, limit, other):
 
 @register_jitable
 def _facing(axes, n):
-    """The axis of a rotation matrix that n is most along, and its component."""
+    """Return the axis of a rotation matrix that n is most along, and its component."""
     best, largest = 0, 0.0
     for k in range(3):
         along = axes[k] * n[0] + axes[3 + k] * n[1] + axes[6 + k] * n[2]
@@ -165,7 +169,7 @@ def _facing(axes, n):
 
 
 def _box_contacts(halves, near, qa, qb, numbers, out):
-    """Contacts of boxes: the face of one cut by the sides of the other's, or a single point.
+    """Return contacts of boxes: the face of one cut by the sides of the other's, or a single point.
 
     Args:
         halves: of a and of b, shape (2, 3) [m].
@@ -265,13 +269,13 @@ class Contacts:
 
 
 def _single(rows: Array) -> Array:
-    """One contact a pair, as in `_box_contacts`."""
+    """Return one contact a pair, as in `_box_contacts`."""
     points = (rows[4:7] + rows[7:10]) / 2.0
     return np.vstack((np.arange(rows.shape[1]), points, rows[1:4], rows[0]))
 
 
 def _on_plane(qa: Array, b: Shape, qb: Array, dim: int) -> Array:
-    """A contact for every corner of b at a plane a, which is first."""
+    """Return a contact for every corner of b at a plane a, which is first."""
     normal = to_matrix(qa[3:])[:, dim - 1]
     corners = corners_in_space(b, qb)
     height = np.einsum("in,ikn->kn", normal, corners - qa[:3, None]) - b.radius
@@ -282,7 +286,7 @@ def _on_plane(qa: Array, b: Shape, qb: Array, dim: int) -> Array:
 
 
 def _pair_contacts(a: Shape, qa: Array, b: Shape, qb: Array, margin: float) -> Array:
-    """Rows: which pair, point (3), normal (3), distance."""
+    """Return rows: which pair, point (3), normal (3), distance."""
     if a.name == "plane":
         return _on_plane(qa, b, qb, a.dim)
     if b.name == "plane":
@@ -301,7 +305,7 @@ def _pair_contacts(a: Shape, qa: Array, b: Shape, qb: Array, margin: float) -> A
 
 
 def contacts(shapes: Sequence[Shape], pose: ArrayLike, margin: float = 0.0) -> Contacts:
-    """All contacts of a scene: bounding boxes first, then each pair that is left.
+    """Return all contacts of a scene: bounding boxes first, then each pair that is left.
 
     Two boxes that meet with a face get the corners of the faces' common part, up to eight, a shape
     on a plane one for every corner of its core; any other pair one. Bodies that share a `Shape`

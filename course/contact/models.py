@@ -78,7 +78,7 @@ def penalty(
     slip: float = 1e-3,
     pull: bool = False,
 ) -> Solution:
-    """Spring, damper and regularised friction, from the state before the step.
+    """Return spring, damper and regularised friction, from the state before the step.
 
     Nothing is solved: the step that follows is stable only while it is short (see the claims), and
     friction that holds creeps.
@@ -123,7 +123,7 @@ def project(g):
 
 @register_jitable
 def pgs_sweep(A, g, w, d, associated):
-    """One visit to every contact; returns the largest correction, as a velocity [m/s].
+    """Return one visit to every contact; returns the largest correction, as a velocity [m/s].
 
     Args:
         A: of the scaled rows, shape (n d, n d); compliance, if there is some, on its diagonal.
@@ -173,7 +173,7 @@ def pgs_sweep(A, g, w, d, associated):
 def sweep_until(
     A: Array, b: Array, g: Array, d: int, associated: bool, at_most: int, small: float
 ) -> int:
-    """Sweeps until the correction is small; returns how many, changes g in place."""
+    """Return sweeps until the correction is small; returns how many, changes g in place."""
     w = b.copy()
     for i in range(g.size):
         for j in range(g.size):
@@ -244,7 +244,7 @@ def pgs(
     start: ArrayLike | None = None,
     law: str = "coulomb",
 ) -> Solution:
-    """Projected Gauss-Seidel: contact after contact, each as if the others were right.
+    """Return projected Gauss-Seidel: contact after contact, each as if the others were right.
 
     Args:
         sweeps: at most.
@@ -278,7 +278,7 @@ def pgs(
 
 @functools.cache
 def _edges(d: int, edges: int, around: bool) -> Array:
-    """Directions of a pyramid's edges in the scaled friction rows, shape (edges, d - 1)."""
+    """Return directions of a pyramid's edges in the scaled friction rows, shape (edges, d - 1)."""
     if d == 3:
         angles = 2.0 * math.pi * (np.arange(edges) + 0.5 * around) / edges
         reach = 1.0 / math.cos(math.pi / edges) if around else 1.0
@@ -287,7 +287,7 @@ def _edges(d: int, edges: int, around: bool) -> Array:
 
 
 def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, bool]:
-    """z >= 0 with w = M z + q >= 0 and z w = 0, by complementary pivots.
+    """Return z >= 0 with w = M z + q >= 0 and z w = 0, by complementary pivots.
 
     Exact but for rounding; ends on a ray where it finds none, which for a matrix that is
     copositive plus means that there is none (Cottle, Pang and Stone 1992, alg. 4.4.5).
@@ -335,7 +335,8 @@ def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, b
 def lcp(
     problem: Problem, *, edges: int = 4, around: bool = False, tolerance: float = 1e-9
 ) -> Solution:
-    """Coulomb's law with a pyramid, exactly (Stewart and Trinkle 1996; Anitescu and Potra 1997).
+    """Return Coulomb's law with a pyramid, exactly (Stewart and Trinkle 1996; Anitescu and Potra
+    1997).
 
     Unknowns: normal impulse, share on each edge, and the slip that the edges have in common.
 
@@ -373,7 +374,8 @@ def lcp(
 
 
 def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple[Array, Array]:
-    """r (g - P(g - w / r)) for all contacts, (n d,) [m/s], and its derivative by g, (n d, n d).
+    """Return r (g - P(g - w / r)) for all contacts, (n d,) [m/s], and its derivative by g, (n d, n
+    d).
 
     Args:
         A, b, g, d, associated: as for `pgs_sweep`; Coulomb's law takes w_n + |w_t| for w_n.
@@ -410,7 +412,9 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
 
 
 def defect(problem: Problem, impulses: ArrayLike, law: str = "coulomb") -> float:
-    """By how much impulses (n, d) miss one of the `LAWS` of the round cone [m/s]; 0 if solved.
+    """Return by how much impulses (n, d) miss one of the `LAWS` of the round cone [m/s].
+
+    0 if solved.
 
     r |g - P(g - w / r)|, the largest over the contacts, r the trace of the contact's block of A, P
     the projection on the cone (the natural map; Facchinei and Pang 2003, sec. 1.5). Coulomb's law
@@ -421,7 +425,7 @@ def defect(problem: Problem, impulses: ArrayLike, law: str = "coulomb") -> float
 
 
 def _missed(problem: Problem, g: Array, associated: bool) -> float:
-    """`defect` of impulses in scaled rows."""
+    """Return `defect` of impulses in scaled rows."""
     d = problem.jacobian.shape[1]
     return float(np.max(np.abs(natural_map(problem.scaled, problem.offset, g, d, associated)[0])))
 
@@ -429,7 +433,7 @@ def _missed(problem: Problem, g: Array, associated: bool) -> float:
 def _round_cone(
     name: str, problem: Problem, rounds: int, tolerance: float, start: ArrayLike | None
 ) -> Solution:
-    """Sweeps to come near, Newton's method to arrive; again while it does not."""
+    """Return sweeps to come near, Newton's method to arrive; again while it does not."""
     count("rounds", rounds, 1)
     positive("tolerance", tolerance, unit="m/s")
     if not _movable(problem).all():
@@ -474,7 +478,7 @@ def _round_cone(
 def convex(
     problem: Problem, *, rounds: int = 12, tolerance: float = 1e-9, start: ArrayLike | None = None
 ) -> Solution:
-    """The associated law: the least change of the velocity that keeps it in the dual cones.
+    """Return the associated law: the least change of the velocity that keeps it in the dual cones.
 
     Args:
         rounds: of sweeps and Newton steps, at most.
@@ -497,7 +501,8 @@ def convex(
 def coulomb(
     problem: Problem, *, rounds: int = 8, tolerance: float = 1e-9, start: ArrayLike | None = None
 ) -> Solution:
-    """Coulomb's law on the true cone (Alart and Curnier 1991, with De Saxce's one projection).
+    """Return Coulomb's law on the true cone (Alart and Curnier 1991, with De Saxce's one
+    projection).
 
     Where the law has no solution there is none to find, and it says so.
 
@@ -510,7 +515,9 @@ def coulomb(
 
 
 def duality_gap(problem: Problem, impulses: ArrayLike) -> tuple[float, float]:
-    """Cost of the convex problem less the bound that its dual gives, for impulses in their cones.
+    """Return cost of the convex problem less the bound that its dual gives.
+
+    For impulses in their cones.
 
     Returns:
         The gap f w [J], and by how much w is outside its cone [m/s]: only within it a bound.
@@ -536,7 +543,7 @@ MODELS: dict[str, Model] = {
 
 
 def solve(model: str, problem: Problem, **options: Any) -> Solution:
-    """The impulses of one step by one of `MODELS`; look at `converged` before you use them.
+    """Return the impulses of one step by one of `MODELS`; look at `converged` before you use them.
 
     Options are those of the model's function.
 

@@ -35,7 +35,7 @@ _ACROSS = ((1, 2, 3), (3, 2, 0), (1, 3, 0), (2, 1, 0))
 
 @register_jitable
 def dot(a, b):
-    """a . b of triples."""
+    """Return a . b of triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -46,7 +46,7 @@ def _cross(a, b):
 
 @register_jitable
 def _added(a, t, b):
-    """a + t b."""
+    """Return a + t b."""
     return a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]
 
 
@@ -70,7 +70,7 @@ def _copy(s, i, k):
 
 @register_jitable
 def turned(R, at, a):
-    """R a, of a rotation matrix whose nine numbers stand row by row in R from `at` on."""
+    """Return R a, of a rotation matrix whose nine numbers stand row by row in R from `at` on."""
     return (
         R[at] * a[0] + R[at + 1] * a[1] + R[at + 2] * a[2],
         R[at + 3] * a[0] + R[at + 4] * a[1] + R[at + 5] * a[2],
@@ -80,7 +80,7 @@ def turned(R, at, a):
 
 @register_jitable
 def turned_back(R, at, a):
-    """R^T a."""
+    """Return R^T a."""
     return (
         R[at] * a[0] + R[at + 3] * a[1] + R[at + 6] * a[2],
         R[at + 1] * a[0] + R[at + 4] * a[1] + R[at + 7] * a[2],
@@ -121,26 +121,26 @@ def _support(d, va, vb, pair, out, k):
 
 @register_jitable
 def _edge(s, i, j):
-    """From row i of s to row j."""
+    """Return from row i of s to row j."""
     return _added(_row(s, j), -1.0, _row(s, i))
 
 
 @register_jitable
 def _normal(s, i, j, k):
-    """Twice the area of the triangle i, j, k of rows of s, as a vector."""
+    """Return twice the area of the triangle i, j, k of rows of s, as a vector."""
     return _cross(_edge(s, i, j), _edge(s, i, k))
 
 
 @register_jitable
 def _areas(n, s, i, j, k):
-    """The parts of n . (normal of i, j, k) that lie across from i, j and k."""
+    """Return the parts of n . (normal of i, j, k) that lie across from i, j and k."""
     p, q, r = _row(s, i), _row(s, j), _row(s, k)
     return dot(n, _cross(q, r)), dot(n, _cross(r, p)), dot(n, _cross(p, q))
 
 
 @register_jitable
 def _on_edge(s, i, j):
-    """The share of j in the point of the edge i, j nearest to the origin."""
+    """Return the share of j in the point of the edge i, j nearest to the origin."""
     e = _edge(s, i, j)
     length, along = dot(e, e), -dot(_row(s, i), e)
     return 0.0 if along <= 0.0 else 1.0 if along >= length else along / length
@@ -148,7 +148,7 @@ def _on_edge(s, i, j):
 
 @register_jitable
 def _square(s, i, j, k, shares):
-    """Squared distance from the origin of a point of the triangle i, j, k."""
+    """Return squared distance from the origin of a point of the triangle i, j, k."""
     u, v, w = shares
     zero = (0.0, 0.0, 0.0)
     p = _added(_added(_added(zero, u, _row(s, i)), v, _row(s, j)), w, _row(s, k))
@@ -157,7 +157,7 @@ def _square(s, i, j, k, shares):
 
 @register_jitable
 def _on_triangle(s, i, j, k):
-    """Shares of i, j, k in the point of their triangle nearest to the origin."""
+    """Return shares of i, j, k in the point of their triangle nearest to the origin."""
     u, v, w = _areas(_normal(s, i, j, k), s, i, j, k)
     if u > 0.0 and v > 0.0 and w > 0.0:
         total = u + v + w
@@ -217,7 +217,7 @@ def _nearest(s, n, share, thin):
 
 @register_jitable
 def _known(s, n):
-    """Whether row n of s is one of those before it."""
+    """Return whether row n of s is one of those before it."""
     for i in range(n):
         if s[i, 0] == s[n, 0] and s[i, 1] == s[n, 1] and s[i, 2] == s[n, 2]:
             return True
@@ -226,7 +226,7 @@ def _known(s, n):
 
 @register_jitable
 def _gjk(va, vb, pair, s, share):
-    """The point of the set of differences nearest to the origin, as shares of rows of s.
+    """Return the point of the set of differences nearest to the origin, as shares of rows of s.
 
     Returns:
         How many rows of s hold it, 5 where the origin is inside; its distance, and a lower bound of
@@ -278,7 +278,7 @@ def _gjk(va, vb, pair, s, share):
 
 @register_jitable
 def _spread(s, k, rank, d):
-    """How far row k is from row 0, from the line of rows 0 and 1, or along d."""
+    """Return how far row k is from row 0, from the line of rows 0 and 1, or along d."""
     if rank == 2:
         return abs(dot(d, _edge(s, 0, k)))
     m = _edge(s, 0, k) if rank == 0 else _cross(_unit(_edge(s, 0, 1)), _edge(s, 0, k))
@@ -300,7 +300,7 @@ def _farther(va, vb, pair, s, k, d, rank):
 
 @register_jitable
 def _grow(va, vb, pair, s):
-    """Four rows of s that span the set of differences, or the normal of a set that is flat.
+    """Return four rows of s that span the set of differences, or the normal of a set that is flat.
 
     Returns:
         Whether the set has a volume; if not, a unit vector that is the same on all of it.
@@ -339,7 +339,7 @@ def _face(f, i, j, k, s, corner, face, key):
 
 @register_jitable
 def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
-    """The least depth of the origin in the set of differences that rows 0 to 3 of s span.
+    """Return the least depth of the origin in the set of differences that rows 0 to 3 of s span.
 
     The polytope grows at the face that is nearest to the origin. The support along any direction
     bounds the depth from above, the nearest face from below.
@@ -597,7 +597,7 @@ class Distance:
 
 
 def paired(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> tuple[Array, Array, bool]:
-    """Poses of two shapes as poses in space of one length, and whether both are single.
+    """Return poses of two shapes as poses in space of one length, and whether both are single.
 
     Raises:
         ValueError: for shapes of different dimensions, two planes, or batches of unequal length.
@@ -620,7 +620,7 @@ def paired(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> tuple[Ar
 
 
 def _from_plane(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
-    """The rows of `measure` for a plane a: its normal, and the lowest corner of b."""
+    """Return the rows of `measure` for a plane a: its normal, and the lowest corner of b."""
     normal = to_matrix(qa[3:])[:, a.dim - 1]
     corner = corners_in_space(b, qb)
     height = np.einsum("in,ikn->kn", normal, corner - qa[:3, None])
@@ -631,7 +631,10 @@ def _from_plane(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
 
 
 def measured(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
-    """`distance` for poses in space that are checked: the rows of `measure`, shape (12, N)."""
+    """Return `distance` for poses in space that are checked.
+
+    The rows of `measure`, shape (12, N).
+    """
     if a.name == "plane":
         return _from_plane(a, qa, b, qb)
     if b.name == "plane":
@@ -644,7 +647,7 @@ def measured(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
 
 
 def distance(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Distance:
-    """The signed distance of two shapes, with the nearest or deepest points.
+    """Return the signed distance of two shapes, with the nearest or deepest points.
 
     Args:
         a, b: shapes of one dimension; one of them may be a plane.

@@ -16,8 +16,9 @@ Array = NDArray[np.float64]
 
 @register_jitable
 def least_speed(gap, free, before, dt, restitution, recovery):
-    """Speed apart that a contact must have after the step [m/s], from its gap and its normal
-    velocities without contact and before: an open gap may just close, what closes bounces."""
+    """Return speed apart that a contact must have after the step [m/s], from its gap and its normal
+    velocities without contact and before: an open gap may just close, what closes bounces.
+    """
     desired = -gap / dt if gap > 0.0 else -recovery * gap / dt
     if gap + dt * free <= 0.0 and restitution * before < 0.0:
         desired = max(desired, -restitution * before)
@@ -75,7 +76,10 @@ class Problem:
             selected(name, vector(name, getattr(self, name), (size,)))
 
     def moved(self, velocity: ArrayLike, free: ArrayLike, gap: ArrayLike) -> Problem:
-        """The same bodies and contacts in another state; what depends on M and J alone is kept."""
+        """Return the same bodies and contacts in another state.
+
+        What depends on M and J alone is kept.
+        """
         other = object.__new__(Problem)
         nv, n = self.mass.shape[0], self.gap.size
         other.__dict__.update(
@@ -129,7 +133,7 @@ class Problem:
         return b
 
     def after(self, impulses: ArrayLike) -> Array:
-        """Generalised velocity after the step, (nv,), for impulses (n, d)."""
+        """Return generalised velocity after the step, (nv,), for impulses (n, d)."""
         velocity: Array = self.free + self.response @ np.asarray(impulses, dtype=float).ravel()
         return velocity
 
@@ -163,7 +167,7 @@ class Solution:
 def answer(
     name: str, problem: Problem, scaled: Array, iterations: int, missed: float, tolerance: float
 ) -> Solution:
-    """A solution from impulses in scaled rows (n d,)."""
+    """Return a solution from impulses in scaled rows (n d,)."""
     n, d, _ = problem.jacobian.shape
     impulses = (problem.scale * scaled).reshape(n, d)
     velocity = problem.after(impulses)
@@ -171,7 +175,7 @@ def answer(
 
 
 def in_scaled_rows(problem: Problem, impulses: ArrayLike | None) -> Array:
-    """Impulses (n, d) in scaled rows, (n d,); zeros where there are none."""
+    """Return impulses (n, d) in scaled rows, (n d,); zeros where there are none."""
     n, d, _ = problem.jacobian.shape
     if impulses is None:
         return np.zeros(n * d)

@@ -66,7 +66,7 @@ class Scene:
         return np.asarray(np.linalg.solve(self.mass, self.force), dtype=np.float64)
 
     def problem(self, dt: float, q: Array | None = None, v: Array | None = None) -> Problem:
-        """One step of `dt` from (q, v), or from the start."""
+        """Return one step of `dt` from (q, v), or from the start."""
         q, v = self.q if q is None else q, self.v if v is None else v
         positive("dt", dt, unit="s")
         gap = self.distance + self.jacobian[:, 0] @ q
@@ -78,7 +78,8 @@ class Scene:
 @dataclass(frozen=True)
 class Run:
     """A motion: times (k,), q and v (nv, k), impulses (n, d, k - 1), the iterations of all steps,
-    how many were not solved, and the worst residual [m/s]."""
+    how many were not solved, and the worst residual [m/s].
+    """
 
     times: Array
     q: Array
@@ -90,8 +91,10 @@ class Run:
 
 
 def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
-    """So many steps of `dt` [s]: impulses from one of `MODELS` with its options, then the position
-    with the new velocity."""
+    """Return so many steps of `dt` [s].
+
+    Impulses from one of `MODELS` with its options, then the position with the new velocity.
+    """
     count("steps", steps, 1)
     q, v = scene.q.copy(), scene.v.copy()
     path_q, path_v = [q], [v]
@@ -116,7 +119,7 @@ def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
 def march(
     scene: Scene, dt: float, steps: int, *, sweeps: int = 1000, tolerance: float = 1e-10
 ) -> tuple[Array, Array, int]:
-    """`run` with "pgs" as one compiled loop, started each step from the last one's impulses.
+    """Return `run` with "pgs" as one compiled loop, started each step from the last one's impulses.
 
     Args:
         scene, dt, steps: as for `run`.
@@ -150,7 +153,7 @@ def march(
 
 
 def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, sweeps, bounds):
-    """The loop of `march`; changes q and v in place."""
+    """Return the loop of `march`; changes q and v in place."""
     dt, restitution, recovery, tolerance = bounds
     m, nv = rows.shape
     g, b, free = np.zeros(m), np.zeros(m), np.zeros(nv)
@@ -196,7 +199,7 @@ _MARCH = numba.int64(
 
 
 def ball_drop(height: float = 0.1, mass: float = 1.0, restitution: float = 0.0) -> Scene:
-    """A ball above the ground: one degree of freedom, q = height of its lowest point [m]."""
+    """Return a ball above the ground: one degree of freedom, q = height of its lowest point [m]."""
     finite("height", height)
     positive("mass", mass, unit="kg")
     return Scene(
@@ -217,7 +220,9 @@ def block(
     velocity: Sequence[float] = (0.0, 0.0),
     mass: float = 1.0,
 ) -> Scene:
-    """A block on an incline, which slides and does not turn: q = (along the slope, across, off it).
+    """Return a block on an incline, which slides and does not turn.
+
+    Q = (along the slope, across, off it).
 
     The slope has an angle [rad], down along x; the velocity is along it and across [m/s].
     """
@@ -239,7 +244,7 @@ def block(
 
 
 def spinning_disc(spin: float = 10.0, friction: float = 0.5, torsion: float = 0.01) -> Scene:
-    """A disc of 1 kg and 10 cm that spins [rad/s] on a point: q = (x, y, z, angle about z).
+    """Return a disc of 1 kg and 10 cm that spins [rad/s] on a point: q = (x, y, z, angle about z).
 
     Torsion is the coefficient against spin [m]; 0 is what a contact of three rows has.
     """
@@ -259,7 +264,10 @@ def spinning_disc(spin: float = 10.0, friction: float = 0.5, torsion: float = 0.
 
 
 def tower(masses: Sequence[float]) -> Scene:
-    """Boxes on top of each other, the lowest first: q_i = how far each is above its place [m]."""
+    """Return boxes on top of each other, the lowest first.
+
+    q_i = how far each is above its place [m].
+    """
     weights = vector("masses", masses, (None,), low=POSITIVE, unit="kg")
     n = count("len(masses)", len(weights), 1)
     rows = (np.eye(n) - np.eye(n, k=-1))[:, None]
@@ -275,7 +283,9 @@ def tower(masses: Sequence[float]) -> Scene:
 
 
 def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 10.0) -> Scene:
-    """A stiff table on four legs: q = (height, roll, pitch); its weight acts at the point `load`.
+    """Return a stiff table on four legs: q = (height, roll, pitch).
+
+    Its weight acts at the point `load`.
 
     Three equations and four legs: one combination, (1, -1, 1, -1) in turn around the table, can be
     added to the forces and nothing moves.
@@ -304,7 +314,9 @@ def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 1
 
 
 def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Scene:
-    """A glass of a mass [kg] between two fingers: q = (x of both fingers, x and z of the glass).
+    """Return a glass of a mass [kg] between two fingers.
+
+    Q = (x of both fingers, x and z of the glass).
 
     The fingers of 50 g squeeze with a force each [N]; it is held from mu = m g / (2 squeeze) on.
     """
@@ -325,7 +337,7 @@ def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Sce
 
 
 def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) -> Scene:
-    """Painleve's rod: 1 kg, 2 m, its end on the ground; q = (x, z, angle) of the middle.
+    """Return painleve's rod: 1 kg, 2 m, its end on the ground; q = (x, z, angle) of the middle.
 
     The end is below the middle and to the right of it, and slides to the right. Where
     mu > (1 + 3 cos^2) / (3 sin cos) a normal force, with the friction that it makes, turns the end

@@ -67,7 +67,7 @@ def _shape(name: str, dim: int, half: tuple[float, ...] = (), radius: float = 0.
 
 
 def sphere(radius: float, dim: int = 3) -> Shape:
-    """A ball about its origin; with `dim` 2 a disc.
+    """Return a ball about its origin; with `dim` 2 a disc.
 
     Raises:
         ValueError: for a radius that is not positive, or a `dim` that is neither 2 nor 3.
@@ -76,7 +76,7 @@ def sphere(radius: float, dim: int = 3) -> Shape:
 
 
 def capsule(radius: float, half_length: float, dim: int = 3) -> Shape:
-    """A ball swept along a segment: along z in space, along x in the plane.
+    """Return a ball swept along a segment: along z in space, along x in the plane.
 
     Args:
         radius: of the ball [m].
@@ -92,7 +92,7 @@ def capsule(radius: float, half_length: float, dim: int = 3) -> Shape:
 
 
 def box(half: ArrayLike, radius: float = 0.0) -> Shape:
-    """A box about its origin, in as many dimensions as it has half sizes.
+    """Return a box about its origin, in as many dimensions as it has half sizes.
 
     Args:
         half: half sizes along its axes, shape (2,) or (3,) [m].
@@ -108,7 +108,7 @@ def box(half: ArrayLike, radius: float = 0.0) -> Shape:
 
 
 def points(vertices: ArrayLike, radius: float = 0.0) -> Shape:
-    """The convex hull of points; they need not be its corners, and may lie in a plane.
+    """Return the convex hull of points; they need not be its corners, and may lie in a plane.
 
     Args:
         vertices: shape (2, n) or (3, n), n at least 1 [m].
@@ -127,12 +127,12 @@ def points(vertices: ArrayLike, radius: float = 0.0) -> Shape:
 
 
 def plane(dim: int = 3) -> Shape:
-    """All below z = 0 of its frame, in the plane all below y = 0: ground, a wall, a ramp."""
+    """Return all below z = 0 of its frame, in the plane all below y = 0: ground, a wall, a ramp."""
     return _shape("plane", dim)
 
 
 def poses(name: str, value: ArrayLike, dim: int) -> Array:
-    """Poses from outside as poses in space, one a column.
+    """Return poses from outside as poses in space, one a column.
 
     Args:
         name: of the argument.
@@ -155,7 +155,7 @@ def poses(name: str, value: ArrayLike, dim: int) -> Array:
 
 
 def bounds(shape: Shape, pose: ArrayLike) -> Array:
-    """The axis-aligned bounding boxes of a shape, as tight as they can be.
+    """Return the axis-aligned bounding boxes of a shape, as tight as they can be.
 
     Args:
         shape: the shape; a plane has an infinite box.
@@ -169,12 +169,15 @@ def bounds(shape: Shape, pose: ArrayLike) -> Array:
 
 
 def corners_in_space(shape: Shape, q: Array) -> Array:
-    """All corners of the core in the world, for poses in space (7, N): shape (3, n, N) [m]."""
+    """Return all corners of the core in the world, for poses in space (7, N).
+
+    Shape (3, n, N) [m].
+    """
     return np.einsum("ijn,jk->ikn", to_matrix(q[3:]), shape.corners) + q[:3, None]
 
 
 def bounds_in_space(shape: Shape, q: Array) -> Array:
-    """`bounds` for poses in space that are checked, shape (7, N): shape (2, 3, N)."""
+    """Return `bounds` for poses in space that are checked, shape (7, N): shape (2, 3, N)."""
     if shape.name == "plane":
         return np.stack((np.full((3, q.shape[1]), -np.inf), np.full((3, q.shape[1]), np.inf)))
     R = to_matrix(q[3:])

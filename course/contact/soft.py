@@ -59,7 +59,7 @@ class Softness:
         finite("margin", self.margin, 0.0, unit="m")
 
     def impedance(self, r: Array) -> Array:
-        """d at the residual r = gap - margin [m], shape (n,)."""
+        """Return d at the residual r = gap - margin [m], shape (n,)."""
         low, high, width, middle, power = np.asarray(self.solimp, dtype=float).tolist()
         low, high = np.clip((low, high), _LEAST, _MOST).tolist()
         middle, power = float(np.clip(middle, _LEAST, _MOST)), max(1.0, power)
@@ -71,7 +71,7 @@ class Softness:
         return np.asarray(low + np.where(x <= middle, below, above) * (high - low))
 
     def stiffness(self, solref: ArrayLike, dt: float) -> tuple[float, float]:
-        """(k [1/s^2], b [1/s]) of the reference acceleration."""
+        """Return (k [1/s^2], b [1/s]) of the reference acceleration."""
         first, second = np.asarray(solref, dtype=float).tolist()
         largest = float(np.clip(np.asarray(self.solimp, dtype=float)[1], _LEAST, _MOST))
         if first <= 0.0:
@@ -82,8 +82,11 @@ class Softness:
 
 @dataclass(frozen=True)
 class Rows:
-    """What MuJoCo sees of a problem: rows (m, nv), `reference` and `compliance` R (m,), the owning
-    contact `of` (m,), `mu` of the scaled cone, and `back` (n d, m), row forces -> contact frame."""
+    """What MuJoCo sees of a problem.
+
+    Rows (m, nv), `reference` and `compliance` R (m,), the owning contact `of` (m,), `mu` of the
+    scaled cone, and `back` (n d, m), row forces -> contact frame.
+    """
 
     rows: Array
     reference: Array
@@ -94,7 +97,10 @@ class Rows:
 
 
 def rows_of(problem: Problem, softness: Softness) -> Rows:
-    """The rows of the contacts nearer than the margin; a pyramid has two for each friction row."""
+    """Return the rows of the contacts nearer than the margin.
+
+    A pyramid has two for each friction row.
+    """
     n, d, nv = problem.jacobian.shape
     touching = np.flatnonzero(problem.gap < softness.margin).astype(np.int64)
     r = (problem.gap - softness.margin)[touching]
@@ -133,7 +139,7 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
 
 
 def _forces(rows: Rows, x: Array, elliptic: bool, impratio: float) -> tuple[Array, Array]:
-    """-ds and its derivative -> (f (m,), H (m, m)) at x = J a - a_ref."""
+    """Return -ds and its derivative -> (f (m,), H (m, m)) at x = J a - a_ref."""
     D = 1.0 / rows.compliance
     if not elliptic:
         pushed = x < 0.0
@@ -167,7 +173,7 @@ def _forces(rows: Rows, x: Array, elliptic: bool, impratio: float) -> tuple[Arra
 def soft_forces(
     problem: Problem, softness: Softness, iterations: int = 100
 ) -> tuple[Array, Array, int, float]:
-    """Newton's method with a line search on the slope, until rounding stops it.
+    """Return Newton's method with a line search on the slope, until rounding stops it.
 
     Returns:
         Forces of MuJoCo's rows (m,) [N], forces in the contact frames (n, d), the iterations, and
@@ -211,7 +217,7 @@ def soft_forces(
 
 
 def soft(problem: Problem, *, tolerance: float = 1e-9, **options: Any) -> Solution:
-    """MuJoCo's contact forces, held for the step, from the state before it.
+    """Return MuJoCo's contact forces, held for the step, from the state before it.
 
     Args:
         tolerance: of the residual, the last change of the velocity [m/s].

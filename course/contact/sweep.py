@@ -37,7 +37,7 @@ class Impact:
 
 
 def spheres_time_of_impact(offset: ArrayLike, velocity: ArrayLike, reach: ArrayLike) -> Array:
-    """When two balls touch, in closed form: the first root of |offset + t velocity| = reach.
+    """Return when two balls touch, in closed form: the first root of |offset + t velocity| = reach.
 
     Args:
         offset: from one centre to the other, shape (d,) or (d, N) [m].
@@ -64,7 +64,7 @@ def spheres_time_of_impact(offset: ArrayLike, velocity: ArrayLike, reach: ArrayL
 
 
 def moved(q: Array, v: Array, t: Array) -> Array:
-    """Poses in space after t seconds of constant velocity and angular velocity in the world."""
+    """Return poses in space after t seconds of constant velocity and angular velocity in the world."""
     return np.concatenate((q[:3] + v[:3] * t, product(exp(v[3:] * t), q[3:])))
 
 
@@ -86,7 +86,9 @@ def time_of_impact(
     duration: float,
     tolerance: float = 1e-9,
 ) -> Impact:
-    """Conservative advancement: move on by what the distance certainly allows, again and again.
+    """Return conservative advancement.
+
+    Move on by what the distance certainly allows, again and again.
 
     No point of the shapes comes nearer along the normal than its velocity and its turning allow, so
     distance / that bound is a time without contact (Mirtich, Impulse-based dynamic simulation of

@@ -116,7 +116,7 @@ class _Windows:
         self.highest = float(np.abs(log.command).max())
 
     def torque(self, delay: float, limit: float = math.inf) -> Array:
-        """What the commands did in each window, shape (K,)."""
+        """Return what the commands did in each window, shape (K,)."""
         edges = self._dt * np.arange(-self._back, self._n + 1) + delay
         area = _BUMP.integ()(np.clip(edges / (self._n * self._dt), 0.0, 1.0))
         weights = self._n * self._dt * np.diff(area)
@@ -124,7 +124,7 @@ class _Windows:
         return np.asarray(sent @ weights)
 
     def misfit(self, model: JointModel) -> Array:
-        """What the torque has too much for the motion, in each window, shape (K,)."""
+        """Return what the torque has too much for the motion, in each window, shape (K,)."""
         known = np.array([getattr(model, name) for name in LINEAR])
         return model.constant * self.torque(model.delay, model.limit) - self.columns @ known
 
@@ -139,7 +139,7 @@ class Identified(NamedTuple):
 def identify(
     log: Log, *, delay: float = 0.0, constant: float = 1.0, window: float = 0.3
 ) -> Identified:
-    """Inertia, friction and gravity by least squares over the windows of a log.
+    """Return inertia, friction and gravity by least squares over the windows of a log.
 
     Args:
         log: a motion that speeds up, slows down and turns round.
@@ -233,7 +233,10 @@ def diagnose(
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float, parts: int = 40) -> float:
-    """The lowest point of a function with several valleys: a grid, then the golden section."""
+    """Return the lowest point of a function with several valleys.
+
+    A grid, then the golden section.
+    """
     points = [low + (high - low) * i / parts for i in range(parts + 1)]
     best = int(np.argmin([cost(x) for x in points]))
     a, b = points[max(best - 1, 0)], points[min(best + 1, parts)]

@@ -53,7 +53,7 @@ class Joint:
             finite("static", self.static, self.coulomb, unit="N m")
 
     def system(self, lag: float = 0.0) -> System:
-        """A and B of its linear part, see `course.control.sampled.joint_system`."""
+        """Return a and B of its linear part, see `course.control.sampled.joint_system`."""
         return joint_system(self.inertia, self.damping, lag=lag)
 
 
@@ -133,7 +133,7 @@ class Record:
 
 @register_jitable
 def _first(x, t):
-    """(1 - e^(-x t)) / x, also where x t is small."""
+    """Return (1 - e^(-x t)) / x, also where x t is small."""
     y = x * t
     if abs(y) < 1e-5:
         return t * (1.0 - y / 2.0 + y * y / 6.0)
@@ -142,7 +142,9 @@ def _first(x, t):
 
 @register_jitable
 def _responses(a, c, t):
-    """What a time t does: decay and integrals of the joint's rate a and the current loop's c.
+    """Return what a time t does.
+
+    Decay and integrals of the joint's rate a and the current loop's c.
 
     Speed by itself, by a steady torque, by the fading part of the torque; place likewise; and how
     much of that part is left.
@@ -167,14 +169,17 @@ def _responses(a, c, t):
 
 @register_jitable
 def _speed(v, steady, fading, a, c, t):
-    """The speed after a time, by a steady and a fading acceleration."""
+    """Return the speed after a time, by a steady and a fading acceleration."""
     r = _responses(a, c, t)
     return r[0] * v + r[1] * steady + r[3] * fading
 
 
 @register_jitable
 def _stop(v, steady, fading, side, a, c, t):
-    """When a speed of the given side (1 or -1) first reaches 0 within t; t + 1 if it does not."""
+    """Return when a speed of the given side (1 or -1) first reaches 0 within t.
+
+    T + 1 if it does not.
+    """
     turn = -1.0  # the speed has one turn at most, where its acceleration is 0
     if c < math.inf and fading != 0.0:
         ratio = (1.0 + (steady - a * v) / fading) / c
@@ -201,7 +206,7 @@ def _stop(v, steady, fading, side, a, c, t):
 
 @register_jitable
 def _advance(q, v, u, inertia, a, load, coulomb, static, c, target, rest, whole):
-    """(q, v, torque u) after `rest` seconds of one command, with dry friction.
+    """Return (q, v, torque u) after `rest` seconds of one command, with dry friction.
 
     `whole` are the responses of all of `rest`, which most samples need and nothing else.
     """
@@ -306,7 +311,7 @@ def run_joint(
     extra: ArrayLike = 0.0,
     blocked: ArrayLike = False,
 ) -> Record:
-    """The joint under its controller, compiled: measure, command, wait, drive.
+    """Return the joint under its controller, compiled: measure, command, wait, drive.
 
     Args:
         joint, actuator, encoder, gains: the parts.
@@ -362,7 +367,7 @@ class StepMetrics:
 def step_metrics(
     times: ArrayLike, q: ArrayLike, target: float, *, band: float = BAND, rest: float = REST
 ) -> StepMetrics:
-    """Overshoot, settling and steady error of a step from q[0] to the target.
+    """Return overshoot, settling and steady error of a step from q[0] to the target.
 
     Args:
         times, q: shapes (n,) [s, rad].
@@ -383,7 +388,7 @@ def step_metrics(
 
 @register_jitable
 def _metrics(when, angle, target, band, rest):
-    """The three of `StepMetrics`."""
+    """Return the three of `StepMetrics`."""
     done = (angle - angle[0]) / (target - angle[0])
     out = np.flatnonzero(~(np.abs(done - 1.0) <= band))
     last = out[-1] + 1 if out.size else 0

@@ -41,7 +41,7 @@ Arm = Chain | TwoLink
 def pd(
     q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, kp: ArrayLike, kd: ArrayLike
 ) -> Array:
-    """kp (q_ref - q) + kd (v_ref - v) [N m], shape of q.
+    """Return kp (q_ref - q) + kd (v_ref - v) [N m], shape of q.
 
     Raises:
         ValueError: as every law here, for shapes that disagree and numbers that are not finite.
@@ -62,7 +62,10 @@ def pd_gravity(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """`pd`, and what holds the arm up where it is. At a still target it has no steady error."""
+    """Return `pd`, and what holds the arm up where it is.
+
+    At a still target it has no steady error.
+    """
     here = np.asarray(q, dtype=float)
     zero = np.zeros(here.shape)
     return pd(q, v, q_ref, v_ref, kp, kd) + needed(chain, here, zero, zero, gravity)
@@ -80,7 +83,7 @@ def feedforward(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """`pd`, and the torques of the reference motion, which can be computed beforehand."""
+    """Return `pd`, and the torques of the reference motion, which can be computed beforehand."""
     here = np.asarray(q, dtype=float)
     place, rate = like("q_ref", q_ref, here), like("v_ref", v_ref, here)
     ahead = needed(chain, place, rate, like("a_ref", a_ref, here), gravity)
@@ -100,7 +103,9 @@ def computed_torque(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """M (a_ref + kd e' + kp e) + bias: with the right model and no hold, e'' + kd e' + kp e = 0.
+    """Return M (a_ref + kd e' + kp e) + bias.
+
+    With the right model and no hold, e'' + kd e' + kp e = 0.
 
     A command that is held for a sample is right at its beginning only, which costs an error of
     first order in the sample time. With `dt` the law works for the middle of the sample: it carries
@@ -128,7 +133,7 @@ def computed_torque(
 def friction_compensation(
     v: ArrayLike, coulomb: ArrayLike, viscous: ArrayLike = 0.0, width: float = 0.01
 ) -> Array:
-    """Torques against friction: coulomb tanh(v / width) + viscous v, shape of v.
+    """Return torques against friction: coulomb tanh(v / width) + viscous v, shape of v.
 
     Hand it the reference's speed: the sign of a measured one chatters at rest. The width [rad/s]
     also keeps the measured speed's gain down, at coulomb / width.
@@ -162,7 +167,7 @@ class Adaptive:
         dt: float,
         estimate: ArrayLike | None = None,
     ) -> None:
-        """A law that knows nothing yet, or starts from an estimate.
+        """Create a law that knows nothing yet, or starts from an estimate.
 
         Args:
             arm: see above.
@@ -183,7 +188,7 @@ class Adaptive:
     def parts(
         self, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike
     ) -> tuple[Array, Array, Array]:
-        """Torques (2,), rate of the estimate, and s (2,), at a state; nothing is kept."""
+        """Return torques (2,), rate of the estimate, and s (2,), at a state; nothing is kept."""
         q = vector("q", q, (2,))
         e = like("q_ref", q_ref, q) - q
         rate = like("v_ref", v_ref, q) - like("v", v, q)
@@ -195,7 +200,7 @@ class Adaptive:
     def __call__(
         self, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike
     ) -> Array:
-        """The torques for this sample, shape (2,); the estimate then takes its step."""
+        """Return the torques for this sample, shape (2,); the estimate then takes its step."""
         tau, change, _ = self.parts(q, v, q_ref, v_ref, a_ref)
         self.estimate = self.estimate + self._dt * change
         return tau
@@ -216,7 +221,9 @@ def impedance(
     rows: Sequence[int] = (0, 1, 2),
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """A spring and a damper from the tip to a target, and what holds the arm up (Hogan, 1985).
+    """Return a spring and a damper from the tip to a target.
+
+    And what holds the arm up (Hogan, 1985).
 
     The arm keeps its own inertia, so no force has to be measured.
 
@@ -247,7 +254,7 @@ def admittance(
     stiffness: float,
     dt: float,
 ) -> tuple[Array, Array]:
-    """One sample of the virtual body mass x'' + damping x' + stiffness x = force.
+    """Return one sample of the virtual body mass x'' + damping x' + stiffness x = force.
 
     What comes out is the reference of a stiff position loop inside, counted from the set-point.
 
@@ -283,7 +290,7 @@ def operational_space(
     rows: Sequence[int] = (0, 1, 2),
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """The tip obeys e'' + kd e' + kp e = 0; what `null` asks of the joints it does not feel.
+    """Return the tip obeys e'' + kd e' + kp e = 0; what `null` asks of the joints it does not feel.
 
     Torques are J^T L (a - J' v) + bias + (I - J^T L J M^-1) null with the task inertia
     L = (J M^-1 J^T)^-1. Another projector than this dynamically consistent one (Khatib, 1987) keeps
@@ -338,7 +345,7 @@ def hybrid(
     rows: Sequence[int] = (0, 1, 2),
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """Motion along some axes of a frame, force along the others (Raibert and Craig, 1981).
+    """Return motion along some axes of a frame, force along the others (Raibert and Craig, 1981).
 
     The choice is made in the frame of the surface: chosen among the world's axes it pushes along
     the surface and moves into it as soon as the surface is turned. Against a hard surface force is
@@ -396,7 +403,10 @@ def hybrid(
 
 
 def gain(name: str, value: ArrayLike, n: int) -> Array:
-    """A gain as a matrix (n, n), from a number, one for each row, or a matrix; none below 0."""
+    """Return a gain as a matrix (n, n), from a number, one for each row, or a matrix.
+
+    None below 0.
+    """
     array = vector(name, value, (), (n,), (n, n))
     if array.ndim < 2:
         return np.diag(np.broadcast_to(vector(name, array, low=0.0), (n,)))
@@ -406,7 +416,7 @@ def gain(name: str, value: ArrayLike, n: int) -> Array:
 
 
 def like(name: str, value: ArrayLike, other: Array) -> Array:
-    """A number, a row for all or an array of the shape of `other`, as the last."""
+    """Return a number, a row for all or an array of the shape of `other`, as the last."""
     array = vector(name, value, (), other.shape, other.shape[:1])
     if array.ndim == 1 and other.ndim == 2:
         array = array[:, None]
@@ -416,7 +426,7 @@ def like(name: str, value: ArrayLike, other: Array) -> Array:
 def needed(
     arm: Arm, q: ArrayLike, v: ArrayLike, a: ArrayLike, gravity: ArrayLike = DOWNWARDS
 ) -> Array:
-    """The torques of a motion by either kind of model, shape of q [N m]."""
+    """Return the torques of a motion by either kind of model, shape of q [N m]."""
     if isinstance(arm, TwoLink):
         return arm.inverse_dynamics(q, v, a)
     return inverse_dynamics(arm, q, v, a, gravity=gravity)
@@ -433,7 +443,7 @@ def _transposed(J: Array, force: Array) -> Array:
 def _task(
     chain: Chain, q: ArrayLike, v: ArrayLike, target: ArrayLike, rows: Sequence[int]
 ) -> tuple[Array, Array, Array]:
-    """Rows of the Jacobian, error and rate of the task."""
+    """Return rows of the Jacobian, error and rate of the task."""
     chosen = [count(f"rows[{i}]", row, 0, 5) for i, row in enumerate(rows)]
     pose, J = tip(chain, q), jacobian(chain, q)[chosen]
     goal = vector("target", target, (3,), (7,), (3, None), (7, None))

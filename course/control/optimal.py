@@ -71,7 +71,7 @@ def _gain(A, B, R, P, K, M):
 
 
 def _regulate(A, B, Q, R, P, K, M):
-    """P, K and M = A - B K, and how many doublings that took; 0 where nothing settles."""
+    """Return P, K and M = A - B K, and how many doublings that took; 0 where nothing settles."""
     n = A.shape[0]
     H, X, gain = Q.copy(), A.copy(), np.ascontiguousarray(B.T)
     _eliminate(R.copy(), gain)
@@ -130,8 +130,9 @@ _riccati = loop(_regulate, numba.int64(MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, M
 
 
 def _share(W, shift):
-    """Whether W + shift I, shift in units of its largest entry, is positive definite and W
-    symmetric: by Cholesky."""
+    """Return whether W + shift I, shift in units of its largest entry, is positive definite and W
+    symmetric: by Cholesky.
+    """
     n, L = W.shape[0], W.copy()
     size = np.abs(W).max()
     for i in range(n):
@@ -176,7 +177,7 @@ class Regulator(NamedTuple):
 
 
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
-    """The discrete regulator, its Riccati equation solved by doubling.
+    """Return the discrete regulator, its Riccati equation solved by doubling.
 
     Each pass doubles the horizon, so the error is squared (Chu, Fan, Lin and Wang, 2004).
 
@@ -202,7 +203,10 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
 
 
 def _why(A: Array, B: Array, Q: Array) -> ValueError:
-    """Which mode is at fault (Hautus, 1969): with z from 1 on, [A - z I, B] must have full rank."""
+    """Return which mode is at fault (Hautus, 1969).
+
+    With z from 1 on, [A - z I, B] must have full rank.
+    """
     n = len(A)
     for z in np.linalg.eigvals(A):
         shifted, small = A - z * np.eye(n), 1e-9 * (1.0 + np.abs(A).max())
@@ -217,8 +221,9 @@ def _why(A: Array, B: Array, Q: Array) -> ValueError:
 
 
 def weight(name: str, value: ArrayLike, n: int, shift: float) -> Array:
-    """A symmetric matrix (n, n) that is positive definite with this share of its largest entry
-    added to the diagonal: a little above 0 for semidefinite ones."""
+    """Return a symmetric matrix (n, n) that is positive definite with this share of its largest
+    entry added to the diagonal: a little above 0 for semidefinite ones.
+    """
     W = np.ascontiguousarray(vector(name, value, (n, n)))
     if not _definite(W, shift):
         kind = "positive definite" if shift < 0.0 else "positive semidefinite"
@@ -231,7 +236,7 @@ def weight(name: str, value: ArrayLike, n: int, shift: float) -> Array:
 
 @register_jitable
 def _newton(H, gradient, free, L, step):
-    """-H^-1 gradient among the free coordinates by Cholesky; whether H is positive there."""
+    """Return -H^-1 gradient among the free coordinates by Cholesky; whether H is positive there."""
     n = free.size
     for i in range(n):
         step[i] = 0.0
@@ -264,7 +269,10 @@ def _newton(H, gradient, free, L, step):
 
 
 def _box(H, g, low, high, x, free):
-    """The minimiser into x, its free coordinates into `free`; the iterations, -1 for a bad H."""
+    """Return the minimiser into x, its free coordinates into `free`.
+
+    The iterations, -1 for a bad H.
+    """
     n = x.size
     L, step, trial, gradient = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
@@ -327,7 +335,9 @@ class BoxQP(NamedTuple):
 def box_qp(
     H: ArrayLike, g: ArrayLike, low: ArrayLike, high: ArrayLike, start: ArrayLike | None = None
 ) -> BoxQP:
-    """Minimise x^T H x / 2 + g^T x for low <= x <= high: projected Newton, an exact active set.
+    """Return minimise x^T H x / 2 + g^T x for low <= x <= high.
+
+    Projected Newton, an exact active set.
 
     Args:
         H: symmetric and positive definite, shape (n, n).
@@ -371,7 +381,9 @@ class Horizon(NamedTuple):
 
 
 def horizon(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, samples: int) -> Horizon:
-    """The states eliminated; what comes after the last sample costs what it costs without limits.
+    """Return the states eliminated.
+
+    What comes after the last sample costs what it costs without limits.
 
     With that end the plan is the regulator's wherever no limit binds; arguments as for `lqr`.
     """
@@ -393,7 +405,7 @@ def horizon(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, samples: int
 
 
 def mpc(plan: Horizon, x: ArrayLike, limit: ArrayLike, last: Any = None) -> Array:
-    """The best commands within the limits from a state on, shape (N, m); the first is sent.
+    """Return the best commands within the limits from a state on, shape (N, m); the first is sent.
 
     Args:
         plan: what `horizon` returns.

@@ -66,7 +66,7 @@ class Gains:
         positive("tracking", self.tracking, unit="s")
 
     def numbers(self, dt: float) -> Array:
-        """What `update` takes, shape (13,), for a sample time [s]."""
+        """Return what `update` takes, shape (13,), for a sample time [s]."""
         return np.array(
             [
                 self.kp,
@@ -87,13 +87,15 @@ class Gains:
         )
 
     def law(self, dt: float) -> Law:
-        """The same without its limits, as a linear law."""
+        """Return the same without its limits, as a linear law."""
         return pid_law(self.kp, self.ki, self.kd, dt=dt, rate=self.rate, tau=self.tau)
 
 
 def _advance_rate(kind, tau, dt, state, x, v):
-    """One more measurement x for the rate in state[1]; state is (integral, rate, last, started,
-    command)."""
+    """One more measurement x for the rate in state[1].
+
+    State is (integral, rate, last, started, command).
+    """
     if kind == 2:
         state[1] = v
     elif kind == 0 or state[3] == 0.0:
@@ -114,7 +116,10 @@ advance_rate = loop(_advance_rate, numba.void(_SCALAR, _SCALAR, _SCALAR, VECTOR,
 
 
 def _update(numbers, state, setpoint, y, v):
-    """The command of one sample; `numbers` as `Gains.numbers` gives them, the state in place."""
+    """Return the command of one sample.
+
+    `numbers` as `Gains.numbers` gives them, the state in place.
+    """
     kp, ki, kd, dt = numbers[0], numbers[1], numbers[2], numbers[3]
     u_min, u_max, tau, slew = numbers[4], numbers[5], numbers[6], numbers[7]
     weight, rate_weight, kind = numbers[8], numbers[9], numbers[10]
@@ -146,7 +151,7 @@ class Controller:
     """
 
     def __init__(self, gains: Gains, dt: float) -> None:
-        """A controller that has seen nothing yet; dt [s]."""
+        """Create a controller that has seen nothing yet; dt [s]."""
         self.gains, self.dt = gains, dt
         self._numbers = gains.numbers(dt)
         self.reset()
@@ -156,7 +161,9 @@ class Controller:
         self.state = np.zeros(5)
 
     def update(self, setpoint: float, measurement: float, speed: float = 0.0) -> float:
-        """The command [u] for a wanted and a measured value [y]; the speed is for rate "exact".
+        """Return the command [u] for a wanted and a measured value [y].
+
+        The speed is for rate "exact".
 
         Raises:
             ValueError: for a value that is not finite; the controller is then as it was before.
@@ -189,7 +196,8 @@ def _finite(**values: float) -> None:
 
 
 def rates(y: ArrayLike, dt: float, rate: str = "filtered", tau: float = 0.0) -> Array:
-    """The rate that a controller makes of measurements y (n,), one for each, shape (n,) [y/s].
+    """Return the rate that a controller makes of measurements y (n,), one for each, shape (n,)
+    [y/s].
 
     Args:
         y: measurements, one a sample.

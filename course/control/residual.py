@@ -32,7 +32,7 @@ class Features:
     weights: Array
 
     def waves(self, x: ArrayLike) -> Array:
-        """Each wave by itself, shape (F,) or (F, K), at inputs (3 n,) or (3 n, K)."""
+        """Return each wave by itself, shape (F,) or (F, K), at inputs (3 n,) or (3 n, K)."""
         return np.asarray(np.cos((np.transpose(x) / self.scale) @ self.W.T + self.phase).T)
 
 
@@ -51,7 +51,7 @@ class Learned:
     def __call__(
         self, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike
     ) -> Array:
-        """Torques, shape of q [N m]."""
+        """Return torques, shape of q [N m]."""
         desired = pd(q, v, q_ref, v_ref, self.kp, self.kd)
         a = desired + like("a_ref", a_ref, desired)
         tau, more = needed(self.model, q, v, a), self.extra
@@ -59,7 +59,9 @@ class Learned:
 
 
 def lacking(model: Arm, log: Record) -> tuple[Array, Array]:
-    """Inputs (3 n, K) of a run's samples, and the torques (n, K) that the model doesn't explain.
+    """Return inputs (3 n, K) of a run's samples.
+
+    And the torques (n, K) that the model doesn't explain.
 
     Means and differences over a sample stand for its middle, which is of second order in the
     sample time. Samples after a run diverged are left out.
@@ -80,7 +82,7 @@ def fit(
     width: float = 0.15,
     ridge: float = 1e-6,
 ) -> Features:
-    """Weights of random waves by least squares.
+    """Return weights of random waves by least squares.
 
     Args:
         x, torque: inputs (3 n, K) and what shall come out of them, (n, K).
@@ -111,7 +113,7 @@ def learn(
     rounds: int = 5,
     **settings: Any,
 ) -> list[Learned]:
-    """The laws after each round, the first the one that was handed in.
+    """Return the laws after each round, the first the one that was handed in.
 
     A round runs the last law by `collect`, as with `track`, and fits to all runs so far; `rng` and
     `settings` are those of `fit`.

@@ -36,7 +36,7 @@ STABLE = 1.0 + 1e-9  # a growth up to here is 1 but for rounding
 def joint_system(
     inertia: float, damping: float = 0.0, stiffness: float = 0.0, lag: float = 0.0
 ) -> System:
-    """inertia q'' + damping q' + stiffness q = torque as x' = A x + B u with x = (q, v).
+    """Return inertia q'' + damping q' + stiffness q = torque as x' = A x + B u with x = (q, v).
 
     Args:
         inertia, damping, stiffness: [kg m^2, N m s/rad, N m/rad], or [kg, N s/m, N/m].
@@ -73,7 +73,7 @@ class Held:
 
 
 def _driven(A: Array, B: Array, seconds: float) -> System:
-    """The state's transition over a time, and what a command held meanwhile adds."""
+    """Return the state's transition over a time, and what a command held meanwhile adds."""
     from scipy.linalg import expm
 
     n = B.size
@@ -84,7 +84,7 @@ def _driven(A: Array, B: Array, seconds: float) -> System:
 
 
 def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
-    """A plant behind a zero-order hold whose command comes late, exactly.
+    """Return a plant behind a zero-order hold whose command comes late, exactly.
 
     Args:
         A, B: x' = A x + B u, shapes (n, n) and (n,).
@@ -103,7 +103,7 @@ def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
 
 
 def split_delay(delay: float, dt: float) -> tuple[int, float]:
-    """A delay as whole samples and the rest of one [s]."""
+    """Return a delay as whole samples and the rest of one [s]."""
     positive("dt", dt, unit="s")
     whole = math.floor(finite("delay", delay, 0.0, unit="s") / dt + 1e-9)
     return whole, max(0.0, delay - whole * dt)
@@ -112,7 +112,7 @@ def split_delay(delay: float, dt: float) -> tuple[int, float]:
 def stepped(
     inertia: float, damping: float, dt: float, steps: int, delay: float = 0.0, stiffness: float = 0
 ) -> Held:
-    """What semi-implicit Euler makes of the joint, with so many steps a sample.
+    """Return what semi-implicit Euler makes of the joint, with so many steps a sample.
 
     Damping is taken implicitly and the spring explicitly, as in MuJoCo's Euler and implicitfast
     (its documentation, Computation, Numerical integration). The delay is rounded to a step.
@@ -152,7 +152,7 @@ class Law:
 
 @register_jitable
 def observer_gains(tau: float, dt: float) -> tuple[float, float]:
-    """(alpha, beta) of the tracking observer with both poles at tau / (tau + dt).
+    """Return (alpha, beta) of the tracking observer with both poles at tau / (tau + dt).
 
     It predicts x + dt r, and corrects x by alpha and r by beta / dt times what it missed
     (Benedict and Bordner, 1962). tau = 0 is the plain difference.
@@ -170,7 +170,7 @@ def pid_law(
     rate: str = "filtered",
     tau: float = 0.0,
 ) -> Law:
-    """P, PD or PID around an estimate of the rate, as `course.control.pid` runs it.
+    """Return P, PD or PID around an estimate of the rate, as `course.control.pid` runs it.
 
     Args:
         kp, ki, kd: gains [u/y, u/(y s), u s/y].
@@ -188,7 +188,7 @@ def pid_law(
 
 @register_jitable
 def _pid(kp, ki, kd, dt, rate, tau):
-    """The four of `Law`, with the rate's number in RATES."""
+    """Return the four of `Law`, with the rate's number in RATES."""
     # The state is (integral, rate, last or predicted place); rows that nothing reads are cut.
     A, B = np.zeros((3, 3)), np.zeros((3, 2))
     rated, observed = np.zeros(3), np.zeros(2)  # the rate's estimate as rows of c and y
@@ -215,13 +215,13 @@ def _pid(kp, ki, kd, dt, rate, tau):
 
 
 def loop_matrix(plant: Held, law: Law) -> Array:
-    """The closed loop as one matrix over (x, commands under way, newest first, law's state)."""
+    """Return the closed loop as one matrix over (x, commands under way, newest first, law's state)."""
     return _closed(plant.transition, plant.now, plant.before, plant.whole, *vars(law).values())
 
 
 @register_jitable
 def _closed(transition, now, before, whole, A, B, C, D):
-    """`loop_matrix` of the parts of plant and law."""
+    """Return `loop_matrix` of the parts of plant and law."""
     n, waiting, m = now.size, whole + int(np.any(before != 0.0)), C.size
     F = np.zeros((n + waiting + m, n + waiting + m))
     F[:n, :n] = transition
@@ -242,14 +242,16 @@ def _closed(transition, now, before, whole, A, B, C, D):
 
 
 def growth(matrix: ArrayLike) -> float:
-    """Growth per sample in the long run: the largest modulus of an eigenvalue."""
+    """Return growth per sample in the long run: the largest modulus of an eigenvalue."""
     return float(np.max(np.abs(np.linalg.eigvals(vector("matrix", matrix, (None, None))))))
 
 
 @register_jitable
 def growth_by_squares(matrix):
-    """The same to 1e-10 for compiled code, which has no LAPACK: Gelfand's formula,
-    |F^n|^(1/n) with n = 2^44, which takes 44 squares of the matrix."""
+    """Return the same to 1e-10 for compiled code, which has no LAPACK.
+
+    Gelfand's formula, |F^n|^(1/n) with n = 2^44, which takes 44 squares of the matrix.
+    """
     F, square, total, n = matrix.copy(), np.empty(matrix.shape), 0.0, matrix.shape[0]
     for half in range(45):
         size = np.max(np.abs(F))
@@ -268,13 +270,16 @@ def growth_by_squares(matrix):
 
 
 def open_loop(plant: Held, law: Law, w: ArrayLike) -> NDArray[np.complex128]:
-    """The loop's transfer function, opened at the command, at angular frequencies w [rad/s]."""
+    """Return the loop's transfer function, opened at the command.
+
+    At angular frequencies w [rad/s].
+    """
     turns = np.ascontiguousarray(np.asarray(w, dtype=float) * plant.dt)
     return np.asarray(_open_loop(*_parts(plant, law), turns))
 
 
 def _parts(plant: Held, law: Law) -> tuple[Any, ...]:
-    """Both as compiled code takes them."""
+    """Return both as compiled code takes them."""
     arrays = plant.transition, plant.now, plant.before, *vars(law).values()
     transition, now, before, *rest = map(np.ascontiguousarray, arrays)
     return transition, now, before, plant.whole, *rest
@@ -299,7 +304,7 @@ def _solve(M, b):
 
 @register_jitable
 def _response(transition, now, before, whole, A, B, C, D, turn):
-    """The opened loop where the frequency turns by so much a sample [rad]."""
+    """Return the opened loop where the frequency turns by so much a sample [rad]."""
     z, late = complex(math.cos(turn), math.sin(turn)), -turn * whole
     x = (now + before / z) * complex(math.cos(late), math.sin(late))
     _solve(z * np.eye(now.size) - transition, x)
@@ -351,9 +356,11 @@ def _above(value, size):
 
 @register_jitable
 def _gain_crossover(transition, now, before, whole, A, B, C, D):
-    """Where the open loop has the size 1 [rad a sample], and its lag there [rad]; where it is
-    real, and what it is there: where that is negative the loop with -1 / value times the gains
-    swings for ever."""
+    """Return where the open loop has the size 1 [rad a sample], and its lag there [rad].
+
+    Where it is real, and what it is there: where that is negative the loop with -1 / value times
+    the gains swings for ever.
+    """
     values = _responses(transition, now, before, whole, A, B, C, D, _TURNS)
     largest = _TURNS.size
     at, lags, flat, reals = (
@@ -395,7 +402,7 @@ _crossed = loop(_gain_crossover, types.UniTuple(VECTOR, 4)(*_PARTS))
 
 @register_jitable
 def _margins(at, lags, reals, dt):
-    """The four of `Margins` from what was found."""
+    """Return the four of `Margins` from what was found."""
     gain, lower, phase, delay = math.inf, 0.0, math.inf, math.inf
     for value in reals:
         if -1.0 <= value < 0.0:
@@ -408,7 +415,7 @@ def _margins(at, lags, reals, dt):
 
 
 def crossings(plant: Held, law: Law) -> Margins:
-    """The margins of a stable loop as its frequency response has them.
+    """Return the margins of a stable loop as its frequency response has them.
 
     Its delay is lag over frequency; what the hold does to a part of a sample is left out.
     """
@@ -417,7 +424,7 @@ def crossings(plant: Held, law: Law) -> Margins:
 
 
 def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0) -> Margins:
-    """Gain, phase and delay margin of a law on a plant, all of one sampled loop.
+    """Return gain, phase and delay margin of a law on a plant, all of one sampled loop.
 
     Args:
         A, B: the plant, see `joint_system`.
@@ -443,7 +450,7 @@ def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0)
 
 
 def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> tuple[float, float]:
-    """The gain at which P alone oscillates for ever, and the period of that [s].
+    """Return the gain at which P alone oscillates for ever, and the period of that [s].
 
     Args:
         A, B: the plant, see `joint_system`.
@@ -468,7 +475,7 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
 
 
 def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float, float]:
-    """Largest gain of P on a joint whose command is late, and its period [s].
+    """Return largest gain of P on a joint whose command is late, and its period [s].
 
     w tan(w lateness) = damping / inertia and K = w sqrt((inertia w)^2 + damping^2); a hold is half
     a sample of lateness (Franklin, Powell and Workman, Digital Control, 1998, sec. 4.3).
@@ -486,7 +493,7 @@ def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float,
 
 
 def pd_limit(kd: float, inertia: float, dt: float, rate: str = "exact") -> float:
-    """Largest kp of PD on a free inertia; 0 where none is stable.
+    """Return largest kp of PD on a free inertia; 0 where none is stable.
 
     Args:
         kd: [N m s/rad].
@@ -505,7 +512,8 @@ def pd_limit(kd: float, inertia: float, dt: float, rate: str = "exact") -> float
 
 
 def force_limit(damping: float, wall: float, lateness: float) -> float:
-    """Largest gain of P on the force at a wall, while the delay is short beside the oscillation.
+    """Return largest gain of P on the force at a wall, while the delay is short beside the
+    oscillation.
 
     Args:
         damping: of the arm [N s/m].
@@ -518,7 +526,9 @@ def force_limit(damping: float, wall: float, lateness: float) -> float:
 
 
 def passive_stiffness(damping: float, dt: float, delay: float = 0.0) -> float:
-    """Largest stiffness that an arm shows at any wall by its own damping: 2 b / (dt + 2 delay).
+    """Return largest stiffness that an arm shows at any wall by its own damping.
+
+    2 b / (dt + 2 delay).
 
     Colgate and Schenkel, Passivity of a class of sampled-data systems, 1997, with the delay added
     to half a sample.

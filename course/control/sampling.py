@@ -41,7 +41,7 @@ def mppi(
     temperature: float = 1.0,
     limit: ArrayLike = np.inf,
 ) -> Sampled:
-    """Model predictive path integral control (Williams, Aldrich and Theodorou, 2017).
+    """Return model predictive path integral control (Williams, Aldrich and Theodorou, 2017).
 
     The new plan is the mean of normal tries about the old one with weights exp(-cost /
     temperature). The lowest cost is taken off first: it changes no weight, but without it all of
@@ -79,7 +79,9 @@ def cem(
     spread: ArrayLike = 1.0,
     limit: ArrayLike = np.inf,
 ) -> Sampled:
-    """The cross-entropy method (Rubinstein, 1999): mean and spread of the best tries, in rounds.
+    """Return the cross-entropy method (Rubinstein, 1999).
+
+    Mean and spread of the best tries, in rounds.
 
     Arguments as for `mppi`; `elites` of the tries count, in each of `rounds`.
     """
@@ -107,7 +109,9 @@ def predictive(
     spread: ArrayLike = 1.0,
     limit: ArrayLike = np.inf,
 ) -> Sampled:
-    """Predictive sampling (Howell and others, 2022): the best try, the old plan being one of them.
+    """Return predictive sampling (Howell and others, 2022).
+
+    The best try, the old plan being one of them.
 
     So no plan is worse than the one before. Arguments as for `mppi`.
     """
@@ -119,7 +123,7 @@ def predictive(
 
 
 def shifted(plan: Array) -> Array:
-    """The plan a sample later; its last command stays."""
+    """Return the plan a sample later; its last command stays."""
     return np.concatenate([plan[1:], plan[-1:]])
 
 

@@ -46,7 +46,7 @@ class Probe:
         finite("surface", self.surface, unit="m")
 
     def system(self) -> System:
-        """A and B while it touches, the surface at 0."""
+        """Return a and B while it touches, the surface at 0."""
         return joint_system(self.mass, self.damping + self.wall_damping, self.wall)
 
 
@@ -77,18 +77,18 @@ class TouchLaw:
             finite(name, value, -math.inf if name == "force" else 0.0)
 
     def numbers(self) -> Array:
-        """The same as an array, shape (7,)."""
+        """Return the same as an array, shape (7,)."""
         return np.array(list(vars(self).values()), dtype=float)
 
     def linear(self, probe: Probe, dt: float) -> Law:
-        """The same in contact, the surface at 0, as a law on (x, v)."""
+        """Return the same in contact, the surface at 0, as a law on (x, v)."""
         positive("dt", dt, unit="s")
         return Law(*_linear(self.numbers(), probe.wall, probe.wall_damping, dt))
 
 
 @register_jitable
 def _linear(law, wall, wall_damping, dt):
-    """The four of `Law`, of `TouchLaw.numbers`."""
+    """Return the four of `Law`, of `TouchLaw.numbers`."""
     stiffness, damping, force_gain = law[0], law[1], law[3]
     mass, give, hold = law[4], law[5], law[6]
     if mass == 0.0:  # the force that is measured counts as stiffness and damping
@@ -130,8 +130,10 @@ def _swing(x, v, u, mass, damping, stiffness, t):
 
 @register_jitable
 def held_mass(mass, damping, stiffness, dt, rest):
-    """Transition, now and before of `course.control.sampled.held`, of one mass on a spring, for
-    compiled code: a command comes `rest` late in the sample [s]."""
+    """Return transition, now and before of `course.control.sampled.held`, of one mass on a spring.
+
+    For compiled code: a command comes `rest` late in the sample [s].
+    """
     transition, late = np.empty((2, 2)), dt - rest
     for k in range(2):
         x, v = 1.0 * (k == 0), 1.0 * (k == 1)
@@ -215,7 +217,7 @@ def run_touch(
     start: ArrayLike = (0.0, 0.0),
     surface: ArrayLike | None = None,
 ) -> Record:
-    """The probe under its law, compiled.
+    """Return the probe under its law, compiled.
 
     Args:
         probe, law: the parts.

@@ -54,7 +54,7 @@ class JointLaw:
     def __call__(
         self, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike
     ) -> Array:
-        """Torques, shape of q [N m]."""
+        """Return torques, shape of q [N m]."""
         gains, near = (self.kp, self.kd), self.gravity
         if self.kind == "pd":
             return pd(q, v, q_ref, v_ref, *gains)
@@ -69,7 +69,7 @@ class JointLaw:
 
 @register_jitable
 def two_link_torque(arm, i, q1, q2, v1, v2, a1, a2):
-    """Torques of a motion by column i of `TwoLink.column`, as in its module's equations."""
+    """Return torques of a motion by column i of `TwoLink.column`, as in its module's equations."""
     a, b, d = arm[0, i], arm[1, i], arm[2, i]
     c, s = np.cos(q2), np.sin(q2)
     hanging = arm[10, i] * np.cos(q1 + q2)
@@ -80,7 +80,7 @@ def two_link_torque(arm, i, q1, q2, v1, v2, a1, a2):
 
 @register_jitable
 def _held(body, q, v, h, steps):
-    """States of two-link arms, columns of `body`, after steps of h under their torques."""
+    """Return states of two-link arms, columns of `body`, after steps of h under their torques."""
     for _ in range(steps):
         a1 = two_link_acceleration(q, v, body)
         s2 = v + 0.5 * h * a1
@@ -156,7 +156,9 @@ _rollouts_loop = loop(_rollouts, numba.void(MATRIX, CUBE, numba.float64, numba.i
 def rollouts(
     arm: TwoLink, plans: ArrayLike, dt: float, state: tuple[ArrayLike, ArrayLike], substeps: int = 1
 ) -> tuple[Array, Array]:
-    """Where each of K plans of torques takes two links, compiled: what `mppi` and its like judge.
+    """Return where each of K plans of torques takes two links, compiled.
+
+    What `mppi` and its like judge.
 
     Args:
         arm: as it is believed to be.
@@ -191,7 +193,9 @@ def track(
     limit: ArrayLike = np.inf,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Record:
-    """An arm under a sampled law: measure, command, hold; Runge-Kutta of fourth order in between.
+    """Return an arm under a sampled law: measure, command, hold.
+
+    Runge-Kutta of fourth order in between.
 
     Two links under a `JointLaw` with a two-link model run compiled; everything else calls the law
     from Python. A run that diverges ends in NaN.

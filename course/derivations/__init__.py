@@ -143,7 +143,7 @@ class Ask:
     symbols: Mapping[str, Symbol] = field(default_factory=dict)
 
     def formula(self, table: Mapping[str, Symbol]) -> Formula:
-        """What `answer_formula` works with.
+        """Return what `answer_formula` works with.
 
         Args:
             table: the file's symbols by name; those that occur here are the formula's.
@@ -208,7 +208,7 @@ class Claim:
             raise ValueError(f"needs must be among {', '.join(NEEDS)}, got {unknown[0]!r}")
 
     def entry(self, result: Result) -> dict[str, Any]:
-        """What goes on record."""
+        """Return what goes on record."""
         return {
             "verdict": result.verdict.value,
             "heard": self.claim,
@@ -224,7 +224,7 @@ class Claim:
     def filled(
         self, template: str, result: Result, figures: Mapping[str, float | str] | None = None
     ) -> str:
-        """A text with what was found in place of its fields, or with these figures of it.
+        """Return a text with what was found in place of its fields, or with these figures of it.
 
         Raises:
             KeyError: for a field that is neither a figure nor an input.
@@ -304,7 +304,7 @@ def claim(
     needs: tuple[str, ...] = (),
     registry: dict[str, Claim] | None = None,
 ) -> Callable[[Check], Check]:
-    """Decorator that registers a check as a claim; see the top of this file.
+    """Return decorator that registers a check as a claim; see the top of this file.
 
     Args:
         heard: the claim as one hears it.
@@ -365,7 +365,7 @@ def _load() -> None:
 
 
 def claims(chapter: int | None = None) -> list[Claim]:
-    """All claims, or those of one chapter: by file, in the order in which they are written.
+    """Return all claims, or those of one chapter: by file, in the order in which they are written.
 
     Args:
         chapter: number of a chapter, or None for all.
@@ -398,7 +398,7 @@ def _get(id: str) -> Claim:
 
 
 def _faults(item: Claim, result: Result) -> list[str]:
-    """What is wrong with a claim, whatever is on record."""
+    """Return what is wrong with a claim, whatever is on record."""
     wrong = [*honest.constants(item.check), *result.problems()]
     for what, text in (("corrected statement", item.corrected), ("condition", result.condition)):
         for number in honest.typed_numbers(text):
@@ -439,7 +439,7 @@ def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
 
 @functools.cache
 def run(id: str) -> Outcome:
-    """Settle the claim with this id; computed once per process.
+    """Return settle the claim with this id; computed once per process.
 
     Args:
         id: id of a claim.
@@ -451,7 +451,7 @@ def run(id: str) -> Outcome:
 
 
 def figure(id: str, name: str) -> float | str:
-    """A figure of a claim, computed by its check, or on record where the claim has `needs`.
+    """Return a figure of a claim, computed by its check, or on record where the claim has `needs`.
 
     Args:
         id: id of a claim.
@@ -472,7 +472,7 @@ def figure(id: str, name: str) -> float | str:
 
 
 def figure_text(value: float | str) -> str:
-    """A figure as it is printed: text as it is, numbers with five digits."""
+    """Return a figure as it is printed: text as it is, numbers with five digits."""
     return value if isinstance(value, str) else f"{value:.5g}"
 
 
@@ -530,7 +530,7 @@ class Block:
 
 
 def show(id: str) -> Block:
-    """The claim with this id as a card for a notebook, with figures computed now.
+    """Return the claim with this id as a card for a notebook, with figures computed now.
 
     A claim with `needs` is shown from the record on every machine, so that a page looks the same
     whether or not they are installed; the card says so. Where a library that `make setup` installs
@@ -557,7 +557,7 @@ def show(id: str) -> Block:
 
 
 def _on_record(item: Claim, missing: str) -> Outcome:
-    """What stands on record of a claim whose check cannot run here."""
+    """Return what stands on record of a claim whose check cannot run here."""
     result = Result(item.id)
     with contextlib.suppress(ImportError):
         item.check(result)  # for what is given; it ends where the library is missing
@@ -575,7 +575,7 @@ def _from_record(item: Claim, inputs: dict[str, float | str], statement: str) ->
 
 
 def recorded(id: str, file: str) -> Outcome:
-    """A claim with the verdict and the figures on record, which takes no time.
+    """Return a claim with the verdict and the figures on record, which takes no time.
 
     What the texts quote of the check's inputs is read in its source; where that does not say it,
     the check runs as far as its first figure.
@@ -625,7 +625,9 @@ class _Given(Result):
 
 
 def _given(check: Check) -> dict[str, float | str]:
-    """The inputs that a check names, `result.input("n", N)`, as far as its module knows them."""
+    """Return the inputs that a check names, `result.input("n", N)`, as far as its module knows
+    them.
+    """
     inputs: dict[str, float | str] = {}
     for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(check)))):
         match node:
@@ -668,7 +670,7 @@ def answer(id: str, text: str) -> Answer:
 
 
 def formula(id: str) -> Formula:
-    """What a claim asks a learner for.
+    """Return what a claim asks a learner for.
 
     Raises:
         ValueError: for an unknown id, or one without a formula.

@@ -21,7 +21,7 @@ Result = tuple[Claim, Outcome | None, str]
 
 @functools.cache
 def _notebook(chapter: int) -> str:
-    """What the cells of the chapter's notebook hold; empty where that is still to come."""
+    """Return what the cells of the chapter's notebook hold; empty where that is still to come."""
     notebook = next(item.notebook for item in CHAPTERS if item.number == chapter)
     path = Path(course.__file__).parents[1] / notebook
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"] if path.exists() else ()
@@ -29,7 +29,7 @@ def _notebook(chapter: int) -> str:
 
 
 def shown(claim: Claim) -> bool:
-    """Whether the notebook of its chapter or of a later one names the claim."""
+    """Return whether the notebook of its chapter or of a later one names the claim."""
     later = range(claim.chapter, len(CHAPTERS))
     return any(f'"{claim.id}"' in _notebook(chapter) for chapter in later)
 
@@ -136,7 +136,9 @@ def _record(results: list[Result], whole: bool) -> int:
 
 
 def select(which: str | None, ids: tuple[str, ...]) -> list[Claim]:
-    """The claims of a chapter's number, a topic or a file; of these, those with the ids, if any.
+    """Return the claims of a chapter's number, a topic or a file.
+
+    Of these, those with the ids, if any.
 
     Raises:
         click.UsageError: where there is none.

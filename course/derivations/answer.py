@@ -76,7 +76,7 @@ class Formula:
                 object.__setattr__(self, "also", {**self.also, other: name})
 
     def prompt(self) -> str:
-        """The question and the symbols, for an answer that was not right."""
+        """Return the question and the symbols, for an answer that was not right."""
         return f"Asked: {self.question} In terms of {', '.join(self.symbols) or 'numbers'}."
 
 
@@ -158,8 +158,9 @@ def _tokens(text: str) -> list[tuple[str, str]]:
 
 
 class _Parser:
-    """sum := product (± product)*; product := factor ((* | / | nothing) factor)*;
-    factor := ± factor | atom [^ factor]; atom := number | name | function (sum) | √ atom | (sum)
+    """sum := product (± product)*; product := factor ((* | / | nothing) factor)*.
+
+    Factor := ± factor | atom [^ factor]; atom := number | name | function (sum) | √ atom | (sum)
     """
 
     def __init__(self, text: str, names: frozenset[str]) -> None:
@@ -312,7 +313,7 @@ def _call(name: str, value: Any, mp: Any) -> Any:
 
 
 def _value(node: Node, values: Mapping[str, Any], mp: Any) -> Any:
-    """Value of the tree, every intermediate value bounded, so that nothing can take long."""
+    """Return value of the tree, every intermediate value bounded, so that nothing can take long."""
     kind = node[0]
     if kind == "number":
         return mp.mpf(node[1])
@@ -337,7 +338,7 @@ def _value(node: Node, values: Mapping[str, Any], mp: Any) -> Any:
 
 
 def _sympy(node: Node, values: Mapping[str, Any], sympy: Any) -> Any:
-    """The tree as a SymPy expression, built node by node; no text reaches SymPy."""
+    """Return the tree as a SymPy expression, built node by node; no text reaches SymPy."""
     kind = node[0]
     if kind == "number":
         return sympy.Rational(node[1])
@@ -363,7 +364,7 @@ def _sympy(node: Node, values: Mapping[str, Any], sympy: Any) -> Any:
 
 
 def to_sympy(formula: Formula) -> Any:
-    """The right answer as a SymPy expression in symbols of the declared names and signs.
+    """Return the right answer as a SymPy expression in symbols of the declared names and signs.
 
     Args:
         formula: what the learner is asked for.
@@ -412,7 +413,7 @@ def _real(value: Any, mp: Any) -> float | None:
 
 
 def _difference(formula: Formula, theirs: Node) -> tuple[dict[str, Any], str] | None:
-    """A point at which the two differ, and how; None if they agree everywhere."""
+    """Return a point at which the two differ, and how; None if they agree everywhere."""
     import mpmath
 
     mp = mpmath.mp
@@ -456,7 +457,7 @@ def _deadline(seconds: float) -> Iterator[None]:
 
 
 def _may_interrupt() -> bool:
-    """Whether a slow proof can be interrupted here: only the main thread has an alarm."""
+    """Return whether a slow proof can be interrupted here: only the main thread has an alarm."""
     return (
         hasattr(signal, "SIGALRM")
         and threading.current_thread() is threading.main_thread()
@@ -465,7 +466,7 @@ def _may_interrupt() -> bool:
 
 
 def _proved(formula: Formula, theirs: Node) -> bool:
-    """Whether SymPy proves the two equal within a second."""
+    """Return whether SymPy proves the two equal within a second."""
     if formula.tolerance or not _may_interrupt():
         return False
     import sympy
@@ -485,7 +486,7 @@ _RELATION = re.compile(r"<=|>=|<|>|=")
 
 
 def _strip_relation(formula: Formula, text: str) -> str:
-    """The side of `dt < ...` that holds the formula."""
+    """Return the side of `dt < ...` that holds the formula."""
     text = text[: MAX_LENGTH + 1].replace("≤", "<=").replace("≥", ">=")
     for character in ("ω", "ζ", "π"):
         text = text.replace(character, _ALIASES[character])
@@ -571,7 +572,7 @@ def _same(formula: Formula, theirs: Node, slip: str) -> bool:
 
 
 def equivalent(formula: Formula, expression: Any) -> bool:
-    """Whether a SymPy expression, in symbols named as declared, is the right answer.
+    """Return whether a SymPy expression, in symbols named as declared, is the right answer.
 
     Args:
         formula: what a learner is asked for.

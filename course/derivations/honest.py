@@ -74,14 +74,14 @@ class _Check:
                 ]
 
     def calls(self, name: str) -> Iterator[ast.Call]:
-        """Calls of a method of the result."""
+        """Yield calls of a method of the result."""
         for statement in self.body:
             for node in ast.walk(statement):
                 if isinstance(node, ast.Call) and self.is_result(node.func, name):
                     yield node
 
     def is_result(self, node: ast.AST, name: str | None = None) -> bool:
-        """Whether a node is an attribute of the result (of this name)."""
+        """Return whether a node is an attribute of the result (of this name)."""
         return (
             isinstance(node, ast.Attribute)
             and isinstance(node.value, ast.Name)
@@ -90,7 +90,7 @@ class _Check:
         )
 
     def computed(self, value: ast.AST, observed: frozenset[str] = frozenset()) -> bool:
-        """Whether a value can be traced to a call that computes something."""
+        """Return whether a value can be traced to a call that computes something."""
         if value is _COMPUTES:
             return True
         for node in ast.walk(value):
@@ -106,7 +106,10 @@ class _Check:
         return False
 
     def _outer_computes(self, name: str) -> bool:
-        """A function, or a module of the course, of the file; its constants compute nothing."""
+        """Return a function, or a module of the course, of the file.
+
+        Its constants compute nothing.
+        """
         value = self.outer.get(name)
         if isinstance(value, ModuleType):
             return value.__name__.split(".")[0] not in ("numpy", "math")
@@ -128,7 +131,7 @@ class _Check:
         return False
 
     def excuses(self, value: ast.AST) -> bool:
-        """Whether a fact holds a literal True or False, or compares a thing with itself."""
+        """Return whether a fact holds a literal True or False, or compares a thing with itself."""
         if isinstance(value, ast.Constant):
             return isinstance(value.value, bool)
         if isinstance(value, ast.Compare) and len(value.comparators) == 1:
@@ -141,7 +144,7 @@ class _Check:
 
 
 def _returns_a_literal(function: Callable[..., Any]) -> bool:
-    """Whether a function can return one thing only, which is written there."""
+    """Return whether a function can return one thing only, which is written there."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, TypeError, SyntaxError):  # a builtin, something compiled, a lambda
@@ -153,7 +156,7 @@ def _returns_a_literal(function: Callable[..., Any]) -> bool:
 
 
 def constants(function: Callable[..., Any]) -> list[str]:
-    """What a check hands over without having computed it, one sentence each.
+    """Return what a check hands over without having computed it, one sentence each.
 
     Args:
         function: a check.
@@ -206,7 +209,7 @@ _AFTER = re.compile(
 
 
 def typed_numbers(text: str) -> list[str]:
-    """Numbers in a text that should be fields: `{name:.3g}`.
+    """Return numbers in a text that should be fields: `{name:.3g}`.
 
     A decimal point, a power of ten, a percentage, a unit, or two digits and more make a number of
     the measured kind. Small whole numbers and those that stand beside an operator (`u^4 / 24`)

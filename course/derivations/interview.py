@@ -255,7 +255,7 @@ def derivative_is_filtered(result):
     quiet = result.measure("quiet", smooth.std() / rates.std(), 0.03)
 
     def settled(share):
-        """After which time a step stays within a thousandth of its goal [ms]."""
+        """Return after which time a step stays within a thousandth of its goal [ms]."""
         place, rate, last, slope, away = 0.0, 0.0, -1.0, 0.0, 0.0
         for i in range(2000):
             error = place - 1.0
@@ -284,7 +284,7 @@ def derivative_is_filtered(result):
 )
 def growing_energy(result):
     def growth(step, dt, damping):
-        """Growth of ln E per second of an oscillator with 10 rad/s over 4 s."""
+        """Return growth of ln E per second of an oscillator with 10 rad/s over 4 s."""
         state = np.array([1.0, 0.0])
 
         def rate(x, v):
@@ -315,7 +315,7 @@ def growing_energy(result):
     result.statement = "An oscillator at two steps: explicit Euler, and a damper that drives."
 
     def report(step, damping, dt):
-        """Whether the energy grows, and clearly less at half the step."""
+        """Return whether the energy grows, and clearly less at half the step."""
         rate = growth(step, dt, damping)
         return rate > 0 and growth(step, dt / 2, damping) < 0.75 * rate
 
@@ -350,7 +350,7 @@ def error_by_its_shape(result):
     torque, desired = np.sin(turn) + 0.5 * np.sin(2.3 * turn), 1 - np.cos(turn)
 
     def replay(law, inertia=0.1, friction=0.05, delay=0):
-        """Places and rates of a joint under a law of sample, place and rate."""
+        """Return places and rates of a joint under a law of sample, place and rate."""
         place = rate = 0.0
         observed = np.empty((2, n))
         for i in range(n):
@@ -367,7 +367,7 @@ def error_by_its_shape(result):
         return 50.0 * (desired[i] - place) - 3.0 * rate
 
     def grown(law, **wrong):
-        """How many times larger the error's root mean square is in the last fifth."""
+        """Return how many times larger the error's root mean square is in the last fifth."""
         deviation = (replay(law, **wrong)[0] - replay(law)[0]) ** 2
         return np.sqrt(deviation[-n // 5 :].mean() / deviation[: n // 5].mean())
 
@@ -412,7 +412,7 @@ def complete_planners(result):
     narrow, wide = result.input("narrow", 0.15), result.input("wide", 0.2)
 
     def open_share(gap, places=200):
-        """Share of places of the grid for which its free cells join the two halves."""
+        """Return share of places of the grid for which its free cells join the two halves."""
         found_open = 0
         for shift in result.rng.uniform(0, cell, places):
             edges = np.arange(-10, 11) * cell + shift
@@ -467,8 +467,10 @@ def computing_and_cycle(result):
     far, fast, hard = 0.6, 1.0, result.input("acceleration", 2)
 
     def taken(limit):
-        """Time from rest to rest by small steps, as fast as it may and braking as late as it
-        may [s]."""
+        """Time from rest to rest by small steps.
+
+        As fast as it may and braking as late as it may [s].
+        """
         place, rate, now, dt = 0.0, 0.0, 0.0, 1e-5
         while place < far - 1e-7 and now < 10:
             brakes = far - place <= rate * rate / (2 * limit)
@@ -530,7 +532,7 @@ def loss_of_a_policy(result):
         )
 
     def deviation(away):
-        """How far the two slopes are apart, as a share of the return's."""
+        """Return how far the two slopes are apart, as a share of the return's."""
         rewards, scores = result.rng.normal(size=(2, 4))
         drawn = share(scores)
         gain = drawn * (rewards - drawn @ rewards)
@@ -540,7 +542,7 @@ def loss_of_a_policy(result):
         return np.linalg.norm(loss + true) / np.linalg.norm(true)
 
     def fell(baseline):
-        """How much the loss on its own data falls as a policy of two actions gets better."""
+        """Return how much the loss on its own data falls as a policy of two actions gets better."""
         rewards = np.array([1.0, 0.0])
         even, better = (
             -(p * (rewards - baseline)) @ np.log(p) for p in np.array([[0.5, 0.5], [0.9, 0.1]])

@@ -15,7 +15,7 @@ _TEXTS = ("verdict", "heard", "condition", "corrected", "formula", "source")
 
 @functools.cache
 def load(file: str) -> dict[str, dict[str, Any]]:
-    """The record of a file of claims: id -> entry; empty if there is none.
+    """Return the record of a file of claims: id -> entry; empty if there is none.
 
     Args:
         file: such as "rigid_body.flight".
@@ -25,7 +25,7 @@ def load(file: str) -> dict[str, dict[str, Any]]:
 
 
 def figure(id: str, name: str) -> float | str:
-    """A figure of a claim as it is on record, without running its check.
+    """Return a figure of a claim as it is on record, without running its check.
 
     Args:
         id: id of a claim.
@@ -45,7 +45,7 @@ def figure(id: str, name: str) -> float | str:
 
 
 def files() -> list[str]:
-    """Files of claims that have a record."""
+    """Return files of claims that have a record."""
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
@@ -94,14 +94,14 @@ def save(file: str, entries: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def close(expected: float | str, tolerance: float, value: float | str) -> bool:
-    """Whether a figure is the one on record."""
+    """Return whether a figure is the one on record."""
     if isinstance(expected, str) or isinstance(value, str):
         return expected == value
     return value == expected or abs(value - expected) <= tolerance * (abs(expected) or 1.0)
 
 
 def differences(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> Iterable[str]:
-    """Where what came out differs from what is on record, one sentence each.
+    """Yield where what came out differs from what is on record, one sentence each.
 
     Args:
         old: the entry on record, or None.
@@ -127,7 +127,10 @@ def differences(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> Iterab
 
 
 def merged(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> dict[str, Any]:
-    """The entry to write: a figure that agrees keeps the digits on record, so diffs stay small."""
+    """Return the entry to write.
+
+    A figure that agrees keeps the digits on record, so diffs stay small.
+    """
     before = (old or {}).get("figures", {})
     figures = {
         name: before[name]

@@ -19,7 +19,7 @@ class Verdict(Enum):
 
 
 def _fact(where: str, value: Any) -> bool:
-    """A fact is true or false; a number or an array that happens to be truthy is neither."""
+    """Return a fact is true or false; a number or an array that happens to be truthy is neither."""
     if type(value).__name__ not in ("bool", "bool_", "BooleanTrue", "BooleanFalse"):
         raise ValueError(f"{where} got {value!r}; a fact is a bool")
     return bool(value)
@@ -64,7 +64,7 @@ class Result:
         return np.random.default_rng(zlib.crc32(self.id.encode()))
 
     def input(self, name: str, value: Any) -> Any:
-        """A number that goes into the experiment and that the texts may quote as `{name}`.
+        """Return a number that goes into the experiment and that the texts may quote as `{name}`.
 
         Args:
             name: ends in the unit.
@@ -75,7 +75,7 @@ class Result:
         return value
 
     def measure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
-        """A figure that came out.
+        """Return a figure that came out.
 
         Args:
             name: ends in the unit where there is one; the texts may quote it as `{name:.3g}`.
@@ -156,7 +156,7 @@ class Result:
         return Verdict.CONDITIONAL if retained else Verdict.FALSE
 
     def problems(self) -> list[str]:
-        """What is wrong with what was found, whatever is on record."""
+        """Return what is wrong with what was found, whatever is on record."""
         wrong = list(self._wrong)
         if self.holds is None:
             wrong.append("the check did not say whether the claim holds (result.statement_holds)")

@@ -19,7 +19,7 @@ SYMBOLS = {
 
 
 def _ages(stages, rng, runs=200, per_run=5):
-    """Ages that event simulations with random phases show once queues are full [s]."""
+    """Return ages that event simulations with random phases show once queues are full [s]."""
     from course.role import simulate
 
     start = 3 * sum((s.period or 0) + s.execution for s in stages)
@@ -35,7 +35,7 @@ def _ages(stages, rng, runs=200, per_run=5):
 
 
 def _at_read(period, phase, seconds=60.0, depth=1, camera=1 / 30):
-    """Ages at which a reader with this period gets what a quick camera at 30 Hz gives [s]."""
+    """Return ages at which a reader with this period gets what a quick camera at 30 Hz gives [s]."""
     from course.role import Stage, simulate
 
     run = simulate(
@@ -48,7 +48,7 @@ def _at_read(period, phase, seconds=60.0, depth=1, camera=1 / 30):
 
 
 def _even(expression, over, width):
-    """Mean of an expression over a wait that is spread evenly from 0 to a width."""
+    """Return mean of an expression over a wait that is spread evenly from 0 to a width."""
     import sympy
 
     return sympy.simplify(sympy.integrate(expression, (over, 0, width)) / width)

@@ -84,14 +84,14 @@ class Question:
                 )
 
     def fields(self) -> list[tuple[str, str]]:
-        """What the texts quote, as (claim, name), ("estimate", name) or ("chart", steps)."""
+        """Return what the texts quote, as (claim, name), ("estimate", name) or ("chart", steps)."""
         return [(m[1], m[2]) for m in FIELD.finditer(self._texts())]
 
     def _texts(self) -> str:
         return "\n".join((self.minute, self.full, *self.follow_ups, *self.rubric))
 
     def markdown(self, figure: Figure) -> str:
-        """The question with its answers folded away, for a notebook or a page.
+        """Return the question with its answers folded away, for a notebook or a page.
 
         Args:
             figure: (claim, name) -> the figure; `course.derivations.figure`.
@@ -112,7 +112,7 @@ def _listed(entries: tuple[str, ...]) -> str:
 
 
 def typed_numbers(text: str) -> list[str]:
-    """The numbers that a text types where it should quote a figure.
+    """Return the numbers that a text types where it should quote a figure.
 
     A digit that belongs to a name (RK4, SO(3)), to code or to a formula is no number; a decimal
     point in a formula is.
@@ -124,13 +124,13 @@ def typed_numbers(text: str) -> list[str]:
 
 
 def unfilled(text: str) -> list[str]:
-    """What stands in braces outside of code and formulas and is no field."""
+    """Return what stands in braces outside of code and formulas and is no field."""
     plain = _MATH.sub(" ", _CODE.sub(" ", text)).replace("\\{", "")
     return [part for part in re.findall(r"\{[^{}\n]*\}?", plain) if not FIELD.fullmatch(part)]
 
 
 def read(path: Path) -> Question:
-    """The question of a file.
+    """Return the question of a file.
 
     Raises:
         ValueError: for a head or a part that is missing, or what `Question` refuses; it names the
@@ -145,7 +145,7 @@ def read(path: Path) -> Question:
 
 
 def line_of(text: str, message: str) -> int:
-    """The line of a file that a refusal is about, by the key or the words it begins with."""
+    """Return the line of a file that a refusal is about, by the key or the words it begins with."""
     if report := re.search(r"\(at line (\d+), column", message):  # of TOML, counted without the +++
         return int(report[1]) + 1
     what = re.split(r", | is ", message)[0].removeprefix("part ")
@@ -158,7 +158,7 @@ def line_of(text: str, message: str) -> int:
 
 
 def _follow_up_text(entry: str) -> str:
-    """A follow-up in words, where it is the name of another question."""
+    """Return a follow-up in words, where it is the name of another question."""
     if re.search(r"\s", entry):
         return entry
     for path in FOLDER.glob(f"*/{entry}.md"):
@@ -187,7 +187,7 @@ def _read(path: Path, text: str) -> Question:
 
 
 def questions(topic: str, level: int | None = None) -> list[Question]:
-    """The questions of a chapter, by level and name.
+    """Return the questions of a chapter, by level and name.
 
     Args:
         topic: of the chapter, such as "rigid_body".

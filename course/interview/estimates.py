@@ -31,7 +31,10 @@ GRAVITY_M_PER_S2 = 9.81
 def readings_per_s(
     robots: int, sensors_each: int, readings_each: float, hertz: float, times_real_time: float = 1.0
 ) -> float:
-    """Readings to compute each second for a fleet: rays of scanners, or frames with one each."""
+    """Return readings to compute each second for a fleet.
+
+    Rays of scanners, or frames with one each.
+    """
     sensors = count("robots", robots, 1) * count("sensors_each", sensors_each, 1)
     each = positive("readings_each", readings_each) * positive("hertz", hertz)
     return sensors * each * positive("times_real_time", times_real_time)
@@ -45,7 +48,7 @@ def workers(
     night_h: float,
     repeats: int = 1,
 ) -> int:
-    """Workers that get through all scenarios in a night; one run is not divided.
+    """Return workers that get through all scenarios in a night; one run is not divided.
 
     Args:
         scenarios, repeats: how many, and runs of each.
@@ -63,7 +66,7 @@ def workers(
 
 
 def half_width(share: float, trials: int) -> float:
-    """Half the width of Wilson's 95 % interval, when so large a share of the trials worked."""
+    """Return half the width of Wilson's 95 % interval, when so large a share of the trials worked."""
     from course.measure.success import wilson
 
     trials = count("trials", trials, 1)
@@ -72,20 +75,20 @@ def half_width(share: float, trials: int) -> float:
 
 
 def trials_for_width(share: float, half: float) -> int:
-    """Least number of trials with which Wilson's 95 % interval is no wider than +- `half`."""
+    """Return least number of trials with which Wilson's 95 % interval is no wider than +- `half`."""
     finite("half", half, 0.01, 0.5)
     return next(n for n in itertools.count(1) if half_width(share, n) <= half)
 
 
 def trials_each(first_share: float, second_share: float, power: float = 0.8) -> int:
-    """Trials of each of two policies that tell their shares apart, two-sided at 5 %."""
+    """Return trials of each of two policies that tell their shares apart, two-sided at 5 %."""
     from course.sim_to_real import trials
 
     return trials(first_share, second_share, power=power)
 
 
 def trials_for_gate(gate_share: float, true_share: float, power: float = 0.8) -> int:
-    """Trials of one policy that show it to be above a gate, one-sided at 5 %.
+    """Return trials of one policy that show it to be above a gate, one-sided at 5 %.
 
     The normal approximation (Fleiss, Levin and Paik, Statistical Methods for Rates and Proportions,
     2003).
@@ -117,12 +120,14 @@ def cycle_s(
 
 
 def computing_share(computing_s: float, **others: Any) -> float:
-    """Share of `cycle_s`, with the same arguments, that is saved if computing takes no time."""
+    """Return share of `cycle_s`, with the same arguments, that is saved if computing takes no time."""
     return computing_s / positive("cycle_s", cycle_s(computing_s=computing_s, **others))
 
 
 def error_mm(spreads_mm: ArrayLike, biases_mm: ArrayLike, spreads_counted: float = 2.0) -> float:
-    """Error to one side along an axis: biases add up, independent standard deviations in squares.
+    """Return error to one side along an axis.
+
+    Biases add up, independent standard deviations in squares.
 
     With two of them counted 2.3 % of all errors are larger on that side.
     """
@@ -140,7 +145,8 @@ def finger_error_mm(
     speed_m_per_s: float,
     delay_ms: float,
 ) -> float:
-    """Error across the view from camera to finger, two standard deviations and the bias of age.
+    """Return error across the view from camera to finger, two standard deviations and the bias of
+    age.
 
     A pixel is range / focal length wide, a milliradian of the hand-eye rotation as many millimetres
     as the range has metres, and what moves has gone on for the age of its picture.
@@ -168,23 +174,26 @@ def grip_force_n(
 
 
 def samples_h(samples: float, samples_per_s: float) -> float:
-    """Hours that it takes to collect so many samples."""
+    """Return hours that it takes to collect so many samples."""
     return finite("samples", samples, 0.0) / positive("samples_per_s", samples_per_s) / 3600.0
 
 
 def tracking_error_mm(speed_m_per_s: float, delay_ms: float) -> float:
-    """How far one lags behind what moves evenly: metres a second by milliseconds is millimetres."""
+    """Return how far one lags behind what moves evenly.
+
+    Metres a second by milliseconds is millimetres.
+    """
     return finite("speed_m_per_s", speed_m_per_s) * finite("delay_ms", delay_ms, 0.0)
 
 
 def sine_error_mm(amplitude_mm: float, frequency_hz: float, delay_ms: float) -> float:
-    """Largest difference of a sine and its late copy: 2 A |sin(pi f delay)|."""
+    """Return largest difference of a sine and its late copy: 2 A |sin(pi f delay)|."""
     turn = math.pi * positive("frequency_hz", frequency_hz) * finite("delay_ms", delay_ms, 0) / 1e3
     return 2.0 * finite("amplitude_mm", amplitude_mm, 0.0) * abs(math.sin(turn))
 
 
 def stopping_m(speed_m_per_s: float, reaction_s: float, braking_m_per_s2: float) -> float:
-    """Way to a stand: on at full speed while nothing has reacted, then an even brake."""
+    """Return way to a stand: on at full speed while nothing has reacted, then an even brake."""
     speed = finite("speed_m_per_s", speed_m_per_s, 0.0)
     braking = 0.5 * speed**2 / positive("braking_m_per_s2", braking_m_per_s2)
     return speed * finite("reaction_s", reaction_s, 0.0) + braking
@@ -197,7 +206,7 @@ def separation_m(
     braking_m_per_s2: float,
     uncertain_m: float,
 ) -> float:
-    """Gap at which a robot has to begin to stop if a person walks on towards it meanwhile."""
+    """Return gap at which a robot has to begin to stop if a person walks on towards it meanwhile."""
     robot = stopping_m(robot_m_per_s, reaction_s, braking_m_per_s2)
     stop_s = reaction_s + robot_m_per_s / braking_m_per_s2
     person = finite("person_m_per_s", person_m_per_s, 0.0) * stop_s
@@ -207,7 +216,9 @@ def separation_m(
 def contact_force_n(
     speed_m_per_s: float, stiffness_n_per_m: float, robot_kg: float, body_kg: float = math.inf
 ) -> float:
-    """Peak force of two masses that meet through a spring: v sqrt(k m), m their reduced mass.
+    """Return peak force of two masses that meet through a spring.
+
+    V sqrt(k m), m their reduced mass.
 
     The robot's is its effective mass at the contact; the body's is infinite where it is clamped.
     """
@@ -234,7 +245,7 @@ class Estimate:
     inputs: Mapping[str, Input]
 
     def given(self, **changes: Input) -> dict[str, Any]:
-        """The inputs, with others where they are given."""
+        """Return the inputs, with others where they are given."""
         from course.interview.fields import chart
 
         for name in changes:
@@ -243,7 +254,7 @@ class Estimate:
         return {k: chart(v[6:]) if isinstance(v, str) else v for k, v in every.items()}
 
     def value(self, **changes: Input) -> float:
-        """The result, with other inputs where they are given."""
+        """Return the result, with other inputs where they are given."""
         return float(self.function(**self.given(**changes)))
 
     def __str__(self) -> str:

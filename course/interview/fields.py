@@ -32,7 +32,7 @@ _NAMES = ("title", "label", "name")
 
 
 def filled(text: str, figure: Figure) -> str:
-    """A text with its fields replaced by what they stand for.
+    """Return a text with its fields replaced by what they stand for.
 
     Args:
         text: with fields as above.
@@ -54,14 +54,14 @@ def _formatted(result: float | str, how: str) -> str:
 
 
 def value(source: str, name: str, figure: Figure) -> float | str:
-    """What a field `{source.name}` stands for."""
+    """Return what a field `{source.name}` stands for."""
     if source == "chart":
         return chart(name)
     return estimate(name) if source == "estimate" else figure(source, name)
 
 
 def estimate(name: str) -> float | str:
-    """An estimate, or with `NAME.INPUT` one of its inputs."""
+    """Return an estimate, or with `NAME.INPUT` one of its inputs."""
     from course.interview.estimates import ESTIMATES
 
     key, _, given = name.partition(".")
@@ -76,7 +76,7 @@ def estimate(name: str) -> float | str:
 
 
 def chart(path: str) -> float | str:
-    """A number or a word from the data of a chart, by the steps above."""
+    """Return a number or a word from the data of a chart, by the steps above."""
     name, *steps = path.split("/")
     result = data = _data(name)
     for step in steps:
@@ -139,7 +139,10 @@ def _good(curves: list[Any], data: Any) -> list[dict[str, Any]]:
 
 
 def _read_off(series: dict[str, Any], column: str, place: str, path: str) -> float:
-    """A column at an x between its ends; or with column "x" where y first passes a number."""
+    """Return a column at an x between its ends.
+
+    Or with column "x" where y first passes a number.
+    """
     kind, _, place = place.rpartition("=")
     x, y = series["x"], series[kind if kind in series else "y"]
     if column != "x" and place in x:  # names instead of numbers
@@ -167,7 +170,7 @@ def _name(entry: dict[str, Any]) -> str:
 
 
 def _offered(here: Any) -> str:
-    """What may stand behind this place, for a message."""
+    """Return what may stand behind this place, for a message."""
     if isinstance(here, dict):
         return ", ".join([*here, *(_offered(here[key]) for key in _INNER if key in here)])
     if not isinstance(here, list):

@@ -19,7 +19,7 @@ Advantages = Callable[[Array, Array, NDArray[np.bool_], float], Array]
 
 
 def gap(one: ArrayLike, other: ArrayLike) -> float:
-    """The largest difference of two arrays of one shape; infinite if a number is not finite.
+    """Return the largest difference of two arrays of one shape; infinite if a number is not finite.
 
     Raises:
         ValueError: for arrays of two shapes.
@@ -33,7 +33,9 @@ def gap(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def rotation_error(matrix: ArrayLike) -> float:
-    """A rotation keeps lengths and handedness: its columns are orthonormal, its determinant is 1.
+    """Return a rotation keeps lengths and handedness.
+
+    Its columns are orthonormal, its determinant is 1.
 
     Args:
         matrix: shape (n, n).
@@ -47,7 +49,9 @@ def rotation_error(matrix: ArrayLike) -> float:
 
 
 def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: float = 1e-5) -> float:
-    """A derivative is the limit of differences; the error is relative where they are above 1.
+    """Return a derivative is the limit of differences.
+
+    The error is relative where they are above 1.
 
     Args:
         value: of shape (m,) or a number, at a point.
@@ -64,7 +68,7 @@ def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: flo
 
 
 def write_read_error(read: Mapped, write: Mapped, state: ArrayLike) -> float:
-    """Writing what was read changes nothing.
+    """Return writing what was read changes nothing.
 
     Args:
         read: state -> what is shown of it.
@@ -75,14 +79,14 @@ def write_read_error(read: Mapped, write: Mapped, state: ArrayLike) -> float:
 
 
 def round_trip_error(present: Mapped, back: Mapped, value: ArrayLike) -> float:
-    """Going there and back changes nothing. Two wrong maps that are inverses pass it too."""
+    """Return going there and back changes nothing. Two wrong maps that are inverses pass it too."""
     return gap(back(present(value)), value)
 
 
 def mirror_error(
     step: Mapped, mirror: Mapped, mirror_input: Mapped, state: ArrayLike, given: ArrayLike
 ) -> float:
-    """The mirrored state with the mirrored input moves as the mirror of the motion.
+    """Return the mirrored state with the mirrored input moves as the mirror of the motion.
 
     Args:
         step: (state, input) -> the next state.
@@ -95,7 +99,9 @@ def mirror_error(
 def unit_error(
     formula: Mapped, values: Sequence[float], factors: Sequence[float], factor: float
 ) -> float:
-    """Other units, the same quantity: the inputs times their factors give the result times its own.
+    """Return other units, the same quantity.
+
+    The inputs times their factors give the result times its own.
 
     Args:
         formula: of the values.
@@ -114,7 +120,7 @@ def unit_error(
 
 
 def turn_error(function: Mapped, angle: float, turns: int = 1) -> float:
-    """A whole turn changes nothing that depends on an orientation.
+    """Return a whole turn changes nothing that depends on an orientation.
 
     Args:
         function: of an angle in radians.
@@ -125,7 +131,7 @@ def turn_error(function: Mapped, angle: float, turns: int = 1) -> float:
 
 
 def weight_error(forces: ArrayLike, masses: ArrayLike, gravity: float = 9.81) -> float:
-    """At rest the ground carries the weight; the error is a part of the weight.
+    """Return at rest the ground carries the weight; the error is a part of the weight.
 
     Args:
         forces: upwards, of the ground on the bodies, N.
@@ -137,7 +143,7 @@ def weight_error(forces: ArrayLike, masses: ArrayLike, gravity: float = 9.81) ->
 
 
 def fall_error(gained: float, seconds: float, gravity: float = 9.81) -> float:
-    """In free fall the speed gained is gravity times time, of any mass and at any step.
+    """Return in free fall the speed gained is gravity times time, of any mass and at any step.
 
     Args:
         gained: downwards, m/s.
@@ -149,7 +155,7 @@ def fall_error(gained: float, seconds: float, gravity: float = 9.81) -> float:
 
 
 def kept_error(series: ArrayLike) -> float:
-    """What nothing acts on is kept: momentum, energy; the error is a part of the first.
+    """Return what nothing acts on is kept: momentum, energy; the error is a part of the first.
 
     Args:
         series: shape (steps,) or (steps, components).
@@ -160,7 +166,7 @@ def kept_error(series: ArrayLike) -> float:
 
 
 def refined_ratio(error: Callable[[float], float], step: float, parts: int = 4) -> float:
-    """The error of a finer step over that of the step.
+    """Return the error of a finer step over that of the step.
 
     A right equation has about 1 / parts^order, a wrong one about 1 however fine the step: what
     the step does not cure is no error of the integrator.
@@ -178,7 +184,7 @@ def refined_ratio(error: Callable[[float], float], step: float, parts: int = 4) 
 
 
 def ends_error(path: ArrayLike | None, start: ArrayLike, goal: ArrayLike) -> float:
-    """A path that is called solved begins at the start and ends at the goal.
+    """Return a path that is called solved begins at the start and ends at the goal.
 
     Args:
         path: shape (states, dim), or None for a planner that says that it found none.
@@ -193,7 +199,7 @@ def ends_error(path: ArrayLike | None, start: ArrayLike, goal: ArrayLike) -> flo
 
 
 def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> float:
-    """The cost of a node is the length of its path from the root.
+    """Return the cost of a node is the length of its path from the root.
 
     Args:
         points: shape (nodes, dim).
@@ -215,7 +221,9 @@ def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> f
 
 
 def episodes_error(advantages: Advantages, episodes: Sequence[tuple[Array, Array]]) -> float:
-    """Episodes that have ended do not know of each other: in one buffer each is as it is alone.
+    """Return episodes that have ended do not know of each other.
+
+    In one buffer each is as it is alone.
 
     Args:
         advantages: of rewards, values, ends and the value after the last step.
@@ -229,7 +237,7 @@ def episodes_error(advantages: Advantages, episodes: Sequence[tuple[Array, Array
 
 
 def forever_error(value: float, discount: float, reward: float = 1.0) -> float:
-    """A reward for ever is worth reward / (1 - discount); the error is a part of that.
+    """Return a reward for ever is worth reward / (1 - discount); the error is a part of that.
 
     Args:
         value: that was learned.
@@ -242,7 +250,9 @@ def forever_error(value: float, discount: float, reward: float = 1.0) -> float:
 
 
 def stored_error(before: ArrayLike, after: ArrayLike, lengths: Sequence[int]) -> float:
-    """A stored step never goes back in time, and there are as many as the episodes have steps.
+    """Return a stored step never goes back in time.
+
+    And there are as many as the episodes have steps.
 
     Args:
         before, after: the time within its episode at both ends of each stored step.
@@ -256,7 +266,9 @@ def stored_error(before: ArrayLike, after: ArrayLike, lengths: Sequence[int]) ->
 
 
 def idle_parameters(gradients: Mapping[str, ArrayLike]) -> list[str]:
-    """Every parameter has a gradient: the names of those with none anywhere, or not a finite one.
+    """Return every parameter has a gradient.
+
+    The names of those with none anywhere, or not a finite one.
 
     Args:
         gradients: by the name of the parameter.

@@ -58,7 +58,7 @@ class Exhibit:
 
 
 def rest_on_ground(masses: Array, wrong: bool) -> tuple[Array, Array]:
-    """Heights and reported forces of bodies that have come to rest on a soft ground."""
+    """Return heights and reported forces of bodies that have come to rest on a soft ground."""
     stiffness, damping, step = 2000.0 * masses, 60.0 * masses, 1e-3
     height, speed, reported = (np.zeros(len(masses)) for _ in range(3))
     for _ in range(1500):
@@ -76,7 +76,10 @@ def rest_evidence(wrong: bool, seed: int) -> float:
 
 
 def rest_naive(wrong: bool, seed: int) -> float:
-    """Whether the bodies stand as deep as they should: the motion is right without the report."""
+    """Return whether the bodies stand as deep as they should.
+
+    The motion is right without the report.
+    """
     masses = np.random.default_rng(seed).uniform(0.1, 10.0, 5)
     return invariants.gap(rest_on_ground(masses, wrong)[0], np.full(5, -GRAVITY / 2000.0))
 
@@ -85,7 +88,7 @@ def rest_naive(wrong: bool, seed: int) -> float:
 
 
 def push_off(state: Array, pushes: Array, wrong: bool) -> Array:
-    """Speed forwards and of yaw after a step in which the left and the right foot push."""
+    """Return speed forwards and of yaw after a step in which the left and the right foot push."""
     friction = np.array([1.9, 0.9]) if wrong else np.array([1.9, 1.9])
     bound = friction * GRAVITY / 2.0  # of a unit mass on two feet
     left, right = np.clip(pushes, -bound, bound)
@@ -107,7 +110,10 @@ CART, POLE, HALF = 1.0, 0.1, 0.5  # kg, kg, m
 
 
 def cart_pole(state: Array, step: float, velocity_first: bool, wrong: bool) -> Array:
-    """One step of (place, speed, angle, rate) without a force, by either order of updates."""
+    """Return one step of (place, speed, angle, rate) without a force.
+
+    By either order of updates.
+    """
     x, v, angle, rate = state
     sin, cos, total = np.sin(angle), np.cos(angle), CART + POLE
     lever = total + POLE if wrong else POLE * HALF
@@ -122,7 +128,7 @@ def cart_pole(state: Array, step: float, velocity_first: bool, wrong: bool) -> A
 
 
 def cart_pole_drift(state: Array, velocity_first: bool, wrong: bool, step: float) -> float:
-    """The largest change of energy in half a second, J."""
+    """Return the largest change of energy in half a second, J."""
 
     def energy(s: Array) -> float:
         _, v, angle, rate = s
@@ -137,7 +143,7 @@ def cart_pole_drift(state: Array, velocity_first: bool, wrong: bool, step: float
 
 
 def cart_pole_evidence(wrong: bool, seed: int) -> float:
-    """The worse of the two orders of updates: neither is the slip."""
+    """Return the worse of the two orders of updates: neither is the slip."""
     rng = np.random.default_rng(seed)
     state = np.array([0.0, rng.uniform(-1, 1), rng.uniform(0.5, 2.5), rng.uniform(1.0, 3.0)])
     drifts = [partial(cart_pole_drift, state, first, wrong) for first in (False, True)]
@@ -148,7 +154,10 @@ def cart_pole_evidence(wrong: bool, seed: int) -> float:
 
 
 def fall(mass: float, seconds: float, step: float, wrong: bool) -> float:
-    """Speed gained in a free fall, m/s; wrong has damping by default and a limit of the speed."""
+    """Return speed gained in a free fall, m/s.
+
+    Wrong has damping by default and a limit of the speed.
+    """
     speed = 0.0
     for _ in range(round(seconds / step)):
         speed += step * (mass * GRAVITY) / mass
@@ -165,7 +174,7 @@ def fall_evidence(wrong: bool, seed: int) -> float:
 
 
 def fall_naive(wrong: bool, seed: int) -> float:
-    """Galileo's check alone: a light and a heavy body fall alike."""
+    """Return galileo's check alone: a light and a heavy body fall alike."""
     light, heavy = np.random.default_rng(seed).uniform([0.1, 10.0], [1.0, 100.0])
     return invariants.gap(fall(light, 2.0, 0.01, wrong), fall(heavy, 2.0, 0.01, wrong))
 
@@ -174,24 +183,24 @@ def fall_naive(wrong: bool, seed: int) -> float:
 
 
 def product(p: Array, q: Array) -> Array:
-    """The product of two quaternions (w, x, y, z)."""
+    """Return the product of two quaternions (w, x, y, z)."""
     w = p[0] * q[0] - p[1:] @ q[1:]
     return np.append(w, p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))
 
 
 def turned(q: Array, v: Array) -> Array:
-    """A vector of the body, turned by a unit quaternion into the world."""
+    """Return a vector of the body, turned by a unit quaternion into the world."""
     return product(product(q, np.append(0.0, v)), q * [1, -1, -1, -1])[1:]
 
 
 def drawn(rng: np.random.Generator) -> tuple[Array, Array]:
-    """An orientation, a unit quaternion, and a vector of length 2."""
+    """Return an orientation, a unit quaternion, and a vector of length 2."""
     q, v = rng.normal(size=4), rng.normal(size=3)
     return q / np.linalg.norm(q), 2.0 * v / np.linalg.norm(v)
 
 
 def write_rate(q: Array, world: Array, wrong: bool) -> Array:
-    """The stored rate, in the body's frame, for one that is given in the world's."""
+    """Return the stored rate, in the body's frame, for one that is given in the world's."""
     return world if wrong else turned(q * [1, -1, -1, -1], world)
 
 
@@ -209,13 +218,13 @@ def quaternion_rate(q: Array, world: Array, wrong: bool) -> Array:
 
 
 def angular_velocity(q: Array, rate: Array, wrong: bool) -> Array:
-    """The inverse of `quaternion_rate`, with the same slip."""
+    """Return the inverse of `quaternion_rate`, with the same slip."""
     back = q * [1, -1, -1, -1]
     return 2.0 * (product(back, rate) if wrong else product(rate, back))[1:]
 
 
 def momentum_evidence(wrong: bool, seed: int) -> float:
-    """The angular momentum, in the world, of a body that turns freely for half a second."""
+    """Return the angular momentum, in the world, of a body that turns freely for half a second."""
     q, rate = drawn(np.random.default_rng(seed))
     inertia, step = np.array([1.0, 2.0, 3.0]), 0.01
 
@@ -236,7 +245,7 @@ def momentum_evidence(wrong: bool, seed: int) -> float:
 
 
 def quaternion_naive(wrong: bool, seed: int) -> float:
-    """There and back: two maps that are wrong in the same way are inverses all the same."""
+    """Return there and back: two maps that are wrong in the same way are inverses all the same."""
     q, rate = drawn(np.random.default_rng(seed))
     forward, back = (partial(f, q, wrong=wrong) for f in (quaternion_rate, angular_velocity))
     return invariants.round_trip_error(forward, back, rate)
@@ -246,7 +255,10 @@ def quaternion_naive(wrong: bool, seed: int) -> float:
 
 
 def wheel(t: float, radius: float, rate: float, wrong: bool) -> tuple[Array, Array]:
-    """Velocity of a point of a wheel that starts to turn, and what is called its acceleration."""
+    """Return velocity of a point of a wheel that starts to turn.
+
+    And what is called its acceleration.
+    """
     angle, turn, more = rate * t + t * t, rate + 2.0 * t, 2.0
     along = radius * np.array([-np.sin(angle), np.cos(angle)])
     inwards = -radius * np.array([np.cos(angle), np.sin(angle)])
@@ -265,14 +277,17 @@ def wheel_evidence(wrong: bool, seed: int) -> float:
 
 
 def align(source: Array, target: Array, wrong: bool) -> Array:
-    """The rotation that turns the vectors of one set onto those of another, shape (n, 3)."""
+    """Return the rotation that turns the vectors of one set onto those of another, shape (n, 3)."""
     u, _, vt = np.linalg.svd(target.T @ source)
     flip = 1.0 if wrong else np.sign(np.linalg.det(u @ vt))
     return u @ np.diag([1.0, 1.0, flip]) @ vt
 
 
 def align_pairs(seed: int) -> list[tuple[Array, Array]]:
-    """Sets of two vectors and their images: with two the sign of the third axis is left to luck."""
+    """Return sets of two vectors and their images.
+
+    With two the sign of the third axis is left to luck.
+    """
     rng, pairs = np.random.default_rng(seed), []
     for _ in range(40):
         source, (q, _) = rng.normal(size=(2, 3)), drawn(rng)
@@ -285,7 +300,7 @@ def align_evidence(wrong: bool, seed: int) -> float:
 
 
 def align_naive(wrong: bool, seed: int) -> float:
-    """Whether the vectors are met: those of a mirror are, too."""
+    """Return whether the vectors are met: those of a mirror are, too."""
     return max(invariants.gap(a @ align(a, b, wrong).T, b) for a, b in align_pairs(seed))
 
 
@@ -295,7 +310,7 @@ START, GOAL = np.array([0.1, 0.5]), np.array([0.9, 0.5])
 
 
 def plan(rng: np.random.Generator, closed: bool, wrong: bool) -> Array | None:
-    """A path through a wall at the middle of the unit square, or None where none was found."""
+    """Return a path through a wall at the middle of the unit square, or None where none was found."""
     nodes, parents = [START], [-1]
     for n in range(400):
         sample = GOAL if n % 10 == 0 else rng.uniform(0.0, 1.0, 2)
@@ -323,12 +338,15 @@ def plan_evidence(wrong: bool, seed: int, closed: bool = True) -> float:
 
 
 def plan_naive(wrong: bool, seed: int) -> float:
-    """The same in a world with a way: there both of them reach the goal."""
+    """Return the same in a world with a way: there both of them reach the goal."""
     return plan_evidence(wrong, seed, closed=False)
 
 
 def rewired(points: Array, wrong: bool) -> tuple[list[int], Array]:
-    """Parents and costs of a tree that new nodes shorten; wrong leaves the branches behind."""
+    """Return parents and costs of a tree that new nodes shorten.
+
+    Wrong leaves the branches behind.
+    """
     apart = np.linalg.norm(points[:, None] - points, axis=2)
     parents, costs = [-1], np.zeros(len(points))
     for new in range(1, len(points)):
@@ -350,7 +368,10 @@ def rewired(points: Array, wrong: bool) -> tuple[list[int], Array]:
 
 
 def rewired_evidence(wrong: bool, seed: int) -> float:
-    """The worst of a growing tree: what is left behind may be rewired, and so mended, later."""
+    """Return the worst of a growing tree.
+
+    What is left behind may be rewired, and so mended, later.
+    """
     points = np.random.default_rng(seed).uniform(0.0, 1.0, (80, 2))
     grown = [points[:n] for n in range(10, 81, 5)]
     return max(invariants.tree_error(part, *rewired(part, wrong)) for part in grown)
@@ -360,7 +381,10 @@ def rewired_evidence(wrong: bool, seed: int) -> float:
 
 
 def advantages(rewards: Array, values: Array, ends: Array, last: float, wrong: bool) -> Array:
-    """Generalised advantages (Schulman et al., 2016); wrong asks the next step for the end."""
+    """Return generalised advantages (Schulman et al., 2016).
+
+    Wrong asks the next step for the end.
+    """
     going = 1.0 - np.asarray(ends, dtype=float)
     if wrong:
         going = np.append(going[1:], going[-1])
@@ -379,7 +403,10 @@ def advantages_evidence(wrong: bool, seed: int) -> float:
 
 
 def learned_value(discount: float, limit: int, wrong: bool) -> float:
-    """What temporal differences learn of a reward of one a step, with a limit of the steps."""
+    """Return what temporal differences learn of a reward of one a step.
+
+    With a limit of the steps.
+    """
     value = 0.0
     for step in range(1, 4001):
         over = step % limit == 0
@@ -394,7 +421,9 @@ def learned_evidence(wrong: bool, seed: int) -> float:
 
 
 def stored(lengths: Sequence[int], wrong: bool) -> tuple[Array, Array]:
-    """Clocks before and after each stored step of an environment that resets in the next step."""
+    """Return clocks before and after each stored step of an environment that resets in the next
+    step.
+    """
     steps, clock, ended = [], 0, False
     for length in lengths:
         while True:
@@ -417,7 +446,7 @@ def stored_evidence(wrong: bool, seed: int) -> float:
 
 
 def decoded(layers: Array, x: Array, wrong: bool) -> Array:
-    """What a head reads of a stack of layers (7, n, n) that hands out every layer's output."""
+    """Return what a head reads of a stack of layers (7, n, n) that hands out every layer's output."""
     outputs = []
     for layer in layers:
         x = x + np.tanh(layer @ x)
@@ -426,7 +455,7 @@ def decoded(layers: Array, x: Array, wrong: bool) -> Array:
 
 
 def decoded_evidence(wrong: bool, seed: int) -> float:
-    """How many of the seven layers have no gradient."""
+    """Return how many of the seven layers have no gradient."""
     rng = np.random.default_rng(seed)
     layers, x = rng.normal(size=(7, 2, 2)) / 2.0, rng.normal(size=2)
     gradients = {f"layer {k}": np.zeros((2, 2)) for k in range(7)}
@@ -624,7 +653,7 @@ EXHIBITS = (
 
 
 def exhibit(name: str) -> Exhibit:
-    """The exhibit of a name.
+    """Return the exhibit of a name.
 
     Raises:
         ValueError: for a name that there is not.

@@ -109,7 +109,7 @@ class Interview:
 
 
 def spoken(topics: Sequence[str]) -> list[Item]:
-    """The questions of chapters; with those of the last one the scenarios and the designs.
+    """Return the questions of chapters; with those of the last one the scenarios and the designs.
 
     A concept part may also be an estimate or something for the whiteboard.
     """
@@ -127,7 +127,7 @@ def spoken(topics: Sequence[str]) -> list[Item]:
 
 
 def _scenario(one: scenarios.Scenario) -> Item:
-    """Said aloud: the causes that one would think of, and how one would tell each."""
+    """Return said aloud: the causes that one would think of, and how one would tell each."""
     causes = tuple(cause.words for cause in one.causes)
     probes = "\n".join(f"* {probe.what} ({probe.minutes} minutes)" for probe in one.probes)
     answer = f"What can be tried:\n\n{probes}\n\n`drills debug {one.name}` runs it."
@@ -158,7 +158,7 @@ def draw(
     last: Collection[str],
     seed: int,
 ) -> list[Item]:
-    """One item for each part that the minutes allow.
+    """Return one item for each part that the minutes allow.
 
     Of those that fit, one that is weak or due is `WEIGHT` times as likely as another one: with m
     of them among n, one of them comes with probability m WEIGHT / (m WEIGHT + n - m). While not
@@ -193,7 +193,7 @@ def draw(
 
 
 def nearest(text: str, others: Sequence[str]) -> int | None:
-    """Which of the others shares most with a text; None if none shares a word.
+    """Return which of the others shares most with a text; None if none shares a word.
 
     A word counts the more, the fewer of the others have it.
     """
@@ -208,12 +208,12 @@ def _stems(text: str) -> set[str]:
 
 
 def share(marks: Sequence[str]) -> float:
-    """The share of all that could be earned."""
+    """Return the share of all that could be earned."""
     return sum(map(MARKS.index, marks)) / ((len(MARKS) - 1) * len(marks))
 
 
 def follow_up(item: Item, marks: Sequence[str]) -> tuple[str, str]:
-    """The line of the rubric that was marked lowest, and the follow-up that it triggers.
+    """Return the line of the rubric that was marked lowest, and the follow-up that it triggers.
 
     It is the one nearest to that line in its words; where none is, the one at its place.
     """
@@ -227,7 +227,7 @@ def follow_up(item: Item, marks: Sequence[str]) -> tuple[str, str]:
 
 
 def markdown(interview: Interview) -> str:
-    """The report as a page."""
+    """Return the report as a page."""
     lines = [f"# Interview of {interview.started[:16].replace('T', ', ')}\n"]
     lines.append(f"{interview.seconds / 60:.0f} of {interview.minutes} minutes.\n")
     if interview.over:

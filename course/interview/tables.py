@@ -47,7 +47,10 @@ class Table:
                 raise invalid(f"a row of {self.title}", row, f"{len(self.head)} cells, none empty")
 
     def text(self, width: int = 80) -> str:
-        """Row by row, for a terminal: the first cell, then the others with their columns' heads."""
+        """Return row by row, for a terminal.
+
+        The first cell, then the others with their columns' heads.
+        """
         blank = max(map(len, self.head[1:])) + 4
         lines = [self.title, "=" * len(self.title)]
         for first, *cells in self.rows:
@@ -58,14 +61,14 @@ class Table:
         return "\n".join(lines)
 
     def markdown(self) -> str:
-        """A table of Markdown."""
+        """Return a table of Markdown."""
         rows = [self.head, ("---",) * len(self.head), *self.rows]
         return "\n".join(
             "| " + " | ".join(c.replace("|", r"\|") for c in row) + " |" for row in rows
         )
 
     def html(self) -> str:
-        """A table of HTML, with its title as caption."""
+        """Return a table of HTML, with its title as caption."""
 
         def line(cells: tuple[str, ...], tag: str) -> str:
             return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
@@ -84,19 +87,19 @@ class Table:
 
 @functools.cache
 def data(name: str) -> dict[str, Any]:
-    """What stands in `cheat_sheet.toml` or `reading.toml`, as it is written."""
+    """Return what stands in `cheat_sheet.toml` or `reading.toml`, as it is written."""
     one_of("name", name, ("cheat_sheet", "reading"))
     return tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def work(name: str) -> dict[str, Any]:
-    """A paper or book by its name in `reading.toml`."""
+    """Return a paper or book by its name in `reading.toml`."""
     known: dict[str, dict[str, Any]] = data("reading")["works"]
     return known[one_of("work", name, known)]
 
 
 def short(name: str) -> str:
-    """A work as it is named in a table: authors, year, venue."""
+    """Return a work as it is named in a table: authors, year, venue."""
     result = work(name)
     first, *others = result["authors"].replace(" and others", ", others").split(", ")
     owner = f"{first} and others" if others else first
@@ -104,7 +107,7 @@ def short(name: str) -> str:
 
 
 def link(name: str) -> str:
-    """Where a work is found: its DOI, or its number at arXiv."""
+    """Return where a work is found: its DOI, or its number at arXiv."""
     result = work(name)
     return f"doi.org/{result['doi']}" if "doi" in result else f"arXiv:{result['arxiv']}"
 
@@ -116,7 +119,8 @@ def _filled_in(text: str) -> str:
 
 
 def cheat_sheet(plain: bool = False) -> Table:
-    """Eight concepts, the thirty seconds of each ending with what was measured in this course.
+    """Return eight concepts, the thirty seconds of each ending with what was measured in this
+    course.
 
     Args:
         plain: equations in letters of a keyboard, else as formulas of TeX.
@@ -132,7 +136,10 @@ def cheat_sheet(plain: bool = False) -> Table:
 
 
 def classical_or_learned() -> Table:
-    """Five components, and where the learned one overtook the classical one in this course."""
+    """Return five components.
+
+    And where the learned one overtook the classical one in this course.
+    """
     keys = ("name", "classical", "learned", "when")
     parts = data("cheat_sheet")["component"]
     rows = tuple(tuple(_filled_in(part[key]) for key in keys) for part in parts)
@@ -140,7 +147,10 @@ def classical_or_learned() -> Table:
 
 
 def reading() -> Table:
-    """The book, the papers and the repositories: what each says, and the chapters it serves."""
+    """Return the book, the papers and the repositories.
+
+    What each says, and the chapters it serves.
+    """
     rows = []
     for kind in ("book", "paper", "repository"):
         for entry in data("reading")[kind]:
@@ -153,13 +163,13 @@ def reading() -> Table:
 
 
 def lessons() -> Table:
-    """Related lessons, and what each adds."""
+    """Return related lessons, and what each adds."""
     rows = tuple((entry["title"], entry["adds"]) for entry in data("reading")["lesson"])
     return Table("Related lessons", ("Lesson", "It adds"), rows)
 
 
 def page() -> str:
-    """The cheat sheet as one page to print, A4 on its side."""
+    """Return the cheat sheet as one page to print, A4 on its side."""
     style = (
         "@page { size: A4 landscape; margin: 7mm } body { font: 7.4pt/1.22 sans-serif; margin: 0 } "
         "table { border-collapse: collapse; width: 100% } caption { font-weight: bold } "
@@ -174,7 +184,7 @@ def page() -> str:
 
 
 def quoted() -> dict[str, float | str]:
-    """What the tables take from charts and estimates, by field, as it is now."""
+    """Return what the tables take from charts and estimates, by field, as it is now."""
     texts = [
         str(v)
         for kind in ("row", "component")
@@ -187,7 +197,7 @@ def quoted() -> dict[str, float | str]:
 
 
 def record() -> str:
-    """The text of `quoted.toml`: a value that moves is seen in a diff, and in a test."""
+    """Return the text of `quoted.toml`: a value that moves is seen in a diff, and in a test."""
     head = "# Written by `python -m course.interview.tables --record`; reviewed as a diff."
     rows = [
         f'"{key}" = ' + (f'"{result}"' if isinstance(result, str) else f"{result:.6g}")

@@ -51,18 +51,24 @@ PARENT, SLIDES, PLACE, QUAT, TURN, TEN, ARMATURE, DAMPING, LOWER, UPPER, WIDTH =
 
 
 def compose(a: Array, b: Array) -> Array:
-    """The pose b, given in the frame of a, in the frame that a is given in; shapes (7,), (7, N)."""
+    """Return the pose b, given in the frame of a, in the frame that a is given in.
+
+    Shapes (7,), (7, N).
+    """
     return np.concatenate([a[:3] + rotate(a[3:], b[:3]), product(a[3:], b[3:])])
 
 
 def invert(a: Array) -> Array:
-    """The pose of the outer frame seen from the frame `a`, shape (7,) or (7, N)."""
+    """Return the pose of the outer frame seen from the frame `a`, shape (7,) or (7, N)."""
     back = conjugate(a[3:])
     return np.concatenate([-rotate(back, a[:3]), back])
 
 
 def turn_to(axis: ArrayLike) -> Array:
-    """The shortest rotation that takes z to a direction, shape (4,); about x where that is -z."""
+    """Return the shortest rotation that takes z to a direction, shape (4,).
+
+    About x where that is -z.
+    """
     direction = vector("axis", axis, (3,))
     if not direction.any():
         raise invalid("axis", direction, "a direction, not zero")
@@ -156,7 +162,7 @@ class Chain:
         return bool(np.any(self.parent != np.arange(-1, self.n - 1)))
 
     def path(self, joint: int | None = None) -> list[int]:
-        """The joints from the base to a joint, or to the tool: those that move it."""
+        """Return the joints from the base to a joint, or to the tool: those that move it."""
         i = self.n - 1 if joint is None else count("joint", joint, 0, self.n - 1)
         result = []
         while i >= 0:
@@ -217,7 +223,8 @@ def _table(chain: Chain) -> Array:
 
 
 def planar(lengths: ArrayLike, masses: ArrayLike | None = None, damping: ArrayLike = 0.0) -> Chain:
-    """Uniform rods in the x-y plane, each joint turning about z, the first one at the origin.
+    """Return uniform rods in the x-y plane, each joint turning about z, the first one at the
+    origin.
 
     Args:
         lengths: of the links, shape (n,), positive [m].
@@ -250,7 +257,7 @@ def planar(lengths: ArrayLike, masses: ArrayLike | None = None, damping: ArrayLi
 
 
 def _rod(mass: float, line: Array, radius: float) -> Array:
-    """Inertia of a solid cylinder along `line` about its centre."""
+    """Return inertia of a solid cylinder along `line` about its centre."""
     length = float(np.linalg.norm(line))
     along = line / length if length else np.array([0.0, 0.0, 1.0])
     across = mass * (3.0 * radius**2 + length**2) / 12.0
@@ -258,7 +265,7 @@ def _rod(mass: float, line: Array, radius: float) -> Array:
 
 
 def panda() -> Chain:
-    """A 7-R arm of the size of the Franka Emika Panda.
+    """Return a 7-R arm of the size of the Franka Emika Panda.
 
     Geometry and limits are the published ones (Franka Control Interface, Denavit-Hartenberg
     parameters in Craig's form). The inertias are not: each link is a solid cylinder of 6 cm radius
@@ -291,7 +298,7 @@ def panda() -> Chain:
 
 
 def random_chain(n: int, rng: np.random.Generator, tree: bool = False) -> Chain:
-    """Any arm of n joints of both kinds in any direction, with inertias that bodies have.
+    """Return any arm of n joints of both kinds in any direction, with inertias that bodies have.
 
     In a tree a joint hangs on any earlier one, instead of on the one before.
     """

@@ -80,7 +80,7 @@ def _link(table, q, k, E):
 
 @register_jitable
 def _times(A, i, c, v):
-    """The matrix whose rows begin at A[i, c], times a triple."""
+    """Return the matrix whose rows begin at A[i, c], times a triple."""
     return (
         A[i, c] * v[0] + A[i, c + 1] * v[1] + A[i, c + 2] * v[2],
         A[i, c + 3] * v[0] + A[i, c + 4] * v[1] + A[i, c + 5] * v[2],
@@ -117,7 +117,7 @@ def _add(load, i, first, second, factor):
 
 @register_jitable
 def _symmetric(row, c, v):
-    """A symmetric matrix, six numbers from column c on, times a triple."""
+    """Return a symmetric matrix, six numbers from column c on, times a triple."""
     return (
         row[c] * v[0] + row[c + 1] * v[1] + row[c + 2] * v[2],
         row[c + 1] * v[0] + row[c + 3] * v[1] + row[c + 4] * v[2],
@@ -127,7 +127,10 @@ def _symmetric(row, c, v):
 
 @register_jitable
 def _pull(table, q, k, pose, wrench):
-    """The wrench at the tip as force and moment on the last link, in its frame, at its origin."""
+    """Return the wrench at the tip as force and moment on the last link, in its frame.
+
+    At its origin.
+    """
     last = table.shape[0] - 2
     place(table, q, k, pose)
     back = -pose[last, 3], pose[last, 4], pose[last, 5], pose[last, 6]
@@ -141,7 +144,7 @@ def _pull(table, q, k, pose, wrench):
 
 
 def _rnea(table, q, v, a, wrench, gravity):
-    """Torques (n, N) of motions; `wrench` is (6, N), or (6, 0) for none."""
+    """Return torques (n, N) of motions; `wrench` is (6, N), or (6, 0) for none."""
     n, count = q.shape
     tau, E = np.empty((n, count)), np.empty((n, 12))
     move, load = np.empty((n, 9)), np.empty((n, 6))  # spin, its rate, acceleration; force, moment
@@ -191,7 +194,7 @@ def _rnea(table, q, v, a, wrench, gravity):
 
 
 def _crba(table, q):
-    """Mass matrices (n, n, N)."""
+    """Return mass matrices (n, n, N)."""
     n, count = q.shape
     M, E, body = np.zeros((n, n, count)), np.empty((n, 12)), np.empty((n, 10))
     for k in range(count):
@@ -281,7 +284,10 @@ def _articulate(X, E, i, parent, Y):
 
 @register_jitable
 def _aba(table, q, v, tau, wrench, gravity):
-    """Accelerations (n, N); `tau` is (n, N) or (n, 1), `wrench` (6, N), or (6, 0) for none."""
+    """Return accelerations (n, N).
+
+    `tau` is (n, N) or (n, 1), `wrench` (6, N), or (6, 0) for none.
+    """
     n, count = q.shape
     result, E, pose = np.empty((n, count)), np.empty((n, 12)), np.empty((n + 1, 7))
     X, Y = np.empty((n, 27)), np.empty((3, 9))
@@ -369,7 +375,7 @@ def _aba(table, q, v, tau, wrench, gravity):
 
 
 def acceleration(q, v, params):
-    """Joint accelerations, for the integrators of chapter 1; shape of v [rad/s^2 or m/s^2].
+    """Return joint accelerations, for the integrators of chapter 1; shape of v [rad/s^2 or m/s^2].
 
     Args:
         q, v: joint positions and rates, shape (n,) or (n, N).
@@ -387,7 +393,7 @@ def acceleration(q, v, params):
 
 @functools.cache
 def kernels() -> tuple[Any, Any, Any]:
-    """The compiled functions: inverse dynamics, mass matrix, forward dynamics."""
+    """Return the compiled functions: inverse dynamics, mass matrix, forward dynamics."""
     return (
         compiled(_rnea, MATRIX(ROWS, ROWS, ROWS, ROWS, ROWS, ROW)),
         compiled(_crba, CUBE(ROWS, ROWS)),
@@ -419,7 +425,7 @@ def inverse_dynamics(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """The torques that a motion needs: M a + bias - J^T wrench (recursive Newton-Euler).
+    """Return the torques that a motion needs: M a + bias - J^T wrench (recursive Newton-Euler).
 
     A call costs several times its loop: hand over many states at once.
 
@@ -448,12 +454,12 @@ def bias(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """The torques of that motion without acceleration; gravity alone where v is 0 too."""
+    """Return the torques of that motion without acceleration; gravity alone where v is 0 too."""
     return inverse_dynamics(chain, q, v, np.zeros(np.shape(q)), wrench, gravity=gravity)
 
 
 def mass_matrix(chain: Chain, q: ArrayLike) -> Array:
-    """M(q), armature included, shape (n, n) or (n, n, N) (composite rigid bodies)."""
+    """Return M(q), armature included, shape (n, n) or (n, n, N) (composite rigid bodies)."""
     single, (q,) = batch(chain, q=q)
     M = kernels()[1](chain.table, q)
     return M[:, :, 0] if single else M
@@ -468,14 +474,20 @@ def forward_dynamics(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """The accelerations that torques cause (articulated bodies); as for `inverse_dynamics`."""
+    """Return the accelerations that torques cause (articulated bodies).
+
+    As for `inverse_dynamics`.
+    """
     single, (q, v, tau) = batch(chain, q=q, v=v, tau=tau)
     a = kernels()[2](chain.table, q, v, tau, *_outside(wrench, gravity, q.shape[1]))
     return a[:, 0] if single else a
 
 
 def pack(chain: Chain, tau: ArrayLike = 0.0, gravity: ArrayLike = DOWNWARDS) -> Array:
-    """What `acceleration` reads: gravity (3,), constant torques, one or (n,), the chain's table."""
+    """Return what `acceleration` reads.
+
+    Gravity (3,), constant torques, one or (n,), the chain's table.
+    """
     torques = np.broadcast_to(vector("tau", tau, (), (chain.n,)), (chain.n,))
     down = vector("gravity", gravity, (3,), unit="m/s^2")
     return np.concatenate([down, torques, chain.table.ravel()])
@@ -484,7 +496,9 @@ def pack(chain: Chain, tau: ArrayLike = 0.0, gravity: ArrayLike = DOWNWARDS) -> 
 def energy(
     chain: Chain, q: ArrayLike, v: ArrayLike, *, gravity: ArrayLike = DOWNWARDS
 ) -> tuple[Any, Any, Any]:
-    """Kinetic energy, potential energy (0 at the world's origin) and their sum [J], each (N,)."""
+    """Return kinetic energy, potential energy (0 at the world's origin) and their sum [J], each
+    (N,).
+    """
     single, (q, v) = batch(chain, q=q, v=v)
     down = vector("gravity", gravity, (3,), unit="m/s^2")
     pose = frames(chain, q).reshape(7, -1)
@@ -497,7 +511,7 @@ def energy(
 
 
 def inertial_parameters(chain: Chain) -> Array:
-    """The ten numbers of each link one after the other, shape (10 n,) [kg, kg m, kg m^2].
+    """Return the ten numbers of each link one after the other, shape (10 n,) [kg, kg m, kg m^2].
 
     Mass, first moment and inertia (xx, xy, xz, yy, yz, zz) about the joint's origin, in its frame.
     """
@@ -507,7 +521,7 @@ def inertial_parameters(chain: Chain) -> Array:
 def regressor(
     chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, gravity: ArrayLike = DOWNWARDS
 ) -> Array:
-    """Y with torque = Y @ inertial_parameters(chain) + armature a + damping v.
+    """Return Y with torque = Y @ inertial_parameters(chain) + armature a + damping v.
 
     Newton-Euler is linear in the ten numbers, so the column of one of them is the torque of a chain
     that has a 1 there and zeros elsewhere: the chain's own do not enter. Shape (n, 10 n) or
@@ -535,7 +549,7 @@ def linearise(
     gravity: ArrayLike = DOWNWARDS,
     step: float = 6e-6,
 ) -> tuple[Array, Array]:
-    """A and B of the small motion about a state: d/dt (dq, dv) = A (dq, dv) + B dtau.
+    """Return a and B of the small motion about a state: d/dt (dq, dv) = A (dq, dv) + B dtau.
 
     Central differences of `forward_dynamics` at q, v, tau, shape (n,), all in one batch. The
     default step [rad, m, rad/s, ..., N m], the cube root of the rounding unit, leaves about 1e-10

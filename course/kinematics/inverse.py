@@ -57,7 +57,8 @@ _PATIENCE = 6  # steps of Levenberg-Marquardt that each win less than a tenth, u
 
 
 def pose_error(target: ArrayLike, pose: ArrayLike) -> Array:
-    """What is left to go from a pose to a target, (7,) or (7, N), in world axes, (6,) or (6, N).
+    """Return what is left to go from a pose to a target, (7,) or (7, N), in world axes, (6,) or (6,
+    N).
 
     Position [m] over the shortest turn as a rotation vector [rad].
     """
@@ -110,7 +111,7 @@ def decompose(J, A, U):
 
 @register_jitable
 def gain(s, method, damping):
-    """What a step makes of an error along a singular direction: its number in METHODS."""
+    """Return what a step makes of an error along a singular direction: its number in METHODS."""
     if method == _DAMPED:
         return s / (s * s + damping * damping)
     if method == _ADAPTIVE and s < damping:
@@ -336,7 +337,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
 
 @functools.cache
 def kernel() -> Any:
-    """The compiled loop."""
+    """Return the compiled loop."""
     starts = types.Array(numba.float64, 3, "C", readonly=True)
     whole, number = numba.int64, numba.float64
     return compiled(
@@ -398,7 +399,8 @@ class Samples:
         return np.column_stack([poses[:3].T, self._scale * poses[3:].T])
 
     def nearest(self, target: Array, k: int) -> Array:
-        """The k postures whose poses, or positions, are nearest to N targets, shape (N, k, n).
+        """Return the k postures whose poses, or positions, are nearest to N targets, shape (N, k,
+        n).
 
         In a table that is hardly larger than k a posture may come twice, as each rotation does.
         """
@@ -411,7 +413,9 @@ class Samples:
 
 
 def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
-    """Postures drawn uniformly within the limits, shape (size, n); one turn for a joint without.
+    """Return postures drawn uniformly within the limits, shape (size, n).
+
+    One turn for a joint without.
 
     Raises:
         ValueError: for a slide without limits.
@@ -427,7 +431,7 @@ def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _rank(chain: Chain, rows: int) -> int:
-    """Of the Jacobian where it is not singular: the largest of a few postures."""
+    """Return of the Jacobian where it is not singular: the largest of a few postures."""
     draws = np.random.default_rng(0).normal(size=(chain.n, 5))
     stack = jacobian(chain, draws)[:rows].transpose(2, 0, 1)
     return int(np.linalg.matrix_rank(stack, rtol=1e-9).max())
@@ -449,7 +453,7 @@ def ik(
     iterations: int = 100,
     rng: np.random.Generator | int = 0,
 ) -> IKResult:
-    """Joint positions that put the tip at a pose, within the limits.
+    """Return joint positions that put the tip at a pose, within the limits.
 
     Args:
         chain: the arm.
@@ -525,13 +529,15 @@ def ik(
 
 
 def elbow_height(chain: Chain, q: ArrayLike, joint: int = 3) -> tuple[float, Array]:
-    """Height of a joint's frame [m], and its gradient by the joints, shape (n,)."""
+    """Return height of a joint's frame [m], and its gradient by the joints, shape (n,)."""
     slope = jacobian(chain, vector("q", q, (chain.n,)), joint=joint)[2]
     return float(frames(chain, q)[2, joint]), slope
 
 
 def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
-    """Minus half the sum of squared distances from the middle, in half ranges; and its gradient.
+    """Return minus half the sum of squared distances from the middle, in half ranges.
+
+    And its gradient.
 
     Joints without limits, or without a range, do not count.
     """
@@ -546,7 +552,9 @@ def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
 def disc_distance(
     chain: Chain, q: ArrayLike, centre: ArrayLike, radius: float
 ) -> tuple[float, Array]:
-    """How far the arm, as lines from joint to joint to tip, keeps off a disc in the x-y plane [m].
+    """Return how far the arm.
+
+    As lines from joint to joint to tip, keeps off a disc in the x-y plane [m].
 
     Negative where a line cuts it. The gradient (n,) jumps where another line becomes the nearest.
     """
@@ -570,7 +578,7 @@ def disc_distance(
 def null_space_step(
     chain: Chain, q: ArrayLike, gradient: ArrayLike, length: float, *, rows: int = 6
 ) -> Array:
-    """A posture a step farther along a gradient, as far as the task's null space allows.
+    """Return a posture a step farther along a gradient, as far as the task's null space allows.
 
     The tip moves by c length^2, as the null space turns on the way; one step of `ik` from there
     takes it back.

@@ -36,37 +36,37 @@ ROW, ROWS = (types.Array(numba.float64, ndim, "C", readonly=True) for ndim in (1
 
 @register_jitable
 def cross3(a, b):
-    """a x b of two triples."""
+    """Return a x b of two triples."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @register_jitable
 def add3(a, b):
-    """a + b of two triples."""
+    """Return a + b of two triples."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @register_jitable
 def scaled(a, b, factor):
-    """a + factor b of two triples."""
+    """Return a + factor b of two triples."""
     return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
 @register_jitable
 def three(array, i, c):
-    """The three numbers of row i from column c on."""
+    """Return the three numbers of row i from column c on."""
     return array[i, c], array[i, c + 1], array[i, c + 2]
 
 
 @register_jitable
 def four(array, i, c):
-    """The four numbers of row i from column c on: of a pose, from 3 on, its quaternion."""
+    """Return the four numbers of row i from column c on: of a pose, from 3 on, its quaternion."""
     return array[i, c], array[i, c + 1], array[i, c + 2], array[i, c + 3]
 
 
 @register_jitable
 def product4(p, r):
-    """The product of two quaternions, as `quaternion.product`."""
+    """Return the product of two quaternions, as `quaternion.product`."""
     w, x, y, z = p
     a, b, c, d = r
     return (
@@ -79,7 +79,7 @@ def product4(p, r):
 
 @register_jitable
 def turned(quat, v):
-    """A triple turned by a unit quaternion, as `quaternion.rotate`."""
+    """Return a triple turned by a unit quaternion, as `quaternion.rotate`."""
     axis = quat[1], quat[2], quat[3]
     t = cross3(axis, v)
     return scaled(scaled(v, t, 2.0 * quat[0]), cross3(axis, t), 2.0)
@@ -90,14 +90,14 @@ def turned(quat, v):
 
 @register_jitable
 def axis_of(pose, i):
-    """The z axis of frame i in the world, a triple."""
+    """Return the z axis of frame i in the world, a triple."""
     w, x, y, z = four(pose, i, 3)
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 @register_jitable
 def point_of(pose, i, point):
-    """A point given in frame i, in the world, a triple."""
+    """Return a point given in frame i, in the world, a triple."""
     turn = turned(four(pose, i, 3), (point[0], point[1], point[2]))
     return add3(three(pose, i, 0), turn)
 
@@ -144,7 +144,7 @@ def columns(table, pose, frame, tip, J, k):
 
 
 def _poses(table, q):
-    """Poses of all joints and of the tool, (7, n + 1, N)."""
+    """Return poses of all joints and of the tool, (7, n + 1, N)."""
     n, batch = q.shape
     pose, result = np.empty((n + 1, 7)), np.empty((7, n + 1, batch))
     for k in range(batch):
@@ -156,7 +156,7 @@ def _poses(table, q):
 
 
 def _jacobian(table, q, frame, point):
-    """Jacobians of a point of a frame, (6, n, N)."""
+    """Return Jacobians of a point of a frame, (6, n, N)."""
     n, batch = q.shape
     pose, J = np.empty((n + 1, 7)), np.zeros((6, n, batch))
     for k in range(batch):
@@ -204,14 +204,14 @@ def _jacobian_rate(table, q, v, frame, point):
 
 @register_jitable
 def _velocity(pose, spin, speed, i, point):
-    """Of a point of the world that link i carries along, a triple."""
+    """Return of a point of the world that link i carries along, a triple."""
     arm = scaled(point, three(pose, i, 0), -1.0)
     return add3(three(speed, i, 0), cross3(three(spin, i, 0), arm))
 
 
 @functools.cache
 def kernels() -> tuple[Any, Any, Any]:
-    """The compiled functions: poses, Jacobian, its rate."""
+    """Return the compiled functions: poses, Jacobian, its rate."""
     return (
         compiled(_poses, CUBE(ROWS, ROWS)),
         compiled(_jacobian, CUBE(ROWS, ROWS, numba.int64, ROW)),
@@ -223,7 +223,7 @@ def kernels() -> tuple[Any, Any, Any]:
 
 
 def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
-    """Whether the states of an arm are single, and all of them as checked batches (n, N).
+    """Return whether the states of an arm are single, and all of them as checked batches (n, N).
 
     The states come by name, each of shape (n,) or (n, N), all of one shape.
     """
@@ -249,7 +249,7 @@ def _spot(chain: Chain, point: ArrayLike | None, joint: int | None) -> tuple[int
 
 
 def frames(chain: Chain, q: ArrayLike) -> Array:
-    """World poses of the joints' frames, which are those of the links, (7, n) or (7, n, N).
+    """Return world poses of the joints' frames, which are those of the links, (7, n) or (7, n, N).
 
     Raises:
         ValueError: for a q of another shape than (n,) or (n, N) [rad or m], or that is not finite.
@@ -260,7 +260,7 @@ def frames(chain: Chain, q: ArrayLike) -> Array:
 
 
 def tip(chain: Chain, q: ArrayLike) -> Array:
-    """World pose of the tool, shape (7,) or (7, N); arguments and errors as for `frames`."""
+    """Return world pose of the tool, shape (7,) or (7, N); arguments and errors as for `frames`."""
     single, (q,) = batch(chain, q=q)
     result = kernels()[0](chain.table, q)[:, -1]
     return result[:, 0] if single else result
@@ -269,7 +269,7 @@ def tip(chain: Chain, q: ArrayLike) -> Array:
 def jacobian(
     chain: Chain, q: ArrayLike, point: ArrayLike | None = None, *, joint: int | None = None
 ) -> Array:
-    """The geometric Jacobian, (6, n) or (6, n, N): the twist of a point is J v.
+    """Return the geometric Jacobian, (6, n) or (6, n, N): the twist of a point is J v.
 
     Args:
         chain, q: the arm and its joint positions, shape (n,) or (n, N) [rad or m].
@@ -292,14 +292,15 @@ def jacobian_rate(
     *,
     joint: int | None = None,
 ) -> Array:
-    """dJ/dt at rates v, as for `jacobian`: the point's acceleration is J a + (dJ/dt) v."""
+    """Return dJ/dt at rates v, as for `jacobian`: the point's acceleration is J a + (dJ/dt) v."""
     single, (q, v) = batch(chain, q=q, v=v)
     result = kernels()[2](chain.table, q, v, *_spot(chain, point, joint))
     return result[:, :, 0] if single else result
 
 
 def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
-    """Rates of the tip's position and of its yaw, pitch and roll (z, y, x), (6, n) or (6, n, N).
+    """Return rates of the tip's position and of its yaw, pitch and roll (z, y, x), (6, n) or (6, n,
+    N).
 
     At a pitch of +-90 degrees they grow without bound: the angles lock there, not the arm.
     """
@@ -318,13 +319,15 @@ def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
 
 
 def singular_values(J: ArrayLike) -> Array:
-    """Of a matrix (m, n) or a batch (m, n, N), the largest first, shape (min(m, n),) or with N."""
+    """Return of a matrix (m, n) or a batch (m, n, N), the largest first, shape (min(m, n),) or with
+    N.
+    """
     J = vector("J", J, (None, None), (None, None, None))
     return np.asarray(np.linalg.svd(J.T, compute_uv=False).T)
 
 
 def manipulability(J: ArrayLike) -> Any:
-    """The product of the singular values (Yoshikawa, 1985): 0 at a singularity.
+    """Return the product of the singular values (Yoshikawa, 1985): 0 at a singularity.
 
     J has the rows of the task, (m, n) or (m, n, N): J[:2] for a planar arm. It is
     sqrt(det(J J^T)) for m <= n, and sqrt(det(J^T J)) for more rows than joints.
@@ -333,7 +336,9 @@ def manipulability(J: ArrayLike) -> Any:
 
 
 def condition_number(J: ArrayLike, length: float) -> Any:
-    """Largest over smallest singular value of a whole Jacobian, (6, n) or (6, n, N); may be inf.
+    """Return largest over smallest singular value of a whole Jacobian, (6, n) or (6, n, N).
+
+    May be inf.
 
     Metres and radians have no common scale: without the length [m] by which the rows of velocity
     are divided it has no meaning. In millimetres (0.001) the same arm has another one.
@@ -346,7 +351,7 @@ def condition_number(J: ArrayLike, length: float) -> Any:
 
 
 def null_space(J: ArrayLike) -> Array:
-    """The projector I - J^+ J onto the joint rates that leave the task still.
+    """Return the projector I - J^+ J onto the joint rates that leave the task still.
 
     Singular values below 1e-10 of the largest count as zero: at a singularity the null space has
     grown by the direction that the tip has lost. From the task's rows, (m, n) or (m, n, N), comes
@@ -362,7 +367,7 @@ def null_space(J: ArrayLike) -> Array:
 
 
 def within(chain: Chain, q: ArrayLike) -> Any:
-    """Whether a posture keeps the limits, a bool or shape (N,)."""
+    """Return whether a posture keeps the limits, a bool or shape (N,)."""
     single, (q,) = batch(chain, q=q)
     low, high = chain.table[:-1, LOWER, None], chain.table[:-1, UPPER, None]
     result = np.all((low <= q) & (q <= high), axis=0)

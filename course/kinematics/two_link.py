@@ -69,8 +69,10 @@ class TwoLink:
 
     @property
     def parameters(self) -> Array:
-        """What the equations are linear in: a, b, d, c1, c2 [kg m^2, N m s/rad], shape (5,); in an
-        upright plane w1 and w2 [kg m] follow, shape (7,)."""
+        """What the equations are linear in: a, b, d, c1, c2 [kg m^2, N m s/rad], shape (5,).
+
+        In an upright plane w1 and w2 [kg m] follow, shape (7,).
+        """
         (m1, m2), (l1, l2), (i1, i2), p = self.masses, self.lengths, self.inertias, self.payload
         d = i2 + 0.25 * m2 * l2**2 + p * l2**2
         a = i1 + 0.25 * m1 * l1**2 + m2 * l1**2 + p * l1**2 + d
@@ -79,14 +81,17 @@ class TwoLink:
         return np.array(row + upright)
 
     def column(self) -> Array:
-        """What `acceleration` reads, shape (13, 1): a, b, d, c1, c2, l1, l2, limits, then the
-        weights g w1 and g w2, and at the end the two torques, which are 0 here."""
+        """Return what `acceleration` reads, shape (13, 1).
+
+        A, b, d, c1, c2, l1, l2, limits, then the weights g w1 and g w2, and at the end the two
+        torques, which are 0 here.
+        """
         weights = self.gravity * self.parameters[5:] if self.gravity else np.zeros(2)
         numbers = (*self.parameters[:5], *self.lengths, *self.torques, *weights, 0.0, 0.0)
         return np.array(numbers)[:, None]
 
     def chain(self) -> Chain:
-        """The same arm as a `Chain`; hand `gravity=(0, -g, 0)` to its dynamics."""
+        """Return the same arm as a `Chain`; hand `gravity=(0, -g, 0)` to its dynamics."""
         (m1, m2), (l1, l2), (i1, i2), p = self.masses, self.lengths, self.inertias, self.payload
         whole = m2 + p
         middle = (0.5 * m2 + p) * l2 / whole
@@ -105,7 +110,8 @@ class TwoLink:
     def regressor(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, reference: ArrayLike | None = None
     ) -> Array:
-        """Y with torque = Y @ parameters, shape (2, 5) or (2, 5, N), 7 for 5 in an upright plane.
+        """Return Y with torque = Y @ parameters, shape (2, 5) or (2, 5, N), 7 for 5 in an upright
+        plane.
 
         The arm's masses do not enter, so it may be asked of one whose masses nobody knows. With a
         reference velocity w it is that of M a + C(q, v) w + D w + G, where M' - 2 C is
@@ -134,15 +140,15 @@ class TwoLink:
         return result
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Torques of a motion [N m], shape (2,) or (2, N); arguments as for `regressor`."""
+        """Return torques of a motion [N m], shape (2,) or (2, N); arguments as for `regressor`."""
         return np.asarray(np.einsum("ip...,p->i...", self.regressor(q, v, a), self.parameters))
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
-        """Torques of that motion without acceleration: M a + bias = torque; shape of q."""
+        """Return torques of that motion without acceleration: M a + bias = torque; shape of q."""
         return self.inverse_dynamics(q, v, np.zeros(np.shape(q)))
 
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """M, shape (2, 2) or (2, 2, N) [kg m^2]."""
+        """Return M, shape (2, 2) or (2, 2, N) [kg m^2]."""
         a, b, d = self.parameters[:3]
         c = np.cos(_pair("q", q, q)[1])
         return np.array([[a + 2.0 * b * c, d + b * c], [d + b * c, d + 0.0 * c]])
@@ -157,7 +163,7 @@ def _pair(name: str, value: ArrayLike, like: ArrayLike) -> Array:
 
 @register_jitable
 def accelerations(q1, q2, v1, v2, arm, i):
-    """Joint accelerations (a1, a2) of column i of `arm`, see `acceleration`."""
+    """Return joint accelerations (a1, a2) of column i of `arm`, see `acceleration`."""
     a, b, d = arm[0, i], arm[1, i], arm[2, i]
     c, s = np.cos(q2), np.sin(q2)
     f1 = arm[11, i] - arm[3, i] * v1 + b * s * v2 * (2.0 * v1 + v2)
@@ -174,7 +180,7 @@ def accelerations(q1, q2, v1, v2, arm, i):
 
 @register_jitable
 def acceleration(q, v, arm):
-    """Joint accelerations of N arms, shape (2, N) [rad/s^2]; to be called by compiled loops.
+    """Return joint accelerations of N arms, shape (2, N) [rad/s^2]; to be called by compiled loops.
 
     q and v, (2, N), are angles [rad] and rates, `arm` (13, N) columns of `TwoLink.column`.
     """
@@ -186,8 +192,10 @@ def acceleration(q, v, arm):
 
 @register_jitable
 def branches(l1, l2, x, y):
-    """Angles that put the tip at (x, y), or as near as it comes: q1 with the elbow to either side,
-    the bend (q2, and -q2 for the other side), and how far the target is from the base [m, rad].
+    """Return angles that put the tip at (x, y), or as near as it comes.
+
+    q1 with the elbow to either side, the bend (q2, and -q2 for the other side), and how far the
+    target is from the base [m, rad].
 
     tan^2(q2 / 2) = (far - r)(far + r) / ((r - near)(r + near)) at the distance r.
     """
@@ -216,7 +224,7 @@ class TwoLinkIK(NamedTuple):
 
 
 def two_link_ik(lengths: ArrayLike, target: ArrayLike) -> TwoLinkIK:
-    """Joint angles that put the tip of two links at a point: both branches.
+    """Return joint angles that put the tip of two links at a point: both branches.
 
     By the tangent of half q2, as the usual arccosine loses half the digits near both edges of the
     annulus. At the centre of an arm with equal links q1 is that of a target at angle 0.

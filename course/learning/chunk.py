@@ -37,7 +37,7 @@ class Coded(Policy):
     zero: bool = False
 
     def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
-        """Actions for states (N, d), shape (N, *shape)."""
+        """Return actions for states (N, d), shape (N, *shape)."""
         rows = self.inputs(states)
         code = rng.standard_normal((len(rows), self.latent)) * (not self.zero)
         return self.done.undo(self.draw(rows, code)).reshape(len(rows), *self.shape)
@@ -54,7 +54,7 @@ def chunk_policy(
     zero: bool = False,
     **how: Any,
 ) -> Coded:
-    """A conditional variational autoencoder of actions (Sohn, Lee and Yan, 2015).
+    """Return a conditional variational autoencoder of actions (Sohn, Lee and Yan, 2015).
 
     An encoder sees state and action and says mean and deviation of the code, a decoder sees state
     and code. The loss is the decoder's squared error plus `beta` times the divergence of the codes
@@ -134,7 +134,7 @@ class Commit(Executor):
         count("executed", self.executed, 1)
 
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
-        """Actions (N, a) for states (N, d)."""
+        """Return actions (N, a) for states (N, d)."""
         k = self.step % self.executed
         if k == 0:
             self.made.clear()
@@ -159,7 +159,7 @@ class Ensemble(Executor):
         finite("decay", self.decay)
 
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
-        """Actions (N, a) for states (N, d)."""
+        """Return actions (N, a) for states (N, d)."""
         self.plan(states, rng, 1)
         if len(self.made) > self.made[0].shape[1]:
             self.made.popleft()
@@ -183,7 +183,7 @@ class Delayed(Executor):
         count("delay", self.delay)
 
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
-        """Actions (N, a) for states (N, d)."""
+        """Return actions (N, a) for states (N, d)."""
         self.plan(states, rng, self.delay + 1)
         if len(self.made) > self.delay + 1:
             self.made.popleft()

@@ -45,13 +45,13 @@ class Policy:
     seconds: float = 0.0
 
     def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
-        """Actions for states (N, d), shape (N, *shape)."""
+        """Return actions for states (N, d), shape (N, *shape)."""
         drawn = self.draw(self.inputs(states), rng)
         return self.done.undo(drawn).reshape(len(drawn), *self.shape)
 
 
 def prepared(states: ArrayLike, actions: ArrayLike) -> tuple[Policy, Array, Array]:
-    """A policy that can't draw yet, and its data normalised: (n, d) and flattened (n, ...).
+    """Return a policy that can't draw yet, and its data normalised: (n, d) and flattened (n, ...).
 
     Raises:
         ValueError: for fewer than two rows, rows that disagree, no finite number, or a column
@@ -73,7 +73,7 @@ def prepared(states: ArrayLike, actions: ArrayLike) -> tuple[Policy, Array, Arra
 
 
 def fitted(policy: Policy, net: Any, loss: Callable[[Any], Any], rows: int, **how: Any) -> Policy:
-    """The policy once its network is fitted (`fit` has the other arguments).
+    """Return the policy once its network is fitted (`fit` has the other arguments).
 
     Raises:
         Diverged: its `kept` is the policy with the last good weights.
@@ -90,7 +90,7 @@ def fitted(policy: Policy, net: Any, loss: Callable[[Any], Any], rows: int, **ho
 
 
 def normals(seed: int) -> Callable[..., Any]:
-    """Standard normal numbers as tensors of a shape, from a generator of their own."""
+    """Return standard normal numbers as tensors of a shape, from a generator of their own."""
     torch = pytorch()
     random = torch.Generator().manual_seed(seed)
     return partial(torch.randn, generator=random)
@@ -109,7 +109,7 @@ def clone(
     width: int = 64,
     **how: Any,
 ) -> Policy:
-    """Behaviour cloning with one of three heads.
+    """Return behaviour cloning with one of three heads.
 
     "mean" is fitted by squared error. "gaussian" draws from a normal distribution whose mean and
     deviations depend on the state, "mixture" from several with weights (Bishop, Mixture density
@@ -131,7 +131,7 @@ def clone(
     inputs, desired = tensor(x), tensor(y)
 
     def parts(out: Any) -> tuple[Any, Any, Any]:
-        """Logarithms of weights (n, m), means and deviations (n, m, size)."""
+        """Return logarithms of weights (n, m), means and deviations (n, m, size)."""
         means, raw = out[:, modes:].reshape(-1, modes, 2, size).unbind(2)
         deviations = torch.nn.functional.softplus(raw) + LEAST
         return torch.log_softmax(out[:, :modes], 1), means, deviations
@@ -161,7 +161,10 @@ def clone(
 
 
 def nearest(states: ArrayLike, actions: ArrayLike) -> Policy:
-    """What was done in the nearest state of the data, of several the first: nothing is fitted."""
+    """Return what was done in the nearest state of the data, of several the first.
+
+    Nothing is fitted.
+    """
     policy, x, y = prepared(states, actions)
 
     def draw(rows: Array, rng: np.random.Generator) -> Array:
@@ -184,12 +187,15 @@ class Linear:
     rank: int
 
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
-        """Actions (N, a) for states (N, d)."""
+        """Return actions (N, a) for states (N, d)."""
         return -np.asarray(states) @ self.gain.T
 
 
 def linear(states: ArrayLike, actions: ArrayLike) -> Linear:
-    """The least squares law of (n, d) and (n, a); the shortest where the data leave gains open."""
+    """Return the least squares law of (n, d) and (n, a).
+
+    The shortest where the data leave gains open.
+    """
     x = vector("states", states, (None, None))
     y = vector("actions", actions, (len(x), None))
     if len(x) < 2:
@@ -224,7 +230,8 @@ def dagger(
     injected: float = 0.0,
     label_noise: float = 0.0,
 ) -> Iterator[Round]:
-    """Dataset aggregation (Ross, Gordon and Bagnell, A reduction of imitation learning, 2011).
+    """Yield dataset aggregation (Ross, Gordon and Bagnell, A reduction of imitation learning,
+    2011).
 
     In the first round the expert drives, which is plain cloning. After that the learner drives, the
     expert says what it would have done there, and all data so far are learned anew (their beta is

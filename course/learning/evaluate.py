@@ -36,7 +36,7 @@ class Episodes(NamedTuple):
 def evaluate(
     policy: Callable[[Any], Any], envs: Any, starts: int | list[int] = 0, *, discount: float = 0.99
 ) -> Episodes:
-    """One episode in each environment.
+    """Return one episode in each environment.
 
     Args:
         policy: observations (n, d) -> actions (n, a). It is not trained, nor are its statistics.
@@ -66,7 +66,7 @@ def first_finished(
     *,
     discount: float = 0.99,
 ) -> Episodes:
-    """The trap: the first so many episodes to finish in environments that reset themselves.
+    """Return the trap: the first so many episodes to finish in environments that reset themselves.
 
     Arguments as for `evaluate`; `episodes` is how many.
     """
@@ -80,7 +80,10 @@ def first_finished(
 
 
 def _finished(policy: Any, envs: Any, starts: Any, discount: float) -> Any:
-    """Every episode as it finishes: step, environment, return, steps, success; without end."""
+    """Yield every episode as it finishes: step, environment, return, steps, success.
+
+    Without end.
+    """
     n, step = envs.num_envs, 0
     gamma = finite("discount", discount, 0.0, 1.0)
     mode = envs.metadata["autoreset_mode"].value
@@ -116,7 +119,7 @@ class Band(NamedTuple):
 
 
 def band(scores: ArrayLike, seed: int = 0, *, draws: int = 2_000, share: float = 0.95) -> Band:
-    """What scores of several seeds say of the method: interquartile mean, bootstrapped.
+    """Return what scores of several seeds say of the method: interquartile mean, bootstrapped.
 
     A quarter of the seeds is left out at each end, so that one lucky or stuck seed decides
     nothing (Agarwal et al., Deep reinforcement learning at the edge of the statistical precipice,
@@ -133,7 +136,7 @@ def band(scores: ArrayLike, seed: int = 0, *, draws: int = 2_000, share: float =
         raise invalid("scores.shape", rows.shape, "(seeds, ...), three seeds or more")
 
     def middle(table: Array) -> Array:
-        """Mean of the middle half along the second axis, its ends counted in part."""
+        """Return mean of the middle half along the second axis, its ends counted in part."""
         n = table.shape[1]
         weight = np.clip(np.arange(1, n + 1) - 0.25 * n, 0.0, 1.0)
         weight = np.minimum(weight, weight[::-1])

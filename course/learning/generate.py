@@ -58,7 +58,9 @@ def integrate(field: Field, noise: ArrayLike, steps: int, solver: str = "heun") 
 
 
 def mix(time: ArrayLike) -> tuple[Any, Any]:
-    """a and s of the diffusion, a^2 + s^2 = 1 (after the cosine of Nichol and Dhariwal, 2021)."""
+    """Return a and s of the diffusion, a^2 + s^2 = 1 (after the cosine of Nichol and Dhariwal,
+    2021).
+    """
     angle = 0.5 * np.pi * np.asarray(time, dtype=float)
     return np.sin(angle), np.cos(angle)
 
@@ -111,13 +113,16 @@ class Mixture:
             raise invalid("sum of weights", self.weights.sum(), "1")
 
     def draw(self, number: int, rng: np.random.Generator) -> Array:
-        """Samples, shape (number, d)."""
+        """Return samples, shape (number, d)."""
         part = rng.choice(len(self.weights), number, p=self.weights)
         spread = self.deviations[part, None] * rng.standard_normal((number, self.means.shape[1]))
         return self.means[part] + spread
 
     def expect(self, x: Array, a: float, s: float) -> tuple[Array, Array]:
-        """Means of clean and noise given x = a clean + s noise, both (n, d) as x; not a = s = 0."""
+        """Return means of clean and noise given x = a clean + s noise, both (n, d) as x.
+
+        Not a = s = 0.
+        """
         width = (a * self.deviations) ** 2 + s**2  # variance of x in each part
         deviation = x[:, None] - a * self.means
         report = np.log(self.weights + 1e-300) - 0.5 * (
@@ -130,12 +135,12 @@ class Mixture:
         return clean, np.sum(part * deviation * (s / width)[:, None], axis=1)
 
     def velocity(self, x: Array, time: float) -> Array:
-        """The exact field of flow matching on the straight way, a = t, s = 1 - t."""
+        """Return the exact field of flow matching on the straight way, a = t, s = 1 - t."""
         clean, noise = self.expect(x, time, 1.0 - time)
         return clean - noise
 
     def clean(self, x: Array, time: float) -> Array:
-        """The exact mean of the clean sample for `denoise`."""
+        """Return the exact mean of the clean sample for `denoise`."""
         a, s = mix(time)
         return self.expect(x, float(a), float(s))[0]
 
@@ -156,7 +161,7 @@ class Drawn(Policy):
     steps: int = 10
 
     def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
-        """Actions for states (N, d), shape (N, *shape)."""
+        """Return actions for states (N, d), shape (N, *shape)."""
         rows = self.inputs(states)
         field = partial(self.draw, rows)
         noise = rng.standard_normal((len(rows), math.prod(self.shape)))
@@ -183,7 +188,7 @@ def _generative(
     inputs, desired, randn = tensor(x), tensor(y), normals(seed)
 
     def mean(sample: Any, time: Any, rows: Any) -> Any:
-        """The answer for normal data, which is known, and what the network adds to it."""
+        """Return the answer for normal data, which is known, and what the network adds to it."""
         turn = 2.0 * math.pi * time
         clock = (time, turn.sin(), turn.cos(), (2.0 * turn).sin(), (2.0 * turn).cos())
         skip = (2.0 * time - 1.0) / ((1.0 - time) ** 2 + time**2) if flow else 0.0
@@ -220,7 +225,7 @@ def flow_policy(
     sampled: int = 10,
     **how: Any,
 ) -> Drawn:
-    """Flow matching on straight ways (Lipman et al., 2023; Liu, Gong and Liu, 2023).
+    """Return flow matching on straight ways (Lipman et al., 2023; Liu, Gong and Liu, 2023).
 
     The network is fitted by squared error to clean - noise at an even time between both. It adds to
     the field of a normal distribution, so that what is only noise needs not be learned.
@@ -244,7 +249,7 @@ def diffusion_policy(
     sampled: int = 10,
     **how: Any,
 ) -> Drawn:
-    """Denoising diffusion of actions (Chi et al., Diffusion policy, 2023).
+    """Return denoising diffusion of actions (Chi et al., Diffusion policy, 2023).
 
     The network is fitted by squared error to s clean - a noise (Salimans and Ho, 2022), from which
     clean = a sample + s network. What is off in it counts s times, nothing at the end; fitted to

@@ -33,7 +33,7 @@ class Diverged(ArithmeticError):
 
 
 def pytorch() -> Any:
-    """The module torch.
+    """Return the module torch.
 
     Raises:
         ImportError: without it, with what to install.
@@ -59,7 +59,7 @@ def one_thread() -> Iterator[None]:
 
 @functools.cache
 def _tanh() -> Any:
-    """The hyperbolic tangent as a module, by NumPy: PyTorch's takes ten times as long."""
+    """Return the hyperbolic tangent as a module, by NumPy: PyTorch's takes ten times as long."""
     pytorch()
     import torch
 
@@ -82,7 +82,7 @@ def _tanh() -> Any:
 
 
 def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: float = 1.0) -> Any:
-    """A multilayer perceptron.
+    """Return a multilayer perceptron.
 
     Weights start orthogonal, offsets at 0 (Saxe, McClelland and Ganguli, Exact solutions to the
     nonlinear dynamics of learning in deep linear neural networks, 2014), so that no layer shrinks
@@ -116,7 +116,9 @@ def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: 
 
 
 def flatten(*parts: Any) -> Any:
-    """All weights of modules and parameters as one vector, which they are views of from now on.
+    """Return all weights of modules and parameters as one vector.
+
+    Which they are views of from now on.
 
     Args:
         parts: modules, or parameters of no module.
@@ -149,13 +151,13 @@ def length(gradient: NDArray[np.float32]) -> float:
 
 
 def weights(net: Any) -> NDArray[np.float32]:
-    """The weights of a network as one vector (n,), a copy, to keep or to store."""
+    """Return the weights of a network as one vector (n,), a copy, to keep or to store."""
     vector_of = pytorch().nn.utils.parameters_to_vector
     return vector_of([p.detach() for p in net.parameters()]).numpy().copy()
 
 
 def load(net: Any, values: ArrayLike) -> Any:
-    """The network with these weights, (n,) as `weights` gives them."""
+    """Return the network with these weights, (n,) as `weights` gives them."""
     torch = pytorch()
     size = sum(p.numel() for p in net.parameters())
     remaining = torch.from_numpy(vector("values", values, (size,)).astype(np.float32))
@@ -167,12 +169,12 @@ def load(net: Any, values: ArrayLike) -> Any:
 
 
 def tensor(values: ArrayLike) -> Any:
-    """An array as a float32 tensor of its own."""
+    """Return an array as a float32 tensor of its own."""
     return pytorch().tensor(np.asarray(values), dtype=pytorch().float32)
 
 
 def predict(net: Any, rows: ArrayLike) -> Array:
-    """What a network says of rows (n, d): (n, ...), as NumPy's numbers."""
+    """Return what a network says of rows (n, d): (n, ...), as NumPy's numbers."""
     torch = pytorch()
     with torch.inference_mode(), one_thread():
         return np.asarray(net(tensor(rows)).numpy(), dtype=float)
@@ -250,7 +252,7 @@ class Normaliser:
 
     @classmethod
     def of(cls, values: ArrayLike) -> Normaliser:
-        """One that knows the rows (n, d) of a data set, and cuts nothing.
+        """Return one that knows the rows (n, d) of a data set, and cuts nothing.
 
         Raises:
             ValueError: for a column without variance, which says nothing and would be divided by 0.
@@ -264,7 +266,7 @@ class Normaliser:
 
     @classmethod
     def blank(cls, columns: int) -> Normaliser:
-        """One that has seen nothing: it hands on what it gets."""
+        """Return one that has seen nothing: it hands on what it gets."""
         return cls(np.zeros(count("columns", columns, 1)), np.ones(columns))
 
     def check(self, name: str) -> None:
@@ -287,10 +289,10 @@ class Normaliser:
         self.rows = total
 
     def __call__(self, values: ArrayLike) -> Array:
-        """Rows (..., d) normalised."""
+        """Return rows (..., d) normalised."""
         scaled = (np.asarray(values, dtype=float) - self.mean) / np.sqrt(self.variance + 1e-8)
         return np.clip(scaled, -self.limit, self.limit) if self.limit < math.inf else scaled
 
     def undo(self, values: ArrayLike) -> Array:
-        """Normalised rows as they were."""
+        """Return normalised rows as they were."""
         return np.asarray(values, dtype=float) * np.sqrt(self.variance + 1e-8) + self.mean

@@ -112,7 +112,8 @@ def gae(
     discount: float = 0.99,
     trace: float = 0.95,
 ) -> Array:
-    """Generalised advantages (Schulman et al., High-dimensional continuous control, 2016, eq. 16).
+    """Return generalised advantages (Schulman et al., High-dimensional continuous control, 2016,
+    eq. 16).
 
     The discounted sum of the errors of the critic, as far as the episode goes.
 
@@ -152,7 +153,7 @@ def gae(
 
 
 def objective(ratio: Array, advantage: Array, clip: float = 0.2) -> tuple[Array, Array]:
-    """The clipped objective of each action (eq. 7), to be made large, and its slope.
+    """Return the clipped objective of each action (eq. 7), to be made large, and its slope.
 
     The smaller of ratio * advantage and the same with the ratio kept near 1: what has become
     likelier is not rewarded further, what was a mistake to make unlikely is corrected.
@@ -181,7 +182,7 @@ class ActorCritic:
     """
 
     def __init__(self, inputs: int, actions: int, seed: int, settings: Settings, n: int) -> None:
-        """Networks for so many inputs and actions; `n` environments."""
+        """Create networks for so many inputs and actions; `n` environments."""
         torch, hidden = pytorch(), settings.hidden
         self.actor = network((inputs, *hidden, actions), seed, last=0.01)
         self.critic = network((inputs, *hidden, 1), seed + 1)
@@ -191,20 +192,23 @@ class ActorCritic:
         self.flat = flatten(self.actor, self.critic, self.log_std)
 
     def to_rows(self, observations: Array) -> Any:
-        """Observations (..., n, d) as the networks take them, a float32 tensor (rows, d)."""
+        """Return observations (..., n, d) as the networks take them, a float32 tensor (rows, d)."""
         d = observations.shape[-1]
         scaled = self.normaliser(observations.reshape(-1, self.normaliser.mean.size))
         return pytorch().from_numpy(scaled.reshape(-1, d).astype(np.float32))
 
     def __call__(self, observations: Array, *, scaled: bool = False) -> NDArray[np.float32]:
-        """The most likely actions, (n, a); `scaled` where the observations are so already."""
+        """Return the most likely actions, (n, a).
+
+        `scaled` where the observations are so already.
+        """
         torch = pytorch()
         with torch.inference_mode():
             rows = torch.from_numpy(observations) if scaled else self.to_rows(observations)
             return self.actor(rows).numpy()
 
     def copy(self) -> ActorCritic:
-        """One that no further iteration changes."""
+        """Return one that no further iteration changes."""
         twin = copy.copy(self)
         twin.actor, twin.critic, twin.log_std = copy.deepcopy(
             (self.actor, self.critic, self.log_std)
@@ -271,7 +275,7 @@ class Runner:
         self.worth, self.scale = np.zeros(n), Normaliser.blank(1 if settings.shared else n)
 
     def collect(self, policy: ActorCritic) -> Batch:
-        """Act for `horizon` steps."""
+        """Return act for `horizon` steps."""
         T, n, space = self.settings.horizon, self.envs.num_envs, self.envs.single_action_space
         noise = self.rng.normal(size=(T, n, *space.shape))
         batch = Batch(
@@ -315,7 +319,7 @@ class Runner:
         return batch
 
     def scaled(self, batch: Batch) -> Array:
-        """The rewards in units of the deviation of what they come to, (T, N)."""
+        """Return the rewards in units of the deviation of what they come to, (T, N)."""
         if not self.settings.scale_rewards:
             return batch.rewards
         sums = np.empty_like(batch.rewards)
@@ -347,7 +351,7 @@ class Table(NamedTuple):
 
 
 def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings) -> Table:
-    """The rows of a batch with their advantages; the critic judges all of them at once."""
+    """Return the rows of a batch with their advantages; the critic judges all of them at once."""
     T, n = rewards.shape
     with pytorch().inference_mode():
         observed = policy.to_rows(batch.observations)
@@ -375,12 +379,12 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
 
 
 def log_density(noise: Array, log_std: Array) -> Array:
-    """Of actions so many standard deviations off (..., a), but for a constant, (..., 1)."""
+    """Return of actions so many standard deviations off (..., a), but for a constant, (..., 1)."""
     return -0.5 * (noise * noise).sum(axis=-1, keepdims=True) - log_std.sum()
 
 
 def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
-    """The loss of a minibatch; its gradient is in `policy.flat.grad`.
+    """Return the loss of a minibatch; its gradient is in `policy.flat.grad`.
 
     By hand as far as the networks' outputs, where some numbers an action are left of it; from there
     on PyTorch's.
@@ -410,7 +414,7 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
 def improve(
     policy: ActorCritic, table: Table, optimiser: Any, rng: np.random.Generator, settings: Settings
 ) -> tuple[float, float]:
-    """The epochs; divergence of the policy and share clipped. Raises `Diverged`."""
+    """Return the epochs; divergence of the policy and share clipped. Raises `Diverged`."""
     torch, gradient = pytorch(), policy.flat.grad.numpy()
     good, before = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()
     noise_free = policy(table.observations, scaled=True)

@@ -28,7 +28,7 @@ HEADS: dict[str, Callable[..., Policy]] = {
 
 
 def remake(name: str, **how: int) -> Policy:
-    """A policy of chunks of 8 steps, fitted anew in a few seconds.
+    """Return a policy of chunks of 8 steps, fitted anew in a few seconds.
 
     Args:
         name: of `HEADS`.
@@ -39,7 +39,7 @@ def remake(name: str, **how: int) -> Policy:
 
 
 def recorded(name: str) -> Policy:
-    """The same with its weights on record: built by one step of the fit, then loaded."""
+    """Return the same with its weights on record: built by one step of the fit, then loaded."""
     policy = remake(name, steps=1)
     with np.load(RECORD) as stored:
         load(policy.net, stored[name])

@@ -23,7 +23,7 @@ class Task(Protocol):
     """What `roll` needs."""
 
     def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """States (N, d) and actions (N, a) -> states (N, d) one step later."""
+        """Return states (N, d) and actions (N, a) -> states (N, d) one step later."""
 
 
 class Runs(NamedTuple):
@@ -39,7 +39,7 @@ class Runs(NamedTuple):
 
 
 def runs(states: Sequence[ArrayLike], actions: Sequence[ArrayLike]) -> Runs:
-    """Demonstrations out of two lists, a run each.
+    """Return demonstrations out of two lists, a run each.
 
     Raises:
         ValueError: for fewer than two (one shows no spread), unequal length, or no finite number.
@@ -57,7 +57,7 @@ def runs(states: Sequence[ArrayLike], actions: Sequence[ArrayLike]) -> Runs:
 
 
 def windows(shown: Runs, length: int) -> tuple[Array, Array]:
-    """What is seen at each step, and the chunk of actions that follows.
+    """Return what is seen at each step, and the chunk of actions that follows.
 
     Where a run ends within a chunk, it goes on with zeros: an action is a displacement, so it
     stands still. A chunk is at most as long as a demonstration.
@@ -134,11 +134,11 @@ class TwoWays:
     reach: float = 0.15
 
     def starts(self, number: int, rng: np.random.Generator) -> Array:
-        """Places about (0, 0), shape (number, 2) [m]."""
+        """Return places about (0, 0), shape (number, 2) [m]."""
         return 0.02 * rng.standard_normal((count("number", number, 1), 2))
 
     def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """The places a step later [m]."""
+        """Return the places a step later [m]."""
         disturbed = self.noise * rng.standard_normal(states.shape) if self.noise else 0.0
         return states + actions + disturbed
 
@@ -151,7 +151,7 @@ class TwoWays:
         pause: int = 0,
         injected: float = 0.0,
     ) -> Runs:
-        """People who pass left or right, and may stop for a look a quarter of the way.
+        """Return people who pass left or right, and may stop for a look a quarter of the way.
 
         Args:
             left: chance that one passes left, at positive y.
@@ -179,7 +179,8 @@ class TwoWays:
         return Runs(pushed, distance[:, 1:] - pushed[:, :-1])
 
     def sides(self, states: ArrayLike) -> NDArray[np.int64]:
-        """+1 for each run (N, T + 1, 2) that passed left, -1 right, 0 if it hit or did not arrive.
+        """Return +1 for each run (N, T + 1, 2) that passed left, -1 right, 0 if it hit or did not
+        arrive.
 
         A way is the line through its points.
         """
@@ -201,7 +202,7 @@ class TwoWays:
 def context_costs(
     wrong: ArrayLike, steps: int, number: int, rng: np.random.Generator, *, recovers: bool
 ) -> Array:
-    """Steps that a copied table spends wrong in each of some episodes.
+    """Return steps that a copied table spends wrong in each of some episodes.
 
     Every step shows one of K contexts, drawn evenly. Without recovery the first wrong action is a
     fall: no demonstration shows what to do then, all later steps are wrong too.
@@ -221,7 +222,7 @@ def context_costs(
 
 
 def expected_cost(share: ArrayLike, steps: ArrayLike, *, recovers: bool) -> Array:
-    """Mean of `context_costs` for a share of wrong contexts.
+    """Return mean of `context_costs` for a share of wrong contexts.
 
     eps T with recovery; without it the sum of 1 - (1 - eps)^t for t = 1 ... T, about eps T^2 / 2
     as long as eps T is small (Ross and Bagnell, Efficient reductions for imitation learning, 2010),
@@ -281,28 +282,34 @@ class Regulator:
             object.__setattr__(self, name, value)
 
     def closed(self, gain: ArrayLike) -> Array:
-        """The loop A - B gain, shape (2, 2)."""
+        """Return the loop A - B gain, shape (2, 2)."""
         return self.A - np.outer(self.B, vector("gain", gain, (2,)))
 
     def radius(self, gain: ArrayLike) -> float:
-        """Spectral radius of the loop; unstable above 1."""
+        """Return spectral radius of the loop; unstable above 1."""
         return float(np.abs(np.linalg.eigvals(self.closed(gain))).max())
 
     def slow_mode(self) -> Array:
-        """The direction in which the expert's loop decays most slowly, of length 1, shape (2,)."""
+        """Return the direction in which the expert's loop decays most slowly.
+
+        Of length 1, shape (2,).
+        """
         values, vectors = np.linalg.eig(self.closed(self.K))
         return vectors[:, np.argmax(np.abs(values))].real
 
     def starts(self, number: int, rng: np.random.Generator) -> Array:
-        """States on the slow mode, as a loop is that has run for a while, shape (number, 2)."""
+        """Return states on the slow mode.
+
+        As a loop is that has run for a while, shape (number, 2).
+        """
         return rng.uniform(0.5, 1.5, (count("number", number, 1), 1)) * self.slow_mode()
 
     def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """The states a step later."""
+        """Return the states a step later."""
         return states @ self.A.T + actions * self.B
 
     def expert(self, states: Array, rng: np.random.Generator) -> Array:
-        """-K x of each row, shape (N, 1)."""
+        """Return -K x of each row, shape (N, 1)."""
         return -(states @ self.K)[:, None]
 
 
@@ -320,7 +327,7 @@ class Circle:
     dt: float = 0.1
 
     def starts(self, number: int, rng: np.random.Generator) -> Array:
-        """On the circle and along it, a little off, shape (number, 4)."""
+        """Return on the circle and along it, a little off, shape (number, 4)."""
         place, turn, far = rng.standard_normal((3, count("number", number, 1)))
         place *= np.pi
         heading, r = place + 0.5 * np.pi + 0.05 * turn, 1.0 + 0.05 * far
@@ -328,7 +335,7 @@ class Circle:
         return np.stack(both, axis=1)
 
     def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """The states a step later: an arc with the rate held, exact."""
+        """Return the states a step later: an arc with the rate held, exact."""
         x, y, c, s = states.T
         half = 0.5 * self.dt * actions[:, 0]
         chord = self.dt * np.sinc(half / np.pi)  # of the arc
@@ -338,12 +345,12 @@ class Circle:
         return np.stack(new, axis=1)
 
     def expert(self, states: Array, rng: np.random.Generator) -> Array:
-        """The rate of turning, shape (N, 1)."""
+        """Return the rate of turning, shape (N, 1)."""
         x, y, c, s = states.T
         r = np.maximum(np.hypot(x, y), 1e-3)
         inward = np.arctan2(-(x * c + y * s) / r, (x * s - y * c) / r)  # heading from the tangent
         return (np.cos(inward) / r + 4.0 * (r - 1.0) - 4.0 * inward)[:, None]
 
     def cost(self, states: Array) -> Array:
-        """Distance from the circle, of states (..., 4)."""
+        """Return distance from the circle, of states (..., 4)."""
         return np.abs(np.hypot(states[..., 0], states[..., 1]) - 1.0)

@@ -18,7 +18,7 @@ from course.measure.stability import Map
 
 
 def document(panels: Sequence[Panel]) -> Any:
-    """What a data file holds: all that is drawn, numbers to six digits.
+    """Return what a data file holds: all that is drawn, numbers to six digits.
 
     Of a line of more than 200 points no more are kept, of points alone all. `panels_of` gives the
     panels back, so that a picture is drawn anew without measuring.
@@ -59,7 +59,9 @@ def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
 
 
 def _fields_of(record: Panel | Series, *but: str) -> dict[str, Any]:
-    """The fields of a record, without some and without those that are as they are by default."""
+    """Return the fields of a record, without some and without those that are as they are by
+    default.
+    """
     return {
         f.name: getattr(record, f.name)
         for f in fields(record)
@@ -69,7 +71,7 @@ def _fields_of(record: Panel | Series, *but: str) -> dict[str, Any]:
 
 
 def panels_of(data: Any) -> list[Panel]:
-    """The panels of a data file, as `document` wrote it and `from_json` read it."""
+    """Return the panels of a data file, as `document` wrote it and `from_json` read it."""
     result = []
     for entry in data["panels"]:
         text = {k: v for k, v in entry.items() if k not in ("series", "grid")}
@@ -107,7 +109,10 @@ def _six(values: Any) -> list[Any]:
 
 
 def json_text(data: Any) -> str:
-    """Valid JSON, a list of numbers on one line; what is not finite becomes {"float": "inf"}."""
+    """Return valid JSON, a list of numbers on one line.
+
+    What is not finite becomes {"float": "inf"}.
+    """
     result = json.dumps(_plain(data), indent=1, allow_nan=False)
     lists = re.compile(r"\[[^\[\]{}\"]*\]")
     return lists.sub(lambda match: " ".join(match[0].split()), result) + "\n"
@@ -126,7 +131,7 @@ def _plain(value: Any) -> Any:
 
 
 def from_json(content: str) -> Any:
-    """What `json_text` wrote."""
+    """Return what `json_text` wrote."""
 
     def number(result: dict[str, Any]) -> Any:
         return float(result["float"]) if set(result) == {"float"} else result

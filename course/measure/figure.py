@@ -200,7 +200,10 @@ SCALES = ("linear", "log", "log x", "log y")
 
 
 def key_of(name: str) -> str:
-    """The key of a method's name: "MuJoCo RK4 (spring)" and "compiled rk4" find theirs, else ""."""
+    """Return the key of a method's name.
+
+    "MuJoCo RK4 (spring)" and "compiled rk4" find theirs, else "".
+    """
     plain = name.removeprefix("compiled ")
     for candidate in (plain, plain.partition(" (")[0], plain.partition(",")[0]):
         if candidate in KEYS:
@@ -309,7 +312,7 @@ class Panel:
         one_of("scale", self.scale, SCALES)
 
     def __getitem__(self, label: str) -> Series:
-        """The series of that label, or whose label begins so.
+        """Return the series of that label, or whose label begins so.
 
         Raises:
             ValueError: if there is none, or more than one.
@@ -329,7 +332,7 @@ class Panel:
         return bool(self.series) or self.grid is not None
 
     def shown(self, also: Sequence[str] = ()) -> list[Series]:
-        """The series that are drawn: six curves, and what is no curve of its own.
+        """Return the series that are drawn: six curves, and what is no curve of its own.
 
         Args:
             also: labels of those that are switched on as well.
@@ -345,7 +348,7 @@ class Panel:
 
 
 def text(panels: Sequence[Panel]) -> str:
-    """The key figures: the notes of every panel and of its series, in order."""
+    """Return the key figures: the notes of every panel and of its series, in order."""
     lines: list[str] = []
     for panel in panels:
         lines += panel.notes + [series.note for series in panel.series if series.note]
@@ -353,7 +356,7 @@ def text(panels: Sequence[Panel]) -> str:
 
 
 def _switched_off(panels: Sequence[Panel], also: Sequence[str] = ()) -> list[str]:
-    """A line that names the curves that are measured but not drawn, or none."""
+    """Return a line that names the curves that are measured but not drawn, or none."""
     names = dict.fromkeys(name for panel in panels for name in panel.others if name not in also)
     return [f"measured, not drawn: {'; '.join(names)}"] if names else []
 
@@ -517,7 +520,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
 
 
 def _looks(panel: Panel) -> dict[int, tuple[str, str]]:
-    """Colour and marker of every series, whether it is shown or not."""
+    """Return colour and marker of every series, whether it is shown or not."""
     taken = {KEYS[series.key][0] for series in panel.series if series.key}
     free = [colour for colour in PALETTE if colour not in taken] or list(PALETTE)
     result, unkeyed = {}, 0
@@ -682,13 +685,13 @@ def _draw_grid(ax: Axes, grid: Map) -> None:
 
 
 def log_values(grid: Map) -> Array:
-    """Decimal logarithm of a map's values, as far as the colours go."""
+    """Return decimal logarithm of a map's values, as far as the colours go."""
     with np.errstate(divide="ignore"):
         return np.clip(np.log10(np.maximum(grid.values, 1e-300)), -REACH, REACH)
 
 
 def theory_line(series: Series, points: int, logarithmic: bool) -> tuple[Array, Array]:
-    """Theory at so many points between the first and the last x: (x, theory)."""
+    """Return theory at so many points between the first and the last x: (x, theory)."""
     assert series.theory is not None
     ends = float(np.min(series.x)), float(np.max(series.x))
     dense = np.geomspace(*ends, points) if logarithmic else np.linspace(*ends, points)

@@ -52,7 +52,7 @@ _TURNS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False) + 0.25 * np.pi
 
 
 def spread(desired: ArrayLike, sizes: ArrayLike, low: float, high: float) -> Array:
-    """Centres of boxes along a line: none overlap, and the squares of the moves are least.
+    """Return centres of boxes along a line: none overlap, and the squares of the moves are least.
 
     Where the boxes have room between `low` and `high`, they stay there. This is isotonic
     regression of the places that are left when the boxes are shrunk to points, by pooling adjacent
@@ -83,7 +83,7 @@ def spread(desired: ArrayLike, sizes: ArrayLike, low: float, high: float) -> Arr
 def free_place(
     size: ArrayLike, anchor: ArrayLike, points: Array, boxes: Array, room: Sequence[float]
 ) -> tuple[float, float]:
-    """Centre of a box near a point that covers nothing, or the least.
+    """Return centre of a box near a point that covers nothing, or the least.
 
     Args:
         size: width and height of the box [pixels], its margin with it.
@@ -241,7 +241,9 @@ def arrange(figure: Figure, every: Sequence[Words]) -> None:
 
 
 def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
-    """What the lines and markers of axes cover, as points on the axes [pixels], shape (n, 2).
+    """Return what the lines and markers of axes cover.
+
+    As points on the axes [pixels], shape (n, 2).
 
     Args:
         ax: the axes, whose place is known.
@@ -271,7 +273,7 @@ def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
 
 
 def _steps(line: Line2D, points: Array) -> Array:
-    """The corners of a staircase; other lines as they are."""
+    """Return the corners of a staircase; other lines as they are."""
     if line.get_drawstyle() != "steps-post":
         return points
     corners = np.column_stack((points[1:, 0], points[:-1, 1]))

@@ -39,7 +39,7 @@ class _Item:
     _measured: float | None = field(default=None, init=False, repr=False)
 
     def measured(self) -> float:
-        """The error in the scene's answer; measured once, then remembered."""
+        """Return the error in the scene's answer; measured once, then remembered."""
         if self._measured is None:
             value = float(self.error() if callable(self.error) else self.error)
             if not (value >= 0.0):  # also NaN: a measurement that failed is no measurement
@@ -103,7 +103,7 @@ class Scene:
                 )
 
     def check(self) -> list[str]:
-        """What is wrong with the scene; an empty list when it fits its question.
+        """Return what is wrong with the scene; an empty list when it fits its question.
 
         Returns:
             "models too little: ..." for each effect left out whose error is not below the tolerance
@@ -134,7 +134,7 @@ class Scene:
         return result
 
     def rows(self) -> list[tuple[str, str, float, float, str]]:
-        """(effect, "modelled" or "left out", error, saves, against) for each effect."""
+        """Return (effect, "modelled" or "left out", error, saves, against) for each effect."""
         groups: list[tuple[str, Sequence[_Item]]] = [
             ("modelled", self.modelled),
             ("left out", self.left_out),
@@ -142,7 +142,7 @@ class Scene:
         return [(i.what, g, i.measured(), i.saves, i.against) for g, items in groups for i in items]
 
     def table(self) -> str:
-        """The scene as text."""
+        """Return the scene as text."""
         t = self.tolerance
         lines = [
             self.question,

@@ -24,7 +24,7 @@ Step = Callable[[Array], ArrayLike]
 
 
 def limit(is_stable: Callable[[float], bool], low: float, high: float, rel: float = 1e-4) -> float:
-    """The largest stable value between `low` and `high`, by bisection.
+    """Return the largest stable value between `low` and `high`, by bisection.
 
     Args:
         is_stable: the question; must be yes at `low` and no at `high`, and turn once between.
@@ -56,7 +56,7 @@ def limit(is_stable: Callable[[float], bool], low: float, high: float, rel: floa
 
 
 def amplification(step: Step, n: int) -> Array:
-    """The matrix of one step of a linear method, from its action on unit vectors.
+    """Return the matrix of one step of a linear method, from its action on unit vectors.
 
     Args:
         step: state (n,) -> state (n,).
@@ -87,7 +87,10 @@ def amplification(step: Step, n: int) -> Array:
 
 
 def spectral_radius(step_matrix: ArrayLike) -> float:
-    """The largest modulus of an eigenvalue: growth per step in the long run (inf if not finite)."""
+    """Return the largest modulus of an eigenvalue.
+
+    Growth per step in the long run (inf if not finite).
+    """
     matrix = np.asarray(step_matrix, dtype=float)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise invalid("step_matrix.shape", matrix.shape, "that of a square matrix")
@@ -97,12 +100,12 @@ def spectral_radius(step_matrix: ArrayLike) -> float:
 
 
 def is_stable_by_matrix(step: Step, n: int, slack: float = 1e-9) -> bool:
-    """Whether a linear step has no growing mode: spectral radius at most 1 + slack."""
+    """Return whether a linear step has no growing mode: spectral radius at most 1 + slack."""
     return spectral_radius(amplification(step, n)) <= 1.0 + slack
 
 
 def grows(sizes: ArrayLike, factor: float = 1.2) -> bool:
-    """Whether a recorded size (a norm, an energy) grows: its second half tops its first.
+    """Return whether a recorded size (a norm, an energy) grows: its second half tops its first.
 
     Args:
         sizes: non-negative numbers in time order; a NaN or infinity counts as growth.
@@ -121,7 +124,7 @@ def grows(sizes: ArrayLike, factor: float = 1.2) -> bool:
 def is_stable_by_iteration(
     step: Step, n: int, steps: int = 4000, factor: float = 1.2, ceiling: float = 1e6
 ) -> bool:
-    """Whether many steps of a black box stay bounded, started from each unit vector.
+    """Return whether many steps of a black box stay bounded, started from each unit vector.
 
     Args:
         step: state (n,) -> state (n,).
@@ -173,11 +176,12 @@ class Map:
         return f"log10({self.quantity}{unit}): purple below 1, orange above"
 
     def within(self) -> NDArray[np.bool_]:
-        """Where the quantity keeps to its bound (where nothing grows), shape (ny, nx)."""
+        """Return where the quantity keeps to its bound (where nothing grows), shape (ny, nx)."""
         return self.values <= 1.0 + self.slack
 
     def boundary(self) -> Array:
-        """For every y the middle between the last x within the bound and the first one beyond.
+        """Return for every y the middle between the last x within the bound and the first one
+        beyond.
 
         Shape (ny,); 0 where the first x is beyond already, infinity where every x is within.
         """
@@ -199,7 +203,7 @@ def stability_map(
     quantity: str = "growth per step",
     unit: str = "",
 ) -> Map:
-    """A quantity whose bound is 1 at every point of a grid, growth per step for instance.
+    """Return a quantity whose bound is 1 at every point of a grid, growth per step for instance.
 
     Args:
         f: (x, y) -> the quantity, such as the spectral radius of the step's matrix.
@@ -226,7 +230,8 @@ def batch_map(
     slack: float = 1e-9,
     quantity: str = "growth per step",
 ) -> Map:
-    """The same for a linear step of one degree of freedom, all points of the grid as one batch.
+    """Return the same for a linear step of one degree of freedom, all points of the grid as one
+    batch.
 
     Args:
         step: (q, v, x, y), each of shape (1, N) -> (q, v) after the step.

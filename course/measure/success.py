@@ -26,7 +26,7 @@ TWO_SIGMA = 1.959963984540054  # the normal quantile of a two-sided 95 %
 
 
 def wilson(solved: ArrayLike, tried: int, z: float = TWO_SIGMA) -> tuple[Array, Array]:
-    """Wilson's interval for a share (Wilson, J. Am. Stat. Assoc. 22, 1927).
+    """Return Wilson's interval for a share (Wilson, J. Am. Stat. Assoc. 22, 1927).
 
     Inside 0 and 1 and right for shares near them, where the usual p +- z sqrt(p (1 - p) / n) has no
     width: of 100 tries without a failure it says that up to 3.7 % may fail.
@@ -71,16 +71,16 @@ class Success:
         object.__setattr__(self, "cost", cost)
 
     def shares(self, budgets: ArrayLike) -> Array:
-        """Share solved within each budget by each seed, shape (seeds, budgets)."""
+        """Return share solved within each budget by each seed, shape (seeds, budgets)."""
         within = vector("budgets", budgets, (None,), low=0.0)
         return np.mean(self.cost[:, :, None] <= within, axis=1)
 
     def share(self, budgets: ArrayLike) -> Array:
-        """Share solved within each budget, the median over the seeds, shape (budgets,)."""
+        """Return share solved within each budget, the median over the seeds, shape (budgets,)."""
         return np.median(self.shares(budgets), axis=0)
 
     def band(self, budgets: ArrayLike, z: float = TWO_SIGMA) -> tuple[Array, Array]:
-        """Wilson's interval around `share`, two arrays (budgets,).
+        """Return Wilson's interval around `share`, two arrays (budgets,).
 
         It counts the problems once: more seeds on the same problems say nothing about others.
         """
@@ -93,7 +93,7 @@ class Success:
         return float(np.median(np.mean(np.isfinite(self.cost), axis=1)))
 
     def budget(self, share: float = 0.5) -> tuple[float, float, float]:
-        """The budget within which a share of the problems is solved.
+        """Return the budget within which a share of the problems is solved.
 
         Args:
             share: of the problems, failures counted; above 0, at most 1.
@@ -111,7 +111,7 @@ class Success:
         return median, float(needed.min()), float(needed.max())
 
     def series(self, budgets: ArrayLike, key: str = "", style: str = "-") -> Series:
-        """Share solved against budget, with its band, for a `Panel`."""
+        """Return share solved against budget, with its band, for a `Panel`."""
         low, high = self.band(budgets)
         median, *_ = self.budget()
         half = "never" if math.isinf(median) else f"within {median:.3g} {self.unit}"
@@ -163,7 +163,7 @@ def collect(
 
 
 def paired(first: ArrayLike, second: ArrayLike, z: float = TWO_SIGMA) -> tuple[float, float, float]:
-    """How much more often the second method works than the first, on the same trials.
+    """Return how much more often the second method works than the first, on the same trials.
 
     What both do alike says nothing of the difference, so the interval is as narrow as the trials in
     which one works and the other fails allow (Bonett and Price, Adjusted Wald confidence interval

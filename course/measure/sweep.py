@@ -93,7 +93,7 @@ def sweep(
 def _run(
     function: Any, jobs: Sequence[Job], remaining: list[int], executor: Executor | None
 ) -> Iterator[tuple[int, Any, BaseException | None]]:
-    """Each job as it finishes: its number, and its result or what it raised."""
+    """Yield each job as it finishes: its number, and its result or what it raised."""
     if executor is None:
         for i in remaining:
             try:

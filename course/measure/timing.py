@@ -47,7 +47,7 @@ class Timing:
 def calls(
     function: Callable[..., Any], *args: Any, clock: Callable[[], float] = time.perf_counter
 ) -> Sampler:
-    """A sampler that calls a function again and again.
+    """Return a sampler that calls a function again and again.
 
     Args:
         function: what is timed, called with `args`.
@@ -68,7 +68,10 @@ def calls(
 def batches(
     function: Callable[[int], Any], clock: Callable[[], float] = time.perf_counter
 ) -> Sampler:
-    """A sampler of a function that repeats by itself: function(n) does n units in one call."""
+    """Return a sampler of a function that repeats by itself.
+
+    function(n) does n units in one call.
+    """
 
     def sampler(n: int) -> float:
         start = clock()
@@ -134,7 +137,7 @@ def interleaved(
 
 
 def core_share() -> float:
-    """Share of a core that this thread got while it computed for 2 ms, from 0 to 1."""
+    """Return share of a core that this thread got while it computed for 2 ms, from 0 to 1."""
     wall, own = time.perf_counter(), time.thread_time()
     while (passed := time.perf_counter() - wall) < _PROBE:
         pass
@@ -142,7 +145,7 @@ def core_share() -> float:
 
 
 def _calls_in(sampler: Sampler, sample: float, at_most: int) -> int:
-    """How many calls fill a sample, tried with more and more of them."""
+    """Return how many calls fill a sample, tried with more and more of them."""
     n = 1
     while (took := sampler(n)) < 0.5 * sample and n < at_most:
         desired = n * sample / max(took, 1e-9)

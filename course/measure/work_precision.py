@@ -91,7 +91,7 @@ class Point:
     failure: str = ""
 
     def cost(self, by: str) -> float:
-        """The cost by "time" [s] or by "count"."""
+        """Return the cost by "time" [s] or by "count"."""
         one_of("by", by, ("time", "count"))
         return self.time if by == "time" else self.count
 
@@ -108,7 +108,7 @@ class Curve:
     extra: bool = False
 
     def valid_points(self) -> list[Point]:
-        """The points that did not fail."""
+        """Return the points that did not fail."""
         return [point for point in self.points if not point.failure]
 
 
@@ -138,7 +138,7 @@ class WorkPrecision:
     _repeat: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def curve(self, name: str) -> Curve:
-        """The curve of that name.
+        """Return the curve of that name.
 
         Raises:
             ValueError: if there is none.
@@ -151,7 +151,7 @@ class WorkPrecision:
     def pick(
         self, tolerance: float | None = None, by: str = "time", styles: Sequence[str] = STYLES
     ) -> Pick | None:
-        """The cheapest measured point whose error is within the tolerance.
+        """Return the cheapest measured point whose error is within the tolerance.
 
         Args:
             tolerance: largest error allowed; None for the chart's own.
@@ -177,7 +177,7 @@ class WorkPrecision:
         return Pick(name, point, by)
 
     def observed_order(self, name: str) -> float:
-        """Slope of log(error) against log(parameter) in the asymptotic range.
+        """Return slope of log(error) against log(parameter) in the asymptotic range.
 
         The coarse end (not yet asymptotic, or failed) and the fine end (rounding, or the
         reference's own uncertainty) bend the line, so the fit takes the longest run of points
@@ -209,7 +209,7 @@ class WorkPrecision:
         return float(np.polyfit(x[window], y[window], 1)[0])
 
     def table(self) -> str:
-        """All points and the observed orders as text."""
+        """Return all points and the observed orders as text."""
         known = self.reference_uncertainty
         wide = max([24, *(len(curve.name) for curve in self.curves)])
         lines = [
@@ -254,7 +254,7 @@ class WorkPrecision:
         return f"{pick.name} at {pick.point.parameter:.4g} ({cost}, error {pick.point.error:.1e})"
 
     def with_method(self, method: Method, repeats: int | None = None) -> WorkPrecision:
-        """The same chart with one more method, measured in the same way.
+        """Return the same chart with one more method, measured in the same way.
 
         The new method runs interleaved with the chart's pick (if there is one), so that `ratio`
         compares two times taken at the same moment; the other curves stay as they were.
@@ -300,7 +300,7 @@ class WorkPrecision:
 
     @classmethod
     def from_json(cls, path: str | Path) -> WorkPrecision:
-        """What `to_json` wrote. It can be drawn and searched, not measured on."""
+        """Return what `to_json` wrote. It can be drawn and searched, not measured on."""
         data = from_json(Path(path).read_text(encoding="utf-8"))
         data["curves"] = tuple(
             Curve(**{**curve, "points": tuple(Point(**point) for point in curve["points"])})
@@ -309,7 +309,10 @@ class WorkPrecision:
         return cls(**data)
 
     def shown(self) -> list[str]:
-        """Names of the six curves that are drawn: yours, the picks, and the first that matter."""
+        """Return names of the six curves that are drawn.
+
+        Yours, the picks, and the first that matter.
+        """
         yours = [curve.name for curve in self.curves if curve.style == "yours"]
         picks = [self.pick(by=by) for by in ("time", "count") if self.tolerance is not None]
         first = [curve.name for curve in self.curves if not curve.extra]
@@ -317,7 +320,7 @@ class WorkPrecision:
         return [*names][:SIX]
 
     def price(self, tolerance: float, by: str = "time") -> str:
-        """What a tolerance costs, in a sentence: the pick, its cost, and that of a tenth.
+        """Return what a tolerance costs, in a sentence: the pick, its cost, and that of a tenth.
 
         Args:
             tolerance: largest error allowed.
@@ -348,7 +351,10 @@ class WorkPrecision:
         return f"{message}; a tenth of the error would cost {times:.2g} times as much{other}."
 
     def range(self) -> tuple[float, float]:
-        """Tolerances worth asking for: decades that hold the errors of all runs, and one more."""
+        """Return tolerances worth asking for.
+
+        Decades that hold the errors of all runs, and one more.
+        """
         errors = [p.error for curve in self.curves for p in curve.valid_points()]
         errors = [max(error, 1e-16) for error in errors] + [self.tolerance or 1.0]
         low, high = math.floor(math.log10(min(errors))), math.ceil(math.log10(max(errors)))
@@ -364,7 +370,7 @@ class WorkPrecision:
         return _seconds(point.parameter)
 
     def panels(self, pick: bool = True) -> list[Panel]:
-        """Error against count and against time; the text is the table, the data all points.
+        """Return error against count and against time; the text is the table, the data all points.
 
         Args:
             pick: whether tolerance and picks are drawn.
@@ -422,7 +428,7 @@ class WorkPrecision:
 
 
 def max_norm(answer: Array, reference: Array) -> float:
-    """Largest difference of a component."""
+    """Return largest difference of a component."""
     return float(np.max(np.abs(answer - reference)))
 
 
@@ -528,7 +534,7 @@ def _measure_curves(
     best: bool,
     check: Callable[[Sequence[float]], None] | None = None,
 ) -> tuple[tuple[Curve, ...], float]:
-    """The curves, and the share of the timed rounds in which the machine was busy."""
+    """Return the curves, and the share of the timed rounds in which the machine was busy."""
     runs = [(m, float(p)) for m in methods for p in sorted(m.parameters, reverse=True)]
     with np.errstate(all="ignore"):  # a diverging run is recorded, not printed
         # The warm-up: compilation and caches, and the errors.
@@ -564,7 +570,7 @@ def _first_run(
     error: Callable[[Array, Array], float],
     failed_above: float,
 ) -> Point:
-    """The point without its times."""
+    """Return the point without its times."""
     never, deviation, failure = math.inf, math.nan, ""
     try:
         result = method.run(parameter)
@@ -585,7 +591,7 @@ def _first_run(
 
 
 def machine(busy: float = 0.0, *, libraries: Sequence[str] = ("mujoco",)) -> str:
-    """Processor, cores and versions, for the footer of a chart.
+    """Return processor, cores and versions, for the footer of a chart.
 
     Args:
         busy: share of the timed rounds in which the machine had other work, see

@@ -31,7 +31,7 @@ NEVER = 1 << 60
 
 
 def nanoseconds(seconds: float) -> int:
-    """The nearest whole number; infinity is `NEVER`."""
+    """Return the nearest whole number; infinity is `NEVER`."""
     return NEVER if seconds == math.inf else round(seconds * 1e9)
 
 
@@ -46,8 +46,11 @@ class Sample(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What an end is told. kind: "incompatible" (detail: the policies), "deadline", "not alive",
-    "alive", "lost" (detail: the sample's number)."""
+    """What an end is told. kind.
+
+    "incompatible" (detail: the policies), "deadline", "not alive", "alive", "lost" (detail: the
+    sample's number).
+    """
 
     time: float
     kind: str
@@ -85,7 +88,7 @@ class Link:
             positive("rate", self.rate, unit="bytes/s")
 
     def fragments(self, size: int) -> int:
-        """Packets of a message of so many bytes."""
+        """Return packets of a message of so many bytes."""
         return max(1, -(-size // self.fragment))
 
 
@@ -251,8 +254,11 @@ class Bus:
         self.push(self.tick() + wait, CALL, call, *given)
 
     def run(self, seconds: float, real: bool = False) -> None:
-        """On to a time since the start [s]; in real time this takes as long: deliveries are then
-        made by this thread, and executors start theirs."""
+        """On to a time since the start [s].
+
+        In real time this takes as long: deliveries are then made by this thread, and executors
+        start theirs.
+        """
         end, heap = 4 * nanoseconds(finite("seconds", seconds, 0.0, unit="s")) + START, self._heap
         if real:
             self._run_real(end)
@@ -279,7 +285,10 @@ class Bus:
             thread.join()
 
     def node(self, name: str, executor: Any = None) -> "Node":
-        """A part of the software, whose callbacks an executor runs; `Direct` if there is none."""
+        """Return a part of the software, whose callbacks an executor runs.
+
+        `Direct` if there is none.
+        """
         return Node(self, name, executor or Direct(self))
 
     def notify(self, end: "Writer | Reader", kind: str, detail: Any = None) -> None:
@@ -396,7 +405,10 @@ class Reader:
         return len(self._cache)
 
     def take(self) -> Sample | None:
-        """The oldest sample that is kept and has not expired, which then is no longer kept."""
+        """Return the oldest sample that is kept and has not expired.
+
+        Which then is no longer kept.
+        """
         while self._cache:
             sample = self._cache.popleft()[1]
             if sample.expires > self.bus.ns:
@@ -405,12 +417,12 @@ class Reader:
         return None
 
     def given(self) -> tuple[Sample] | None:
-        """The same as the arguments of a callback."""
+        """Return the same as the arguments of a callback."""
         sample = self.take()
         return None if sample is None else (sample,)
 
     def oldest(self) -> int | None:
-        """When the oldest sample that is kept came in [ns]."""
+        """Return when the oldest sample that is kept came in [ns]."""
         return self._cache[0][0] if self._cache else None
 
     def accept(self, number: int, sample: Sample | None) -> None:
@@ -513,8 +525,10 @@ class Node:
         self.group, self.writers = Group(f"the default group of {name}"), list[Writer]()
 
     def writer(self, topic: str, qos: QoS = DEFAULT, on_event: Callable | None = None) -> Writer:
-        """A writer to a topic; `on_event` is called with each of its events. A late reader gets all
-        of its history, as ROS 2's layer asks of DDS's durability service."""
+        """Return a writer to a topic; `on_event` is called with each of its events.
+
+        A late reader gets all of its history, as ROS 2's layer asks of DDS's durability service.
+        """
         with self.bus.lock:
             writer = Writer(self, topic, qos, on_event)
             self.writers.append(writer)
@@ -534,7 +548,7 @@ class Node:
         on_event: Callable | None = None,
         kind: str = "subscription",
     ) -> Reader:
-        """A reader of a topic.
+        """Return a reader of a topic.
 
         Args:
             function: called with each sample, once the executor comes to it; without one, samples
@@ -557,8 +571,10 @@ class Node:
     def timer(
         self, period: float, function: Callable, phase: float = 0.0, group: Group | None = None
     ) -> Callback:
-        """Call once a period [s], the first time after `phase` periods; a tick that comes while one
-        still waits for the executor is skipped."""
+        """Call once a period [s], the first time after `phase` periods.
+
+        A tick that comes while one still waits for the executor is skipped.
+        """
         bus, waiting = self.bus, deque[int](maxlen=1)
         period = positive("period", period, unit="s")
         first = bus.now + finite("phase", phase, 0.0) * period
@@ -601,7 +617,7 @@ class Node:
         self.reader(f"{name}/request", serve, group=group, kind="service")
 
     def client(self, name: str, group: Group | None = None, link: Link = IDEAL) -> "Client":
-        """What asks a service."""
+        """Return what asks a service."""
         return Client(self, name, group, link)
 
     def action(self, name: str, execute: Callable[["Goal"], Generator]) -> None:
@@ -695,7 +711,7 @@ class ActionClient:
         node.reader(f"{name}/feedback", news)
 
     def send(self, goal: Any) -> tuple[Any, Future]:
-        """Its key, and the answer (status, result), which comes when the goal has ended."""
+        """Return its key, and the answer (status, result), which comes when the goal has ended."""
         self._sent += 1
         key, answer = (self, self._sent), Future()
         accepted = self._goal.call((key, goal))

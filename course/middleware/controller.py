@@ -35,7 +35,7 @@ def torques(
     damping: ArrayLike,
     limit: ArrayLike,
 ) -> Array:
-    """stiffness (target - position) - damping velocity, cut off at +-limit; all shape (n,).
+    """Return stiffness (target - position) - damping velocity, cut off at +-limit; all shape (n,).
 
     Units: [rad], [rad/s], [rad], [N m/rad], [N m s/rad], [N m]; returns [N m].
     """
@@ -53,7 +53,7 @@ NO_COMPILER = "this needs a C++ compiler: apt-get install g++"
 
 
 def compiler() -> str | None:
-    """The C++ compiler of this machine (CXX, g++ or clang++), or None."""
+    """Return the C++ compiler of this machine (CXX, g++ or clang++), or None."""
     names = (os.environ.get("CXX", ""), "g++", "clang++")
     return next((result for name in names if name and (result := shutil.which(name))), None)
 

@@ -88,12 +88,12 @@ class Executor:
             self.bus.push(self.bus.ns, START, self._dispatch)
 
     def responses(self, name: str) -> NDArray[np.float64]:
-        """From event to end of all runs of the callbacks of this name that have ended [s]."""
+        """Return from event to end of all runs of the callbacks of this name that have ended [s]."""
         runs = (run for run in self.log if run.callback.name == name and run.end)
         return 1e-9 * np.array([run.end - run.release for run in runs], float)
 
     def holder(self, group: Group) -> Run | None:
-        """The run for which the callbacks of a group wait."""
+        """Return the run for which the callbacks of a group wait."""
         return next((run for run in self.running if run.callback.group is group), None)
 
     def _begin(self) -> tuple[Run, tuple] | None:
@@ -148,8 +148,10 @@ class Executor:
             self.blocked[run] = future
 
     def start(self) -> list[threading.Thread]:
-        """Its threads, for as long as the bus runs in real time. What waits for an answer
-        when it ends will never go on."""
+        """Return its threads, for as long as the bus runs in real time.
+
+        What waits for an answer when it ends will never go on.
+        """
         threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self.threads)]
         for thread in threads:
             thread.start()
@@ -190,7 +192,7 @@ class Executor:
 
 
 def deadlocks(bus: Bus) -> list[str]:
-    """Why runs that wait for an answer will never get it; nothing: all may.
+    """Return why runs that wait for an answer will never get it; nothing: all may.
 
     An answer needs its server's callback to run, then its client's. One of them is stuck if its
     group is held, or all threads of its executor are, by runs that are stuck themselves; who is not
@@ -251,7 +253,7 @@ class Work:
 
 
 def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) -> dict[str, float]:
-    """Longest response time of each callback [s]; infinite where none is found.
+    """Return longest response time of each callback [s]; infinite where none is found.
 
     With S the sum of all executions:
 
@@ -314,12 +316,15 @@ def _single(works: Sequence[Work], order: str) -> dict[str, float]:
 
 
 def _start(base: float, late: float, before: Sequence[Work]) -> float:
-    """Least x that holds `base` and all runs of what goes before in [-late, x]."""
+    """Return least x that holds `base` and all runs of what goes before in [-late, x]."""
     return _least(base, base, before, lambda w, x: math.floor((x + late) / w.period + 1e-9) + 1)
 
 
 def _least(x: float, base: float, works: Sequence[Work], runs: Callable) -> float:
-    """Least fixed point of x = base + sum of C runs(x) from x on; infinite where there is none."""
+    """Return least fixed point of x = base + sum of C runs(x) from x on.
+
+    Infinite where there is none.
+    """
     if sum(w.execution / w.period for w in works) >= 1.0 or math.isinf(base):
         return math.inf
     while (more := base + sum(w.execution * runs(w, x) for w in works)) > x + 1e-12:
@@ -334,7 +339,9 @@ def respond(
     phases: Sequence[float] = (),
     seconds: float = 10.0,
 ) -> dict[str, NDArray[np.float64]]:
-    """Response times on the bus [s] of callbacks that an executor runs; arguments as for `bounds`.
+    """Return response times on the bus [s] of callbacks that an executor runs.
+
+    Arguments as for `bounds`.
 
     Args:
         phases: of each one's first event, shares of its period; all at once where there are none.
@@ -366,8 +373,9 @@ def respond(
 def run_chain(
     stages: Sequence[Stage], phases: Sequence[float], seed: int = 0, seconds: float = 10.0
 ) -> Trace:
-    """Let chapter 0's chain run as nodes on the bus: each stage a node, each queue a reader's
-    keep-last cache, each loss a link's.
+    """Let chapter 0's chain run as nodes on the bus.
+
+    Each stage a node, each queue a reader's keep-last cache, each loss a link's.
 
     Args:
         stages, phases, seed, seconds: as for `course.role.simulate`, whose rules these are.

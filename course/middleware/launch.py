@@ -125,7 +125,9 @@ def nodes(text: str) -> list[Node]:
 
 
 def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
-    """The quality of service that parameters set, by topic and end ("publisher", "subscription").
+    """Return the quality of service that parameters set.
+
+    By topic and end ("publisher", "subscription").
 
     What they do not name stays as by default.
 
@@ -150,14 +152,17 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
 
 
 def to_be_allowed(parameters: Mapping[str, Any]) -> set[str]:
-    """The policies that these set and that a node allows only if its source names them."""
+    """Return the policies that these set and that a node allows only if its source names them."""
     overrides(parameters)
     names = (name.rpartition(".")[2] for name in parameters if name.startswith("qos_overrides"))
     return set(names) - set(BY_DEFAULT)
 
 
 def silent(listed: list[Node]) -> dict[str, tuple[str, ...]]:
-    """The topics on which two nodes of a file do not hear each other, with the failing policies."""
+    """Return the topics on which two nodes of a file do not hear each other.
+
+    With the failing policies.
+    """
     ends = [overrides(node.parameters) for node in listed]
     written = {t: qos for one in ends for (t, end), qos in one.items() if end == "publisher"}
     result = {

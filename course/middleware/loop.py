@@ -198,7 +198,7 @@ def become(priority: int = 0) -> None:
 
 
 def given() -> tuple[str, int, int, tuple[int, ...]]:
-    """Scheduler, priority, niceness and cores of this process, as the system says."""
+    """Return scheduler, priority, niceness and cores of this process, as the system says."""
     nice = os.getpriority(os.PRIO_PROCESS, 0)
     if not hasattr(os, "sched_getscheduler"):
         return "other", 0, nice, ()
@@ -242,7 +242,8 @@ def among_busy(
     periods: int = 1500,
     work: float = 1e-4,
 ) -> list[Tried]:
-    """A loop that computes for `work` [s] in each period, beside processes that always compute.
+    """Return a loop that computes for `work` [s] in each period, beside processes that always
+    compute.
 
     Args:
         names: rows of `ASKED`, each a run of its own.

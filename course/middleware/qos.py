@@ -73,7 +73,7 @@ class QoS:
 
 
 def compatible(offered: QoS, requested: QoS) -> tuple[str, ...]:
-    """The policies for which a reader that requests hears nothing of a writer that offers.
+    """Return the policies for which a reader that requests hears nothing of a writer that offers.
 
     Args:
         offered: of the writer.

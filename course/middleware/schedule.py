@@ -26,8 +26,10 @@ _TABLE = types.Array(numba.int64, 2, "C")
 
 
 def liu_layland(n: int) -> float:
-    """Utilization up to which n tasks meet their deadlines whatever their periods: n (2^(1/n) - 1);
-    ln 2 for many."""
+    """Return utilization up to which n tasks meet their deadlines whatever their periods.
+
+    N (2^(1/n) - 1); ln 2 for many.
+    """
     return count("n", n, 1) * (2.0 ** (1.0 / n) - 1.0)
 
 
@@ -38,8 +40,10 @@ def utilization(execution: ArrayLike, period: ArrayLike) -> Array:
 
 
 def hyperbolic(execution: ArrayLike, period: ArrayLike) -> NDArray[np.bool_]:
-    """Whether the product of (C / T + 1) is at most 2, which suffices as Liu and Layland's sum
-    does, and is met by more sets."""
+    """Return whether the product of (C / T + 1) is at most 2.
+
+    Which suffices as Liu and Layland's sum does, and is met by more sets.
+    """
     C, T = _sets(execution, period)
     return np.asarray(np.prod(C / T + 1.0, axis=0) <= 2.0 + 1e-12)
 
@@ -47,8 +51,10 @@ def hyperbolic(execution: ArrayLike, period: ArrayLike) -> NDArray[np.bool_]:
 def response_times(
     execution: ArrayLike, period: ArrayLike, blocking: ArrayLike = 0.0, jitter: ArrayLike = 0.0
 ) -> Array:
-    """Longest response time of each task: R = J + w with the least w = C + B + the sum over all
-    tasks above of ceil((w + J) / T) C (Audsley 1993); exact where all can be released at once.
+    """Return longest response time of each task.
+
+    R = J + w with the least w = C + B + the sum over all tasks above of ceil((w + J) / T) C
+    (Audsley 1993); exact where all can be released at once.
 
     Args:
         execution, period: C and T [s].
@@ -79,7 +85,8 @@ def _analyse(C, T, B, J):
 
 
 def breakdown(execution: ArrayLike, period: ArrayLike) -> Array:
-    """Utilization at which a set just meets its deadlines when all executions grow in proportion.
+    """Return utilization at which a set just meets its deadlines when all executions grow in
+    proportion.
 
     Task i may grow to t / (sum of ceil(t / T) C) times its size at the best t, a multiple of its
     period or of one above (Lehoczky, Sha and Ding 1989); the least of all tasks counts.
@@ -106,7 +113,7 @@ def _scale(C, T):
 
 
 def blocking(section: ArrayLike, lock: ArrayLike, protocol: str) -> Array:
-    """How long a task waits for tasks below, at most, shape (n,) [s].
+    """Return how long a task waits for tasks below, at most, shape (n,) [s].
 
     Args:
         section: how long each holds its lock [s].
@@ -131,8 +138,11 @@ def blocking(section: ArrayLike, lock: ArrayLike, protocol: str) -> Array:
 
 
 class Outcome(NamedTuple):
-    """What a run showed of each task: longest response [s], jobs that ended, and jobs that ended
-    after their period, or not in the run though it was over; each of the shape of the sets."""
+    """What a run showed of each task.
+
+    Longest response [s], jobs that ended, and jobs that ended after their period, or not in the run
+    though it was over; each of the shape of the sets.
+    """
 
     longest: Array
     jobs: NDArray[np.int64]
@@ -241,7 +251,7 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
 def random_sets(
     n: int, load: float, sets: int, rng: np.random.Generator, ratio: float = 100.0
 ) -> tuple[Array, Array]:
-    """Executions and periods of random sets with a utilization, shapes (n, sets) [s].
+    """Return executions and periods of random sets with a utilization, shapes (n, sets) [s].
 
     Evenly over all ways to share it (Bini and Buttazzo, Measuring the performance of
     schedulability tests, 2005); periods evenly in the logarithm from 10 ms to `ratio` times that,

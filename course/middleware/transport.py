@@ -33,12 +33,14 @@ DATAGRAM = 1472
 
 
 def no_answer(what: str, patience: float = PATIENCE) -> TimeoutError:
-    """The error when a partner did not answer in time [s]."""
+    """Return the error when a partner did not answer in time [s]."""
     return TimeoutError(f"{what} did not answer within {patience:g} s")
 
 
 def elsewhere() -> Any:
-    """What makes processes: forked from one that has imported this chapter and has no threads.
+    """Return what makes processes.
+
+    Forked from one that has imported this chapter and has no threads.
 
     It keeps the environment that this process had when it asked first, and ends with it.
     """
@@ -161,7 +163,10 @@ class Ring:
         return True
 
     def take(self, patience: float = PATIENCE) -> memoryview | None:
-        """The oldest message where it lies, good until the next call; None if none came [s]."""
+        """Return the oldest message where it lies, good until the next call.
+
+        None if none came [s].
+        """
         if self.held:
             self.held.release()
             self.free.release()
@@ -209,7 +214,7 @@ def _answer_ring(out: Ring, back: Ring) -> None:
 
 
 def carriers(size: int) -> dict[str, Any]:
-    """The three carriers for messages of up to so many bytes, by name, the floor first."""
+    """Return the three carriers for messages of up to so many bytes, by name, the floor first."""
     return {
         "queue between threads": threads(),
         "Unix socket": unix_socket(),
@@ -221,7 +226,7 @@ def carriers(size: int) -> dict[str, Any]:
 
 
 def stream(width: int, height: int, pixel: int, rate: float) -> tuple[int, float, int]:
-    """What pictures of width x height pixels, of so many bytes each, ask of a link.
+    """Return what pictures of width x height pixels, of so many bytes each, ask of a link.
 
     Returns:
         Bytes of a picture, bytes of payload a second at `rate` [1/s], and datagrams of a picture,
@@ -299,12 +304,12 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
 
 
 def expected_loss(fragments: int, loss: float) -> float:
-    """Probability that a message lacks a fragment: 1 - (1 - p)^n."""
+    """Return probability that a message lacks a fragment: 1 - (1 - p)^n."""
     return -math.expm1(fragments * math.log1p(-loss))
 
 
 def expected_rounds(fragments: int, loss: float) -> float:
-    """Mean rounds until all n are there: the mean of the largest of n geometric numbers.
+    """Return mean rounds until all n are there: the mean of the largest of n geometric numbers.
 
     A round k + 1 is needed if any of them was lost k times: the sum over k of 1 - (1 - p^k)^n.
     """

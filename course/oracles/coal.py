@@ -32,7 +32,7 @@ def _coal() -> ModuleType:
 
 
 def _convex(coal: ModuleType, vertices: Array) -> Any:
-    """A convex polyhedron from points that span a volume."""
+    """Return a convex polyhedron from points that span a volume."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(vertices.T)
@@ -51,7 +51,7 @@ def _convex(coal: ModuleType, vertices: Array) -> Any:
 
 
 def geometry(shape: Shape) -> Any:
-    """The same shape in Coal.
+    """Return the same shape in Coal.
 
     Raises:
         ValueError: for a shape of the plane, or one that is rounded where Coal has none.
@@ -72,14 +72,17 @@ def geometry(shape: Shape) -> Any:
 
 
 def transforms(pose: ArrayLike) -> list[Any]:
-    """Poses in Coal's form, of shape (7, N)."""
+    """Return poses in Coal's form, of shape (7, N)."""
     coal = _coal()
     q = poses("pose", pose, 3)
     return [coal.Transform3s(coal.Quaternion(*row[3:]), row[:3]) for row in q.T.copy()]
 
 
 def parts(pose: ArrayLike) -> list[tuple[Array, Array]]:
-    """Rotation matrix and place of each pose: what a `Transform3s` is built from in a loop."""
+    """Return rotation matrix and place of each pose.
+
+    What a `Transform3s` is built from in a loop.
+    """
     q = poses("pose", pose, 3)
     R = to_matrix(q[3:])
     return [(R[:, :, i].copy(), q[:3, i].copy()) for i in range(q.shape[1])]
@@ -103,7 +106,7 @@ class Pair:
             self.request.epa_tolerance = tolerance
 
     def loop(self, at_a: Iterable[Any], at_b: Iterable[Any]) -> list[float]:
-        """Signed distances, one call of Coal a pair: the part to be timed."""
+        """Return signed distances, one call of Coal a pair: the part to be timed."""
         distance, a, b = self._distance, self.a, self.b
         request, result = self.request, self.result
         outcome = []
@@ -118,7 +121,9 @@ class Pair:
         self.loop((make(*p) for p in a), (make(*q) for q in b))
 
     def distances(self, pose_a: ArrayLike, pose_b: ArrayLike) -> Array:
-        """Signed distances [m], shape (N,); poses are made here, so this one is not for timing.
+        """Return signed distances [m], shape (N,).
+
+        Poses are made here, so this one is not for timing.
 
         Args:
             pose_a, pose_b: shape (7, N).

@@ -60,7 +60,7 @@ _topics = itertools.count()
 
 
 def library() -> ModuleType:
-    """cyclonedds, confined to this machine. A child process shares the domain of its parent.
+    """Return cyclonedds, confined to this machine. A child process shares the domain of its parent.
 
     Raises:
         ImportError: it is not installed; the text says what to install.
@@ -91,7 +91,9 @@ def participant() -> Iterator[Any]:
 
 
 def read_back() -> dict[str, str]:
-    """What Cyclone says of its own settings once it runs, and how many multicast groups it joined.
+    """Return what Cyclone says of its own settings once it runs.
+
+    And how many multicast groups it joined.
 
     Returns:
         By name: `domain`, `interfaces`, `multicast`, `peers`, `tag`, `address` of its own, and
@@ -134,7 +136,7 @@ def read_back() -> dict[str, str]:
 
 
 def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> Any:
-    """Ours in Cyclone's words.
+    """Return ours in Cyclone's words.
 
     Args:
         qos: of a writer or a reader.
@@ -185,13 +187,13 @@ class Topic:
         self.member = member
 
     def writer(self, qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> Any:
-        """A writer, see `policies`."""
+        """Return a writer, see `policies`."""
         from cyclonedds.pub import DataWriter
 
         return DataWriter(self.member, self.topic, policies(qos, kept_for_late, strength))
 
     def reader(self, qos: QoS) -> Any:
-        """A reader."""
+        """Return a reader."""
         from cyclonedds.sub import DataReader
 
         return DataReader(self.member, self.topic, policies(qos))
@@ -203,7 +205,10 @@ class Topic:
 
 
 def take(reader: Any) -> list[int]:
-    """The numbers that wait in a reader, taken out; what says that a writer went is left out."""
+    """Return the numbers that wait in a reader, taken out.
+
+    What says that a writer went is left out.
+    """
     return [s.number for s in reader.take(1000) if hasattr(s, "number")]
 
 
@@ -224,7 +229,7 @@ class Verdict:
 
 
 def verdicts(pairs: Sequence[tuple[QoS, QoS]]) -> list[Verdict]:
-    """Each pair (offered, requested) on a topic of its own."""
+    """Return each pair (offered, requested) on a topic of its own."""
     result = []
     with participant() as member:
         for offered, requested in pairs:
@@ -250,7 +255,7 @@ def verdicts(pairs: Sequence[tuple[QoS, QoS]]) -> list[Verdict]:
 
 
 def payload_type(size: int, kind: str = "array") -> Any:
-    """A message of so many bytes in the field `data`.
+    """Return a message of so many bytes in the field `data`.
 
     Args:
         size: in bytes.
@@ -293,7 +298,7 @@ class Wire:
         self.set.attach(self.condition)
 
     def ready(self) -> bool:
-        """Whether both topics have their other end."""
+        """Return whether both topics have their other end."""
         return bool(
             self.writer.get_publication_matched_status().current_count
             and self.reader.get_subscription_matched_status().current_count
@@ -304,7 +309,7 @@ class Wire:
         self.writer.write(self.kind(data=payload))
 
     def receive(self, patience: float) -> Any:
-        """The oldest payload that is there, or None if none came in time [s]."""
+        """Return the oldest payload that is there, or None if none came in time [s]."""
         if not self.set.wait(round(1e9 * patience)):
             return None
         return next((s.data for s in self.reader.take(1) if hasattr(s, "data")), None)
@@ -330,7 +335,7 @@ def buffered(least: int | None = None, at_most: int | None = None) -> Iterator[N
 
 
 def answered(size: int, trips: int, reliability: str, patience: float = 0.5) -> int:
-    """Of so many trips of one message, how many came back in time [s]; see `echo`."""
+    """Return of so many trips of one message, how many came back in time [s]; see `echo`."""
     result = 0
     with echo(size, reliability, patience=patience) as trip:
         payload = memoryview(bytes(size))
@@ -342,7 +347,10 @@ def answered(size: int, trips: int, reliability: str, patience: float = 0.5) -> 
 
 
 def names() -> tuple[str, str]:
-    """Two names of topics that nobody in this domain has had; the other end has them reversed."""
+    """Return two names of topics that nobody in this domain has had.
+
+    The other end has them reversed.
+    """
     here = f"{os.getpid()}_{next(_topics)}"
     return f"out_{here}", f"back_{here}"
 
@@ -375,7 +383,7 @@ def echo(
 
 
 def neighbour(target: Callable[..., None], *args: Any) -> Any:
-    """A `partner` of `course.middleware.transport` in the domain of this process."""
+    """Return a `partner` of `course.middleware.transport` in the domain of this process."""
     library()
     return partner(_in_domain, os.environ["CYCLONEDDS_URI"], target, *args)
 

@@ -29,7 +29,7 @@ OPTIONS = ("approximation", "modulus", "accuracy")
 
 
 def library() -> ModuleType:
-    """The parts of Drake that are needed, as one module.
+    """Return the parts of Drake that are needed, as one module.
 
     Raises:
         ImportError: it is not installed; the text says what to install.

@@ -10,6 +10,9 @@ from course.platforms.own import Own
 
 
 def engines() -> dict[str, Engine]:
-    """All engines, the course's own first; ask `available()` before building a scene with one."""
+    """Return all engines, the course's own first.
+
+    Ask `available()` before building a scene with one.
+    """
     result: tuple[Engine, ...] = (Own(), MuJoCo(), Drake(), PyBullet())
     return {engine.name: engine for engine in result}

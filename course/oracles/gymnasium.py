@@ -25,7 +25,7 @@ def _gymnasium() -> ModuleType:
 def sync_vector_env(
     env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "NextStep"
 ) -> SyncVectorEnv[Any, Any]:
-    """Gymnasium's loop over environments.
+    """Return Gymnasium's loop over environments.
 
     Args:
         env_fn: builds one.
@@ -39,7 +39,10 @@ def sync_vector_env(
 def async_vector_env(
     env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "NextStep"
 ) -> AsyncVectorEnv[Any, Any]:
-    """Gymnasium's processes, one for each environment; arguments as for `sync_vector_env`."""
+    """Return Gymnasium's processes, one for each environment.
+
+    Arguments as for `sync_vector_env`.
+    """
     vector = _gymnasium().vector
     return vector.AsyncVectorEnv([env_fn] * num_envs, autoreset_mode=autoreset_mode)
 
@@ -47,7 +50,7 @@ def async_vector_env(
 def wrapped(
     env_fn: Callable[[], Any], observation_size: int, action_size: int
 ) -> Callable[[], Env[Any, Any]]:
-    """Gymnasium's interface around a plain environment, with observations that are copies.
+    """Return Gymnasium's interface around a plain environment, with observations that are copies.
 
     Args:
         env_fn: builds one with `reset(seed)`, `step(action)`, as Gymnasium's return.
@@ -76,7 +79,7 @@ def wrapped(
 
 
 def check(env: Env[Any, Any]) -> list[str]:
-    """Gymnasium's checks of a single environment.
+    """Return Gymnasium's checks of a single environment.
 
     Returns:
         What it warns of, one sentence each.

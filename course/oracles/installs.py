@@ -54,7 +54,7 @@ class Install:
 
 
 def size_of(engine: str) -> float:
-    """Size of an engine's packages by their metadata [MB]; the course's own by its files."""
+    """Return size of an engine's packages by their metadata [MB]; the course's own by its files."""
     if engine not in PACKAGES:
         here = Path(__file__).resolve().parents[1]
         return sum(path.stat().st_size for path in here.rglob("*.py")) / MB
@@ -69,7 +69,7 @@ def size_of(engine: str) -> float:
 
 
 def _peak() -> float:
-    """The most memory that this process held so far [MB]."""
+    """Return the most memory that this process held so far [MB]."""
     try:
         status = Path("/proc/self/status").read_text()
     except OSError:
@@ -98,7 +98,7 @@ def _measured(name: str) -> dict[str, float]:
 
 
 def install(name: str, processes: int = 3) -> Install:
-    """Facts of an engine, the least of several fresh processes.
+    """Return facts of an engine, the least of several fresh processes.
 
     Args:
         name: one of `engines()`.

@@ -119,7 +119,7 @@ def _body(body: Body, contact: str) -> str:
 
 
 def mjcf(scene: Scene, dt: float, settings: Settings = FAIR) -> str:
-    """The MJCF text of a scene of bodies: geom 0 is the ground, where there is one."""
+    """Return the MJCF text of a scene of bodies: geom 0 is the ground, where there is one."""
     fair = {"solref": (max(0.005, 2.0 * dt), 1.0), "solimp": (0.95, 0.99, 0.001)}
     # Sliding friction of both geoms is the scene's; MuJoCo takes the larger of the two.
     contact = f'friction="{scene.friction:.17g}"'
@@ -169,7 +169,7 @@ class _Run(Run):
         self.taken += steps
 
     def _columns(self) -> list[tuple[slice, slice]]:
-        """Places of each body's numbers in qpos and qvel."""
+        """Return places of each body's numbers in qpos and qvel."""
         result, q, v = [], 0, 0
         for body in self.scene.bodies:
             nq, nv = (1, 1) if body.guide else (7, 6)
@@ -192,7 +192,7 @@ class _Run(Run):
         return State(data.time, q, v)
 
     def energy(self) -> float:
-        """MuJoCo's own, after the places of the present state; constant forces are added."""
+        """Return MuJoCo's own, after the places of the present state; constant forces are added."""
         scratch = self.lib.MjData(self.model)
         scratch.qpos[:], scratch.qvel[:] = self.data.qpos, self.data.qvel
         self.lib.mj_forward(self.model, scratch)

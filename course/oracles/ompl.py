@@ -81,7 +81,7 @@ def _ompl() -> tuple[Any, Any, Any]:
 
 
 def defaults(dim: int = 2) -> dict[str, Any]:
-    """What OMPL chooses where nothing is said, asked of itself on the unit cube.
+    """Return what OMPL chooses where nothing is said, asked of itself on the unit cube.
 
     Returns:
         The planner it takes for a plain query, its longest edge and its resolution as shares of the
@@ -108,7 +108,7 @@ def defaults(dim: int = 2) -> dict[str, Any]:
 
 
 def approximate(samples: int = 200, seed: int = 1) -> tuple[bool, bool, float]:
-    """An RRT of OMPL asked for a state behind a wall that has no opening.
+    """Return an RRT of OMPL asked for a state behind a wall that has no opening.
 
     Returns:
         Whether its answer counts as true, whether the problem has an exact solution, and by how
@@ -154,7 +154,7 @@ def solve(
     goal_bias: float = 0.05,
     resolution: float = 0.01,
 ) -> Plan:
-    """One plan by OMPL (Sucan, Moll and Kavraki, 2012).
+    """Return one plan by OMPL (Sucan, Moll and Kavraki, 2012).
 
     Args:
         bounds: rows low and high, shape (2, n).
@@ -289,7 +289,8 @@ def solve(
 def roadmap(
     bounds: ArrayLike, milestones: int, seed: int, state: StateTest, edge: EdgeTest
 ) -> tuple[Array, NDArray[np.int64]]:
-    """A roadmap by OMPL's PRM (Kavraki et al., 1996), which joins a state to its ten nearest.
+    """Return a roadmap by OMPL's PRM (Kavraki et al., 1996), which joins a state to its ten
+    nearest.
 
     Only grown: `solve` would expand it in turns that are limited by time, so that no two are alike.
 
@@ -322,7 +323,7 @@ def roadmap(
 
 
 def points_along(bounds: ArrayLike, state: StateTest, resolution: float) -> EdgeTest:
-    """OMPL's own test of an edge: states along it, of which `state` is asked.
+    """Return OMPL's own test of an edge: states along it, of which `state` is asked.
 
     Args:
         bounds: rows low and high, shape (2, n).
@@ -349,7 +350,7 @@ def points_along(bounds: ArrayLike, state: StateTest, resolution: float) -> Edge
 
 
 def tests(world: World) -> tuple[StateTest, EdgeTest]:
-    """The compiled tests of a world, for states of OMPL."""
+    """Return the compiled tests of a world, for states of OMPL."""
     n, (free, joined) = world.dim, world.kernels
     here, other = np.empty(n), np.empty(n)
     obstacles, body = world.obstacles, world.body
@@ -368,8 +369,10 @@ def tests(world: World) -> tuple[StateTest, EdgeTest]:
 
 
 def plain(world: World) -> StateTest:
-    """The state test of a world in pure Python: what most who use OMPL from Python write. Of the
-    plane and of planar arms over lists, of an arm of capsules the course's source, not compiled.
+    """Return the state test of a world in pure Python: what most who use OMPL from Python write.
+
+    Of the plane and of planar arms over lists, of an arm of capsules the course's source, not
+    compiled.
 
     Raises:
         ValueError: for a world of another kind.
@@ -437,7 +440,7 @@ def plain(world: World) -> StateTest:
 
 
 def binding_seconds(samples: int = 2000, seed: int = 1) -> float:
-    """What a call from OMPL into Python costs beside the function called [s].
+    """Return what a call from OMPL into Python costs beside the function called [s].
 
     An RRT among nothing, to a goal it may not reach, with a test of edges in Python that only says
     yes, against OMPL's own tests, of a single state an edge: the difference a call.
@@ -463,7 +466,7 @@ def rrt(
     exact: bool = True,
     resolution: float = 0.01,
 ) -> Plan:
-    """One plan by `ompl::geometric::RRT` (LaValle and Kuffner, 2001; Sucan et al., 2012).
+    """Return one plan by `ompl::geometric::RRT` (LaValle and Kuffner, 2001; Sucan et al., 2012).
 
     Args:
         start: where the path begins, shape (2,) [m].
@@ -510,7 +513,7 @@ def rrt(
 
 
 def _is_free(ax: float, ay: float, bx: float, by: float, discs: list[tuple[float, ...]]) -> bool:
-    """Whether the segment touches no disc, by the roots of the distance as a quadratic."""
+    """Return whether the segment touches no disc, by the roots of the distance as a quadratic."""
     dx, dy = bx - ax, by - ay
     a = dx * dx + dy * dy
     for x, y, radius in discs:

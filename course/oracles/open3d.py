@@ -49,7 +49,7 @@ def library() -> ModuleType:
 
 
 def matrix(pose: ArrayLike) -> Array:
-    """A pose (7,) as a 4 x 4 matrix."""
+    """Return a pose (7,) as a 4 x 4 matrix."""
     q = np.asarray(pose, dtype=float)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = to_matrix(q[3:]), q[:3]
@@ -57,7 +57,7 @@ def matrix(pose: ArrayLike) -> Array:
 
 
 def pose_of(T: Array) -> Array:
-    """The pose (7,) of a 4 x 4 matrix, turned to the nearest rotation where it is none."""
+    """Return the pose (7,) of a 4 x 4 matrix, turned to the nearest rotation where it is none."""
     u, _, vt = np.linalg.svd(T[:3, :3])
     return np.concatenate((T[:3, 3], from_matrix(u @ vt)))
 
@@ -80,11 +80,14 @@ class Rays:
         self._rays = o3d.core.Tensor(rays)
 
     def cast(self) -> Any:
-        """All rays, in one call: the part to be timed."""
+        """Return all rays, in one call: the part to be timed."""
         return self._scene.cast_rays(self._rays, nthreads=1)
 
     def picture(self) -> tuple[Array, Ids]:
-        """Depth, 0 where nothing is, and the number of the shape, -1 where none is: (H, W)."""
+        """Return depth, 0 where nothing is, and the number of the shape, -1 where none is.
+
+        (H, W).
+        """
         result = self.cast()
         depth, ids = result["t_hit"].numpy().astype(float), result["geometry_ids"].numpy()
         hit = np.isfinite(depth)
@@ -102,12 +105,12 @@ class Picture:
         )
 
     def cloud(self) -> Any:
-        """`PointCloud.create_from_depth_image`: the part to be timed."""
+        """Return `PointCloud.create_from_depth_image`: the part to be timed."""
         make = self._o3d.geometry.PointCloud.create_from_depth_image
         return make(self._image, self._camera, depth_scale=1.0, depth_trunc=1e9)
 
     def points(self) -> Array:
-        """Shape (3, N) [m]."""
+        """Return shape (3, N) [m]."""
         return np.asarray(self.cloud().points).T.copy()
 
 
@@ -136,27 +139,29 @@ class Cloud:
 
     @classmethod
     def of(cls, handle: Any) -> Cloud:
-        """What a handle of Open3D's holds, without a copy."""
+        """Return what a handle of Open3D's holds, without a copy."""
         one = cls.__new__(cls)
         one._o3d, one.handle = sys.modules["open3d"], handle
         return one
 
     def voxel_mean(self, voxel: float) -> Any:
-        """A handle of the voxel means; `array` gives them."""
+        """Return a handle of the voxel means; `array` gives them."""
         return self.handle.voxel_down_sample(voxel)
 
     def array(self, handle: Any) -> Array:
-        """The points of a handle, shape (3, N) [m]."""
+        """Return the points of a handle, shape (3, N) [m]."""
         return np.asarray(handle.points).T.copy()
 
     def dbscan(self, eps: float, least: int) -> Ids:
-        """The cluster of each point, -1 for noise."""
+        """Return the cluster of each point, -1 for noise."""
         return np.asarray(self.handle.cluster_dbscan(eps, least), dtype=np.int64)
 
     def plane(
         self, tolerance: float, draws: int, confidence: float = 1.0, seed: int = 0
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """`segment_plane`: the plane (a, b, c, d) towards the camera, and which points are near it.
+        """Return `segment_plane`.
+
+        The plane (a, b, c, d) towards the camera, and which points are near it.
 
         Open3D fits the plane again to the points near the best one, and returns those of that one.
         """
@@ -186,7 +191,7 @@ class Cloud:
         to_plane: bool = False,
         change: float = 1e-12,
     ) -> Registered:
-        """Registration of this cloud to a target (`registration_icp`).
+        """Return registration of this cloud to a target (`registration_icp`).
 
         Args:
             target: with normals where `to_plane` is asked.

@@ -56,7 +56,7 @@ class PlanarChain:
         self._update = pinocchio.framesForwardKinematics
 
     def positions(self, thetas: ArrayLike) -> Array:
-        """Where the joints and the tip are.
+        """Return where the joints and the tip are.
 
         Args:
             thetas: joint angles, shape (n,) [rad], each relative to the link before it.
@@ -84,7 +84,7 @@ def _depth_first(chain: Chain) -> list[int]:
 
 
 def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
-    """The same arm as a `pinocchio.Model`, its joints named by their number in the chain.
+    """Return the same arm as a `pinocchio.Model`, its joints named by their number in the chain.
 
     Pinocchio wants the joints of a subtree in a row, so a tree's come depth first: `model.names`
     tells. Armature is in the model; damping is not, as `rnea` and `aba` know none.
@@ -134,13 +134,13 @@ class Arm:
         return np.array([*place.translation, w, x, y, z])
 
     def frames(self, q: Array) -> Array:
-        """Poses of the joints and, in the last column, of the tip, shape (7, n + 1)."""
+        """Return poses of the joints and, in the last column, of the tip, shape (7, n + 1)."""
         self._library.framesForwardKinematics(self.model, self.data, q[self.order])
         joints = [self._pose(self.data.oMi[i + 1]) for i in self._back.tolist()]
         return np.column_stack([*joints, self._pose(self.data.oMf[self._tip])])
 
     def jacobians(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """The tip's Jacobian and its time derivative, shape (6, n) each."""
+        """Return the tip's Jacobian and its time derivative, shape (6, n) each."""
         library, model, data = self._library, self.model, self.data
         q, v, axes = q[self.order], v[self.order], library.LOCAL_WORLD_ALIGNED
         library.computeJointJacobiansTimeVariation(model, data, q, v)
@@ -152,25 +152,25 @@ class Arm:
         return J.reshape(6, -1)[:, self._back], rate.reshape(6, -1)[:, self._back]
 
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
-        """Torques of a motion, the damping of the joints added, shape (n,)."""
+        """Return torques of a motion, the damping of the joints added, shape (n,)."""
         order = self.order
         tau = self._library.rnea(self.model, self.data, q[order], v[order], a[order])
         return np.asarray(tau[self._back] + self._damping * v)
 
     def mass_matrix(self, q: Array) -> Array:
-        """M, shape (n, n)."""
+        """Return M, shape (n, n)."""
         upper = np.triu(self._library.crba(self.model, self.data, q[self.order]))
         whole = upper + np.triu(upper, 1).T
         return np.asarray(whole[np.ix_(self._back, self._back)])
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        """Accelerations, the damping of the joints taken off the torques, shape (n,)."""
+        """Return accelerations, the damping of the joints taken off the torques, shape (n,)."""
         order, remaining = self.order, tau - self._damping * v
         a = self._library.aba(self.model, self.data, q[order], v[order], remaining[order])
         return np.asarray(a[self._back])
 
     def calls(self, what: str, q: Array, v: Array, x: Array) -> Callable[[], Array]:
-        """A function that asks about N states, one Python call of Pinocchio's own for each.
+        """Return a function that asks about N states, one Python call of Pinocchio's own for each.
 
         It gives the last answer, in Pinocchio's order of joints.
 
@@ -197,7 +197,7 @@ class Arm:
         return jacobians if what == "jacobian" else dynamics
 
     def follow(self, motion: Array, kp: Array, kd: Array, dt: float) -> Callable[[], Array]:
-        """A loop of computed torque with half-sample preview, by `rnea`, RK4 by `aba`.
+        """Return a loop of computed torque with half-sample preview, by `rnea`, RK4 by `aba`.
 
         Arguments and what comes back are those of `oracles.mujoco.chain.follow`; an arm whose order
         of joints is Pinocchio's.
@@ -242,7 +242,9 @@ class Arm:
         at_most: int = 1000,
         tolerance: float = 1e-6,
     ) -> tuple[Array, bool, int]:
-        """The loop that Pinocchio's users write: the log of the pose error, a share of its step.
+        """Return the loop that Pinocchio's users write.
+
+        The log of the pose error, a share of its step.
 
         As in the example of its documentation (Inverse kinematics, clik): damping 1e-12, a tenth of
         every step, a thousand steps.

@@ -32,7 +32,10 @@ Array = NDArray[np.float64]
 
 @functools.cache
 def _model(radius: float, spacing: float = 0.004) -> open3d.Cloud:
-    """The upper half of a ball about the origin, as points with normals; it looks along -z."""
+    """Return the upper half of a ball about the origin, as points with normals.
+
+    It looks along -z.
+    """
     n = round(2.0 * math.pi * radius**2 / spacing**2)
     height, turn = (np.arange(n) + 0.5) / n, math.pi * (1.0 + math.sqrt(5.0)) * np.arange(n)
     wide = np.sqrt(1.0 - height**2)
@@ -71,7 +74,7 @@ def find(
 
 
 def picture(shapes: Shapes, camera: Camera) -> Array:
-    """The exact depth picture (H, W) by MuJoCo's rays [m]."""
+    """Return the exact depth picture (H, W) by MuJoCo's rays [m]."""
     return rays.Rays(shapes, camera).picture()[0]
 
 
@@ -100,7 +103,7 @@ def _search(
 def plan(
     start: Array, goal: Array, scenario: Scenario, settings: Settings, rng: np.random.Generator
 ) -> Path:
-    """As `course.pipeline.plan_path`, the waypoints by OMPL's RRT-Connect."""
+    """Return as `course.pipeline.plan_path`, the waypoints by OMPL's RRT-Connect."""
     return plan_path(start, goal, scenario, settings, rng, _search)
 
 
@@ -110,7 +113,7 @@ def _pinocchio(arm: TwoLink) -> pinocchio.Arm:
 
 
 def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Settings) -> Array:
-    """Computed torque by Pinocchio's recursive Newton-Euler, (2,) [N m]."""
+    """Return computed torque by Pinocchio's recursive Newton-Euler, (2,) [N m]."""
     a = desired[2] + settings.kp * (desired[0] - q) + settings.kd * (desired[1] - v)
     return _pinocchio(scenario.arm).inverse_dynamics(q, v, a)
 
@@ -126,7 +129,10 @@ def _mujoco(arm: TwoLink, integrator: str) -> tuple[Any, Any, Any]:
 def move(
     q: Array, v: Array, tau: Array, dt: float, scenario: Scenario, integrator: str = "EULER"
 ) -> tuple[Array, Array]:
-    """State after a step by `mj_step`; MuJoCo's Euler takes the joints' damping implicitly."""
+    """Return state after a step by `mj_step`.
+
+    MuJoCo's Euler takes the joints' damping implicitly.
+    """
     step, model, data = _mujoco(scenario.plant, integrator)
     model.opt.timestep = dt
     data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, v, tau

@@ -31,7 +31,7 @@ _GROUND = 50.0  # half side of the ground [m]
 
 
 def library() -> ModuleType:
-    """PyBullet.
+    """Return PyBullet.
 
     Raises:
         ImportError: it is not installed; the text says what to install.

@@ -48,7 +48,10 @@ class Row:
 
 
 def pairs() -> list[tuple[str, QoS, QoS]]:
-    """Every pair of values of every policy with a request, and three in which several fail."""
+    """Return every pair of values of every policy with a request.
+
+    And three in which several fail.
+    """
     values: dict[str, tuple[Any, ...]] = {
         **ORDERS,
         **SAME,
@@ -68,7 +71,7 @@ def pairs() -> list[tuple[str, QoS, QoS]]:
 
 
 def pair_rows() -> list[Row]:
-    """Who hears whom: both verdicts, and the policy that Cyclone names.
+    """Return who hears whom: both verdicts, and the policy that Cyclone names.
 
     Cyclone's event names one policy only, the first that it found. Where several fail, ours names
     all; the row agrees if Cyclone's is among them, and both ends say the same.
@@ -116,7 +119,8 @@ def history(
     late: bool = False,
     kept_for_late: int | None = None,
 ) -> list[int]:
-    """The numbers that a reader finds when it looks for the first time after so many were written.
+    """Return the numbers that a reader finds when it looks for the first time after so many were
+    written.
 
     Args:
         offered, requested: of writer and reader.
@@ -133,7 +137,9 @@ def history(
 
 
 def expected(offered: QoS, requested: QoS, samples: int, late: bool, retained: float) -> list[int]:
-    """What is left of 0, 1, ...: the last of them, as many as the least of the depths allows.
+    """Return what is left of 0, 1, .
+
+    The last of them, as many as the least of the depths allows.
 
     A reader that was there is bound by its own depth. One that comes late gets something only if
     both ends are reliable and transient-local, and no more than the writer kept for late ones.
@@ -153,7 +159,7 @@ def expected(offered: QoS, requested: QoS, samples: int, late: bool, retained: f
 
 
 def kept_rows(samples: int = 8) -> list[Row]:
-    """Depths, and late joiners."""
+    """Return depths, and late joiners."""
     rows = []
     for reliability, depth in product(ORDERS["reliability"], (1, 3, 5)):
         for writer, reader in ((10, depth), (depth, 10)):
@@ -230,7 +236,7 @@ def missed(deadline: float = SHORT, gap: float = 0.12, gaps: int = 5) -> Missed:
 
 
 def silence(qos: QoS, seconds: float = 4 * SHORT) -> tuple[int, int, int]:
-    """A writer writes once and is silent; then once more.
+    """Return a writer writes once and is silent; then once more.
 
     Args:
         qos: of both ends, with a lease.
@@ -255,7 +261,7 @@ def silence(qos: QoS, seconds: float = 4 * SHORT) -> tuple[int, int, int]:
 
 
 def event_rows() -> list[Row]:
-    """Lifespan, deadline, liveliness, ownership by strength, and order by source time."""
+    """Return lifespan, deadline, liveliness, ownership by strength, and order by source time."""
     rows = []
     for lifespan, left in ((SHORT, 0), (LONG, 3), (math.inf, 3)):
         with participant() as member:
@@ -290,7 +296,9 @@ def event_rows() -> list[Row]:
 
 
 def _two_writers(qos: QoS, strengths: tuple[int, ...], stamps: tuple[float, ...]) -> list[int]:
-    """What is left of samples 1, 2, ... of the writers of these strengths, stamped now + stamp."""
+    """Return what is left of samples 1, 2, ... of the writers of these strengths, stamped now +
+    stamp.
+    """
     exclusive = qos.ownership == "exclusive"
     with participant() as member:
         topic, now = Topic(member), time.time()
@@ -302,5 +310,5 @@ def _two_writers(qos: QoS, strengths: tuple[int, ...], stamps: tuple[float, ...]
 
 
 def matrix() -> list[Row]:
-    """All rows, run now."""
+    """Return all rows, run now."""
     return pair_rows() + kept_rows() + event_rows()

@@ -85,7 +85,10 @@ def _pinocchio(text: str) -> Facts:
 
 
 def _probe(pinocchio: Any, model: Any) -> list[float]:
-    """1, or not a number if an axis cannot be normalised: then the accelerations are none."""
+    """Return 1, or not a number if an axis cannot be normalised.
+
+    Then the accelerations are none.
+    """
     q, still = pinocchio.neutral(model), np.zeros(model.nv)
     result = pinocchio.aba(model, model.createData(), q, still, still)
     return [1.0 + 0.0 * float(np.sum(result))]
@@ -159,7 +162,7 @@ READERS: dict[str, tuple[Callable[[], Any], Callable[[str], Facts]]] = {
 
 
 def _alone(read: Callable[[str], Facts], text: str) -> Reading:
-    """A text read in a forked process, with all that is printed there."""
+    """Return a text read in a forked process, with all that is printed there."""
     with tempfile.TemporaryFile("w+") as answer:
         child = os.fork()
         if not child:
@@ -194,7 +197,9 @@ def _all(name: str) -> dict[str, Reading]:
 
 
 def readings(reader: str) -> dict[str, Reading]:
-    """What a reader did with every model, by the model's name, and with the sound one ("sound").
+    """Return what a reader did with every model, by the model's name.
+
+    And with the sound one ("sound").
 
     Args:
         reader: one of `READERS`.

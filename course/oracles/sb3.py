@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def rows(infos: dict[str, Any], count: int) -> list[dict[str, Any]]:
-    """The infos of a vector environment as one dict for each of its `count` environments."""
+    """Return the infos of a vector environment as one dict for each of its `count` environments."""
     result: list[dict[str, Any]] = [{} for _ in range(count)]
     for key, value in infos.items():
         if key.startswith("_") and key[1:] in infos:
@@ -32,7 +32,7 @@ def rows(infos: dict[str, Any], count: int) -> list[dict[str, Any]]:
 
 
 def vec_env(envs: Any) -> VecEnv:
-    """A `VecEnv` that steps `envs`, to train with Stable-Baselines3.
+    """Return a `VecEnv` that steps `envs`, to train with Stable-Baselines3.
 
     What it returns is what the library's `DummyVecEnv` returns over single environments. Attributes
     and methods are those of each environment where `envs` has environments, else its own.
@@ -134,7 +134,9 @@ class Curve(NamedTuple):
 def ppo(
     envs: Any, settings: Settings, judge: Any, *, steps: int, seed: int, every: int = 1
 ) -> Curve:
-    """The library's PPO with the settings of ours: same networks, same starts, same normalisers.
+    """Return the library's PPO with the settings of ours.
+
+    Same networks, same starts, same normalisers.
 
     It updates the normalisers at every step, ours once in an iteration; it normalises advantages in
     each minibatch; its Adam keeps each layer's weights apart. What ours has beside these settings

@@ -27,7 +27,9 @@ class Queue:
 def queue_ages(
     depth: int, each: int, takes: int, reliability: str = "reliable", *, newest: bool = False
 ) -> Queue:
-    """A reader takes one sample after every so many that are written, in one process, in turn.
+    """Return a reader takes one sample after every so many that are written, in one process.
+
+    In turn.
 
     No clock is involved: the age of a sample is the number of those that were written after it.
     Once the queue is full, the oldest of `depth` samples is (depth - 1) periods old.

@@ -22,7 +22,7 @@ KINDS = ("ICP", "PLANE_ICP", "GICP")
 
 
 def library() -> ModuleType:
-    """small_gicp.
+    """Return small_gicp.
 
     Raises:
         ImportError: it is not installed; the text says what to install.
@@ -66,7 +66,7 @@ class Cloud:
             small.estimate_normals_covariances(self.handle, self.tree, neighbours)
 
     def voxel_mean(self, voxel: float) -> Cloud:
-        """The voxel means, without a tree, which only a target needs."""
+        """Return the voxel means, without a tree, which only a target needs."""
         one = object.__new__(Cloud)
         one._library = self._library
         one.handle = self._library.voxelgrid_sampling(self.handle, voxel, 1)

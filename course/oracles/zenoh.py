@@ -22,7 +22,7 @@ from course.oracles.cyclonedds import until
 
 
 def library() -> ModuleType:
-    """zenoh.
+    """Return zenoh.
 
     Raises:
         ImportError: it is not installed; the text says what to install.
@@ -35,7 +35,7 @@ def library() -> ModuleType:
 
 
 def configuration(port: int, listens: bool, shared: bool) -> Any:
-    """The settings of one of two processes that know each other by a port of 127.0.0.1."""
+    """Return the settings of one of two processes that know each other by a port of 127.0.0.1."""
     made = library().Config()
     endpoint = [f"tcp/127.0.0.1:{port}"]
     for key, value in {
@@ -51,7 +51,7 @@ def configuration(port: int, listens: bool, shared: bool) -> Any:
 
 
 def read_back(made: Any) -> dict[str, Any]:
-    """What a configuration says of itself."""
+    """Return what a configuration says of itself."""
     keys = (
         "scouting/multicast/enabled",
         "scouting/gossip/enabled",
@@ -63,7 +63,7 @@ def read_back(made: Any) -> dict[str, Any]:
 
 
 def free_port() -> int:
-    """A port of 127.0.0.1 that nobody listens on just now."""
+    """Return a port of 127.0.0.1 that nobody listens on just now."""
     with socket.socket() as end:
         end.bind(("127.0.0.1", 0))
         return int(end.getsockname()[1])
@@ -96,7 +96,7 @@ def echo(shared: bool = False) -> Iterator[Trip]:
 
 
 def _publisher(session: Any, key: str) -> Any:
-    """One that waits where the line is full; as by default zenoh would drop the message."""
+    """Return one that waits where the line is full; as by default zenoh would drop the message."""
     block = library().CongestionControl.BLOCK
     return session.declare_publisher(key, congestion_control=block)
 

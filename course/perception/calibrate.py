@@ -14,7 +14,7 @@ from course.rigid_body.quaternion import from_matrix, log, to_matrix, unit_quate
 
 
 def target_error(points: ArrayLike, places: ArrayLike, sigma: float) -> Array:
-    """Root mean square error at places, of a rigid fit to noisy points.
+    """Return root mean square error at places, of a rigid fit to noisy points.
 
     sigma^2 (1 + sum_k d_k^2 / f_k^2 / 3) 3 / N: d_k is a place's distance from principal axis k of
     the points, f_k the root mean square distance of the points from it. So the error is least in
@@ -62,12 +62,12 @@ class Calibration:
     points: Array
 
     def error_at(self, places: ArrayLike) -> Array:
-        """Predicted root mean square error at places in the base, shape (3, M), as (M,) [m]."""
+        """Return predicted root mean square error at places in the base, shape (3, M), as (M,) [m]."""
         return target_error(self.points, places, self.sigma)
 
 
 def camera_to_base(observed: ArrayLike, touched: ArrayLike) -> Calibration:
-    """The camera's pose from the same points seen by it and touched by the arm.
+    """Return the camera's pose from the same points seen by it and touched by the arm.
 
     Three points leave a residual too, but it says least about the error: of 3 N coordinates the fit
     takes six, so that the mean square residual is (1 - 2 / N) times that of the noise.
@@ -103,7 +103,7 @@ class HandEye:
 
 
 def hand_eye(A: ArrayLike, B: ArrayLike, tolerance: float = 0.02) -> HandEye:
-    """X of A X = X B for many motions (Park and Martin, 1994).
+    """Return X of A X = X B for many motions (Park and Martin, 1994).
 
     The rotation vectors of A are those of B turned by X, which is a fit of directions: with
     M = sum b a^T it is (M^T M)^(-1/2) M^T. Then (R_A - 1) x = R_X t_B - t_A by least squares.

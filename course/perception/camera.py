@@ -64,11 +64,13 @@ class Shapes:
         object.__setattr__(self, "poses", checked_poses("poses", self.poses, 3))
 
     def at(self, pose: ArrayLike) -> Shapes:
-        """The same shapes at other poses: (7, n), or (7,) of one shape."""
+        """Return the same shapes at other poses: (7, n), or (7,) of one shape."""
         return replace(self, poses=np.reshape(np.asarray(pose, dtype=float), (7, -1)))
 
     def moved(self, pose: ArrayLike) -> Shapes:
-        """All of them, which stand in the frame of a pose (7,), in the frame that this is given in.
+        """Return all of them.
+
+        Which stand in the frame of a pose (7,), in the frame that this is given in.
 
         A camera at `pose` sees `shapes.moved(invert(pose))`.
         """
@@ -77,7 +79,7 @@ class Shapes:
 
 
 def shape(kind: str, *size: float, pose: ArrayLike = STILL) -> Shapes:
-    """One shape, such as `shape("box", 0.05, 0.03, 0.02)`.
+    """Return one shape, such as `shape("box", 0.05, 0.03, 0.02)`.
 
     Args:
         kind: one of `KINDS`.
@@ -93,7 +95,7 @@ def shape(kind: str, *size: float, pose: ArrayLike = STILL) -> Shapes:
 
 
 def together(shapes: Sequence[Shapes]) -> Shapes:
-    """All of them as one."""
+    """Return all of them as one."""
     return Shapes(
         tuple(kind for some in shapes for kind in some.kinds),
         np.hstack([np.zeros((3, 0)), *(some.sizes for some in shapes)]),
@@ -131,18 +133,24 @@ class Camera:
 
     @classmethod
     def symmetric(cls, width: int, height: int, view: float) -> Camera:
-        """With square pixels and the axis in the middle; `view` is from left to right [rad]."""
+        """Return with square pixels and the axis in the middle.
+
+        `view` is from left to right [rad].
+        """
         angle = finite("view", view, 1e-3, math.pi - 1e-3, unit="rad")
         f = 0.5 * count("width", width, 1) / math.tan(0.5 * angle)
         return cls(width, height, f, f, 0.5 * (width - 1), 0.5 * (count("height", height, 1) - 1))
 
     def rays(self) -> tuple[Array, Array]:
-        """x / z of each column, shape (W,), and y / z of each row, shape (H,)."""
+        """Return x / z of each column, shape (W,), and y / z of each row, shape (H,)."""
         x = (np.arange(self.width, dtype=float) - self.cx) / self.fx
         return x, (np.arange(self.height, dtype=float) - self.cy) / self.fy
 
     def project(self, points: ArrayLike) -> Array:
-        """Where points (3, N) in front of the camera [m] appear: u and v, (2, N) [pixels]."""
+        """Return where points (3, N) in front of the camera [m] appear.
+
+        U and v, (2, N) [pixels].
+        """
         x, y, z = vector("points", points, (3, None), unit="m")
         if not np.all(z > 0.0):
             raise invalid("points[2]", float(z.min()), "in front of the camera")
@@ -179,7 +187,10 @@ class Camera:
 
 @register_jitable
 def _slab(o, d, h, near, far):
-    """What of [near, far] lies between -h and h along one axis; a ray along it divides by 0."""
+    """Return what of [near, far] lies between -h and h along one axis.
+
+    A ray along it divides by 0.
+    """
     inverse = 1.0 / d
     a, b = (-h - o) * inverse, (h - o) * inverse
     low, high = (a, b) if a < b else (b, a)
@@ -202,7 +213,10 @@ def through_box(size, o, d):
 
 @register_jitable
 def through_cylinder(size, o, d):
-    """Half the chord from the distance of axis and ray, which does not cancel from far away."""
+    """Return half the chord from the distance of axis and ray.
+
+    Which does not cancel from far away.
+    """
     a = d[0] * d[0] + d[1] * d[1]
     t = (o[0] * d[0] + o[1] * d[1]) / a if a > 0.0 else 0.0
     x, y = o[0] - t * d[0], o[1] - t * d[1]
@@ -213,7 +227,7 @@ def through_cylinder(size, o, d):
 
 @register_jitable
 def through_sphere(size, o, d):
-    """As of a cylinder (Haines et al., Precision Improvements for Ray/Sphere, 2019)."""
+    """Return as of a cylinder (Haines et al., Precision Improvements for Ray/Sphere, 2019)."""
     a = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     t = (o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / a
     x, y, z = o[0] - t * d[0], o[1] - t * d[1], o[2] - t * d[2]
@@ -223,7 +237,10 @@ def through_sphere(size, o, d):
 
 
 def _caster(interval):
-    """One loop a kind, as a test of the kind for each pixel would keep it from doing several."""
+    """Return one loop a kind.
+
+    As a test of the kind for each pixel would keep it from doing several.
+    """
 
     @register_jitable
     def cast(size, R, p, window, number, x, y, depth, ids):
@@ -257,7 +274,10 @@ _cast_plane, _cast_box, _cast_cylinder, _cast_sphere = map(
 
 @register_jitable
 def _window(half, R, p, x, y):
-    """Columns and rows that may see a box of half lengths: all where it reaches behind the eye."""
+    """Return columns and rows that may see a box of half lengths.
+
+    All where it reaches behind the eye.
+    """
     left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
     for corner in range(8):
         s = half[0] if corner & 1 else -half[0]
@@ -307,7 +327,9 @@ def _kernel():
 
 
 def render(shapes: Shapes, camera: Camera) -> tuple[Array, Ids]:
-    """The exact picture of shapes: rays meet them in closed form, those in a shape's window only.
+    """Return the exact picture of shapes.
+
+    Rays meet them in closed form, those in a shape's window only.
 
     Args:
         shapes: with poses in the camera's frame.
@@ -368,7 +390,7 @@ class Sensor:
         finite("far", self.far, self.near, unit="m")
 
     def sigma(self, depth: ArrayLike, camera: Camera) -> Array:
-        """Standard deviation of a measured depth of any shape [m], to first order.
+        """Return standard deviation of a measured depth of any shape [m], to first order.
 
         It grows with the square of the depth. A step, and a unit, leaves an error that is taken as
         evenly spread, so that its variance is a twelfth of its square.
@@ -384,7 +406,7 @@ STEREO = Sensor(0.05, 0.1, 5, 1 / 32, 1e-4, 0.01, math.radians(80.0), 0.1, 4.0)
 
 
 def _shared_noise(shape: tuple[int, int], window: int, rng: np.random.Generator) -> Array:
-    """Numbers of variance 1 whose neighbours share: sums over a square, over its side."""
+    """Return numbers of variance 1 whose neighbours share: sums over a square, over its side."""
     noise = rng.standard_normal((shape[0] + window - 1, shape[1] + window - 1))
     if window == 1:
         return noise
@@ -393,7 +415,7 @@ def _shared_noise(shape: tuple[int, int], window: int, rng: np.random.Generator)
 
 
 def incidence(depth: Array, camera: Camera) -> Array:
-    """Angle between ray and normal at each pixel of an exact picture, shape (H, W) [rad].
+    """Return angle between ray and normal at each pixel of an exact picture, shape (H, W) [rad].
 
     Along a plane the inverse depth is linear in the pixel, and its gradient gives the normal. Of
     the differences to both sides of a pixel the smaller counts, so that an edge is no slope.
@@ -415,7 +437,7 @@ def incidence(depth: Array, camera: Camera) -> Array:
 
 
 def sense(depth: ArrayLike, camera: Camera, sensor: Sensor, rng: np.random.Generator) -> Array:
-    """What a sensor makes of an exact picture.
+    """Return what a sensor makes of an exact picture.
 
     Modelled are noise, steps and limits, in this order: noise in disparity, shared over a window;
     steps of disparity; the depth unit; range; dropout by chance and where the surface is grazed.

@@ -31,7 +31,7 @@ _BITS = 21  # of a key for each index of a cell
 
 
 def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
-    """Points from outside as contiguous floats (3, N), their least and largest coordinates."""
+    """Return points from outside as contiguous floats (3, N), their least and largest coordinates."""
     given = np.ascontiguousarray(points, dtype=float)
     if given.ndim == 2 and given.shape[0] == 3 and given.shape[1] >= least:
         low, high = given.min(axis=1), given.max(axis=1)
@@ -42,13 +42,13 @@ def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
 
 
 def _length(name: str, value: float, low: Array, high: Array) -> float:
-    """A length that is positive and not below the rounding of coordinates from low to high."""
+    """Return a length that is positive and not below the rounding of coordinates from low to high."""
     largest = float(np.maximum(np.abs(low), np.abs(high)).max())
     return finite(name, value, max(4.0 * np.finfo(float).eps * largest, POSITIVE), unit="m")
 
 
 def back_project(depth: ArrayLike, camera: Camera) -> tuple[Array, Ids]:
-    """The points of all pixels that have a measurement, row by row.
+    """Return the points of all pixels that have a measurement, row by row.
 
     Args:
         depth: along z, shape (H, W), 0 where there is none [m].
@@ -82,7 +82,7 @@ def _back_project(z, x, y, points, pixels):
 
 
 def _keys(name: str, points: Array, cell: float, origin: Array, high: Array) -> Ids:
-    """The key of each point's cell; indices that it has no room for are refused."""
+    """Return the key of each point's cell; indices that it has no room for are refused."""
     if not ((high - origin) / cell).max() < 2**_BITS - 4:
         message = f"a larger length: of this one the points span more than {2**_BITS - 8}"
         raise invalid(name, cell, message)
@@ -102,7 +102,7 @@ def _cells(points, origin, cell, keys):
 def voxel_mean(
     points: ArrayLike, voxel: float, origin: ArrayLike | None = None
 ) -> tuple[Array, Ids]:
-    """One point for each cell of a grid that holds any: their mean.
+    """Return one point for each cell of a grid that holds any: their mean.
 
     Args:
         points: shape (3, N) [m].
@@ -152,7 +152,7 @@ def _sums(points, keys, table, sums, counts):
 
 
 def _sorted(name: str, points: Array, cell: float, low: Array, high: Array) -> tuple[Any, ...]:
-    """Points sorted by cell, where each cell begins, its key, and the order."""
+    """Return points sorted by cell, where each cell begins, its key, and the order."""
     keys = _keys(name, points, cell, low - 2.0 * cell, high)  # no neighbour has a key below 0
     order = np.argsort(keys, kind="stable")
     first = np.flatnonzero(np.diff(keys[order], prepend=-1))
@@ -161,7 +161,7 @@ def _sorted(name: str, points: Array, cell: float, low: Array, high: Array) -> t
 
 
 def _rows(reach: int) -> Ids:
-    """What to add to a key for the rows of cells around it, the nearest first."""
+    """Return what to add to a key for the rows of cells around it, the nearest first."""
     near = sorted(
         np.ndindex(2 * reach + 1, 2 * reach + 1), key=lambda c: sum((i - reach) ** 2 for i in c)
     )
@@ -175,7 +175,7 @@ def _square(points, p, x, y, z):
 
 
 def radius_search(points: ArrayLike, queries: ArrayLike, radius: float) -> tuple[Ids, Ids]:
-    """The points within a radius of each query, the border included.
+    """Return the points within a radius of each query, the border included.
 
     Args:
         points, queries: shape (3, N) and (3, M) [m].
@@ -226,7 +226,7 @@ def _within(points, queries, square, begin, end, first, result):
 
 @register_jitable
 def _root(parent, i):
-    """The set that i is in, with its path halved (Tarjan and van Leeuwen, 1984)."""
+    """Return the set that i is in, with its path halved (Tarjan and van Leeuwen, 1984)."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -234,7 +234,9 @@ def _root(parent, i):
 
 
 def dbscan(points: ArrayLike, eps: float, least: int) -> tuple[Ids, NDArray[np.bool_]]:
-    """Clusters of dense points (Ester, Kriegel, Sander and Xu, 1996), exactly, in O(N) memory.
+    """Return clusters of dense points (Ester, Kriegel, Sander and Xu, 1996), exactly.
+
+    In O(N) memory.
 
     Points in a cell of edge eps / sqrt(3) are all within eps of each other, so core points are
     joined cell by cell (Gunawan, 2013), and no neighbourhood is stored. A border point goes to the
@@ -264,7 +266,7 @@ def dbscan(points: ArrayLike, eps: float, least: int) -> tuple[Ids, NDArray[np.b
 
 @register_jitable
 def _near(keys, rows, fingers, c, near):
-    """The cells about cell c, itself among them; how many.
+    """Return the cells about cell c, itself among them; how many.
 
     One finger a row of cells: the cells are asked in order, so that it only moves on.
     """
@@ -341,7 +343,7 @@ def _dbscan(points, start, keys, order, rows, square, least, labels, core):
 
 @register_jitable
 def _touches(points, p, begin, end, dense, square):
-    """Whether a core point from begin to end is a neighbour of p."""
+    """Return whether a core point from begin to end is a neighbour of p."""
     for q in range(begin, end):
         near = _square(points, q, points[0, p], points[1, p], points[2, p]) <= square
         if near and dense[q]:
@@ -350,7 +352,7 @@ def _touches(points, p, begin, end, dense, square):
 
 
 def components(depth: ArrayLike, camera: Camera, step: float) -> Ids:
-    """Clusters on the grid of pixels: neighbours whose depths differ by no more than a step.
+    """Return clusters on the grid of pixels: neighbours whose depths differ by no more than a step.
 
     Args:
         depth: shape (H, W), 0 where a pixel takes no part, such as on the plane [m].
@@ -398,7 +400,7 @@ def _components(z, step, labels):
 
 
 def fit_plane(points: ArrayLike) -> Array:
-    """The plane with the least sum of squared distances (Pearson, 1901), shape (4,).
+    """Return the plane with the least sum of squared distances (Pearson, 1901), shape (4,).
 
     Raises:
         ValueError: for fewer than 3 points, a NaN, or points in one line (within a millionth).
@@ -413,14 +415,14 @@ def fit_plane(points: ArrayLike) -> Array:
 
 
 def _facing(plane: Array) -> Array:
-    """The plane with its normal towards the camera."""
+    """Return the plane with its normal towards the camera."""
     return -plane if plane[3] < 0.0 else plane
 
 
 def inverse_depth_plane(
     depth: ArrayLike, camera: Camera, mask: NDArray[np.bool_] | None = None
 ) -> Array:
-    """The plane of a picture by one linear fit, shape (4,).
+    """Return the plane of a picture by one linear fit, shape (4,).
 
     Along a plane 1 / z = a x + b y + c over the normalised pixels. A stereo sensor's noise is even
     in 1 / z, so that the fit is the best there is and has no bias to first order.
@@ -449,7 +451,7 @@ def inverse_depth_plane(
 
 
 def draws_needed(share: float, confidence: float, sample: int = 3) -> float:
-    """How many draws of `sample` points hold one of inliers only, with so much confidence.
+    """Return how many draws of `sample` points hold one of inliers only, with so much confidence.
 
     log(1 - P) / log(1 - w^n) (Fischler and Bolles, 1981). Three inliers are not yet the plane: with
     noise near the tolerance many such triples miss most of it.
@@ -470,7 +472,7 @@ def ransac_plane(
     at_most: int = 1000,
     refits: int = 1,
 ) -> tuple[Array, NDArray[np.bool_], int]:
-    """The plane that most points lie near (Fischler and Bolles, 1981).
+    """Return the plane that most points lie near (Fischler and Bolles, 1981).
 
     Planes through three drawn points are tried until `draws_needed` for the best share so far;
     then the plane is fitted to the points near it, `refits` times.

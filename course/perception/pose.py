@@ -90,7 +90,7 @@ _TURNS = from_matrix(np.moveaxis(_CUBE, 0, 2))
 
 
 def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
-    """How far two poses of a part are from each other, the least over its symmetries.
+    """Return how far two poses of a part are from each other, the least over its symmetries.
 
     A box looks the same after half turns, or quarter turns where two sides are equal; a cylinder
     after any turn about its axis, and upside down; a sphere after any. Of several shapes together
@@ -124,7 +124,10 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
 def verdict(
     z: Array, camera: Camera, sensor: Sensor, shapes: Shapes, cluster: NDArray[np.bool_]
 ) -> tuple[float, float, float, NDArray[np.bool_]]:
-    """Share looked through, share of visible pixels that agree, the same of both, and the mask."""
+    """Return share looked through, share of visible pixels that agree, the same of both.
+
+    And the mask.
+    """
     exact, _ = render(shapes, camera)
     mask = exact > 0.0
     here = mask & (z > 0.0)
@@ -137,7 +140,8 @@ def verdict(
 
 
 def see_through(depth: ArrayLike, camera: Camera, sensor: Sensor, shapes: Shapes) -> float:
-    """Share of the measured pixels of posed shapes where the picture sees something behind them.
+    """Return share of the measured pixels of posed shapes where the picture sees something behind
+    them.
 
     Behind means by more than 4 standard deviations of the depth and a millimetre. Pixels where
     something else is in front say nothing. 1 where the shapes are not in the picture.
@@ -155,7 +159,7 @@ def _at_edge(mask: NDArray[np.bool_]) -> bool:
 
 
 def _extent(part: Shapes) -> tuple[Array, Array]:
-    """Least and greatest coordinates of a part in its own frame [m]."""
+    """Return least and greatest coordinates of a part in its own frame [m]."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for i, kind in enumerate(part.kinds):
         size, pose = part.sizes[:, i], part.poses[:, i]
@@ -168,7 +172,7 @@ def _extent(part: Shapes) -> tuple[Array, Array]:
 
 
 def _yaws(part: Shapes, starts: int) -> Array:
-    """Turns about z to start from: evenly over what is not the same by symmetry [rad]."""
+    """Return turns about z to start from: evenly over what is not the same by symmetry [rad]."""
     period = 2.0 * math.pi
     still = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     for n in (360, 4, 2):
@@ -180,12 +184,12 @@ def _yaws(part: Shapes, starts: int) -> Array:
 
 
 def standing_starts(part: Shapes, points: Array, table: Array, starts: int) -> list[Array]:
-    """Poses on the table at turns evenly over what is not the same by symmetry."""
+    """Return poses on the table at turns evenly over what is not the same by symmetry."""
     return standing_at(part, points, table, _yaws(part, starts))
 
 
 def standing_at(part: Shapes, points: Array, table: Array, yaws: Array) -> list[Array]:
-    """Poses on the table: for each turn the middle of the box around the points."""
+    """Return poses on the table: for each turn the middle of the box around the points."""
     low, high = _extent(part)
     up = turn_to(table[:3])
     foot = -table[3] * table[:3]
@@ -202,7 +206,7 @@ def standing_at(part: Shapes, points: Array, table: Array, yaws: Array) -> list[
 
 
 def floating_starts(part: Shapes, points: Array, starts: int) -> list[Array]:
-    """Poses anywhere: the principal axes in all their orders, and turned by an eighth."""
+    """Return poses anywhere: the principal axes in all their orders, and turned by an eighth."""
     low, high = _extent(part)
     middle = points.mean(axis=1)
     away = middle / np.linalg.norm(middle) * 0.25 * float((high - low).min())
@@ -219,7 +223,7 @@ def floating_starts(part: Shapes, points: Array, starts: int) -> list[Array]:
 
 
 def _of_table(points: Array, sigma: Array, table: Array, pose: Array) -> Array:
-    """What the table tells about a part that stands on it: height and two tilts, (6, 6)."""
+    """Return what the table tells about a part that stands on it: height and two tilts, (6, 6)."""
     x, y, _ = rotate(conjugate(pose[3:]), points - pose[:3, None])
     slope = np.abs(table[:3] @ points) / points[2]
     J = np.stack((0.0 * x, 0.0 * x, np.ones_like(x), y, -x, 0.0 * x)) / (sigma * slope)
@@ -238,7 +242,7 @@ def locate(
     least: int = 40,
     seed: int = 0,
 ) -> list[Estimate]:
-    """Every cluster above the table that may be the part, the one that agrees best first.
+    """Return every cluster above the table that may be the part, the one that agrees best first.
 
     Args:
         depth: shape (H, W) [m], 0 where there is no measurement.
@@ -298,7 +302,7 @@ def locate(
 
 
 def some_of(points: Array, sigma: Array, at_most: int = 2000) -> tuple[Array, Array]:
-    """Every n-th point, and deviations with which these tell as much as all do [m]."""
+    """Return every n-th point, and deviations with which these tell as much as all do [m]."""
     n = max(1, sigma.size // at_most)
     return points[:, ::n], sigma[::n] * math.sqrt(sigma[::n].size / max(1, sigma.size))
 
@@ -315,7 +319,9 @@ def pose_of(
     standing: bool = True,
     starts: int = 4,
 ) -> Estimate | None:
-    """The pose of one cluster that the picture agrees with most; None where no start gets hold.
+    """Return the pose of one cluster that the picture agrees with most.
+
+    None where no start gets hold.
 
     Args:
         z: the picture, shape (H, W) [m].
@@ -404,7 +410,8 @@ def pose_of(
 def stand_in(
     camera: Camera, sensor: Sensor, part: Shapes, places: ArrayLike, *, standing: bool = True
 ) -> tuple[Array, Array]:
-    """What `locate` will be off by, on the average and in its spread, without its pictures' noise.
+    """Return what `locate` will be off by, on the average and in its spread, without its pictures'
+    noise.
 
     The spread is that of the exact picture's information. What averaging does not remove are the
     sensor's steps: of the error that they make without noise exp(-2 pi^2 (noise / step)^2) is

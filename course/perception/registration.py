@@ -61,7 +61,7 @@ class Cloud:
 
     @classmethod
     def of(cls, points: ArrayLike, normals: ArrayLike | None = None) -> Cloud:
-        """A cloud to register to, or to ask for nearest points.
+        """Return a cloud to register to, or to ask for nearest points.
 
         Args:
             points: shape (3, N), at least one [m].
@@ -87,7 +87,7 @@ class Cloud:
         return cls(rows, turned, order, axes, cuts)
 
     def nearest(self, queries: ArrayLike, within: float = np.inf) -> tuple[Array, Any]:
-        """The nearest point to each query, shape (3, n) [m].
+        """Return the nearest point to each query, shape (3, n) [m].
 
         Returns:
             Distances (n,) [m] and numbers of the points (n,); infinite and -1 where none is nearer
@@ -140,7 +140,7 @@ class Fit:
 def known(
     information: ArrayLike, free: tuple[str, ...] = DIRECTIONS
 ) -> tuple[Array, tuple[str, ...]]:
-    """Covariance and blind directions of an information matrix.
+    """Return covariance and blind directions of an information matrix.
 
     Each direction is scaled to an information of 1, so that neither the unit of a turn nor how well
     something else is known decides; eigenvalues are then small only where a motion is not seen
@@ -172,7 +172,7 @@ def known(
 def rigid_fit(
     source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None
 ) -> tuple[Array, Array]:
-    """R, p that minimise sum w |R source + p - target|^2 among proper rotations.
+    """Return R, p that minimise sum w |R source + p - target|^2 among proper rotations.
 
     From the singular vectors of the weighted covariance U S V^T: R = V diag(1, 1, d) U^T, where d,
     the determinant of V U^T, keeps a mirror image out (Kabsch, 1978; Umeyama, 1991).
@@ -213,7 +213,7 @@ def icp(
     iterations: int = 50,
     tolerance: float = 1e-8,
 ) -> Fit:
-    """Iterative closest points: match to the target, best motion for these matches, repeat.
+    """Return iterative closest points: match to the target, best motion for these matches, repeat.
 
     "point" takes the best rigid motion onto the closest points, "plane" a Gauss-Newton step on the
     distances along their normals. On a shape the closest point is exact. A gate drops what is
@@ -291,7 +291,7 @@ def icp(
 
 
 def solids(shapes: Shapes) -> tuple[NDArray[Any], ...]:
-    """Kinds (n,), sizes (n, 3), rotations (n, 3, 3) and places (n, 3) for the loop."""
+    """Return kinds (n,), sizes (n, 3), rotations (n, 3, 3) and places (n, 3) for the loop."""
     kinds = np.array([tuple(KINDS).index(kind) for kind in shapes.kinds], np.int64)
     turns = np.ascontiguousarray(np.moveaxis(to_matrix(shapes.poses[3:]), 2, 0))
     rows = (np.ascontiguousarray(x.T) for x in (shapes.sizes, shapes.poses[:3]))
@@ -347,7 +347,9 @@ def _build(points, order, axes, cuts):
 
 @register_jitable
 def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
-    """Row of the nearest point within sqrt(best) of q, else `index`; and the squared distance.
+    """Return row of the nearest point within sqrt(best) of q, else `index`.
+
+    And the squared distance.
 
     A branch is left aside when its cuts alone are farther off than the best (Arya and Mount, 1993).
     """
@@ -397,7 +399,8 @@ def _query(queries, points, axes, cuts, within, distance, index):
 
 @register_jitable
 def _onto(kind, s0, s1, s2, x, y, z):
-    """Closest point of a solid's surface to (x, y, z), outward normal, how far it is from an edge.
+    """Return closest point of a solid's surface to (x, y, z), outward normal, how far it is from an
+    edge.
 
     Beyond an edge the normal points from the edge to (x, y, z), and the last number is zero.
     """
@@ -438,7 +441,7 @@ def _onto(kind, s0, s1, s2, x, y, z):
 
 @register_jitable
 def _meets(kind, size, o, d):
-    """Where the ray o + t d goes into a solid and out of it."""
+    """Return where the ray o + t d goes into a solid and out of it."""
     if kind == PLANE:
         return camera.through_plane(size, o, d)
     if kind == SPHERE:
@@ -450,7 +453,7 @@ def _meets(kind, size, o, d):
 
 @register_jitable
 def _rotation(a, b, w, R, p):
-    """Kabsch's rotation and shift from rows a to rows b; False where they lie on a line."""
+    """Return kabsch's rotation and shift from rows a to rows b; False where they lie on a line."""
     total, ca, cb = 0.0, np.zeros(3), np.zeros(3)
     for i in range(len(a)):
         total += w[i]
@@ -698,7 +701,7 @@ def _icp(
 
 @functools.cache
 def _kernels() -> tuple[Any, ...]:
-    """Tree, queries, rigid fit and the loop, compiled."""
+    """Return tree, queries, rigid fit and the loop, compiled."""
     tree = (MATRIX, MATRIX, _INDICES, VECTOR)
     return (
         compiled(_build, types.void(MATRIX, _INDICES, _INDICES, VECTOR)),

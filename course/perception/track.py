@@ -21,7 +21,9 @@ _GATES = (10.83, 13.82, 16.27)
 
 
 def steady_gains(index: float) -> tuple[float, float]:
-    """Gains of place and rate that the filter settles at, from the tracking index (Kalata, 1984).
+    """Return gains of place and rate that the filter settles at.
+
+    From the tracking index (Kalata, 1984).
 
     Args:
         index: acceleration T^2 / sigma, for a picture every T seconds.
@@ -41,7 +43,7 @@ def steady_gains(index: float) -> tuple[float, float]:
 
 
 def averaged_error(k: ArrayLike, sigma: float, period: float, speed: float) -> Array:
-    """Error of the mean of k pictures of a part that moves: noise falls, the lag grows.
+    """Return error of the mean of k pictures of a part that moves: noise falls, the lag grows.
 
     Args:
         k: numbers of pictures.
@@ -127,7 +129,7 @@ class Tracker:
         self.rejected = 0
 
     def _at(self, stamp: float) -> tuple[Array, Array]:
-        """State and covariance at a time from the last picture on."""
+        """Return state and covariance at a time from the last picture on."""
         if self.stamp == -math.inf:
             raise invalid("stamp", stamp, "a time after the first update")
         dt = finite("stamp", stamp, self.stamp, unit="s") - self.stamp
@@ -136,7 +138,7 @@ class Tracker:
         return F @ self.state, F @ self.covariance @ F.T + G @ G.T
 
     def predict(self, stamp: float) -> tuple[Array, Array]:
-        """Where the part is now, though its last picture is old.
+        """Return where the part is now, though its last picture is old.
 
         Returns:
             (x, y, yaw) and its covariance, (3,) and (3, 3).

@@ -34,7 +34,8 @@ Network = Callable[[Array], Array]
 
 
 def above_table(depth: Array, camera: Camera, sensor: Sensor, table: Array) -> Array:
-    """Points higher above a known table than its noise allows, (3, N) in the camera's frame [m].
+    """Return points higher above a known table than its noise allows, (3, N) in the camera's frame
+    [m].
 
     Args:
         depth: shape (H, W) [m].
@@ -48,7 +49,7 @@ def above_table(depth: Array, camera: Camera, sensor: Sensor, table: Array) -> A
 
 
 def height_patch(points: Array, table: Array) -> Array:
-    """Heights of a part's points above the table, over its part of the table: (SIDE, SIDE).
+    """Return heights of a part's points above the table, over its part of the table: (SIDE, SIDE).
 
     The middle is that of a box along the table's axes; a cell without a point has height 0, the
     unit is that of the part.
@@ -74,7 +75,7 @@ def height_patch(points: Array, table: Array) -> Array:
 def picture(
     camera: Camera, sensor: Sensor, table: Array, rng: np.random.Generator, part: Shapes = L_PART
 ) -> tuple[Array, Array]:
-    """One part somewhere on the table: what the sensor gives (H, W) [m], and the pose (7,).
+    """Return one part somewhere on the table: what the sensor gives (H, W) [m], and the pose (7,).
 
     Args:
         camera, sensor: that look at it.
@@ -90,7 +91,7 @@ def picture(
 
 
 def plane_of(table: Array) -> Array:
-    """The plane (nx, ny, nz, d) of a table's pose (7,)."""
+    """Return the plane (nx, ny, nz, d) of a table's pose (7,)."""
     normal = rotate(table[3:], np.array([0.0, 0.0, 1.0]))
     return np.append(normal, -normal @ table[:3])
 
@@ -158,6 +159,6 @@ def train(
 
 
 def turn_of(pose: Array, plane: Array) -> float:
-    """A standing part's turn about the table's normal, from the axes of `turn_to` [rad]."""
+    """Return a standing part's turn about the table's normal, from the axes of `turn_to` [rad]."""
     x, y, _ = rotate(conjugate(turn_to(plane[:3])), rotate(pose[3:], np.array([1.0, 0.0, 0.0])))
     return math.atan2(y, x)

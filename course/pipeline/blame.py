@@ -37,7 +37,7 @@ class Broken(NamedTuple):
 
 
 def contracts(record: Record, agreed: Settings) -> list[Broken]:
-    """Each contract that a run broke, upstream first.
+    """Return each contract that a run broke, upstream first.
 
     Args:
         record: of the run; what it says of its settings is not looked at.
@@ -98,7 +98,7 @@ def contracts(record: Record, agreed: Settings) -> list[Broken]:
 
 
 def _gaps(scenario: Scenario, waypoints: np.ndarray) -> np.ndarray:
-    """Clearance along a path, at its ends and every 50 mrad or nearer [m]."""
+    """Return clearance along a path, at its ends and every 50 mrad or nearer [m]."""
     lengths = np.linalg.norm(np.diff(waypoints), axis=0)
     count = 2 + int(lengths.sum() / 0.05)
     along = np.concatenate(([0.0], np.cumsum(lengths)))
@@ -108,7 +108,9 @@ def _gaps(scenario: Scenario, waypoints: np.ndarray) -> np.ndarray:
 
 
 def gained(record: Record, kp: float, kd: float) -> float:
-    """Energy that arm and spring won in steps in which nothing brought it, of the most they had.
+    """Return energy that arm and spring won in steps in which nothing brought it.
+
+    Of the most they had.
 
     With PD, W = v^T M v / 2 + kp e^2 / 2 rises by no more than what is brought: by the moving
     reference kp e . dr, and by torques that are not those of the law, such as at their limit,
@@ -139,7 +141,7 @@ class Verdict(NamedTuple):
 
 
 def blame(record: Record, agreed: Settings | None, replay: Callable[..., Record]) -> Verdict:
-    """Which single repair cures a run, else which pair does; nobody where none does.
+    """Return which single repair cures a run, else which pair does; nobody where none does.
 
     Args:
         record: of a run that failed.
@@ -157,8 +159,10 @@ def blame(record: Record, agreed: Settings | None, replay: Callable[..., Record]
 
 
 def last_error(record: Record) -> str:
-    """Who would be blamed by the error of the last stages: the arm, if it is further from its
-    reference than that is from the target, else perception."""
+    """Return who would be blamed by the error of the last stages.
+
+    The arm, if it is further from its reference than that is from the target, else perception.
+    """
     scenario = record.scenario
     desired = tip_of(scenario.arm, record.log[-2, REFERENCE : REFERENCE + 2])
     here = tip_of(scenario.arm, record.log[-1, Q:V])
@@ -167,7 +171,9 @@ def last_error(record: Record) -> str:
 
 
 def minimal(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Scenario:
-    """The plainest scenario that still fails: fewer discs, a level table, a target that stands.
+    """Return the plainest scenario that still fails.
+
+    Fewer discs, a level table, a target that stands.
 
     Args:
         scenario: one that fails.
@@ -234,7 +240,10 @@ CASE = (
 def injected(
     fault: Fault, seed: int, case: tuple[Scenario, Settings] = CASE
 ) -> Callable[..., Record]:
-    """Replays of a run that a fault befalls: stages to make ideal -> record; none for the run."""
+    """Return replays of a run that a fault befalls: stages to make ideal -> record.
+
+    None for the run.
+    """
     scenario, settings = case
 
     def replay(*mended: str) -> Record:
@@ -250,7 +259,7 @@ def confusion(
     case: tuple[Scenario, Settings] = CASE,
     contracted: bool = True,
 ) -> tuple[NDArray[np.int64], list[list[int]], NDArray[np.int64]]:
-    """So many failing runs of each fault, diagnosed without a look at it.
+    """Return so many failing runs of each fault, diagnosed without a look at it.
 
     Args:
         wanted: failing runs of each, of at most eight times as many seeds.

@@ -29,7 +29,8 @@ Band = tuple[float, float, float]
 
 
 def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
-    """Mean (2,) [m] and covariance (2, 2) [m^2] of the tip's error at the end, before any run.
+    """Return mean (2,) [m] and covariance (2, 2) [m^2] of the tip's error at the end, before any
+    run.
 
     Bias as it is; what a filter that is not settled makes of noise and speed; age times speed; the
     lag and the sag of the arm. A plan that is there in time, and a step that is stable, cost
@@ -83,35 +84,39 @@ class Budget:
     moments: dict[Subset, tuple[Array, Array]]
 
     def only(self, *parts: str) -> Subset:
-        """What is mended where only these parts are as they were."""
+        """Return what is mended where only these parts are as they were."""
         return frozenset(self.parts) - frozenset(parts)
 
     def mean(self, mended: Subset) -> tuple[Array, Array]:
-        """Mean error and its standard error, each (2,) [m]."""
+        """Return mean error and its standard error, each (2,) [m]."""
         result = self.errors[mended]
         return result.mean(axis=1), result.std(axis=1, ddof=1) / math.sqrt(result.shape[1])
 
     def rms(self, mended: Subset) -> tuple[float, float]:
-        """Root of the mean squared error, measured and predicted [m]."""
+        """Return root of the mean squared error, measured and predicted [m]."""
         mean, covariance = self.moments[mended]
         square = float(np.mean(np.sum(self.errors[mended] ** 2, axis=0)))
         return math.sqrt(square), math.sqrt(float(mean @ mean + np.trace(covariance)))
 
     def gap(self) -> tuple[Array, Array]:
-        """Sum of the parts' means, each alone, minus the mean of the whole, and its standard error
-        run by run; each (2,) [m]."""
+        """Sum of the parts' means, each alone, minus the mean of the whole.
+
+        And its standard error run by run; each (2,) [m].
+        """
         rest = (len(self.parts) - 1) * self.errors[self.only()]
         parts = sum((self.errors[self.only(part)] for part in self.parts), -rest)
         error = parts - self.errors[frozenset()]
         return error.mean(axis=1), error.std(axis=1, ddof=1) / math.sqrt(error.shape[1])
 
     def squares(self, runs: NDArray[np.int64] | None = None) -> dict[Subset, float]:
-        """Mean squared error with each subset mended, of all runs or of some [m^2]."""
+        """Return mean squared error with each subset mended, of all runs or of some [m^2]."""
         each = {some: np.sum(result**2, axis=0) for some, result in self.errors.items()}
         return {some: float(np.mean(x if runs is None else x[runs])) for some, x in each.items()}
 
     def shares(self, repeats: int = 200, seed: int = 0) -> dict[str, Band]:
-        """Share of the mean squared error that each part owns, and both ends of its 95 % [m^2].
+        """Return share of the mean squared error that each part owns.
+
+        And both ends of its 95 % [m^2].
 
         Args:
             repeats: of the bootstrap over runs.
@@ -127,7 +132,7 @@ class Budget:
         return result
 
     def orders(self, slack: float = 0.01) -> list[tuple[str, ...]]:
-        """Orders of repairs in which no step makes the mean squared error worse.
+        """Return orders of repairs in which no step makes the mean squared error worse.
 
         Args:
             slack: share by which a step may raise it and still count as none.
@@ -190,7 +195,7 @@ def compare(
     seeds: Sequence[int],
     stages: Stages | None = None,
 ) -> Compared:
-    """Two settings on the same seeds; arguments are those of `budget`."""
+    """Return two settings on the same seeds; arguments are those of `budget`."""
     records = [run_many(scenario, some, seeds, stages or Stages()) for some in (first, second)]
     a, b = (np.sum(errors(one) ** 2, axis=0) for one in records)
     middle, half = float(np.mean(b - a)), NORMAL * float(np.std(b - a)) / math.sqrt(a.size)

@@ -98,8 +98,10 @@ ENDED, WANTED, READY, FAILED = range(4)
 
 @register_jitable
 def law(n, model, log, k, desired):
-    """Torques into row k: `pd_gravity` on a level table with kd on the joint's speed alone, or
-    `computed_torque`."""
+    """Torques into row k.
+
+    `pd_gravity` on a level table with kd on the joint's speed alone, or `computed_torque`.
+    """
     q1, q2, v1, v2 = log[k, Q], log[k, Q + 1], log[k, V], log[k, V + 1]
     e1, e2 = n[KP] * (desired[0, 0] - q1), n[KP] * (desired[0, 1] - q2)
     if n[KIND] == 0.0:
@@ -120,8 +122,11 @@ def step(log, k, h, body):
 
 
 def _reference(t, ints, changing, n, table, links, desired):
-    """Where the joints should be at a time [us], with rates and accelerations: on the path, moved
-    by as much as the aim has moved since it was made, times the share of the path that is done."""
+    """Where the joints should be at a time [us], with rates and accelerations.
+
+    On the path, moved by as much as the aim has moved since it was made, times the share of the
+    path that is done.
+    """
     if ints[PLANNED] == 0:
         for j in range(2):
             desired[0, j], desired[1, j], desired[2, j] = changing[WAIT + j], 0.0, 0.0
@@ -245,7 +250,7 @@ def drive(
     obstacles,
     links,
 ):
-    """On to the end, to where a plan is wanted or ready, or to what went wrong."""
+    """Return on to the end, to where a plan is wanted or ready, or to what went wrong."""
     h, end, count = round(n[STEP]), round(n[END]), times.shape[0]
     while True:
         taken = times[ints[TAKEN], 0] if ints[TAKEN] < count else FAR
@@ -308,6 +313,6 @@ def drive(
 
 @functools.cache
 def kernels() -> tuple[Any, Any, Any]:
-    """The driver, and our stages in the form in which it takes them."""
+    """Return the driver, and our stages in the form in which it takes them."""
     ours = compiled(observe, LOOK), compiled(between, BETWEEN)
     return compiled(drive, _DRIVE), function_argument(ours[0]), function_argument(ours[1])

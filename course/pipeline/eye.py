@@ -73,13 +73,13 @@ class Eye:
         return np.array([0.0, 0.0, -1.0, self.height])
 
     def _pose(self, x: float, y: float, z: float, turn: float) -> Array:
-        """In the camera's frame, whose x is the base's and whose y and z are turned round."""
+        """Return in the camera's frame, whose x is the base's and whose y and z are turned round."""
         (u, v), half = self.middle, 0.5 * turn
         place = (x - u, v - y, self.height - z)
         return np.array([*place, 0.0, math.cos(half), -math.sin(half), 0.0])
 
     def shapes(self, target: Array, q: Array, scenario: Scenario) -> Shapes:
-        """What stands before the camera."""
+        """Return what stands before the camera."""
         low, (l1, l2) = 0.06, scenario.arm.lengths  # height of the discs, over which the arm moves
         other = [
             shape("plane", pose=self._pose(0.0, 0.0, 0.0, 0.0)),
@@ -102,7 +102,10 @@ class Eye:
     def __call__(
         self, sight: Sight, scenario: Scenario, settings: Settings
     ) -> tuple[Array, Array, str, int]:
-        """As `perceive`; the noise is the sensor's, so that of the settings has no part in it."""
+        """Return as `perceive`.
+
+        The noise is the sensor's, so that of the settings has no part in it.
+        """
         exact = self.picture(self.shapes(sight.target, sight.q, scenario), self.camera)
         rng = np.random.default_rng(sight.draws.view(np.uint64).tolist())
         depth = sense(exact, self.camera, self.sensor, rng)

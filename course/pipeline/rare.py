@@ -54,7 +54,7 @@ def _estimate(weights: Array, runs: int, mean: Array, width: Array) -> Rare:
 
 
 def plain(severity: Severity, size: int, runs: int, rng: np.random.Generator) -> Rare:
-    """Share of runs that fail, of so many; arguments as for `cross_entropy`."""
+    """Return share of runs that fail, of so many; arguments as for `cross_entropy`."""
     failed = severity(rng.standard_normal((size, count("runs", runs, 1)))) > 0.0
     return _estimate(failed.astype(float), runs, np.zeros(size), np.ones(size))
 
@@ -71,7 +71,7 @@ def cross_entropy(
     least: float = 0.0,
     defence: float = 0.0,
 ) -> Rare:
-    """Share of failures under disturbances that are standard normal.
+    """Return share of failures under disturbances that are standard normal.
 
     Args:
         severity: disturbances (size, N) -> how bad each run was, above 0 a failure.

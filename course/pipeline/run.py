@@ -106,7 +106,7 @@ def run(
     seed: int = 0,
     disturb: Disturb | None = None,
 ) -> Record:
-    """The whole pipeline, once, the same on every machine.
+    """Return the whole pipeline, once, the same on every machine.
 
     Args:
         scenario, settings: what is to be done, and how.
@@ -131,17 +131,17 @@ def run_many(
     stages: Stages = OURS,
     disturb: Disturb | None = None,
 ) -> list[Record]:
-    """A run for each seed; arguments are those of `run`."""
+    """Return a run for each seed; arguments are those of `run`."""
     return [run(scenario, settings, stages, seed, disturb) for seed in seeds]
 
 
 def errors(records: Sequence[Record]) -> Array:
-    """Of the tip at the end, shape (2, N) [m]; NaN where a run did not get that far."""
+    """Return of the tip at the end, shape (2, N) [m]; NaN where a run did not get that far."""
     return np.stack([record.error for record in records], axis=1)
 
 
 def successes(records: Sequence[Record]) -> NDArray[np.bool_]:
-    """Which runs were successes, shape (N,)."""
+    """Return which runs were successes, shape (N,)."""
     return np.array([record.success for record in records])
 
 
@@ -221,7 +221,10 @@ class Run:
         self._drive, self._ours = self._stages()
 
     def _stages(self) -> tuple[Any, tuple[Any, Any]]:
-        """The driver and what it calls: compiled, or of a learner's or library's functions."""
+        """Return the driver and what it calls.
+
+        Compiled, or of a learner's or library's functions.
+        """
         drive, *ours = by.kernels()
         stages, scenario, settings = self.stages, self.scenario, self._settings
         observed, law, moved = (
@@ -258,7 +261,7 @@ class Run:
             ints[by.WRONG] = by.WRONGS.index("perceive: another frame")
 
     def to(self, seconds: float) -> bool:
-        """On to a time of the run [s], at most to its end; whether all is well."""
+        """Return on to a time of the run [s], at most to its end; whether all is well."""
         ints = self._ints
         self._numbers[by.END] = microseconds(min(seconds, self.scenario.seconds))
         while not self.wrong:
@@ -311,7 +314,7 @@ class Run:
         ints[by.BUSY], ints[by.DUE] = 0, by.FAR
 
     def record(self) -> Record:
-        """What it has left so far; a run that is not over is judged where it is."""
+        """Return what it has left so far; a run that is not over is judged where it is."""
         scenario, log = self.scenario, self.log[: self._ints[by.NOW] + 1]
         when = 1e-6 * step_of(self.settings) * np.arange(len(log))
         target = np.asarray(scenario.target)[:, None] + np.outer(scenario.velocity, when)
@@ -344,7 +347,7 @@ class Run:
 
 
 def ideal_settings(settings: Settings) -> Settings:
-    """What the stages are told where some are ideal."""
+    """Return what the stages are told where some are ideal."""
     if "perceive" in settings.ideal:
         settings = replace(settings, noise=0.0, bias=(0.0, 0.0))
     if "age" in settings.ideal:
@@ -358,7 +361,7 @@ def ideal_settings(settings: Settings) -> Settings:
 
 
 def _timetable(settings: Settings, seconds: float, seed: int, disturb: Disturb | None) -> Frames:
-    """The camera's, and what disturbs it; what disturbs an ideal stage is taken back."""
+    """Return the camera's, and what disturbs it; what disturbs an ideal stage is taken back."""
     before = frames(settings, seconds, seed)
     after = before if disturb is None else disturb(before)
     if "age" in settings.ideal:
@@ -370,7 +373,7 @@ def _timetable(settings: Settings, seconds: float, seed: int, disturb: Disturb |
 
 
 def _numbers(scenario: Scenario, settings: Settings) -> Array:
-    """Settings as the compiled loops read them, in the order of `drive`."""
+    """Return settings as the compiled loops read them, in the order of `drive`."""
     h, ideal, actuator = step_of(settings), settings.ideal, settings.actuator
     limits = [min(largest, actuator.limit) for largest in scenario.arm.torques]
     sharp = -math.expm1(-1e-6 * h / actuator.lag) if actuator.lag > 0.0 else 1.0

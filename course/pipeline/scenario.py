@@ -76,11 +76,11 @@ class Scenario:
             raise invalid("start", self.start, "a posture that touches nothing")
 
     def at(self, seconds: float) -> Array:
-        """Where the target is, shape (2,) [m]."""
+        """Return where the target is, shape (2,) [m]."""
         return np.asarray(self.target) + seconds * np.asarray(self.velocity)
 
     def world(self, margin: float = 0.0) -> World:
-        """The arm among the discs, its links wider by a margin [m]."""
+        """Return the arm among the discs, its links wider by a margin [m]."""
         return _world(self.arm.lengths, self.radius + margin, self.discs)
 
     @property
@@ -173,12 +173,14 @@ def _world(lengths: tuple[float, float], radius: float, discs: Discs) -> World:
 
 
 def microseconds(seconds: float) -> int:
-    """On the clock of a run."""
+    """Return on the clock of a run."""
     return round(1e6 * seconds)
 
 
 def repair(settings: Settings, *stages: str) -> Settings:
-    """The same settings with some stages ideal: the noise drawn and all else stay as they are.
+    """Return the same settings with some stages ideal.
+
+    The noise drawn and all else stay as they are.
 
     "perceive": no noise and no bias. "age": what was seen arrives at once, none is lost, and is
     carried forward by the target's true motion. "plan": no time for a check, the fastest of three
@@ -191,7 +193,7 @@ def repair(settings: Settings, *stages: str) -> Settings:
 
 
 def subsets(stages: Iterable[str] = STAGES) -> list[tuple[str, ...]]:
-    """All choices among the stages, the empty one first: 2^n of them."""
+    """Return all choices among the stages, the empty one first: 2^n of them."""
     every = tuple(stages)
     return [
         tuple(name for i, name in enumerate(every) if bits >> i & 1)

@@ -107,12 +107,12 @@ class Frames:
     draws: Array
 
     def where(self, retained: NDArray[np.bool_]) -> Frames:
-        """Those frames only."""
+        """Return those frames only."""
         return Frames(*(getattr(self, name)[retained] for name in self.__dataclass_fields__))
 
 
 def frames(settings: Settings, seconds: float, seed: int) -> Frames:
-    """When each picture is taken and arrives; random numbers are those of the seed.
+    """Return when each picture is taken and arrives; random numbers are those of the seed.
 
     Args:
         settings: period, phase, latency and overrun of the camera, losses.
@@ -148,7 +148,7 @@ Move = Callable[[Array, Array, Array, float, Scenario], tuple[Array, Array]]
 
 
 def perceive(sight: Sight, scenario: Scenario, settings: Settings) -> tuple[Array, Array, str, int]:
-    """What chapter 7's `stand_in` leaves of a picture: its bias, and its noise.
+    """Return what chapter 7's `stand_in` leaves of a picture: its bias, and its noise.
 
     Returns:
         The place (2,) and its covariance (2, 2) [m], the frame that they are in, and the stamp of
@@ -167,7 +167,7 @@ Search = Callable[[World, Array, Array, Settings, np.random.Generator], tuple[An
 def search(
     world: World, start: Array, goal: Array, settings: Settings, rng: np.random.Generator
 ) -> tuple[Array | None, int, str]:
-    """Waypoints (2, k) by RRT-Connect or None, the checks that they took, and a status."""
+    """Return waypoints (2, k) by RRT-Connect or None, the checks that they took, and a status."""
     result = plan(world, start, goal, budget=settings.samples, rng=rng, step=settings.step)
     return result.path, result.state_checks + result.edge_checks, result.status
 
@@ -180,7 +180,7 @@ def plan_path(
     rng: np.random.Generator,
     search: Search = search,
 ) -> Path:
-    """A timed path of the joints from a posture to a place of the tip.
+    """Return a timed path of the joints from a posture to a place of the tip.
 
     The nearer of the two postures comes first, the other where there is no way to it. A path that
     is a detour is searched anew, the shortest is taken. Where start or goal are nearer to a disc
@@ -229,7 +229,7 @@ def plan_path(
 
 
 def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Settings) -> Array:
-    """Torques (2,) of a law of chapter 6 [N m].
+    """Return torques (2,) of a law of chapter 6 [N m].
 
     Args:
         q, v: the state, shape (2,).
@@ -243,7 +243,7 @@ def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Se
 
 
 def move(q: Array, v: Array, tau: Array, dt: float, scenario: Scenario) -> tuple[Array, Array]:
-    """State after a step [s] under a torque (2,): semi-implicit Euler."""
+    """Return state after a step [s] under a torque (2,): semi-implicit Euler."""
     body, row = scenario.plant.column(), np.concatenate((q, v))[None]
     body[TORQUES, 0] = tau
     step(row, 0, dt, body)

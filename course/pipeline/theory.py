@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
-    """Variance of an alpha-beta filter's place over that of one picture.
+    """Return variance of an alpha-beta filter's place over that of one picture.
 
     With x as the error of the place and T v of the rate, the filter is the linear system
     x' = (1 - alpha)(x + T v) + alpha n, T v' = T v - beta (x + T v) + beta n, whose covariance is
@@ -44,7 +44,9 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
 def settling(
     pictures: int, period: float, ratio: float, drift: float, retain: float = 0.0
 ) -> tuple[float, float]:
-    """A Kalman filter that is not yet settled: what a target's speed and noise do to its place.
+    """Return a Kalman filter that is not yet settled.
+
+    What a target's speed and noise do to its place.
 
     It starts at its first picture and believes in a speed around 0, so that it has to be taught
     every speed: at first it stays behind.
@@ -76,7 +78,7 @@ def settling(
 
 
 def low_pass(period: float, lag: float) -> float:
-    """Variance that an arm of some lag [s] keeps of a reference that jumps once a period.
+    """Return variance that an arm of some lag [s] keeps of a reference that jumps once a period.
 
     The slow mode is y' = (r - y) / lag; over a period y keeps p = exp(-period / lag) of itself and
     takes 1 - p of r, so that (1 - p) / (1 + p) is left when r is white.
@@ -86,14 +88,16 @@ def low_pass(period: float, lag: float) -> float:
 
 
 def tip_jacobian(arm: TwoLink, q: ArrayLike) -> Array:
-    """d tip / d q, shape (2, 2) [m/rad]."""
+    """Return d tip / d q, shape (2, 2) [m/rad]."""
     (q1, q2), (l1, l2) = vector("q", q, (2,), unit="rad"), arm.lengths
     far = l2 * np.array([-np.sin(q1 + q2), np.cos(q1 + q2)])
     return np.stack([far + l1 * np.array([-np.sin(q1), np.cos(q1)]), far], axis=1)
 
 
 def lag(arm: TwoLink, q: ArrayLike, kp: float, kd: float, velocity: ArrayLike) -> Array:
-    """How far the tip stays behind a reference that moves: -(kd + c) / kp times its velocity.
+    """Return how far the tip stays behind a reference that moves.
+
+    -(kd + c) / kp times its velocity.
 
     At a steady rate the spring has to pay for all damping: kp e = (kd + c) v in each joint. The
     torques of acceleration are left out: they grow with the square of the speed.
@@ -110,7 +114,7 @@ def lag(arm: TwoLink, q: ArrayLike, kp: float, kd: float, velocity: ArrayLike) -
 
 
 def sag(arm: TwoLink, q: ArrayLike, kp: float) -> Array:
-    """Where gravity pulls the tip: -J G(q) / kp, to first order [m].
+    """Return where gravity pulls the tip: -J G(q) / kp, to first order [m].
 
     A table that is off the level by an angle is an arm with gravity 9.81 sin(angle) along -y.
     """
@@ -119,7 +123,7 @@ def sag(arm: TwoLink, q: ArrayLike, kp: float) -> Array:
 
 
 def collision_share(clearance: ArrayLike, covariance: ArrayLike, normal: ArrayLike) -> Array:
-    """Share of plans that touch, of those that keep a clearance from where a disc was seen.
+    """Return share of plans that touch, of those that keep a clearance from where a disc was seen.
 
     The error across the gap is normal with variance n^T C n. Exact for a path that passes straight;
     one that bends round the disc by an angle t touches it in t / (2 pi) exp(-gap^2 / (2 sigma^2))
@@ -143,13 +147,13 @@ def collision_share(clearance: ArrayLike, covariance: ArrayLike, normal: ArrayLi
 
 
 def _pulls(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> tuple[Array, Array]:
-    """M^-1 Kp and M^-1 (Kd + c), each (2, 2)."""
+    """Return M^-1 Kp and M^-1 (Kd + c), each (2, 2)."""
     inverse = np.asarray(np.linalg.inv(arm.mass_matrix(vector("q", q, (2,)))))
     return positive("kp", kp) * inverse, inverse * (finite("kd", kd, 0.0) + np.array(arm.damping))
 
 
 def step_limit(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> float:
-    """Largest stable step of semi-implicit Euler with PD at every step [s].
+    """Return largest stable step of semi-implicit Euler with PD at every step [s].
 
     With m the largest eigenvalue of the inverse inertia, k = kp m and d = (kd + c) m it is
     (sqrt(d^2 + 4 k) - d) / k: -1 becomes an eigenvalue. With other damping in each joint it is the
@@ -165,7 +169,7 @@ def step_limit(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> float:
 
 
 def growth(arm: TwoLink, q: ArrayLike, kp: float, kd: float, dt: float, held: int = 1) -> float:
-    """Growth a control period near rest in q: the largest eigenvalue's size; stable below 1.
+    """Return growth a control period near rest in q: the largest eigenvalue's size; stable below 1.
 
     Args:
         arm, q, kp, kd: as for `step_limit`.
@@ -199,7 +203,7 @@ class Modes(NamedTuple):
 
 
 def modes(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> Modes:
-    """Modes of an arm whose joints are damped alike; ValueError where they are not."""
+    """Return modes of an arm whose joints are damped alike; ValueError where they are not."""
     if arm.damping[0] != arm.damping[1]:
         raise invalid("arm.damping", arm.damping, "the same in both joints")
     m = np.sort(np.linalg.eigvals(_pulls(arm, q, kp, kd)[0]).real) / kp
@@ -211,7 +215,7 @@ def modes(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> Modes:
 
 
 def look_limit(frames: int) -> float:
-    """Largest gain of e[t + 1] = e[t] - g e[t - k]: 2 sin(pi / (2 (2 k + 1))).
+    """Return largest gain of e[t + 1] = e[t] - g e[t - k]: 2 sin(pi / (2 (2 k + 1))).
 
     On the circle z^k (z - 1) = -g means that w k + w / 2 + pi / 2 = pi at |z - 1| = 2 sin(w / 2).
 
@@ -222,7 +226,7 @@ def look_limit(frames: int) -> float:
 
 
 def look_matrix(gain: float, frames: int) -> Array:
-    """That loop as a matrix on (e[t], e[t - 1], ..., e[t - k]), shape (k + 1, k + 1)."""
+    """Return that loop as a matrix on (e[t], e[t - 1], ..., e[t - k]), shape (k + 1, k + 1)."""
     matrix = np.eye(count("frames", frames) + 1, k=-1)
     matrix[0, 0] = 1.0
     matrix[0, -1] -= finite("gain", gain)
@@ -230,8 +234,11 @@ def look_matrix(gain: float, frames: int) -> Array:
 
 
 def look_noise(gain: float, frames: int) -> float:
-    """Variance of the place over that of one picture, from P = A P A^T + B B^T, solved as linear
-    equations; gain / (2 - gain) for fresh pictures. ValueError beyond `look_limit`."""
+    """Return variance of the place over that of one picture.
+
+    From P = A P A^T + B B^T, solved as linear equations; gain / (2 - gain) for fresh pictures.
+    ValueError beyond `look_limit`.
+    """
     A, n = look_matrix(gain, frames), frames + 1
     if not 0.0 < gain < look_limit(frames):
         raise invalid("gain", gain, f"a number above 0 and below {look_limit(frames):g}")

@@ -45,7 +45,7 @@ class Way:
 def chain(
     path: Way, dt: float, gamma: float | None = None, per_step: float | None = None
 ) -> Process:
-    """The task at a step; the last two states are the goal, and an end without it.
+    """Return the task at a step; the last two states are the goal, and an end without it.
 
     Args:
         way: the task.
@@ -73,7 +73,7 @@ def chain(
 
 
 def repeated(process: Process, times: int) -> Process:
-    """The process of somebody who repeats each action so many times."""
+    """Return the process of somebody who repeats each action so many times."""
     P = process.transition.transpose(1, 0, 2)
     step = np.einsum("ijk,ijk->ji", process.transition, process.reward)
     paid, through = np.zeros(step.shape), np.broadcast_to(np.eye(P.shape[1]), P.shape)
@@ -85,7 +85,7 @@ def repeated(process: Process, times: int) -> Process:
 
 
 def prefers(process: Process, limit: int | None = None) -> tuple[str, float]:
-    """What is best at the start, and what it is worth.
+    """Return what is best at the start, and what it is worth.
 
     Args:
         process: from `chain`.

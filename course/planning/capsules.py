@@ -68,7 +68,7 @@ def _dot(a, b):
 
 @register_jitable
 def _to_point(p, d, c):
-    """Distance of the segment from p along d from the point c."""
+    """Return distance of the segment from p along d from the point c."""
     e = scaled(c, p, -1.0)
     length, along = _dot(d, d), _dot(e, d)
     t = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
@@ -78,7 +78,10 @@ def _to_point(p, d, c):
 
 @register_jitable
 def _to_segment(p, d, c, e):
-    """Distance of two segments, p along d and c along e: between the lines, else at an end."""
+    """Return distance of two segments, p along d and c along e.
+
+    Between the lines, else at an end.
+    """
     w = scaled(p, c, -1.0)
     dd, ee, de, dw, ew = _dot(d, d), _dot(e, e), _dot(d, e), _dot(d, w), _dot(e, w)
     area = dd * ee - de * de
@@ -93,13 +96,16 @@ def _to_segment(p, d, c, e):
 
 @register_jitable
 def _over(x, half):
-    """How far x is outside of -half to half, with its sign."""
+    """Return how far x is outside of -half to half, with its sign."""
     return x - half if x > half else x + half if x < -half else 0.0
 
 
 @register_jitable
 def _pull(p, d, half, t):
-    """Of the squared distance of p + t d from a box: its value, half its slope, half its bend."""
+    """Return of the squared distance of p + t d from a box.
+
+    Its value, half its slope, half its bend.
+    """
     square, slope, bend = 0.0, 0.0, 0.0
     for i in range(3):
         e = _over(p[i] + t * d[i], half[i])
@@ -112,7 +118,7 @@ def _pull(p, d, half, t):
 
 @register_jitable
 def _to_box(p, d, half):
-    """Distance of a segment from a box about the origin, 0 where it goes through.
+    """Return distance of a segment from a box about the origin, 0 where it goes through.
 
     The square is convex along the segment and its slope is made of at most seven lines, so that
     Newton, kept between two ends, hits the root.
@@ -140,7 +146,10 @@ def _to_box(p, d, half):
 
 @register_jitable
 def _gap(row, p, d, thick):
-    """Distance of a capsule, a segment and its radius, from an obstacle; least -radius in a box."""
+    """Return distance of a capsule, a segment and its radius, from an obstacle.
+
+    Least -radius in a box.
+    """
     centre, half = (row[CENTRE], row[CENTRE + 1], row[CENTRE + 2]), (row[HALF], row[5], row[6])
     if row[KIND] == POINT:
         gap = _to_point(p, d, centre)
@@ -169,14 +178,14 @@ def _postured(body, q, pose):
 
 @register_jitable
 def _line(body, i, pose):
-    """Where the line of capsule i begins, and along which it goes."""
+    """Return where the line of capsule i begins, and along which it goes."""
     p = point_of(pose, int(body[i, FRAME]), three(body, i, FROM))
     return p, scaled(point_of(pose, int(body[i, FRAME]), three(body, i, TO)), p, -1.0)
 
 
 @register_jitable
 def _speed(body, i, pose, p, d, rates):
-    """Bound on the motion of the segment p, d of capsule i where the joints move by `rates`."""
+    """Return bound on the motion of the segment p, d of capsule i where the joints move by `rates`."""
     total, k = 0.0, min(int(body[i, FRAME]), rates.size - 1)
     while k >= 0:
         if body[k, SLIDES] != 0.0:
@@ -191,8 +200,9 @@ def _speed(body, i, pose, p, d, rates):
 
 @register_jitable
 def _freed(obstacles, body, pose, rates, far):
-    """For what share of the motion `rates`, at most `far`, the arm stays free around the posture
-    `pose`; negative where it is free by less than `FLOOR`."""
+    """Return for what share of the motion `rates`, at most `far`, the arm stays free around the
+    posture `pose`; negative where it is free by less than `FLOOR`.
+    """
     for i in range(body.shape[0] - 1, rates.size, -1):
         p, d = _line(body, i, pose)
         thick, bound, speed = body[i, THICK], 0.0, -1.0
@@ -269,7 +279,7 @@ def _clearance(obstacles, body, q):
 
 
 def obstacle_rows(obstacles: Sequence[tuple[Shape, ArrayLike]]) -> Array:
-    """Shapes of chapter 2 and their poses (7,) as rows of a world.
+    """Return shapes of chapter 2 and their poses (7,) as rows of a world.
 
     Raises:
         ValueError: for another shape than a sphere, a capsule or a box in space.
@@ -293,7 +303,9 @@ def capsule_arm(
     chain: Chain | None = None,
     capsules: Sequence[tuple[int, Any, Any, float]] = HAND,
 ) -> World:
-    """An arm of capsules in space, its edges proved; its states are joint positions in the limits.
+    """Return an arm of capsules in space, its edges proved.
+
+    Its states are joint positions in the limits.
 
     Args:
         obstacles: shapes of chapter 2 with their poses: spheres, capsules, boxes.
@@ -325,12 +337,15 @@ def capsule_arm(
 
 
 def sampled(world: World) -> World:
-    """The world with its edges only tried, every 0.01 rad: fast to write, and can be wrong."""
+    """Return the world with its edges only tried, every 0.01 rad.
+
+    Fast to write, and can be wrong.
+    """
     return replace(world, edge_free=_sampled)
 
 
 def with_sphere(world: World, centre: ArrayLike, radius: float = 0.08) -> World:
-    """The world and a sphere more [m]: what moves between two queries."""
+    """Return the world and a sphere more [m]: what moves between two queries."""
     pose = np.append(vector("centre", centre, (3,), unit="m"), [1.0, 0.0, 0.0, 0.0])
     row = obstacle_rows([(shapes.sphere(radius), pose)])
     return replace(world, obstacles=np.vstack((world.obstacles, row)))
@@ -361,7 +376,9 @@ class Shelf:
     height: float
 
     def posture(self, bay: int, rng: np.random.Generator) -> Array | None:
-        """A free posture with the fingertip in a bay, (7,); None where some draws found none.
+        """Return a free posture with the fingertip in a bay, (7,).
+
+        None where some draws found none.
 
         The hand points into the bay, up to 0.3 rad to the sides and up, its wide side level.
         """
@@ -384,7 +401,7 @@ class Shelf:
         return None
 
     def query(self, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Two free postures in different bays."""
+        """Return two free postures in different bays."""
         while True:
             bays = rng.choice(self.bays.shape[1], 2, replace=False)
             start, goal = (self.posture(int(bay), rng) for bay in bays)
@@ -392,7 +409,10 @@ class Shelf:
                 return start, goal
 
     def disturbed(self, rng: np.random.Generator, *postures: Array) -> World:
-        """The world with a ball of 8 cm before the bays, where these postures are still free."""
+        """Return the world with a ball of 8 cm before the bays.
+
+        Where these postures are still free.
+        """
         low, high = self.bays.min(axis=1), self.bays.max(axis=1)
         while True:
             spot = rng.uniform([FRONT - 0.15, low[1], low[2]], [FRONT, high[1], high[2]])
@@ -402,7 +422,9 @@ class Shelf:
 
 
 def shelf(name: str) -> Shelf:
-    """One of the two shelves, "open" or "tight", on the floor 0.5 m in front of the arm's base."""
+    """Return one of the two shelves, "open" or "tight", on the floor 0.5 m in front of the arm's
+    base.
+    """
     one_of("name", name, ("open", "tight"))
     rows, height, bottom = (2, 0.38, 0.2) if name == "open" else (3, 0.25, 0.12)
     columns, here = 2, np.array([1.0, 0.0, 0.0, 0.0])

@@ -69,7 +69,7 @@ def check_path(
     start: ArrayLike | None = None,
     goal: ArrayLike | None = None,
 ) -> Verdict:
-    """Whether a path stays in bounds and touches nothing, between its states too.
+    """Return whether a path stays in bounds and touches nothing, between its states too.
 
     Args:
         world: the world.
@@ -114,7 +114,7 @@ def check_path(
 
 
 def _obstacles(world: World) -> Iterator[tuple[Any, float]]:
-    """Discs as (centre, radius), polygons as (corners, -1); a point is a complex number."""
+    """Yield discs as (centre, radius), polygons as (corners, -1); a point is a complex number."""
     corners: list[complex] = []
     for kind, a, b, c, _ in world.obstacles.tolist():
         if kind == DISC:
@@ -127,7 +127,7 @@ def _obstacles(world: World) -> Iterator[tuple[Any, float]]:
 
 
 def _to_segments(p: Any, a: Any, b: Any) -> Any:
-    """Distance of points from segments, complex arrays that broadcast."""
+    """Return distance of points from segments, complex arrays that broadcast."""
     along = b - a
     square = np.maximum(np.abs(along) ** 2, np.finfo(float).tiny)
     t = np.clip(((p - a) * np.conj(along)).real / square, 0.0, 1.0)
@@ -135,7 +135,10 @@ def _to_segments(p: Any, a: Any, b: Any) -> Any:
 
 
 def _depth(p: Any, ring: Any) -> Array:
-    """How deep points are in a polygon, negative outside: by winding number, for any p (m,)."""
+    """Return how deep points are in a polygon, negative outside.
+
+    By winding number, for any p (m,).
+    """
     ends = np.roll(ring, -1)
     away = _to_segments(p[:, None], ring, ends).min(axis=1)
     with np.errstate(all="ignore"):
@@ -144,7 +147,10 @@ def _depth(p: Any, ring: Any) -> Array:
 
 
 def _pieces(a: complex, b: complex, ring: Any) -> Array:
-    """Middles of the pieces into which the lines of a polygon's sides cut a segment, in 0 to 1."""
+    """Return middles of the pieces into which the lines of a polygon's sides cut a segment.
+
+    In 0 to 1.
+    """
     along, sides = b - a, np.roll(ring, -1) - ring
     with np.errstate(all="ignore"):
         met = ((ring - a) * np.conj(sides)).imag / (along * np.conj(sides)).imag
@@ -172,7 +178,7 @@ def _judge_plane(world: World, a: Array, b: Array) -> Array | None:
 
 
 def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike) -> Array | None:
-    """A state on an edge that collides, or None where there is none.
+    """Return a state on an edge that collides, or None where there is none.
 
     Halves the edge until, in the middle of each part, every link is freer than it can move to its
     ends, or moves less than `RESOLVED`.
@@ -202,7 +208,10 @@ def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike)
 
 
 def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
-    """Distance of two sets of segments in the plane, 0 where they cross; arrays that broadcast."""
+    """Return distance of two sets of segments in the plane, 0 where they cross.
+
+    Arrays that broadcast.
+    """
     apart = np.minimum(
         np.minimum(_to_segments(p, u, v), _to_segments(q, u, v)),
         np.minimum(_to_segments(u, p, q), _to_segments(v, p, q)),
@@ -241,8 +250,10 @@ def _judge_arm(world: World, a: Array, b: Array) -> Array | None:
 
 
 def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
-    """Distances by chapter 2's search among differences of points; speeds from the lengths of the
-    links alone, which no posture changes."""
+    """Return distances by chapter 2's search among differences of points.
+
+    Speeds from the lengths of the links alone, which no posture changes.
+    """
     n = len(a)
     table, capsules = world.body[: n + 1], world.body[n + 1 :]
     ends = [c[FROM:THICK].reshape(2, 3).T for c in capsules]

@@ -40,7 +40,7 @@ ROOM = 0.2  # m; that answers keep from a disc
 
 
 def slits(rng: np.random.Generator, turned: bool = False) -> Scene:
-    """Three walls across the square, each with a slit; both 0.4 m wide, more than a cell is.
+    """Return three walls across the square, each with a slit; both 0.4 m wide, more than a cell is.
 
     A question goes from the first room to the last.
 
@@ -59,7 +59,10 @@ def slits(rng: np.random.Generator, turned: bool = False) -> Scene:
 
 
 def answered(scene: Scene, seed: int, points: int) -> Array | None:
-    """States in equal steps along a short path of a scene, shape (2, points); None without one."""
+    """Return states in equal steps along a short path of a scene, shape (2, points).
+
+    None without one.
+    """
     result = plan(scene.world, scene.start, scene.goal, rng=seed, step=scene.step)
     if result.path is None:
         return None
@@ -70,7 +73,10 @@ def answered(scene: Scene, seed: int, points: int) -> Array | None:
 
 
 def picture(scene: Scene) -> Array:
-    """What the sampler sees, shape (3, CELLS, CELLS): free places, nearness of start and goal."""
+    """Return what the sampler sees, shape (3, CELLS, CELLS).
+
+    Free places, nearness of start and goal.
+    """
     free, world = compiled(scene.world.state_free, STATE), scene.world
     at = (np.arange(CELLS) + 0.5) / CELLS
     low, high = world.bounds
@@ -82,8 +88,10 @@ def picture(scene: Scene) -> Array:
 
 @contextlib.contextmanager
 def _alone(seed: int) -> Iterator[None]:
-    """Random numbers of torch from a seed and one thread: the same answer, and on small networks
-    sooner than with several; both are put back."""
+    """Random numbers of torch from a seed and one thread.
+
+    The same answer, and on small networks sooner than with several; both are put back.
+    """
     import torch
 
     threads = torch.get_num_threads()
@@ -97,7 +105,9 @@ def _alone(seed: int) -> Iterator[None]:
 
 
 def _fitted(net: Any, loss: Callable[[], Any], steps: int, rate: float) -> Any:
-    """The network after so many steps down a loss, the rate going up to its top and back to 0."""
+    """Return the network after so many steps down a loss, the rate going up to its top and back to
+    0.
+    """
     import torch
 
     optimiser = torch.optim.Adam(net.parameters())
@@ -114,7 +124,7 @@ def _fitted(net: Any, loss: Callable[[], Any], steps: int, rate: float) -> Any:
 
 
 def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
-    """A network that colours a picture.
+    """Return a network that colours a picture.
 
     Args:
         worlds: of slits, each with one answer.
@@ -156,7 +166,7 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
 
 
 def drawn(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array:
-    """States from the colours that the sampler gives to a scene's picture, shape (2, many)."""
+    """Return states from the colours that the sampler gives to a scene's picture, shape (2, many)."""
     import torch
 
     with _alone(0), torch.no_grad():
@@ -172,18 +182,26 @@ def drawn(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array
 
 
 def _alpha_bar() -> Array:
-    """Share of a path's variance that is left after each step of noise (Nichol and Dhariwal)."""
+    """Return share of a path's variance that is left after each step of noise (Nichol and
+    Dhariwal).
+    """
     turn = 0.5 * np.pi * (np.arange(1, STEPS + 1) / STEPS * 0.98 + 0.01)
     return np.cos(turn) ** 2
 
 
 def grown(world: World) -> World:
-    """A world of discs with larger ones: the shortest path touches, and leaves no room to err."""
+    """Return a world of discs with larger ones.
+
+    The shortest path touches, and leaves no room to err.
+    """
     return plane(world.bounds, world.obstacles[:, 1:4] + [0.0, 0.0, ROOM])
 
 
 def questions(world: World, count: int, rng: np.random.Generator) -> list[Scene]:
-    """Random free ends, at least 3 m apart, that can be joined, but not by a straight edge."""
+    """Return random free ends.
+
+    At least 3 m apart, that can be joined, but not by a straight edge.
+    """
     some: list[Scene] = []
     while len(some) < count:
         a, b = free_state(world, rng), free_state(world, rng)
@@ -194,7 +212,9 @@ def questions(world: World, count: int, rng: np.random.Generator) -> list[Scene]
 
 
 def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: int = 0) -> Any:
-    """A network that tells a path from its noise, from as many answers in one world of discs.
+    """Return a network that tells a path from its noise.
+
+    From as many answers in one world of discs.
 
     Args:
         world: its discs are grown by ROOM while it learns.
@@ -240,13 +260,13 @@ def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: in
 
 
 def _lines(a: Array, b: Array) -> Array:
-    """Straight paths between rows of ends, shape (m, 2, POINTS + 2)."""
+    """Return straight paths between rows of ends, shape (m, 2, POINTS + 2)."""
     share = np.linspace(0.0, 1.0, POINTS + 2)
     return a[:, :, None] * (1.0 - share) + b[:, :, None] * share
 
 
 def denoised(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array:
-    """Paths out of noise from start to goal, shape (many, 2, POINTS + 2); none is checked.
+    """Return paths out of noise from start to goal, shape (many, 2, POINTS + 2); none is checked.
 
     Each step takes the path that the network sees in the noise, and puts as much noise back as the
     step before has (Ho et al., 2020, eq. 7).

@@ -17,13 +17,13 @@ LEFT, RIGHT, AXIS, CHILD, SIBLING, WIDTH = 0, 1, 2, 3, 4, 5
 
 @register_jitable
 def brute_below(n):
-    """Number of nodes below which looking at all is faster, in n dimensions."""
+    """Return number of nodes below which looking at all is faster, in n dimensions."""
     return 40 + 10 * n**3
 
 
 @register_jitable
 def squared(a, b):
-    """Squared distance of two states."""
+    """Return squared distance of two states."""
     total = 0.0
     for i in range(a.size):
         total += (a[i] - b[i]) ** 2
@@ -32,7 +32,10 @@ def squared(a, b):
 
 @register_jitable
 def to_node(nodes, i, q):
-    """Squared distance of node i from q, without a view of the row, which costs more than this."""
+    """Return squared distance of node i from q, without a view of the row.
+
+    Which costs more than this.
+    """
     total = 0.0
     for k in range(q.size):
         total += (nodes[i, k] - q[k]) ** 2
@@ -75,7 +78,7 @@ def entered(nodes, links, count, done):
 
 @register_jitable
 def nearest(nodes, links, count, done, q, stack, gaps):
-    """The node nearest to q, the first of several.
+    """Return the node nearest to q, the first of several.
 
     Args:
         nodes, links, count, done: as in `entered`.
@@ -108,7 +111,7 @@ def nearest(nodes, links, count, done, q, stack, gaps):
 
 @register_jitable
 def within(nodes, links, count, done, q, radius, stack, result):
-    """All nodes within a radius of q, in no particular order.
+    """Return all nodes within a radius of q, in no particular order.
 
     Args:
         nodes, links, count, done, q, stack: as in `nearest`.

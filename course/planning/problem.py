@@ -145,14 +145,14 @@ class Query:
         return bool(low == high)
 
     def is_free(self, q: Array) -> bool:
-        """Whether a state is free, counted."""
+        """Return whether a state is free, counted."""
         self.counts[STATE_CHECKS] += 1
         free = bool(self.world.kernels[0](self.world.obstacles, self.world.body, q))
         self.report_progress("begins")
         return free
 
     def goal_root(self) -> Array | None:
-        """A free state of the goal; None where some draws found none."""
+        """Return a free state of the goal; None where some draws found none."""
         if self.one_goal:
             return self.goal[0].copy()
         draws = (np.asarray(self.rng.uniform(*self.goal)) for _ in range(TRIES))
@@ -177,7 +177,7 @@ class Query:
                 print(text, file=sys.stderr)
 
     def answer(self, status: str, path: Array | None = None, **result: Any) -> Plan:
-        """The plan, from what was counted; `path` is of rows, shape (k, n)."""
+        """Return the plan, from what was counted; `path` is of rows, shape (k, n)."""
         samples, states, edges = self.counts[: EDGE_CHECKS + 1].tolist()
         function = function_behind(self.world)
         if function is not None:
@@ -201,7 +201,7 @@ METHODS: dict[str, Callable[[Query], Plan]] = {}
 
 
 def length(path: ArrayLike) -> float:
-    """Length of a path of states, shape (n, k), in the unit of a state."""
+    """Return length of a path of states, shape (n, k), in the unit of a state."""
     states = np.asarray(path, dtype=float).T.tolist()  # a path is short: lists are faster
     return math.fsum(map(math.dist, states, states[1:]))
 
@@ -217,7 +217,7 @@ def plan(
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> Plan:
-    """A path from start to goal that touches nothing, or why there is none.
+    """Return a path from start to goal that touches nothing, or why there is none.
 
     Args:
         world: where, see `worlds` and `scenes`.
@@ -276,7 +276,10 @@ def plan(
 
 
 def _state(name: str, value: ArrayLike, world: World) -> tuple[Array, bool]:
-    """A state from outside, and whether it is in bounds; one that is needs no slower look."""
+    """Return a state from outside, and whether it is in bounds.
+
+    One that is needs no slower look.
+    """
     if isinstance(value, np.ndarray) and value.shape == (world.dim,) and value.dtype == float:
         if world.within(value):
             return np.ascontiguousarray(value), True
@@ -285,6 +288,6 @@ def _state(name: str, value: ArrayLike, world: World) -> tuple[Array, bool]:
 
 
 def number(query: Query, name: str, usual: float, low: float, high: float = np.inf) -> float:
-    """An option of a method that is a number from `low` to `high`."""
+    """Return an option of a method that is a number from `low` to `high`."""
     given = query.options.pop(name, None)
     return usual if given is None else finite(name, given, low, high)

@@ -67,7 +67,10 @@ LIST = 10  # nodes of the roadmap that an end tries to be joined to by a straigh
 
 @register_jitable
 def _closest(nodes, count, q, desired, result, gaps):
-    """The `desired` nodes nearest to q of the first `count`, in order; how many there are."""
+    """Return the `desired` nodes nearest to q of the first `count`, in order.
+
+    How many there are.
+    """
     hits = 0
     for i in range(count):
         square = squared(nodes[i], q)
@@ -84,7 +87,7 @@ def _closest(nodes, count, q, desired, result, gaps):
 
 @register_jitable
 def _part(parts, i):
-    """The node that stands for all that node i is joined to."""
+    """Return the node that stands for all that node i is joined to."""
     while parts[i] != i:
         parts[i] = parts[parts[i]]
         i = parts[i]
@@ -108,8 +111,11 @@ def _grow(
     rng,
     samples,
 ):
-    """Draw `samples` states and join those that are free to their neighbours. With numbers[STOP]
-    it ends, and says so, as soon as nodes 0 and 1 are joined; lazily no edge is asked."""
+    """Draw `samples` states and join those that are free to their neighbours.
+
+    With numbers[STOP] it ends, and says so, as soon as nodes 0 and 1 are joined; lazily no edge is
+    asked.
+    """
     n = bounds.shape[1]
     q, result, gaps = np.empty(n), np.empty(64, np.int64), np.empty(64)
     for _ in range(samples):
@@ -173,7 +179,9 @@ def _search(
     came,
     counts,
 ):
-    """A* over what is free or may be, until a way is proved; its last node, -1 where there is none.
+    """Return a* over what is free or may be, until a way is proved.
+
+    Its last node, -1 where there is none.
 
     Node i is reached from outside at cost begins[i], and left at cost ends[i], both infinite for
     most. `came` holds the edge by which each node was reached, -1 for one that begins.
@@ -375,7 +383,7 @@ def build_roadmap(
     neighbours: int = 0,
     lazy: bool = False,
 ) -> Roadmap:
-    """A roadmap for many questions in one world.
+    """Return a roadmap for many questions in one world.
 
     Args:
         world: the world; what moves later is better left out.
@@ -395,7 +403,7 @@ def build_roadmap(
 
 
 def adapted(roadmap: Roadmap, world: World) -> Roadmap:
-    """The same roadmap in a world with other obstacles; nothing is asked yet.
+    """Return the same roadmap in a world with other obstacles; nothing is asked yet.
 
     What was free is asked again about obstacles that have come, what was blocked about all if some
     have gone.
@@ -417,7 +425,10 @@ def adapted(roadmap: Roadmap, world: World) -> Roadmap:
 
 
 def revalidated(roadmap: Roadmap, world: World) -> tuple[Roadmap, int]:
-    """The roadmap in a world with other obstacles, all its edges asked; how many that were."""
+    """Return the roadmap in a world with other obstacles, all its edges asked.
+
+    How many that were.
+    """
     now, counts = adapted(roadmap, world), np.zeros(16, dtype=np.int64)
     _kernel(_resolve)(
         world.kernels[1],
@@ -491,7 +502,7 @@ class _Growing:
         )
 
     def roadmap(self) -> Roadmap:
-        """What has grown so far."""
+        """Return what has grown so far."""
         m, e = self.query.counts[NODES], self.query.counts[EDGES]
         return _roadmap(
             self.query.world, self.nodes[:m].copy(), self.pairs[:e].copy(), self.status[:e].copy()
@@ -499,8 +510,11 @@ class _Growing:
 
 
 def with_paths(roadmap: Roadmap, paths: Sequence[ArrayLike], neighbours: int = 5) -> Roadmap:
-    """The roadmap and free paths of its world, each (n, k), as further states and edges: experience
-    (Phillips, Cohen, Chitta and Likhachev, 2012). Each state has neighbours, not asked yet."""
+    """Return the roadmap and free paths of its world, each (n, k), as further states and edges.
+
+    Experience (Phillips, Cohen, Chitta and Likhachev, 2012). Each state has neighbours, not asked
+    yet.
+    """
     m = len(roadmap.nodes)
     rows = [np.asarray(path, dtype=float).T for path in paths]
     nodes = np.vstack([roadmap.nodes, *rows])
@@ -523,7 +537,7 @@ def with_paths(roadmap: Roadmap, paths: Sequence[ArrayLike], neighbours: int = 5
 def _shortest_path(
     query: Query, roadmap: Roadmap, begins: Array, ends: Array, goal: Array
 ) -> list[int]:
-    """The nodes of the shortest way that is free, none where there is no way."""
+    """Return the nodes of the shortest way that is free, none where there is no way."""
     came, world = np.empty(len(roadmap.nodes), dtype=np.int64), query.world
     last = _kernel(_search)(
         world.kernels[1],
@@ -548,9 +562,11 @@ def _shortest_path(
 
 
 def prm(query: Query) -> Plan:
-    """PRM, which ends when start and goal are joined; lazy PRM, which asks only the edges of the
-    ways it finds; PRM*, which spends the budget. Options: sampler, mix, spread as of the trees;
-    neighbours, of PRM and lazy PRM, 10 as in OMPL."""
+    """Return PRM, which ends when start and goal are joined.
+
+    Lazy PRM, which asks only the edges of the ways it finds; PRM*, which spends the budget.
+    Options: sampler, mix, spread as of the trees; neighbours, of PRM and lazy PRM, 10 as in OMPL.
+    """
     lazy, star = query.method == "lazy_prm", query.method == "prm_star"
     neighbours = 0 if star else query.options.pop("neighbours", 10)
     numbers = _numbers(query, neighbours, lazy, not (lazy or star))
@@ -580,7 +596,10 @@ def prm(query: Query) -> Plan:
 
 
 def _outside(roadmap: Roadmap, tree: Array, parents: Ints, hooks: Ints) -> tuple[Array, Any]:
-    """What it costs to come to each node of the roadmap from an end, (m,); by which tree's node."""
+    """Return what it costs to come to each node of the roadmap from an end, (m,).
+
+    By which tree's node.
+    """
     costs, through = np.full(len(roadmap.nodes), np.inf), {}
     for i, node in hooks.tolist():
         chain = np.vstack((roadmap.nodes[node], tree[_chain(parents, i)]))
@@ -591,7 +610,9 @@ def _outside(roadmap: Roadmap, tree: Array, parents: Ints, hooks: Ints) -> tuple
 
 
 def on_roadmap(query: Query) -> Plan:
-    """An answer from a `Roadmap` made before, the option `roadmap`; its world may have changed.
+    """Return an answer from a `Roadmap` made before, the option `roadmap`.
+
+    Its world may have changed.
 
     Option attach: "list" joins each end to its nearest nodes by straight edges, and leaves it to
     RRT-Connect where that fails; "trees" grows a tree from each end onto the whole roadmap, a share

@@ -30,12 +30,12 @@ class Scene:
 
 
 def empty() -> Scene:
-    """Nothing in the way."""
+    """Return nothing in the way."""
     return Scene("empty", plane(SQUARE), START, GOAL, 1.0)
 
 
 def gap(share: float, thickness: float = 0.5) -> Scene:
-    """A wall across the square with an opening in its middle.
+    """Return a wall across the square with an opening in its middle.
 
     Args:
         share: of the wall that is open, above 0, below 1.
@@ -49,7 +49,7 @@ def gap(share: float, thickness: float = 0.5) -> Scene:
 
 
 def bug_trap() -> Scene:
-    """The start in a cage whose only way out is a funnel that leads back inside."""
+    """Return the start in a cage whose only way out is a funnel that leads back inside."""
     lower = np.array([2, 2, 7, 2, 7, 4.6, 4.5, 4.6, 4.5, 4.4, 6.8, 4.4, 6.8, 2.2, 2.2, 2.2])
     half = lower.reshape(-1, 2)
     ring = np.vstack((half, (half * [1, -1] + [0, 10])[::-1]))
@@ -58,7 +58,7 @@ def bug_trap() -> Scene:
 
 
 def discs(seed: int = 0, count: int = 40) -> Scene:
-    """Discs of 0.3 to 0.9 m wherever they fall, but not on the start or the goal."""
+    """Return discs of 0.3 to 0.9 m wherever they fall, but not on the start or the goal."""
     rng = np.random.default_rng(seed)
     rows = np.column_stack((rng.uniform(0, 10, (count, 2)), rng.uniform(0.3, 0.9, count)))
     apart = np.minimum(*(np.linalg.norm(rows[:, :2] - p, axis=1) for p in (START, GOAL)))
@@ -66,7 +66,7 @@ def discs(seed: int = 0, count: int = 40) -> Scene:
 
 
 def arm() -> Scene:
-    """Four links of 1 m that reach from one side of a post to the other, past a box."""
+    """Return four links of 1 m that reach from one side of a post to the other, past a box."""
     world = planar_arm(
         np.ones(4), 0.05, discs=[[2.2, 0.0, 0.4], [-1.5, 1.8, 0.5]], boxes=[[0.3, 2.2, 1.6, 3.0]]
     )
@@ -75,12 +75,12 @@ def arm() -> Scene:
 
 
 def all_scenes() -> list[Scene]:
-    """Empty, the three gaps, the bug trap, the discs, the arm."""
+    """Return empty, the three gaps, the bug trap, the discs, the arm."""
     return [empty(), *(gap(share) for share in GAPS), bug_trap(), discs(), arm()]
 
 
 def free_state(world: World, rng: np.random.Generator) -> Array:
-    """A uniform free state, shape (n,)."""
+    """Return a uniform free state, shape (n,)."""
     while True:
         q = np.asarray(rng.uniform(world.bounds[0], world.bounds[1]))
         if state_free(world, q):

@@ -32,7 +32,7 @@ _CHORD = 1e-5  # by which a rounded corner may leave the chords that are checked
 
 
 def _rows(path: ArrayLike) -> Array:
-    """The waypoints of a path from outside as rows, which is how this file has them."""
+    """Return the waypoints of a path from outside as rows, which is how this file has them."""
     path = vector("path", path, (None, None))
     if not path.size:
         raise invalid("path.shape", path.shape, "(n, k): at least one state of at least one joint")
@@ -40,7 +40,7 @@ def _rows(path: ArrayLike) -> Array:
 
 
 def _test(free: Free) -> Callable[[Array, Array], bool]:
-    """The test of an edge that a world stands for."""
+    """Return the test of an edge that a world stands for."""
     if not isinstance(free, World):
         return free
     test, obstacles, body = compiled(free.edge_free, EDGE), free.obstacles, free.body
@@ -48,7 +48,7 @@ def _test(free: Free) -> Callable[[Array, Array], bool]:
 
 
 def _field(distance: Distance) -> Callable[[Array], Array]:
-    """Distances of states that are rows, shape (m, n) -> (m,)."""
+    """Return distances of states that are rows, shape (m, n) -> (m,)."""
     if not isinstance(distance, World):
         return lambda X: np.asarray(distance(X.T))
     measure = function_argument(compiled(distance.clearance, CLEARANCE))
@@ -77,12 +77,12 @@ def _all_free(path: Array, free: Callable[[Array, Array], bool]) -> bool:
 
 
 def _stations(path: Array) -> Array:
-    """Arc length from the start to each waypoint, shape (k,)."""
+    """Return arc length from the start to each waypoint, shape (k,)."""
     return np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
 
 
 def _along(path: Array, stations: Array, places: Array) -> Array:
-    """States at arc lengths along a path, shape (len(places), n)."""
+    """Return states at arc lengths along a path, shape (len(places), n)."""
     return np.column_stack([np.interp(places, stations, column) for column in path.T])
 
 
@@ -97,7 +97,7 @@ def shortcut(
     rounds: int = 200,
     kind: str = "partial",
 ) -> Array:
-    """A path with the same ends that is never longer and whose new edges are all free.
+    """Return a path with the same ends that is never longer and whose new edges are all free.
 
     "vertex" joins two waypoints. "partial" takes two places anywhere on the path and straightens
     between them either all joints or a single one, the others kept as they were (Geraerts and
@@ -147,7 +147,10 @@ def shortcut(
 
 
 def _fewer(path: Array, free: Callable[[Array, Array], bool]) -> Array:
-    """The path without the waypoints between whose neighbours an edge is free, in one pass."""
+    """Return the path without the waypoints between whose neighbours an edge is free.
+
+    In one pass.
+    """
     i = 1
     while i < len(path) - 1:
         trial = np.delete(path, i, axis=0)
@@ -162,7 +165,7 @@ def _fewer(path: Array, free: Callable[[Array, Array], bool]) -> Array:
 
 
 def smooth(path: ArrayLike, free: Free, *, rounds: int = 3) -> Array:
-    """A path near a cubic B-spline, by subdivision; corners that would collide stay.
+    """Return a path near a cubic B-spline, by subdivision; corners that would collide stay.
 
     Each round halves every edge and moves each waypoint to (1, 6, 1) / 8 of itself and its
     neighbours (Lane and Riesenfeld, IEEE PAMI 2, 1980), if both edges there are free then. It never
@@ -209,7 +212,10 @@ class Optimised(NamedTuple):
 
 
 def _prepared(path: ArrayLike, points: int) -> tuple[Array, Array, Array]:
-    """The path in equal steps, the matrix of squared steps of its inner states, and its ends."""
+    """Return the path in equal steps, the matrix of squared steps of its inner states.
+
+    And its ends.
+    """
     path = _rows(path)
     N = count("points", points, 1)
     stations = _stations(path)
@@ -222,13 +228,16 @@ def _prepared(path: ArrayLike, points: int) -> tuple[Array, Array, Array]:
 
 
 def _between(states: int, pieces: int) -> Array:
-    """The matrix that takes states to places on their edges, so many on each, ends included."""
+    """Return the matrix that takes states to places on their edges.
+
+    So many on each, ends included.
+    """
     places = np.arange(pieces * (states - 1) + 1) / pieces
     return np.maximum(1.0 - np.abs(places[:, None] - np.arange(states)), 0.0)
 
 
 def _slope(distance: Callable[[Array], Array], X: Array, step: float = 1e-6) -> Array:
-    """Gradient of the distance at states (N, n) by central differences, (N, n)."""
+    """Return gradient of the distance at states (N, n) by central differences, (N, n)."""
     N, n = X.shape
     near = X[:, None] + np.array([step, -step])[:, None, None, None] * np.eye(n)
     d = distance(near.reshape(-1, n)).reshape(2, N, n)
@@ -236,7 +245,7 @@ def _slope(distance: Callable[[Array], Array], X: Array, step: float = 1e-6) -> 
 
 
 def _smoothness(X: Array) -> float:
-    """Half the squared speed, integrated over a time of 1."""
+    """Return half the squared speed, integrated over a time of 1."""
     return 0.5 * (len(X) - 1) * float(np.sum(np.diff(X, axis=0) ** 2))
 
 
@@ -302,7 +311,9 @@ def sequential_convex(
     iterations: int = 60,
     penalty: float = 10.0,
 ) -> Optimised:
-    """The smoothest path nearby that keeps a margin, by convex steps with hinge costs (TrajOpt).
+    """Return the smoothest path nearby that keeps a margin.
+
+    By convex steps with hinge costs (TrajOpt).
 
     Each step minimises smoothness + penalty * sum of max(0, margin - linearised distance) over the
     waypoints and the middles of edges, held near the last one; a step that does not bring what it
@@ -371,7 +382,9 @@ class Limits(NamedTuple):
 
 
 def trapezoid(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> tuple[Any, Any]:
-    """Duration and highest speed of the fastest motion from rest to rest, for each joint alone.
+    """Return duration and highest speed of the fastest motion from rest to rest.
+
+    For each joint alone.
 
     A trapezoid of the rate where there is room to reach the limit, else a triangle.
     """
@@ -408,7 +421,10 @@ class Trajectory:
         return float(self.times[-1])
 
     def __call__(self, t: ArrayLike) -> Array:
-        """State, rate and acceleration at times (...), shape (3, n, ...); at rest outside."""
+        """Return state, rate and acceleration at times (...), shape (3, n, ...).
+
+        At rest outside.
+        """
         t = np.asarray(t, dtype=float)
         flat = np.clip(t.ravel(), 0.0, self.duration)
         i = np.clip(np.searchsorted(self.times, flat, side="right") - 1, 0, len(self.push) - 1)
@@ -429,7 +445,7 @@ class Trajectory:
         return np.ascontiguousarray(np.hstack((ends, np.vstack((rows, rows[-1])))))
 
     def waypoints(self, spacing: float = 0.01) -> Array:
-        """States on the path at most `spacing` of arc length apart and every corner, (n, k)."""
+        """Return states on the path at most `spacing` of arc length apart and every corner, (n, k)."""
         positive("spacing", spacing)
         pieces = [
             p + r[:, None] * (f + 0.5 * r[:, None] * c)
@@ -443,7 +459,7 @@ class Trajectory:
 
 @register_jitable
 def state_at(table, t, i, out):
-    """State, rate and acceleration at a time t into `out` (3, n), for compiled loops.
+    """Return state, rate and acceleration at a time t into `out` (3, n), for compiled loops.
 
     `table` is that of a `Trajectory`, i the interval of an earlier time. Returns the interval of
     this one, and the share of the path's length that lies behind it; at rest outside.
@@ -467,7 +483,9 @@ def state_at(table, t, i, out):
 
 
 def _curve(path: Array, blend: float, free: Any, grid: int) -> tuple[Array, ...]:
-    """Pieces of the rounded path: lengths (m,), states, tangents, curvatures (m, n), stops (m,).
+    """Return pieces of the rounded path.
+
+    Lengths (m,), states, tangents, curvatures (m, n), stops (m,).
 
     A corner is a parabola from `cut` before it to `cut` after it, whose tangent has length 1 at
     both ends: so it joins the lines without a jump. A stop is where a piece begins at a corner.
@@ -507,7 +525,9 @@ def _curve(path: Array, blend: float, free: Any, grid: int) -> tuple[Array, ...]
 
 @register_jitable
 def _pushes(x, K, h, first, second, limit):
-    """Range of the acceleration u along a piece that begins with squared speed x, and its slopes.
+    """Return range of the acceleration u along a piece that begins with squared speed x.
+
+    And its slopes.
 
     The squared speed is x + 2 u s, the tangent first + second s: acceleration of a joint is linear
     in s, so that both ends of the piece speak for all of it.
@@ -565,7 +585,9 @@ def time_parameterise(
     free: Free | None = None,
     grid: int = 16,
 ) -> Trajectory:
-    """The fastest motion along a path, from rest to rest, that keeps the joints' limits always.
+    """Return the fastest motion along a path.
+
+    From rest to rest, that keeps the joints' limits always.
 
     By backward and forward reachability of the squared speed (Pham and Pham, IEEE Trans. Robotics
     34, 2018). Lines are exact: the speed along them is a trapezoid. A corner is either a stop or a

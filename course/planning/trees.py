@@ -63,7 +63,7 @@ STEP, BIAS, SAMPLER, MIX, SPREAD, STAR, INFORMED, SHORTEST = range(8)
 
 @register_jitable
 def _add(nodes, parents, links, costs, counts, side, state, parent, cost):
-    """A new node, hung under its parent; its number."""
+    """Return a new node, hung under its parent; its number."""
     i = counts[NODES + side]
     counts[NODES + side] += 1
     nodes[side, i] = state
@@ -77,7 +77,7 @@ def _add(nodes, parents, links, costs, counts, side, state, parent, cost):
 
 @register_jitable
 def _near(nodes, links, counts, side, q, stack, gaps):
-    """The node of one tree nearest to q."""
+    """Return the node of one tree nearest to q."""
     count = counts[NODES + side]
     counts[DONE + side] = entered(nodes[side], links[side], count, counts[DONE + side])
     return nearest(nodes[side], links[side], count, counts[DONE + side], q, stack, gaps)
@@ -85,8 +85,10 @@ def _near(nodes, links, counts, side, q, stack, gaps):
 
 @register_jitable
 def _steer(origin, target, step, out):
-    """The target if it is within a step of the origin, else the point a step towards it; how far
-    that is from the origin."""
+    """Return the target if it is within a step of the origin, else the point a step towards it.
+
+    How far that is from the origin.
+    """
     distance = math.sqrt(squared(origin, target))
     if distance <= step:
         out[:] = target
@@ -123,8 +125,10 @@ def _move(parents, links, costs, nodes, i, parent, stack):
 
 @register_jitable
 def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
-    """A state through which a path could be shorter than `best`: in the ellipsoid whose foci are
-    start and goal. False where the bounds leave none in some tries."""
+    """Return a state through which a path could be shorter than `best`.
+
+    In the ellipsoid whose foci are start and goal. False where the bounds leave none in some tries.
+    """
     across = 0.5 * math.sqrt(max(best * best - shortest * shortest, 0.0))
     ball = np.empty(out.size)
     for _ in range(TRIES):
@@ -147,8 +151,10 @@ def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
 
 @register_jitable
 def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, out):
-    """A state from the sampler, or for the share that is not mixed in, from everywhere. Listed
-    states are the last rows of the frame; after them comes uniform too."""
+    """A state from the sampler, or for the share that is not mixed in, from everywhere.
+
+    Listed states are the last rows of the frame; after them comes uniform too.
+    """
     kind = int(numbers[SAMPLER])
     if numbers[MIX] < 1.0 and rng.random() >= numbers[MIX]:
         kind = UNIFORM
@@ -183,7 +189,7 @@ def _grow(
     rng,
     samples,
 ):
-    """One tree from the start: RRT, and with numbers[STAR] RRT*, which goes on after a path.
+    """Return one tree from the start: RRT, and with numbers[STAR] RRT*, which goes on after a path.
 
     `frame` holds Halton's shift, the centre between start and goal, the axes of the ellipsoid, and
     the states of a list; `room` is scratch for stacks. counts[LAST] is the best node at the goal,
@@ -289,8 +295,11 @@ def _connect(
     rng,
     samples,
 ):
-    """Two trees, which take turns: one takes a step towards a sample, the other goes on towards
-    that new node for as long as it is free to. Arguments as of `_grow`."""
+    """Return two trees, which take turns.
+
+    One takes a step towards a sample, the other goes on towards that new node for as long as it is
+    free to. Arguments as of `_grow`.
+    """
     n = bounds.shape[1]
     step = numbers[STEP]
     target, new, here = np.empty(n), np.empty(n), np.empty(n)
@@ -378,8 +387,10 @@ def _run(
     counts,
     samples,
 ):
-    """A chunk of either loop, the functions and the generator handed over as addresses. The roots
-    are node 0 of each tree."""
+    """Return a chunk of either loop, the functions and the generator handed over as addresses.
+
+    The roots are node 0 of each tree.
+    """
     if counts[NODES] == 0:
         counts[LAST] = counts[LAST + 1] = -1
         for side in range(nodes.shape[0]):
@@ -444,7 +455,10 @@ def _kernel() -> Any:
 
 
 def _options(query: Query) -> tuple[Array, Array]:
-    """The numbers of a loop, from the caller's options, and the states of a list, as rows."""
+    """Return the numbers of a loop, from the caller's options, and the states of a list.
+
+    As rows.
+    """
     world, options = query.world, query.options
     sampler = options.pop("sampler", "uniform")
     listed = np.empty((world.dim, 0))
@@ -521,7 +535,10 @@ def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
 
 
 def _arrays(sides: int, size: int, n: int) -> tuple[Any, ...]:
-    """Nodes, parents, links, costs of each tree; room for stacks of whole numbers and of floats."""
+    """Return nodes, parents, links, costs of each tree.
+
+    Room for stacks of whole numbers and of floats.
+    """
     return (
         np.empty((sides, size, n)),
         np.empty((sides, size), dtype=np.int64),
@@ -533,7 +550,7 @@ def _arrays(sides: int, size: int, n: int) -> tuple[Any, ...]:
 
 
 def _chain(parents: NDArray[np.int64], last: int) -> list[int]:
-    """A node and all above it, up to the root."""
+    """Return a node and all above it, up to the root."""
     chain = [last]
     while parents[chain[-1]] >= 0:
         chain.append(int(parents[chain[-1]]))
@@ -541,8 +558,10 @@ def _chain(parents: NDArray[np.int64], last: int) -> list[int]:
 
 
 def _frame(query: Query, numbers: Array, listed: Array) -> Array:
-    """Halton's shift, and for the ellipsoid the centre and an orthogonal matrix whose first column
-    leads from start to goal: Householder's reflection of the first axis. Listed states come last.
+    """Return Halton's shift.
+
+    And for the ellipsoid the centre and an orthogonal matrix whose first column leads from start to
+    goal: Householder's reflection of the first axis. Listed states come last.
     """
     n = query.world.dim
     frame = np.zeros((n + 2 + len(listed), n))
@@ -562,7 +581,8 @@ def _frame(query: Query, numbers: Array, listed: Array) -> Array:
 
 
 def rrt(query: Query) -> Plan:
-    """A tree from the start, until a node can be joined to the goal by an edge of at most a step.
+    """Return a tree from the start, until a node can be joined to the goal by an edge of at most a
+    step.
 
     In a world of discs this is the drill's RRT: the same draws give the same tree.
     """
@@ -571,8 +591,10 @@ def rrt(query: Query) -> Plan:
 
 
 def rrt_star(query: Query) -> Plan:
-    """RRT that hangs each new node where its way is shortest, and then its neighbours under it
-    where that is shorter: the best path's length never rises, and falls towards the optimum.
+    """Return RRT that hangs each new node where its way is shortest.
+
+    And then its neighbours under it where that is shorter: the best path's length never rises, and
+    falls towards the optimum.
 
     The neighbours are those within gamma (log m / m)^(1/n), at most a step, of m nodes, with gamma
     1.1 times the least that theorem 38 of Karaman and Frazzoli (2011) asks for, the whole box taken
@@ -592,7 +614,7 @@ def rrt_star(query: Query) -> Plan:
 
 
 def rrt_connect(query: Query) -> Plan:
-    """Two trees, from the start and from the goal; there is no goal_bias."""
+    """Return two trees, from the start and from the goal; there is no goal_bias."""
     numbers, listed = _options(query)
     root = query.goal_root()
     if root is None:

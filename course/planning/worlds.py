@@ -83,7 +83,7 @@ class World:
         return self.bounds.tolist()
 
     def within(self, q: Array) -> bool:
-        """Whether a state, shape (n,), is in bounds; a NaN is not."""
+        """Return whether a state, shape (n,), is in bounds; a NaN is not."""
         low, high = self._limits
         state = q.tolist()  # few numbers: a list is faster than an array
         return all(map(operator.le, low, state)) and all(map(operator.le, state, high))
@@ -106,19 +106,19 @@ def _argument(function: Callable[..., Any], signature: Any) -> Any:
 
 
 def state_free(world: World, q: ArrayLike) -> bool:
-    """Whether a state, shape (n,), touches nothing. Bounds are not asked."""
+    """Return whether a state, shape (n,), touches nothing. Bounds are not asked."""
     test = compiled(world.state_free, STATE)
     return bool(test(world.obstacles, world.body, _state("q", q, world)))
 
 
 def edge_free(world: World, a: ArrayLike, b: ArrayLike) -> bool:
-    """Whether the straight edge between two states, each (n,), is proved free."""
+    """Return whether the straight edge between two states, each (n,), is proved free."""
     test = compiled(world.edge_free, EDGE)
     return bool(test(world.obstacles, world.body, _state("a", a, world), _state("b", b, world)))
 
 
 def clearance(world: World, q: ArrayLike) -> float:
-    """Signed distance from the body at state q, shape (n,), to the nearest obstacle [m].
+    """Return signed distance from the body at state q, shape (n,), to the nearest obstacle [m].
 
     Inside, only a point in the plane has its full depth. An arm's is no deeper than its radius (and
     a capsule's) where the middle of a link goes through: there it is flat, without a way out.
@@ -136,13 +136,13 @@ def _state(name: str, q: ArrayLike, world: World) -> Array:
 
 @register_jitable
 def _side_of(ax, ay, bx, by, x, y):
-    """Positive where (x, y) is left of the line from a to b, zero on it."""
+    """Return positive where (x, y) is left of the line from a to b, zero on it."""
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
 
 @register_jitable
 def _cross(ax, ay, bx, by, px, py, qx, qy):
-    """Whether two closed segments share a point; either may have no length."""
+    """Return whether two closed segments share a point; either may have no length."""
     if max(ax, bx) < min(px, qx) or max(px, qx) < min(ax, bx):
         return False
     if max(ay, by) < min(py, qy) or max(py, qy) < min(ay, by):
@@ -156,7 +156,10 @@ def _cross(ax, ay, bx, by, px, py, qx, qy):
 
 @register_jitable
 def _passes(px, py, qx, qy, x, y):
-    """Whether the ray from (x, y) along +x crosses a side: an odd number of sides is inside."""
+    """Return whether the ray from (x, y) along +x crosses a side.
+
+    An odd number of sides is inside.
+    """
     if (py > y) == (qy > y):
         return False
     return (_side_of(px, py, qx, qy, x, y) > 0.0) == (qy > py)
@@ -164,7 +167,7 @@ def _passes(px, py, qx, qy, x, y):
 
 @register_jitable
 def _point_to_segment(x, y, ax, ay, bx, by):
-    """Distance of a point from a segment, which may have no length."""
+    """Return distance of a point from a segment, which may have no length."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     t = 0.0
@@ -175,7 +178,10 @@ def _point_to_segment(x, y, ax, ay, bx, by):
 
 @register_jitable
 def _meets_disc(ax, ay, bx, by, x, y, radius):
-    """Whether a segment touches a disc: |a + t (b - a) - centre|^2 - r^2, a quadratic in t."""
+    """Return whether a segment touches a disc.
+
+    |a + t (b - a) - centre|^2 - r^2, a quadratic in t.
+    """
     dx, dy, fx, fy = bx - ax, by - ay, ax - x, ay - y
     square, slope = dx * dx + dy * dy, fx * dx + fy * dy
     first = fx * fx + fy * fy - radius * radius
@@ -190,8 +196,10 @@ def _meets_disc(ax, ay, bx, by, x, y, radius):
 
 @register_jitable
 def segment_free(obstacles, ax, ay, bx, by):
-    """Whether a segment touches no disc and no polygon (Ericson, Real-Time Collision Detection,
-    2005, sec. 5.1.9 and 5.3.2): it crosses no side, and its beginning is inside of none."""
+    """Return whether a segment touches no disc and no polygon (Ericson, Real-Time Collision
+    Detection, 2005, sec. 5.1.9 and 5.3.2): it crosses no side, and its beginning is inside of
+    none.
+    """
     inside = False
     for i in range(obstacles.shape[0]):
         kind, u, v = obstacles[i, 0], obstacles[i, 1], obstacles[i, 2]
@@ -213,8 +221,10 @@ def segment_free(obstacles, ax, ay, bx, by):
 
 @register_jitable
 def segment_gap(obstacles, ax, ay, bx, by):
-    """Distance of a segment to the nearest obstacle [m]: negative inside, by the way to the nearest
-    side or to the circle; zero where it crosses a side."""
+    """Return distance of a segment to the nearest obstacle [m].
+
+    Negative inside, by the way to the nearest side or to the circle; zero where it crosses a side.
+    """
     least, nearest, inside = np.inf, np.inf, False
     for i in range(obstacles.shape[0]):
         kind, u, v = obstacles[i, 0], obstacles[i, 1], obstacles[i, 2]
@@ -264,8 +274,8 @@ def arm_gap(obstacles, body, q):
 
 @register_jitable
 def _arm_reach(obstacles, body, a, b, t):
-    """How far t may move either way from the state a + t (b - a) until something can be touched;
-    negative where less than FLOOR is free.
+    """Return how far t may move either way from the state a + t (b - a) until something can be
+    touched; negative where less than FLOOR is free.
 
     Link k turns at a constant rate w_k, the sum of the rates of the joints up to it, so no point of
     link i is faster than the sum of l_k |w_k| over k <= i.
@@ -374,7 +384,7 @@ def _function_clearance(obstacles, body, q):
 
 
 def box(name: str, value: ArrayLike) -> Array:
-    """Bounds from outside: rows low and high, shape (2, n), low below high everywhere."""
+    """Return bounds from outside: rows low and high, shape (2, n), low below high everywhere."""
     bounds = np.ascontiguousarray(vector(name, value, (2, None)))
     if not bounds.shape[1] or not (bounds[0] < bounds[1]).all():
         raise invalid(name, bounds, "two rows, the first below the second everywhere")
@@ -382,7 +392,7 @@ def box(name: str, value: ArrayLike) -> Array:
 
 
 def _plane_obstacles(discs: ArrayLike, boxes: ArrayLike, polygons: Sequence[ArrayLike]) -> Array:
-    """Rows of plane obstacles; a box is the polygon of its four sides."""
+    """Return rows of plane obstacles; a box is the polygon of its four sides."""
     round_ones = np.asarray(discs, dtype=float).reshape(-1, 3) if np.size(discs) == 0 else discs
     rows = [[DISC, *disc, 0.0] for disc in vector("discs", round_ones, (None, 3), unit="m")]
     for i, row in enumerate(rows):
@@ -408,7 +418,7 @@ def plane(
     boxes: ArrayLike = (),
     polygons: Sequence[ArrayLike] = (),
 ) -> World:
-    """A point among obstacles in the plane, its edges tested exactly.
+    """Return a point among obstacles in the plane, its edges tested exactly.
 
     Args:
         bounds: rows (xmin, ymin) and (xmax, ymax), shape (2, 2) [m].
@@ -440,7 +450,7 @@ def planar_arm(
     polygons: Sequence[ArrayLike] = (),
     bounds: ArrayLike | None = None,
 ) -> World:
-    """An arm of n links in the plane, its base at the origin, its edges proved.
+    """Return an arm of n links in the plane, its base at the origin, its edges proved.
 
     Links pass each other, as in chapter 4: they lie in planes of their own. An angle does not wrap.
 
@@ -471,7 +481,7 @@ def planar_arm(
 
 
 def from_function(valid: Callable[[Array], bool], bounds: ArrayLike, resolution: float) -> World:
-    """A world known only by a function of Python.
+    """Return a world known only by a function of Python.
 
     An edge is tried at points no farther apart than `resolution`, its ends among them: what is
     thinner can be passed through, and `check_path` judges such a path at the same points.
@@ -497,7 +507,7 @@ def from_function(valid: Callable[[Array], bool], bounds: ArrayLike, resolution:
 
 
 def function_behind(world: World) -> Asked | None:
-    """The function behind a world of kind "function"; None for the others."""
+    """Return the function behind a world of kind "function"; None for the others."""
     return Asked.known[int(world.obstacles[0, 0])] if world.kind == "function" else None
 
 

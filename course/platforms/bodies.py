@@ -19,14 +19,14 @@ from course.rigid_body.quaternion import conjugate, cross, rotate
 
 
 def freedom(body: Body) -> Array:
-    """Columns of a body's freedom in the six numbers of its velocity, (6, 6) or (6, 1)."""
+    """Return columns of a body's freedom in the six numbers of its velocity, (6, 6) or (6, 1)."""
     if body.guide is None:
         return np.eye(6)
     return np.append(body.guide, np.zeros(3))[:, None]
 
 
 def contact_frame(normal: Array) -> Array:
-    """Three unit vectors of each contact, the normal first: shape (3 vectors, 3, n)."""
+    """Return three unit vectors of each contact, the normal first: shape (3 vectors, 3, n)."""
     aside = np.abs(normal[0]) < 0.5
     other = np.stack((aside, ~aside, np.zeros(aside.shape))).astype(float)
     second = cross(normal, other)
@@ -35,7 +35,10 @@ def contact_frame(normal: Array) -> Array:
 
 
 def free_velocity(scene: Scene, state: State, dt: float) -> Array:
-    """Velocities after a step without contact, (6, N): gravity, constant forces, the gyro term."""
+    """Return velocities after a step without contact, (6, N).
+
+    Gravity, constant forces, the gyro term.
+    """
     mass = np.array([body.mass for body in scene.bodies])
     moments = np.array([body.moments for body in scene.bodies]).T
     force = np.array([body.force for body in scene.bodies]).T
@@ -62,15 +65,15 @@ class Step:
     basis: list[Array]
 
     def impulses(self, force: Array) -> Array:
-        """Impulses (n, 3) in the contacts' frames from forces (3, n) in the world."""
+        """Return impulses (n, 3) in the contacts' frames from forces (3, n) in the world."""
         return np.asarray(self.problem.dt * np.einsum("dik,ik->kd", self.frame, force))
 
     def force(self, impulses: Array) -> Array:
-        """Forces (3, n) in the world from impulses (n, 3) in the contacts' frames."""
+        """Return forces (3, n) in the world from impulses (n, 3) in the contacts' frames."""
         return np.asarray(np.einsum("dik,kd->ik", self.frame, impulses) / self.problem.dt)
 
     def spread(self, velocity: Array) -> Array:
-        """Velocities of the members (6, m) from generalised ones (nv,)."""
+        """Return velocities of the members (6, m) from generalised ones (nv,)."""
         parts = np.split(velocity, np.cumsum([b.shape[1] for b in self.basis])[:-1])
         return np.stack([b @ part for b, part in zip(self.basis, parts, strict=True)], axis=1)
 
@@ -84,7 +87,7 @@ def step_of(
     members: Sequence[int] | None = None,
     recovery: float = 0.2,
 ) -> Step:
-    """The step from a state with the contacts of a report, which must all be of the members.
+    """Return the step from a state with the contacts of a report, which must all be of the members.
 
     Args:
         scene: the scene.

@@ -60,7 +60,7 @@ class Need:
             raise invalid("limit", self.limit, "true or false for 'is', else a number")
 
     def met(self, fact: Fact) -> bool:
-        """Whether a fact is known to meet it."""
+        """Return whether a fact is known to meet it."""
         if not fact.known or isinstance(fact.value, bool) != (self.sense == "is"):
             return False
         assert fact.value is not None
@@ -192,12 +192,12 @@ def _turn(table: Table, needs: Sequence[Need], by: str, pick: str | None) -> Tur
 
 
 def _beyond(value: float, sense: str) -> float:
-    """The next number that this value doesn't meet."""
+    """Return the next number that this value doesn't meet."""
     return math.nextafter(value, -math.inf if sense == "at most" else math.inf)
 
 
 def _factor(a: float, b: float) -> float:
-    """By how many times two limits differ, from 1 on; infinite across zero."""
+    """Return by how many times two limits differ, from 1 on; infinite across zero."""
     if a == b:
         return 1.0
     return max(a / b, b / a) if a * b > 0.0 else math.inf

@@ -82,11 +82,11 @@ class Settings:
         one_of("settings.name", self.name, NAMES)
 
     def applies(self, key: str) -> bool:
-        """Whether the change of this key is made."""
+        """Return whether the change of this key is made."""
         return (self.name == "fair") != (key in self.but)
 
     def using(self, scheme: str = "", but: tuple[str, ...] = (), **options: Any) -> Settings:
-        """The same with another scheme, changes the other way, or further options."""
+        """Return the same with another scheme, changes the other way, or further options."""
         return replace(
             self,
             scheme=scheme or self.scheme,
@@ -95,7 +95,7 @@ class Settings:
         )
 
     def checked(self, engine: Engine, options: tuple[str, ...] = ()) -> str:
-        """The scheme, after a look at all names.
+        """Return the scheme, after a look at all names.
 
         Raises:
             ValueError: for a scheme, a key or an option that the engine doesn't have.
@@ -119,7 +119,7 @@ class State:
     v: Array
 
     def same(self, other: State) -> bool:
-        """Whether both are equal bit by bit (time aside)."""
+        """Return whether both are equal bit by bit (time aside)."""
         pairs = ((self.q, other.q), (self.v, other.v))
         return all(a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in pairs)
 
@@ -157,7 +157,7 @@ class ContactReport:
         return np.asarray(self.force - self.normal_force * self.normal)
 
     def only(self, these: Any) -> ContactReport:
-        """Some of the contacts, by number or by a mask."""
+        """Return some of the contacts, by number or by a mask."""
         return ContactReport(
             self.bodies[:, these],
             self.point[:, these],
@@ -173,7 +173,7 @@ NO_CONTACTS = ContactReport(_NONE[:2].astype(np.int64), _NONE, _NONE, _NONE[0], 
 
 
 def slip_of(q: Array, v: Array, bodies: NDArray[np.int64], point: Array, normal: Array) -> Array:
-    """Slip of contacts in a state of bodies, (3, n) [m/s], as `ContactReport` has it."""
+    """Return slip of contacts in a state of bodies, (3, n) [m/s], as `ContactReport` has it."""
     relative = np.zeros_like(point)
     for here, sign in zip(bodies, (-1.0, 1.0), strict=True):
         spin = quaternion.rotate(q[3:, here], v[3:, here])
@@ -185,7 +185,9 @@ def slip_of(q: Array, v: Array, bodies: NDArray[np.int64], point: Array, normal:
 def reported(
     now: State, bodies: NDArray[np.int64], point: Array, normal: Array, gap: Array, force: Array
 ) -> ContactReport:
-    """The report of contacts whose bodies an engine tells in any order, with the slip of a state.
+    """Return the report of contacts whose bodies an engine tells in any order.
+
+    With the slip of a state.
 
     Normals point from the first to the second, and forces act on the second, as it tells them.
     """
@@ -222,14 +224,14 @@ class Run(ABC):
 
     @abstractmethod
     def state(self) -> State:
-        """A copy of where it is."""
+        """Return a copy of where it is."""
 
     def energy(self) -> float:
-        """[J]; an engine that tells its own figure does so here."""
+        """Return [J]; an engine that tells its own figure does so here."""
         return self.scene.energy(self.state())
 
     def contacts(self) -> ContactReport:
-        """Those of the last step; `NO_CONTACTS` before the first and in scenes of joints."""
+        """Return those of the last step; `NO_CONTACTS` before the first and in scenes of joints."""
         return NO_CONTACTS
 
     @abstractmethod
@@ -246,7 +248,7 @@ class Run(ABC):
 
     @abstractmethod
     def save(self) -> Any:
-        """The whole state as the engine saves it, for `restore`."""
+        """Return the whole state as the engine saves it, for `restore`."""
 
     @abstractmethod
     def restore(self, saved: Any) -> None:
@@ -275,15 +277,18 @@ class Engine(ABC):
 
     @abstractmethod
     def missing(self) -> str:
-        """Empty where it can run; else one sentence: what to install, or that there is no wheel."""
+        """Return empty where it can run.
+
+        Else one sentence: what to install, or that there is no wheel.
+        """
 
     def version(self) -> str:
-        """Of what is installed; empty where nothing is."""
+        """Return of what is installed; empty where nothing is."""
         return "" if self.missing() else metadata.version(self.package)
 
     @abstractmethod
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
-        """The scene at its start (its velocities included).
+        """Return the scene at its start (its velocities included).
 
         Raises:
             ImportError: it is not installed.
@@ -292,12 +297,14 @@ class Engine(ABC):
         """
 
     def available(self) -> bool:
-        """Whether it can run here."""
+        """Return whether it can run here."""
         return not self.missing()
 
 
 def prepared(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
-    """The scene ready to be measured: a scene that settles has come to rest before it is sent off.
+    """Return the scene ready to be measured.
+
+    A scene that settles has come to rest before it is sent off.
 
     Its clock goes on, so times count from the end of `scene.settle`.
     """

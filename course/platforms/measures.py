@@ -22,7 +22,7 @@ from course.platforms.scenes import GRAVITY, Scene, arm, brake, grasp
 
 
 def position_error(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> float:
-    """`Scene.error` at the end of the motion [m or rad]."""
+    """Return `Scene.error` at the end of the motion [m or rad]."""
     run = prepared(engine, scene, dt, settings)
     try:
         steps = max(1, round(scene.duration / dt))
@@ -33,7 +33,7 @@ def position_error(engine: Engine, scene: Scene, dt: float, settings: Settings =
 
 
 def slope(x: ArrayLike, y: ArrayLike) -> float:
-    """The exponent p of y = c x^p, by least squares in logarithms.
+    """Return the exponent p of y = c x^p, by least squares in logarithms.
 
     The order of a scheme for steps and errors; how a cost grows for sizes and costs.
     """
@@ -61,7 +61,10 @@ class Drift:
 def energy_drift(
     engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR, samples: int = 100
 ) -> Drift:
-    """The energy that the engine reports, at so many equal times; drift and oscillation apart."""
+    """Return the energy that the engine reports, at so many equal times.
+
+    Drift and oscillation apart.
+    """
     run = prepared(engine, scene, dt, settings)
     every = max(1, round(scene.duration / dt / count("samples", samples, 2)))
     energies = [run.energy()]
@@ -93,7 +96,7 @@ class Judged:
 def judged(
     engine: Engine, scene: Scene, dt: float, steps: int, settings: Settings = FAIR
 ) -> Judged:
-    """The contacts of the last of so many steps, judged as one step of chapter 2.
+    """Return the contacts of the last of so many steps, judged as one step of chapter 2.
 
     Raises:
         ValueError: where nothing touches in that step.
@@ -117,7 +120,7 @@ def judged(
 
 
 def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> float:
-    """How fast the first body moves that should rest, over the second half of the run [m/s]."""
+    """Return how fast the first body moves that should rest, over the second half of the run [m/s]."""
     run = prepared(engine, scene, dt, settings)
     half = max(1, round(0.5 * scene.duration / dt))
     run.run(half)
@@ -131,7 +134,9 @@ def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) ->
 def largest_step(
     engine: Engine, scene: Scene, steps: Iterable[float], settings: Settings = FAIR
 ) -> float:
-    """The largest of some steps [s] that is within the tolerance with all smaller ones, or 0."""
+    """Return the largest of some steps [s] that is within the tolerance with all smaller ones, or
+    0.
+    """
     best = 0.0
     for dt in sorted(steps):
         if position_error(engine, scene, dt, settings) > scene.tolerance:
@@ -158,7 +163,7 @@ class Repeat:
 def repeatability(
     engine: Engine, scene: Scene, dt: float, steps: int, settings: Settings = FAIR
 ) -> Repeat:
-    """Whether a run can be repeated bit by bit: 0 where all bits are equal."""
+    """Return whether a run can be repeated bit by bit: 0 where all bits are equal."""
     first, second = (engine.build(scene, dt, settings) for _ in range(2))
     half = count("steps", steps, 2) // 2
     first.run(half)
@@ -200,7 +205,7 @@ def stop(
     speed: float = 2.0,
     friction: float = 0.5,
 ) -> Stop:
-    """The braking block, to be set beside `theory.stop` and `theory.braking_distance`."""
+    """Return the braking block, to be set beside `theory.stop` and `theory.braking_distance`."""
     scene = brake(heading, speed, friction)
     run = prepared(engine, scene, dt, settings)
     start = run.state().q[:2, 0]
@@ -214,7 +219,8 @@ def stop(
 def squeezed(
     engine: Engine, ratio: float, dt: float, settings: Settings = FAIR, friction: float = 0.5
 ) -> tuple[bool, float]:
-    """Whether two fingers hold the part at a share of m g / (2 mu), and how far it sinks [m].
+    """Return whether two fingers hold the part at a share of m g / (2 mu), and how far it sinks
+    [m].
 
     What slips is fast and gains speed: over 0.02 m/s in the last third of 0.5 s, and 0.005 g over
     the last two. What creeps moves evenly, and a part that turns about a corner comes to rest:
@@ -237,7 +243,7 @@ def squeezed(
 def grasp_limit(
     engine: Engine, dt: float, settings: Settings = FAIR, rounds: int = 10, friction: float = 0.5
 ) -> float:
-    """The least squeeze that holds the part, over m g / (2 mu), by bisection from 0.5 to 2.
+    """Return the least squeeze that holds the part, over m g / (2 mu), by bisection from 0.5 to 2.
 
     0.995 is the best there is (see `squeezed`). Infinite where twice the threshold doesn't hold; 0
     where half of it does.
@@ -276,7 +282,7 @@ class Effect:
 
 
 def effects(engine: Engine, scene: Scene, dt: float) -> list[Effect]:
-    """Each change of an engine that acts on this kind of scene, by itself."""
+    """Return each change of an engine that acts on this kind of scene, by itself."""
     kind = "joints" if scene.chain else "bodies"
     shipped, fair = (position_error(engine, scene, dt, s) for s in (AS_SHIPPED, FAIR))
     keys = [change.key for change in engine.changes if change.kind in ("all", kind)]
@@ -317,7 +323,8 @@ def reach(
     duration: float = 1.5,
     damping: float = 0.5,
 ) -> Reach:
-    """A reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a step.
+    """Return a reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a
+    step.
 
     The model knows all that the URDF text says, so that an engine fails by what it leaves out or
     adds: a damping that is not read, a motor that holds a joint.

@@ -51,7 +51,7 @@ class Model:
 
 
 def _changed(name: str, kind: str, fault: str, *edits: tuple[str, str], more: str = "") -> Model:
-    """The sound text with the fore link or the elbow edited, and more at its end."""
+    """Return the sound text with the fore link or the elbow edited, and more at its end."""
     fore, elbow = _FORE, _ELBOW
     for old, new in edits:
         assert (old in fore) != (old in elbow), old
@@ -192,7 +192,10 @@ class Reading:
 
 
 def possible(facts: dict[str, Any]) -> bool:
-    """Whether the loaded model can be an arm: every moving link a body, every number finite."""
+    """Return whether the loaded model can be an arm.
+
+    Every moving link a body, every number finite.
+    """
     for name in ("masses", "moments", "places", "axes", "damping"):
         if not np.isfinite(np.array(facts[name], dtype=float)).all():
             return False
@@ -214,7 +217,7 @@ def _of_a_body(moments: Sequence[float]) -> bool:
 
 
 def is_preserved(name: str, facts: dict[str, Any]) -> bool:
-    """Whether the loaded model has what the text of a feature says."""
+    """Return whether the loaded model has what the text of a feature says."""
     if name == "mimic":
         return bool(facts["mimic"])
     if name in ("friction", "damping"):
@@ -223,7 +226,7 @@ def is_preserved(name: str, facts: dict[str, Any]) -> bool:
 
 
 def verdict(model: Model, reading: Reading) -> str:
-    """One of `VERDICTS`.
+    """Return one of `VERDICTS`.
 
     "warned" goes before what became of the model. Without a word: "kept" is a feature that is in
     the loaded model, "repaired" a fault that isn't any more, and "swallowed" the rest: a feature
@@ -242,6 +245,6 @@ def verdict(model: Model, reading: Reading) -> str:
 
 
 def honesty(verdicts: dict[str, str]) -> float:
-    """Share of the faulty models, features aside, that were refused or warned about."""
+    """Return share of the faulty models, features aside, that were refused or warned about."""
     faulty = [model.name for model in MODELS if model.kind != "feature"]
     return sum(verdicts[name] in ("refused", "warned") for name in faulty) / len(faulty)

@@ -163,7 +163,7 @@ class Touching(Run):
         self.q, self.v, self.memory = retract(self.q, dt * v), v, memory
 
     def _groups(self, pairs: Any) -> list[list[int]]:
-        """Bodies that hold each other, directly or through others; the ground parts them."""
+        """Return bodies that hold each other, directly or through others; the ground parts them."""
         of = list(range(len(self.scene.bodies)))
 
         def root(i: int) -> int:

@@ -39,7 +39,7 @@ class Recorded:
 
 @cache
 def recorded() -> Recorded:
-    """The record; `python -m course.charts.platforms.record` makes it anew."""
+    """Return the record; `python -m course.charts.platforms.record` makes it anew."""
     with np.load(Path(__file__).parent / "recorded.npz") as result:
         texts: dict[str, Any] = {
             name: tuple(result[name].tolist()) for name in ("engines", "versions")

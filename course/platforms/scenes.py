@@ -116,12 +116,14 @@ class Scene:
         return [f"joint{i}" for i in range(self.chain.n if self.chain else 0)]
 
     def at_rest(self) -> Scene:
-        """The same without velocities at the start."""
+        """Return the same without velocities at the start."""
         still = tuple(replace(body, velocity=(0.0,) * 6) for body in self.bodies)
         return replace(self, bodies=still, v0=None if self.v0 is None else 0.0 * self.v0)
 
     def error(self, state: State, time: float | None = None) -> float:
-        """Distance of a state from the truth at a time, by default the end; infinite if not finite.
+        """Return distance of a state from the truth at a time, by default the end.
+
+        Infinite if not finite.
 
         Args:
             state: what an engine reached.
@@ -139,7 +141,7 @@ class Scene:
         return float(np.max(np.linalg.norm(np.nan_to_num(deviation[:3]), axis=0)))
 
     def energy(self, state: State) -> float:
-        """Kinetic plus potential energy of a state [J], 0 at rest in the world's origin."""
+        """Return kinetic plus potential energy of a state [J], 0 at rest in the world's origin."""
         down = np.array(self.gravity)
         if self.chain:
             return float(kinematics.energy(self.chain, state.q, state.v, gravity=down)[2])
@@ -155,7 +157,9 @@ class Scene:
 
 
 def urdf(chain: Chain, name: str = "arm") -> str:
-    """The URDF text of an arm without branches: links `base`, `link0`, ... and joints `joint0`, ...
+    """Return the URDF text of an arm without branches.
+
+    Links `base`, `link0`, ... and joints `joint0`, ...
 
     Every number is written with all its digits. URDF knows no armature, and a tool is no part of
     it; a joint without limits is continuous.
@@ -197,7 +201,10 @@ def linked(
     tolerance: float,
     down: tuple[float, float, float] = (0.0, 0.0, -GRAVITY),
 ) -> Scene:
-    """A scene of joints that is released at rest; its truth is chapter 1's tight reference."""
+    """Return a scene of joints that is released at rest.
+
+    Its truth is chapter 1's tight reference.
+    """
     start = vector("q0", q0, (chain.n,)).copy()
 
     def acceleration(q: Array, v: Array, params: Array) -> Array:
@@ -225,7 +232,7 @@ def linked(
 
 
 def chain(n: int = 6, duration: float = 2.0, tolerance: float = 1e-2) -> Scene:
-    """n rods of 0.2 m and 0.5 kg that hang on each other, in one plane, let go at an angle.
+    """Return n rods of 0.2 m and 0.5 kg that hang on each other, in one plane, let go at an angle.
 
     The plane is that of x and y, with gravity along -y; all joints turn about z.
     """
@@ -237,7 +244,7 @@ def chain(n: int = 6, duration: float = 2.0, tolerance: float = 1e-2) -> Scene:
 
 
 def arm(duration: float = 0.5, tolerance: float = 5e-2, damping: float = 0.0) -> Scene:
-    """The 7-R arm of chapter 4, let go in a bent posture.
+    """Return the 7-R arm of chapter 4, let go in a bent posture.
 
     It falls without limits, and without its motors' inertia, for which URDF has no word; its
     damping is 0 unless asked for [N m s/rad].
@@ -256,7 +263,7 @@ def box(
     place: Sequence[float],
     **more: Sequence[float] | None,
 ) -> Body:
-    """A uniform upright box with its centre at a place; `more` are fields of `Body`."""
+    """Return a uniform upright box with its centre at a place; `more` are fields of `Body`."""
     x, y, z = vector("half", half, (3,), unit="m").tolist()
     m = positive("mass", mass, unit="kg") / 3.0
     moments = (m * (y * y + z * z), m * (x * x + z * z), m * (x * x + y * y))
@@ -265,7 +272,10 @@ def box(
 
 
 def tumble(duration: float = 5.0, tolerance: float = 1e-2) -> Scene:
-    """A body with three different moments turns freely; the truth is chapter 1's closed form."""
+    """Return a body with three different moments turns freely.
+
+    The truth is chapter 1's closed form.
+    """
     problem = problems.tumble(duration=duration)
     q0, v0 = problem.truth(0.0)
     i1, i2, i3 = problem.system.params.tolist()
@@ -279,7 +289,7 @@ def tumble(duration: float = 5.0, tolerance: float = 1e-2) -> Scene:
 
 
 def _unmoved(bodies: Sequence[Body], shift: Callable[[float], ArrayLike] | None = None):
-    """A truth in which all centres keep their places, or all are shifted."""
+    """Return a truth in which all centres keep their places, or all are shifted."""
     places = np.array([body.pose for body in bodies], dtype=float).T
 
     def truth(time: float) -> Array:
@@ -291,7 +301,7 @@ def _unmoved(bodies: Sequence[Body], shift: Callable[[float], ArrayLike] | None 
 
 
 def drop(height: float = 0.1, duration: float = 1.0, tolerance: float = 1e-3) -> Scene:
-    """A cube of 1 kg falls flat from a height above the ground [m] and stays there."""
+    """Return a cube of 1 kg falls flat from a height above the ground [m] and stays there."""
     finite("height", height, 0.0, unit="m")
     cube = box("cube", (HALF,) * 3, 1.0, (0.0, 0.0, HALF + height))
 
@@ -313,7 +323,7 @@ def drop(height: float = 0.1, duration: float = 1.0, tolerance: float = 1e-3) ->
 def slope(
     angle: float = 0.3, friction: float = 0.5, duration: float = 1.0, tolerance: float = 1e-3
 ) -> Scene:
-    """A flat block of 1 kg on a slope, down along x: it rests if friction >= tan(angle).
+    """Return a flat block of 1 kg on a slope, down along x: it rests if friction >= tan(angle).
 
     Else it slides with g (sin - mu cos). Gravity is turned by the angle [rad], not the ground.
     """
@@ -344,7 +354,7 @@ def _block(velocity: Sequence[float] = (0.0,) * 6) -> Body:
 def brake(
     heading: float = 0.0, speed: float = 2.0, friction: float = 0.5, tolerance: float = 1e-2
 ) -> Scene:
-    """A flat block is sent off on level ground at a heading from the x axis [rad] and stops.
+    """Return a flat block is sent off on level ground at a heading from the x axis [rad] and stops.
 
     By Coulomb's law after speed^2 / (2 mu g) [m], along its heading.
     """
@@ -373,7 +383,7 @@ def brake(
 
 
 def tower(n: int = 5, duration: float = 1.0, tolerance: float = 1e-3) -> Scene:
-    """n cubes of 1 kg on top of each other, the lowest first: they stay where they are."""
+    """Return n cubes of 1 kg on top of each other, the lowest first: they stay where they are."""
     count("n", n, 1)
     cubes = [box(f"cube{i}", (HALF,) * 3, 1.0, (0.0, 0.0, (2 * i + 1) * HALF)) for i in range(n)]
     return Scene(
@@ -391,7 +401,7 @@ def tower(n: int = 5, duration: float = 1.0, tolerance: float = 1e-3) -> Scene:
 def grasp(
     squeeze: float = 3.0, friction: float = 0.5, duration: float = 0.5, tolerance: float = 1e-3
 ) -> Scene:
-    """A part of 0.2 kg between two fingers that squeeze it with a force each [N], no ground.
+    """Return a part of 0.2 kg between two fingers that squeeze it with a force each [N], no ground.
 
     It is held if squeeze >= m g / (2 mu), else it falls with g - 2 mu squeeze / m. The fingers
     slide along x; bodies are the part, the left and the right finger.
@@ -424,7 +434,7 @@ def grasp(
 
 
 def field(n: int = 64, duration: float = 0.5, tolerance: float = 1e-3) -> Scene:
-    """n cubes of 1 kg on the ground in a square grid, 0.3 m apart: they stay."""
+    """Return n cubes of 1 kg on the ground in a square grid, 0.3 m apart: they stay."""
     count("n", n, 1)
     side = math.ceil(math.sqrt(n))
     cubes = [

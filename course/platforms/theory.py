@@ -18,7 +18,7 @@ CONES = ("circle", "inscribed", "box")
 def braking_distance(
     speed: float = 2.0, friction: float = 0.5, dt: float = 0.0, gravity: float = GRAVITY
 ) -> float:
-    """How far a block slides that is sent off along an axis [m].
+    """Return how far a block slides that is sent off along an axis [m].
 
     A step takes mu g dt from the speed and then moves with what is left, so the places are a sum of
     the speeds after each step: the true distance v^2 / (2 mu g), less v dt / 2, where the steps end
@@ -39,7 +39,7 @@ def braking_distance(
 def stopped_short(
     speed: float = 2.0, friction: float = 0.5, dt: float = 1e-3, gravity: float = GRAVITY
 ) -> float:
-    """The share mu g dt / v of the way that is missing: v dt / 2 of v^2 / (2 mu g)."""
+    """Return the share mu g dt / v of the way that is missing: v dt / 2 of v^2 / (2 mu g)."""
     return friction * gravity * dt / positive("speed", speed, unit="m/s")
 
 
@@ -50,7 +50,9 @@ def stop(
     friction: float = 0.5,
     gravity: float = GRAVITY,
 ) -> tuple[Array, Array]:
-    """Where a block comes to rest that is sent off on level ground, by the section of its cone.
+    """Return where a block comes to rest that is sent off on level ground.
+
+    By the section of its cone.
 
     Friction is the force of its section that takes out most power. With D = v^2 / (2 mu g):
 
@@ -88,14 +90,14 @@ def stop(
 
 
 def grasp_threshold(mass: float = 0.2, friction: float = 0.5, gravity: float = GRAVITY) -> float:
-    """The least force of each of two fingers that holds a part: m g / (2 mu) [N]."""
+    """Return the least force of each of two fingers that holds a part: m g / (2 mu) [N]."""
     return positive("mass", mass, unit="kg") * gravity / (2.0 * positive("friction", friction))
 
 
 def creep_speed(
     load: float, gap: float, inverse_mass: float, friction: float, dt: float, **softness: Any
 ) -> float:
-    """How fast a contact of MuJoCo slides that should stick: R_t f_t / b [m/s].
+    """Return how fast a contact of MuJoCo slides that should stick: R_t f_t / b [m/s].
 
     Friction rows have no stiffness. A steady slip v asks for the force f_t = b v / R_t, since the
     acceleration is 0 and the reference acceleration -b v. R_t is the compliance of a friction row,
@@ -119,7 +121,7 @@ def creep_speed(
 
 
 def sag_growth(n: int, compliance: str = "springs") -> float:
-    """How much deeper a tower of n equal cubes sinks at its top than one cube.
+    """Return how much deeper a tower of n equal cubes sinks at its top than one cube.
 
     The contact below cube i carries n - i of them. Equal "springs" sink in proportion to the load:
     n (n + 1) / 2. MuJoCo's compliance goes with the "inverse mass" of both bodies, twice as much

@@ -49,7 +49,10 @@ def _is_tensor(value: Any) -> bool:
 
 
 def _number(value: Any) -> float:
-    """The plain number of a float or a tensor: for decisions, through which no gradient flows."""
+    """Return the plain number of a float or a tensor.
+
+    For decisions, through which no gradient flows.
+    """
     return float(value.detach()) if _is_tensor(value) else float(value)
 
 
@@ -131,7 +134,7 @@ def _check_times(times: Any) -> np.ndarray:
 
 
 def _push_after(scene: Setup, time: float) -> tuple[float, float]:
-    """The push from `time` on [N], and until when it stays [s]."""
+    """Return the push from `time` on [N], and until when it stays [s]."""
     for start, end, force in scene.push:
         if time < start:
             return 0.0, start
@@ -149,7 +152,7 @@ def _fall_time(y: Any, vy: Any, gravity: float) -> Any:
 
 
 def _impact(vx: Any, vy: Any, e: Any, mu: Any, rest_speed: float) -> tuple[Any, Any, float]:
-    """Velocity after an impact, and the friction that sticking took (0 if it slipped).
+    """Return velocity after an impact, and the friction that sticking took (0 if it slipped).
 
     The normal impulse is (1 + e) m |vy|. Friction can give up to mu times that, and not more than
     it takes to stop the sliding.
@@ -167,7 +170,7 @@ def _impact(vx: Any, vy: Any, e: Any, mu: Any, rest_speed: float) -> tuple[Any, 
 
 
 def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
-    """The motion from event to event.
+    """Yield the motion from event to event.
 
     Args:
         parameters: (restitution [-], friction [-], mass [kg]).
@@ -229,7 +232,7 @@ def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
 
 
 def trajectory(parameters: Any, scene: Setup, times: Any) -> Any:
-    """Where the block is at given times.
+    """Return where the block is at given times.
 
     Args:
         parameters: (restitution [-], friction [-], mass [kg]), shape (3,). As a torch tensor, or
@@ -270,7 +273,7 @@ def _positions_and_velocities(table: Any, times: Any, xp: Any) -> Any:
 
 
 def jacobian(parameters: Sequence[float] | np.ndarray, scene: Setup, times: Any) -> np.ndarray:
-    """Derivative of the trajectory with respect to the parameters.
+    """Return derivative of the trajectory with respect to the parameters.
 
     Reverse-mode automatic differentiation, all outputs in one batch, through the event times.
 
@@ -326,7 +329,7 @@ def record(
     noise: float,
     generator: np.random.Generator,
 ) -> Recording:
-    """A recording as a camera would make it: the exact positions with normal noise.
+    """Return a recording as a camera would make it: the exact positions with normal noise.
 
     Args:
         parameters: the true (restitution, friction, mass).
@@ -343,7 +346,7 @@ def record(
 
 
 def loss(parameters: Any, recorded: Recording, scene: Setup) -> Any:
-    """Half the sum of squared residuals in units of the noise: minus the log-likelihood.
+    """Return half the sum of squared residuals in units of the noise: minus the log-likelihood.
 
     Args:
         parameters: (restitution, friction, mass); a torch tensor gives a tensor.
@@ -363,7 +366,7 @@ def loss(parameters: Any, recorded: Recording, scene: Setup) -> Any:
 def gradient(
     parameters: Sequence[float] | np.ndarray, recorded: Recording, scene: Setup
 ) -> np.ndarray:
-    """Gradient of the loss, by reverse-mode differentiation.
+    """Return gradient of the loss, by reverse-mode differentiation.
 
     Args:
         parameters: (restitution, friction, mass).
@@ -427,7 +430,7 @@ class Information:
 def information(
     parameters: Sequence[float] | np.ndarray, scene: Setup, times: Any, noise: float = 1e-3
 ) -> Information:
-    """What positions recorded at given times would tell about the parameters.
+    """Return what positions recorded at given times would tell about the parameters.
 
     Args:
         parameters: (restitution, friction, mass) at which to look; the answer is local.
@@ -520,7 +523,7 @@ def recover(
     guess: Sequence[float] | np.ndarray,
     iterations: int = 60,
 ) -> Recovery:
-    """Parameters from a noisy recording, by Levenberg and Marquardt's method.
+    """Return parameters from a noisy recording, by Levenberg and Marquardt's method.
 
     Each step solves the linearised problem with the Jacobian that torch gives; damping keeps it
     where the linearisation holds (Marquardt, 1963). The search is local: bounces that are out of
@@ -597,7 +600,7 @@ def naive_drop(
     gravity: float = STANDARD_GRAVITY,
     clamp: bool = True,
 ) -> Any:
-    """Height of a dropped body at the end, by fixed steps that ignore the time of impact.
+    """Return height of a dropped body at the end, by fixed steps that ignore the time of impact.
 
     The usual first version: semi-implicit Euler, and when a step ends below the ground the
     velocity is turned round there. Its value converges to the true one as dt shrinks. Its
@@ -641,7 +644,9 @@ class DropGradients(NamedTuple):
 def naive_drop_gradients(
     height: float, restitution: float, dt: float, duration: float, clamp: bool = True
 ) -> DropGradients:
-    """What automatic differentiation makes of `naive_drop`: the exact derivative of the wrong map.
+    """Return what automatic differentiation makes of `naive_drop`.
+
+    The exact derivative of the wrong map.
 
     Args:
         height: at time 0 [m].
@@ -662,7 +667,7 @@ def naive_drop_gradients(
 
 
 def drop_gradients(height: float, restitution: float, duration: float) -> DropGradients:
-    """The same drop from event to event, differentiated through the impact times.
+    """Return the same drop from event to event, differentiated through the impact times.
 
     Args:
         height: at time 0 [m].

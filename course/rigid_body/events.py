@@ -38,7 +38,7 @@ _WIDTH = 4.0 * np.finfo(np.float64).eps
 
 @register_jitable
 def time_of_event(q, v, step, acceleration, dt, params, gap):
-    """Length of the partial step at whose end the gap closes.
+    """Return length of the partial step at whose end the gap closes.
 
     The Illinois form of regula falsi (Dowell and Jarratt 1971) on the length of a partial step,
     with a bisection every third time, so that the bracket is sure to shrink to rounding.
@@ -87,7 +87,9 @@ def time_of_event(q, v, step, acceleration, dt, params, gap):
 
 @register_jitable
 def step_with_event(q, v, step, acceleration, dt, params, gap, reset):
-    """One step of any integrator that is cut where the gap closes, and continued after the reset.
+    """Return one step of any integrator that is cut where the gap closes.
+
+    And continued after the reset.
 
     An event that begins and ends within one step, so that the gap is open at both ends, is not
     seen. A state that starts with a negative gap is stepped as it is.
@@ -127,7 +129,9 @@ def step_with_event(q, v, step, acceleration, dt, params, gap, reset):
 
 @register_jitable
 def step_with_late_event(q, v, step, acceleration, dt, params, gap, reset):
-    """The usual shortcut, to be compared with: a whole step, then the reset if the gap is closed.
+    """Return the usual shortcut, to be compared with.
+
+    A whole step, then the reset if the gap is closed.
 
     Of first order whatever the integrator, because the reset comes up to dt too late.
 
@@ -188,13 +192,13 @@ def simulate_with_events(
 
 @register_jitable
 def wall_gap(q):
-    """Angle [rad] left to a wall where the pendulum hangs straight down."""
+    """Return angle [rad] left to a wall where the pendulum hangs straight down."""
     return q[0]
 
 
 @register_jitable
 def elastic_wall(q, v):
-    """Elastic impact on that wall: the speed is kept, away from the wall."""
+    """Return elastic impact on that wall: the speed is kept, away from the wall."""
     return q, np.abs(v)
 
 
@@ -204,7 +208,7 @@ def bouncing_pendulum(
     gravity: float = STANDARD_GRAVITY,
     duration: float = 2.5,
 ) -> Problem:
-    """A pendulum that hits an elastic wall where it hangs straight down.
+    """Return a pendulum that hits an elastic wall where it hangs straight down.
 
     By symmetry its angle is the absolute value of the free pendulum's, which has a closed form
     (`problems.pendulum`). Events are where `wall_gap` closes, the reset is `elastic_wall`.

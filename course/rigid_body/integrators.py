@@ -66,7 +66,9 @@ def retract(q, u):
 
 @register_jitable
 def bracket(q, a, b):
-    """How far two small moves a and b from q fail to commute: exp(a) exp(b) against the reverse.
+    """Return how far two small moves a and b from q fail to commute.
+
+    exp(a) exp(b) against the reverse.
 
     Args:
         q: base point, shape (nq,) or (nq, N); only its size matters.
@@ -87,7 +89,7 @@ def bracket(q, a, b):
 
 @register_jitable
 def explicit_euler(q, v, acceleration, dt, params):
-    """One step with the old velocity and the old acceleration. First order.
+    """Return one step with the old velocity and the old acceleration. First order.
 
     On an oscillator it multiplies the energy by 1 + (omega dt)^2 at every step, so without
     damping it is unstable at any step (Hairer, Lubich, Wanner 2006, sec. I.1).
@@ -107,7 +109,7 @@ def explicit_euler(q, v, acceleration, dt, params):
 
 @register_jitable
 def semi_implicit_euler(q, v, acceleration, dt, params):
-    """One step: the velocity first, then the position with the new velocity.
+    """Return one step: the velocity first, then the position with the new velocity.
 
     First order and symplectic. On an undamped oscillator it is stable while omega * dt < 2; at
     equality the state grows linearly (Hairer, Lubich, Wanner 2006, sec. I.1).
@@ -120,7 +122,7 @@ def semi_implicit_euler(q, v, acceleration, dt, params):
 
 @register_jitable
 def velocity_verlet(q, v, acceleration, dt, params):
-    """One step of velocity Verlet. Second order; symplectic while forces depend on q alone.
+    """Return one step of velocity Verlet. Second order; symplectic while forces depend on q alone.
 
     A force that depends on the velocity enters the second evaluation with the velocity
     predicted by an Euler step, which keeps the second order; stability limit omega * dt < 2
@@ -136,7 +138,7 @@ def velocity_verlet(q, v, acceleration, dt, params):
 
 @register_jitable
 def explicit_midpoint(q, v, acceleration, dt, params):
-    """One step with the velocity and acceleration of an Euler half step. Second order.
+    """Return one step with the velocity and acceleration of an Euler half step. Second order.
 
     Not symplectic: on an undamped oscillator the energy grows by (omega dt)^4 / 4 per step, at
     any step (Runge 1895).
@@ -157,7 +159,9 @@ _DIFFERENCE = 1.5e-8  # about the square root of the rounding unit
 
 @register_jitable
 def implicit_midpoint(q, v, acceleration, dt, params):
-    """One step of the implicit midpoint rule. Second order, A-stable, symplectic for vectors.
+    """Return one step of the implicit midpoint rule.
+
+    Second order, A-stable, symplectic for vectors.
 
     Solves w = v + dt/2 a(q (+) dt/2 w, w) for the mid velocity w by a simplified Newton
     iteration, then q1 = q (+) dt w and v1 = 2 w - v. It keeps quadratic invariants, so the
@@ -224,7 +228,7 @@ def _mean(k1, k2, k3, k4):
 
 @register_jitable
 def rk4(q, v, acceleration, dt, params):
-    """One step of the classical fourth-order method; on rotations its Munthe-Kaas form.
+    """Return one step of the classical fourth-order method; on rotations its Munthe-Kaas form.
 
     On rotations the four velocities belong to different orientations and may not simply be
     averaged. Two brackets make up for it, which is all that fourth order needs (Munthe-Kaas and
@@ -249,7 +253,7 @@ def rk4(q, v, acceleration, dt, params):
 
 @register_jitable
 def _coordinate_rate(q, v):
-    """dq/dt as plain numbers: the quaternion's own rate q * (0, omega) / 2."""
+    """Return dq/dt as plain numbers: the quaternion's own rate q * (0, omega) / 2."""
     if q.shape[0] == v.shape[0]:
         return v
     n = v.shape[0] - 3
@@ -264,7 +268,7 @@ def _coordinate_rate(q, v):
 
 @register_jitable
 def rk4_renormalised(q, v, acceleration, dt, params):
-    """RK4 on the four numbers of the quaternion, scaled back to length one after the step.
+    """Return RK4 on the four numbers of the quaternion, scaled back to length one after the step.
 
     The usual shortcut, here to be compared with `rk4`: also fourth order, but its stages leave
     the unit sphere, and the angular error of a steady spin is set by the rescaling.
@@ -380,14 +384,17 @@ class Trajectory:
 
 
 def advance(q, v, step, acceleration, dt, steps, params):
-    """The state after `steps` steps."""
+    """Return the state after `steps` steps."""
     for _ in range(steps):
         q, v = step(q, v, acceleration, dt, params)
     return q, v
 
 
 def advance_recorded(q, v, step, acceleration, dt, records, every, params):
-    """`records` times `every` steps; states before the first and after each `every` steps."""
+    """Return `records` times `every` steps.
+
+    States before the first and after each `every` steps.
+    """
     qs = np.empty((records + 1,) + q.shape)
     vs = np.empty((records + 1,) + v.shape)
     for i in range(records + 1):
@@ -408,7 +415,7 @@ def _step_type(array: types.Array) -> Any:
 
 @functools.cache
 def compiled_parts(acceleration: Acceleration, integrator: str, ndim: int) -> tuple[Any, Any, Any]:
-    """What a compiled run is made of.
+    """Return what a compiled run is made of.
 
     Args:
         acceleration: a plain top-level function.
@@ -485,7 +492,7 @@ def simulate(
 def evaluations_per_step(
     system: System, integrator: str | Step, dt: float, steps: int = 20
 ) -> float:
-    """Mean number of force evaluations a step takes, counted on a short plain run.
+    """Return mean number of force evaluations a step takes, counted on a short plain run.
 
     Args:
         system: what to integrate.

@@ -33,7 +33,7 @@ _LARGEST_DENOMINATOR = 1_000_000
 
 
 def exact_seconds(value: Seconds, name: str = "seconds") -> Fraction:
-    """A duration as the fraction that was meant.
+    """Return a duration as the fraction that was meant.
 
     `0.001` in floating point is not a thousandth, and `1 / 60` is not a sixtieth. Both are the
     nearest double to a fraction with a small denominator, and that fraction is returned.
@@ -71,7 +71,8 @@ def exact_seconds(value: Seconds, name: str = "seconds") -> Fraction:
 
 
 def interpolate_linearly(previous: Any, current: Any, alpha: float) -> Any:
-    """The state a fraction alpha of the way from `previous` to `current`, component by component.
+    """Return the state a fraction alpha of the way from `previous` to `current`, component by
+    component.
 
     The error for a smooth motion is at most max |acceleration| * dt**2 / 8. It suits positions and
     velocities; a quaternion needs an interpolation along the sphere instead.
@@ -276,7 +277,7 @@ class FixedStepLoop:
         return float(due * self._tick - self._granted)
 
     def advance(self, real_seconds: float | Fraction) -> Advance:
-        """Consume real time: run every step and picture that is due.
+        """Return consume real time: run every step and picture that is due.
 
         How the time is cut into calls makes no difference to the states, bit for bit, as long as
         no call exceeds `max_frame`.
@@ -397,7 +398,7 @@ class FixedStepLoop:
 
 
 def _common_tick(times: Iterable[Fraction]) -> Fraction:
-    """The largest time of which all the given ones are whole multiples (zeros do not count)."""
+    """Return the largest time of which all the given ones are whole multiples (zeros do not count)."""
     numerator, denominator = 0, 1
     for time in times:
         scale = math.lcm(denominator, time.denominator)
@@ -448,7 +449,7 @@ def run(
 
 
 def float_clock_error(dt: float, steps: int) -> float:
-    """How wrong a clock is that adds a floating-point dt once per step.
+    """Return how wrong a clock is that adds a floating-point dt once per step.
 
     Args:
         dt: step [s], as `exact_seconds` takes it.
@@ -468,7 +469,7 @@ def float_clock_error(dt: float, steps: int) -> float:
 
 
 def trace_table(events: Iterable[Event]) -> str:
-    """The event trace as a text table.
+    """Return the event trace as a text table.
 
     Args:
         events: from `FixedStepLoop.trace`.
@@ -484,7 +485,7 @@ def trace_table(events: Iterable[Event]) -> str:
 
 
 def flow_diagram(loop: FixedStepLoop) -> str:
-    """The six phases of a loop with their rates, as boxes and arrows.
+    """Return the six phases of a loop with their rates, as boxes and arrows.
 
     Args:
         loop: the loop to describe.

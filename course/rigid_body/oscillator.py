@@ -40,7 +40,8 @@ METHODS = (
 
 @register_jitable
 def step_of(number, q, v, dt, params):
-    """One step of the oscillator by METHODS[number], which compiled code can't look up by name.
+    """Return one step of the oscillator by METHODS[number], which compiled code can't look up by
+    name.
 
     Args:
         number: of the method.
@@ -71,7 +72,7 @@ _DEGREES = {"explicit_euler": 1, "explicit_midpoint": 2, "rk4": 4}
 def stepper(
     method: str, dt: Any, zeta: Any = 0.0, omega: Any = 1.0
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """One step by running the integrator, as (x, x') -> (x, x').
+    """Return one step by running the integrator, as (x, x') -> (x, x').
 
     Args:
         method: name of an integrator.
@@ -90,7 +91,10 @@ def stepper(
 
 
 def _entries(method: str, x: Any, zeta: Any) -> tuple[Any, ...]:
-    """(a, b, c, d) of one step on (q, v / omega); x = omega dt and zeta in any arithmetic."""
+    """Return (a, b, c, d) of one step on (q, v / omega).
+
+    X = omega dt and zeta in any arithmetic.
+    """
     if method == "semi_implicit_euler":
         # v1 = v + x (-q - 2 zeta v), q1 = q + x v1
         c, d = -x, 1 - 2 * zeta * x
@@ -117,7 +121,7 @@ def _entries(method: str, x: Any, zeta: Any) -> tuple[Any, ...]:
 
 
 def step_matrix(method: str, omega_dt: Any, zeta: Any) -> Array:
-    """One step of a method, derived by hand, as a matrix acting on (q, v / omega).
+    """Return one step of a method, derived by hand, as a matrix acting on (q, v / omega).
 
     Args:
         method: one of `METHODS`.
@@ -132,7 +136,7 @@ def step_matrix(method: str, omega_dt: Any, zeta: Any) -> Array:
 
 
 def limit(method: str, zeta: float) -> float:
-    """Largest stable omega dt of a method.
+    """Return largest stable omega dt of a method.
 
     Closed forms among them: explicit Euler 2 zeta, or 2 / (zeta + sqrt(zeta^2 - 1)) when
     overdamped; semi-implicit Euler with the damper explicit 2 (sqrt(1 + zeta^2) - zeta); velocity
@@ -156,7 +160,7 @@ def limit(method: str, zeta: float) -> float:
 
 
 def implicit_damping_limit(zeta: float) -> float:
-    """Semi-implicit Euler with the damper taken implicitly: 2 (sqrt(1 + zeta^2) + zeta).
+    """Return semi-implicit Euler with the damper taken implicitly: 2 (sqrt(1 + zeta^2) + zeta).
 
     v1 = (v - x q) / (1 + 2 zeta x), q1 = q + x v1 has D = 1 / (1 + 2 zeta x) and
     T = 1 + (1 - x^2) D, and 1 + T + D >= 0 gives x^2 - 4 zeta x - 4 <= 0.
@@ -171,7 +175,7 @@ def _check(method: str, zeta: float = 0.0) -> None:
 
 
 def _first_negative(condition: Polynomial) -> float:
-    """The smallest x >= 0 above which a polynomial is negative; infinity if never."""
+    """Return the smallest x >= 0 above which a polynomial is negative; infinity if never."""
     scale = float(np.max(np.abs(condition.coef)))
     if scale == 0.0:
         return math.inf

@@ -63,7 +63,7 @@ PARAMETERS = ("mass", "width", "height", "inertia", "restitution", "friction", "
 
 @register_jitable
 def _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient):
-    """The state after the time tau without contact."""
+    """Return the state after the time tau without contact."""
     return (
         flight(x, vx, ax, tau, coefficient),
         flight(y, vy, ay, tau, coefficient),
@@ -78,7 +78,9 @@ def _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient):
 def _advance(
     x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt, coefficient, resolve, limit
 ):
-    """One step of one box near the ground: flight, impacts, contact, in the order they happen.
+    """Return one step of one box near the ground.
+
+    Flight, impacts, contact, in the order they happen.
 
     Returns:
         The new state, the number of impacts, and 1 if the step was not resolved, else 0.
@@ -182,7 +184,10 @@ def _advance(
 def _step_boxes(
     out, counts, state, parameters, forces, gx, gy, dt, steps, coefficient, resolve, ground, limit
 ):
-    """`steps` steps of every box, one box after the other; the first bad box or -1 comes back."""
+    """Return `steps` steps of every box, one box after the other.
+
+    The first bad box or -1 comes back.
+    """
     each = parameters.shape[1] > 1 or forces.shape[1] > 1
     for j in range(state.shape[1]):
         # What boxes share is prepared once, with the first of them.
@@ -278,7 +283,7 @@ def box_parameters(
     friction: ArrayLike = 0.5,
     rest_speed: ArrayLike = 0.01,
 ) -> Array:
-    """The parameters of one box, or of N boxes where any of them is an array.
+    """Return the parameters of one box, or of N boxes where any of them is an array.
 
     Args:
         mass: [kg], positive.
@@ -317,7 +322,7 @@ def box_parameters(
 
 
 def _gravity(gravity: ArrayLike) -> tuple[float, float]:
-    """The vector of gravity; a single number acts downwards."""
+    """Return the vector of gravity; a single number acts downwards."""
     g = vector("gravity", gravity, (), (2,), unit="m/s^2")
     return (0.0, -float(g)) if g.shape == () else (float(g[0]), float(g[1]))
 
@@ -337,7 +342,7 @@ def prepare(
     ground: bool = True,
     max_events: int = 64,
 ) -> Run:
-    """`advance_boxes` with all checked but the state, for many short runs of the same boxes.
+    """Return `advance_boxes` with all checked but the state, for many short runs of the same boxes.
 
     Args:
         n: number of boxes.
@@ -453,7 +458,7 @@ def advance_boxes(
 def step_boxes(
     state: Array, parameters: Array, dt: float, **options: Any
 ) -> tuple[Array, NDArray[np.int64]]:
-    """One step of N boxes: `advance_boxes` with one step, and its options."""
+    """Return one step of N boxes: `advance_boxes` with one step, and its options."""
     return advance_boxes(state, parameters, dt, 1, **options)
 
 
@@ -535,7 +540,7 @@ class PlanarBody:
         return float(self.state[5])
 
     def corners(self) -> Array:
-        """The corners in world axes, anticlockwise from the body's lower left, (2, 4) [m]."""
+        """Return the corners in world axes, anticlockwise from the body's lower left, (2, 4) [m]."""
         x, y, angle = self.state[:3]
         a = 0.5 * self.width * np.array([-1.0, 1.0, 1.0, -1.0])
         b = 0.5 * self.height * np.array([-1.0, -1.0, 1.0, 1.0])
@@ -588,7 +593,10 @@ class PlanarBody:
         self.torque = 0.0
 
     def energy(self, gravity: ArrayLike = STANDARD_GRAVITY) -> tuple[float, float, float]:
-        """(kinetic, potential, total) [J]; the potential is zero for the centre at the origin."""
+        """Return (kinetic, potential, total) [J].
+
+        The potential is zero for the centre at the origin.
+        """
         gx, gy = _gravity(gravity)
         x, y, _, vx, vy, omega = self.state.tolist()
         inertia = float(self.parameters[3, 0])

@@ -33,13 +33,16 @@ CLEAR, HIT, UNFINISHED = 0, 1, 2
 
 @register_jitable
 def flight(position, velocity, acceleration, tau, coefficient):
-    """A coordinate after the time tau of constant acceleration, as an integrator moves it."""
+    """Return a coordinate after the time tau of constant acceleration.
+
+    As an integrator moves it.
+    """
     return position + tau * velocity + coefficient * tau * tau * acceleration
 
 
 @register_jitable
 def lowest_corners(angle, width, height):
-    """The lowest corner, and the other corner of the face nearest to the ground.
+    """Return the lowest corner, and the other corner of the face nearest to the ground.
 
     Returns:
         (rx, ry, rx2, ry2): the two offsets from the centre of mass in world axes [m].
@@ -59,7 +62,7 @@ def lowest_corners(angle, width, height):
 
 @register_jitable
 def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
-    """Impulse of a hard impact with Coulomb friction and energetic restitution.
+    """Return impulse of a hard impact with Coulomb friction and energetic restitution.
 
     The impact takes no time; its clock is the normal impulse p. While the corner slides one way
     its velocity is linear in p. It may stop sliding; then it sticks, or slides back where the
@@ -120,7 +123,7 @@ def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
 
 @register_jitable
 def stopping_impulse(vt, vn, rx, ry, inverse_mass, inverse_inertia):
-    """The impulse (pt, pn) that stops a corner, whatever the cone [N s]."""
+    """Return the impulse (pt, pn) that stops a corner, whatever the cone [N s]."""
     wtt = inverse_mass + inverse_inertia * ry * ry
     wnn = inverse_mass + inverse_inertia * rx * rx
     wnt = -inverse_inertia * rx * ry
@@ -130,7 +133,9 @@ def stopping_impulse(vt, vn, rx, ry, inverse_mass, inverse_inertia):
 
 @register_jitable
 def newton_impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
-    """Impulse by Newton's rule vn' = -e vn with friction, for comparison: it can create energy.
+    """Return impulse by Newton's rule vn' = -e vn with friction, for comparison.
+
+    It can create energy.
 
     The corner sticks (vt' = 0) if the cone allows it, else it slides as it came. With friction
     and an oblique impact the energy may grow (Kane, Stanford Mechanics Alumni Club Newsletter 6,
@@ -155,7 +160,7 @@ def newton_impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, fr
 
 @register_jitable
 def one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction):
-    """Coulomb impulse of one inelastic contact: vn' = 0, and stick or slide.
+    """Return Coulomb impulse of one inelastic contact: vn' = 0, and stick or slide.
 
     The impulse that stops the corner decides: inside the cone the corner sticks, outside it
     slides against the side of the cone that was passed. One of the two always has a solution.
@@ -178,7 +183,7 @@ def one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction):
 
 @register_jitable
 def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, friction):
-    """Coulomb contact, without restitution, of a face that lies on the ground.
+    """Return Coulomb contact, without restitution, of a face that lies on the ground.
 
     The two corners slide alike, so friction acts as one impulse bounded by both normal ones. The
     cases are tried in turn: apart, both corners stick, both slide, one carries, one jams.
@@ -222,7 +227,10 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
 
 @register_jitable
 def _safe_time(gap, rate, bound, horizon):
-    """The earliest time at which gap + rate t - bound t^2/2 can be zero; horizon if later."""
+    """Return the earliest time at which gap + rate t - bound t^2/2 can be zero.
+
+    Horizon if later.
+    """
     # Even the fastest fall allowed by the bound stays above the ground.
     if gap + horizon * (rate - 0.5 * bound * horizon) > 0.0:
         return horizon
@@ -236,7 +244,7 @@ def _safe_time(gap, rate, bound, horizon):
 
 @register_jitable
 def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coefficient):
-    """The first time within the horizon at which a corner comes down to the ground y = 0.
+    """Return the first time within the horizon at which a corner comes down to the ground y = 0.
 
     Conservative advancement. A corner's height f has f'' >= -B with
     B = r omega^2 + 2c (r |alpha| - ay), r the half-diagonal and omega the fastest of the time
@@ -297,7 +305,7 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
 
 @register_jitable
 def _time_to_turn(turn, omega, beta):
-    """The first positive time at which omega t + beta t^2 = turn (not zero), or infinity."""
+    """Return the first positive time at which omega t + beta t^2 = turn (not zero), or infinity."""
     if turn < 0.0:  # the same problem seen from the other side
         turn, omega, beta = -turn, -omega, -beta
     square = omega * omega + 4.0 * beta * turn
@@ -313,7 +321,7 @@ def _time_to_turn(turn, omega, beta):
 
 @register_jitable
 def time_to_face(angle, omega, beta, horizon, flat):
-    """When a box that pivots on a corner comes down on a face: (time, angle of that face).
+    """Return when a box that pivots on a corner comes down on a face: (time, angle of that face).
 
     The angle moves by omega t + beta t^2. A time beyond the horizon is given as infinity.
     `flat` says that it lies on a face now and is about to leave it.
@@ -343,14 +351,14 @@ def time_to_face(angle, omega, beta, horizon, flat):
 
 @register_jitable
 def height_on_face(angle, width, height):
-    """Height of the centre of a box that lies on the face nearest to the angle [m]."""
+    """Return height of the centre of a box that lies on the face nearest to the angle [m]."""
     nearest = math.floor(angle / QUARTER_TURN + 0.5)
     return 0.5 * height if nearest == 2.0 * math.floor(0.5 * nearest) else 0.5 * width
 
 
 @register_jitable
 def lies_still(y, angle, vx, vy, omega, width, height):
-    """True if the box lies flat on the ground and nothing moves, bit for bit."""
+    """Return true if the box lies flat on the ground and nothing moves, bit for bit."""
     if vx != 0.0 or vy != 0.0 or omega != 0.0:
         return False
     nearest = math.floor(angle / QUARTER_TURN + 0.5)
@@ -359,7 +367,7 @@ def lies_still(y, angle, vx, vy, omega, width, height):
 
 @register_jitable
 def collide(vx, vy, omega, corners, box, elastic):
-    """Velocities after the impact of the corners that touch: one event.
+    """Return velocities after the impact of the corners that touch: one event.
 
     With `elastic` the corner or face that approaches fastest bounces, otherwise all that touch
     stop without bouncing. The last of the four numbers is 1 if no case of the contact fits.
@@ -401,7 +409,7 @@ def collide(vx, vy, omega, corners, box, elastic):
 
 @register_jitable
 def collide_late(x, y, angle, vx, vy, omega, box):
-    """Contact found after the fact: reflect the velocity, push the box out of the ground."""
+    """Return contact found after the fact: reflect the velocity, push the box out of the ground."""
     width, height, rest_speed = box[1], box[2], box[6]
     corners = lowest_corners(angle, width, height)
     rx, ry, rx2, ry2 = corners

@@ -36,7 +36,7 @@ class Problem:
     unit: str
 
     def error(self, q: Array, t: float | None = None) -> float:
-        """Distance of positions q from the truth at time t (default: the end).
+        """Return distance of positions q from the truth at time t (default: the end).
 
         Args:
             q: positions, shape (nq,).
@@ -55,7 +55,7 @@ class Problem:
 
 
 def tight_reference(system: System, t: float, rtol: float = 1e-13) -> tuple[Array, Array]:
-    """State at time t by SciPy's DOP853 at a tolerance near the rounding limit.
+    """Return state at time t by SciPy's DOP853 at a tolerance near the rounding limit.
 
     Args:
         system: what to integrate, one body.
@@ -84,7 +84,7 @@ def tight_reference(system: System, t: float, rtol: float = 1e-13) -> tuple[Arra
 
 
 def _reference(system: System) -> Callable[[float], tuple[Array, Array]]:
-    """`tight_reference` as the truth of a problem; each time is computed once."""
+    """Return `tight_reference` as the truth of a problem; each time is computed once."""
     return functools.lru_cache(maxsize=256)(functools.partial(tight_reference, system))
 
 
@@ -93,19 +93,19 @@ def _reference(system: System) -> Callable[[float], tuple[Array, Array]]:
 
 @register_jitable
 def oscillator_acceleration(q, v, params):
-    """x'' = -omega^2 x - 2 zeta omega x'; params = (omega [rad/s], zeta)."""
+    """Return x'' = -omega^2 x - 2 zeta omega x'; params = (omega [rad/s], zeta)."""
     return -params[0] * params[0] * q - 2.0 * params[1] * params[0] * v
 
 
 def oscillator_energy(q: Array, v: Array, params: Array) -> Array:
-    """Energy per unit of mass [J/kg] of the oscillator, shape q.shape[1:]."""
+    """Return energy per unit of mass [J/kg] of the oscillator, shape q.shape[1:]."""
     return 0.5 * v[0] ** 2 + 0.5 * (params[0] * q[0]) ** 2
 
 
 def oscillator(
     omega: float = 2.0 * np.pi, zeta: float = 0.0, duration: float = 2.3, x0: float = 1.0
 ) -> Problem:
-    """A mass on a spring, released at x0 [m] at rest.
+    """Return a mass on a spring, released at x0 [m] at rest.
 
     Args:
         omega: undamped angular frequency [rad/s].
@@ -141,12 +141,12 @@ def oscillator(
 
 @register_jitable
 def pendulum_acceleration(q, v, params):
-    """theta'' = -(g/l) sin theta; params = (g / l [1/s^2],)."""
+    """Return theta'' = -(g/l) sin theta; params = (g / l [1/s^2],)."""
     return -params[0] * np.sin(q)
 
 
 def pendulum_energy(q: Array, v: Array, params: Array) -> Array:
-    """Energy per m l^2 [1/s^2] of the pendulum, zero when it hangs at rest."""
+    """Return energy per m l^2 [1/s^2] of the pendulum, zero when it hangs at rest."""
     return 0.5 * v[0] ** 2 + params[0] * (1.0 - np.cos(q[0]))
 
 
@@ -156,7 +156,7 @@ def pendulum(
     gravity: float = STANDARD_GRAVITY,
     duration: float = 2.0,
 ) -> Problem:
-    """A point pendulum released at rest at a large angle.
+    """Return a point pendulum released at rest at a large angle.
 
     Closed form: sin(theta/2) = k cd(w t | k^2) with k = sin(amplitude / 2) and w = sqrt(g / l)
     (Whittaker, Analytical Dynamics, 1904, sec. 44).
@@ -194,7 +194,7 @@ def pendulum(
 
 @register_jitable
 def tumble_acceleration(q, v, params):
-    """Euler's equations without torque in principal axes; params = (I1, I2, I3) [kg m^2]."""
+    """Return Euler's equations without torque in principal axes; params = (I1, I2, I3) [kg m^2]."""
     result = np.empty_like(v)
     result[0] = (params[1] - params[2]) / params[0] * v[1] * v[2]
     result[1] = (params[2] - params[0]) / params[1] * v[2] * v[0]
@@ -204,18 +204,21 @@ def tumble_acceleration(q, v, params):
 
 @register_jitable
 def tumble_energy(q: Array, v: Array, params: Array) -> Array:
-    """Kinetic energy [J] of a turning body, shape v.shape[1:]."""
+    """Return kinetic energy [J] of a turning body, shape v.shape[1:]."""
     return 0.5 * (params[0] * v[0] ** 2 + params[1] * v[1] ** 2 + params[2] * v[2] ** 2)
 
 
 def angular_momentum(q: Array, v: Array, params: Array) -> Array:
-    """Angular momentum in the world frame [kg m^2/s], shape (3,) or (3, N)."""
+    """Return angular momentum in the world frame [kg m^2/s], shape (3,) or (3, N)."""
     scale = params[:3].reshape((3,) + (1,) * (v.ndim - 1))
     return quaternion.rotate(q[-4:], scale * v[-3:])
 
 
 def _incomplete_pi(n: float, u: float, m: float) -> float:
-    """Integral of 1 / (1 - n sn^2) from 0 to u, by Carlson's symmetric forms (DLMF 19.25)."""
+    """Return integral of 1 / (1 - n sn^2) from 0 to u.
+
+    By Carlson's symmetric forms (DLMF 19.25).
+    """
     from scipy.special import ellipj, ellipk, elliprf, elliprj
 
     quarter = ellipk(m)
@@ -234,7 +237,7 @@ def tumble(
     rates: tuple[float, float] = (1.0, 1.5),
     duration: float = 20.0,
 ) -> Problem:
-    """A body with three different moments of inertia that turns freely.
+    """Return a body with three different moments of inertia that turns freely.
 
     The world's z axis is the fixed angular momentum L. Rates are Jacobi's elliptic functions; the
     angle about L is an elliptic integral of the third kind (Jacobi 1849; Landau and Lifshitz,
@@ -296,7 +299,7 @@ def tumble(
 
 @register_jitable
 def top_acceleration(q, v, params):
-    """A top on a fixed point under gravity; params = (I1, I2, I3 [kg m^2], m g l [N m]).
+    """Return a top on a fixed point under gravity; params = (I1, I2, I3 [kg m^2], m g l [N m]).
 
     Moments are about the fixed point; the centre of mass lies on the body's z axis.
     """
@@ -312,19 +315,19 @@ def top_acceleration(q, v, params):
 
 @register_jitable
 def top_height(q: Array) -> Array:
-    """Cosine of the tilt of the body's z axis from the vertical, shape q.shape[1:]."""
+    """Return cosine of the tilt of the body's z axis from the vertical, shape q.shape[1:]."""
     return 1.0 - 2.0 * (q[-3] ** 2 + q[-2] ** 2)
 
 
 @register_jitable
 def top_energy(q: Array, v: Array, params: Array) -> Array:
-    """Kinetic plus potential energy [J] of the heavy top."""
+    """Return kinetic plus potential energy [J] of the heavy top."""
     return tumble_energy(q, v, params) + params[3] * top_height(q)
 
 
 @register_jitable
 def nutation_limits(inertia: tuple[float, float], weight: float, tilt: float, spin: float) -> Array:
-    """Cosines of the two tilts between which a top released at rest nods.
+    """Return cosines of the two tilts between which a top released at rest nods.
 
     Roots of (1 - u^2)(alpha - beta u) - (b - a u)^2 (Goldstein, Classical Mechanics, sec. 5.7).
     One is the tilt at release, as the top rests there; what is left is u^2 - 2 h u + 2 h u0 - 1.
@@ -352,7 +355,7 @@ def heavy_top(
     spin: float = 80.0,
     duration: float = 2.0,
 ) -> Problem:
-    """A symmetric top released with its axis at rest.
+    """Return a symmetric top released with its axis at rest.
 
     Args:
         inertia: (I1 = I2, I3) about the fixed point [kg m^2].
@@ -379,7 +382,7 @@ def heavy_top(
 def top_height_truth(
     t: float, inertia: tuple[float, float], weight: float, tilt: float, spin: float
 ) -> float:
-    """Closed form of the cosine of the tilt of a top released at rest (Goldstein, sec. 5.7).
+    """Return closed form of the cosine of the tilt of a top released at rest (Goldstein, sec. 5.7).
 
     Args:
         t: time [s].
@@ -401,7 +404,7 @@ def top_height_truth(
 
 @register_jitable
 def double_pendulum_acceleration(q, v, params):
-    """Two point masses on massless rods; q holds both angles from the vertical [rad].
+    """Return two point masses on massless rods; q holds both angles from the vertical [rad].
 
     params = (m1, m2 [kg], l1, l2 [m], g [m/s^2]).
     """
@@ -419,7 +422,7 @@ def double_pendulum_acceleration(q, v, params):
 
 
 def double_pendulum_energy(q: Array, v: Array, params: Array) -> Array:
-    """Kinetic plus potential energy [J]; zero potential at the pivot's height."""
+    """Return kinetic plus potential energy [J]; zero potential at the pivot's height."""
     m1, m2, l1, l2, g = params
     kinetic = 0.5 * (m1 + m2) * (l1 * v[0]) ** 2 + 0.5 * m2 * (l2 * v[1]) ** 2
     kinetic = kinetic + m2 * l1 * l2 * v[0] * v[1] * np.cos(q[0] - q[1])
@@ -427,7 +430,7 @@ def double_pendulum_energy(q: Array, v: Array, params: Array) -> Array:
 
 
 def double_pendulum(angles: tuple[float, float] = (2.0, 1.0), duration: float = 3.0) -> Problem:
-    """Two equal point masses, 1 kg on rods of 1 m, released at rest.
+    """Return two equal point masses, 1 kg on rods of 1 m, released at rest.
 
     Args:
         angles: initial angles from hanging [rad].
@@ -453,7 +456,7 @@ def double_pendulum(angles: tuple[float, float] = (2.0, 1.0), duration: float = 
 def bounce_times(
     height: float, restitution: float, bounces: int, gravity: float = STANDARD_GRAVITY
 ) -> Array:
-    """Impact times of a point dropped from rest [s], shape (bounces,).
+    """Return impact times of a point dropped from rest [s], shape (bounces,).
 
     t_k = t_1 (1 + 2 (e + ... + e^(k-1))) with t_1 = sqrt(2 h / g).
 
@@ -471,7 +474,7 @@ def bounce_times(
 def bounce_height(
     t: float, height: float, restitution: float, gravity: float = STANDARD_GRAVITY
 ) -> float:
-    """Height [m] at time t [s] of a point dropped from rest on a rigid floor.
+    """Return height [m] at time t [s] of a point dropped from rest on a rigid floor.
 
     Zero from the moment at which infinitely many bounces have come to their end.
 
@@ -501,7 +504,7 @@ def frictionless_box(
     restitution: float,
     gravity: float = STANDARD_GRAVITY,
 ) -> Array:
-    """A tumbling box on a smooth rigid floor, from one impact to the next.
+    """Return a tumbling box on a smooth rigid floor, from one impact to the next.
 
     Flight is a parabola and a steady turn; the impact time is a root found by Brent's method on a
     bracket from dense samples of the lowest corner; the impulse of a smooth corner is
@@ -559,6 +562,6 @@ def frictionless_box(
 
 
 def all_problems() -> dict[str, Problem]:
-    """The smooth problems of chapter 1 by name."""
+    """Return the smooth problems of chapter 1 by name."""
     problems = (oscillator(), pendulum(), tumble(), heavy_top(), double_pendulum())
     return {problem.system.name: problem for problem in problems}

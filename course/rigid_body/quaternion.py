@@ -120,7 +120,7 @@ def rotation_matrix(values: Any, name: str = "matrix") -> Array:
 
 @register_jitable
 def _batch(a, b):
-    """The trailing shape of a result of `a` and `b`, one of which may be single."""
+    """Return the trailing shape of a result of `a` and `b`, one of which may be single."""
     if a.ndim >= b.ndim:
         return a.shape[1:]
     else:
@@ -129,19 +129,19 @@ def _batch(a, b):
 
 @register_jitable
 def _sign(w, x, y, z):
-    """1 or -1: the sign of the first component that is not zero (0 if all are)."""
+    """Return 1 or -1: the sign of the first component that is not zero (0 if all are)."""
     return np.sign(8.0 * np.sign(w) + 4.0 * np.sign(x) + 2.0 * np.sign(y) + np.sign(z))
 
 
 @register_jitable
 def identity() -> Array:
-    """The rotation that turns nothing: (1, 0, 0, 0), shape (4,)."""
+    """Return the rotation that turns nothing: (1, 0, 0, 0), shape (4,)."""
     return np.array([1.0, 0.0, 0.0, 0.0])
 
 
 @register_jitable
 def cross(a: Array, b: Array) -> Array:
-    """The cross product a x b along axis 0.
+    """Return the cross product a x b along axis 0.
 
     Args:
         a: vectors, shape (3,) or (3, N).
@@ -159,7 +159,7 @@ def cross(a: Array, b: Array) -> Array:
 
 @register_jitable
 def product(p: Array, q: Array) -> Array:
-    """Hamilton's product p q: the rotation q, followed by p.
+    """Return hamilton's product p q: the rotation q, followed by p.
 
     Args:
         p: quaternions, shape (4,) or (4, N), of any length.
@@ -178,7 +178,7 @@ def product(p: Array, q: Array) -> Array:
 
 @register_jitable
 def conjugate(q: Array) -> Array:
-    """The conjugate (w, -x, -y, -z); of a unit quaternion, the inverse rotation.
+    """Return the conjugate (w, -x, -y, -z); of a unit quaternion, the inverse rotation.
 
     Args:
         q: quaternions, shape (4,) or (4, N).
@@ -217,7 +217,7 @@ def rotate(q: Array, v: Array) -> Array:
 
 @register_jitable
 def normalise(q: Array) -> Array:
-    """q scaled to unit length.
+    """Return q scaled to unit length.
 
     Args:
         q: quaternions, shape (4,) or (4, N), of lengths between 1e-140 and 1e150.
@@ -239,7 +239,7 @@ _C = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(1, 10))
 
 @register_jitable
 def _sine_series(s):
-    """sin(x) / x for s = x^2 up to 0.75: Taylor's terms to s^8 leave less than 1e-17."""
+    """Return sin(x) / x for s = x^2 up to 0.75: Taylor's terms to s^8 leave less than 1e-17."""
     # One expression: compiled, it is one pass over a batch with nothing stored in between.
     s1, s2, s3, s4, s5, s6, s7, s8 = _S
     return 1.0 + s * (s1 + s * (s2 + s * (s3 + s * (s4 + s * (s5 + s * (s6 + s * (s7 + s * s8)))))))
@@ -247,7 +247,7 @@ def _sine_series(s):
 
 @register_jitable
 def _cosine_series(s):
-    """cos(x) for s = x^2 up to 0.75: Taylor's terms to s^9 leave less than 1e-17."""
+    """Return cos(x) for s = x^2 up to 0.75: Taylor's terms to s^9 leave less than 1e-17."""
     c1, c2, c3, c4, c5, c6, c7, c8, c9 = _C
     tail = c5 + s * (c6 + s * (c7 + s * (c8 + s * c9)))
     return 1.0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * tail))))
@@ -255,7 +255,7 @@ def _cosine_series(s):
 
 @register_jitable
 def exp(rotvec: Array) -> Array:
-    """The rotation about the axis of `rotvec` by its length.
+    """Return the rotation about the axis of `rotvec` by its length.
 
     Every component is within 1e-15 of the exact one for angles up to 2 pi. In a batch one large
     angle sends all of them through the library's sine and cosine, so the last bit of a result
@@ -286,7 +286,7 @@ def exp(rotvec: Array) -> Array:
 
 @register_jitable
 def log(q: Array) -> Array:
-    """The shortest rotation vector of q: the inverse of `exp`.
+    """Return the shortest rotation vector of q: the inverse of `exp`.
 
     The error is within 1e-14 of the angle at every angle, because the angle is taken with atan2
     from both the sine and the cosine (acos(w) would lose half the digits near 0).
@@ -310,7 +310,7 @@ def log(q: Array) -> Array:
 
 @register_jitable
 def angle_between(p: Array, q: Array) -> Any:
-    """The angle of the rotation that takes p to q.
+    """Return the angle of the rotation that takes p to q.
 
     Tiny angles keep their digits: the vector part of p* q is taken from p* (q - p), where the
     difference of two near quaternions is exact.
@@ -336,7 +336,7 @@ def angle_between(p: Array, q: Array) -> Any:
 
 @register_jitable
 def to_matrix(q: Array) -> Array:
-    """The rotation matrix of q; its columns are the body's axes seen from the world.
+    """Return the rotation matrix of q; its columns are the body's axes seen from the world.
 
     Args:
         q: unit quaternions, shape (4,) or (4, N).
@@ -360,7 +360,8 @@ def to_matrix(q: Array) -> Array:
 
 @register_jitable
 def from_matrix(R: Array) -> Array:
-    """The unit quaternion of a rotation matrix, accurate at every angle, half turns included.
+    """Return the unit quaternion of a rotation matrix, accurate at every angle, half turns
+    included.
 
     The entries of R give the ten products 4 q_i q_j. The row of the largest q_i is scaled to unit
     length, so nothing is ever divided by a small number (Shepperd, Quaternion from rotation
@@ -426,7 +427,7 @@ def from_euler_zyx(yaw: Any, pitch: Any, roll: Any) -> Array:
 
 @register_jitable
 def to_euler_zyx(q: Array) -> Array:
-    """Yaw, pitch and roll of q: the inverse of `from_euler_zyx`.
+    """Return yaw, pitch and roll of q: the inverse of `from_euler_zyx`.
 
     At a pitch of +-90 degrees (within 2e-14 rad) only yaw - roll, or yaw + roll, is defined.
     There roll is 0 by convention and yaw takes it all; nothing is NaN, and the angles still
@@ -462,7 +463,7 @@ def to_euler_zyx(q: Array) -> Array:
 
 @register_jitable
 def euler_zyx_rate_matrix(pitch: Any, roll: Any) -> Array:
-    """The matrix E with angular velocity = E (yaw rate, pitch rate, roll rate).
+    """Return the matrix E with angular velocity = E (yaw rate, pitch rate, roll rate).
 
     det E = -cos(pitch), and the smallest singular value is sqrt(1 - |sin(pitch)|). At a pitch of
     +-90 degrees the rank is 2: yaw and roll turn about the same axis, so a turn about the third
@@ -487,7 +488,7 @@ def euler_zyx_rate_matrix(pitch: Any, roll: Any) -> Array:
 
 @register_jitable
 def derivative(q: Array, omega: Array) -> Array:
-    """dq/dt of a body that turns with the angular velocity omega: q (0, omega) / 2.
+    """Return dq/dt of a body that turns with the angular velocity omega: q (0, omega) / 2.
 
     Args:
         q: quaternions, shape (4,) or (4, N).
@@ -506,7 +507,7 @@ def derivative(q: Array, omega: Array) -> Array:
 
 @register_jitable
 def dexp_inverse(u: Array, w: Array) -> Array:
-    """The rate of u that makes q exp(u) turn with the body angular velocity w.
+    """Return the rate of u that makes q exp(u) turn with the body angular velocity w.
 
     It is w + u x w / 2 + c u x (u x w), with c = (1 - (a / 2) cot(a / 2)) / a^2 and a = |u|
     (Iserles, Munthe-Kaas, Norsett and Zanna, Lie-group methods, 2000; the sign of the second

@@ -20,7 +20,9 @@ DOWNWARDS = (0.0, 0.0, -STANDARD_GRAVITY)  # m/s^2
 
 @register_jitable
 def free_flight_acceleration(q, v, params):
-    """Bodies in free flight, in principal axes; params = (gx, gy, gz [m/s^2], I1, I2, I3 [kg m^2]).
+    """Return bodies in free flight, in principal axes.
+
+    Params = (gx, gy, gz [m/s^2], I1, I2, I3 [kg m^2]).
 
     Args:
         q: positions, shape (7,) or (7, N).
@@ -42,7 +44,7 @@ def free_flight_acceleration(q, v, params):
 
 @register_jitable
 def newton_euler_acceleration(q, v, params):
-    """Newton's and Euler's equations for any inertia tensor under a constant wrench.
+    """Return Newton's and Euler's equations for any inertia tensor under a constant wrench.
 
     Args:
         q: positions, shape (7,) or (7, N).
@@ -73,7 +75,7 @@ def newton_euler_acceleration(q, v, params):
 
 
 def inertia_tensor(value: ArrayLike) -> Array:
-    """A checked 3 x 3 inertia tensor.
+    """Return a checked 3 x 3 inertia tensor.
 
     Args:
         value: three principal moments or a symmetric 3 x 3 tensor, body frame [kg m^2].
@@ -184,7 +186,7 @@ class RigidBody:
         self.force, self.torque = np.zeros(3), np.zeros(3)
 
     def energy(self, gravity: ArrayLike = DOWNWARDS) -> tuple[float, float, float]:
-        """Kinetic, potential (zero at the world's origin) and total energy [J]."""
+        """Return kinetic, potential (zero at the world's origin) and total energy [J]."""
         spin = self.v[3:]
         kinetic = 0.5 * self.mass * self.v[:3] @ self.v[:3] + 0.5 * spin @ (
             np.asarray(self.inertia) @ spin
@@ -193,7 +195,9 @@ class RigidBody:
         return float(kinetic), float(potential), float(kinetic + potential)
 
     def angular_momentum(self) -> Array:
-        """Angular momentum about the centre of mass in the world frame, shape (3,) [kg m^2/s]."""
+        """Return angular momentum about the centre of mass in the world frame, shape (3,) [kg
+        m^2/s].
+        """
         return np.asarray(rotate(self.q[3:], np.asarray(self.inertia) @ self.v[3:]))
 
 
@@ -211,7 +215,7 @@ def advance_bodies(
     gravity: ArrayLike = DOWNWARDS,
     integrator: str = "rk4_renormalised",
 ) -> tuple[Array, Array]:
-    """Many equal bodies in free flight, advanced together by the compiled integrator.
+    """Return many equal bodies in free flight, advanced together by the compiled integrator.
 
     Args:
         q: positions, shape (7, N) [m, unit quaternions].

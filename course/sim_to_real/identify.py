@@ -110,7 +110,7 @@ class Fit(Visible):
     reason: str
 
     def half_width(self, level: float = 0.95) -> Array:
-        """Of the interval that holds a parameter in this share of logs, shape (P,)."""
+        """Return of the interval that holds a parameter in this share of logs, shape (P,)."""
         from scipy.special import stdtrit
 
         quantile = stdtrit(self.residual.size - len(self.names), 0.5 * (1.0 + level))
@@ -118,7 +118,10 @@ class Fit(Visible):
 
 
 def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> tuple:
-    """Names, values, bounds and sizes of what is free, and the simulation of points (P, K)."""
+    """Return names, values, bounds and sizes of what is free.
+
+    And the simulation of points (P, K).
+    """
     names = tuple(one_of("free", name, start) for name in free)
     low, high = np.array([free[name] for name in names], dtype=float).reshape(-1, 2).T
     if not (names and (low < high).all()):
@@ -139,14 +142,14 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
 
 
 def _slope(run: Callable, x: Array, low: Array, high: Array, size: Array) -> Array:
-    """d simulated / d parameter by central differences in one rollout, shape (n, T + 1, P)."""
+    """Return d simulated / d parameter by central differences in one rollout, shape (n, T + 1, P)."""
     up, down = np.minimum(x + 6e-6 * size, high) - x, np.maximum(x - 6e-6 * size, low) - x
     both = run(x[:, None] + np.hstack([np.diag(up), np.diag(down)]))
     return np.asarray((both[..., : x.size] - both[..., x.size :]) / (up - down))
 
 
 def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps: int = 100) -> Fit:
-    """The parameters whose simulation comes closest to a log, and how well they are known.
+    """Return the parameters whose simulation comes closest to a log, and how well they are known.
 
     A start out of its bounds or without a finite simulation, a name that it lacks, and fewer
     samples than parameters are each a ValueError.
@@ -209,8 +212,10 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
 
 
 def arm(parameters: Mapping[str, Array], log: Log) -> Array:
-    """A `Simulate`: angles of flat arms under the torques of a log, (2, T + 1, K) [rad]. Takes
-    `BASE` and, where they are given, other `plants.ROWS` and q1, q2, v1, v2 at the start."""
+    """Return a `Simulate`: angles of flat arms under the torques of a log, (2, T + 1, K) [rad].
+
+    Takes `BASE` and, where they are given, other `plants.ROWS` and q1, q2, v1, v2 at the start.
+    """
     given, empty = {"torque": np.ones(len(parameters["a"])), **parameters}, 0.0 * parameters["a"]
     rows, start = (
         np.array([given.get(name, empty) for name in names])
@@ -222,8 +227,11 @@ def arm(parameters: Mapping[str, Array], log: Log) -> Array:
 def scan(
     simulate: Simulate, log: Log, start: Parameters, free: Bounds, name: str, values: Array
 ) -> tuple[float, Fit]:
-    """One parameter by trying values and fitting the others at each: the lowest point of the
-    parabola through the best value and its neighbours, and the fit at the best."""
+    """Return one parameter by trying values and fitting the others at each.
+
+    The lowest point of the parabola through the best value and its neighbours, and the fit at the
+    best.
+    """
     given = vector("values", values, (None,))
     tries = [fit(simulate, log, {**start, name: float(v)}, free) for v in given]
     cost = np.array([result.noise**2 for result in tries])
@@ -236,8 +244,11 @@ def scan(
 
 
 def validate(simulate: Simulate, log: Log, start: Parameters, result: Fit) -> tuple[float, float]:
-    """Another log with the parameters of a fit: standard deviation of its residual over that of
-    the fit, and how often a right model leaves one as coloured."""
+    """Return another log with the parameters of a fit.
+
+    Standard deviation of its residual over that of the fit, and how often a right model leaves one
+    as coloured.
+    """
     values = dict(start) | dict(zip(result.names, result.value, strict=True))
     residual = log.measured - simulate({n: np.array([v]) for n, v in values.items()}, log)[..., 0]
     return float(np.sqrt(np.mean(residual**2))) / result.noise, whiteness(residual)
@@ -250,8 +261,9 @@ def excitation(
     free: Bounds,
     noise: float = 1e-3,
 ) -> dict[str, Visible]:
-    """What each of several logs would tell, the best conditioned one first, before anything is
-    measured: only their commands count, the parameters are those of `start`."""
+    """Return what each of several logs would tell, the best conditioned one first, before anything
+    is measured: only their commands count, the parameters are those of `start`.
+    """
     report = {}
     for name, log in logs.items():
         names, x, low, high, size, run = _prepared(simulate, log, start, free)
@@ -263,7 +275,7 @@ def excitation(
 def _visible(
     names: tuple[str, ...], slope: Array, noise: float, size: Array, inside: NDArray[np.bool_]
 ) -> Visible:
-    """`inside` says which parameters are not at a bound; of the others nothing is known."""
+    """Return `inside` says which parameters are not at a bound; of the others nothing is known."""
     which = np.flatnonzero(inside)
     J = slope.reshape(-1, size.size)[:, which] * (size[which] / max(noise, 1e-15))
     _, s, V = np.linalg.svd(np.linalg.qr(J, "r"))  # the triangle has the same values, and is small
@@ -298,8 +310,11 @@ def _sentence(names: Sequence[str], row: Array, size: Array) -> str:
 
 
 def whiteness(residual: Array) -> float:
-    """How often white noise is as coloured as this, shape (n, T): the test of Ljung and Box (1978).
-    Below `ALARM` something is left to explain, by however little it moved the answer."""
+    """Return how often white noise is as coloured as this, shape (n, T).
+
+    The test of Ljung and Box (1978). Below `ALARM` something is left to explain, by however little
+    it moved the answer.
+    """
     from scipy.special import gammaincc
 
     n, T = residual.shape
@@ -311,8 +326,10 @@ def whiteness(residual: Array) -> float:
 
 
 def late(result: Fit, log: Log) -> tuple[float, float]:
-    """By how much the measurements are late, and its standard deviation [s]: the residual against
-    the rate of the simulated signals, what the parameters explain taken out."""
+    """Return by how much the measurements are late, and its standard deviation [s].
+
+    The residual against the rate of the simulated signals, what the parameters explain taken out.
+    """
     rate = -np.gradient(log.measured - result.residual, log.dt, axis=1).ravel()
     others = result.slope.reshape(rate.size, -1)
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)

@@ -21,7 +21,7 @@ CUBE = numba.types.Array(numba.float64, 3, "C")
 
 @register_jitable
 def _accelerations(arm, i, q2, v1, v2, u1, u2, s1, s2):
-    """Of both joints, and the torque that friction would need to hold each [rad/s^2, N m].
+    """Return of both joints, and the torque that friction would need to hold each [rad/s^2, N m].
 
     A side s is 1 or -1 for a joint that slides there, 0 for one that is held. This is
     `two_link.acceleration` for one arm, with the forces kept apart for the joints that are held.
@@ -43,7 +43,7 @@ def _accelerations(arm, i, q2, v1, v2, u1, u2, s1, s2):
 
 @register_jitable
 def _side(v, friction, choice):
-    """Where a joint slides: by its speed, or if it rests by a choice of 0, 1 and -1."""
+    """Return where a joint slides: by its speed, or if it rests by a choice of 0, 1 and -1."""
     if friction == 0.0:
         return 1.0
     if v != 0.0:
@@ -53,8 +53,11 @@ def _side(v, friction, choice):
 
 @register_jitable
 def _sides(arm, i, q2, v1, v2, u1, u2):
-    """The sides of both joints that agree with Coulomb's law: who rests starts towards the net
-    torque or is held by no more than its friction. M is positive definite, so one choice fits."""
+    """Return the sides of both joints that agree with Coulomb's law.
+
+    Who rests starts towards the net torque or is held by no more than its friction. M is positive
+    definite, so one choice fits.
+    """
     s1 = s2 = 0.0
     for option in range(9):
         t1, t2 = option % 3, option // 3  # 2 stands for -1
@@ -70,7 +73,7 @@ def _sides(arm, i, q2, v1, v2, u1, u2):
 
 @register_jitable
 def _runge_kutta(arm, i, q1, q2, v1, v2, u1, u2, s1, s2, h):
-    """One step of fourth order with the sides kept."""
+    """Return one step of fourth order with the sides kept."""
     a1, a2, _, _ = _accelerations(arm, i, q2, v1, v2, u1, u2, s1, s2)
     w1, w2 = v1 + 0.5 * h * a1, v2 + 0.5 * h * a2
     b1, b2, _, _ = _accelerations(arm, i, q2 + 0.5 * h * v2, w1, w2, u1, u2, s1, s2)
@@ -89,7 +92,7 @@ def _runge_kutta(arm, i, q1, q2, v1, v2, u1, u2, s1, s2, h):
 
 @register_jitable
 def _advance(arm, i, q1, q2, v1, v2, u1, u2, h):
-    """One step, cut where a sliding joint stops."""
+    """Return one step, cut where a sliding joint stops."""
     dry1, dry2 = arm[5, i] > 0.0, arm[6, i] > 0.0
     rest = h
     for event in range(8):

@@ -79,9 +79,11 @@ class Plants:
         return np.size(self.mass)
 
     def columns(self) -> Array:
-        """What the equations of motion read, shape (12, N), rows as in `ROWS`: a, b, d of
-        `course.kinematics.two_link` [kg m^2], damping c [N m s/rad], dry friction f [N m], then
-        torque factor, delay [s], offsets and noise [rad]."""
+        """Return what the equations of motion read, shape (12, N), rows as in `ROWS`.
+
+        A, b, d of `course.kinematics.two_link` [kg m^2], damping c [N m s/rad], dry friction f [N
+        m], then torque factor, delay [s], offsets and noise [rad].
+        """
         m, p, viscous, coulomb, torque, delay, bias, noise = (getattr(self, f) for f in FIELDS)
         a, b, d, c1, c2 = ARM.parameters
         l1, l2 = ARM.lengths
@@ -103,7 +105,7 @@ class Plants:
         )
 
     def take(self, index: ArrayLike) -> Plants:
-        """Some of these arms, by a whole number each or a mask."""
+        """Return some of these arms, by a whole number each or a mask."""
         rows = {name: np.atleast_1d(getattr(self, name)[index]) for name in FIELDS}
         return Plants(**rows)
 
@@ -123,12 +125,15 @@ DIRECTION = {
 
 
 def nominal(n: int = 1) -> Plants:
-    """The simulator's arm, n times: no payload, no dry friction, no delay, a perfect encoder."""
+    """Return the simulator's arm, n times.
+
+    No payload, no dry friction, no delay, a perfect encoder.
+    """
     return Plants(mass=np.ones(count("n", n, 1)))
 
 
 def real(gap: ArrayLike, delay: ArrayLike = 0.0) -> Plants:
-    """The arm at a distance from the simulator's, all parameters moved along `DIRECTION`.
+    """Return the arm at a distance from the simulator's, all parameters moved along `DIRECTION`.
 
     Args:
         gap: 0 for the simulator's, 1 for `DIRECTION`; a number or (N,), from 0 to 1.25.
@@ -183,14 +188,14 @@ class Tasks:
 
 
 def tip(q: ArrayLike) -> Array:
-    """Where the tip is [m] at angles [rad], both (2, ...)."""
+    """Return where the tip is [m] at angles [rad], both (2, ...)."""
     q = np.asarray(q, dtype=float)
     (l1, l2), both = ARM.lengths, q[0] + q[1]
     return np.array([l1 * np.cos(q[0]) + l2 * np.cos(both), l1 * np.sin(q[0]) + l2 * np.sin(both)])
 
 
 def tasks(n: int, seed: int) -> Tasks:
-    """n reaches of 0.3 to 0.8 rad a joint, drawn alike for each plant that is asked."""
+    """Return n reaches of 0.3 to 0.8 rad a joint, drawn alike for each plant that is asked."""
     rng = np.random.default_rng(count("seed", seed))
     start = rng.uniform([[-np.pi], [0.7]], [[np.pi], [2.3]], (2, count("n", n, 1)))
     move = rng.uniform(0.3, 0.8, (2, n)) * rng.choice([-1.0, 1.0], (2, n))
@@ -221,13 +226,13 @@ class Outcome:
         return np.mean(self.success, axis=-1)
 
     def reasons(self) -> dict[str, int]:
-        """How many episodes ended in each way, those that did not occur left out."""
+        """Return how many episodes ended in each way, those that did not occur left out."""
         counts = np.bincount(self.reason.reshape(-1), minlength=len(REASONS)).tolist()
         return {name: n for name, n in zip(REASONS, counts, strict=True) if n}
 
 
 def _numbers(gains: Array) -> Array:
-    """`Gains.numbers` of each set and joint, shape (K, 2, 13)."""
+    """Return `Gains.numbers` of each set and joint, shape (K, 2, 13)."""
     rows = [Gains(0.0, tau=FILTER, u_min=-u, u_max=u).numbers(DT) for u in ARM.torques]
     numbers = np.repeat(np.array(rows)[None], gains.shape[1], axis=0)
     numbers[:, :, :3] = gains.reshape(2, 3, -1).transpose(2, 0, 1)
@@ -288,7 +293,7 @@ def rollouts(plants: Plants | ArrayLike, gains: ArrayLike, tasks: Tasks) -> Outc
 
 
 def watch(plants: Plants | ArrayLike, gains: ArrayLike, tasks: Tasks) -> Record:
-    """The motion of `rollouts` with one set of gains (6,); arrays (2, E, T + 1)."""
+    """Return the motion of `rollouts` with one set of gains (6,); arrays (2, E, T + 1)."""
     _, trace = _run(plants, vector("gains", gains, (6,), low=0.0), tasks, True)
     return _record(trace, DT, tasks.reference)
 
@@ -296,7 +301,7 @@ def watch(plants: Plants | ArrayLike, gains: ArrayLike, tasks: Tasks) -> Record:
 def driven(
     columns: ArrayLike, torques: ArrayLike, start: ArrayLike, dt: float = DT, noise: ArrayLike = 0.0
 ) -> Record:
-    """Arms under torques that are known beforehand: what a log is compared with.
+    """Return arms under torques that are known beforehand: what a log is compared with.
 
     Args:
         columns: of the arms, shape (12, N), as `Plants.columns` makes them.

@@ -64,7 +64,10 @@ class Process:
             object.__setattr__(self, name, value)
 
     def backup(self, value: ArrayLike) -> Array:
-        """Q of a value (S,): reward of a step and discounted value of the next state, (S, A)."""
+        """Return Q of a value (S,).
+
+        Reward of a step and discounted value of the next state, (S, A).
+        """
         target = self.reward + self.gamma * np.asarray(value, dtype=float)
         return np.asarray(np.einsum("ijk,ijk->ij", self.transition, target))
 
@@ -82,7 +85,8 @@ class Solution:
 def value_iteration(
     process: Process, tolerance: float = 1e-12, *, max_sweeps: int = 50_000
 ) -> Solution:
-    """Bellman's iteration, then the exact value of the policy that it found (Puterman, 1994).
+    """Return bellman's iteration, then the exact value of the policy that it found (Puterman,
+    1994).
 
     Each sweep multiplies the error by gamma at best, so the number of sweeps is proportional to
     1 / (1 - gamma): hundreds of thousands at 0.9999. `policy_iteration` needs a few solves.
@@ -110,7 +114,7 @@ def value_iteration(
 
 
 def policy_iteration(process: Process) -> Solution:
-    """Howard's iteration: evaluate a policy exactly, make it greedy, until it stays (1960).
+    """Return howard's iteration: evaluate a policy exactly, make it greedy, until it stays (1960).
 
     Its number of solves does not depend on the discount, where that of the sweeps of
     `value_iteration` is proportional to 1 / (1 - gamma). An action is replaced only by one that is
@@ -131,7 +135,7 @@ def policy_iteration(process: Process) -> Solution:
 
 
 def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
-    """The value of a policy by a linear solve, shape (S,).
+    """Return the value of a policy by a linear solve, shape (S,).
 
     Args:
         process: any.
@@ -151,7 +155,7 @@ def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
 
 
 def shaped(process: Process, phi: ArrayLike, *, free_end: bool = False) -> Process:
-    """The process with gamma phi(next) - phi(state) added to its rewards.
+    """Return the process with gamma phi(next) - phi(state) added to its rewards.
 
     Args:
         process: any; what a terminal state pays stays 0.
@@ -168,7 +172,9 @@ def shaped(process: Process, phi: ArrayLike, *, free_end: bool = False) -> Proce
 
 
 def grid(n: int, gamma: float = 0.95, pay: float = 1.0, step: float = 0.0) -> Process:
-    """n x n cells, state = n row + column, four moves; the last cell ends the episode and pays.
+    """Return n x n cells, state = n row + column, four moves.
+
+    The last cell ends the episode and pays.
 
     Args:
         n: from 2 on.
@@ -191,7 +197,7 @@ def grid(n: int, gamma: float = 0.95, pay: float = 1.0, step: float = 0.0) -> Pr
 
 
 def _learn(P, R, ends, numbers, draws, optimal, q):
-    """Q-learning from state 0; returns the steps until the greedy walk is optimal, or -1."""
+    """Return Q-learning from state 0; returns the steps until the greedy walk is optimal, or -1."""
     gamma, rate, chance = numbers[0], numbers[1], numbers[2]
     S, A = q.shape
     state, limit = 0, draws.shape[0]
@@ -231,7 +237,8 @@ def learning_steps(
     rate: float = 0.5,
     chance: float = 0.1,
 ) -> float:
-    """Steps of Q-learning (Watkins, 1989) until its greedy walk from state 0 is a shortest one.
+    """Return steps of Q-learning (Watkins, 1989) until its greedy walk from state 0 is a shortest
+    one.
 
     Shaped by phi it does what it does unshaped with values that start at phi (Wiewiora, 2003): so a
     potential that is too high makes it try everything, one that is too low nothing new.

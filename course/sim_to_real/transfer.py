@@ -33,7 +33,7 @@ KINDS = {"dynamics": ("load", "friction", "motor"), "sensing": ("encoder",), "ti
 
 
 def mended(actual: Plants, parts: Iterable[str]) -> Plants:
-    """The simulator after some of its parts were taken from the real arm.
+    """Return the simulator after some of its parts were taken from the real arm.
 
     Args:
         actual: the real arms.
@@ -48,13 +48,15 @@ def mended(actual: Plants, parts: Iterable[str]) -> Plants:
 
 
 def subsets(names: Iterable[str]) -> list[Subset]:
-    """All subsets, the empty one first, then by size and in the order of the names."""
+    """Return all subsets, the empty one first, then by size and in the order of the names."""
     known = list(names)
     return [frozenset(some) for n in range(len(known) + 1) for some in combinations(known, n)]
 
 
 def attribution(value: Mapping[Subset, float]) -> dict[str, tuple[float, float, float]]:
-    """What each part adds to a value: alone, on average over all orders, and as the last one.
+    """Return what each part adds to a value.
+
+    Alone, on average over all orders, and as the last one.
 
     The average is Shapley's (A value for n-person games, 1953): the only split that adds up to the
     whole change and treats parts alike that do the same. Where alone and last have other signs, no
@@ -83,7 +85,7 @@ def attribution(value: Mapping[Subset, float]) -> dict[str, tuple[float, float, 
 
 
 def hurting(value: Mapping[Subset, float]) -> list[tuple[Subset, str, float]]:
-    """Every mending that lowers the value, worst first: (mended before, mended now, change).
+    """Return every mending that lowers the value, worst first: (mended before, mended now, change).
 
     Args:
         value: of every subset of the parts.
@@ -107,7 +109,7 @@ def trials(
     power: float = 0.8,
     level: float = 0.05,
 ) -> int:
-    """Trials with each of two policies that tell their success rates apart.
+    """Return trials with each of two policies that tell their success rates apart.
 
     On trials of their own it is the normal approximation with the pooled variance (Fleiss, Levin
     and Paik, Statistical Methods for Rates and Proportions, 2003, eq. 4.14); on the same trials it
@@ -140,7 +142,9 @@ def trials(
 
 
 def transfer_bound(gamma: float, eps: float, reward: float = 1.0) -> float:
-    """How much a policy's value may differ between two processes: gamma eps R / (1 - gamma)^2.
+    """Return how much a policy's value may differ between two processes.
+
+    Gamma eps R / (1 - gamma)^2.
 
     With rewards in [0, R] no value is above R / (1 - gamma), so an expectation over the next state
     differs by eps R / (1 - gamma) at most, at every step anew (the simulation lemma: Kearns and
@@ -157,14 +161,17 @@ def transfer_bound(gamma: float, eps: float, reward: float = 1.0) -> float:
 
 
 def reached(gamma: float, eps: float) -> float:
-    """Share of the bound that the worst chain of two states reaches: it pays in the first, where
-    the simulator stays for ever and the real one leaves for good with probability eps."""
+    """Return share of the bound that the worst chain of two states reaches.
+
+    It pays in the first, where the simulator stays for ever and the real one leaves for good with
+    probability eps.
+    """
     discount(gamma)
     return (1.0 - gamma) / (1.0 - gamma * (1.0 - finite("eps", eps, POSITIVE, 1.0)))
 
 
 def discount(gamma: float) -> float:
-    """A discount in [0, 1); anything else raises ValueError."""
+    """Return a discount in [0, 1); anything else raises ValueError."""
     if not 0.0 <= finite("gamma", gamma) < 1.0:
         raise invalid("gamma", gamma, "a number from 0 on and below 1")
     return gamma

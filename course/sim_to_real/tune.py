@@ -73,7 +73,7 @@ class Ranges:
             Plants(**{name: np.array([low, high])})
 
     def __call__(self, n: int, rng: np.random.Generator) -> Plants:
-        """n arms, drawn one by one."""
+        """Return n arms, drawn one by one."""
         drawn: dict[str, Any] = {"mass": np.ones(count("n", n, 1))}
         for name, (low, high) in self.bounds.items():
             kind = self.kinds.get(name, "uniform")
@@ -90,7 +90,9 @@ class Ranges:
 
 
 def around(centre: Plants, width: float) -> Ranges:
-    """Ranges about one arm; of width 1 they reach as far to both sides as gap 1 moves an arm.
+    """Return ranges about one arm.
+
+    Of width 1 they reach as far to both sides as gap 1 moves an arm.
 
     What cannot be negative stops at 0.
 
@@ -108,14 +110,17 @@ def around(centre: Plants, width: float) -> Ranges:
 
 
 def only(plants: Plants | Array) -> Sampler:
-    """One arm for every episode, or some that are taken in turn; may be columns of arms."""
+    """Return one arm for every episode, or some that are taken in turn; may be columns of arms."""
     if isinstance(plants, Plants):
         return lambda n, rng: plants.take(np.arange(n) % plants.size)
     return lambda n, rng: plants[:, np.arange(n) % plants.shape[1]]
 
 
 def cost(outcome: Outcome) -> Array:
-    """What the search lowers, for each set of gains: failures, and time outside the target."""
+    """Return what the search lowers, for each set of gains.
+
+    Failures, and time outside the target.
+    """
     return 2.0 - outcome.rate - np.mean(outcome.inside, axis=-1) / SECONDS
 
 
@@ -137,7 +142,7 @@ def improve(
     elites: int = 12,
     spread: float = SPREAD,
 ) -> Tuned:
-    """Cross-entropy search over the logarithms of the gains, by anything that can be tried.
+    """Return cross-entropy search over the logarithms of the gains, by anything that can be tried.
 
     With few rounds and a small spread it is the fine-tuning of gains on a real arm, whose episodes
     are counted.
@@ -172,7 +177,7 @@ def improve(
 
 
 def tune(sampler: Sampler, seed: int, *, episodes: int = 32, **search: Any) -> Tuned:
-    """Gains for the arms that a sampler draws; each round has arms and tasks of its own.
+    """Return gains for the arms that a sampler draws; each round has arms and tasks of its own.
 
     Args:
         sampler: `Ranges`, `only(plants)`, or any function (n, rng) -> `Plants`.
@@ -217,7 +222,9 @@ def automatic(
     step: float = 0.1,
     at_most: float = 2.0,
 ) -> Automatic:
-    """Automatic domain randomisation (OpenAI, arXiv 1910.07113, sec. 5): ranges as wide as pays.
+    """Return automatic domain randomisation (OpenAI, arXiv 1910.07113, sec. 5).
+
+    Ranges as wide as pays.
 
     Each boundary of each parameter has a buffer of its own with the outcomes of episodes in which
     that parameter stands on it and the others are drawn. Once it is full its mean decides: above
@@ -277,7 +284,7 @@ SEEDS, KNOWN_DELAY, KNOWN_WIDTH = (0, 1, 2), 0.01, 0.4
 
 
 def remake(kind: str, at: float, seed: int = 0) -> Array:
-    """Gains of the record, tuned anew, shape (6,).
+    """Return gains of the record, tuned anew, shape (6,).
 
     Args:
         kind: "range" for arms drawn about the simulator's, with the width `at`; "known" for the
@@ -291,7 +298,7 @@ def remake(kind: str, at: float, seed: int = 0) -> Array:
 
 
 def recorded() -> dict[str, Array]:
-    """The gains on record: kind -> shape (11, seeds, 6), widths or gaps as in `GRID`."""
+    """Return the gains on record: kind -> shape (11, seeds, 6), widths or gaps as in `GRID`."""
     text = RECORD.read_text(encoding="utf-8")
     return {kind: np.array(rows) for kind, rows in tomllib.loads(text).items()}
 

@@ -181,7 +181,10 @@ def _buffer(frame: Picture) -> bytes:
 
 
 def bundle(widget: Any, frame: Picture, still: Picture) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a notebook keeps of a widget: itself, its last numbers as text, and a still picture."""
+    """Return what a notebook keeps of a widget.
+
+    Itself, its last numbers as text, and a still picture.
+    """
     from course.simulations.painter import to_png
 
     data: dict[str, Any] = {

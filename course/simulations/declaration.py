@@ -42,7 +42,10 @@ _HERE = Path(__file__).parent
 
 @functools.cache
 def names() -> tuple[str, ...]:
-    """All simulations in the order of the chapters: what stands behind `course.simulations.`"""
+    """Return all simulations in the order of the chapters.
+
+    What stands behind `course.simulations.`
+    """
     return tuple(_names())
 
 
@@ -57,7 +60,7 @@ def _names() -> Iterator[str]:
 
 
 def model(name: str) -> Model:
-    """The model of a simulation.
+    """Return the model of a simulation.
 
     Raises:
         ValueError: there is no such simulation.
@@ -68,22 +71,25 @@ def model(name: str) -> Model:
 
 
 def module(name: str) -> Path:
-    """Where the compiled module of a simulation lies, or would."""
+    """Return where the compiled module of a simulation lies, or would."""
     return _HERE.joinpath(*name.split(".")).with_suffix(".wasm")
 
 
 def recording(name: str) -> Path:
-    """Where the recording of a simulation is kept, beside its source; see `course.site.films`."""
+    """Return where the recording of a simulation is kept, beside its source.
+
+    See `course.site.films`.
+    """
     return module(name).with_suffix(".json")
 
 
 def is_live(name: str) -> bool:
-    """Whether a simulation runs in the page: it is compiled, and not to be recorded."""
+    """Return whether a simulation runs in the page: it is compiled, and not to be recorded."""
     return name not in RECORDED and not model(name).recorded and module(name).exists()
 
 
 def why_recorded(name: str) -> str:
-    """Why a simulation is recorded; nothing for one that is live.
+    """Return why a simulation is recorded; nothing for one that is live.
 
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
@@ -97,7 +103,7 @@ def why_recorded(name: str) -> str:
 
 
 def declaration(name: str) -> dict[str, Any]:
-    """Everything about a simulation but its functions, as JSON has it.
+    """Return everything about a simulation but its functions, as JSON has it.
 
     Records are told as runs of equal eight-byte words, [how many, the word as text]; of the
     controls those with a label have an input, whose `offset` in the record is in bytes.
@@ -130,14 +136,17 @@ def declaration(name: str) -> dict[str, Any]:
 
 
 def name_of(made: Model) -> str:
-    """The name of the simulation with this model; nothing where it is none of the course's."""
+    """Return the name of the simulation with this model.
+
+    Nothing where it is none of the course's.
+    """
     home = made.frame.__module__
     mine = getattr(sys.modules.get(home), "MODEL", None) is made
     return home.removeprefix(f"{simulations.__name__}.") if mine else ""
 
 
 def content(name: str) -> dict[str, Any]:
-    """What `panel` in live.js is handed: the declaration, and what the simulation runs on.
+    """Return what `panel` in live.js is handed: the declaration, and what the simulation runs on.
 
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
@@ -152,7 +161,9 @@ def content(name: str) -> dict[str, Any]:
 
 
 def bundle(name: str) -> str:
-    """The script that brings one simulation into a page: its declaration, and what it runs on.
+    """Return the script that brings one simulation into a page.
+
+    Its declaration, and what it runs on.
 
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
@@ -162,7 +173,10 @@ def bundle(name: str) -> str:
 
 
 def script() -> str:
-    """The one script of all simulations: it makes a panel of every element `.course-live`."""
+    """Return the one script of all simulations.
+
+    It makes a panel of every element `.course-live`.
+    """
     return (
         '"use strict";\n(() => {\n' + joined("canvas", "live") + "window.courseLive = "
         "{ compiled, recorded, allowed, panel, mount };\n"
@@ -172,14 +186,14 @@ def script() -> str:
 
 
 def joined(*parts: str) -> str:
-    """JavaScript modules of this folder as one text, without their imports and exports."""
+    """Return JavaScript modules of this folder as one text, without their imports and exports."""
     texts = [(_HERE / f"{part}.js").read_text(encoding="utf-8") for part in parts]
     whole = re.sub(r"^import .*;\n|^export default .*;\n", "", "\n".join(texts), flags=re.M)
     return re.sub(r"^export ", "", whole, flags=re.M)
 
 
 def _runs(record: Any) -> list[list[Any]]:
-    """The words of a record, each with how often it stands there in turn."""
+    """Return the words of a record, each with how often it stands there in turn."""
     words = np.frombuffer(record.tobytes(), "<u8").tolist()
     return [[len(list(run)), str(word)] for word, run in itertools.groupby(words)]
 
@@ -209,14 +223,16 @@ def _input(name: str, field: Field, record: Record) -> dict[str, Any]:
 
 
 def _film(name: str) -> dict[str, Any]:
-    """The recording that is kept beside a simulation's source."""
+    """Return the recording that is kept beside a simulation's source."""
     if not recording(name).exists():
         raise invalid("name", name, f"one with a recording (python -m course.site.films {name})")
     return json.loads(recording(name).read_text(encoding="utf-8"))["films"]
 
 
 def recorded(made: Model) -> dict[str, Any]:
-    """Each preset of a model as a film: the sizes of its pictures, and their numbers, compressed.
+    """Return each preset of a model as a film.
+
+    The sizes of its pictures, and their numbers, compressed.
 
     A picture is told by what differs from the one before: of each number, in steps of 1 / `GRID`,
     the difference as four bytes, first the lowest ones of all, and so on. After them stand the
@@ -253,7 +269,7 @@ def recorded(made: Model) -> dict[str, Any]:
 
 
 def _steps(picture: drawing.Picture) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """The numbers of a picture in steps of 1 / `GRID`, and those that are told exactly.
+    """Return the numbers of a picture in steps of 1 / `GRID`, and those that are told exactly.
 
     Points are as exact as a screen asks for, all else as it is.
     """

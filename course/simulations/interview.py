@@ -53,13 +53,13 @@ _LEAST, _MOST = 0.001, 36500.0  # days
 
 @register_jitable
 def recall(days, stability):
-    """Chance to recall so many days after a review; 0.9 where they are the stability."""
+    """Return chance to recall so many days after a review; 0.9 where they are the stability."""
     return (1.0 + _FACTOR * days / stability) ** -W[20]
 
 
 @register_jitable
 def interval(stability):
-    """Days until a card is asked again: whole ones, one at least."""
+    """Return days until a card is asked again: whole ones, one at least."""
     return min(max(np.round(stability), 1.0), _MOST)
 
 
@@ -70,13 +70,13 @@ def _first_difficulty(rating):
 
 @register_jitable
 def first(rating):
-    """Stability [days] and difficulty (1 to 10) after the first rating."""
+    """Return stability [days] and difficulty (1 to 10) after the first rating."""
     return W[rating - 1], min(max(_first_difficulty(rating), 1.0), 10.0)
 
 
 @register_jitable
 def after(stability, difficulty, days, rating):
-    """Stability and difficulty after a rating, so many whole days after the last one."""
+    """Return stability and difficulty after a rating, so many whole days after the last one."""
     if days < 1.0:
         growth = math.exp(W[17] * (rating - 3 + W[18])) * stability ** -W[19]
         new = stability * (growth if rating == AGAIN else max(growth, 1.0))
@@ -160,7 +160,7 @@ _AT = (0.2, 1.0)  # of the buttons
 
 
 def initial(controls, state):
-    """No card was ever rated."""
+    """Set up no card was ever rated."""
     state["time"] = 0.0
 
 
@@ -178,7 +178,7 @@ def rate(state, k, rating):
 
 
 def advance(state, controls, seconds):
-    """Days pass; whoever reviews by himself does it at the end of a day."""
+    """Advance the simulation: days pass; whoever reviews by himself does it at the end of a day."""
     remaining = seconds * controls["speed"]
     while remaining > 0.0:
         step = min(remaining, 1.0 - state["time"] % 1.0)
@@ -196,11 +196,14 @@ def advance(state, controls, seconds):
 
 
 def drag(controls, state, x, y):
-    """Nothing moves with the pointer; what counts is where it went down."""
+    """Handle a drag: nothing moves with the pointer; what counts is where it went down."""
 
 
 def grab(controls, state, x, y):
-    """A click on the card turns it; on a button it rates the card, once that is turned."""
+    """Handle a press of the pointer: a click on the card turns it.
+
+    On a button it rates the card, once that is turned.
+    """
     left, right, bottom, top = _CARD
     if left <= x <= right and bottom <= y <= top:
         controls["turned"] = 1 - controls["turned"]
@@ -218,7 +221,10 @@ def _rated(controls, state, rating):
 
 
 def press(controls, state, key):
-    """Left turns the card, right takes the next; - again, down hard, up good, + easy."""
+    """Handle a key: left turns the card, right takes the next.
+
+    - again, down hard, up good, + easy.
+    """
     if key == 0:
         controls["turned"] = 1 - controls["turned"]
     elif key == 1:
@@ -229,7 +235,7 @@ def press(controls, state, key):
 
 
 def frame(pen, state, controls):
-    """The card, its forgetting, and the chance to recall each of the four."""
+    """Draw the card, its forgetting, and the chance to recall each of the four."""
     k, turned = controls["card"], controls["turned"]
     left, right, bottom, top = _CARD
     draw.box(pen, left, right, bottom, top, _BACK if turned else _PAPER, draw.INK, 1.5)
@@ -312,7 +318,7 @@ MODEL = Model(
 
 
 def simulation(preset: str = "Work, turn, rate") -> Any:
-    """The simulation of this chapter as a panel for a notebook; it starts paused.
+    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
 
     Raises:
         ValueError: there is no such preset.

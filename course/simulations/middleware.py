@@ -96,7 +96,7 @@ STATE = Record(
 
 @register_jitable
 def profile(controls, topic, reader):
-    """Number of the profile of an end of a topic."""
+    """Return number of the profile of an end of a topic."""
     if topic == controls["topic"]:
         return controls["requested"] if reader else controls["offered"]
     return DEFAULTS[topic]
@@ -104,13 +104,13 @@ def profile(controls, topic, reader):
 
 @register_jitable
 def verdict(controls, topic):
-    """The policy that keeps a topic silent, by its place in `FAILING`; 0: it is heard."""
+    """Return the policy that keeps a topic silent, by its place in `FAILING`; 0: it is heard."""
     return _VERDICT[profile(controls, topic, False), profile(controls, topic, True)]
 
 
 @register_jitable
 def reliable(controls, topic):
-    """Whether what is lost is sent again: where both ends want it."""
+    """Return whether what is lost is sent again: where both ends want it."""
     return profile(controls, topic, False) > 0 and profile(controls, topic, True) > 0
 
 
@@ -121,13 +121,16 @@ def _depth_of(controls, topic):
 
 @register_jitable
 def seeing(controls):
-    """What perception takes for a picture [s]: it gets the share of the processor that is left."""
+    """Return what perception takes for a picture [s].
+
+    It gets the share of the processor that is left.
+    """
     return SEEING / (1.0 - 0.01 * controls["load"])
 
 
 @register_jitable
 def _travel(sent, packets, size, controls, topic, seed):
-    """When messages come that are sent at these times, (N,) [s]; -1 for a lost one."""
+    """Return when messages come that are sent at these times, (N,) [s]; -1 for a lost one."""
     came = np.full(sent.size, -1.0)
     if verdict(controls, topic):
         return came
@@ -150,7 +153,8 @@ def _travel(sent, packets, size, controls, topic, seed):
 
 @register_jitable
 def shared(arrived, taking, depth, due):
-    """Perception and the loop in one thread, whose ready set is filled again only when empty.
+    """Return perception and the loop in one thread, whose ready set is filled again only when
+    empty.
 
     Returns:
         taken, begun: pictures, by number, and when each is begun; starts: of the ticks, -1 if
@@ -182,7 +186,7 @@ def shared(arrived, taking, depth, due):
 
 @register_jitable
 def locked(begun, done, due, inherits):
-    """Starts of the ticks where a logger's lock is in the way, -1 if skipped.
+    """Return starts of the ticks where a logger's lock is in the way, -1 if skipped.
 
     The logger is the least urgent: it runs where perception does not. With inheritance it is as
     urgent as the loop while that waits.
@@ -211,7 +215,7 @@ def locked(begun, done, due, inherits):
 
 
 def initial(controls, state):
-    """The whole run."""
+    """Compute the whole run."""
     seed, taking = state["seed"], seeing(controls)
     n = int(SPAN / CAMERA)
     sent = (PHASE + np.arange(n)) * CAMERA
@@ -275,20 +279,26 @@ def _report(controls, state, arrived, received, known, taken):
 
 @register_jitable
 def stamps(state, times):
-    """When the picture behind the command in force was taken [s], at these times (N,); -1: none."""
+    """Return when the picture behind the command in force was taken [s], at these times (N,).
+
+    -1: none.
+    """
     index = np.searchsorted(state["start"][: state["ticks"]] + LOOP, times, side="right") - 1
     return state["stamp"][np.maximum(index, 0)]
 
 
 def advance(state, controls, seconds):
-    """Twenty times slower than the nodes; at the end of the run from its start again."""
+    """Advance the simulation: twenty times slower than the nodes.
+
+    At the end of the run from its start again.
+    """
     passed = state["time"] + PACE * seconds - SETTLED
     state["time"] = SETTLED + passed % (SPAN - SETTLED - 0.5)
 
 
 @register_jitable
 def bound(controls):
-    """How late a tick can be by the schedule [s]; -1 where nothing bounds it."""
+    """Return how late a tick can be by the schedule [s]; -1 where nothing bounds it."""
     kind, taking = controls["schedule"], seeing(controls)
     if kind == 0:
         return 0.0
@@ -332,19 +342,19 @@ _W, _H, _WINDOW = 0.68, 0.27, 0.150  # half a box; of the chart of who runs [s]
 
 
 def drag(controls, state, x, y):
-    """The node that is nearest to the pointer is shown."""
+    """Handle a drag: the node that is nearest to the pointer is shown."""
     controls["node"] = np.argmin((_AT[:, 0] - x) ** 2 + (2.0 * (_AT[:, 1] - y)) ** 2)
     state["clicked"][0], state["clicked"][1] = min(max(x, 0.0), 9.0), min(max(y, 0.0), 5.0)
 
 
 def press(controls, state, key):
-    """Arrow keys go from node to node."""
+    """Handle a key: arrow keys go from node to node."""
     controls["node"] = (controls["node"] + (1 if key in (1, 3, 4) else -1)) % len(NODES)
 
 
 @register_jitable
 def _rate(state, controls, edge):
-    """How often something comes along an edge in this run [Hz]."""
+    """Return how often something comes along an edge in this run [Hz]."""
     if edge == 0:
         return np.sum(state["came"][: state["images"]] >= 0.0) / SPAN
     if edge == 1 or edge == 2:
@@ -358,7 +368,7 @@ def _rate(state, controls, edge):
 
 @register_jitable
 def _ends(edge):
-    """Where an edge is drawn: beside the one that goes the other way, from rim to rim."""
+    """Return where an edge is drawn: beside the one that goes the other way, from rim to rim."""
     a, b = _AT[_EDGES[edge, 0]], _AT[_EDGES[edge, 1]]
     dx, dy = b[0] - a[0], b[1] - a[1]
     size = math.hypot(dx, dy)
@@ -424,7 +434,7 @@ def _pulses(pen, state, now):
 
 @register_jitable
 def _flows(pen, state, controls):
-    """What flows into the chosen node and out of it."""
+    """Draw what flows into the chosen node and out of it."""
     y = 4.55
     for k in range(len(_EDGES)):
         out = _EDGES[k, 0] == controls["node"]
@@ -471,7 +481,7 @@ def _who_runs(pen, state, controls, now):
 
 @register_jitable
 def _trace(pen, state, now):
-    """The age of the command over the last second."""
+    """Draw the age of the command over the last second."""
     times = now - 1.0 + np.linspace(0.0, 1.0, 401)
     born = stamps(state, times)
     ages = np.where(born >= 0.0, 1e3 * (times - born), np.nan)
@@ -486,7 +496,7 @@ def _trace(pen, state, now):
 
 
 def frame(pen, state, controls):
-    """The graph at this moment, who runs, and the age of the command."""
+    """Draw the graph at this moment, who runs, and the age of the command."""
     now = state["time"]
     _graph(pen, state, controls)
     _pulses(pen, state, now)
@@ -553,7 +563,7 @@ MODEL = Model(
 
 
 def simulation(preset: str = "Working stack") -> Any:
-    """The simulation of this chapter as a panel for a notebook; it starts paused.
+    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
 
     Raises:
         ValueError: there is no such preset.

@@ -110,19 +110,25 @@ class Experiment:
         self.model.advance(self.state, self.controls, finite("seconds", seconds, 0.0))
 
     def drag(self, x: float, y: float) -> None:
-        """The pointer is at (x, y) in units of the window; without a `drag` nothing happens."""
+        """Handle a drag: the pointer is at (x, y) in units of the window.
+
+        Without a `drag` nothing happens.
+        """
         if self.model.drag is not None:
             self.model.drag(self.controls, self.state, x, y)
             if not self.model.live_drag:
                 self.start()
 
     def grab(self, x: float, y: float) -> None:
-        """The pointer goes down at (x, y), where a drag may begin."""
+        """Handle a press of the pointer.
+
+        The pointer goes down at (x, y), where a drag may begin.
+        """
         if self.model.grab is not None:
             self.model.grab(self.controls, self.state, x, y)
 
     def press(self, key: str) -> None:
-        """A key of `KEYS` is pressed; without a `press` nothing happens."""
+        """Handle a key: a key of `KEYS` is pressed; without a `press` nothing happens."""
         if self.model.press is not None:
             self.model.press(self.controls, self.state, KEYS.index(key))
             if not self.model.live_drag:
@@ -140,7 +146,10 @@ class Experiment:
                 own[name] = other[name]
 
     def later(self, seconds: float) -> drawing.Picture:
-        """The picture so long after the start, with the same controls; this run stays as it is."""
+        """Return the picture so long after the start, with the same controls.
+
+        This run stays as it is.
+        """
         other = Experiment(self.model)
         for name in self.model.controls.fields:
             other.controls[name] = self.controls[name]
@@ -149,7 +158,7 @@ class Experiment:
         return other.picture()
 
     def picture(self) -> drawing.Picture:
-        """The picture now."""
+        """Return the picture now."""
         drawing.clear(self._pen)
         self.model.frame(self._pen, self.state, self.controls)
         return drawing.picture(self.model.paper, self._pen)
@@ -161,7 +170,7 @@ def recorded(
     presets: Mapping[str, tuple[str, Sequence[NDArray[np.float64]]]],
     seconds: float,
 ) -> Model:
-    """A model that shows pictures drawn beforehand, for what a library computes.
+    """Return a model that shows pictures drawn beforehand, for what a library computes.
 
     Args:
         title: its name.

@@ -137,7 +137,7 @@ def draw(picture: Picture, axes: Any) -> None:
 
 
 def _page(picture: Picture, sharpness: float) -> FigureCanvasAgg:
-    """A picture with its numbers below, `sharpness` dots for each pixel of the paper."""
+    """Return a picture with its numbers below, `sharpness` dots for each pixel of the paper."""
     paper, numbers = picture.paper, picture.numbers
     xmin, xmax, ymin, ymax = paper.window
     width = paper.width
@@ -166,7 +166,7 @@ def _page(picture: Picture, sharpness: float) -> FigureCanvasAgg:
 
 
 def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
-    """A picture and its numbers as a PNG, `sharpness` dots for each pixel of the paper.
+    """Return a picture and its numbers as a PNG, `sharpness` dots for each pixel of the paper.
 
     The same picture gives the same bytes.
     """
@@ -176,14 +176,18 @@ def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
 
 
 def to_pixels(picture: Picture) -> NDArray[np.uint8]:
-    """The same picture as red, green and blue of each pixel, one dot each, (height, width, 3)."""
+    """Return the same picture as red, green and blue of each pixel, one dot each, (height, width,
+    3).
+    """
     page = _page(picture, 1.0)
     page.draw()
     return np.asarray(page.buffer_rgba())[..., :3].copy()
 
 
 def film(model: Model, seconds: float = 4.0, rate: float = 10.0) -> bytes:
-    """The first preset of a model from its start on, as an animated PNG that begins anew for ever.
+    """Return the first preset of a model from its start on.
+
+    As an animated PNG that begins anew for ever.
 
     Args:
         model: the simulation.

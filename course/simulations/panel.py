@@ -248,7 +248,7 @@ class Panel(ipywidgets.VBox):
 
 
 def _input(field: Field) -> Any:
-    """The widget that sets a field."""
+    """Return the widget that sets a field."""
     if field.switch:
         return ipywidgets.Checkbox(description=field.label, indent=False, layout={"width": "auto"})
     if field.choices:

@@ -66,12 +66,12 @@ class Table:
 
 
 def words_table() -> Table:
-    """A table of words whose number 0 is empty."""
+    """Return a table of words whose number 0 is empty."""
     return Table("")
 
 
 def colours_table() -> Table:
-    """A table of colours that begins with those of the course, `BLUE` to `FAINT`."""
+    """Return a table of colours that begins with those of the course, `BLUE` to `FAINT`."""
     return Table(*PALETTE)
 
 
@@ -103,7 +103,7 @@ class Paper:
         positive("width", self.width, unit="pixels")
 
     def declaration(self) -> dict[str, Any]:
-        """What a browser has to know once."""
+        """Return what a browser has to know once."""
         return {
             "label": self.label,
             "window": list(self.window),
@@ -114,7 +114,7 @@ class Paper:
         }
 
     def pen(self) -> Array:
-        """A new pen with nothing drawn."""
+        """Return a new pen with nothing drawn."""
         pen = np.zeros(HEADER + self.room)
         clear(pen)
         return pen
@@ -153,7 +153,7 @@ def _full(kind):
 
 @register_jitable
 def _more(pen, count):
-    """Room for so many more numbers of the item begun last; where it is."""
+    """Return room for so many more numbers of the item begun last; where it is."""
     at, item = int(pen[_FREE]), int(pen[_ITEM])
     if at == HEADER:
         raise ValueError("points or words before the item that they belong to")
@@ -213,7 +213,7 @@ def window(pen):
 
 @register_jitable
 def values_at(rectangle, values, x, y):
-    """The point (x, y) of the window in the values of an area."""
+    """Return the point (x, y) of the window in the values of an area."""
     return (
         values[0] + (x - rectangle[0]) * (values[1] - values[0]) / (rectangle[1] - rectangle[0]),
         values[2] + (y - rectangle[2]) * (values[3] - values[2]) / (rectangle[3] - rectangle[2]),
@@ -270,7 +270,7 @@ def points(pen, x, y):
 
 @register_jitable
 def curve(pen, x, y, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
-    """A line through points, arrays (N,)."""
+    """Draw a line through points, arrays (N,)."""
     line(pen, colour, width, alpha, on, gap)
     points(pen, x, y)
 
@@ -291,7 +291,7 @@ def spots(pen, x, y, radius, fill, edge=NONE, width=1.5, alpha=1.0):
 
 @register_jitable
 def segment(pen, x0, y0, x1, y1, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
-    """A line from one point to another."""
+    """Draw a line from one point to another."""
     line(pen, colour, width, alpha, on, gap)
     point(pen, x0, y0)
     point(pen, x1, y1)
@@ -308,7 +308,7 @@ def segments(pen, a, b, colour, width=1.5, alpha=1.0):
 
 @register_jitable
 def box(pen, left, right, bottom, top, fill, edge=NONE, width=1.5, alpha=1.0):
-    """A rectangle with sides along the axes."""
+    """Draw a rectangle with sides along the axes."""
     polygon(pen, fill, edge, width, alpha)
     point(pen, left, bottom)
     point(pen, right, bottom)
@@ -318,7 +318,7 @@ def box(pen, left, right, bottom, top, fill, edge=NONE, width=1.5, alpha=1.0):
 
 @register_jitable
 def arrow(pen, x0, y0, x1, y1, colour, width=2.0, head=9.0, alpha=1.0):
-    """An arrow from (x0, y0) to its tip (x1, y1), with a head of so many pixels."""
+    """Draw an arrow from (x0, y0) to its tip (x1, y1), with a head of so many pixels."""
     at = _begin(pen, ARROW, 8)
     pen[at] = colour
     pen[at + 1] = width
@@ -371,20 +371,23 @@ def title(pen, x, y, word=0):
 
 @register_jitable
 def key(pen, x, y, word, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
-    """What a line means: a sample of it and a word; the point is given in units of the window."""
+    """Draw what a line means: a sample of it and a word.
+
+    The point is given in units of the window.
+    """
     segment(pen, x, y, x + 0.3, y, colour, width, alpha, on, gap)
     text(pen, x + 0.38, y, word, INK, 11.5)
 
 
 @register_jitable
 def theory(pen, x, y):
-    """What theory says, dashed: a line through points, arrays (N,)."""
+    """Draw what theory says, dashed: a line through points, arrays (N,)."""
     curve(pen, x, y, INK, 1.6, 0.8, 5.0, 4.0)
 
 
 @register_jitable
 def theory_key(pen, x, y, word):
-    """What the dashed line means."""
+    """Draw what the dashed line means."""
     key(pen, x, y, word, INK, 1.6, 0.8, 5.0, 4.0)
 
 
@@ -393,7 +396,10 @@ BUTTON, BUTTON_HIGH, _BUTTON_GAP = 1.1, 0.32, 0.08  # from one to the next; heig
 
 @register_jitable
 def buttons(pen, x, y, word, count):
-    """A row of buttons with words that follow each other in the table; (x, y) is their corner."""
+    """Draw a row of buttons with words that follow each other in the table.
+
+    (x, y) is their corner.
+    """
     for k in range(count):
         remaining = x + BUTTON * k
         box(pen, remaining, remaining + BUTTON - _BUTTON_GAP, y, y + BUTTON_HIGH, FAINT, GREY)
@@ -403,7 +409,10 @@ def buttons(pen, x, y, word, count):
 
 @register_jitable
 def button_at(x, y, count, u, v):
-    """The number of the button at the point (u, v) of the window, -1 for none; see `buttons`."""
+    """Return the number of the button at the point (u, v) of the window, -1 for none.
+
+    See `buttons`.
+    """
     k = int(np.floor((u - x) / BUTTON))
     inside = 0 <= k < count and u - x - BUTTON * k <= BUTTON - _BUTTON_GAP
     return k if inside and y <= v <= y + BUTTON_HIGH else -1
@@ -442,7 +451,7 @@ def number(pen, value, form, unit=0):
 
 @register_jitable
 def reading(pen, name, value, form, unit=0, instead=0):
-    """A number below the picture; or a word instead, where there is none to tell."""
+    """Draw a number below the picture; or a word instead, where there is none to tell."""
     readout(pen, name)
     if instead != 0:
         words(pen, instead)
@@ -452,7 +461,7 @@ def reading(pen, name, value, form, unit=0, instead=0):
 
 @register_jitable
 def remember(history, count, now):
-    """Room for one more sample of a history (rows, N), whose row 0 is the time.
+    """Return room for one more sample of a history (rows, N), whose row 0 is the time.
 
     Where it is full the older half is forgotten.
 
@@ -479,7 +488,7 @@ def copy(pen, data):
 
 @register_jitable
 def tick(k, factor, power):
-    """The tick k * factor * 10^power, as near as a float can be (powers from -22 to 22)."""
+    """Return the tick k * factor * 10^power, as near as a float can be (powers from -22 to 22)."""
     if power < 0.0:
         return k * factor / 10.0**-power
     return k * factor * 10.0**power
@@ -487,7 +496,7 @@ def tick(k, factor, power):
 
 @register_jitable
 def ticks(low, high, count):
-    """About `count` round numbers from low to high: 1, 2 or 5 times a power of ten apart.
+    """Return about `count` round numbers from low to high: 1, 2 or 5 times a power of ten apart.
 
     Returns:
         (first, last, factor, power): the ticks are `tick(k, factor, power)` for k from first to
@@ -519,7 +528,10 @@ def ticks(low, high, count):
 
 @register_jitable
 def tick_form(largest, power):
-    """How ticks up to the value `largest` are written so that they differ, and their letters."""
+    """Return how ticks up to the value `largest` are written so that they differ.
+
+    And their letters.
+    """
     before = np.floor(np.log10(max(abs(largest), 1e-300)))
     if -9.0 <= power and before < 7.0:
         decimals = int(max(-power, 0.0))
@@ -572,14 +584,16 @@ def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, 
 
 @register_jitable
 def chart(pen, rectangle, values, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5):
-    """From now on draw in a rectangle with these values at its edges (`area`), and its axes."""
+    """Draw from now on draw in a rectangle with these values at its edges (`area`), and its axes."""
     area(pen, rectangle, values)
     axes(pen, x_label, y_label, heading, x_ticks, y_ticks)
 
 
 @register_jitable
 def gauge(pen, rectangle, high, value, colour, name, limit, mark):
-    """A value as a bar on a scale from 0 to `high`, and a limit, marked with a word begun last."""
+    """Draw a value as a bar on a scale from 0 to `high`, and a limit, marked with a word begun
+    last.
+    """
     chart(pen, rectangle, (0.0, high, 0.0, 1.0), name, 0, 0, 6, 0)
     box(pen, 0.0, value, 0.0, 1.0, colour)
     if limit < high:
@@ -623,14 +637,17 @@ class Picture:
 
 
 def picture(paper: Paper, pen: Array) -> Picture:
-    """A copy of what a pen has drawn."""
+    """Return a copy of what a pen has drawn."""
     data = pen[HEADER : int(pen[_FREE])].copy()
     data.setflags(write=False)
     return Picture(paper, data)
 
 
 def written(value: float, form: int) -> str:
-    """A number as both painters write it; halves are rounded away from zero, as browsers do."""
+    """Return a number as both painters write it.
+
+    Halves are rounded away from zero, as browsers do.
+    """
     sign = "+" if SIGNED <= form < EXPONENT else ""
     if not np.isfinite(value):
         return (sign if value != -np.inf else MINUS) + ("NaN" if value != value else "Infinity")
@@ -657,7 +674,7 @@ def _parts(paper: Paper, parts: Array) -> str:
 
 
 def decode(picture: Picture) -> Iterator[Item]:
-    """The items of a picture, in drawing order.
+    """Yield the items of a picture, in drawing order.
 
     Raises:
         ValueError: the numbers are not a list of items.

@@ -33,7 +33,10 @@ SHIFT, TURN, SHIFT_SIGMA, TURN_SIGMA, THROUGH, TRUST, X, Y, YAW = range(9)
 
 
 def _placed(*pieces):
-    """The field of parts: kind, half lengths (of a can its radius twice), x, y [m], yaw [rad]."""
+    """Return the field of parts.
+
+    Kind, half lengths (of a can its radius twice), x, y [m], yaw [rad].
+    """
     return np.array([*pieces, *[(0.0,) * 7] * (PARTS - len(pieces))])
 
 
@@ -67,7 +70,10 @@ MILLISECONDS: dict[str, float] = {}  # of each stage of the last picture
 
 
 def scene(pieces, distance):
-    """Table and parts before the camera; the parts about their origins; poses; the table's pose."""
+    """Return table and parts before the camera; the parts about their origins; poses.
+
+    The table's pose.
+    """
     table = np.array([0.0, 0.0, distance, *exp(np.array([math.pi - TILT, 0.0, 0.0]))])
     parts, poses = [], []
     for kind, a, b, c, x, y, yaw in pieces[pieces[:, 0] != NOTHING]:
@@ -80,7 +86,10 @@ def scene(pieces, distance):
 
 
 def _plane(z, points, cells, tolerance, linear, rng):
-    """The table, by one of two ways; for the fit what stands on it is left out, bit by bit."""
+    """Return the table, by one of two ways.
+
+    For the fit what stands on it is left out, bit by bit.
+    """
     if not linear:
         return chapter.ransac_plane(cells, tolerance, rng)[0]
     plane = chapter.inverse_depth_plane(z, CAMERA)
@@ -92,7 +101,10 @@ def _plane(z, points, cells, tolerance, linear, rng):
 
 
 def process_image(values, pieces):
-    """One picture and all that is made of it: points, kinds, told and found, as the state has."""
+    """Return one picture and all that is made of it.
+
+    Points, kinds, told and found, as the state has.
+    """
     voxel, tolerance, eps, distance, noise, scale, *whole = values.tolist()
     least, window, by_pixels, linear, picture = map(int, whole)
     rng, sensor = np.random.default_rng(picture), chapter.Sensor(BASELINE, noise, window)
@@ -174,7 +186,7 @@ def measure(controls, state):
 
 
 def advance(state, controls, seconds):
-    """The camera takes pictures at its rate; the newest one counts."""
+    """Advance the simulation: the camera takes pictures at its rate; the newest one counts."""
     before = math.floor(RATE * state["time"])
     state["time"] += seconds
     if math.floor(RATE * state["time"]) > before:
@@ -182,7 +194,7 @@ def advance(state, controls, seconds):
 
 
 def spent():
-    """What the last picture has cost."""
+    """Return what the last picture has cost."""
     return "one picture: " + ", ".join(f"{stage} {ms:.1f} ms" for stage, ms in MILLISECONDS.items())
 
 
@@ -208,7 +220,7 @@ _PROFILE, _HEIGHTS = (6.25, 8.85, 2.5, 4.4), (-0.23, 0.2936, -30.0, 90.0)
 
 @register_jitable
 def _outline(pen, p, x, y, yaw, ink, width, on):
-    """A part from above, dashed or not."""
+    """Draw a part from above, dashed or not."""
     c, s = math.cos(yaw), math.sin(yaw)
     t = np.linspace(0.0, 2.0 * math.pi, EDGE)
     wide = np.maximum(np.abs(np.cos(t)), np.abs(np.sin(t))) if p[0] == BOX else np.ones(EDGE)
@@ -228,13 +240,13 @@ def _dots(pen, kinds, x, y, size):
 
 @register_jitable
 def _knob(p):
-    """Where one takes a part to turn it."""
+    """Return where one takes a part to turn it."""
     far = p[1] + 0.022
     return p[4] + far * math.cos(p[6]), p[5] + far * math.sin(p[6])
 
 
 def frame(pen, state, controls):
-    """Points from above and from the side, true and found outlines, keys and numbers."""
+    """Draw points from above and from the side, true and found outlines, keys and numbers."""
     report, pieces, pick = state["report"], controls["pieces"], controls["pick"]
     n, result = int(report[VOXELS]), state["result"][pick]
     x, y, z = state["points"][0, :n], state["points"][1, :n], state["points"][2, :n]
@@ -296,7 +308,10 @@ def _put(controls, state, x, y, yaw):
 
 
 def grab(controls, state, x, y):
-    """The picked part's knob is in hand, or a part; on the bare table a thin one begins."""
+    """Handle a press of the pointer: the picked part's knob is in hand, or a part.
+
+    On the bare table a thin one begins.
+    """
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
     state["held"], pieces, vacant = 0, controls["pieces"], -1
     a, b = _knob(pieces[controls["pick"]])
@@ -315,7 +330,7 @@ def grab(controls, state, x, y):
 
 
 def drag(controls, state, x, y):
-    """What is in hand follows the pointer, or turns to it."""
+    """Handle a drag: what is in hand follows the pointer, or turns to it."""
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
     p = controls["pieces"][controls["pick"]]
     if state["held"] > 0:
@@ -325,7 +340,7 @@ def drag(controls, state, x, y):
 
 
 def press(controls, state, key):
-    """Arrows move the picked part by 5 mm, + and - turn it by 5 degrees."""
+    """Handle a key: arrows move the picked part by 5 mm, + and - turn it by 5 degrees."""
     p = controls["pieces"][controls["pick"]]
     dx, dy = 0.005 * ((key == 1) - (key == 0)), 0.005 * ((key == 2) - (key == 3))
     turn = math.radians(5.0) * ((key == 4) - (key == 5))
@@ -379,7 +394,7 @@ MODEL = Model(
 
 
 def simulation(preset: str = "Clean") -> Any:
-    """The simulation of this chapter as a panel for a notebook; it starts paused.
+    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
 
     Raises:
         ValueError: there is no such preset.

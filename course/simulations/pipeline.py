@@ -103,7 +103,7 @@ STATE = Record(
 
 
 def scenario_and_settings(values):
-    """Scenario and settings that the controls, as numbers, ask for."""
+    """Return scenario and settings that the controls, as numbers, ask for."""
     noise, kp, kd, dt, edge, latency, speed, filtered, mended, x, y, margin, bx, by = values
     away = max(math.dist((x, y), TO), 1e-9)
     far = SECONDS * speed / away
@@ -127,14 +127,17 @@ def scenario_and_settings(values):
 
 
 def agreed(scenario, settings):
-    """What was promised at the interfaces: the chapter's defaults, at this period of control."""
+    """Return what was promised at the interfaces.
+
+    The chapter's defaults, at this period of control.
+    """
     promised = chapter.Settings(kp=settings.kp, kd=settings.kd)
     return replace(promised, physics=settings.physics, control=settings.control)
 
 
 @lru_cache(maxsize=32)
 def counted(values):
-    """`told` of the run as the controls have it."""
+    """Return `told` of the run as the controls have it."""
     scenario, settings = scenario_and_settings(values)
     record = chapter.run(scenario, settings, seed=SEED)
     report = np.zeros(PARTS + 2 * len(STAGES))
@@ -168,7 +171,7 @@ def counted(values):
 
 
 def shown(values, moves):
-    """What is drawn of the run in which the target was moved, in the order of the state."""
+    """Return what is drawn of the run in which the target was moved, in the order of the state."""
     scenario, settings = scenario_and_settings(values)
     tree = np.zeros((4, TREE))
 
@@ -216,7 +219,7 @@ def shown(values, moves):
 
 @register_jitable
 def _reachable(x, y):
-    """The place nearest to (x, y) that the arm reaches well and the discs leave free."""
+    """Return the place nearest to (x, y) that the arm reaches well and the discs leave free."""
     r = math.hypot(x, y)
     factor = min(max(r, NEAREST), FARTHEST) / max(r, 1e-9)
     x, y = (x * factor, y * factor) if r > 1e-9 else (NEAREST, 0.0)
@@ -229,7 +232,7 @@ def _reachable(x, y):
 
 
 def computed(values, moves):
-    """`told`, and what is drawn, in the order of the state."""
+    """Return `told`, and what is drawn, in the order of the state."""
     key = tuple(values.tolist())
     return counted(key), *shown(key, moves)
 
@@ -256,7 +259,7 @@ def _fill(state):
 
 @register_jitable
 def initial(controls, state):
-    """The run, its repairs, and the successes of other seeds."""
+    """Set up the run, its repairs, and the successes of other seeds."""
     c = controls
     x, y = _reachable(c["aim"][0], c["aim"][1])
     v = state["values"]
@@ -274,7 +277,10 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """The run is shown again and again; a target that was moved is back when it begins anew."""
+    """Advance the simulation: the run is shown again and again.
+
+    A target that was moved is back when it begins anew.
+    """
     state["time"] += seconds
     if state["time"] > SECONDS + PAUSE:
         state["time"] -= SECONDS + PAUSE
@@ -330,7 +336,7 @@ _GAUGE = (7.35, 8.85, 0.75, 0.98)
 
 @register_jitable
 def _arm(pen, q, ink, width, alpha):
-    """Links and joints of a posture."""
+    """Return links and joints of a posture."""
     l1, l2 = _LENGTHS
     x, y = l1 * math.cos(q[0]), l1 * math.sin(q[0])
     u, v = x + l2 * math.cos(q[0] + q[1]), y + l2 * math.sin(q[0] + q[1])
@@ -341,7 +347,10 @@ def _arm(pen, q, ink, width, alpha):
 
 @register_jitable
 def _scene(pen, state, t, now):
-    """The world, what is seen and believed of it, the plan, and the arm; where its tip is."""
+    """Return the world, what is seen and believed of it, the plan, and the arm.
+
+    Where its tip is.
+    """
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)
     draw.title(pen, _VIEW[0], _VIEW[3], _SCENE_TITLE)
@@ -391,7 +400,7 @@ def _scene(pen, state, t, now):
 
 
 def frame(pen, state, controls):
-    """The scene, the error over time, its signed parts, the step and its limit, the verdict."""
+    """Draw the scene, the error over time, its signed parts, the step and its limit, the verdict."""
     report = state["report"]
     t = min(state["time"], SECONDS)
     now = int(t / SECONDS * SHOWN + 1e-9)
@@ -438,7 +447,10 @@ def frame(pen, state, controls):
 
 
 def drag(controls, state, x, y):
-    """The target follows the pointer while the run goes on; the rest of the past stays."""
+    """Handle a drag: the target follows the pointer while the run goes on.
+
+    The rest of the past stays.
+    """
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
     t = min(state["time"], SECONDS - 0.01)
     count = int(state["moved"])
@@ -488,7 +500,7 @@ MODEL = Model(
 
 
 def simulation(preset: str = "All stages") -> Any:
-    """The simulation of this chapter as a panel for a notebook; it starts paused.
+    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
 
     Raises:
         ValueError: there is no such preset.

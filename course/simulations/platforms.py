@@ -81,30 +81,33 @@ _CENTRE, _RADIUS = (7.2, 2.15), 1.1  # of the five axes
 
 
 def initial(controls, state):
-    """At the start of the paths."""
+    """Set up at the start of the paths."""
     state["time"] = 0.0
 
 
 def advance(state, controls, seconds):
-    """The paths are followed in their own time, and again after a moment."""
+    """Advance the simulation.
+
+    The paths are followed in their own time, and again after a moment.
+    """
     state["time"] = (state["time"] + seconds) % (DURATION[controls["scene"]] + 1.0)
 
 
 def drag(controls, state, x, y):
-    """The card that is nearest to the pointer comes in front."""
+    """Handle a drag: the card that is nearest to the pointer comes in front."""
     place = int((x - _LEFT) / (_WIDE + _GAP)) if x > _LEFT else 0
     controls["card"] = min(place, len(CARDS) - 1)
     state["clicked"][0], state["clicked"][1] = min(max(x, 0.0), 9.0), min(max(y, 0.0), 5.0)
 
 
 def press(controls, state, key):
-    """Arrow keys go from card to card."""
+    """Handle a key: arrow keys go from card to card."""
     controls["card"] = (controls["card"] + (1 if key in (1, 3, 4) else -1)) % len(CARDS)
 
 
 @register_jitable
 def area(heights):
-    """Share of a regular pentagon's area that five axes in turn enclose, (5,) -> [0, 1]."""
+    """Return share of a regular pentagon's area that five axes in turn enclose, (5,) -> [0, 1]."""
     total = 0.0
     for k in range(5):
         total += heights[k] * heights[(k + 1) % 5] / 5.0
@@ -113,7 +116,10 @@ def area(heights):
 
 @register_jitable
 def _limits(scene):
-    """x and y at the edges: what the truth and all fair paths at 1 ms need, with a margin."""
+    """Return x and y at the edges.
+
+    What the truth and all fair paths at 1 ms need, with a margin.
+    """
     x, y = TRUTH[scene, :, 0], TRUTH[scene, :, 1]
     low_x, high_x = float(np.min(x)), float(np.max(x))
     low_y, high_y = float(np.min(y)), float(np.max(y))
@@ -130,7 +136,7 @@ def _limits(scene):
 
 @register_jitable
 def _cards(pen, controls):
-    """A simulator each: its error in this scene, and what a step costs."""
+    """Draw a simulator each: its error in this scene, and what a step costs."""
     scene, step, fair = controls["scene"], controls["step"], controls["fair"]
     for k in range(len(CARDS)):
         x = _LEFT + k * (_WIDE + _GAP)
@@ -172,7 +178,7 @@ def _cards(pen, controls):
 
 @register_jitable
 def _paths(pen, state, controls):
-    """The truth, dashed, and all paths; that of the card in front is wide."""
+    """Draw the truth, dashed, and all paths; that of the card in front is wide."""
     scene, step, fair = controls["scene"], controls["step"], controls["fair"]
     x0, x1, y0, y1 = _limits(scene)
     draw.area(pen, _AREA_OF, (x0, x1, y0, y1))
@@ -240,7 +246,7 @@ def _radar(pen, controls, order):
 
 
 def frame(pen, state, controls):
-    """Cards, paths, the five axes and the numbers of the card in front."""
+    """Draw cards, paths, the five axes and the numbers of the card in front."""
     scene, step, fair, card = (
         controls["scene"],
         controls["step"],
@@ -307,7 +313,7 @@ MODEL = Model(
 
 
 def simulation(preset: str = "Same scheme, same error") -> Any:
-    """The simulation of this chapter as a panel for a notebook; it starts paused.
+    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
 
     Raises:
         ValueError: there is no such preset.

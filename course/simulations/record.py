@@ -57,12 +57,12 @@ class Field:
         return tuple(range(len(self.choices))) or (self.low, self.high)
 
     def type(self) -> tuple[Any, tuple[int, ...]]:
-        """The dtype of its numbers and its shape."""
+        """Return the dtype of its numbers and its shape."""
         value = np.asarray(self.default)
         return _WIDE[value.dtype.kind], self.shape or value.shape
 
     def checked(self, name: str, value: Any) -> Any:
-        """The value as the record keeps it; a choice may be given by what the menu shows.
+        """Return the value as the record keeps it; a choice may be given by what the menu shows.
 
         Raises:
             ValueError: it is not allowed.
@@ -93,17 +93,17 @@ def slider(
     decimals: int = 2,
     live: bool = False,
 ) -> Field:
-    """A number on the panel; a whole number if the default is an int."""
+    """Return a number on the panel; a whole number if the default is an int."""
     return Field(default, label, low, high, step, unit, decimals, live=live)
 
 
 def menu(label: str, choices: tuple[str, ...], default: int = 0, live: bool = False) -> Field:
-    """One of several, on the panel."""
+    """Return one of several, on the panel."""
     return Field(default, label, choices=choices, live=live)
 
 
 def switch(label: str, default: bool, live: bool = False) -> Field:
-    """On or off, on the panel."""
+    """Return on or off, on the panel."""
     return Field(default, label, live=live)
 
 
@@ -115,11 +115,11 @@ class Record:
         self.dtype = np.dtype([(name, *field.type()) for name, field in fields.items()])
 
     def panel(self) -> Iterator[tuple[str, Field]]:
-        """The fields that are shown on the panel."""
+        """Return the fields that are shown on the panel."""
         return ((name, field) for name, field in self.fields.items() if field.label)
 
     def new(self, **values: Any) -> Any:
-        """A record with the defaults, but for these values.
+        """Return a record with the defaults, but for these values.
 
         Raises:
             ValueError: there is no such field, or its value is not allowed.
@@ -146,7 +146,7 @@ class Record:
             record[name] = value
 
     def read(self, data: bytes) -> Any:
-        """The record that has these bytes.
+        """Return the record that has these bytes.
 
         Raises:
             ValueError: it has another size, or a field has a value that is not allowed.

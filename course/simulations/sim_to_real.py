@@ -62,7 +62,7 @@ STATE = Record(
 
 @lru_cache(maxsize=64)
 def policy(kind, gap, width, delay):
-    """Gains, and the arm that they were tuned on: of a range its middle."""
+    """Return gains, and the arm that they were tuned on: of a range its middle."""
     at, record = round(10.0 * gap), chapter.recorded()
     if kind in (NOMINAL, RANGE):
         return record["range"][round(10.0 * width) if kind == RANGE else 0, 0], chapter.nominal()
@@ -75,7 +75,7 @@ def policy(kind, gap, width, delay):
 
 
 def stability(arm, gains):
-    """The latest command at which each joint alone is stable [s], and the gain margin there."""
+    """Return the latest command at which each joint alone is stable [s], and the gain margin there."""
     a, b, d, c1, c2, *_, torque, delay, _, _, _ = arm.columns()[:, 0].tolist()
     limit = gain = 99.0
     for k, (inertia, damping) in enumerate(((a + 2.0 * b * math.cos(START[1]), c1), (d, c2))):
@@ -89,7 +89,7 @@ def stability(arm, gains):
 
 @lru_cache(maxsize=64)
 def counted(kind, gap, width, delay):
-    """All of `told` but how the shown episode ended, on the same tasks for both arms."""
+    """Return all of `told` but how the shown episode ended, on the same tasks for both arms."""
     gains, believed = policy(kind, gap, width, delay)
     report, arm = np.zeros(12), chapter.real(gap, delay)
     posed, fewer = chapter.tasks(COUNTED, SEED), chapter.tasks(SHARED, SEED)
@@ -106,7 +106,7 @@ def counted(kind, gap, width, delay):
 
 
 def measure(values):
-    """Angles of both arms in the shown episode, shape (2, 2, samples), and `told`."""
+    """Return angles of both arms in the shown episode, shape (2, 2, samples), and `told`."""
     gap, width, delay, x, y = values[:5].tolist()
     setting = int(values[5]), round(gap, 9), round(width, 9), round(1e-3 * delay, 9)
     gains, believed = policy(*setting)
@@ -120,7 +120,7 @@ def measure(values):
 
 @register_jitable
 def _target(controls):
-    """Where the tip has to go: as near to where the pointer was as the arm reaches well."""
+    """Return where the tip has to go: as near to where the pointer was as the arm reaches well."""
     x, y = controls["aim"]
     r = math.hypot(x, y)
     factor = min(max(r, NEAREST), FARTHEST) / r if r > 1e-9 else 0.0
@@ -139,7 +139,7 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """The episode is shown again and again."""
+    """Advance the simulation: the episode is shown again and again."""
     state["time"] += seconds
 
 
@@ -164,7 +164,7 @@ _CHART, _GAUGE = (6.75, 8.85, 2.3, 4.4), (6.75, 8.85, 0.75, 1.05)
 
 @register_jitable
 def _tips(q):
-    """Elbow and tip of angles (2, ...) [m]."""
+    """Return elbow and tip of angles (2, ...) [m]."""
     l1, l2 = _LENGTHS
     x, y = l1 * np.cos(q[0]), l1 * np.sin(q[0])
     return x, y, x + l2 * np.cos(q[0] + q[1]), y + l2 * np.sin(q[0] + q[1])
@@ -172,14 +172,17 @@ def _tips(q):
 
 @register_jitable
 def _links(pen, q, ink, width, alpha):
-    """An arm as two lines, its joints and its tip."""
+    """Draw an arm as two lines, its joints and its tip."""
     x, y, u, v = _tips(q)
     draw.curve(pen, np.array([0.0, x, u]), np.array([0.0, y, v]), ink, width, alpha)
     draw.spots(pen, np.array([0.0, x, u]), np.array([0.0, y, v]), 0.022, ink, draw.NONE, 1.5, alpha)
 
 
 def frame(pen, state, controls):
-    """Both arms, the simulated one as a ghost over the real; rates, distances, delay and limit."""
+    """Draw both arms, the simulated one as a ghost over the real.
+
+    Rates, distances, delay and limit.
+    """
     report = state["report"]
     x, y = _target(controls)
     now = int(min(state["time"] % (plants.SECONDS + PAUSE), plants.SECONDS) / plants.DT + 1e-9)
@@ -243,7 +246,7 @@ def frame(pen, state, controls):
 
 
 def drag(controls, state, x, y):
-    """The target of both arms follows the pointer in either picture."""
+    """Handle a drag: the target of both arms follows the pointer in either picture."""
     u, v = draw.values_at(_SCENES[SIMULATED if x < _SCENES[REAL][0] else REAL], _VIEW, x, y)
     controls["aim"][:] = min(max(u, -1.0), 1.0), min(max(v, -1.0), 1.0)
 
@@ -283,7 +286,7 @@ MODEL = Model(
 
 
 def simulation(preset: str = "Gap") -> Any:
-    """The simulation of this chapter as a panel for a notebook; it starts paused.
+    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
 
     Raises:
         ValueError: there is no such preset.

@@ -25,7 +25,10 @@ _LIGHT = (-0.35, 0.55, 0.76)  # where it comes from, seen by the camera: right, 
 
 
 def camera(azimuth: float = 0.7, elevation: float = 0.35, distance: float = 5.0) -> dict[str, Any]:
-    """Fields of the camera: where it starts [rad], how far away in half heights of the view."""
+    """Return fields of the camera.
+
+    Where it starts [rad], how far away in half heights of the view.
+    """
     return {
         "azimuth": Field(azimuth, unit="rad"),
         "elevation": Field(elevation, low=-1.5, high=1.5, unit="rad"),
@@ -42,7 +45,7 @@ def _turn(controls, right, up):
 
 
 def grab(controls, state, x, y):
-    """The pointer goes down."""
+    """Handle a press of the pointer: the pointer goes down."""
     controls["grip"][0] = x
     controls["grip"][1] = y
 
@@ -56,7 +59,7 @@ def orbit(controls, state, x, y):
 
 
 def press(controls, state, key):
-    """A key of `model.KEYS` is pressed: left, right, up, down, nearer, farther."""
+    """Handle a key: a key of `model.KEYS` is pressed: left, right, up, down, nearer, farther."""
     if key < 4:
         _turn(
             controls,
@@ -76,7 +79,8 @@ ORBIT: dict[str, Any] = {"drag": orbit, "grab": grab, "press": press, "live_drag
 
 @register_jitable
 def camera_view(pen, rectangle, controls, reach):
-    """From now on draw in a rectangle of the window that shows `reach` above and below the origin.
+    """Return from now on draw in a rectangle of the window that shows `reach` above and below the
+    origin.
 
     Returns:
         What the other functions call the eye: the camera's axes (right, up, towards it) as rows,
@@ -92,7 +96,10 @@ def camera_view(pen, rectangle, controls, reach):
 
 @register_jitable
 def project(eye, p):
-    """Where points are seen: x and y in the values of the view, and depth, towards the camera."""
+    """Return where points are seen.
+
+    X and y in the values of the view, and depth, towards the camera.
+    """
     axes, far = eye
     depth = axes[2, 0] * p[0] + axes[2, 1] * p[1] + axes[2, 2] * p[2]
     scale = far / np.maximum(far - depth, 0.1 * far)
@@ -103,13 +110,16 @@ def project(eye, p):
 
 @register_jitable
 def behind(eye, p):
-    """Whether a point (3,) is farther away than the origin: draw it before what is there."""
+    """Return whether a point (3,) is farther away than the origin: draw it before what is there."""
     return project(eye, p)[2] < 0.0
 
 
 @register_jitable
 def trail(pen, eye, p, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0, side=0.0):
-    """A line through points (3, N); with side -1 only what is behind the origin, with 1 before."""
+    """Draw a line through points (3, N).
+
+    With side -1 only what is behind the origin, with 1 before.
+    """
     x, y, depth = project(eye, p)
     draw.line(pen, colour, width, alpha, on, gap)
     draw.points(pen, np.where(side * depth < 0.0, np.nan, x), y)
@@ -117,7 +127,7 @@ def trail(pen, eye, p, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0, side=0.0):
 
 @register_jitable
 def circle(radius, points=73):
-    """A closed circle around the z axis, (3, points)."""
+    """Return a closed circle around the z axis, (3, points)."""
     angle = np.linspace(0.0, 2.0 * math.pi, points)
     round = np.zeros((3, points))
     round[0], round[1] = radius * np.cos(angle), radius * np.sin(angle)
@@ -134,7 +144,7 @@ def sheet(pen, eye, p, fill, edge=draw.NONE, width=1.0, alpha=0.2):
 
 @register_jitable
 def dot(pen, eye, p, colour, radius, alpha=1.0):
-    """A disc of a radius in values of the view around a point (3,)."""
+    """Draw a disc of a radius in values of the view around a point (3,)."""
     x, y, _ = project(eye, p)
     draw.disc(pen, radius, colour, draw.NONE, 1.0, alpha)
     draw.point(pen, x, y)
@@ -142,7 +152,7 @@ def dot(pen, eye, p, colour, radius, alpha=1.0):
 
 @register_jitable
 def arrow(pen, eye, start, tip, colour, width=2.5, head=11.0, word=0, size=13.0):
-    """An arrow from a point (3,) to another one, with a word beyond its tip."""
+    """Draw an arrow from a point (3,) to another one, with a word beyond its tip."""
     x0, y0, _ = project(eye, start)
     x1, y1, _ = project(eye, tip)
     draw.arrow(pen, x0, y0, x1, y1, colour, width, head)
@@ -154,7 +164,7 @@ def arrow(pen, eye, start, tip, colour, width=2.5, head=11.0, word=0, size=13.0)
 
 @register_jitable
 def faces(pen, eye, corners, index, fills, edge=draw.NONE, width=0.6, alpha=1.0):
-    """Filled faces, the farthest first, each in the shade that its slope to the light gives.
+    """Draw filled faces, the farthest first, each in the shade that its slope to the light gives.
 
     Args:
         pen, eye: as everywhere.
@@ -200,7 +210,7 @@ def shades(table: draw.Table, *colours: str) -> tuple[int, ...]:
 
 
 def box(*sides: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Corners (3, 8) of a box around the origin and its faces: -x, +x, -y, +y, -z, +z."""
+    """Return corners (3, 8) of a box around the origin and its faces: -x, +x, -y, +y, -z, +z."""
     grid = np.array(np.meshgrid((-0.5, 0.5), (-0.5, 0.5), (-0.5, 0.5), indexing="ij"))
     index = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
     return grid.reshape(3, 8) * np.reshape(sides, (3, 1)), np.array(index)
@@ -209,7 +219,10 @@ def box(*sides: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 def lathe(
     profile: list[tuple[float, float]], sides: int = 24
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """A profile of (radius, height) turned about the z axis: corners (3, N), faces (F, 4)."""
+    """Return a profile of (radius, height) turned about the z axis.
+
+    Corners (3, N), faces (F, 4).
+    """
     radius, height = np.array(profile).T
     angle = 2.0 * np.pi * np.arange(sides) / sides
     corners = np.array(
@@ -231,6 +244,6 @@ def lathe(
 
 
 def ring(radius: float, half: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """A ring around the z axis whose section is a square of side 2 * half."""
+    """Return a ring around the z axis whose section is a square of side 2 * half."""
     inner, outer = radius - half, radius + half
     return lathe([(inner, -half), (outer, -half), (outer, half), (inner, half), (inner, -half)], 28)

@@ -20,7 +20,7 @@ _30, _27, _31, _11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
 
 @register_jitable
 def integers(seed, count):
-    """The next numbers of the stream, (count,) uint64; the seed moves on."""
+    """Return the next numbers of the stream, (count,) uint64; the seed moves on."""
     z = np.arange(1, count + 1).astype(np.uint64) * _GAMMA + seed
     if count > 0:
         seed[:] = z[count - 1 :]
@@ -43,17 +43,19 @@ def normal(seed, out):
 
 
 class Stream(NamedTuple):
-    """The numbers of a seed, one at a time, asked for as of a `numpy.random.Generator`: so that a
-    loop which is handed one runs on either."""
+    """The numbers of a seed, one at a time, asked for as of a `numpy.random.Generator`.
+
+    So that a loop which is handed one runs on either.
+    """
 
     seed: NDArray[np.uint64]
 
     def random(self) -> float:
-        """A number spread evenly over [0, 1)."""
+        """Return a number spread evenly over [0, 1)."""
         return _one(uniform, self.seed)
 
     def standard_normal(self) -> float:
-        """A number of a standard normal distribution."""
+        """Return a number of a standard normal distribution."""
         return _one(normal, self.seed)
 
 

@@ -64,7 +64,7 @@ class Chart:
         self._empty = self._canvas.copy_from_bbox(self.figure.bbox)
 
     def png(self, tolerance: float) -> bytes:
-        """The picture at a tolerance: its line, and a ring around each pick."""
+        """Return the picture at a tolerance: its line, and a ring around each pick."""
         from PIL import Image
 
         self._canvas.restore_region(self._empty)
@@ -132,7 +132,7 @@ class TradeOff(ipywidgets.VBox):
         self.sentence.value = "<br>".join(html.escape(line) for line in words)
 
     def __repr__(self) -> str:
-        """The price in counts, which are the same on every machine."""
+        """Return the price in counts, which are the same on every machine."""
         return self.measured.price(float(self.slider.value), "count")
 
     def _repr_mimebundle_(self, **_options: Any) -> dict[str, Any]:

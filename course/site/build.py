@@ -40,7 +40,7 @@ class Unbuildable(Exception):
 
 
 def _contents() -> str:
-    """The side bar, as a cell of the index that is not seen."""
+    """Return the side bar, as a cell of the index that is not seen."""
     chapters = [reference.page_of(chapter) for chapter in CHAPTERS]
     return "\n\n".join(
         f"```{{toctree}}\n:hidden:\n:caption: {caption}\n\n" + "\n".join(pages) + "\n```"
@@ -49,7 +49,7 @@ def _contents() -> str:
 
 
 def _shown(page: notebooks.Page) -> dict[str, str]:
-    """The cards of claims on a page, by id."""
+    """Return the cards of claims on a page, by id."""
     result = {}
     for cell in page.notebook.cells:
         name, arguments = notebooks.called(cell.source) if cell.cell_type == "code" else ("", [])
@@ -59,7 +59,7 @@ def _shown(page: notebooks.Page) -> dict[str, str]:
 
 
 def pages(folder: Path) -> dict[str, notebooks.Page]:
-    """The page of each chapter and of the index, by name.
+    """Return the page of each chapter and of the index, by name.
 
     Args:
         folder: of the notebooks.
@@ -184,14 +184,14 @@ class _Read(html.parser.HTMLParser):
 
 
 def read(page: Path) -> _Read:
-    """What a page of HTML leads to and loads."""
+    """Return what a page of HTML leads to and loads."""
     result = _Read()
     result.feed(page.read_text(encoding="utf-8"))
     return result
 
 
 def broken(site: Path) -> list[str]:
-    """What on a site leads or loads from nowhere or from elsewhere, one sentence each."""
+    """Return what on a site leads or loads from nowhere or from elsewhere, one sentence each."""
     known = functools.cache(read)
     faults = []
     for page in sorted(site.rglob("*.html")):

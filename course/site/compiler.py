@@ -55,7 +55,7 @@ class _Module(ir.Module):
 
 
 def _being_compiled() -> tuple[str, str]:
-    """The function that Numba is at: its name in the code, and where in the source."""
+    """Return the function that Numba is at: its name in the code, and where in the source."""
     frame = inspect.currentframe()
     while frame and not isinstance(frame.f_locals.get("self"), lowering.BaseLower):
         frame = frame.f_back
@@ -168,7 +168,7 @@ class _Context(CPUContext):
 
 
 def compiled(functions: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]) -> bytes:
-    """A module of functions.
+    """Return a module of functions.
 
     It makes Numba compile for WebAssembly until the process ends, so `wasm.rebuilt` calls it
     in a process of its own.
@@ -226,7 +226,10 @@ def _not_there(place: str, name: str) -> RuntimeError:
 
 
 def _caller(name: str, code: str) -> str:
-    """Where something is needed: the nearest function that is not Numba's own on the way to it."""
+    """Return where something is needed.
+
+    The nearest function that is not Numba's own on the way to it.
+    """
     callers: dict[str, list[str]] = {}
     for body in re.findall(r"^define .*?^}", code, re.M | re.S):
         own, *others = (a or b for a, b in re.findall(r'@(?:"([^"]+)"|([\w.$]+))', body))
@@ -248,7 +251,7 @@ def _caller(name: str, code: str) -> str:
 
 @cache
 def linker() -> tuple[tuple[str, ...], str]:
-    """The command of `wasm-ld`, and its version.
+    """Return the command of `wasm-ld`, and its version.
 
     Raises:
         RuntimeError: there is none.
@@ -262,7 +265,7 @@ def linker() -> tuple[tuple[str, ...], str]:
 
 
 def linked(code: bytes, exports: Sequence[str]) -> bytes:
-    """An object file of LLVM's as a module with these exports."""
+    """Return an object file of LLVM's as a module with these exports."""
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "module.o"), Path(folder, "module.wasm")
         source.write_bytes(code)
@@ -280,7 +283,7 @@ def linked(code: bytes, exports: Sequence[str]) -> bytes:
 
 
 def _number(data: bytes, at: int) -> tuple[int, int]:
-    """The unsigned LEB128 number at a place, and where it ends."""
+    """Return the unsigned LEB128 number at a place, and where it ends."""
     value = shift = 0
     while True:
         value |= (data[at] & 127) << shift
@@ -307,7 +310,7 @@ def _sections(module: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def imports(module: bytes) -> list[str]:
-    """The functions that a module takes from its host."""
+    """Return the functions that a module takes from its host."""
     result: list[str] = []
     for kind, data in _sections(module):
         if kind == 2:
@@ -321,7 +324,7 @@ def imports(module: bytes) -> list[str]:
 
 
 def custom(module: bytes, name: str) -> bytes:
-    """The custom section of a module; empty if there is none."""
+    """Return the custom section of a module; empty if there is none."""
     for kind, data in _sections(module):
         if kind == 0:
             own, at = _named(data, 0)
@@ -331,6 +334,6 @@ def custom(module: bytes, name: str) -> bytes:
 
 
 def with_custom(module: bytes, name: str, data: bytes) -> bytes:
-    """A module with a custom section more."""
+    """Return a module with a custom section more."""
     section = _written(len(name)) + name.encode() + data
     return module + b"\0" + _written(len(section)) + section

@@ -15,7 +15,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def _formula(page: str, tex: str, block: bool) -> str:
-    """A formula as MathML; one that does not convert is a fault of its page."""
+    """Return a formula as MathML; one that does not convert is a fault of its page."""
     try:
         return mathml(tex, block)
     except ValueError as problem:
@@ -70,7 +70,7 @@ def _scripts(
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Return called by Sphinx."""
     app.add_config_value("course_simulations", {}, "html")
     app.add_html_math_renderer("mathml", (_visit_math, None), (_visit_math_block, None))
     app.add_post_transform(Page)

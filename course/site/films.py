@@ -19,13 +19,15 @@ COURSE = Path(declaration.__file__).parents[1]
 
 
 def names() -> list[str]:
-    """The simulations that are recorded, as dotted paths below course.simulations."""
+    """Return the simulations that are recorded, as dotted paths below course.simulations."""
     return [name for name in declaration.names() if not declaration.is_live(name)]
 
 
 def reached(name: str) -> list[Path]:
-    """The files of the course that a simulation is made from: those that it imports, whatever these
-    import, and the data beside them."""
+    """Return the files of the course that a simulation is made from.
+
+    Those that it imports, whatever these import, and the data beside them.
+    """
     result: set[Path] = set()
     waiting = [f"course.simulations.{name}"]
     while waiting:
@@ -47,7 +49,10 @@ def reached(name: str) -> list[Path]:
 
 
 def fingerprint(name: str) -> str:
-    """A hash of what a recording depends on: data as it is, sources without words for readers."""
+    """Return a hash of what a recording depends on.
+
+    Data as it is, sources without words for readers.
+    """
     how = declaration.SECONDS, declaration.RATE, declaration.ROOM, declaration.GRID
     state = hashlib.sha256(repr(how).encode())
     for path in reached(name):
@@ -60,7 +65,7 @@ def fingerprint(name: str) -> str:
 
 
 def stale(name: str) -> bool:
-    """Whether the recording of a simulation is missing or was made from other sources."""
+    """Return whether the recording of a simulation is missing or was made from other sources."""
     path = declaration.recording(name)
     if not path.exists():
         return True

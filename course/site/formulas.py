@@ -32,7 +32,7 @@ _PART = re.compile(
 
 
 def mathml(tex: str, block: bool = False) -> str:
-    """A formula in LaTeX as a MathML element, which keeps the LaTeX as its text for readers.
+    """Return a formula in LaTeX as a MathML element, which keeps the LaTeX as its text for readers.
 
     Args:
         tex: without dollars.
@@ -67,7 +67,7 @@ def mathml(tex: str, block: bool = False) -> str:
 
 
 def in_html(text: str) -> str:
-    """HTML with the formulas between dollars, outside of tags and code, as MathML.
+    """Return HTML with the formulas between dollars, outside of tags and code, as MathML.
 
     Raises:
         ValueError: a formula does not convert.

@@ -63,17 +63,20 @@ class Page:
 
 @functools.cache
 def _by_label() -> dict[str, str]:
-    """The name of each simulation by what its pictures say to those who cannot see them."""
+    """Return the name of each simulation by what its pictures say to those who cannot see them."""
     return {declaration.model(name).paper.label: name for name in declaration.names()}
 
 
 def slug(text: str) -> str:
-    """A text as it stands in an anchor: small letters, digits and dashes."""
+    """Return a text as it stands in an anchor: small letters, digits and dashes."""
     return re.sub(r"\W+", "-", text.lower()).strip("-")
 
 
 def called(source: str) -> tuple[str, list[Any]]:
-    """The function that the last statement of a cell calls, and its arguments that are literals."""
+    """Return the function that the last statement of a cell calls.
+
+    And its arguments that are literals.
+    """
     try:
         body = ast.parse(source).body
     except SyntaxError:  # of the notebook: %matplotlib
@@ -89,7 +92,7 @@ def _html(text: str) -> NotebookNode:
 
 
 def first_picture(png: bytes) -> bytes:
-    """The first picture of a film as a PNG of its own; a picture stays what it is."""
+    """Return the first picture of a film as a PNG of its own; a picture stays what it is."""
     picture = Image.open(io.BytesIO(png))
     if getattr(picture, "n_frames", 1) == 1:
         return png
@@ -100,7 +103,7 @@ def first_picture(png: bytes) -> bytes:
 
 
 def place_of_simulation(name: str, model: Model, picture: str, preset: str = "") -> str:
-    """Where a simulation comes to life, with its saved picture; HTML.
+    """Return where a simulation comes to life, with its saved picture; HTML.
 
     Args:
         name: below `course.simulations`.
@@ -119,7 +122,7 @@ def place_of_simulation(name: str, model: Model, picture: str, preset: str = "")
 def _simulation(
     page: Page, cell: NotebookNode, output: NotebookNode, film: bytes | None, place: str
 ) -> NotebookNode:
-    """The output of a cell that shows a simulation, for the page."""
+    """Return the output of a cell that shows a simulation, for the page."""
     label = output.data["text/plain"].partition("\n")[0]
     name = _by_label().get(label)
     if name is None:
@@ -164,7 +167,7 @@ def _outputs(page: Page, cell: NotebookNode, film: bytes | None, place: str) -> 
 
 
 def linked(text: str, folder: Path, place: str, faults: list[str]) -> str:
-    """Markdown whose links to files of the project lead to pages, or are shown as paths.
+    """Return Markdown whose links to files of the project lead to pages, or are shown as paths.
 
     Args:
         text: Markdown.
@@ -196,7 +199,7 @@ def linked(text: str, folder: Path, place: str, faults: list[str]) -> str:
 
 
 def term_pattern(term: str) -> re.Pattern[str]:
-    """Where a text sets a term in bold, singular or plural."""
+    """Return where a text sets a term in bold, singular or plural."""
     words = r"[\s-]+".join(map(re.escape, re.split(r"[\s-]+", term)))
     return re.compile(rf"\*\*[^*\n]*?(?<!\w){words}(?:s|es)?(?!\w)[^*\n]*\*\*", re.I)
 
@@ -215,7 +218,7 @@ def _defined(page: Page, terms: Sequence[str]) -> None:
 
 
 def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
-    """The page of a committed notebook.
+    """Return the page of a committed notebook.
 
     Args:
         path: of the notebook; its links are those of a file in the folder `notebooks`.

@@ -20,7 +20,7 @@ _RIGHT = re.compile(r"\*\*Right\. (.*?)\*\* (.*?)\n\n</details>", re.S)
 
 
 def page_of(chapter: Chapter) -> str:
-    """The name of a chapter's page."""
+    """Return the name of a chapter's page."""
     return Path(chapter.notebook).stem
 
 
@@ -29,14 +29,17 @@ def _title(chapter: Chapter) -> str:
 
 
 def _link(chapter: Chapter, anchor: str, anchors: Anchors, text: str) -> str:
-    """A link into a chapter's page, where it has the anchor; else to its top."""
+    """Return a link into a chapter's page, where it has the anchor; else to its top."""
     page = page_of(chapter)
     inner = f"#{anchor}" if anchor in anchors.get(page, ()) else ""
     return f'<a href="{page}.html{inner}">{text}</a>'
 
 
 def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, str]:
-    """The verdict on a claim and what is true, as Markdown: of its card, or from the record."""
+    """Return the verdict on a claim and what is true, as Markdown.
+
+    Of its card, or from the record.
+    """
     if claim.id in shown:
         if not (report := _RIGHT.search(shown[claim.id])):
             raise invalid(f"card of {claim.id}", shown[claim.id][:80], "one with a right answer")
@@ -46,7 +49,7 @@ def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, s
 
 
 def claims(anchors: Anchors, shown: Mapping[str, str]) -> str:
-    """The page of every claim of the course.
+    """Return the page of every claim of the course.
 
     Args:
         anchors: of the chapters.
@@ -76,7 +79,7 @@ def claims(anchors: Anchors, shown: Mapping[str, str]) -> str:
 
 
 def charts(faults: list[str]) -> str:
-    """The page of every chart: the gallery of the project, `docs/charts/README.md`.
+    """Return the page of every chart: the gallery of the project, `docs/charts/README.md`.
 
     Args:
         faults: gets a sentence for each link that leads nowhere.
@@ -87,7 +90,7 @@ def charts(faults: list[str]) -> str:
 
 
 def _symbols(chapter: Chapter) -> dict[str, str]:
-    """The symbols of a chapter's claims: what each means, in each file that says so."""
+    """Return the symbols of a chapter's claims: what each means, in each file that says so."""
     meanings: dict[str, dict[str, None]] = {}
     for file in dict.fromkeys(c.file for c in derivations.claims() if c.chapter == chapter.number):
         module = importlib.import_module(f"course.derivations.{file}")
@@ -99,7 +102,10 @@ def _symbols(chapter: Chapter) -> dict[str, str]:
 
 
 def glossary(anchors: Anchors) -> str:
-    """The page of words, each with where it is defined, and of symbols, with what they mean."""
+    """Return the page of words, each with where it is defined, and of symbols.
+
+    With what they mean.
+    """
     parts = [
         "# Words and symbols",
         "Each word is defined where its link leads. A symbol means what its chapter says; names "
@@ -129,7 +135,7 @@ def glossary(anchors: Anchors) -> str:
 
 
 def questions() -> str:
-    """The page of every chapter's interview questions, with what unfolds."""
+    """Return the page of every chapter's interview questions, with what unfolds."""
     parts = [
         "# The questions of an interview",
         "Answer aloud, then open.  `drills interview` asks "
@@ -145,7 +151,7 @@ def questions() -> str:
 
 
 def predictions(anchors: Anchors) -> str:
-    """The page of every chapter's cards: a question, and answers that unfold."""
+    """Return the page of every chapter's cards: a question, and answers that unfold."""
     parts = [
         "# The cards",
         "A question each; click the answer that you believe. `drills review` "
@@ -161,7 +167,9 @@ def predictions(anchors: Anchors) -> str:
 
 
 def moving(pages: Mapping[str, Sequence[str]]) -> str:
-    """Which simulations of the site move, and which show what was recorded; a Markdown table.
+    """Return which simulations of the site move, and which show what was recorded.
+
+    A Markdown table.
 
     Args:
         pages: page -> the simulations on it.

@@ -61,7 +61,7 @@ LARGEST = 60_000
 
 
 def signatures(model: Model) -> dict[str, tuple[Any, ...]]:
-    """What the functions of a model take, as Numba's types, by name; those that it has."""
+    """Return what the functions of a model take, as Numba's types, by name; those that it has."""
     controls, state = numba.from_dtype(model.controls.dtype), numba.from_dtype(model.state.dtype)
     number, pen = types.float64, types.Array(types.float64, 1, "C")
     takes: dict[str, tuple[Any, ...]] = {
@@ -76,7 +76,7 @@ def signatures(model: Model) -> dict[str, tuple[Any, ...]]:
 
 
 def read_sources(module: bytes) -> dict[str, str]:
-    """What the section "sources" of a module says; nothing if there is none."""
+    """Return what the section "sources" of a module says; nothing if there is none."""
     return json.loads(compiler.custom(module, "sources") or b"{}")
 
 
@@ -84,9 +84,11 @@ def read_sources(module: bytes) -> dict[str, str]:
 
 
 def fingerprint(model: Model) -> str:
-    """A hash of all that the module of a model depends on: the text of its functions and of those
-    of the course that they call, without words for readers, the values that they find outside
-    themselves, the layout of the records, and the compiler."""
+    """Return a hash of all that the module of a model depends on.
+
+    The text of its functions and of those of the course that they call, without words for readers,
+    the values that they find outside themselves, the layout of the records, and the compiler.
+    """
     state, observed = hashlib.sha256(), set[int]()
     here = SIMULATIONS.parent
     code = Path(compiler.__file__), here / "compiled.py", SIMULATIONS / "splitmix.py"
@@ -157,8 +159,11 @@ def _inner(code: python.CodeType) -> Iterator[python.CodeType]:
 
 @cache
 def _text(_path: str, code: python.CodeType) -> str:
-    """The source of a function as Python reads it. Code equals that of another file which differs
-    in decorators and defaults only, so the path belongs to what is remembered."""
+    """Return the source of a function as Python reads it.
+
+    Code equals that of another file which differs in decorators and defaults only, so the path
+    belongs to what is remembered.
+    """
     text = textwrap.dedent(inspect.getsource(code))
     try:
         return bare(text)
@@ -167,7 +172,7 @@ def _text(_path: str, code: python.CodeType) -> str:
 
 
 def bare(text: str) -> str:
-    """Source without comments, layout and docstrings."""
+    """Return source without comments, layout and docstrings."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef) and ast.get_docstring(
@@ -181,12 +186,12 @@ def bare(text: str) -> str:
 
 
 def live() -> list[str]:
-    """The simulations that run in a page, as dotted paths below course.simulations."""
+    """Return the simulations that run in a page, as dotted paths below course.simulations."""
     return [name for name in names() if name not in RECORDED and not model(name).recorded]
 
 
 def stale(name: str) -> bool:
-    """Whether the module of a simulation is missing or was made from other sources."""
+    """Return whether the module of a simulation is missing or was made from other sources."""
     path = file_of(name)
     return not path.exists() or read_sources(path.read_bytes()).get("fingerprint") != fingerprint(
         model(name)
@@ -194,8 +199,9 @@ def stale(name: str) -> bool:
 
 
 def build(name: str) -> bytes:
-    """The module of a simulation, compiled in this process, which imports no other simulation;
-    see `compiler.compiled`.
+    """Return the module of a simulation, compiled in this process.
+
+    Which imports no other simulation; see `compiler.compiled`.
 
     Raises:
         RuntimeError: its functions can't be compiled, or the module is too large.
@@ -216,7 +222,7 @@ def build(name: str) -> bytes:
 
 
 def rebuilt(name: str) -> bytes:
-    """The module of a simulation, compiled in a fresh process; see `build`."""
+    """Return the module of a simulation, compiled in a fresh process; see `build`."""
     fresh = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=fresh) as pool:
         return pool.submit(build, name).result()

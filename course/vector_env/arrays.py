@@ -62,7 +62,9 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
         """
 
     def _final_info(self, finished: NDArray[np.bool_], terminations: Any) -> dict[str, Any]:
-        """Entries of the last info of the episodes that just finished, arrays of num_envs rows."""
+        """Return entries of the last info of the episodes that just finished, arrays of num_envs
+        rows.
+        """
         return {}
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:

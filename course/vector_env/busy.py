@@ -26,11 +26,11 @@ class Busy(Env[Any, Any]):
         self._observation = np.zeros(8)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Nothing to do."""
+        """Return nothing to do."""
         super().reset(seed=seed)
         return self._observation, {}
 
     def step(self, action: Any) -> Any:
-        """The work."""
+        """Return the work."""
         zlib.crc32(self._bytes)
         return self._observation, 0.0, False, False, {}

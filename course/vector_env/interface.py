@@ -17,7 +17,7 @@ from course.check import count, invalid, one_of
 
 
 def checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """The autoreset mode asked for, given as a member or as its value in text."""
+    """Return the autoreset mode asked for, given as a member or as its value in text."""
     name = mode.value if isinstance(mode, AutoresetMode) else mode
     return AutoresetMode(one_of("autoreset_mode", name, [known.value for known in AutoresetMode]))
 
@@ -36,7 +36,7 @@ def earlier_limit(max_steps: int, max_episode_steps: int | None) -> int:
 
 
 def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any:
-    """`actions` as a fresh batch of `space`'s shapes and dtypes.
+    """Return `actions` as a fresh batch of `space`'s shapes and dtypes.
 
     Args:
         space: the batched space.
@@ -107,7 +107,9 @@ class AutoresettingVectorEnv(VectorEnv):
     def _plan_reset(
         self, seed: Any, options: dict[str, Any] | None
     ) -> tuple[NDArray[np.intp], list[int | None], dict[str, Any] | None]:
-        """Which environments to reset, the seed of each of all, and the options left for them.
+        """Return which environments to reset, the seed of each of all.
+
+        And the options left for them.
 
         As in Gymnasium: an int s seeds environment i with s + i, and options["reset_mask"] picks
         the environments.
@@ -136,7 +138,7 @@ class AutoresettingVectorEnv(VectorEnv):
 
 
 def _with_own_arrays(info: dict[str, Any]) -> dict[str, Any]:
-    """`info` with arrays of its own; other objects are handed on as they are."""
+    """Return `info` with arrays of its own; other objects are handed on as they are."""
     return {
         k: _with_own_arrays(v)
         if isinstance(v, dict)
@@ -161,7 +163,7 @@ class Lane:
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any], Any]:
-        """One step, and the reset that belongs to it.
+        """Return one step, and the reset that belongs to it.
 
         Returns:
             Observation, reward, terminated, truncated, info; and (last observation, last info) of

@@ -9,7 +9,7 @@ SIDE = 300  # pixels
 
 
 def reach_picture(q: Array, target: Array, lengths: Array, radius: float) -> NDArray[np.uint8]:
-    """The arm from above, its target, and the circle that its tip can reach.
+    """Return the arm from above, its target, and the circle that its tip can reach.
 
     Args:
         q: joint angles [rad], (2,).

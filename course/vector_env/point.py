@@ -38,7 +38,7 @@ REWARDS = ("sparse", "distance", "potential", "hover", "once")
 
 
 def plan(paths: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[Any, Array]:
-    """The least number of steps into the disc, and a first acceleration that needs no more.
+    """Return the least number of steps into the disc, and a first acceleration that needs no more.
 
     Held for all of these steps it gets there; asked for anew at every step it is the best policy.
 
@@ -72,7 +72,9 @@ def optimum(
     max_steps: int = MAX_STEPS,
     **disc: float,
 ) -> Array:
-    """The most that an episode can be worth at its start, with a prize of 1, discounted by 0.99.
+    """Return the most that an episode can be worth at its start.
+
+    With a prize of 1, discounted by 0.99.
 
     "sparse": 0.99^(least steps - 1). "potential" adds the first distance, whatever is done. "once"
     adds the bonus. With "hover" an end put off by a step loses 1 - 0.99 of the prize and wins a
@@ -163,7 +165,7 @@ _STATE = (MATRIX, MATRIX, MATRIX, _COUNTS)
 
 @functools.cache
 def kernels() -> tuple[Any, Any]:
-    """The compiled functions: move, start."""
+    """Return the compiled functions: move, start."""
     moved = types.Tuple((MATRIX, VECTOR, _FLAGS, _FLAGS))
     return (
         compiled(_move_points, moved(*_STATE, _ACTIONS, VECTOR)),
@@ -213,12 +215,12 @@ class PointTask:
         self._step, self._put = kernels()
 
     def start(self, ids: Ids, generators: Sequence[np.random.Generator]) -> Array:
-        """New points and goals for `ids`; their observations, (len(ids), 4)."""
+        """Return new points and goals for `ids`; their observations, (len(ids), 4)."""
         draws = np.array([generator.random(4) for generator in generators])
         return self._put(draws, ids, self.p, self.v, self.goal, self.steps, self.numbers)
 
     def move(self, actions: Any) -> Moved:
-        """One step of all."""
+        """Return one step of all."""
         return self._step(self.p, self.v, self.goal, self.steps, actions, self.numbers)
 
 
@@ -257,7 +259,7 @@ class PointReach(Env[Array, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """A random point at rest and a random goal. There are no options."""
+        """Return a random point at rest and a random goal. There are no options."""
         super().reset(seed=seed)
         return self.task.start(np.zeros(1, np.intp), [self.np_random])[0], {}
 

@@ -64,7 +64,7 @@ class WorkerError(RuntimeError):
 
 
 def shareable(space: Space[Any]) -> bool:
-    """Whether a batch of this space is made of arrays of a fixed size."""
+    """Return whether a batch of this space is made of arrays of a fixed size."""
     if isinstance(space, spaces.Dict):
         return all(shareable(item) for item in space.values())
     if isinstance(space, spaces.Tuple):
@@ -425,7 +425,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         return infos
 
     def render(self) -> tuple[Any, ...]:
-        """What each environment renders."""
+        """Return what each environment renders."""
         return self.call("render")
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
@@ -434,7 +434,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         return tuple(item for result in replies for item in result)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment."""
+        """Return an attribute of every environment."""
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:

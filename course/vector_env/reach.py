@@ -47,7 +47,10 @@ REACH_FAR, REACH_NEAR = 0.95, 0.05  # m/m and m: how far the targets keep off th
 
 
 def table(arms: TwoLink | Sequence[TwoLink], num_envs: int) -> Array:
-    """The parameters of `num_envs` arms, shape (13, num_envs): one arm for all, or one each."""
+    """Return the parameters of `num_envs` arms, shape (13, num_envs).
+
+    One arm for all, or one each.
+    """
     each = [arms] * num_envs if isinstance(arms, TwoLink) else list(arms)
     if len(each) != num_envs or not all(isinstance(arm, TwoLink) for arm in each):
         raise invalid("arms", arms, f"a TwoLink or {num_envs} of them")
@@ -105,7 +108,7 @@ def _move_arms(q, v, target, steps, actions, arm, limit, substeps):
 
 
 def _judge_arms(q, v, target, steps, actions, arm, limit):
-    """Observations, rewards and ends of N arms that have been moved by somebody else."""
+    """Return observations, rewards and ends of N arms that have been moved by somebody else."""
     return _judge(q, v, target, steps, actions, arm, limit)
 
 
@@ -143,7 +146,7 @@ _STATE = (MATRIX, MATRIX, MATRIX, _COUNTS)
 
 @functools.cache
 def kernels() -> tuple[Any, Any, Any]:
-    """The compiled functions: move, judge, start."""
+    """Return the compiled functions: move, judge, start."""
     return (
         compiled(_move_arms, _MOVED(*_STATE, _ACTIONS, MATRIX, numba.int64, numba.int64)),
         compiled(_judge_arms, _MOVED(*_STATE, _ACTIONS, MATRIX, numba.int64)),
@@ -173,7 +176,7 @@ class ReachTask:
         self._move, self._judge, self._start = kernels()
 
     def start(self, ids: Ids, generators: Sequence[np.random.Generator]) -> Array:
-        """New postures and targets for `ids`; their observations, (len(ids), 8)."""
+        """Return new postures and targets for `ids`; their observations, (len(ids), 8)."""
         draws = np.array([generator.random(4) for generator in generators])
         return self._start(draws, ids, self.q, self.v, self.target, self.steps, self.arm)
 
@@ -190,12 +193,12 @@ class ReachTask:
         )
 
     def picture(self, i: int) -> NDArray[np.uint8]:
-        """TwoLink i and its target, see `reach_picture`."""
+        """Return TwoLink i and its target, see `reach_picture`."""
         return reach_picture(self.q[:, i], self.target[:, i], self.arm[LENGTHS, i], RADIUS)
 
 
 def reach_spaces() -> tuple[Any, Any]:
-    """Spaces of a single observation and a single action."""
+    """Return spaces of a single observation and a single action."""
     bound = np.array([1.0, 1.0, 1.0, 1.0, np.inf, np.inf, np.inf, np.inf])
     return (
         spaces.Box(-bound, bound, dtype=np.float64),
@@ -240,7 +243,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """A random posture at rest and a random target. There are no options."""
+        """Return a random posture at rest and a random target. There are no options."""
         super().reset(seed=seed)
         self._started = True
         observation = self.task.start(self._only, [self.np_random])[0]
@@ -248,7 +251,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
         return observation, {}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One control step.
+        """Return one control step.
 
         Raises:
             ValueError: for an action that is not two numbers.
@@ -267,7 +270,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
         return observations[0], float(rewards[0]), reached, late, info
 
     def render(self) -> Any:
-        """The arm and its target as they are now, (300, 300, 3); None without a render mode.
+        """Return the arm and its target as they are now, (300, 300, 3); None without a render mode.
 
         Raises:
             ResetNeeded: before the first reset.
@@ -337,7 +340,7 @@ class ReachVector(ArrayVectorEnv):
         return {"is_success": terminations.copy()}
 
     def render(self) -> Any:
-        """What each environment renders, as in `SingleReach.render`."""
+        """Return what each environment renders, as in `SingleReach.render`."""
         if self._observations is None:
             raise ResetNeeded("call reset before render")
         if self.render_mode is None:

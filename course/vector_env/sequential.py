@@ -121,7 +121,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
         return concatenate(space, self._latest, empty)
 
     def render(self) -> tuple[Any, ...]:
-        """What each environment renders."""
+        """Return what each environment renders."""
         return self.call("render")
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
@@ -131,7 +131,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
         return tuple(item(*args, **kwargs) if callable(item) else item for item in result)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment."""
+        """Return an attribute of every environment."""
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
@@ -154,7 +154,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
 
 
 def spread(values: Any, num_envs: int) -> list[Any]:
-    """`values` as one for each environment."""
+    """Return `values` as one for each environment."""
     spread_out = list(values) if isinstance(values, list | tuple) else [values] * num_envs
     if len(spread_out) != num_envs:
         raise invalid("len(values)", len(spread_out), f"{num_envs}, one for each environment")

@@ -18,7 +18,9 @@ JUDGES = 10**6, 200  # first seed and number of the targets that no policy train
 
 
 def features(observations: Array) -> Array:
-    """What the policy is linear in, (n, 6): the way to go seen from each link, and the two rates.
+    """Return what the policy is linear in, (n, 6).
+
+    The way to go seen from each link, and the two rates.
 
     Pulling the tip straight at the target, J^T (target - tip), is linear in them; so is damping.
     """
@@ -28,7 +30,8 @@ def features(observations: Array) -> Array:
 
 
 def play(policies: Array, seed: int, targets: int) -> Array:
-    """What policies collect in one episode from each of several starts, the same for all of them.
+    """Return what policies collect in one episode from each of several starts, the same for all of
+    them.
 
     Args:
         policies: weights, (p, 2, 6): the action is weights @ features, cut at the torques' limits.

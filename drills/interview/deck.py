@@ -60,7 +60,7 @@ class Sides:
 
 
 def deck(chapters: Collection[int] | None = None) -> list[Entry]:
-    """The cards of these chapters, of all if None: by chapter, then by kind as in `KINDS`.
+    """Return the cards of these chapters, of all if None: by chapter, then by kind as in `KINDS`.
 
     Args:
         chapters: their numbers.
@@ -99,7 +99,7 @@ def _all() -> tuple[Entry, ...]:
 
 
 def sides(entry: Entry, tex: Callable[[str], str] = str) -> Sides:
-    """What stands on a card, with the figures on record.
+    """Return what stands on a card, with the figures on record.
 
     Args:
         entry: the card.
@@ -114,7 +114,9 @@ def sides(entry: Entry, tex: Callable[[str], str] = str) -> Sides:
 
 
 def judge(entry: Entry, text: str) -> tuple[bool | None, str]:
-    """Whether what was said is right, and a sentence on it; None where only oneself can tell.
+    """Return whether what was said is right, and a sentence on it.
+
+    None where only oneself can tell.
 
     Args:
         entry: the card.

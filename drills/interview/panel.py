@@ -170,7 +170,7 @@ class Flashcards(ipywidgets.VBox):
 
 
 def rendered(markdown: str) -> str:
-    """Markdown as HTML; formulas between dollars stay as they are, for the page to set."""
+    """Return Markdown as HTML; formulas between dollars stay as they are, for the page to set."""
     from markdown_it import MarkdownIt
 
     formulas: list[str] = []
@@ -193,7 +193,7 @@ def flashcards(
     seed: int = 0,
     clock: Callable[[], datetime] = lambda: datetime.now(UTC),
 ) -> Flashcards | Shown:
-    """The cards of these chapters and kinds, or a sentence on what is missing.
+    """Return the cards of these chapters and kinds, or a sentence on what is missing.
 
     Args:
         chapters: their numbers, all if None.

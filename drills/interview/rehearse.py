@@ -59,7 +59,7 @@ FORM = json_store.Form("drills-interviews/1", "interviews", Past, _parse, asdict
 
 
 def pool(chosen: frozenset[int] = EVERY) -> dict[str, Item]:
-    """All that can be asked of the chosen chapters, by key."""
+    """Return all that can be asked of the chosen chapters, by key."""
     items = rehearsal.spoken([c.topic for c in CHAPTERS if c.number in chosen])
     for card in catalogue.cards():
         if card.chapter in chosen:
@@ -118,13 +118,13 @@ class Talk:
         )
 
     def past(self) -> Past:
-        """What is kept; what is wrong with its file is said."""
+        """Return what is kept; what is wrong with its file is said."""
         past, notices = json_store.load(self.file, FORM)
         self.session.notices += notices
         return past
 
     def due(self) -> list[deck.Entry]:
-        """The cards that are due now."""
+        """Return the cards that are due now."""
         reviews, notices = store.load(store.beside(self.session.progress_file))
         self.session.notices += notices
         return store.due(deck.deck(), reviews, self.last_look)
@@ -284,7 +284,9 @@ class Talk:
 
 
 def to_read(entry: Entry) -> str:
-    """The section of its chapter that is nearest to the weakest line, "" after a good answer."""
+    """Return the section of its chapter that is nearest to the weakest line, "" after a good
+    answer.
+    """
     chapter = next(chapter for chapter in CHAPTERS if chapter.number == entry.chapter)
     path = notebook_of(chapter)
     if entry.score >= rehearsal.WEAK or not path.is_file():
@@ -299,7 +301,7 @@ def to_read(entry: Entry) -> str:
 
 
 def chapters_of(context: object, option: object, text: str | None) -> frozenset[int]:
-    """The chapters of an option such as "1,5", all if it is not given."""
+    """Return the chapters of an option such as "1,5", all if it is not given."""
     chosen = EVERY if text is None else {int(n) for n in re.findall(r"\d+", text)}
     if not chosen or not EVERY.issuperset(chosen):
         raise click.BadParameter(f"{text!r} is not a list of chapters such as 1,5.")
@@ -322,7 +324,7 @@ def command(
     kind: tuple[str, ...],
     resume: bool,
 ) -> int:
-    """Rehearse an interview: asked, timed, marked by yourself, a drill by the grader."""
+    """Return rehearse an interview: asked, timed, marked by yourself, a drill by the grader."""
     listen()
     person = sys.stdin.isatty() and sys.stdout.isatty() and not session.terminal.json
     talk = Talk(session, editor=person)

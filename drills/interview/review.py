@@ -74,7 +74,7 @@ class Round:
         return self._finish(cards, seed)
 
     def ask(self, entry: Entry) -> bool:
-        """One card; whether it was rated and not passed over."""
+        """Return one card; whether it was rated and not passed over."""
         shown = sides(entry)
         self._show(shown.front)
         grades: list[bool] = []
@@ -172,7 +172,7 @@ class Round:
 
 
 def span(time: timedelta) -> str:
-    """How long, in the unit that one would say: "10 min", "3 days"."""
+    """Return how long, in the unit that one would say: "10 min", "3 days"."""
     minutes = round(time.total_seconds() / 60)
     days = round(minutes / 1440)
     if minutes < 1440:

@@ -38,12 +38,12 @@ class Reviews:
 
 
 def beside(progress_file: Path | None) -> Path | None:
-    """The file of the reviews, None where no progress is kept."""
+    """Return the file of the reviews, None where no progress is kept."""
     return progress_file and progress_file.with_name("reviews.json")
 
 
 def load(path: Path | None) -> tuple[Reviews, tuple[str, ...]]:
-    """The reviews in the file, and what to tell of it; a damaged file is put aside.
+    """Return the reviews in the file, and what to tell of it; a damaged file is put aside.
 
     Args:
         path: of the file, or None to keep none.
@@ -101,7 +101,7 @@ def rate(
 
 
 def due(deck: Sequence[Entry], reviews: Reviews, now: datetime) -> list[Entry]:
-    """The cards that were rated and are to be asked again, what waits longest first.
+    """Return the cards that were rated and are to be asked again, what waits longest first.
 
     A card that was last rated at a time that has not come yet is due too: the clock was wrong.
     """
@@ -118,12 +118,12 @@ def due(deck: Sequence[Entry], reviews: Reviews, now: datetime) -> list[Entry]:
 
 
 def fresh(deck: Sequence[Entry], reviews: Reviews) -> list[Entry]:
-    """The cards that were never rated."""
+    """Return the cards that were never rated."""
     return [entry for entry in deck if entry.key not in reviews.cards]
 
 
 def weak(deck: Sequence[Entry], reviews: Reviews) -> list[Entry]:
-    """The cards last rated "again" or "hard", those most often rated "again" first."""
+    """Return the cards last rated "again" or "hard", those most often rated "again" first."""
     last: dict[str, int] = {}
     again: dict[str, int] = {}
     for one in reviews.log:
@@ -134,14 +134,14 @@ def weak(deck: Sequence[Entry], reviews: Reviews) -> list[Entry]:
 
 
 def queue(deck: Sequence[Entry], reviews: Reviews, now: datetime, seed: int) -> list[Entry]:
-    """What is asked: what is due, then what is new, drawn by seed."""
+    """Return what is asked: what is due, then what is new, drawn by seed."""
     new = fresh(deck, reviews)
     random.Random(seed).shuffle(new)
     return due(deck, reviews, now) + new
 
 
 def missing_cards(deck: Sequence[Entry], reviews: Reviews) -> list[str]:
-    """Keys of cards that were rated and whose source is no longer there; they are kept."""
+    """Return keys of cards that were rated and whose source is no longer there; they are kept."""
     other = {entry.key for entry in deck}
     return [key for key in reviews.cards if key not in other]
 

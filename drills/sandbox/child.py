@@ -67,13 +67,16 @@ class Answers:
         self.converse: Any = None
 
     def value(self, data: Any) -> Any:
-        """An argument: plain data, with handles and the grader's functions resolved."""
+        """Return an argument: plain data, with handles and the grader's functions resolved."""
         return self.wire.decode(
             data, lambda tag, number: self.objects[number] if tag == "h" else self.asking(number)
         )
 
     def asking(self, number: int) -> Any:
-        """A function that stays in the grader: a call goes there and waits for the answer."""
+        """Return a function that stays in the grader.
+
+        A call goes there and waits for the answer.
+        """
 
         def function(*args: Any) -> Any:
             if not self.request:
@@ -88,7 +91,7 @@ class Answers:
         return function
 
     def plain(self, value: Any) -> Any:
-        """A result as it travels."""
+        """Return a result as it travels."""
         try:
             return self.wire.encode(value, lambda x, name: {"x": name})
         except self.wire.TooLarge as error:
@@ -106,7 +109,7 @@ class Answers:
         return module
 
     def defined(self, module: types.ModuleType) -> list[str]:
-        """The public functions and classes that a module defines itself."""
+        """Return the public functions and classes that a module defines itself."""
         return [
             str(name)[:100]
             for name, value in list(module.__dict__.items())
@@ -174,7 +177,7 @@ class Answers:
         return {"ok": answer, "changed": self.changed(request, args, kwargs)}
 
     def changed(self, request: dict[str, Any], args: list[Any], kwargs: dict[str, Any]) -> bool:
-        """Whether an argument differs from what was sent."""
+        """Return whether an argument differs from what was sent."""
         pairs = [*zip(request["args"], args, strict=True)]
         pairs += [(data, kwargs[key]) for key, data in request["kwargs"].items()]
         return any(
@@ -185,11 +188,11 @@ class Answers:
         )
 
     def fetch(self, request: dict[str, Any]) -> dict[str, Any]:
-        """The value of a kept object."""
+        """Return the value of a kept object."""
         return {"ok": self.plain(self.objects[request["where"]])}
 
     def raised(self, error: BaseException) -> dict[str, Any]:
-        """An exception as data; whatever it does when it is asked for its text."""
+        """Return an exception as data; whatever it does when it is asked for its text."""
         frames = []
         walked, trace = 0, error.__traceback__
         files = []
@@ -212,7 +215,7 @@ class Answers:
         }
 
     def about(self, error: BaseException, files: list[str]) -> str:
-        """What an exception is a sign of, where that has a verdict of its own."""
+        """Return what an exception is a sign of, where that has a verdict of its own."""
         if isinstance(error, SystemExit):
             code = error.code
             return "exit " + (str(code) if type(code) is int and abs(code) < 1 << 31 else "?")

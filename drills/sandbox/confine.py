@@ -78,7 +78,7 @@ def drop_capabilities() -> str:
 
 
 def settle(parent: int, hidden: bool) -> str:
-    """No new privileges, death with the grader, and no inspection by others.
+    """Return no new privileges, death with the grader, and no inspection by others.
 
     Args:
         parent: the grader's process.
@@ -221,7 +221,7 @@ CLONE_THREAD = 0x10000
 
 
 def filter_program(machine: str, own: int) -> bytes:
-    """The system-call filter as BPF: refuses a list of calls, allows the rest.
+    """Return the system-call filter as BPF: refuses a list of calls, allows the rest.
 
     Args:
         machine: `x86_64` or `aarch64`.
@@ -286,7 +286,7 @@ def system_calls() -> str:
 
 
 def reached(function: Any, *arguments: Any) -> str:
-    """What a layer reached, or why it is off."""
+    """Return what a layer reached, or why it is off."""
     if not LINUX:
         return "off (not Linux)"
     try:

@@ -329,7 +329,7 @@ class Child:
         return self._create("given", name, args, kwargs)
 
     def fetch(self, handle: Handle) -> Any:
-        """The value of an object in the child, as plain data."""
+        """Return the value of an object in the child, as plain data."""
         request = {"do": "fetch", "where": self._number(handle)}
         return self._value(self._ask(request, self._limits.call, "while a value was read"), "")
 
@@ -537,7 +537,7 @@ class Child:
             self._waited, self.used = self._waited + elapsed, self.used + spent
 
     def _late(self, seconds: float, answer: bool, where: str) -> str:
-        """What to say of a request that took too long."""
+        """Return what to say of a request that took too long."""
         if not self._ready:
             return f"Stopped after {START:g} s {where}."
         limits = self._limits
@@ -647,7 +647,7 @@ class Child:
                 raise self._pipe_ended(where)
 
     def _status(self) -> int | None:
-        """How the process ended, as `Popen.returncode`; None while it runs.
+        """Return how the process ended, as `Popen.returncode`; None while it runs.
 
         It is not reaped, so that its number stays ours until its group is killed.
         """
@@ -663,7 +663,7 @@ class Child:
         return result.si_status if result.si_code == os.CLD_EXITED else -result.si_status
 
     def _pipe_ended(self, where: str) -> Ended:
-        """The verdict on a reply pipe that is at its end."""
+        """Return the verdict on a reply pipe that is at its end."""
         patience = time.monotonic() + 0.5
         while (status := self._status()) is None and time.monotonic() < patience:
             time.sleep(0.002)

@@ -41,7 +41,7 @@ SYSTEM = (
 
 @functools.cache
 def search_path() -> list[str]:
-    """The folders of installed packages, for the child's `sys.path`."""
+    """Return the folders of installed packages, for the child's `sys.path`."""
     numpy_home = str(Path(sys.modules["numpy"].__file__ or "").resolve().parents[1])
     result = [p for p in sys.path if os.path.basename(p) in ("site-packages", "dist-packages")]
     if all(os.path.realpath(p) != numpy_home for p in result):
@@ -50,7 +50,10 @@ def search_path() -> list[str]:
 
 
 def _hidden(path: str) -> bool:
-    """Whether a path belongs to the course, in a checkout or among the installed packages."""
+    """Return whether a path belongs to the course.
+
+    In a checkout or among the installed packages.
+    """
     place, name = os.path.split(path)
     if place == str(HERE) and name in HIDDEN:
         return True
@@ -60,7 +63,7 @@ def _hidden(path: str) -> bool:
 
 @functools.cache
 def _rules() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Places to read with all below them, and folders on the way that may be listed."""
+    """Return places to read with all below them, and folders on the way that may be listed."""
     readable: list[str] = []
     listable: list[str] = []
     packages = [os.path.realpath(p) for p in search_path()]
@@ -93,7 +96,7 @@ def _rules() -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def access(folder: str) -> dict[str, list[str]]:
-    """What the child with this scratch folder may read, list and write."""
+    """Return what the child with this scratch folder may read, list and write."""
     readable, listable = _rules()
     return {
         "readable": list(readable),

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 
 def readable(text: str) -> str:
-    """Text of foreign origin, safe to print: control characters and half characters spelled out."""
+    """Return text of foreign origin, safe to print.
+
+    Control characters and half characters spelled out.
+    """
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return "".join(
         c if c in "\n\t" or (c.isprintable() or c == " ") else c.encode("unicode_escape").decode()
@@ -13,7 +16,7 @@ def readable(text: str) -> str:
 
 
 def size_text(count: int) -> str:
-    """Bytes for people."""
+    """Return bytes for people."""
     for unit, name in ((1 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")):
         if count >= unit:
             return f"{count / unit:.3g} {name}"

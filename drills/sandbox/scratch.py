@@ -13,7 +13,10 @@ LEVELS = 40  # of folders
 
 
 def excess(folder: str, limit: int) -> str:
-    """Why the folder holds too much, as the beginning of a sentence; empty while it does not."""
+    """Return why the folder holds too much, as the beginning of a sentence.
+
+    Empty while it does not.
+    """
     total = entries = 0
 
     def problem(place: int, level: int) -> str:

@@ -30,7 +30,7 @@ class Unreadable(Exception):
 
 
 def read_submission(path: str | os.PathLike[str]) -> str:
-    """The text of a submission's file.
+    """Return the text of a submission's file.
 
     No link is followed at the file itself, nothing but a regular file is opened, and opening never
     waits.
@@ -85,7 +85,7 @@ def read_submission(path: str | os.PathLike[str]) -> str:
 
 
 def decode_submission(data: bytes) -> str:
-    """The text of a submission's bytes: strict UTF-8, with or without a byte order mark.
+    """Return the text of a submission's bytes: strict UTF-8, with or without a byte order mark.
 
     Args:
         data: at most 1 MB.

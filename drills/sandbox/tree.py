@@ -54,7 +54,7 @@ def _read(path: str) -> str:
 
 
 def _status(process: int) -> tuple[str, int, int, int] | None:
-    """State, parent, session and start time of a process; None when there is none."""
+    """Return state, parent, session and start time of a process; None when there is none."""
     text = _read(f"/proc/{process}/stat")
     fields = text[text.rfind(")") + 2 :].split()
     if len(fields) < 20:
@@ -74,7 +74,7 @@ def _children(process: int) -> list[int]:
 
 
 def _another(process: int) -> int:
-    """A thread of a process, not its first; the process itself if there is none."""
+    """Return a thread of a process, not its first; the process itself if there is none."""
     try:
         return max(int(name) for name in os.listdir(f"/proc/{process}/task") if name.isdigit())
     except (OSError, ValueError):
@@ -108,7 +108,7 @@ class Tree:
         self._processor = 0.0
 
     def descendants(self) -> list[int]:
-        """All processes below the root that are alive, the root not among them."""
+        """Return all processes below the root that are alive, the root not among them."""
         if not self.procfs:
             return self._descendants_by_psutil()
         result: dict[int, int] = {}
@@ -172,7 +172,7 @@ class Tree:
         return [pid for pid in alive if pid in processes]
 
     def _marked(self, process: psutil.Process) -> bool:
-        """Whether a process is in the root's group, or carries the token."""
+        """Return whether a process is in the root's group, or carries the token."""
         try:
             if os.getpgid(process.pid) == self.root:
                 return True
@@ -188,13 +188,16 @@ class Tree:
         return False
 
     def threads(self) -> int:
-        """Threads of the root; 1 where that can't be seen."""
+        """Return threads of the root; 1 where that can't be seen."""
         text = _read(f"/proc/{self.root}/stat") if self.procfs else ""
         fields = text[text.rfind(")") + 2 :].split()
         return int(fields[17]) if len(fields) > 17 else 1
 
     def processor_time(self) -> float:
-        """Processor time of the root's threads so far [s]; the wall clock where none is told."""
+        """Return processor time of the root's threads so far [s].
+
+        The wall clock where none is told.
+        """
         if not LINUX:
             return time.monotonic()
         try:  # the clock of another process, numbered as clock_getcpuclockid(3) does
@@ -204,7 +207,7 @@ class Tree:
         return self._processor
 
     def resident(self, processes: list[int]) -> int:
-        """Memory of the root and the given processes together [bytes]."""
+        """Return memory of the root and the given processes together [bytes]."""
         if not self.procfs:
             total = 0
             for process in (self.root, *processes):

@@ -54,7 +54,7 @@ READER = json.JSONDecoder(parse_constant=_refuse)
 
 
 def type_name(value: Any) -> str:
-    """The name of a value's type, short enough to print."""
+    """Return the name of a value's type, short enough to print."""
     kind = type(value)
     try:
         module, name = str(kind.__module__), str(kind.__qualname__)
@@ -66,12 +66,15 @@ def type_name(value: Any) -> str:
 
 
 def extent(shape: Sequence[int]) -> int:
-    """How many rows an array has to whoever walks through it; many even where each is empty."""
+    """Return how many rows an array has to whoever walks through it.
+
+    Many even where each is empty.
+    """
     return math.prod(max(count, 1) for count in shape)
 
 
 def encode(value: Any, unknown: Callable[[Any, str], Any], text: int = TEXT) -> Any:
-    """A value as something that `json` writes exactly.
+    """Return a value as something that `json` writes exactly.
 
     Args:
         value: what is to travel.
@@ -138,7 +141,7 @@ def encode(value: Any, unknown: Callable[[Any, str], Any], text: int = TEXT) -> 
 
 
 def decode(data: Any, special: Callable[[str, Any], Any]) -> Any:
-    """The value that `encode` wrote.
+    """Return the value that `encode` wrote.
 
     Args:
         data: parsed JSON.
@@ -215,7 +218,7 @@ def decode(data: Any, special: Callable[[str, Any], Any]) -> Any:
 
 
 def pack(message: dict[str, Any]) -> bytes:
-    """A message as bytes: its length in four bytes, then JSON in ASCII.
+    """Return a message as bytes: its length in four bytes, then JSON in ASCII.
 
     Raises:
         TooLarge: longer than one message may be.
@@ -227,7 +230,7 @@ def pack(message: dict[str, Any]) -> bytes:
 
 
 def unpack(payload: bytes) -> dict[str, Any]:
-    """The message of a payload.
+    """Return the message of a payload.
 
     Raises:
         Malformed: when it is not a JSON object within the bounds.

@@ -364,7 +364,7 @@ card("chain_age")
 
 # %%
 def chain_age(executions, periods):
-    """Least, mean and greatest age of the information behind the command in force.
+    """Return least, mean and greatest age of the information behind the command in force.
 
     Args:
         executions: of each stage, shape (n,) [s].
@@ -386,7 +386,7 @@ card("over_budget")
 
 # %%
 def over_budget(edges, latencies, budgets, start, goal):
-    """The first edge on the critical path that takes more than it may.
+    """Return the first edge on the critical path that takes more than it may.
 
     Args:
         edges: from box, to box, shape (m, 2); no loops.
@@ -414,7 +414,7 @@ card("log_age")
 
 # %%
 def log_age(captured, published, times):
-    """How old the newest information is that a reader has.
+    """Return how old the newest information is that a reader has.
 
     Args:
         captured: when each measurement was taken, shape (n,) [s].

@@ -256,7 +256,7 @@ print("Rodrigues' matrix is the quaternion's:", same)
 
 
 def slerp(p, q, t):
-    """From p (t = 0) to q (t = 1) at a constant rate, the shorter way."""
+    """Return from p (t = 0) to q (t = 1) at a constant rate, the shorter way."""
     q = q if p @ q >= 0.0 else -q
     return quaternion.product(
         p, quaternion.exp(t * quaternion.log(quaternion.product(quaternion.conjugate(p), q)))
@@ -1006,7 +1006,7 @@ card("verlet")
 
 # %%
 def verlet_step(q, v, a, acceleration, dt):
-    """One step of velocity Verlet.
+    """Return one step of velocity Verlet.
 
     Args:
         q, v, a: positions [m], velocities [m/s] and acceleration at q [m/s^2], shape (n,) each.
@@ -1036,7 +1036,7 @@ card("orientation")
 
 # %%
 def update_orientation(q, omega, dt):
-    """The orientation after turning for dt at a constant body rate.
+    """Return the orientation after turning for dt at a constant body rate.
 
     Args:
         q: unit quaternion (w, x, y, z), body to world, shape (4,).
@@ -1064,7 +1064,7 @@ card("bounce")
 
 # %%
 def bounce_step(y, v, dt, restitution, gravity=9.81):
-    """Height and velocity of a bouncing point after dt.
+    """Return height and velocity of a bouncing point after dt.
 
     Args:
         y: height above the floor, not negative [m].
@@ -1094,7 +1094,7 @@ card("stable_step")
 
 # %%
 def largest_stable_step(stiffness, mass):
-    """The longest step at which semi-implicit Euler is stable on M x'' = -K x.
+    """Return the longest step at which semi-implicit Euler is stable on M x'' = -K x.
 
     Args:
         stiffness: K, shape (n, n) [N/m].
@@ -1179,7 +1179,7 @@ card("tumble")
 
 # %%
 def tumble(q, omega, inertia, dt, steps):
-    """A body that turns freely, integrated with RK4.
+    """Return a body that turns freely, integrated with RK4.
 
     Args:
         q: orientation, unit quaternion (w, x, y, z), body to world, shape (4,).

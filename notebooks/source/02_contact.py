@@ -121,7 +121,7 @@ result = contact.distance(triangle, [0.0, 0.0, 0.0], brick, place)
 
 
 def outline(shape, pose):
-    """Corners in the world, in their order around."""
+    """Return corners in the world, in their order around."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     corners = np.array([[c, -s], [s, c]]) @ shape.corners[:2] + np.array(pose[:2])[:, None]
     around = np.argsort(np.arctan2(*(corners - corners.mean(axis=1, keepdims=True))))
@@ -638,7 +638,7 @@ def my_model(problem):
 
 
 def once(dt):
-    """The braking block, stepped with it."""
+    """Return the braking block, stepped with it."""
     requested, steps = charts.QUESTIONS["braking"], round(charts.DURATION / dt)
     h, q, v = charts.DURATION / steps, requested.scene.q, requested.scene.v
     for _ in range(steps):
@@ -792,7 +792,7 @@ card("aabb")
 
 # %%
 def aabb_contact(a, b):
-    """Overlap of two axis-aligned boxes, and the shortest way out of it along an axis.
+    """Return overlap of two axis-aligned boxes, and the shortest way out of it along an axis.
 
     Args:
         a: corners of the first box, rows low and high, shape (2, d) [m].
@@ -817,7 +817,7 @@ card("circle_contact")
 
 # %%
 def circle_contact(centre_a, radius_a, centre_b, radius_b):
-    """Gap, normal and point of contact of two circles.
+    """Return gap, normal and point of contact of two circles.
 
     Args:
         centre_a: of the first circle, shape (2,) [m].
@@ -844,7 +844,7 @@ card("impact_time")
 
 # %%
 def impact_time(place, velocity, other, other_velocity, reach):
-    """When two balls in straight flight touch for the first time.
+    """Return when two balls in straight flight touch for the first time.
 
     Args:
         place: of the first ball's centre, shape (d,) [m].
@@ -873,7 +873,8 @@ card("pgs_sweep")
 
 # %%
 def pgs_sweep(impulses, A, b, mu):
-    """One sweep of projected Gauss-Seidel over contacts with friction, each in its true cone.
+    """Return one sweep of projected Gauss-Seidel over contacts with friction, each in its true
+    cone.
 
     Args:
         impulses: of each contact: normal, then two tangents, shape (n, 3) [N s].
@@ -902,7 +903,9 @@ card("contact_step")
 
 # %%
 def contact_step(position, velocity, slope, mu, dt, steps):
-    """A block over an inclined plane, by time stepping with one contact and Coulomb friction.
+    """Return a block over an inclined plane.
+
+    By time stepping with one contact and Coulomb friction.
 
     Args:
         position: along the slope downwards, and above the plane, shape (2,) [m].

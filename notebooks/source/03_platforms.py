@@ -71,7 +71,7 @@ def print_figures(chart, *rows):
 
 
 def table(head, rows):
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return Markdown("\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines))
 
@@ -852,7 +852,7 @@ card("sliding_stop")
 
 # %%
 def sliding_stop(speed, angle, frame, mu):
-    """Where a sliding block stops, by the shape of its friction cone."""
+    """Return where a sliding block stops, by the shape of its friction cone."""
     # The circle is right.
     return np.full(3, speed**2 / (2.0 * 9.81 * mu)), np.zeros(3)
 
@@ -868,7 +868,7 @@ card("energy_drift")
 
 # %%
 def energy_drift(times, energy, period):
-    """What an energy loses for good, and what comes back every period."""
+    """Return what an energy loses for good, and what comes back every period."""
     # The last sample less the first.
     return (energy[-1] - energy[0]) / (times[-1] - times[0]), np.std(energy)
 
@@ -884,7 +884,7 @@ card("audit_model")
 
 # %%
 def audit_model(ids, masses, inertias, loaded_ids, loaded_masses, moments, turns, tolerance):
-    """Which links of a file are not what the simulator has loaded."""
+    """Return which links of a file are not what the simulator has loaded."""
     result = np.zeros(len(ids), dtype=int)
     for i in range(len(ids)):
         if abs(loaded_masses[i] - masses[i]) > tolerance:
@@ -905,7 +905,7 @@ card("radar_areas")
 
 # %%
 def radar_areas(values, worst, best):
-    """The smallest and the largest area of a radar chart, over the orders of its axes."""
+    """Return the smallest and the largest area of a radar chart, over the orders of its axes."""
     radius = (np.asarray(values) - worst) / (np.asarray(best) - worst)
     n = len(radius)
     area = np.sin(2.0 * np.pi / n) / 2.0 * np.sum(radius[1:] * radius[:-1])
@@ -923,7 +923,10 @@ card("pick_engine")
 
 # %%
 def pick_engine(facts, limits, larger, cost):
-    """The cheapest engine that is known to meet every need, and the need that would change it."""
+    """Return the cheapest engine that is known to meet every need.
+
+    And the need that would change it.
+    """
     # The most points win.
     ratings = np.nansum(np.asarray(facts) / np.asarray(limits), axis=1) / np.asarray(cost)
     return int(np.argmax(ratings)), 0, 1.0
@@ -942,7 +945,7 @@ card("compare_engines")
 
 # %%
 def compare_engines(mu, masses, place, speed, steps, times):
-    """One scene on two engines: a block that slides over a plank, which is free itself."""
+    """Return one scene on two engines: a block that slides over a plank, which is free itself."""
     masses, steps, times = (np.asarray(one, dtype=float) for one in (masses, steps, times))
 
     def engine(surfaces, combine, damping, dt):
@@ -1035,7 +1038,9 @@ show("controller_moves")
 
 # %%
 def lost(damping, duration=3.0, dt=1e-3):
-    """Where the reach ends [mm] if the simulator does not know of the damping that the model has."""
+    """Return where the reach ends [mm] if the simulator does not know of the damping that the model
+    has.
+    """
     model = scenes.arm(duration, damping=damping).chain
     run, goal = prepared(mujoco, scenes.arm(duration), dt), np.array(measures.GOAL)
     for _ in range(round(duration / dt)):

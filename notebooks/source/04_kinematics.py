@@ -62,7 +62,7 @@ def source(*functions):
 
 
 def listed(numbers):
-    """Numbers to two places in one line."""
+    """Return numbers to two places in one line."""
     return " ".join(f"{number + 0.0:.2f}" for number in np.round(numbers, 2))
 
 
@@ -449,7 +449,10 @@ rng = np.random.default_rng(4)
 
 
 def motions(number):
-    """Random states, their regressor as rows, and their torques without the known friction."""
+    """Return random states, their regressor as rows.
+
+    And their torques without the known friction.
+    """
     states = rng.uniform(-1.5, 1.5, (3, 7, number))
     Y = kinematics.regressor(arm, *states)
     known = arm.armature[:, None] * states[2] + arm.damping[:, None] * states[1]
@@ -551,7 +554,7 @@ source(kinematics.null_space)
 
 # %%
 def follow(chain, goal, q, damping=0.1, tolerance=1e-4, at_most=100):
-    """Half of a damped step, again and again: what one writes first."""
+    """Return half of a damped step, again and again: what one writes first."""
     taken = 0
     while taken < at_most:
         error = goal - tip(chain, q)[:2]
@@ -686,7 +689,7 @@ goals = tip(arm, home[:, None] + np.random.default_rng(8).uniform(-0.4, 0.4, (7,
 
 
 def steps_of(name):
-    """A curve: what so many steps leave of the error, and cost."""
+    """Return a curve: what so many steps leave of the error, and cost."""
 
     def run(setting):
         largest = round(1.0 / setting)
@@ -911,7 +914,7 @@ card("two_link_ik")
 
 # %%
 def two_link_ik(lengths, target):
-    """Both pairs of joint angles that bring the tip of a two-link arm to a target.
+    """Return both pairs of joint angles that bring the tip of a two-link arm to a target.
 
     Args:
         lengths: of both links, shape (2,) [m].
@@ -943,7 +946,7 @@ card("jacobian")
 
 # %%
 def geometric_jacobian(placements, q, tool):
-    """Velocity and angular velocity at a tool point for each joint rate.
+    """Return velocity and angular velocity at a tool point for each joint rate.
 
     Args:
         placements: of each joint in the frame before it, homogeneous, shape (n, 4, 4) [1, m].
@@ -971,7 +974,7 @@ card("damped_step")
 
 # %%
 def damped_step(J, error, damping):
-    """One step of damped least squares.
+    """Return one step of damped least squares.
 
     Args:
         J: Jacobian, shape (m, n) [m/rad].
@@ -999,7 +1002,7 @@ card("null_space_step")
 
 # %%
 def null_space_step(J, dx, secondary, weights):
-    """The step that moves the tip by dx and, for the rest, follows a second wish.
+    """Return the step that moves the tip by dx and, for the rest, follows a second wish.
 
     Args:
         J: Jacobian, shape (m, n) [m/rad].
@@ -1028,7 +1031,7 @@ card("rnea_planar")
 
 # %%
 def rnea_planar(lengths, masses, q, v, a, gravity):
-    """Joint torques of a planar arm of uniform rods.
+    """Return joint torques of a planar arm of uniform rods.
 
     Args:
         lengths: of the links, shape (n,) [m].
@@ -1085,7 +1088,7 @@ card("wrist_ik")
 
 # %%
 def wrist_ik(q, target, damping, steps):
-    """Joint angles that turn a wrist of three joints to a target orientation.
+    """Return joint angles that turn a wrist of three joints to a target orientation.
 
     Args:
         q: joint angles at the start, about z, then y, then x, shape (3,) [rad].

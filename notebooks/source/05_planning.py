@@ -676,7 +676,7 @@ card("edge_check")
 
 # %%
 def edge_check(lengths, discs, a, b):
-    """How much of a straight motion of the joints of a planar arm is free of discs."""
+    """Return how much of a straight motion of the joints of a planar arm is free of discs."""
     return 0.0 if np.not_equal(a, b).any() else 1.0
 
 
@@ -691,7 +691,7 @@ card("rrt_connect")
 
 # %%
 def rrt_connect(start, goal, discs, samples, step):
-    """A path for a point among discs from two trees, whose samples are given."""
+    """Return a path for a point among discs from two trees, whose samples are given."""
     return np.zeros((0, 2)), np.array([1, 1])
 
 
@@ -706,7 +706,7 @@ card("shortcut")
 
 # %%
 def shortcut(path, discs, draws):
-    """A path among discs, shortened between drawn places."""
+    """Return a path among discs, shortened between drawn places."""
     return np.array(path, dtype=float)[[0, -1]]
 
 
@@ -721,7 +721,7 @@ card("lazy_prm")
 
 # %%
 def lazy_prm(points, edges, discs, start, goal):
-    """The shortest free route of a roadmap, of which only what is needed is checked."""
+    """Return the shortest free route of a roadmap, of which only what is needed is checked."""
     return np.array([start, goal]), 0
 
 
@@ -736,7 +736,7 @@ card("trapezoid")
 
 # %%
 def trapezoid(start, end, speed, acceleration, times):
-    """The quickest motion from rest to rest along a straight line of the joints."""
+    """Return the quickest motion from rest to rest along a straight line of the joints."""
     q = np.outer(end, np.ones(len(times)))
     return 0.0, q, 0.0 * q
 
@@ -754,7 +754,7 @@ card("rrt_star")
 
 # %%
 def edge_is_free(a, b, discs):
-    """Whether the segment from a to b, each (2,), touches no disc, rows (x, y, radius) [m]."""
+    """Return whether the segment from a to b, each (2,), touches no disc, rows (x, y, radius) [m]."""
     along, to_centres = b - a, discs[:, :2] - a
     length_squared = max(float(along @ along), 1e-300)
     share = np.clip(to_centres @ along / length_squared, 0.0, 1.0)
@@ -763,7 +763,7 @@ def edge_is_free(a, b, discs):
 
 
 def rrt_star(start, discs, samples, step, radius):
-    """A tree of short paths (RRT*, Karaman and Frazzoli, 2011), whose samples are given."""
+    """Return a tree of short paths (RRT*, Karaman and Frazzoli, 2011), whose samples are given."""
     discs = np.asarray(discs, dtype=float).reshape(-1, 3)
     nodes, parents, costs = [np.array(start, dtype=float)], [-1], [0.0]
     for target in np.asarray(samples, dtype=float):

@@ -379,7 +379,7 @@ truth = Joint(0.12, 0.15, 0.0, 0.10)
 
 
 def logged(joint, actuator):
-    """A log of a joint under PD, an encoder with 0.03 mrad of noise."""
+    """Return a log of a joint under PD, an encoder with 0.03 mrad of noise."""
     run = run_joint(
         joint, actuator, Encoder(noise=3e-5), Gains(12.0, 0.0, 1.2, 5e-3), wave, 2e-3, 8.0
     )
@@ -726,7 +726,10 @@ card("ultimate_gain")
 
 # %%
 def ultimate_gain(inertia, damping, dt, delay):
-    """The gain at which a sampled P loop around a joint swings for ever, and the period of that."""
+    """Return the gain at which a sampled P loop around a joint swings for ever.
+
+    And the period of that.
+    """
     # As if the whole loop were one dead time and the joint did not turn meanwhile.
     late = delay + dt
     return inertia / late**2, 2.0 * math.pi * late
@@ -743,7 +746,7 @@ card("computed_torque")
 
 # %%
 def computed_torque(lengths, masses, gravity, q, v, reference, kp, kd):
-    """Torques that make two links in a vertical plane follow a reference."""
+    """Return torques that make two links in a vertical plane follow a reference."""
     # A law that knows no arm: PD alone.
     return np.asarray(kp) * (reference[0] - q) + np.asarray(kd) * (reference[1] - v)
 
@@ -759,7 +762,7 @@ card("lqr")
 
 # %%
 def lqr(A, B, Q, R):
-    """The gain of the discrete linear quadratic regulator."""
+    """Return the gain of the discrete linear quadratic regulator."""
     # Only the next sample counts.
     return np.linalg.solve(R + B.T @ Q @ B, B.T @ Q @ A)
 
@@ -775,7 +778,9 @@ card("hybrid")
 
 # %%
 def hybrid_torque(J, frame, forced, error, velocity, force, desired, gains):
-    """Joint torques that press along some axes of a surface and follow a place along the others."""
+    """Return joint torques that press along some axes of a surface and follow a place along the
+    others.
+    """
     # Impedance along all axes: no force is controlled.
     return np.asarray(J).T @ (gains[0] * np.asarray(error) - gains[1] * np.asarray(velocity))
 
@@ -791,7 +796,7 @@ card("inertia_from_log")
 
 # %%
 def inertia_from_log(q, tau, dt):
-    """Inertia of a joint with friction and gravity, from a log of angles and torques."""
+    """Return inertia of a joint with friction and gravity, from a log of angles and torques."""
     # The largest torque over the largest acceleration.
     acceleration = np.gradient(np.gradient(q, dt), dt)
     return float(np.max(np.abs(tau)) / np.max(np.abs(acceleration)))
@@ -808,7 +813,7 @@ card("mppi_step")
 
 # %%
 def mppi_step(plan, noise, costs, temperature, low, high):
-    """A plan of commands, moved towards its cheap variations."""
+    """Return a plan of commands, moved towards its cheap variations."""
     # All rollouts count alike, whatever they cost.
     return np.mean(plan + noise, axis=0), float(len(costs))
 
@@ -827,7 +832,7 @@ card("hold_joint")
 
 # %%
 def hold_joint(q, target, pole, load, dt, steps):
-    """A link in a vertical plane under computed torque with an integral, from rest."""
+    """Return a link in a vertical plane under computed torque with an integral, from rest."""
     inertia, weight = 0.5, 9.0  # kg m^2; N m, times the cosine of the angle
     kp, ki, kd = 3.0 * pole**2, pole**3, 3.0 * pole
     q, v, total = float(q), 0.0, 0.0
@@ -912,7 +917,7 @@ state = np.array([-1.5, 0.0]), np.zeros(2)
 
 
 def in_mujoco(plans):
-    """Costs of plans (K, 15, 2) from the state on: distance at the end, and torque."""
+    """Return costs of plans (K, 15, 2) from the state on: distance at the end, and torque."""
     ends = mujoco.rollouts(body, plans, 0.02, state, (0.0, -9.81, 0.0))()
     return ((ends - (1.2, 0.6)) ** 2).sum(axis=1) + price * (plans**2).sum(axis=(1, 2))
 

@@ -85,13 +85,16 @@ can, plate = shape("cylinder", 0.03, 0.04), shape("box", 0.03, 0.03, 0.003)
 
 
 def stand(part, high, x, y, yaw):
-    """A part of half the height `high` that stands on the table at x, y, in the camera's frame."""
+    """Return a part of half the height `high` that stands on the table at x, y.
+
+    In the camera's frame.
+    """
     on_table = np.array([x, y, high, *exp(np.array([0.0, 0.0, yaw]))])
     return part.moved(compose(TABLE[:, None], on_table[:, None])[:, 0])
 
 
 def take_image(sensor, seed, *present):
-    """A noisy picture of the table with parts on it."""
+    """Return a noisy picture of the table with parts on it."""
     exact, _ = render(together([shape("plane").moved(TABLE), *present]), EYE)
     return sense(exact, EYE, sensor, np.random.default_rng(seed))
 
@@ -552,7 +555,9 @@ one = locate(noticed, EYE, SENSOR, BOX)[0]
 
 
 def closes(one, gap=0.0025, finger=0.01):
-    """Whether fingers 20 mm wide, 5 mm farther apart than the part, go around it at 3 sigma [m]."""
+    """Return whether fingers 20 mm wide, 5 mm farther apart than the part, go around it at 3 sigma
+    [m].
+    """
     shift, turn = 3.0 * np.sqrt(np.diag(one.covariance)[[1, 5]])
     return one.status == "found" and shift + finger * turn < gap
 
@@ -820,7 +825,7 @@ card("back_project")
 
 # %%
 def back_project(picture, fx, fy, cx, cy, unit):
-    """The points that a depth picture shows, row by row."""
+    """Return the points that a depth picture shows, row by row."""
     # All on the optical axis.
     z = np.asarray(picture, dtype=float).ravel() * unit
     return np.array([0.0 * z, 0.0 * z, z])
@@ -837,7 +842,7 @@ card("rigid_fit")
 
 # %%
 def rigid_fit(source, target, weights):
-    """The rigid motion that brings points onto their partners best."""
+    """Return the rigid motion that brings points onto their partners best."""
     # No turn, and all points count the same.
     return np.eye(3), np.mean(target, axis=1) - np.mean(source, axis=1)
 
@@ -853,7 +858,7 @@ card("plane_ransac")
 
 # %%
 def plane_ransac(points, triples, tolerance, confidence):
-    """The plane near which most points lie, fitted once more to them."""
+    """Return the plane near which most points lie, fitted once more to them."""
     # All points lie on the level plane through the first.
     return np.array([0.0, 0.0, 1.0, -points[2][0]]), np.arange(len(points[0])), 1
 
@@ -869,7 +874,7 @@ card("point_to_plane_step")
 
 # %%
 def point_to_plane_step(points, model, normals):
-    """One step of ICP from points to planes."""
+    """Return one step of ICP from points to planes."""
     # The means onto each other, whatever the matches.
     return np.eye(3), np.mean(model, axis=1) - np.mean(points, axis=1)
 
@@ -885,7 +890,7 @@ card("dbscan")
 
 # %%
 def dbscan(points, eps, least):
-    """The cluster of each point, -1 for noise."""
+    """Return the cluster of each point, -1 for noise."""
     # All are one.
     return np.zeros(np.shape(points)[1])
 
@@ -901,7 +906,7 @@ card("blind_directions")
 
 # %%
 def blind_directions(points, normals, lever, least):
-    """The motions of a part that its measured points do not tell."""
+    """Return the motions of a part that its measured points do not tell."""
     # All is seen.
     return 0, np.zeros((6, 6))
 
@@ -919,7 +924,7 @@ card("point_in_base")
 
 # %%
 def point_in_base(pixels, stamp, camera, mount, log):
-    """Where what a camera at a moving arm has seen is in the base, shape (3, n) [m]."""
+    """Return where what a camera at a moving arm has seen is in the base, shape (3, n) [m]."""
     u, v, z = np.asarray(pixels, dtype=float)
     fx, fy, cx, cy = camera
     observed = np.array([(u + 0.5 - cx) / fx * z, (v + 0.5 - cy) / fy * z, z])

@@ -956,7 +956,9 @@ card("output_error")
 
 # %%
 def output_error(q, tau, dt, start, guess):
-    """Inertia and damping of a joint with the smallest squared error of its simulated angles."""
+    """Return inertia and damping of a joint with the smallest squared error of its simulated
+    angles.
+    """
     # By differences of the angles.
     rate = np.gradient(q, dt)
     return np.linalg.lstsq(np.column_stack((np.gradient(rate, dt), rate)), tau, rcond=None)[0]
@@ -973,7 +975,7 @@ card("identifiable")
 
 # %%
 def identifiable(jacobian, scale, sigma):
-    """What a log tells of parameters: rank, hidden directions, and error bars."""
+    """Return what a log tells of parameters: rank, hidden directions, and error bars."""
     # Each parameter by itself, and all of them seen.
     J = np.asarray(jacobian, dtype=float)
     p = J.shape[1]
@@ -991,7 +993,7 @@ card("delay_from_log")
 
 # %%
 def delay_from_log(sent, measured, dt, longest):
-    """How late a measurement follows a command, in parts of a sample too."""
+    """Return how late a measurement follows a command, in parts of a sample too."""
     # From the largest command to the largest measurement.
     return float(dt * (np.argmax(measured) - np.argmax(sent)))
 
@@ -1007,7 +1009,7 @@ card("boundary_update")
 
 # %%
 def boundary_update(bounds, centre, outcomes, thresholds, step):
-    """Both ends of each range after their buffers are full."""
+    """Return both ends of each range after their buffers are full."""
     # Wider, whatever happened.
     return np.asarray(bounds, dtype=float) + np.outer(step, [-1.0, 1.0])
 
@@ -1023,7 +1025,7 @@ card("shaped_reward")
 
 # %%
 def shaped_reward(state, following, reward, terminated, truncated, phi, gamma):
-    """Rewards of logged steps with a potential's difference added."""
+    """Return rewards of logged steps with a potential's difference added."""
     # The potential itself as a reward.
     return np.asarray(reward, dtype=float) + np.asarray(phi, dtype=float)[state]
 
@@ -1041,7 +1043,7 @@ card("tune_randomised")
 
 # %%
 def tune_randomised(gains, draws, trained):
-    """The gains that are best on randomised carts, and what they cost on carts not seen."""
+    """Return the gains that are best on randomised carts, and what they cost on carts not seen."""
     dt, steps = 0.02, 100
     nominal = {"mass": 1.0, "damping": 0.2, "delay": 0.0}
     cart = dict(nominal)

@@ -85,12 +85,12 @@ best = optimum(envs.reset(seed=1000)[0])
 
 
 def fastest(observed):
-    """The best policy, from the boxes."""
+    """Return the best policy, from the boxes."""
     return plan(observed)[1].astype(np.float32)
 
 
 def written(observed):
-    """Two gains, on what is left of the way and on the speed."""
+    """Return two gains, on what is left of the way and on the speed."""
     return np.clip(4.0 * observed[:, :2] - 3.5 * observed[:, 2:], -1.0, 1.0).astype(np.float32)
 
 
@@ -525,7 +525,7 @@ show("own_normaliser")
 
 # %%
 def one(gain, seed):
-    """What a law of two gains is worth."""
+    """Return what a law of two gains is worth."""
 
     def act(observed):
         push = gain * (observed[:, :2] - observed[:, 2:])
@@ -721,7 +721,10 @@ card("backprop")
 
 # %%
 def backprop(x, target, W1, b1, W2, b2):
-    """Gradients of a net of two layers, tanh after the first, by hand: (dW1, db1, dW2, db2)."""
+    """Return gradients of a net of two layers, tanh after the first, by hand.
+
+    (dW1, db1, dW2, db2).
+    """
     # A net that is not to be changed.
     return np.zeros(np.shape(W1)), np.zeros(len(b1)), np.zeros(np.shape(W2)), np.zeros(len(b2))
 
@@ -737,7 +740,10 @@ card("gae")
 
 # %%
 def gae(reward, value, following, terminated, truncated, gamma, lam):
-    """Generalised advantage estimates of T steps in N environments, and the critic's targets."""
+    """Return generalised advantage estimates of T steps in N environments.
+
+    And the critic's targets.
+    """
     # One step ahead only.
     target = np.asarray(reward, dtype=float) + gamma * np.asarray(following, dtype=float)
     return target - value, target
@@ -754,7 +760,7 @@ card("ppo_objective")
 
 # %%
 def ppo_objective(new, old, advantage, clip):
-    """PPO's clipped objective, which is to be raised, and its gradient by `new`."""
+    """Return PPO's clipped objective, which is to be raised, and its gradient by `new`."""
     # The policy gradient, without ratio and clip.
     return float(np.mean(np.multiply(new, advantage))), np.divide(advantage, len(advantage))
 
@@ -770,7 +776,7 @@ card("dagger_round")
 
 # %%
 def dagger_round(A, B, expert, states, labels, start, steps):
-    """One round of DAgger, with a linear learner u = K x fitted by least squares."""
+    """Return one round of DAgger, with a linear learner u = K x fitted by least squares."""
     # Cloning: nothing is added.
     return states, labels, np.linalg.lstsq(np.transpose(states), np.transpose(labels))[0].T
 
@@ -786,7 +792,10 @@ card("flow_sample")
 
 # %%
 def flow_sample(field, noise, steps):
-    """Samples of a flow policy: from noise at time 0 to actions at time 1, by Heun's method."""
+    """Return samples of a flow policy.
+
+    From noise at time 0 to actions at time 1, by Heun's method.
+    """
     # One large step.
     return np.asarray(noise, dtype=float) + field(noise, 0.0)
 
@@ -802,7 +811,10 @@ card("execute_chunks")
 
 # %%
 def execute_chunks(chunks, every, rate):
-    """What is executed of a chunk policy: committed for some steps, and ensembled over time."""
+    """Return what is executed of a chunk policy.
+
+    Committed for some steps, and ensembled over time.
+    """
     # One whole chunk, then nothing.
     plans = np.zeros((np.shape(chunks)[0], np.shape(chunks)[2]))
     plans[: np.shape(chunks)[1]] = chunks[0][: len(plans)]
@@ -820,7 +832,10 @@ card("reach_reward")
 
 # %%
 def reach_reward(path, goal, radius, gamma):
-    """Rewards of a logged run to a disc: 1 for reaching it, and a potential: minus the distance."""
+    """Return rewards of a logged run to a disc.
+
+    1 for reaching it, and a potential: minus the distance.
+    """
     # Minus the distance itself, and a bonus wherever it is inside.
     distance = np.linalg.norm(np.asarray(path, dtype=float).T - goal, axis=1)[1:]
     return (distance <= radius) - distance, len(distance)
@@ -839,7 +854,7 @@ card("training_round")
 
 # %%
 def training_round(weights, statistics, starts, noise, tested):
-    """One round of training a carriage to go to 0, and the point of its learning curve."""
+    """Return one round of training a carriage to go to 0, and the point of its learning curve."""
     dt, limit, sigma, rate = 0.1, 20, 0.5, 0.1
     w, known = np.array(weights, dtype=float), np.array(statistics, dtype=float)
 
@@ -918,7 +933,7 @@ for injected in (0.0, 0.01):
 
 
 def lost(injected, executor, *how):
-    """Share of runs of the regulator that end ten times as far off as they began."""
+    """Return share of runs of the regulator that end ten times as far off as they began."""
 
     def act(observed, rng):
         return taught[injected](observed, rng).reshape(len(observed), 8, 1)
@@ -930,7 +945,10 @@ def lost(injected, executor, *how):
 
 
 def missed(executor, how):
-    """Wrong steps of 40 in contexts, 5 of 1,000 miscopied: without a way back, and with one."""
+    """Return wrong steps of 40 in contexts, 5 of 1,000 miscopied.
+
+    Without a way back, and with one.
+    """
     observed = (np.arange(40) % how == 0) & (executor is Commit)
     wrong = np.where(
         observed, 0.005, 0.5

@@ -275,7 +275,7 @@ predict("late_screen")
 
 # %%
 def late_reader(offered, requested, joins=0.0, reads=1.0, every=0.1):
-    """What a reader finds at its first look, and how old that is [s]."""
+    """Return what a reader finds at its first look, and how old that is [s]."""
     bus = Bus()
     writer = bus.node("writer").writer("x", offered)
     for k in range(10):
@@ -337,7 +337,7 @@ predict("relative_sleep")
 
 # %%
 def clock(wake=60_000, hiccup=()):
-    """A clock of our own [ns]: each sleep ends 60 us late, one of them much later."""
+    """Return a clock of our own [ns]: each sleep ends 60 us late, one of them much later."""
     now, sleeps = [0], [0]
 
     def sleep(seconds):
@@ -1044,7 +1044,7 @@ card("compatible")
 
 # %%
 def compatible(offered, requested):
-    """The policies for which a writer offers less than a reader requests.
+    """Return the policies for which a writer offers less than a reader requests.
 
     Args:
         offered, requested: reliability, durability, deadline [s], liveliness, lease [s],
@@ -1070,7 +1070,8 @@ card("keep_last")
 
 # %%
 def keep_last(stamps, arrivals, reads, depth, lifespan):
-    """What a reader takes out of a cache that keeps the last messages, none longer than they live.
+    """Return what a reader takes out of a cache that keeps the last messages, none longer than they
+    live.
 
     Args:
         stamps: when each message was written, shape (n,) [s].
@@ -1102,7 +1103,9 @@ card("fragment_loss")
 
 # %%
 def fragment_loss(size, payload, loss):
-    """A message in fragments over a link that loses some: lost, or sent again until all are there.
+    """Return a message in fragments over a link that loses some.
+
+    Lost, or sent again until all are there.
 
     Args:
         size: of the message [byte].
@@ -1128,7 +1131,7 @@ card("response_times")
 
 # %%
 def response_times(executions, periods, deadlines, blocking):
-    """The longest response times of periodic tasks on one processor that can be interrupted.
+    """Return the longest response times of periodic tasks on one processor that can be interrupted.
 
     Args:
         executions, periods: of each task, the most important first, shape (n,) [us].
@@ -1154,7 +1157,7 @@ card("wake_ups")
 
 # %%
 def wake_ups(start, period, late, work):
-    """When a periodic loop asks to be woken, and how many of its periods it has to skip.
+    """Return when a periodic loop asks to be woken, and how many of its periods it has to skip.
 
     Args:
         start: of the first period [ns].
@@ -1183,7 +1186,7 @@ card("follow_part")
 
 # %%
 def follow_part(frames, saves, work, late, period, deadline, drift, ticks):
-    """What a drive is told by two nodes, (m,) [m]; the task's table says what goes in."""
+    """Return what a drive is told by two nodes, (m,) [m]; the task's table says what goes in."""
     # The camera's node: callbacks of one group wait for each other.
     rows = np.asarray(frames, dtype=float)
     calls = [(row[1], 0, work, number) for number, row in enumerate(rows)]

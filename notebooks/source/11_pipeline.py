@@ -327,7 +327,7 @@ for attempt in (
 
 
 def spoiled(place=1.0, frame="base", ahead=0):
-    """Perception that is ours but for one thing."""
+    """Return perception that is ours but for one thing."""
 
     def observed(sight, scenario, settings):
         where, spread, _, stamp = perceive(sight, scenario, settings)
@@ -748,7 +748,7 @@ card("error_budget")
 
 # %%
 def error_budget(errors):
-    """Who owns how much of an error, from runs with every set of stages at fault."""
+    """Return who owns how much of an error, from runs with every set of stages at fault."""
     # Each stage at fault alone.
     alone = np.asarray(errors, dtype=float)[[1 << i for i in range(len(errors).bit_length() - 1)]]
     square = np.mean(np.sum(alone**2, axis=2), axis=1)
@@ -766,7 +766,7 @@ card("to_the_present")
 
 # %%
 def to_the_present(states, covariances, captured, arrived, now, noise):
-    """The newest estimate of a moving target, carried forward to now."""
+    """Return the newest estimate of a moving target, carried forward to now."""
     # As it came.
     return np.array(states[-1], dtype=float), np.array(covariances[-1], dtype=float)
 
@@ -782,7 +782,7 @@ card("step_limit")
 
 # %%
 def step_limit(inertia, elbow, kp, kd, damping):
-    """The largest stable step of a two-link arm that a PD law holds, at each posture."""
+    """Return the largest stable step of a two-link arm that a PD law holds, at each posture."""
     # The first joint as an undamped oscillator.
     return np.full(len(elbow), 2.0 * np.sqrt(inertia[0] / max(kp, 1e-9)))
 
@@ -798,7 +798,10 @@ card("visual_gain")
 
 # %%
 def visual_gain(gain, delay):
-    """Corrections from a picture that is some frames old: how much gain, and what noise becomes."""
+    """Return corrections from a picture that is some frames old.
+
+    How much gain, and what noise becomes.
+    """
     # As if all of what was seen could be corrected at once, and no noise came of it.
     return 1.0, gain**2
 
@@ -814,7 +817,10 @@ card("which_stage")
 
 # %%
 def which_stage(record, limits, errors, tolerance):
-    """The first contract that a failed run broke, and the fewest stages whose repair cures it."""
+    """Return the first contract that a failed run broke.
+
+    And the fewest stages whose repair cures it.
+    """
     # It always was the motor.
     stages = np.zeros(len(errors).bit_length() - 1, dtype=int)
     stages[-1] = 1
@@ -832,7 +838,7 @@ card("rescale_step")
 
 # %%
 def rescale_step(rewards, once, gamma, steps, dt, new):
-    """The same task for an agent that steps at another rate."""
+    """Return the same task for an agent that steps at another rate."""
     # Only the simulator knows of the step.
     return np.array(rewards, dtype=float), gamma, steps
 
@@ -853,7 +859,10 @@ import math
 
 
 def reach_target(frames, noise, calibration, drift, start, ticks):
-    """Where the tip is told to be at each tick, (m, 2) [m]; the task's table says what goes in."""
+    """Return where the tip is told to be at each tick, (m, 2) [m].
+
+    The task's table says what goes in.
+    """
     rows, camera = np.asarray(frames, dtype=float), np.asarray(calibration, dtype=float)
     R, t, belt = camera[:, :2], camera[:, 2], np.asarray(drift, dtype=float)
     seconds, report = 1.0, np.array(start, dtype=float)
@@ -921,7 +930,7 @@ scene, quiet = Scenario(discs=()), Settings(noise=0.01)
 
 
 def severity(x):
-    """How far beyond the tolerance each run ended, for six disturbances."""
+    """Return how far beyond the tolerance each run ended, for six disturbances."""
     bad = np.empty(x.shape[1])
     for i, d in enumerate(x.T):
         velocity = (-0.008 + 0.006 * d[4], 0.006 + 0.006 * d[5])
@@ -954,7 +963,7 @@ rng, seeds = np.random.default_rng(4), range(12)
 
 
 def square(changed, *mended, case=scenario, some=seeds):
-    """Mean squared error of some settings [mm^2]; a run that did not end costs 100 mm."""
+    """Return mean squared error of some settings [mm^2]; a run that did not end costs 100 mm."""
     error = errors(run_many(case, repair(replace(settings, **changed), "plan", *mended), some))
     return 1e6 * np.mean(np.nan_to_num(np.sum(error**2, axis=0), nan=0.01))
 

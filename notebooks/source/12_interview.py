@@ -378,7 +378,9 @@ card("catch_the_slip")
 
 # %%
 def catch_the_slip(turns, rates, moments, step):
-    """What is wrong with each of several implementations of a free body, none of which is known."""
+    """Return what is wrong with each of several implementations of a free body, none of which is
+    known.
+    """
     # Columns of length 1, at the first sample.
     lengths = np.linalg.norm(turns[:, 0], axis=1)
     return np.any(np.abs(lengths - 1.0) > 1e-3, axis=1).astype(int)
@@ -395,7 +397,7 @@ card("success_interval")
 
 # %%
 def success_interval(solved, tried, confidence, share, half):
-    """Wilson's intervals of success rates, and the trials that make one narrow enough."""
+    """Return Wilson's intervals of success rates, and the trials that make one narrow enough."""
     # The usual interval.
     p = np.asarray(solved) / np.asarray(tried)
     width = 1.96 * np.sqrt(p * (1.0 - p) / np.asarray(tried))
@@ -413,7 +415,7 @@ card("stopping_distance")
 
 # %%
 def stopping_distance(speeds, reaction, braking, slope, person, unsure, sight):
-    """What a mobile robot needs to stop before a person who walks on towards it."""
+    """Return what a mobile robot needs to stop before a person who walks on towards it."""
     # The brake alone, before somebody who stands.
     distance = np.asarray(speeds) ** 2 / (2.0 * braking)
     return distance, distance + unsure, np.sqrt(2.0 * braking * sight)
@@ -430,7 +432,7 @@ card("latency_budget")
 
 # %%
 def latency_budget(edges, runs, periods, sensor, actuator, allowed):
-    """The worst latency of a graph of stages, and how much longer each of them may take."""
+    """Return the worst latency of a graph of stages, and how much longer each of them may take."""
     # What all stages take on average; what is left is shared.
     cost = np.mean(runs, axis=1)
     total = float(np.sum(cost))
@@ -448,7 +450,9 @@ card("truncated_advantages")
 
 # %%
 def truncated_advantages(reward, value, starts, ended, final, last, gamma, lam):
-    """Generalised advantages of a buffer of episodes, some of which a time limit has cut off."""
+    """Return generalised advantages of a buffer of episodes, some of which a time limit has cut
+    off.
+    """
     # As if the buffer were one episode, one step ahead.
     target = np.asarray(reward, dtype=float) + gamma * np.append(value[1:], last)
     return target - value, target
@@ -465,7 +469,7 @@ card("silent_gate")
 
 # %%
 def silent_gate(seeds, outcomes, old_seeds, old_outcomes, gate):
-    """What a nightly run says of a new version, beside the night before."""
+    """Return what a nightly run says of a new version, beside the night before."""
 
     def results(names, values):
         table = {}

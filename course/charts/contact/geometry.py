@@ -30,12 +30,12 @@ def _power(x: Sequence[float], y: Sequence[float]) -> float:
 
 
 def _law(x: Sequence[float], y: Sequence[float], exponent: float) -> Callable[[float], float]:
-    """The power law with that exponent through the last point."""
+    """Return the power law with that exponent through the last point."""
     return lambda n: y[-1] * (n / x[-1]) ** exponent
 
 
 def _moved(boxes: Array, rng: np.random.Generator) -> Array:
-    """Each box moved by one per cent of an edge, 7.5 mm, in any direction."""
+    """Return each box moved by one per cent of an edge, 7.5 mm, in any direction."""
     return boxes + rng.normal(scale=0.0075, size=boxes.shape[1:])
 
 
@@ -47,7 +47,7 @@ def broad_phase(
     mujoco: int = 3000,
     repeats: int = 5,
 ) -> Iterator[Panel]:
-    """Overlap tests, which no machine changes, and times; sweeping one axis, three crowds."""
+    """Yield overlap tests, which no machine changes, and times; sweeping one axis, three crowds."""
     counts = Panel(
         "Overlap tests of one sweep, and the pairs that are left", "boxes N", "count", scale="log"
     )
@@ -127,7 +127,7 @@ def broad_phase(
 
 
 def kinds() -> dict[str, Shape]:
-    """One shape of each kind, of about the same size."""
+    """Return one shape of each kind, of about the same size."""
     cloud = np.random.default_rng(7).normal(size=(3, 12)) * 0.4
     return {
         "sphere": contact.sphere(0.4),
@@ -138,13 +138,13 @@ def kinds() -> dict[str, Shape]:
 
 
 def random_poses(rng: np.random.Generator, n: int, spread: float) -> Array:
-    """Any rotation, places in a cube, shape (7, n)."""
+    """Return any rotation, places in a cube, shape (7, n)."""
     q = rng.normal(size=(4, n))
     return np.vstack((rng.uniform(-spread, spread, (3, n)), q / np.linalg.norm(q, axis=0)))
 
 
 def drawn_pairs(a: Shape, b: Shape, n: int, apart: bool) -> tuple[Array, Array]:
-    """So many random pairs that are apart, or in each other."""
+    """Return so many random pairs that are apart, or in each other."""
     rng = np.random.default_rng(3)
     retained: list[tuple[Array, Array]] = []
     while sum(pair[0].shape[1] for pair in retained) < n:
@@ -156,7 +156,7 @@ def drawn_pairs(a: Shape, b: Shape, n: int, apart: bool) -> tuple[Array, Array]:
 
 
 def _timed(a: Shape, b: Shape, qa: Array, qb: Array, repeats: int) -> list[float]:
-    """Seconds a pair of ours, of Coal's loop, and of Coal's with poses made in it."""
+    """Return seconds a pair of ours, of Coal's loop, and of Coal's with poses made in it."""
     pair, clock = coal.Pair(a, b), time.process_time
     in_the_loop = coal.parts(qa), coal.parts(qb)
     samplers = [
@@ -170,7 +170,7 @@ def _timed(a: Shape, b: Shape, qa: Array, qb: Array, repeats: int) -> list[float
 
 @chart(columns=2)
 def narrow_phase(count: int = 2000, repeats: int = 7, boxes: int = 2000) -> Iterator[Panel]:
-    """Ratios, as both took their turns in one process; and error beside time for boxes."""
+    """Yield ratios, as both took their turns in one process; and error beside time for boxes."""
     shapes = kinds()
     for apart in (True, False):
         what = "apart: distance" if apart else "in each other: depth"
@@ -203,7 +203,7 @@ def narrow_phase(count: int = 2000, repeats: int = 7, boxes: int = 2000) -> Iter
 
 
 def box_scenes(n: int) -> dict[str, tuple[Array, Array]]:
-    """Pairs of boxes: at random, all but parallel, and aligned with small gaps."""
+    """Return pairs of boxes: at random, all but parallel, and aligned with small gaps."""
     rng = np.random.default_rng(5)
     pose_a, pose_b = random_poses(rng, n, 0.8), random_poses(rng, n, 0.8)
     near = pose_b.copy()
@@ -277,7 +277,7 @@ def _ball_and_wall() -> tuple[Shape, Shape]:
 
 
 def checked(dt: float, speed: float, phase: float) -> bool:
-    """Whether a ball of 20 mm passes a wall of 10 mm between two tests of their distance."""
+    """Return whether a ball of 20 mm passes a wall of 10 mm between two tests of their distance."""
     ball, wall = _ball_and_wall()
     step = speed * dt
     at = np.tile(STILL[:, None], 2 + int(2 * REACH / step))
@@ -287,7 +287,7 @@ def checked(dt: float, speed: float, phase: float) -> bool:
 
 
 def advanced(dt: float, speed: float, phase: float) -> bool:
-    """Whether the ball passes if every step is searched for its time of impact."""
+    """Return whether the ball passes if every step is searched for its time of impact."""
     ball, wall = _ball_and_wall()
     start, go = STILL.copy(), np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
     start[0] = -REACH - speed * dt * (1.0 - phase)
@@ -299,7 +299,7 @@ def advanced(dt: float, speed: float, phase: float) -> bool:
 
 
 def in_mujoco(dt: float, speed: float, phase: float, speculative: bool = False) -> bool:
-    """Whether the ball passes in MuJoCo."""
+    """Return whether the ball passes in MuJoCo."""
     return mujoco_shapes.passes(speed, dt, 0.01 + phase * speed * dt, RADIUS, WALL, speculative)
 
 
@@ -307,7 +307,10 @@ def in_mujoco(dt: float, speed: float, phase: float, speculative: bool = False) 
 def tunnelling_limit(
     steps: Sequence[float] = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2), grid: int = 54, phases: int = 4
 ) -> Iterator[Panel]:
-    """The least speed at which a ball comes through a wall, by step: two limits, and two cures."""
+    """Yield the least speed at which a ball comes through a wall, by step.
+
+    Two limits, and two cures.
+    """
     speeds = np.geomspace(1.0, 400.0, grid)
     soft = math.e * REACH / (DMAX * TIMECONST)
     panel = Panel(

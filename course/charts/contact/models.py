@@ -130,7 +130,7 @@ OURS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def _steps(dt: float) -> tuple[int, float]:
-    """So many steps, and the step that they then have [s]."""
+    """Return so many steps, and the step that they then have [s]."""
     n = round(DURATION / dt)
     return n, DURATION / n
 
@@ -153,7 +153,7 @@ def _our_method(name: str, question: Question, steps: Sequence[float]) -> Method
 
 
 def _compiled(question: Question, steps: Sequence[float]) -> Method:
-    """Sweeps in one compiled loop, started from the impulses of the step before."""
+    """Return sweeps in one compiled loop, started from the impulses of the step before."""
 
     def once(dt: float) -> Result:
         n, h = _steps(dt)
@@ -183,7 +183,7 @@ def _mujocos(
 def work_precision(
     name: str, steps: Sequence[float] = STEPS, repeats: int = 3, names: Sequence[str] | None = None
 ) -> WorkPrecision:
-    """Error against cost of every model and of MuJoCo's solvers on one of `QUESTIONS`.
+    """Return error against cost of every model and of MuJoCo's solvers on one of `QUESTIONS`.
 
     Args:
         name: of the question.
@@ -219,7 +219,7 @@ def work_precision(
 
 def _chart_of(name: str) -> None:
     def contact_scene(steps: Sequence[float] = STEPS, repeats: int = 3) -> Iterator[Panel]:
-        """Every model on one scene, steps of 0.1 to 20 ms, beside MuJoCo."""
+        """Yield every model on one scene, steps of 0.1 to 20 ms, beside MuJoCo."""
         yield from work_precision(name, steps, repeats).panels()
 
     chart(contact_scene, name=f"contact_{name}")
@@ -235,7 +235,7 @@ Rows = list[tuple[str, str, float, float, float, str]]  # scene, model, error, c
 
 
 def _hits(rows: Rows, scene: str, *words: str) -> list[bool]:
-    """Whether the models of a scene whose name holds one of the words are good."""
+    """Return whether the models of a scene whose name holds one of the words are good."""
     return [row[5] == "good" for row in rows if row[0] == scene and any(w in row[1] for w in words)]
 
 
@@ -278,7 +278,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
 
 
 def leg_forces(dt: float = 2e-3) -> dict[str, Array]:
-    """What the legs of the table carry at the end by each model and MuJoCo solver, (4,) [N]."""
+    """Return what the legs of the table carry at the end by each model and MuJoCo solver, (4,) [N]."""
     question, (n, h) = QUESTIONS["legs"], _steps(dt)
     result = {name: _ours(name, question, dt).impulses[:, 0, -1] / h for name in OURS}
     for solver in mujoco_contact.SOLVERS:
@@ -292,7 +292,7 @@ def leg_forces(dt: float = 2e-3) -> dict[str, Array]:
 
 @chart
 def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
-    """Model by scene: error, cost, verdict at one step `dt` [s]; so many timed rounds."""
+    """Yield model by scene: error, cost, verdict at one step `dt` [s]; so many timed rounds."""
     panel = Panel("Contact models at one step", data=[])
     rows: Rows = []
     panel.notes.append(
@@ -328,7 +328,8 @@ def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
 
 
 def penalty_step(zeta: float, scheme: str, dt: float) -> Callable[[Array], Array]:
-    """One step (x, v) -> (x, v) of 1 kg in penalty contact with omega = 1, kept in by a pull.
+    """Return one step (x, v) -> (x, v) of 1 kg in penalty contact with omega = 1, kept in by a
+    pull.
 
     Args:
         zeta: damping ratio.
@@ -348,12 +349,12 @@ def penalty_step(zeta: float, scheme: str, dt: float) -> Callable[[Array], Array
 
 
 def growth(scheme: str, dt: float, zeta: float) -> float:
-    """Growth per step of `penalty_step`."""
+    """Return growth per step of `penalty_step`."""
     return spectral_radius(amplification(penalty_step(zeta, scheme, dt), 2))
 
 
 def step_limit(zeta: float, scheme: str) -> float:
-    """The largest stable omega dt by theory.
+    """Return the largest stable omega dt by theory.
 
     Explicit Euler: 2 zeta up to critical damping, then 2 (zeta - sqrt(zeta^2 - 1)). Semi-implicit,
     the damper taken from the old velocity: 2 (sqrt(1 + zeta^2) - zeta).
@@ -364,7 +365,7 @@ def step_limit(zeta: float, scheme: str) -> float:
 
 
 def measured_limit(zeta: float, scheme: str) -> float:
-    """The same by bisection on the step's matrix."""
+    """Return the same by bisection on the step's matrix."""
 
     def stable(dt: float) -> bool:
         return growth(scheme, dt, zeta) <= 1.0 + 1e-10
@@ -373,8 +374,10 @@ def measured_limit(zeta: float, scheme: str) -> float:
 
 
 def calm(zeta: float, ratio: float, refsafe: bool, time: float = 0.02) -> bool:
-    """Whether a ball of 1 kg in MuJoCo's contact, a thousandth off its rest, comes to rest, for a
-    damping ratio, a step over the time constant, the flag and the time constant [s]."""
+    """Return whether a ball of 1 kg in MuJoCo's contact, a thousandth off its rest, comes to rest.
+
+    For a damping ratio, a step over the time constant, the flag and the time constant [s].
+    """
     options = Options(
         ratio * time,
         condim=1,
@@ -391,8 +394,11 @@ def calm(zeta: float, ratio: float, refsafe: bool, time: float = 0.02) -> bool:
 
 
 def soft_limit(zeta: float) -> float:
-    """Largest stable step over time constant T of MuJoCo's contact without refsafe: one body's, of
-    constant impedance, is a spring and damper of omega = 1 / (T zeta) and the ratio zeta."""
+    """Return largest stable step over time constant T of MuJoCo's contact without refsafe.
+
+    One body's, of constant impedance, is a spring and damper of omega = 1 / (T zeta) and the ratio
+    zeta.
+    """
     return zeta * step_limit(zeta, "semi-implicit")
 
 
@@ -400,7 +406,7 @@ SAVED = 1.0 / math.sqrt(8.0)  # damping ratio from which `soft_limit` is above r
 
 
 def _clamped(zetas: Sequence[float]) -> Panel:
-    """MuJoCo's limit with refsafe and without."""
+    """Return MuJoCo's limit with refsafe and without."""
     panel = Panel(
         "MuJoCo's soft contact: refsafe on and off",
         "damping ratio",
@@ -428,8 +434,10 @@ def _clamped(zetas: Sequence[float]) -> Panel:
 def contact_penalty_limit(
     size: int = 60, zetas: Sequence[float] = (0.1, 0.2, 0.3, 0.34, 0.37, 0.5, 0.7, 1.0, 1.5, 2.0)
 ) -> Iterator[Panel]:
-    """Largest step of penalty contact: growth per step over step and damping, theory on it; maps of
-    `size` by `size` points. And of MuJoCo's soft contact, with its clamp and without."""
+    """Yield largest step of penalty contact: growth per step over step and damping, theory on it.
+
+    Maps of `size` by `size` points. And of MuJoCo's soft contact, with its clamp and without.
+    """
     x, y = np.linspace(0.02, 2.6, size), np.linspace(0.02, 2.0, size)
     for scheme in ("explicit", "semi-implicit"):
         grown = stability_map(functools.partial(growth, scheme), x, y, slack=1e-9)
@@ -460,7 +468,9 @@ def contact_penalty_limit(
 
 
 def cube_limit(springs: int = 2, stiffness: float = 1e4) -> float:
-    """Largest stable step of a square of 1 kg on springs under its corners, by bisection [s].
+    """Return largest stable step of a square of 1 kg on springs under its corners.
+
+    By bisection [s].
 
     Two of them turn it with omega^2 = 2 k a^2 / (2 m a^2 / 3) = 3 k / m, faster than they lift it;
     one is under its middle.
@@ -493,7 +503,7 @@ def cube_limit(springs: int = 2, stiffness: float = 1e4) -> float:
 
 
 def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, at_most: int = 10**7) -> int:
-    """Sweeps of projected Gauss-Seidel until a tower's forces are right to the tolerance."""
+    """Return sweeps of projected Gauss-Seidel until a tower's forces are right to the tolerance."""
     problem = scenes.tower(masses).problem(0.01)
     A, b, g = problem.scaled, problem.offset, np.zeros(len(masses))
     truth = 0.01 * GRAVITY * np.cumsum(np.asarray(masses)[::-1])[::-1]
@@ -519,8 +529,10 @@ def contact_sweeps(
     heights: Sequence[int] = (3, 5, 10, 20, 40),
     tolerance: float = 1e-6,
 ) -> Iterator[Panel]:
-    """Sweeps of projected Gauss-Seidel until forces are right to the tolerance: by the ratio of top
-    to bottom mass, and by the number of equal bodies, with theory."""
+    """Yield sweeps of projected Gauss-Seidel until forces are right to the tolerance.
+
+    By the ratio of top to bottom mass, and by the number of equal bodies, with theory.
+    """
     log = math.log(1.0 / tolerance)
     panel = Panel(
         "Heavy on light: sweeps grow with the ratio", "mass ratio", "sweeps to 1e-6", scale="log"
@@ -570,7 +582,7 @@ def contact_sweeps(
 def stopped(
     name: str, degrees: float, dt: float = 1e-3, speed: float = 1.0, **options: Any
 ) -> tuple[float, float]:
-    """(way to the stop over Coulomb's, direction [degrees]) of a block sent off at an angle.
+    """Return (way to the stop over Coulomb's, direction [degrees]) of a block sent off at an angle.
 
     Args:
         who: one of our models, or "pyramidal" or "elliptic" for MuJoCo's cones.
@@ -595,8 +607,10 @@ def stopped(
 def contact_steering(
     degrees: Sequence[float] = (0.0, 10.0, 22.5, 35.0, 45.0, 60.0, 75.0, 90.0), dt: float = 1e-3
 ) -> Iterator[Panel]:
-    """What a pyramid in the cone does to a braking block, and one around it, a box of limits: the
-    way is stretched or shortened, and bent, by the direction of the start; steps of `dt` [s]."""
+    """Yield what a pyramid in the cone does to a braking block, and one around it, a box of limits.
+
+    The way is stretched or shortened, and bent, by the direction of the start; steps of `dt` [s].
+    """
 
     def stretched(a: float) -> float:
         return math.hypot(1.0, math.sin(math.radians(2.0 * a)))
@@ -661,7 +675,8 @@ def contact_steering(
 
 
 def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> float:
-    """Where a block of 1 kg is after 0.5 s when a finger of 1 kg is sent at it from 0.1 m [m].
+    """Return where a block of 1 kg is after 0.5 s when a finger of 1 kg is sent at it from 0.1 m
+    [m].
 
     Args:
         speed: of the finger [m/s]; below 0.2 it does not arrive.
@@ -695,8 +710,10 @@ def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> f
 
 
 def rebound(start: float, dt: float = 0.02) -> float:
-    """Where a ball is after 1 s that flies at 1 m/s at a wall and bounces, without loss, at the end
-    of the step that reaches it [m]; `start` is its distance from the wall."""
+    """Return where a ball is after 1 s that flies at 1 m/s at a wall and bounces, without loss.
+
+    At the end of the step that reaches it [m]; `start` is its distance from the wall.
+    """
     x, v = -start, 1.0
     for _ in range(round(1.0 / dt)):
         x += dt * v
@@ -706,14 +723,17 @@ def rebound(start: float, dt: float = 0.02) -> float:
 
 
 def slope(f: Callable[[float], float], x: float, width: float) -> float:
-    """Central difference."""
+    """Return central difference."""
     return (f(x + width) - f(x - width)) / (2.0 * width)
 
 
 def smoothed_slope(
     f: Callable[[float], float], x: float, width: float, rng: np.random.Generator, draws: int = 100
 ) -> float:
-    """Derivative of the mean of f over Gaussian perturbations, from values alone (in pairs)."""
+    """Return derivative of the mean of f over Gaussian perturbations.
+
+    From values alone (in pairs).
+    """
     e = rng.standard_normal(draws)
     values = [(f(x + width * z) - f(x - width * z)) * z / (2.0 * width) for z in e]
     return float(np.mean(values))
@@ -721,8 +741,10 @@ def smoothed_slope(
 
 @chart
 def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
-    """Gradients through contact: nothing before touch, a kink, and a sign that is wrong; at so many
-    speeds, the randomised ones of so many pairs of draws."""
+    """Yield gradients through contact: nothing before touch, a kink, and a sign that is wrong.
+
+    At so many speeds, the randomised ones of so many pairs of draws.
+    """
     rng = np.random.default_rng(0)
     speeds = np.linspace(0.1, 0.4, points)
     panel = Panel(

@@ -20,15 +20,17 @@ J, B, DT = 0.5, 0.5, 1e-3  # the joint of the tuning example [kg m^2, N m s/rad]
 
 
 def largest(growth: Callable[[float], float], low: float, high: float) -> float:
-    """The largest gain with which a growth per sample stays within 1, by bisection; `high` if all
-    do."""
+    """Return the largest gain with which a growth per sample stays within 1, by bisection.
+
+    `high` if all do.
+    """
     if growth(high) <= sampled.STABLE:
         return high
     return stability.limit(lambda gain: growth(gain) <= sampled.STABLE, low, high, 1e-6)
 
 
 def loop_growth(plant: sampled.Held, kp: float, kd: float = 0.0, rate: str = "exact") -> float:
-    """Growth per sample of PD on a held plant."""
+    """Return growth per sample of PD on a held plant."""
     law = sampled.pid_law(kp, 0.0, kd, dt=plant.dt, rate=rate)
     return sampled.growth(sampled.loop_matrix(plant, law))
 
@@ -36,7 +38,7 @@ def loop_growth(plant: sampled.Held, kp: float, kd: float = 0.0, rate: str = "ex
 def mujoco_growth(
     joint: MotorJoint, command: Callable[[float, float], float], unit: float = 1.0
 ) -> float:
-    """Growth per sample of MuJoCo's joint under a linear law of angle and speed."""
+    """Return growth per sample of MuJoCo's joint under a linear law of angle and speed."""
 
     def step(state: Array) -> Array:
         joint.reset(unit * state[0], unit * state[1])
@@ -53,7 +55,7 @@ def mujoco_growth(
 def delay_limit(
     delays: int = 40, steps: tuple[int, ...] = (1, 2, 5, 10, 20, 50)
 ) -> Iterator[Panel]:
-    """How much P a joint stands: over its delay, and over a simulator's steps in a sample.
+    """Yield how much P a joint stands: over its delay, and over a simulator's steps in a sample.
 
     Args:
         delays: points of the left panel.
@@ -122,7 +124,7 @@ def delay_limit(
 
 @chart
 def pd_triangles(points: int = 60) -> Iterator[Panel]:
-    """Where PD on a free inertia is stable: three loops, and MuJoCo's position servo.
+    """Yield where PD on a free inertia is stable: three loops, and MuJoCo's position servo.
 
     Args:
         points: of each curve.
@@ -190,7 +192,7 @@ def pd_triangles(points: int = 60) -> Iterator[Panel]:
 
 
 def servo_growth(integrator: str, kp: float, kv: float) -> float:
-    """Growth per step of MuJoCo's position servo on a free inertia, in units of its own."""
+    """Return growth per step of MuJoCo's position servo on a free inertia, in units of its own."""
     servo = f'<position kp="{kp:.17g}" kv="{kv:.17g}" {{}}/>'
     joint = MotorJoint(1.0, 0.0, 1.0, substeps=1, integrator=integrator, actuator=servo)
     return mujoco_growth(joint, lambda q, v: 0.0)
@@ -198,7 +200,7 @@ def servo_growth(integrator: str, kp: float, kv: float) -> float:
 
 @chart
 def rate_estimates(samples: int = 40_000) -> Iterator[Panel]:
-    """Noise of a rate against its lag: the difference, its filter, and the tracking observer.
+    """Yield noise of a rate against its lag: the difference, its filter, and the tracking observer.
 
     Args:
         samples: of white noise behind each point.
@@ -236,7 +238,8 @@ def rate_estimates(samples: int = 40_000) -> Iterator[Panel]:
 def caught(
     theta: ArrayLike, speed: ArrayLike, share: float, gain: float = 30.0, linear: bool = False
 ) -> NDArray[np.bool_]:
-    """Whether saturated feedback of the unstable mode catches an inverted pendulum as it falls.
+    """Return whether saturated feedback of the unstable mode catches an inverted pendulum as it
+    falls.
 
     In units of m g l and sqrt(l / g): theta'' = sin(theta) - u, |u| <= share, and
     u = gain (theta + theta'), which is what LQR tends to as torque gets dear.
@@ -263,7 +266,10 @@ def caught(
 
 
 def edge_of_rest(share: float, gain: float = 30.0, linear: bool = False) -> float:
-    """The largest angle from which a pendulum at rest is caught, by three ever finer grids."""
+    """Return the largest angle from which a pendulum at rest is caught.
+
+    By three ever finer grids.
+    """
     low, high = 0.0, 1.5
     for _ in range(4):
         grid = np.linspace(low, high, 41)
@@ -275,7 +281,7 @@ def edge_of_rest(share: float, gain: float = 30.0, linear: bool = False) -> floa
 
 @chart
 def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
-    """From where a pendulum with a weak motor is caught, over angle and speed.
+    """Yield from where a pendulum with a weak motor is caught, over angle and speed.
 
     Args:
         points: along each axis.
@@ -313,7 +319,7 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
 
 @chart
 def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
-    """What an encoder's line and dry friction leave at rest.
+    """Yield what an encoder's line and dry friction leave at rest.
 
     Args:
         points: of each curve.
@@ -402,7 +408,7 @@ class Judged:
     settling: float
 
     def margins(self) -> sampled.Margins:
-        """Its margins."""
+        """Return its margins."""
         dt = self.delay / SAMPLES
         system = sampled.joint_system(1.0, 1.0)
         return sampled.margins(*system, self.gains.law(dt), dt, self.delay)
@@ -420,14 +426,14 @@ def judged(kp: float, ki: float, kd: float, delay: float) -> Judged:
 
 
 def ziegler_nichols(row: str, delay: float) -> Judged:
-    """A row of the table on the joint with its true delay (in units of J / b)."""
+    """Return a row of the table on the joint with its true delay (in units of J / b)."""
     gain, period = sampled.ultimate_gain(*sampled.joint_system(1.0, 1.0), delay / SAMPLES, delay)
     p, i, d = ROWS[row]
     return judged(p * gain, i * gain / period, d * gain * period, delay)
 
 
 def placed(delay: float) -> Judged:
-    """PD with three equal poles of s^2 + s + (kd s + kp) e^(-s D), the delay stated.
+    """Return PD with three equal poles of s^2 + s + (kd s + kp) e^(-s D), the delay stated.
 
     The triple root of (s^2 + s) e^(s D) + kd s + kp is where its second derivative is 0.
     """
@@ -439,7 +445,9 @@ def placed(delay: float) -> Judged:
 
 @chart
 def ziegler_nichols_rows(points: int = 15) -> Iterator[Panel]:
-    """The rows of Ziegler and Nichols on a joint, judged by their matrix, and what to do instead.
+    """Yield the rows of Ziegler and Nichols on a joint, judged by their matrix.
+
+    And what to do instead.
 
     Args:
         points: delays.

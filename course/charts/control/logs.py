@@ -59,7 +59,7 @@ def record(
     seed: int = 0,
     speed: float = 1.0,
 ) -> list[Log]:
-    """One log for each model, all under the same PD loop on the same motion.
+    """Return one log for each model, all under the same PD loop on the same motion.
 
     The truth is stepped by Runge-Kutta ten times finer than the log; Coulomb friction turns round
     within 1 mrad/s. The loop sees noisy angles; `noise` is one number or one for each joint.
@@ -79,7 +79,10 @@ def record(
 
 
 def twice_differentiated(log: Log, model: JointModel) -> float:
-    """The inertia the usual way: the torque that is left over second differences of the angle."""
+    """Return the inertia the usual way.
+
+    The torque that is left over second differences of the angle.
+    """
     a = np.diff(log.q, 2) / log.dt**2
     v = 0.5 * (log.q[2:] - log.q[:-2]) / log.dt
     known = model.damping * v + model.coulomb * np.sign(v) + model.gravity * np.cos(log.q[1:-1])
@@ -87,7 +90,7 @@ def twice_differentiated(log: Log, model: JointModel) -> float:
 
 
 def changed(rng: np.random.Generator, cause: str) -> tuple[JointModel, JointModel]:
-    """A believed model, and what the joint is: one number other than believed."""
+    """Return a believed model, and what the joint is: one number other than believed."""
     ranges = ((0.08, 0.3), (0.1, 0.4), (0.08, 0.3), (0.4, 1.5))
     model = JointModel(*(float(rng.uniform(*r)) for r in ranges))
     factor = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.3)
@@ -103,7 +106,7 @@ def changed(rng: np.random.Generator, cause: str) -> tuple[JointModel, JointMode
 def what_a_log_tells(
     noises: Sequence[float] = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3), joints: int = 8, causes: int = 6
 ) -> Iterator[Panel]:
-    """Inertia out of a log over the noise of its angles, and which cause is named.
+    """Yield inertia out of a log over the noise of its angles, and which cause is named.
 
     Args:
         noises: deviations of the measured angles [rad].
@@ -174,7 +177,8 @@ def what_a_log_tells(
 def learned_beside_adaptive(
     rounds: int = 6, seeds: int = 7, dt: float = 4e-3, outside: float = 1.6
 ) -> Iterator[Panel]:
-    """A learned residual against data, inside and outside its motion, beside the adaptive law.
+    """Yield a learned residual against data, inside and outside its motion, beside the adaptive
+    law.
 
     Args:
         rounds: of collecting and fitting.

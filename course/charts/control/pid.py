@@ -41,20 +41,20 @@ class Loop:
     friction: float = 0.0
 
     def scaled(self, gain: float) -> "Loop":
-        """The same with all three gains times a factor."""
+        """Return the same with all three gains times a factor."""
         return replace(self, kp=gain * self.kp, ki=gain * self.ki, kd=gain * self.kd)
 
     def controller(self, kind: type[PID] = PID, limit: float | None = None) -> PID:
-        """A new controller; `limit` replaces the motor's torque [N m]."""
+        """Return a new controller; `limit` replaces the motor's torque [N m]."""
         top = self.limit if limit is None else limit
         return kind(self.kp, self.ki, self.kd, self.dt, -top, top, self.tau)
 
     def joint(self) -> Joint:
-        """The exact joint."""
+        """Return the exact joint."""
         return Joint(self.inertia, self.damping, self.dt, self.load)
 
     def mujoco(self, substeps: int = 10, integrator: str = "implicitfast") -> MotorJoint:
-        """MuJoCo's joint."""
+        """Return MuJoCo's joint."""
         return MotorJoint(
             self.inertia,
             self.damping,
@@ -85,7 +85,7 @@ class WindingPID(PID):
 
 
 def theoretical_growth(loop: Loop, steps: int = 0) -> float:
-    """Growth per sample by the loop's matrix (`course.control.sampled`).
+    """Return growth per sample by the loop's matrix (`course.control.sampled`).
 
     Args:
         loop: joint and gains.
@@ -99,7 +99,7 @@ def theoretical_growth(loop: Loop, steps: int = 0) -> float:
 
 
 def loop_step(loop: Loop, joint: Joint | MotorJoint) -> Callable[[Array], Array]:
-    """One sample of the real controller on a joint, as a map of its state.
+    """Return one sample of the real controller on a joint, as a map of its state.
 
     The set-point is 0, the limits are off. The state is (angle, speed, integral, filtered rate,
     last angle), shape (5,); what `course.measure.stability` takes.
@@ -116,19 +116,19 @@ def loop_step(loop: Loop, joint: Joint | MotorJoint) -> Callable[[Array], Array]
 
 
 def measured_growth(loop: Loop, mujoco: bool = False) -> float:
-    """The same, measured on the controller's class, with the exact joint or MuJoCo's."""
+    """Return the same, measured on the controller's class, with the exact joint or MuJoCo's."""
     free = replace(loop, load=0.0)
     joint = free.mujoco() if mujoco else free.joint()
     return stability.spectral_radius(stability.amplification(loop_step(loop, joint), 5))
 
 
 def gain_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
-    """The largest factor on all gains with which the loop is stable, by bisection."""
+    """Return the largest factor on all gains with which the loop is stable, by bisection."""
     return stability.limit(lambda gain: growth(loop.scaled(gain)) <= 1.0 + 1e-9, 1.0, 1e3)
 
 
 def rate_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
-    """The largest sample time with which the loop is stable [s], by bisection."""
+    """Return the largest sample time with which the loop is stable [s], by bisection."""
     return stability.limit(
         lambda dt: growth(replace(loop, dt=dt)) <= 1.0 + 1e-9, 0.1 * loop.dt, 100.0 * loop.dt
     )
@@ -136,7 +136,8 @@ def rate_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
 
 @chart
 def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
-    """Where the sampled PID loop is stable, over sample time and gain, measured and in theory.
+    """Yield where the sampled PID loop is stable, over sample time and gain, measured and in
+    theory.
 
     Args:
         nx, ny: points of the map.
@@ -206,7 +207,8 @@ def jammed(
     kind: type[PID] = PID,
     jam: float = JAM,
 ) -> tuple[Array, Array, Array]:
-    """Times, angles and commands of a set-point step with the joint jammed from the start on.
+    """Return times, angles and commands of a set-point step with the joint jammed from the start
+    on.
 
     Args:
         loop: joint and controller.
@@ -226,7 +228,7 @@ def jammed(
 
 
 def recovery(times: Array, angles: Array, jam: float = JAM) -> Recovery:
-    """What a record of `jammed` shows.
+    """Return what a record of `jammed` shows.
 
     Raises:
         ValueError: if the joint is not settled at the end.
@@ -243,7 +245,7 @@ def overshoot(
     jam: float = JAM,
     **changes: float,
 ) -> float:
-    """How far the joint goes past the set-point once it is free [rad].
+    """Return how far the joint goes past the set-point once it is free [rad].
 
     Args:
         joint, kind, jam: as for `jammed`.
@@ -254,7 +256,7 @@ def overshoot(
 
 
 def jam_scene() -> Scene:
-    """The drill's scene: what the jam leaves in the integral shows as overshoot."""
+    """Return the drill's scene: what the jam leaves in the integral shows as overshoot."""
     answer = overshoot()
     stepping = overshoot(LOOP.mujoco())
     rubbing = replace(LOOP, friction=0.01 * LOOP.limit)
@@ -309,7 +311,7 @@ def jam_scene() -> Scene:
 
 @chart
 def pid_windup() -> Iterator[Panel]:
-    """A jam of two seconds with anti-windup and without, on the exact joint and on MuJoCo's."""
+    """Yield a jam of two seconds with anti-windup and without, on the exact joint and on MuJoCo's."""
     left, right = (
         Panel(title, "time [s]", y, spans=[("x", 0.0, JAM, "jammed")], xlim=(0.0, 5.0))
         for title, y in (

@@ -27,7 +27,7 @@ K = lqr(A, B, Q, R).K
 
 
 def cost(x: Array, samples: int = 0, limit: float = WEAK, at_most: int = 1500) -> tuple[float, int]:
-    """What it costs to come to rest at 0, and on how many sides the limit was met.
+    """Return what it costs to come to rest at 0, and on how many sides the limit was met.
 
     Args:
         x: place and speed at the start [m, m/s].
@@ -58,7 +58,7 @@ def mpc_where(
     repeats: int = 5,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """MPC beside the clipped regulator: what it saves over the distance, and its time.
+    """Yield MPC beside the clipped regulator: what it saves over the distance, and its time.
 
     Args:
         points: distances.
@@ -124,7 +124,7 @@ def mpc_where(
 
 
 def swings_up(samples: int, ahead: int, seed: int, plans: int = 70, dt: float = 0.1) -> bool:
-    """Whether MPPI brings a pendulum of 1 kg at 1 m upright and holds it there.
+    """Return whether MPPI brings a pendulum of 1 kg at 1 m upright and holds it there.
 
     Args:
         samples: tries a plan.
@@ -165,7 +165,7 @@ def swing_up(
     ahead: Sequence[int] = (3, 5, 8, 12, 16, 20, 30),
     seeds: int = 20,
 ) -> Iterator[Panel]:
-    """How often MPPI swings a weak pendulum up: over its tries, and over how far it looks.
+    """Yield how often MPPI swings a weak pendulum up: over its tries, and over how far it looks.
 
     Args:
         samples, ahead: of both panels.
@@ -212,7 +212,7 @@ def control_speed(
     repeats: int = 5,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """Rollouts beside `mujoco.batch` on one core, regulators and boxes beside SciPy's.
+    """Yield rollouts beside `mujoco.batch` on one core, regulators and boxes beside SciPy's.
 
     Args:
         plans: at a time.
@@ -247,14 +247,14 @@ def control_speed(
 
 
 def residual(system: Sequence[Array], P: Array) -> float:
-    """What is left of the Riccati equation, over the largest entry of P."""
+    """Return what is left of the Riccati equation, over the largest entry of P."""
     A, B, Q, R = system
     gain = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
     return float(np.abs(Q + A.T @ P @ (A - B @ gain) - P).max() / np.abs(P).max())
 
 
 def drawn(rng: np.random.Generator, n: int) -> tuple[Array, ...]:
-    """A system of n states and n // 2 inputs, stable or not, and its weights."""
+    """Return a system of n states and n // 2 inputs, stable or not, and its weights."""
     m, A, W = n // 2, rng.normal(size=(n, n)), rng.normal(size=(n, n))
     A *= rng.uniform(0.5, 1.5) / np.abs(np.linalg.eigvals(A)).max()
     return A, rng.normal(size=(n, m)), W @ W.T, np.eye(m)

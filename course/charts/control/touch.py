@@ -22,7 +22,7 @@ SPEED = 0.1  # m/s: of the approach
 
 
 def growth(law: TouchLaw, wall: float, delay: float = DELAY, dt: float = DT) -> float:
-    """Growth per sample of a law while the arm touches a wall [N/m]."""
+    """Return growth per sample of a law while the arm touches a wall [N/m]."""
     probe = replace(ARM, wall=wall)
     plant = sampled.held(*probe.system(), dt, delay)
     return sampled.growth(sampled.loop_matrix(plant, law.linear(probe, dt)))
@@ -32,14 +32,16 @@ def growth(law: TouchLaw, wall: float, delay: float = DELAY, dt: float = DT) -> 
 
 
 def force_edge(wall: float, delay: float = DELAY) -> float:
-    """The largest stable gain of P on the force, from the loop's matrix."""
+    """Return the largest stable gain of P on the force, from the loop's matrix."""
     return largest(lambda g: growth(TouchLaw(force_gain=g), wall, delay), 1e-6, 1e3)
 
 
 def force_edge_mujoco(
     wall: float, delay: float, kind: str, substeps: int = 1, impedance: float = 0.9
 ) -> float:
-    """The same by runs in MuJoCo, pressed with a force so large that it never leaves the wall."""
+    """Return the same by runs in MuJoCo, pressed with a force so large that it never leaves the
+    wall.
+    """
     whole, press = round(delay / DT), 20.0
     probe = mujoco.Probe(
         ARM.mass, ARM.damping, wall, DT, wall=kind, impedance=impedance, substeps=substeps
@@ -67,12 +69,12 @@ def force_edge_mujoco(
 
 
 def stiffest(wall: float, delay: float = DELAY, damping: float = 0.0) -> float:
-    """The largest stiffness of an impedance law that holds at a wall and at all gains below."""
+    """Return the largest stiffness of an impedance law that holds at a wall and at all gains below."""
     return largest(lambda K: growth(TouchLaw(K, damping), wall, delay), 1.0, 1e8)
 
 
 def stiffest_damped(wall: float, delay: float = DELAY, points: int = 25) -> float:
-    """The same with the best active damping."""
+    """Return the same with the best active damping."""
     tried = np.append(0.0, np.geomspace(20.0, 6e3, points))
     return max(
         stiffest(wall, delay, float(d))
@@ -82,8 +84,10 @@ def stiffest_damped(wall: float, delay: float = DELAY, points: int = 25) -> floa
 
 
 def lightest(wall: float, delay: float = 0.0, damping: float = 1.0) -> float:
-    """The least virtual mass that admittance can show at a wall [kg]; its damping is a multiple of
-    what is critical for 100 N/m."""
+    """Return the least virtual mass that admittance can show at a wall [kg].
+
+    Its damping is a multiple of what is critical for 100 N/m.
+    """
 
     def grown(lightness: float) -> float:
         mass = 1.0 / lightness
@@ -95,7 +99,7 @@ def lightest(wall: float, delay: float = 0.0, damping: float = 1.0) -> float:
 
 @chart
 def touching(points: int = 13) -> Iterator[Panel]:
-    """What holds at a wall, over its stiffness: a force loop, impedance, admittance.
+    """Yield what holds at a wall, over its stiffness: a force loop, impedance, admittance.
 
     Args:
         points: walls.
@@ -204,7 +208,7 @@ WALL = 1e4  # N/m
 
 
 def tracking(law: TouchLaw) -> float:
-    """Largest error in free space after the start, on a slow sine of 0.1 m [m]."""
+    """Return largest error in free space after the start, on a slow sine of 0.1 m [m]."""
     t = DT * np.arange(4000)
     free = replace(ARM, surface=9.0)
     law = replace(law, force=0.0)
@@ -213,7 +217,7 @@ def tracking(law: TouchLaw) -> float:
 
 
 def first_peak(law: TouchLaw, arm: Probe = ARM, wall: float = WALL) -> float:
-    """The first peak of the force when the set-point runs into the wall at `SPEED` [N]."""
+    """Return the first peak of the force when the set-point runs into the wall at `SPEED` [N]."""
     t = DT * np.arange(800)
     probe = replace(arm, wall=wall)
     run = run_touch(
@@ -226,7 +230,7 @@ def first_peak(law: TouchLaw, arm: Probe = ARM, wall: float = WALL) -> float:
 
 
 def surface_error(law: TouchLaw, gap: float = 2e-3) -> float:
-    """How far the steady force moves when the surface is `gap` nearer than thought [N].
+    """Return how far the steady force moves when the surface is `gap` nearer than thought [N].
 
     The place is set so that 10 N press where the surface is expected; a law of force ignores it.
     """
@@ -248,13 +252,15 @@ def surface_error(law: TouchLaw, gap: float = 2e-3) -> float:
 
 
 def series_stiffness(law: TouchLaw, gap: float = 2e-3) -> float:
-    """What two springs in series predict of that [N]."""
+    """Return what two springs in series predict of that [N]."""
     return gap / (1.0 / law.stiffness + 1.0 / WALL)
 
 
 def gain_margin(law: TouchLaw, wall: float = WALL) -> float:
-    """The factor on all gains of the law that it stands at the wall; of the virtual body's
-    lightness for admittance."""
+    """Return the factor on all gains of the law that it stands at the wall.
+
+    Of the virtual body's lightness for admittance.
+    """
 
     def scaled(factor: float) -> TouchLaw:
         if law.mass:
@@ -270,7 +276,7 @@ def gain_margin(law: TouchLaw, wall: float = WALL) -> float:
 
 
 def touch_scene() -> Scene:
-    """The scene of the first peak: what a mass and a one-sided spring leave out."""
+    """Return the scene of the first peak: what a mass and a one-sided spring leave out."""
     law = REGIMES["soft impedance"]
     answer = first_peak(law)
 
@@ -331,7 +337,7 @@ def touch_scene() -> Scene:
 
 
 def slowest(law: TouchLaw, wall: float = WALL) -> float:
-    """The rate from which on a law stands at a wall, as late as at 1 kHz [samples/s]."""
+    """Return the rate from which on a law stands at a wall, as late as at 1 kHz [samples/s]."""
     steps = np.geomspace(DT, 1.0, 80)  # far below it may stand again
     fails = next(i for i, dt in enumerate(steps) if growth(law, wall, dt=dt) > sampled.STABLE)
     near = (float(dt) for dt in steps[fails - 1 : fails + 1])
@@ -339,7 +345,7 @@ def slowest(law: TouchLaw, wall: float = WALL) -> float:
 
 
 def row(name: str) -> dict[str, float]:
-    """A row of the table of regimes: what its controller was measured to do."""
+    """Return a row of the table of regimes: what its controller was measured to do."""
     law, along = REGIMES[name], TANGENT.get(name)
     free = along or law
     return {
@@ -352,7 +358,7 @@ def row(name: str) -> dict[str, float]:
 
 
 def sentence(name: str) -> str:
-    """One row of the table of regimes, as a sentence of its own figures."""
+    """Return one row of the table of regimes, as a sentence of its own figures."""
     law, result = REGIMES[name], row(name)
     expected = (
         f" (springs in series {series_stiffness(law):.1f})"
@@ -370,7 +376,7 @@ def sentence(name: str) -> str:
 
 @chart
 def contact_regimes(points: int = 9) -> Iterator[Panel]:
-    """Which controller for which regime: each measured on the same probe.
+    """Yield which controller for which regime: each measured on the same probe.
 
     Args:
         points: of each curve.

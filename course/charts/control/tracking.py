@@ -29,7 +29,7 @@ Q, R = np.diag([1e4, 1e4, 1e2, 1e2]), 0.01 * np.eye(2)
 
 
 def motion(times: ArrayLike, size: float = 1.0, speed: float = 1.0) -> list[Array]:
-    """A smooth motion of both joints: angles, rates, accelerations, each (2, T)."""
+    """Return a smooth motion of both joints: angles, rates, accelerations, each (2, T)."""
     w = speed * np.array([[2.0], [3.0]])
     wave, depth = w * np.asarray(times) + [[0.3], [1.0]], size * np.array([[0.8], [0.5]])
     return [
@@ -47,7 +47,10 @@ def error(
     last: float = 2.0,
     **how: float,
 ) -> float:
-    """Largest error of an angle at the samples of the last seconds [rad]; infinite if it falls."""
+    """Return largest error of an angle at the samples of the last seconds [rad].
+
+    Infinite if it falls.
+    """
     run = track(arm, law, partial(motion, **how), dt, seconds)
     worst = np.abs(run.q[:, :-1] - run.setpoint)[:, -round(last / dt) :].max()
     return float(worst) if worst < 3.0 else np.inf
@@ -142,7 +145,7 @@ class PathMPPI(Along):
 
 
 def adaptive(model: TwoLink, dt: float, rate: float = 5.0) -> Adaptive:
-    """The adaptive law, from the model's numbers on."""
+    """Return the adaptive law, from the model's numbers on."""
     return Adaptive(model, 10.0, (5.0, 2.5), rate, dt, model.parameters)
 
 
@@ -166,7 +169,9 @@ def rounds_until(
     shown: TwoLink | None = None,
     dt: float = 8e-3,
 ) -> float:
-    """Rounds of collecting and fitting until a law's largest error is below a bar; or infinite.
+    """Return rounds of collecting and fitting until a law's largest error is below a bar.
+
+    Or infinite.
 
     With `shown` that model's law collects first.
     """
@@ -197,7 +202,7 @@ def tracking_laws(
     repeats: int = 3,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """Error over samples a second with the right and a wrong model, and over computing time.
+    """Yield error over samples a second with the right and a wrong model, and over computing time.
 
     Args:
         rates: samples a second.
@@ -237,7 +242,7 @@ def _costs(
     repeats: int,
     clock: Callable[[], float],
 ) -> Panel:
-    """Error against the time that a second of the loop takes, the arm's own motion included."""
+    """Return error against the time that a second of the loop takes, the arm's own motion included."""
     spent: dict[str, list[float]] = {}
     error = {name: errors["right", name] for name in LAWS}
     gains = np.full(2, KP), np.full(2, KD)

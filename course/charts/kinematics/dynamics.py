@@ -38,7 +38,7 @@ def arm_throughput(
     repeats: int = 7,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """States of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
+    """Yield states of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
 
     Libraries are called once a state, up to N = `at_most`, from where their time a state is the
     same; `clock` as for `course.measure.timing.calls`.
@@ -85,7 +85,7 @@ TOLERANCE = 0.002  # m: a tenth of the radius of the reaching task's target
 
 
 def closed(arm: TwoLink = ARM) -> Array:
-    """Where the closed form's joints are after the motion, shape (2,)."""
+    """Return where the closed form's joints are after the motion, shape (2,)."""
     column = arm.column()
     column[TORQUES, 0] = HELD
     q, v = START[:, None], RATES[:, None]
@@ -95,7 +95,9 @@ def closed(arm: TwoLink = ARM) -> Array:
 
 
 def spatial(tilt: float = 0.0, skew: float = 0.0, armature: float = 0.0) -> Array:
-    """The tip after the same motion of MuJoCo's arm in space, as seen from the base, (3,) [m].
+    """Return the tip after the same motion of MuJoCo's arm in space.
+
+    As seen from the base, (3,) [m].
 
     The base is tilted about y, so that gravity pulls along x, the elbow's axis skewed about the
     first link [rad]; motors have an armature on their joints [kg m^2].
@@ -114,7 +116,7 @@ def _tip_error(other: Array) -> float:
 
 
 def uncoupled() -> Array:
-    """The tip if each joint felt a constant inertia of its own, and nothing of the other."""
+    """Return the tip if each joint felt a constant inertia of its own, and nothing of the other."""
     M, damping = np.diag(ARM.mass_matrix(START)), np.array(ARM.damping)
     rate = damping / M  # M v' = tau - c v has a closed form
     final = HELD / damping
@@ -123,7 +125,7 @@ def uncoupled() -> Array:
 
 
 def reaching_arm() -> Scene:
-    """The scene of the reaching task: where is the tip after a second of held torques?"""
+    """Return the scene of the reaching task: where is the tip after a second of held torques?"""
     return Scene(
         question="Where is the tip of the two-link arm after a second?",
         tolerance=Tolerance(TOLERANCE, "m", "a tenth of the radius of the reaching task's target"),
@@ -161,7 +163,9 @@ def reaching_arm() -> Scene:
 
 @chart
 def two_links_enough(angles: Sequence[float] = tuple(np.logspace(-3, 1, 17))) -> Iterator[Panel]:
-    """Error of the planar closed form against MuJoCo's arm in space, and where the plane ends.
+    """Yield error of the planar closed form against MuJoCo's arm in space.
+
+    And where the plane ends.
 
     Args:
         angles: of the faults [degrees].

@@ -30,13 +30,13 @@ HOME = np.array([0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8])  # of the 7-R arm [rad]
 
 
 def reachable(chain: Chain, count: int, seed: int) -> list[Array]:
-    """Poses of random postures within the limits."""
+    """Return poses of random postures within the limits."""
     q = np.random.default_rng(seed).uniform(chain.lower, chain.upper, (count, chain.n))
     return list(tip(chain, q.T).T)
 
 
 def near_singular(count: int, seed: int, beside: float = 1e-4) -> list[Array]:
-    """Poses of the 7-R arm with its shoulder within `beside` [rad] of a singular posture."""
+    """Return poses of the 7-R arm with its shoulder within `beside` [rad] of a singular posture."""
     arm, rng = panda(), np.random.default_rng(seed)
     q = rng.uniform(arm.lower, arm.upper, (count, 7))
     q[:, [1, 2, 4]] = np.array([0.0, np.pi / 2, 0.0]) + rng.uniform(-beside, beside, (count, 3))
@@ -44,7 +44,7 @@ def near_singular(count: int, seed: int, beside: float = 1e-4) -> list[Array]:
 
 
 def beyond(chain: Chain, count: int, seed: int, factor: float = 1.05) -> list[Array]:
-    """Reachable poses moved out beyond the arm's reach."""
+    """Return reachable poses moved out beyond the arm's reach."""
     base, result = chain.placement[:3, 0], []
     for pose in reachable(chain, count, seed):
         out = (pose[:3] - base) / np.linalg.norm(pose[:3] - base)
@@ -53,7 +53,7 @@ def beyond(chain: Chain, count: int, seed: int, factor: float = 1.05) -> list[Ar
 
 
 def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
-    """The course's `ik` as a count of iterations, infinite where it did not succeed."""
+    """Return the course's `ik` as a count of iterations, infinite where it did not succeed."""
 
     def solve(target: Array, rng: np.random.Generator) -> float:
         first = start(target, rng) if callable(start) else start
@@ -67,7 +67,7 @@ def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
 
 
 def usual(chain: Chain, clamped: bool, starts: int, rate: float, at_most: int) -> Solve:
-    """Pinocchio's usual loop as a count of steps, infinite where it ends beyond the limits."""
+    """Return Pinocchio's usual loop as a count of steps, infinite where it ends beyond the limits."""
     arm, limits = Arm(chain), (chain.lower, chain.upper)
 
     def solve(target: Array, rng: np.random.Generator) -> float:
@@ -82,7 +82,7 @@ def usual(chain: Chain, clamped: bool, starts: int, rate: float, at_most: int) -
 def ik_success(
     targets: int = 10_000, slow: int = 300, seeds: Sequence[int] = (0, 1, 2), table: int = 10_000
 ) -> Iterator[Panel]:
-    """Share of poses solved within the limits against time, beside the loop that users write.
+    """Yield share of poses solved within the limits against time, beside the loop that users write.
 
     Pinocchio's loops get only `slow` of the targets; `seeds` are those of the starts, `table` the
     number of postures in the table.
@@ -149,7 +149,10 @@ def ik_residual(
     budgets: Sequence[int] = (1, 2, 3, 4, 5, 6, 8, 10, 13, 17, 23, 30, 45, 70, 100),
     targets: int = 60,
 ) -> Iterator[Panel]:
-    """What is left of the error after k steps: ordinary targets, and such on the edge; medians."""
+    """Yield what is left of the error after k steps: ordinary targets, and such on the edge.
+
+    Medians.
+    """
     rng, arm, two = np.random.default_rng(8), panda(), planar([1.0, 0.8])
     near = tip(arm, HOME[:, None] + rng.uniform(-0.4, 0.4, (7, targets)))
     angle = rng.uniform(-np.pi, np.pi, targets)
@@ -188,7 +191,9 @@ def ik_residual(
 def trained(
     chain: Chain, rows: Sequence[int], heads: int = 8, steps: int = 1500, width: int = 192
 ) -> Callable[[Array, np.random.Generator], Array]:
-    """A small network that proposes postures for a pose: several heads, the nearest one learns.
+    """Return a small network that proposes postures for a pose.
+
+    Several heads, the nearest one learns.
 
     One head would learn the mean of all answers, which is none (Guzman-Rivera et al., Multiple
     choice learning, 2012). The network sees some rows of the pose, has two hidden layers and takes
@@ -238,12 +243,12 @@ def trained(
 
 
 def _signed(pose: Array) -> Array:
-    """Poses with qw from 0 on: q and -q are one rotation, and one input."""
+    """Return poses with qw from 0 on: q and -q are one rotation, and one input."""
     return np.concatenate([pose[:3], pose[3:] * np.where(pose[3:4] < 0, -1.0, 1.0)])
 
 
 def solution_curve(lengths: Sequence[float], target: Array, count: int = 720) -> Array:
-    """All postures of three links that put the tip at a point, by its last heading, (3, M).
+    """Return all postures of three links that put the tip at a point, by its last heading, (3, M).
 
     Two links reach the wrist for each heading: the answers are a curve, or two.
     """
@@ -256,7 +261,9 @@ def solution_curve(lengths: Sequence[float], target: Array, count: int = 720) ->
 
 
 def covered(curve: Array, result: Array, near: float = 0.3) -> float:
-    """Share of the curve (3, M) within `near` [rad] of a posture found (3, K), joint by joint."""
+    """Return share of the curve (3, M) within `near` [rad] of a posture found (3, K), joint by
+    joint.
+    """
     apart = np.abs(np.angle(np.exp(1j * (curve[:, :, None] - result[:, None]))))
     return float((apart.max(axis=0).min(axis=1) < near).mean())
 
@@ -269,7 +276,9 @@ def learned_seeds(
     draws: Sequence[int] = (1, 2, 4, 8, 16, 32, 64, 128),
     points: int = 40,
 ) -> Iterator[Panel]:
-    """What a learned solver must beat: starts for Levenberg-Marquardt, and the answers covered.
+    """Yield what a learned solver must beat.
+
+    Starts for Levenberg-Marquardt, and the answers covered.
 
     On the left `targets` of the 7-R arm, with so many steps of training and a table of so many
     postures; on the right `points` of the 3-R arm, by numbers of starts (`draws`).

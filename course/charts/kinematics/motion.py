@@ -33,7 +33,8 @@ POSTURE = np.array([0.4, -0.6, 0.3, -1.9, 0.5, 1.7, -0.8])  # of the 7-R arm [ra
 
 
 def placed(chain: Chain, q: Any, library: Any = np) -> Any:
-    """The tip of a serial arm of turning joints by matrices, (3,) [m], for any kind of number.
+    """Return the tip of a serial arm of turning joints by matrices, (3,) [m], for any kind of
+    number.
 
     The course's own is compiled for real numbers. Here q (n,) may be real, complex, or a tensor of
     PyTorch, with the `library` whose `cos`, `sin` and `stack` fit it.
@@ -48,23 +49,26 @@ def placed(chain: Chain, q: Any, library: Any = np) -> Any:
 
 
 def forward(f: Callable[[Any], Any], q: Array, h: float) -> Array:
-    """Columns (f(q + h e) - f(q)) / h; n + 1 calls."""
+    """Return columns (f(q + h e) - f(q)) / h; n + 1 calls."""
     here = f(q)
     return np.stack([(f(q + h * e) - here) / h for e in np.eye(q.size)], axis=1)
 
 
 def central(f: Callable[[Any], Any], q: Array, h: float) -> Array:
-    """Columns (f(q + h e) - f(q - h e)) / 2h; 2 n calls."""
+    """Return columns (f(q + h e) - f(q - h e)) / 2h; 2 n calls."""
     return np.stack([(f(q + h * e) - f(q - h * e)) / (2 * h) for e in np.eye(q.size)], axis=1)
 
 
 def complex_step(f: Callable[[Any], Any], q: Array, h: float) -> Array:
-    """Columns Im f(q + i h e) / h: no difference, so nothing cancels (Squire and Trapp, 1998)."""
+    """Return columns Im f(q + i h e) / h.
+
+    No difference, so nothing cancels (Squire and Trapp, 1998).
+    """
     return np.stack([f(q + 1j * h * e).imag / h for e in np.eye(q.size)], axis=1)
 
 
 def autograd(chain: Chain, q: Array) -> Array:
-    """By PyTorch, backwards, a row at a time."""
+    """Return by PyTorch, backwards, a row at a time."""
     import torch
 
     result = torch.autograd.functional.jacobian(lambda x: placed(chain, x, torch), torch.tensor(q))
@@ -75,7 +79,7 @@ def autograd(chain: Chain, q: Array) -> Array:
 def jacobian_precision(
     steps: Sequence[float] = tuple(np.logspace(-16, 0, 33)), repeats: int = 9
 ) -> Iterator[Panel]:
-    """Error and cost of a Jacobian: differences [rad], complex steps, autograd, analytic."""
+    """Yield error and cost of a Jacobian: differences [rad], complex steps, autograd, analytic."""
     arm, q = panda(), POSTURE
 
     def f(x: Any) -> Any:
@@ -163,7 +167,9 @@ def jacobian_precision(
 def null_space_step(
     steps: Sequence[float] = tuple(np.logspace(-3, 0, 13)), postures: int = 200
 ) -> Iterator[Panel]:
-    """How far a step of length h [rad] in the null space moves the tip, and what an IK step leaves.
+    """Yield how far a step of length h [rad] in the null space moves the tip.
+
+    And what an IK step leaves.
 
     At random postures of the 7-R arm, those with a singular value below 0.05 left out.
     """
@@ -228,12 +234,12 @@ RATE = 2.0  # rad/s: what a joint can do
 
 
 def gain(J: Array, damping: float) -> float:
-    """Largest joint rate that the damped inverse asks for, for a tip speed of 1 [rad/m]."""
+    """Return largest joint rate that the damped inverse asks for, for a tip speed of 1 [rad/m]."""
     return float(np.linalg.norm(J.T @ np.linalg.inv(J @ J.T + damping**2 * np.eye(2)), 2))
 
 
 def past_the_hole(damping: float, gap: float, step: float = 0.002) -> tuple[float, float]:
-    """A tip led along a line past the hole around the base, one damped step a point.
+    """Return a tip led along a line past the hole around the base, one damped step a point.
 
     The line has a `gap` to the hole, where the arm is folded, its points are a `step` apart [m].
     Returns the largest distance from the points [m] and the largest joint step [rad].
@@ -254,7 +260,9 @@ def past_the_hole(damping: float, gap: float, step: float = 0.002) -> tuple[floa
 def damping_map(
     nx: int = 81, ny: int = 61, dampings: Sequence[float] = tuple(np.logspace(-3.5, 0, 15))
 ) -> Iterator[Panel]:
-    """Where damping [m/rad] keeps the joints within their speed, and the tracking error it costs.
+    """Yield where damping [m/rad] keeps the joints within their speed.
+
+    And the tracking error it costs.
 
     The map has nx times ny points; `dampings` are those of the tracking error.
     """

@@ -14,7 +14,7 @@ ALLOWED = 0.1  # of the cost, by which the square law may be too high
 
 
 def summed(a: float, error: float, steps: float) -> float:
-    """Closed form of `accumulated` after all of its steps."""
+    """Return closed form of `accumulated` after all of its steps."""
     if a == 1.0:
         return error * steps * (steps + 1.0) / 2.0
     return error / (1.0 - a) * (steps - a * (1.0 - a**steps) / (1.0 - a))
@@ -29,7 +29,9 @@ def compounding(
     growth: Sequence[float] = (0.9, 1.0, 1.05),
     circle: int = 20,
 ) -> Iterator[Panel]:
-    """Cost over the horizon with and without recovery, where the square law holds, three plants.
+    """Yield cost over the horizon with and without recovery.
+
+    Where the square law holds, three plants.
 
     Args:
         n: episodes; wrong: of 1,000 contexts, those whose action was copied wrongly.
@@ -122,7 +124,7 @@ def compounding(
 
 
 def circling(number: int = 20, horizon: int = 160) -> Panel:
-    """Clone and DAgger at equal labels on the circle, which forgives."""
+    """Return clone and DAgger at equal labels on the circle, which forgives."""
     task, at = learning.Circle(), np.array([10, 20, 40, 80, 160])
     at = at[at <= horizon]
     learn = partial(learning.clone, seed=0, width=32, steps=600, rate=3e-3)

@@ -36,7 +36,10 @@ class Trained(NamedTuple):
 
 
 def test(policy: Any, paid: str = "sparse", **task: Any) -> float:
-    """Share of the exact optimum, over 64 common starts: of the prize, or of a lasting bonus."""
+    """Return share of the exact optimum, over 64 common starts.
+
+    Of the prize, or of a lasting bonus.
+    """
     task = {k: v for k, v in task.items() if k not in ("prize", "max_steps")}
     late, bonus = (1000 if paid == "hover" else MAX_STEPS), task.get("bonus", 0.0)
     envs = PointReachVector(NUM, paid, autoreset_mode="SameStep", max_steps=late, **task)
@@ -56,7 +59,7 @@ def trained(
     reward: str = "potential",
     **task: Any,
 ) -> Trained:
-    """Ours, judged at so many points; judging is left out of the time."""
+    """Return ours, judged at so many points; judging is left out of the time."""
     envs = PointReachVector(NUM, reward, autoreset_mode="SameStep", **task)
     paid = reward if reward == "hover" else "sparse"
     rounds = max(1, steps // (NUM * settings.horizon))
@@ -72,7 +75,7 @@ def trained(
 
 
 def library(settings: Settings, seed: int, steps: int, points: int) -> Trained:
-    """Stable-Baselines3 with the same settings."""
+    """Return stable-Baselines3 with the same settings."""
     envs = PointReachVector(NUM, "potential", autoreset_mode="SameStep")
     every = max(1, steps // (NUM * settings.horizon) // points)
     curve = sb3.ppo(envs, settings, test, steps=steps, seed=seed, every=every)
@@ -80,12 +83,12 @@ def library(settings: Settings, seed: int, steps: int, points: int) -> Trained:
 
 
 def linear_law(gains: Array, observed: Array) -> Array:
-    """Actions (n, 2) of observations (n, 4)."""
+    """Return actions (n, 2) of observations (n, 4)."""
     return (observed @ gains.T).astype(np.float32)
 
 
 def searched(seed: int, rounds: int, samples: int = 24, episodes: int = 4) -> Trained:
-    """Cross-entropy search on a linear law, actions = (2, 4) gains times observations."""
+    """Return cross-entropy search on a linear law, actions = (2, 4) gains times observations."""
     envs = PointReachVector(samples * episodes, "potential", autoreset_mode="SameStep")
     used, rows = [0, seed], []
 
@@ -113,7 +116,7 @@ def searched(seed: int, rounds: int, samples: int = 24, episodes: int = 4) -> Tr
 
 
 def jobs(**lists: Any) -> list[dict[str, Any]]:
-    """One job for each seed; the rest is the same."""
+    """Return one job for each seed; the rest is the same."""
     seeds = lists.pop("seeds")
     return [{**lists, "seed": seed} for seed in range(seeds)]
 
@@ -122,7 +125,10 @@ def jobs(**lists: Any) -> list[dict[str, Any]]:
 def learning_curves(
     steps: int = 120_000, points: int = 8, seeds: int = 10, rounds: int = 12
 ) -> Iterator[Panel]:
-    """Share of the exact optimum over steps and time: ours, the library, a search; ten seeds."""
+    """Yield share of the exact optimum over steps and time: ours, the library, a search.
+
+    Ten seeds.
+    """
     wide = replace(SMALL, hidden=(64, 64))
     same: dict[str, Any] = {"steps": steps, "points": points}
     methods: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -199,7 +205,7 @@ MATTERS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
 
 
 def banded(rows: dict[str, list[Trained]], report: str) -> Series:
-    """A bar for each row, the middle over its seeds, with the band as its word."""
+    """Return a bar for each row, the middle over its seeds, with the band as its word."""
     every = {k: band([float(one.scores[-1]) for one in some]) for k, some in rows.items()}
     middle = [max(0.0, float(b.middle)) for b in every.values()]
     tags = [f"{b.middle:.2f} ({b.low:.2f} to {b.high:.2f})" for b in every.values()]
@@ -210,7 +216,10 @@ def banded(rows: dict[str, list[Trained]], report: str) -> Series:
 
 @chart(columns=2)
 def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
-    """PPO without each detail on the usual task, and a task for each on which it does matter."""
+    """Yield PPO without each detail on the usual task.
+
+    And a task for each on which it does matter.
+    """
     same: dict[str, Any] = {"steps": steps, "seeds": seeds}
     usual = {
         k: sweep(trained, jobs(settings=replace(SMALL, **change), **same))
@@ -236,7 +245,9 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
 
 
 def stumbles(radius: float) -> float:
-    """Chance that a first policy, which knows nothing, meets the disc in an episode, predicted.
+    """Return chance that a first policy.
+
+    Which knows nothing, meets the disc in an episode, predicted.
 
     What a path sweeps, over the area where the goal may be: a disc once, and twice its radius times
     the way within that square. Speed and place go together there: who is fast is outside sooner.
@@ -268,7 +279,7 @@ def rewards(
     few: int = 3,
     short: int = 60_000,
 ) -> Iterator[Panel]:
-    """Three rewards for one task, and what the sparse one owes to chance.
+    """Yield three rewards for one task, and what the sparse one owes to chance.
 
     Args:
         tried: episodes of a policy that knows nothing, at each radius [m]; few, short: seeds and

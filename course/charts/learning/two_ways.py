@@ -22,18 +22,18 @@ Array = NDArray[np.float64]
 
 
 def driven(executor: Any, n: int, noise: float = 0.0) -> NDArray[np.int64]:
-    """Sides of n runs of two ways: +1 left, -1 right, 0 hit or not arrived."""
+    """Return sides of n runs of two ways: +1 left, -1 right, 0 hit or not arrived."""
     task, rng = learning.TwoWays(noise), np.random.default_rng(41)
     return task.sides(learning.roll(task, executor, task.starts(n, rng), task.steps, rng).states)
 
 
 def passed(executor: Any, n: int, noise: float = 0.0) -> float:
-    """Share of n runs that pass on either side."""
+    """Return share of n runs that pass on either side."""
     return float(np.mean(driven(executor, n, noise) != 0))
 
 
 def shares(label: str, x: Any, rates: Sequence[float], n: int, **view: Any) -> Series:
-    """Shares of n runs over x, with Wilson's interval."""
+    """Return shares of n runs over x, with Wilson's interval."""
     low, high = wilson(n * np.array(rates), n)
     message = ", ".join(f"{a:g} {rate:.2f}" for a, rate in zip(x, rates, strict=True))
     return Series(label, x, rates, low=low, high=high, note=f"{label}: {message}", **view)
@@ -41,7 +41,7 @@ def shares(label: str, x: Any, rates: Sequence[float], n: int, **view: Any) -> S
 
 @chart(columns=2)
 def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Panel]:
-    """Six ways to copy 100 people who pass left or right: success, error, cost, mode shares.
+    """Yield six ways to copy 100 people who pass left or right: success, error, cost, mode shares.
 
     Args:
         n: runs; held: demonstrations held out; repeats: of a timing.
@@ -116,12 +116,12 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
 
 
 def gap(samples: Array, exact: Array) -> float:
-    """Distance of a sample's quantiles from the exact ones, rms (Wasserstein's of order 2)."""
+    """Return distance of a sample's quantiles from the exact ones, rms (Wasserstein's of order 2)."""
     return float(np.sqrt(np.mean((np.sort(samples.ravel()) - exact) ** 2)))
 
 
 def quantiles(mixture: learning.Mixture, share: Array) -> Array:
-    """Of a mixture in one dimension, between -6 and 6, to about 1e-7."""
+    """Return of a mixture in one dimension, between -6 and 6, to about 1e-7."""
     x = np.linspace(-6.0, 6.0, 100_001)
     deviation = (x[:, None] - mixture.means[:, 0]) / mixture.deviations
     return np.interp(share, ndtr(deviation) @ mixture.weights, x)
@@ -134,7 +134,7 @@ def samplers(
     fit: int = 4000,
     counts: Sequence[int] = (1, 2, 5, 10, 20, 50, 100),
 ) -> Iterator[Panel]:
-    """What steps of a sampler buy: on an exact field, on a trained one, in driving.
+    """Yield what steps of a sampler buy: on an exact field, on a trained one, in driving.
 
     Args:
         n: samples; runs: of two ways; fit: steps of the two nets; counts: calls of the field.
@@ -149,7 +149,7 @@ def samplers(
     )
 
     def drawn(policy: Any, solver: str, steps: int) -> Array:
-        """Samples of a trained net, at the state 0 that tells nothing."""
+        """Return samples of a trained net, at the state 0 that tells nothing."""
         field = partial(policy.draw, policy.inputs(np.zeros((n, 1))))
         if solver in ("ddim", "ddpm"):
             return policy.done.undo(
@@ -208,7 +208,10 @@ def samplers(
 
 
 def switches_and_mismatch(policy: Any, executed: int, n: int, noise: float) -> tuple[float, float]:
-    """Changes of side in a run before the obstacle, and how far chunks end off their plan [m]."""
+    """Return changes of side in a run before the obstacle.
+
+    And how far chunks end off their plan [m].
+    """
     task, rng, step = learning.TwoWays(noise), np.random.default_rng(41), 0
     state, sides, deviation = task.starts(n, rng), [], []
     while step < task.steps // 2:
@@ -231,7 +234,7 @@ def commit_or_react(
     fit: int = 2000,
     noises: Sequence[float] = (0.0, 0.01, 0.02, 0.03, 0.05),
 ) -> Iterator[Panel]:
-    """Success over steps carried out without a look, and over noise; both ends explained.
+    """Yield success over steps carried out without a look, and over noise; both ends explained.
 
     Args:
         n: runs; fit: steps of the mixture that is fitted to disturbed demonstrations.

@@ -44,7 +44,9 @@ CURES: dict[str, dict[str, Any]] = {
 
 
 def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, float]:
-    """Points of a cube of one size [m] after each stage, clusters of bare table, and the time [s].
+    """Return points of a cube of one size [m] after each stage, clusters of bare table.
+
+    And the time [s].
 
     A mean counts for the part if it is nearer than a voxel to a point of it; eps is 20 mm.
     """
@@ -100,7 +102,10 @@ def small_parts(
     sizes: Sequence[float] = (0.006, 0.008, 0.01, 0.012, 0.016, 0.02, 0.03, 0.04),
     pictures: int = 8,
 ) -> Iterator[Panel]:
-    """Cubes on a table, from a picture to a cluster: which stage loses them, and what helps."""
+    """Yield cubes on a table, from a picture to a cluster.
+
+    Which stage loses them, and what helps.
+    """
     rng = np.random.default_rng(7)
     runs = {
         name: [[chain(size, rng, **cure) for _ in range(pictures)] for size in sizes]
@@ -166,7 +171,7 @@ ESTIMATORS = (
 
 
 def picture_of(cause: str, yaw: float, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """A picture of the large box (H, W), the pixels of its cluster, and its pose (7,)."""
+    """Return a picture of the large box (H, W), the pixels of its cluster, and its pose (7,)."""
     pose = on_table(BOX, 0.45 if cause == "cut off" else 0.0, 0.0, yaw)
     things = [shape("plane").moved(TABLE), BOX.moved(pose)]
     if cause == "touching":
@@ -182,7 +187,10 @@ def picture_of(cause: str, yaw: float, rng: np.random.Generator) -> tuple[Array,
 
 
 def estimates(depth: Array, cluster: Array, table: Array, model: Cloud) -> dict[str, Array]:
-    """Each estimator's pose of the box from its cluster, (7,); a nan turn where it has none."""
+    """Return each estimator's pose of the box from its cluster, (7,).
+
+    A nan turn where it has none.
+    """
     points, _ = perception.back_project(np.where(cluster, depth, 0.0), EYE)
     flat = rotate(_back(table)[3:], points) + _back(table)[:3, None]
 
@@ -217,7 +225,7 @@ def _back(pose: Array) -> Array:
 
 @chart(columns=2)
 def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
-    """Seven estimators of one pose, and what goes wrong: medians over the part's turn."""
+    """Yield seven estimators of one pose, and what goes wrong: medians over the part's turn."""
     rng = np.random.default_rng(8)
     cloud = Cloud.of(*box_surface(BOX.sizes[:, 0], model, rng))
     lean = np.array([0.0, 0.0, 0.0, *exp(np.array([math.radians(1.0), 0.0, 0.0]))])

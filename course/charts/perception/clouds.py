@@ -27,14 +27,14 @@ TABLE = np.array([0.0, 0.0, 0.8, *exp(np.array([math.pi - 0.4, 0.0, 0.0]))])
 
 
 def _walls(sensor: Sensor, z: float, count: int, rng: np.random.Generator, eye: Camera) -> Array:
-    """A wall at z, measured again and again, shape (count, H, W)."""
+    """Return a wall at z, measured again and again, shape (count, H, W)."""
     exact = np.full((eye.height, eye.width), z)
     return np.array([perception.sense(exact, eye, sensor, rng) for _ in range(count)])
 
 
 @chart(columns=2)
 def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
-    """What is measured of a wall, beside z^2 sqrt(s^2 + q^2 / 12) / (f B)."""
+    """Yield what is measured of a wall, beside z^2 sqrt(s^2 + q^2 / 12) / (f B)."""
     rng = np.random.default_rng(0)
     law = Panel(
         "The spread grows with the square of the distance",
@@ -121,7 +121,7 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
 
 
 def table_with(size: float, height: float, z: float) -> Shapes:
-    """A square part in the middle of a table at a distance z along the camera's axis [m]."""
+    """Return a square part in the middle of a table at a distance z along the camera's axis [m]."""
     top = np.concatenate((TABLE[:2], [z], TABLE[3:]))
     part = shape("box", 0.5 * size, 0.5 * size, 0.5 * height)
     above = np.array([0.0, 0.0, 0.5 * height, 1.0, 0.0, 0.0, 0.0])
@@ -138,7 +138,7 @@ def counts(
     rng: np.random.Generator,
     size: float = 0.04,
 ) -> dict[str, int]:
-    """How many points of a part are left after each stage, and clusters of anything else."""
+    """Return how many points of a part are left after each stage, and clusters of anything else."""
     depth, ids = perception.render(table_with(size, height, z), WIDE)
     observed = perception.sense(depth, WIDE, ABOVE, rng)
     points, pixels = perception.back_project(observed, WIDE)
@@ -169,7 +169,7 @@ def lost_parts(
     distances: Sequence[float] = (0.5, 0.65, 0.8, 1.0, 1.3, 1.6),
     pictures: int = 8,
 ) -> Iterator[Panel]:
-    """The lowest part that becomes a cluster in most pictures, and clusters of bare table."""
+    """Yield the lowest part that becomes a cluster in most pictures, and clusters of bare table."""
     lost = Panel("The lowest part that is found", "distance [m]", "height [m]", scale="log")
     false = Panel("Clusters of bare table in a picture", "distance [m]", "clusters", scale="log x")
 
@@ -209,7 +209,7 @@ def lost_parts(
 
 @chart
 def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
-    """As many draws as the law asks for nine in ten; half of the points are the plane's."""
+    """Yield as many draws as the law asks for nine in ten; half of the points are the plane's."""
     panel = Panel(
         "How often the plane is found with the draws of the law for 0.9",
         "tolerance / noise",
@@ -228,7 +228,9 @@ def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
 
 
 def share_found(sigmas: float | None, refits: int, trials: int, n: int, at_most: int) -> float:
-    """Share of runs whose plane has nine tenths of what the true plane has within the tolerance."""
+    """Return share of runs whose plane has nine tenths of what the true plane has within the
+    tolerance.
+    """
     rng, result = np.random.default_rng(10), 0
     sigma = 1e-3 if sigmas else 0.0
     tolerance = sigma * sigmas if sigmas else 1e-9
@@ -249,7 +251,7 @@ def share_found(sigmas: float | None, refits: int, trials: int, n: int, at_most:
 def cloud_speed(
     repeats: int = 7, sizes: Sequence[int] = (1000, 2000, 4000, 8000, 15_000, 30_000)
 ) -> Iterator[Panel]:
-    """Processor time of each step beside the library's, at equal answers, in turns."""
+    """Yield processor time of each step beside the library's, at equal answers, in turns."""
     rng = np.random.default_rng(2)
     boxes = together(
         [

@@ -29,7 +29,7 @@ Ways = dict[str, Callable[[Array], Array]]
 
 
 def methods(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
-    """Even starts, the principal axis, and the network's turn."""
+    """Return even starts, the principal axis, and the network's turn."""
     plane = yaw_net.plane_of(TABLE)
 
     def axis(points: Array) -> Array:
@@ -52,7 +52,9 @@ def methods(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
 def laid(
     depth: Array, sensor: Sensor, path: Callable[[Array], Array]
 ) -> tuple[Array, float, float]:
-    """The pose that the picture agrees with most, the time from the picture on [s], see-through."""
+    """Return the pose that the picture agrees with most, the time from the picture on [s], see-
+    through.
+    """
     begin, plane = time.process_time(), yaw_net.plane_of(TABLE)
     points = yaw_net.above_table(depth, EYE, sensor, plane)
     some = np.ascontiguousarray(points[:, :: max(1, points.shape[1] // 400)])
@@ -85,7 +87,7 @@ def learned_start(
     steps: int = 1500,
     noises: Sequence[float] = (1.0, 3.75),
 ) -> Iterator[Panel]:
-    """How often ICP ends right, and what it takes; what tells a wrong end."""
+    """Yield how often ICP ends right, and what it takes; what tells a wrong end."""
     rng = np.random.default_rng(11)
     begin = time.process_time()
     network = yaw_net.train(EYE, SENSOR, TABLE, pictures=training, steps=steps)

@@ -29,14 +29,14 @@ Look = Callable[[Shapes, int], Array]
 
 
 def scene(yaw: float, x: float = 0.0) -> Shapes:
-    """The table and the part on it, in the camera's frame."""
+    """Return the table and the part on it, in the camera's frame."""
     at = np.array([x, 0.0, BOX.sizes[2, 0], *exp(np.array([0.0, 0.0, yaw]))])
     part = BOX.moved(compose(TABLE[:, None], at[:, None])[:, 0])
     return together([shape("plane").moved(TABLE), part])
 
 
 def _fine(shapes: Shapes) -> Array:
-    """The exact picture with FINE x FINE rays a pixel, (H, FINE, W, FINE) [m]."""
+    """Return the exact picture with FINE x FINE rays a pixel, (H, FINE, W, FINE) [m]."""
     n, shift = FINE, 0.5 * (FINE - 1)
     eye = Camera(
         n * EYE.width,
@@ -54,12 +54,12 @@ def _noisy(exact: Array, seed: int) -> Array:
 
 
 def plain(shapes: Shapes, seed: int) -> Array:
-    """The chapter's own picture."""
+    """Return the chapter's own picture."""
     return _noisy(render(shapes, EYE)[0], seed)
 
 
 def through_a_lens(shapes: Shapes, seed: int) -> Array:
-    """Radial distortion that nobody told: DISTORTED pixels at the corner, by the cube."""
+    """Return radial distortion that nobody told: DISTORTED pixels at the corner, by the cube."""
     x, y = EYE.rays()
     square = (x[None, :] ** 2 + y[:, None] ** 2) / (x[-1] ** 2 + y[-1] ** 2)
     deviation = DISTORTED * square / math.hypot(EYE.cx, EYE.cy)
@@ -72,12 +72,12 @@ def through_a_lens(shapes: Shapes, seed: int) -> Array:
 
 
 def mixed(shapes: Shapes, seed: int) -> Array:
-    """A pixel is the mean of all that it sees: at an edge of two surfaces."""
+    """Return a pixel is the mean of all that it sees: at an edge of two surfaces."""
     return _noisy(_fine(shapes).mean(axis=(1, 3)), seed)
 
 
 def with_shadow(shapes: Shapes, seed: int) -> Array:
-    """Nothing is measured where the second eye, a baseline to the right, does not see."""
+    """Return nothing is measured where the second eye, a baseline to the right, does not see."""
     exact = render(shapes, EYE)[0]
     points, pixels = perception.back_project(exact, EYE)
     points[0] -= SENSOR.baseline
@@ -93,7 +93,10 @@ def with_shadow(shapes: Shapes, seed: int) -> Array:
 
 
 def striped(shapes: Shapes, seed: int) -> Array:
-    """Colour: every other 32 columns reflect little, and the noise there is DARK times as much."""
+    """Return colour: every other 32 columns reflect little.
+
+    And the noise there is DARK times as much.
+    """
     exact = render(shapes, EYE)[0]
     rng = np.random.default_rng(seed)
     more = sense(exact, EYE, replace(SENSOR, noise=DARK * SENSOR.noise), rng)
@@ -102,7 +105,10 @@ def striped(shapes: Shapes, seed: int) -> Array:
 
 
 def dazzled(shapes: Shapes, seed: int) -> Array:
-    """Another projector: blocks of pixels with anything between the table and half the way."""
+    """Return another projector.
+
+    Blocks of pixels with anything between the table and half the way.
+    """
     observed, rng = plain(shapes, seed), np.random.default_rng(seed + 100)
     blocks = rng.random((EYE.height // 4, EYE.width // 4)) < DAZZLED
     spoilt = np.kron(blocks, np.ones((4, 4), bool))
@@ -110,7 +116,7 @@ def dazzled(shapes: Shapes, seed: int) -> Array:
 
 
 def moving(shapes: Shapes, seed: int) -> Array:
-    """The part moves during the exposure; its pose is that of the middle."""
+    """Return the part moves during the exposure; its pose is that of the middle."""
     del shapes
     distances = SPEED * EXPOSURE * np.linspace(-0.5, 0.5, 5)
     inverse = [1.0 / render(scene(YAWS[seed], ASIDE[seed] + x), EYE)[0] for x in distances]
@@ -118,7 +124,9 @@ def moving(shapes: Shapes, seed: int) -> Array:
 
 
 def change(view: Look) -> float:
-    """How far an effect moves the place that is found, root mean square over the pictures [m]."""
+    """Return how far an effect moves the place that is found, root mean square over the pictures
+    [m].
+    """
     far = []
     for seed, at in enumerate(zip(YAWS, ASIDE, strict=True)):
         pictures = (f(scene(*at), seed) for f in (plain, view))
@@ -128,13 +136,15 @@ def change(view: Look) -> float:
 
 
 def _without_turn() -> float:
-    """How far a corner of the part is off if it is laid down unturned, the least over the yaws."""
+    """Return how far a corner of the part is off if it is laid down unturned, the least over the
+    yaws.
+    """
     reach = math.hypot(*BOX.sizes[:2, 0])
     return float(min(2.0 * reach * abs(math.sin(0.5 * min(yaw, math.pi - yaw))) for yaw in YAWS))
 
 
 def known_part() -> Scene:
-    """Where is the part, to what a gripper needs?"""
+    """Return where is the part, to what a gripper needs?"""
     left_out = (
         (f"lens, {DISTORTED:g} px at corners", through_a_lens, FINE**2, "rays through the lens"),
         (f"dark stripes, noise x {DARK:g}", striped, 1, "two sensors in one picture"),
@@ -157,7 +167,7 @@ def known_part() -> Scene:
 
 @chart
 def scene_known_part() -> Iterator[Panel]:
-    """The known part's scene, with the error of everything left out."""
+    """Yield the known part's scene, with the error of everything left out."""
     panel = Panel("The known part on its table")
     panel.notes = [known_part().table()]
     yield panel

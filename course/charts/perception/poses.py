@@ -21,13 +21,16 @@ TABLE = np.array([0.0, 0.0, 0.8, *exp(np.array([math.pi - 0.6, 0.0, 0.0]))])
 
 
 def turned_by(pose: Array, *by: float) -> Array:
-    """A pose shifted and turned in its own frame: x, y, z and a rotation vector."""
+    """Return a pose shifted and turned in its own frame: x, y, z and a rotation vector."""
     q = np.concatenate((by[:3], exp(np.array(by[3:]))))
     return compose(pose[:, None], q[:, None])[:, 0]
 
 
 def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Points on the sides and the top of a prism 60 mm across and 60 mm high, and normals."""
+    """Return points on the sides and the top of a prism 60 mm across and 60 mm high.
+
+    And normals.
+    """
     inner = 0.03 * math.cos(math.pi / sides)
     side = rng.integers(0, sides, count)
     angle = 2.0 * math.pi * side / sides
@@ -43,7 +46,7 @@ def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Arra
 
 @chart(columns=2)
 def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
-    """A prism turned by more than half of its period ends as the next one of its equal poses."""
+    """Yield a prism turned by more than half of its period ends as the next one of its equal poses."""
     rng, degrees = np.random.default_rng(0), np.linspace(0.0, 70.0, turns)
     home = Panel(
         "A prism comes home from 180 / n",
@@ -99,7 +102,10 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
 def laid_again(
     part: perception.Shapes, yaw: float, tilt: float, window: int, rays: bool, runs: int
 ) -> tuple[float, Array]:
-    """Normalised error squared per direction that is told, and ratios of spread to prediction."""
+    """Return normalised error squared per direction that is told.
+
+    And ratios of spread to prediction.
+    """
     rng = np.random.default_rng(1)
     turn = product(exp(np.array([math.pi - tilt, 0.0, 0.0])), exp(np.array([0.0, 0.0, yaw])))
     pose = np.array([0.02 if yaw else 0.0, 0.03 if tilt else 0.0, 0.7, *turn])
@@ -127,7 +133,7 @@ def laid_again(
 
 @chart(columns=2)
 def pose_covariance(runs: int = 150) -> Iterator[Panel]:
-    """Closest points are sure of what they do not see; rays are as good as they say."""
+    """Yield closest points are sure of what they do not see; rays are as good as they say."""
     looks = {
         "three faces": (BOX, 0.5, 0.7), "two faces": (BOX, 0.0, 0.7), "one face": (BOX, 0.0, 0.0),
         "cylinder": (shape("cylinder", 0.04, 0.05), 0.5, 0.7),
@@ -173,7 +179,10 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
 
 @chart(columns=2)
 def silently_wrong(turns: int = 12) -> Iterator[Panel]:
-    """What a residual and a share of matches say to wrong poses, and what see-through says."""
+    """Yield what a residual and a share of matches say to wrong poses.
+
+    And what see-through says.
+    """
     rng = np.random.default_rng(2)
     result: dict[str, list[tuple[float, float, float]]] = {}
     for yaw in np.linspace(0.2, 2.9, turns):
@@ -219,7 +228,7 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
 
 @chart(columns=2)
 def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Iterator[Panel]:
-    """The mean of pictures lags behind a part that moves; a filter tells its age."""
+    """Yield the mean of pictures lags behind a part that moves; a filter tells its age."""
     rng, sigma, period = np.random.default_rng(3), 1e-3, 1.0 / 30.0
     k = np.arange(1, 17)
     mean = Panel(

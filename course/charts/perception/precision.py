@@ -25,19 +25,19 @@ CORNERS = BOX.sizes * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8)
 
 
 def on_table(part: Shapes, x: float, y: float, yaw: float) -> Array:
-    """The pose of a part that stands on the charts' table, in the camera's frame, (7,)."""
+    """Return the pose of a part that stands on the charts' table, in the camera's frame, (7,)."""
     at = np.array([x, y, part.sizes[2, 0], *exp(np.array([0.0, 0.0, yaw]))])
     return compose(TABLE[:, None], at[:, None])[:, 0]
 
 
 def corner_error(result: Array, true: Array) -> float:
-    """How far the corners of the box are from where they are, in the mean square [m]."""
+    """Return how far the corners of the box are from where they are, in the mean square [m]."""
     where = [rotate(q[3:], CORNERS) + q[:3, None] for q in (result, true)]
     return float(np.sqrt(np.mean(np.sum((where[0] - where[1]) ** 2, axis=0))))
 
 
 def box_surface(half: Array, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Points on a box and their normals, (3, count) each."""
+    """Return points on a box and their normals, (3, count) each."""
     area = np.prod(half) / half
     face = rng.choice(3, count, p=area / area.sum())
     normal = np.eye(3)[:, face] * rng.choice([-1.0, 1.0], count)
@@ -49,7 +49,9 @@ Lay = Callable[[Any, Array], tuple[float, float, Array]]
 
 @functools.cache
 def methods(eye: Camera, model: int = 16_000) -> dict[str, tuple[Callable[..., Any], Lay]]:
-    """Of each method (points, voxel) -> means, and (means, start) -> (left out, residual, pose).
+    """Return of each method (points, voxel) -> means.
+
+    And (means, start) -> (left out, residual, pose).
 
     All lay the means onto the part by its planes, within 30 mm at first and 6 mm in the end, until
     a step is below 10 um. The cloud's normals are known but to small_gicp, which fits them.
@@ -106,7 +108,7 @@ def pose_precision(
     pictures: int = 20,
     repeats: int = 7,
 ) -> Iterator[Panel]:
-    """What a finer grid costs and what it buys, where three faces of the part are seen."""
+    """Yield what a finer grid costs and what it buys, where three faces of the part are seen."""
     eye, rng = Camera.symmetric(640, 480, 1.0), np.random.default_rng(4)
     compared = methods(eye)
     for window, noise in ((1, "white noise"), (5, "noise shared over 5 px")):
@@ -192,7 +194,9 @@ STAGES = ("points", "voxels", "plane", "clusters", "poses")
 def frame(
     depth: Array, eye: Camera, library: bool, voxel: float = 0.004
 ) -> tuple[list[Array], Array]:
-    """The chain on one picture, by the course or by Open3D: poses, and processor time a stage.
+    """Return the chain on one picture, by the course or by Open3D.
+
+    Poses, and processor time a stage.
 
     Both: points, voxel means, RANSAC within 4 sigma, DBSCAN of 20 mm with 10 neighbours, then four
     starts for each cluster; of the answers the one that leaves out the fewest points, and of these
@@ -234,7 +238,7 @@ def frame(
 
 @chart
 def frame_speed(pictures: int = 25) -> Iterator[Panel]:
-    """Three boxes on a table, from the picture to their poses: where a frame's time goes."""
+    """Yield three boxes on a table, from the picture to their poses: where a frame's time goes."""
     eye, rng = Camera.symmetric(320, 240, 1.0), np.random.default_rng(5)
     panel = Panel("A frame with three boxes, one thread", "processor time [ms]", scale="log x")
     spent: dict[str, list[Array]] = {"course": [], "Open3D": []}
@@ -288,7 +292,7 @@ def plane_precision(
     pictures: int = 40,
     repeats: int = 7,
 ) -> Iterator[Panel]:
-    """The table behind a box: its angle over what it costs, and how far off its middle is."""
+    """Yield the table behind a box: its angle over what it costs, and how far off its middle is."""
     eye, rng = Camera.symmetric(320, 240, 1.0), np.random.default_rng(6)
     truth = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
     pose = on_table(BOX, 0.0, 0.0, 0.5)

@@ -25,7 +25,7 @@ KP, STEP, WITNESS = 25.0, 4e-3, 3e-3  # N m/rad; s; of energy won, the contract 
 
 
 def stays(arm: TwoLink, q: Array, kp: float, kd: float, dt: float, steps: int = 1500) -> bool:
-    """Whether the arm itself, 2 micro-radians beside q and with no limits, comes back to q."""
+    """Return whether the arm itself, 2 micro-radians beside q and with no limits, comes back to q."""
     place, v, scene = q + (1e-6, -2e-6), np.zeros(2), Scenario(arm=arm)
     for _ in range(steps):
         place, v = move(place, v, kp * (q - place) - kd * v, dt, scene)
@@ -35,18 +35,18 @@ def stays(arm: TwoLink, q: Array, kp: float, kd: float, dt: float, steps: int = 
 
 
 def shown_limit(arm: TwoLink, q: Array, kd: float) -> float:
-    """Theory's limit [ms]."""
+    """Return theory's limit [ms]."""
     return 1e3 * theory.step_limit(arm, q, KP, kd)
 
 
 def let_through(frames: int, share: float) -> float:
-    """Theory's deviation over that of a picture, at a share of the largest gain."""
+    """Return theory's deviation over that of a picture, at a share of the largest gain."""
     return math.sqrt(theory.look_noise(share * theory.look_limit(frames), frames))
 
 
 @chart(columns=2)
 def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Panel]:
-    """The largest stable step over posture and damping, and what a run shows on both sides.
+    """Yield the largest stable step over posture and damping, and what a run shows on both sides.
 
     Args:
         points: of each axis of the map; tested: gains whose limit is found by stepping the arm.
@@ -150,7 +150,10 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
 
 @chart(columns=2)
 def look_and_move(at_most: int = 8, chains: int = 400, looks: int = 2000) -> Iterator[Panel]:
-    """Correcting the target from pictures that are late: the gain's limit, and what noise does."""
+    """Yield correcting the target from pictures that are late.
+
+    The gain's limit, and what noise does.
+    """
 
     def settles(gain: float, k: int) -> bool:
         past = [1.0] * (k + 1)
@@ -208,7 +211,7 @@ def noise_and_filter(
     seeds: int = 40,
     raw: int = 10,
 ) -> Iterator[Panel]:
-    """What a filter is worth, and what a planner's small step costs.
+    """Yield what a filter is worth, and what a planner's small step costs.
 
     Args:
         sigmas: noise of a picture [m]; steps: of the planner [rad].
@@ -290,7 +293,10 @@ SHARE = 4.9e-4  # of a half-space, known exactly
 
 @chart(columns=2)
 def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
-    """Cross-entropy against plain sampling on a share that is known: errors stated, and true."""
+    """Yield cross-entropy against plain sampling on a share that is known.
+
+    Errors stated, and true.
+    """
 
     def severity(x: Array) -> Array:
         return np.asarray(0.8 * x[0] + 0.6 * x[1] - norm.isf(SHARE))

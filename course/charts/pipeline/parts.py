@@ -19,7 +19,10 @@ PARTS = ("perceive", "age", "control", "move")
 
 
 def vectors(result: Budget) -> Panel:
-    """The mean error of each part alone, put one behind the other, and the mean of the whole."""
+    """Return the mean error of each part alone, put one behind the other.
+
+    And the mean of the whole.
+    """
     panel = Panel("Mean errors add up, with their signs", "x [mm]", "y [mm]", equal=True)
     at, report = np.zeros(2), np.zeros(2)
     for part in result.parts:
@@ -62,7 +65,7 @@ def vectors(result: Budget) -> Panel:
 
 
 def as_predicted(result: Budget) -> Panel:
-    """Root mean square of every subset over what was predicted."""
+    """Return root mean square of every subset over what was predicted."""
     panel = Panel(
         "Every subset, measured and predicted", "predicted [mm]", "measured [mm]", theory="equal"
     )
@@ -77,7 +80,7 @@ def as_predicted(result: Budget) -> Panel:
 
 
 def owned(result: Budget) -> Panel:
-    """The same part asked three times: alone, Shapley's average, last."""
+    """Return the same part asked three times: alone, Shapley's average, last."""
     panel = Panel(
         "What each part owns of the square",
         "0 it alone, 1 Shapley, 2 mended first",
@@ -102,7 +105,10 @@ def owned(result: Budget) -> Panel:
 
 @chart(columns=2)
 def error_budget(seeds: int = 150) -> Iterator[Panel]:
-    """All subsets of the parts on the same seeds: vectors, prediction, shares, and cancelling."""
+    """Yield all subsets of the parts on the same seeds.
+
+    Vectors, prediction, shares, and cancelling.
+    """
     case = repair(Settings(), "plan")
     result = budget(Scenario(), case, range(seeds), PARTS)
     yield vectors(result)
@@ -142,7 +148,7 @@ def error_budget(seeds: int = 150) -> Iterator[Panel]:
 
 @chart(columns=2)
 def whose_fault(desired: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[Panel]:
-    """Ten faults diagnosed blindly: contracts first, replays only, and by the last error."""
+    """Yield ten faults diagnosed blindly: contracts first, replays only, and by the last error."""
     rows, right = np.arange(len(faults)), [STAGES.index(fault.stage) for fault in faults]
     result, taken, last = confusion(desired, faults)
     blind, more, _ = confusion(desired, faults, contracted=False)

@@ -27,13 +27,13 @@ SEEN = Settings(frame=0.2, law="computed_torque", drift=(0.02, 0.02))
 
 
 def settings_for(name: str) -> Settings:
-    """Settings with which a library can stand in that place."""
+    """Return settings with which a library can stand in that place."""
     sees = name in ("Open3D perceives", "MuJoCo's rays", "all of them")
     return SEEN if sees else Settings(law="computed_torque" if "Pinocchio" in name else "pd")
 
 
 def timed(settings: Settings, stages: Stages, seeds: Sequence[int]) -> tuple[list[Record], float]:
-    """Records, and processor time of a run, the median over the seeds [s]."""
+    """Return records, and processor time of a run, the median over the seeds [s]."""
     records, each = [], []
     run_many(Scenario(seconds=0.3), settings, seeds[:1], stages)
     for seed in seeds:
@@ -45,7 +45,7 @@ def timed(settings: Settings, stages: Stages, seeds: Sequence[int]) -> tuple[lis
 
 @chart(columns=3)
 def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
-    """A library in each place on the seeds of the course's own: success, error, and time.
+    """Yield a library in each place on the seeds of the course's own: success, error, and time.
 
     Args:
         seeds: of what moves; seeing: of what takes pictures.
@@ -102,8 +102,10 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
 
 
 def seen_shift(first: Array, second: Array, rng: np.random.Generator, tries: int = 200) -> float:
-    """Shift in deviations of the second that Kolmogorov and Smirnov's test sees four times in five,
-    with as many runs of each as there are."""
+    """Shift in deviations of the second that Kolmogorov and Smirnov's test sees four times in five.
+
+    With as many runs of each as there are.
+    """
     for shift in np.arange(0.1, 3.0, 0.05):
         drawn = (rng.choice(second, n) for n in tries * [first.size])
         observed = [ks_2samp(some + shift * second.std(), second).pvalue < 0.05 for some in drawn]
@@ -114,7 +116,7 @@ def seen_shift(first: Array, second: Array, rng: np.random.Generator, tries: int
 
 @chart(columns=2)
 def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
-    """Errors at the end with pictures, and with the two numbers that were measured from them.
+    """Yield errors at the end with pictures, and with the two numbers that were measured from them.
 
     Args:
         seeds: of runs with pictures; drawn: of runs with bias and noise in their place.
@@ -177,7 +179,9 @@ def pipeline_speed(
     widths: Sequence[int] = (160, 320, 640),
     rates: Sequence[float] = (0.2, 0.1, 0.05, 0.02),
 ) -> Iterator[Panel]:
-    """Error against cost: physics by its step, perception by what it looks at; times real time.
+    """Yield error against cost: physics by its step, perception by what it looks at.
+
+    Times real time.
 
     Args:
         steps: of the physics [s]; widths: of a picture [pixels]; seeds: runs of a picture's size.

@@ -26,7 +26,7 @@ CACHED: dict[str, Any] = {"method": "roadmap", "budget": 10 * SAMPLES}
 
 
 def certified(requested: Shelf, queries: int, seed: int) -> tuple[list[Query], int]:
-    """So many queries that a long search solves, and how many drawn it did not."""
+    """Return so many queries that a long search solves, and how many drawn it did not."""
     rng, result, rejected = np.random.default_rng(seed), list[Query](), 0
     while len(result) < queries:
         start, goal = requested.query(rng)
@@ -38,7 +38,7 @@ def certified(requested: Shelf, queries: int, seed: int) -> tuple[list[Query], i
 
 
 def interpreted(world: World) -> World:
-    """The same source as plain Python, an edge tried every 0.01 rad."""
+    """Return the same source as plain Python, an edge tried every 0.01 rad."""
 
     def valid(q: NDArray[np.float64]) -> bool:
         return bool(world.state_free(world.obstacles, world.body, q))
@@ -49,7 +49,10 @@ def interpreted(world: World) -> World:
 def rungs(
     roadmap: Roadmap, experience: Roadmap, naive: float, samples: int
 ) -> dict[str, tuple[int, Any]]:
-    """Of each rung which of the queries it is asked, every how many, and the plan that it makes."""
+    """Return of each rung which of the queries it is asked, every how many.
+
+    And the plan that it makes.
+    """
 
     def ask(options: dict[str, Any], change: Callable[[World], World] = lambda w: w) -> Any:
         return lambda world, query, seed: plan(change(world), *query, rng=seed, **options)

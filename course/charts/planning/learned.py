@@ -40,7 +40,9 @@ TRIES = 8  # paths proposed for a question
 
 
 def searched(scene: Scene, count: int, rng: np.random.Generator) -> Array:
-    """States along the way that a search of the picture finds, (2, many); what needs no training.
+    """Return states along the way that a search of the picture finds, (2, many).
+
+    What needs no training.
 
     A cell is joined to its eight neighbours if both are free; which can't be proved, so this too is
     only a proposal. Without a way the states are uniform.
@@ -68,7 +70,10 @@ def searched(scene: Scene, count: int, rng: np.random.Generator) -> Array:
 
 
 def checks(scene: Scene, seed: int, **options: Any) -> float:
-    """States and edges asked until there is a path, infinite without one; the judge passes it."""
+    """Return states and edges asked until there is a path, infinite without one.
+
+    The judge passes it.
+    """
     result = plan(
         scene.world, scene.start, scene.goal, rng=seed, step=1.0, budget=20_000, **options
     )
@@ -79,7 +84,10 @@ def checks(scene: Scene, seed: int, **options: Any) -> float:
 
 
 def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Success]:
-    """Checks of each way to draw, or of some, with a seed for each network, in held-out scenes."""
+    """Return checks of each way to draw, or of some, with a seed for each network.
+
+    In held-out scenes.
+    """
 
     def listed(scene: Scene, seed: int, propose: Callable[..., Array], *first: Any) -> float:
         states = propose(*first, scene, STATES, np.random.default_rng(seed))
@@ -113,7 +121,10 @@ def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Succ
 
 
 def bent(scene: Scene, count: int, rng: np.random.Generator) -> list[Array]:
-    """A straight line, and others bent over random points: proposals that nobody has learned."""
+    """Return a straight line, and others bent over random points.
+
+    Proposals that nobody has learned.
+    """
     low, high = scene.world.bounds
     vias = rng.uniform(low, high, (count - 1, 2))
     ends = scene.start, scene.goal
@@ -121,13 +132,15 @@ def bent(scene: Scene, count: int, rng: np.random.Generator) -> list[Array]:
 
 
 def pushed(scene: Scene, path: Array) -> Array:
-    """A path pushed out of the discs: the projection."""
+    """Return a path pushed out of the discs: the projection."""
     return sequential_convex(path, scene.world, margin=0.1, points=30, iterations=20).path
 
 
 def first_free(scene: Scene, propose: Callable[[], Any], push: bool) -> tuple[float, bool, bool]:
-    """Seconds to the first path that the planner's edge test passes, infinite without one; whether
-    the first proposal collides as it comes, and after it was pushed."""
+    """Return seconds to the first path that the planner's edge test passes, infinite without one.
+
+    Whether the first proposal collides as it comes, and after it was pushed.
+    """
     world, begun, free = scene.world, time.thread_time(), []
     proposals = propose()
     for proposal in proposals:
@@ -142,8 +155,11 @@ def first_free(scene: Scene, propose: Callable[[], Any], push: bool) -> tuple[fl
 
 
 def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Success, Array, Array]]:
-    """Of each way seconds to a free path, and the shares of first proposals that collide before and
-    after they are pushed, each with a seed for each network."""
+    """Return of each way seconds to a free path.
+
+    And the shares of first proposals that collide before and after they are pushed, each with a
+    seed for each network.
+    """
 
     def searching(net: Any, scene: Scene, rng: np.random.Generator) -> list[Array]:
         result = plan(scene.world, scene.start, scene.goal, rng=rng, step=1.0)
@@ -181,7 +197,7 @@ def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Succ
 
 
 def timed(train: Callable[..., Any], seeds: int, *sizes: Any) -> tuple[list[Any], float]:
-    """A network of each seed, and the processor time of one [s]."""
+    """Return a network of each seed, and the processor time of one [s]."""
     begun = time.process_time()
     nets = [train(*sizes, seed=seed) for seed in range(seeds)]
     return nets, (time.process_time() - begun) / seeds
@@ -195,7 +211,7 @@ def learned_planners(
     sampler: Sequence[int] = (1500, 600),
     diffusion: Sequence[int] = (4000, 8000),
 ) -> Iterator[Panel]:
-    """A learned sampler in held-out worlds, at equal checks; a diffusion over paths, checked.
+    """Yield a learned sampler in held-out worlds, at equal checks; a diffusion over paths, checked.
 
     Args:
         seeds: networks of each kind; planners get as many.

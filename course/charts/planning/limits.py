@@ -37,8 +37,11 @@ Array = NDArray[np.float64]
 
 @register_jitable
 def _through(obstacles, a, b):
-    """Whether an edge keeps out of a wall |x0| <= depth but for a hole: half its width, bounded in
-    so many directions. The hole is convex: both ends of what is in the wall speak for all of it."""
+    """Return whether an edge keeps out of a wall |x0| <= depth but for a hole.
+
+    Half its width, bounded in so many directions. The hole is convex: both ends of what is in the
+    wall speak for all of it.
+    """
     half, depth, low, high = obstacles[0, 0], obstacles[0, 1], 0.0, 1.0
     run = b[0] - a[0]
     if run == 0.0:
@@ -63,7 +66,7 @@ def _hole_edge(obstacles, body, a, b):
 
 
 def _judge(world: World, a: Array, b: Array) -> Array | None:
-    """A state in the wall, by the half-lines of t in which it is too far to one side."""
+    """Return a state in the wall, by the half-lines of t in which it is too far to one side."""
     half, depth, bounded = world.obstacles[0]
     for k in range(1, int(bounded) + 1):
         for side in (-1.0, 1.0):
@@ -80,7 +83,7 @@ check.JUDGES["hole"] = _judge
 
 
 def hole(n: int, width: float, depth: float, bounded: int) -> World:
-    """A unit cube of n dimensions, cut by a wall with a hole in its middle."""
+    """Return a unit cube of n dimensions, cut by a wall with a hole in its middle."""
     return World(
         "hole",
         np.array([[-0.5] * n, [0.5] * n]),
@@ -93,7 +96,8 @@ def hole(n: int, width: float, depth: float, bounded: int) -> World:
 
 
 def pair_joined(width: float, bounded: float) -> float:
-    """Probability that a uniform pair on both sides of a thin wall sees each other through a hole.
+    """Return probability that a uniform pair on both sides of a thin wall sees each other through a
+    hole.
 
     The crossing is at (1 - t) y + t y', where min(t, 1 - t) / max(t, 1 - t) is uniform on (0, 1):
     a trapezoidal density in each direction.
@@ -113,7 +117,7 @@ def narrow_passages(
     budget: int = 20_000,
     width: float = 0.1,
 ) -> Iterator[Panel]:
-    """A passage of a tenth, by dimension: what one pair sees, and what RRT-Connect needs.
+    """Yield a passage of a tenth, by dimension: what one pair sees, and what RRT-Connect needs.
 
     A slab is bounded in one direction, a tube in all, a cube is a tube as long as it is wide.
     """
@@ -200,7 +204,7 @@ def _samples(
     seed: int,
     tests: Any,
 ) -> float:
-    """Samples to a path that the judge passes."""
+    """Return samples to a path that the judge passes."""
     if mine:
         result: Any = plan(world, start, goal, budget=budget, rng=seed, step=step)
     else:
@@ -217,7 +221,7 @@ def _samples(
 
 
 def disc_missed(x: float) -> float:
-    """Share of edges across a disc of diameter x spacings that points miss."""
+    """Return share of edges across a disc of diameter x spacings that points miss."""
     r = 0.5 * x
     y = math.sqrt(max(r * r - 0.25, 0.0)) / r  # nearer to the middle no chord is missed
     return 1.0 - y - r * (math.pi / 2 - y * math.sqrt(1 - y * y) - math.asin(y))
@@ -227,7 +231,7 @@ def disc_missed(x: float) -> float:
 def thin_obstacles(
     sizes: Sequence[float] = tuple(np.linspace(0.2, 1.6, 8)), edges: int = 3000
 ) -> Iterator[Panel]:
-    """Edges through a wall or a disc that points along them miss, against its size."""
+    """Yield edges through a wall or a disc that points along them miss, against its size."""
     rng = np.random.default_rng(0)
     panel = Panel(
         "Points miss what they step over; an exact test misses nothing",
@@ -293,7 +297,9 @@ def thin_obstacles(
 
 
 def kept_at_points(h: Array, first: Array, second: Array, cap: Array, limit: Array) -> Array:
-    """Squared speeds (m + 1,) of the fastest motion that keeps the limits where pieces begin."""
+    """Return squared speeds (m + 1,) of the fastest motion that keeps the limits where pieces
+    begin.
+    """
     x = cap.copy()
 
     def pushes(i: int, here: Array) -> tuple[Array, Array]:
@@ -319,7 +325,10 @@ def kept_at_points(h: Array, first: Array, second: Array, cap: Array, limit: Arr
 
 
 def both_ways(path: Array, limits: Array, blend: float, grid: int) -> Array:
-    """How far the acceleration is over its limit, and the duration, rows: by points, both ends."""
+    """Return how far the acceleration is over its limit, and the duration, rows.
+
+    By points, both ends.
+    """
     h, _, first, second, _ = trajectory._curve(path.T, blend, None, grid)
     count = np.where(second.any(axis=1), 1, grid)  # a line in as many pieces as a rounding
     h, first, second = (np.repeat(v, count, axis=0) for v in (h / count, first, second))
@@ -342,7 +351,10 @@ def both_ways(path: Array, limits: Array, blend: float, grid: int) -> Array:
 
 @chart(columns=2)
 def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15) -> Iterator[Panel]:
-    """A 7-joint motion past rounded corners: acceleration between grid points, and its duration."""
+    """Yield a 7-joint motion past rounded corners.
+
+    Acceleration between grid points, and its duration.
+    """
     rng = np.random.default_rng(0)
     limits = np.array([[2.2] * 4 + [2.6] * 3, [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]])
     some = [rng.uniform(-1.5, 1.5, (7, 5)) for _ in range(paths)]
@@ -405,7 +417,7 @@ def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15)
 
 @chart(columns=2)
 def optimiser_minima(side: int = 13, points: int = 24, count: int = 16) -> Iterator[Panel]:
-    """Two optimisers from paths bent over a via point: where each ends, by that point."""
+    """Yield two optimisers from paths bent over a via point: where each ends, by that point."""
     scene = scenes.discs(count=count)
     world, start, goal = scene.world, scene.start, scene.goal
     balls = world.obstacles[:, 1:4].T[:, :, None]

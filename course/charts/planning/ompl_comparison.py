@@ -29,7 +29,7 @@ FINE = 0.002  # of the diagonal, between two states that OMPL tries; its own cho
 def ours(
     scene: Scene, seed: int, method: str = "rrt_connect", budget: int = BUDGET, **options: Any
 ) -> Plan:
-    """Our plan of a scene."""
+    """Return our plan of a scene."""
     if not method.startswith("prm"):
         options["step"] = scene.step
     return plan(
@@ -46,7 +46,7 @@ def theirs(
     budget: int = BUDGET,
     resolution: float = 0.01,
 ) -> ompl.Plan:
-    """OMPL's plan of a scene."""
+    """Return OMPL's plan of a scene."""
     return ompl.solve(
         scene.world.bounds,
         scene.start,
@@ -62,14 +62,20 @@ def theirs(
 
 
 def alone(run: Callable[..., Any], *args: Any) -> tuple[Any, float]:
-    """What a run gives, and the share of its time that it had a core: what else ran is left out."""
+    """Return what a run gives, and the share of its time that it had a core.
+
+    What else ran is left out.
+    """
     wall, own = time.perf_counter(), time.thread_time()
     result = run(*args)
     return result, min(1.0, (time.thread_time() - own) / (time.perf_counter() - wall))
 
 
 def asked_twice(world: World) -> World:
-    """The same world, each edge asked from both ends: what that adds is the time of the edges."""
+    """Return the same world, each edge asked from both ends.
+
+    What that adds is the time of the edges.
+    """
     once = compiled(world.edge_free, EDGE)
 
     def edge_free(obstacles, body, a, b):
@@ -83,7 +89,10 @@ def asked_twice(world: World) -> World:
 
 
 def planners(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, int], Any]]]:
-    """Of each way of asking, every how many seeds it is, and the plan of a scene with a seed."""
+    """Return of each way of asking, every how many seeds it is.
+
+    And the plan of a scene with a seed.
+    """
     (state, edge), python = ompl.tests(world), ompl.plain(world)
     twice, rare = asked_twice(world), slow if world.dim == 2 else 4 * slow
 
@@ -100,7 +109,9 @@ def planners(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, i
 
 
 def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 1.0) -> Panel:
-    """The share of questions with a free path against time: one world, a seed each, from 1 on.
+    """Return the share of questions with a free path against time.
+
+    One world, a seed each, from 1 on.
 
     A path that the exact judge refuses is a failure. OMPL's own part is its run with our edge check
     without the calls into Python. `slow` is every how many OMPL is asked with states in Python, in
@@ -168,7 +179,7 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
 
 @chart(columns=2)
 def plan_times(seeds: int = 200, slow: int = 2, repeats: int = 3) -> Iterator[Panel]:
-    """RRT-Connect, ours and OMPL's: the share of seeds with a free path against time."""
+    """Yield RRT-Connect, ours and OMPL's: the share of seeds with a free path against time."""
     planning.warm()
     for scene in (scenes.discs(), scenes.gap(0.1), scenes.gap(0.02), scenes.arm()):
         yield times([scene] * seeds, slow, repeats)
@@ -176,7 +187,7 @@ def plan_times(seeds: int = 200, slow: int = 2, repeats: int = 3) -> Iterator[Pa
 
 @chart
 def shelf_times(queries: int = 80, repeats: int = 2) -> Iterator[Panel]:
-    """The same for the 7-R arm, from bay to bay of the open shelf, each question once."""
+    """Yield the same for the 7-R arm, from bay to bay of the open shelf, each question once."""
     planning.warm()
     place, rng = planning.shelf("open"), np.random.default_rng(1)
     requested = [place.query(rng) for _ in range(queries)]
@@ -187,7 +198,7 @@ def shelf_times(queries: int = 80, repeats: int = 2) -> Iterator[Panel]:
 
 
 def cumulative(name: str, values: tuple[Array, Array], scale: float, unit: str) -> list[Series]:
-    """Shares below each value, ours and OMPL's; the rank test between them."""
+    """Return shares below each value, ours and OMPL's; the rank test between them."""
     same = stats.mannwhitneyu(*values).pvalue
     low, high = np.min(values), np.max(np.ma.masked_invalid(values))
     within, both = np.geomspace(low / scale, high * scale, 61), []
@@ -207,7 +218,7 @@ def cumulative(name: str, values: tuple[Array, Array], scale: float, unit: str) 
 
 
 def roadmap_joins(scene: Scene, nodes: Array, pairs: Any) -> bool:
-    """Whether the states nearest to start and goal, of those with an edge, are joined."""
+    """Return whether the states nearest to start and goal, of those with an edge, are joined."""
     matrix = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), (len(nodes),) * 2)
     _, part = sparse.csgraph.connected_components(matrix, directed=False)
     near = np.flatnonzero(np.bincount(pairs.ravel(), minlength=len(nodes)))
@@ -227,7 +238,10 @@ def sample_counts(
     maps: int = 100,
     sizes: Sequence[int] = (10, 20, 40, 80, 160),
 ) -> Iterator[Panel]:
-    """Ours and OMPL's, the same edges asked: samples to a path, and what as many samples bring."""
+    """Yield ours and OMPL's, the same edges asked.
+
+    Samples to a path, and what as many samples bring.
+    """
     for method, name, places in (
         ("rrt", "RRT", (scenes.discs(), scenes.gap(0.1))),
         ("rrt_connect", "RRT-Connect", (scenes.discs(), scenes.gap(0.1), scenes.arm())),
@@ -308,7 +322,10 @@ def sample_counts(
 
 
 def exactly_known() -> list[tuple[Scene, float]]:
-    """Scenes with the length of the shortest path [m]: two tangents and an arc, three segments."""
+    """Return scenes with the length of the shortest path [m].
+
+    Two tangents and an arc, three segments.
+    """
     start, goal, radius = scenes.START, scenes.GOAL, 2.0
     far = float(np.linalg.norm(goal - start)) / 2
     around = 2 * math.sqrt(far**2 - radius**2) + radius * (math.pi - 2 * math.acos(radius / far))
@@ -321,7 +338,10 @@ def exactly_known() -> list[tuple[Scene, float]]:
 def settings(
     scene: Scene, budgets: Sequence[int]
 ) -> dict[str, tuple[Sequence[int], Callable[[int, int], tuple[float, Any]]]]:
-    """Of each way its settings, and what a seed and a setting give: seconds and path (n, k)."""
+    """Return of each way its settings, and what a seed and a setting give.
+
+    Seconds and path (n, k).
+    """
     tests = ompl.tests(scene.world)
 
     def cut(k: int, rounds: int) -> tuple[float, Any]:
@@ -357,7 +377,7 @@ def path_quality(
     budgets: Sequence[int] = (100, 300, 1000, 3000, 10_000),
     tolerance: float = 0.05,
 ) -> Iterator[Panel]:
-    """Length of a path over the exactly known shortest one against time, failures infinite."""
+    """Yield length of a path over the exactly known shortest one against time, failures infinite."""
     planning.warm()
     for scene, best in exactly_known():
         panel = Panel(

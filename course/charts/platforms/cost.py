@@ -24,7 +24,7 @@ SIZES: dict[str, tuple[Callable[[int], Scene], Sequence[int], Mapping[str, int]]
 def step_costs(
     jobs: Sequence[tuple[Engine, Scene, int]], dt: float, repeats: int
 ) -> list[tuple[Timing, int]]:
-    """Processor time of so many steps in one call, interleaved, and the number of steps."""
+    """Return processor time of so many steps in one call, interleaved, and the number of steps."""
     samplers = []
     for engine, scene, steps in jobs:
         run = prepared(engine, scene, dt, FAIR)
@@ -36,7 +36,7 @@ def step_costs(
 
 
 def in_one_call(name: str) -> int:
-    """How many steps are timed at once: few where a step takes milliseconds."""
+    """Return how many steps are timed at once: few where a step takes milliseconds."""
     return {"own code": 20, "Drake": 10}.get(name, 100)
 
 
@@ -44,7 +44,7 @@ def in_one_call(name: str) -> int:
 def platform_scaling(
     scenes: Sequence[str] = tuple(SIZES), at_most: int = 64, dt: float = 1e-3, repeats: int = 5
 ) -> Iterator[Panel]:
-    """The cost of a step against the size of a scene, and what Python adds to it.
+    """Yield the cost of a step against the size of a scene, and what Python adds to it.
 
     Args:
         scenes: some of `SIZES`; most: largest number of bodies; dt: step [s]; repeats: rounds.
@@ -118,5 +118,5 @@ def platform_scaling(
 
 
 def _nothing() -> Scene:
-    """A ground on which nothing is."""
+    """Return a ground on which nothing is."""
     return replace(field(1), bodies=())

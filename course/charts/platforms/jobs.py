@@ -9,7 +9,9 @@ from course.platforms.models import honesty
 
 
 def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
-    """What was measured of each engine with fair settings at 1 ms: error and cost of every scene.
+    """Return what was measured of each engine with fair settings at 1 ms.
+
+    Error and cost of every scene.
 
     Beside them are the share of faulty models that it rejects or warns about, whether `make lab`
     installs it, and the rows that some job needs and nobody measured here.
@@ -56,7 +58,10 @@ DOCUMENTED = {
 
 
 def decide(job: str, rows: Rows | None = None) -> tuple[str, str]:
-    """The pick for a job, and the rows that decided it; where none could, what is documented."""
+    """Return the pick for a job, and the rows that decided it.
+
+    Where none could, what is documented.
+    """
     needs, by = JOBS[job]
     result = choose(facts(rows), needs, by)
     if result.pick is None:

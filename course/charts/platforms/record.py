@@ -30,7 +30,7 @@ HEADING = math.radians(22.5)
 
 
 def shown() -> list[Scene]:
-    """The scenes of the simulation, in the order of its menu."""
+    """Return the scenes of the simulation, in the order of its menu."""
     return [
         scenes.tumble(4.0),
         scenes.chain(6, 2.0),
@@ -41,8 +41,11 @@ def shown() -> list[Scene]:
 
 
 def place(scene: Scene, state: State, time: float) -> tuple[float, float]:
-    """Where a state is drawn: the body's third axis, the tip [m], the block [m], or time [s] and
-    the height gained by the highest cube or the part [mm]."""
+    """Return where a state is drawn.
+
+    The body's third axis, the tip [m], the block [m], or time [s] and the height gained by the
+    highest cube or the part [mm].
+    """
     if scene.judge == "turn":
         x, y, _ = quaternion.rotate(state.q[3:, 0], np.array([0.0, 0.0, 1.0]))
         return float(x), float(y)
@@ -56,7 +59,7 @@ def place(scene: Scene, state: State, time: float) -> tuple[float, float]:
 
 
 def path(engine: Engine, scene: Scene, dt: float, settings: Settings) -> tuple[Array, float]:
-    """What is drawn of a run, (SAMPLES, 2), and its error at the end.
+    """Return what is drawn of a run, (SAMPLES, 2), and its error at the end.
 
     Where it is not finite the last finite place is drawn on.
     """
@@ -102,7 +105,7 @@ READER = {"own code": "chapter 4"}  # who reads models for whom, where the names
 
 
 def score(axis: str, value: Array) -> Array:
-    """Where values stand between the ends of an axis, on a log scale but for honesty."""
+    """Return where values stand between the ends of an axis, on a log scale but for honesty."""
     low, high = AXES[axis]
     if axis == "honesty":
         return np.clip(value, 0.0, 1.0)
@@ -110,7 +113,7 @@ def score(axis: str, value: Array) -> Array:
 
 
 def equal_cost(errors: Array, cost: float) -> float:
-    """The error at which a simulated second costs what MuJoCo's does at 1 ms.
+    """Return the error at which a simulated second costs what MuJoCo's does at 1 ms.
 
     Along a line in logarithms through the steps that were run.
 
@@ -123,7 +126,7 @@ def equal_cost(errors: Array, cost: float) -> float:
 
 
 def radar(result: list[Engine], errors: Array, cost: Array, tolerance: Array) -> Array:
-    """Lowest over the scenes, middle and highest of each axis, (E, 5, 3)."""
+    """Return lowest over the scenes, middle and highest of each axis, (E, 5, 3)."""
     rows = np.zeros((len(result), len(AXES), 3))
     for e, engine in enumerate(result):
         report = readings(READER.get(engine.name, engine.name))

@@ -21,12 +21,12 @@ SIZES = {"own code": 13.0, "MuJoCo": 10.0, "Drake": 7.0, "PyBullet": 4.0}
 
 
 def here() -> dict[str, Engine]:
-    """The engines that are installed."""
+    """Return the engines that are installed."""
     return {name: engine for name, engine in engines().items() if engine.available()}
 
 
 def on_one_another(name: str, label: str, x: Sequence[float], y: Sequence[float]) -> Series:
-    """Points of an engine that others may have too, so that each is seen."""
+    """Return points of an engine that others may have too, so that each is seen."""
     return Series(label, x, y, name, "", hollow=name != "PyBullet", size=SIZES[name])
 
 
@@ -35,7 +35,7 @@ def _errors(engine: Engine, scene: Scene, steps: Sequence[float], how: Settings)
 
 
 def first_order(steps: Sequence[float], errors: Sequence[float]) -> Callable[[float], float]:
-    """The line of order 1 through the finest error."""
+    """Return the line of order 1 through the finest error."""
     return lambda dt: errors[-1] * dt / steps[-1]
 
 
@@ -43,7 +43,9 @@ def first_order(steps: Sequence[float], errors: Sequence[float]) -> Callable[[fl
 def platform_accuracy(
     steps: Sequence[float] = (4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), share: float = 1.0
 ) -> Iterator[Panel]:
-    """Same scheme, same error: all engines on a tumble, a chain and an arm, fair and as shipped.
+    """Yield same scheme, same error.
+
+    All engines on a tumble, a chain and an arm, fair and as shipped.
 
     Args:
         steps: the largest first [s]; share: of each scene's duration.
@@ -113,7 +115,7 @@ def platform_accuracy(
 
 
 def again(run: Run, steps: int) -> Sampler:
-    """A sampler of a whole motion: each time from the same start, the way back is not timed.
+    """Return a sampler of a whole motion: each time from the same start, the way back is not timed.
 
     All engines compute in one thread, so the clock is that of the process: it doesn't count what
     other processes do.
@@ -153,7 +155,7 @@ QUESTIONS: dict[str, tuple[Callable[[], Scene], Schemes, Sequence[float]]] = {
 def platform_precision(
     scenes: Sequence[str] = tuple(QUESTIONS), coarse: int = 5, repeats: int = 3
 ) -> Iterator[Panel]:
-    """Error against cost, and the cheapest that is within the tolerance of its scene.
+    """Yield error against cost, and the cheapest that is within the tolerance of its scene.
 
     Cost is the processor time of the whole motion, the least of some interleaved rounds, over that
     of MuJoCo's semi-implicit Euler at the largest step. All settings are fair.

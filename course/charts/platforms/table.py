@@ -33,33 +33,36 @@ TOUCHING = tuple(name for name in TABLE if name not in SMOOTH)
 
 
 def stored_rows(name: str = "platforms_table") -> Rows:
-    """The rows of a table as they were measured last; no simulator is needed to read them."""
+    """Return the rows of a table as they were measured last.
+
+    No simulator is needed to read them.
+    """
     return from_json((FOLDER / f"{name}.json").read_text(encoding="utf-8"))["rows"]
 
 
 def with_rows(panels: Sequence[Panel], rows: Any) -> list[Panel]:
-    """Panels whose data file holds the rows of their table as well."""
+    """Return panels whose data file holds the rows of their table as well."""
     panels[0].data = {**document(panels), "rows": rows}
     return [*panels]
 
 
 def errors(rows: Rows, scene: str, settings: str = "fair") -> dict[str, float]:
-    """Error of every engine in a scene."""
+    """Return error of every engine in a scene."""
     return {row[1]: row[4] for row in rows if row[0] == scene and row[2] == settings}
 
 
 def costs(rows: Rows, scene: str, settings: str = "fair") -> dict[str, float]:
-    """Cost of every engine in a scene, over that of MuJoCo, fair."""
+    """Return cost of every engine in a scene, over that of MuJoCo, fair."""
     return {row[1]: row[7] for row in rows if row[0] == scene and row[2] == settings}
 
 
 def good(rows: Rows, engine: str, settings: str = "fair") -> set[str]:
-    """The scenes in which an engine is within the tolerance."""
+    """Return the scenes in which an engine is within the tolerance."""
     return {row[0] for row in rows if row[1:3] == [engine, settings] and row[8] == "good"}
 
 
 def spread(rows: Rows, scene: str, settings: str = "fair") -> float:
-    """The largest error of the simulators over the smallest, our own code aside."""
+    """Return the largest error of the simulators over the smallest, our own code aside."""
     result = [e for name, e in errors(rows, scene, settings).items() if name != "own code"]
     return max(result) / min(result)
 
@@ -112,7 +115,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
 
 
 def _row(engine: Engine, name: str, scene: Scene, settings: Any, dt: float) -> list[Any]:
-    """One row, with seconds of processor time for the cost."""
+    """Return one row, with seconds of processor time for the cost."""
     run = prepared(engine, scene, dt, settings)
     steps = max(1, round(scene.duration / dt))
     sampler = again(run, steps)
@@ -127,7 +130,7 @@ def _row(engine: Engine, name: str, scene: Scene, settings: Any, dt: float) -> l
 
 @chart(columns=2)
 def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> Iterator[Panel]:
-    """Every scene by every engine, as shipped and fair, at one step: error, cost, verdict.
+    """Yield every scene by every engine, as shipped and fair, at one step: error, cost, verdict.
 
     Args:
         scenes: some of `TABLE`; dt: step [s].
@@ -202,7 +205,7 @@ ASKED: dict[str, Mapping[str, Callable[[], Scene]]] = {
 def platform_effects(
     engines: Sequence[str] = tuple(ASKED), at_most: int = 4, dt: float = 1e-3
 ) -> Iterator[Panel]:
-    """Each change between as shipped and fair by itself: what it does to the error.
+    """Yield each change between as shipped and fair by itself: what it does to the error.
 
     Args:
         engines: some of `ASKED`; most: scenes of each; dt: step [s].
@@ -241,7 +244,7 @@ def platform_effects(
 
 @chart(columns=2)
 def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]:
-    """What five readers of models do with faulty texts, and which features they keep."""
+    """Yield what five readers of models do with faulty texts, and which features they keep."""
     rows: list[list[str]] = []
     for reader in readers:
         try:
@@ -286,7 +289,10 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
 
 @chart(columns=2)
 def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
-    """What an engine costs before its first step, and whether a run can be repeated bit by bit."""
+    """Yield what an engine costs before its first step.
+
+    And whether a run can be repeated bit by bit.
+    """
     result = {name: install(name, processes) for name in here()}
     panels = []
     for title, unit, field_ in (

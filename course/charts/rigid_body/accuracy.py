@@ -57,7 +57,7 @@ def _top_question(problem: Problem) -> Question:
 
 
 def questions() -> dict[str, tuple[Problem, Question]]:
-    """The smooth problems of the chapter and what is asked of each."""
+    """Return the smooth problems of the chapter and what is asked of each."""
     result = problems.all_problems()
     spring, pendulum = result["oscillator"].system, result["pendulum"].system
     free, double = result["tumble"].system, result["double_pendulum"].system
@@ -159,7 +159,7 @@ def work_precision(
     names: tuple[str, ...] | None = None,
     best: bool = False,
 ) -> WorkPrecision:
-    """Error against cost of every integrator, ours and MuJoCo's, on one problem.
+    """Return error against cost of every integrator, ours and MuJoCo's, on one problem.
 
     Args:
         name: "oscillator", "pendulum", "tumble", "heavy_top" or "double_pendulum".
@@ -208,7 +208,7 @@ def work_precision(
 
 
 def your_method(name: str, step: Callable[..., Any], label: str = "yours") -> Method:
-    """A step function of your own, ready for `WorkPrecision.with_method`.
+    """Return a step function of your own, ready for `WorkPrecision.with_method`.
 
     Args:
         name: the problem, as for `work_precision`.
@@ -237,7 +237,7 @@ _BOX_STEPS = (10, 20, 40, 80, 160, 320, 640, 1280, 2560, 5120)
 
 
 def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -> WorkPrecision:
-    """Error of the bouncing box's position after 1 s against cost, beside MuJoCo.
+    """Return error of the bouncing box's position after 1 s against cost, beside MuJoCo.
 
     Args:
         repeats: timed rounds.
@@ -315,7 +315,7 @@ def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -
 
 
 def draw(result: WorkPrecision) -> Any:
-    """The two panels of a work-precision result as a figure."""
+    """Return the two panels of a work-precision result as a figure."""
     return figure.draw(result.panels())
 
 
@@ -351,7 +351,7 @@ def table_at(
     repeats: int = 5,
     problems: tuple[str, ...] = ("tumble", "heavy_top", "oscillator"),
 ) -> list[Row]:
-    """Error and time per step of MuJoCo's integrators and ours at one step.
+    """Return error and time per step of MuJoCo's integrators and ours at one step.
 
     Args:
         dt: step [s].
@@ -376,7 +376,7 @@ def table_at(
 
 @chart
 def table_at_one_millisecond(**sizes: Any) -> Iterator[Panel]:
-    """Who is how wrong and how fast at the same step of 1 ms."""
+    """Yield who is how wrong and how fast at the same step of 1 ms."""
     panel = Panel("Everybody at the same step")
     panel.notes = [f"{'problem':<11} {'method':<30} {'error':>9}      {'time per step':>13}"]
     for row in table_at(**sizes):

@@ -26,7 +26,8 @@ TILT = np.radians(0.5)  # how level a release can be expected to be
 
 
 def apex(height: np.ndarray) -> float:
-    """First maximum after the first minimum [m], refined by a parabola through three samples.
+    """Return first maximum after the first minimum [m], refined by a parabola through three
+    samples.
 
     Args:
         height: samples at equal distances in time, shape (n,) [m].
@@ -41,7 +42,7 @@ def apex(height: np.ndarray) -> float:
 
 
 def ours(start: np.ndarray = START, dt: float = 1e-3, **changes: float) -> float:
-    """The scene's answer: height of the apex after the first bounce [m]."""
+    """Return the scene's answer: height of the apex after the first bounce [m]."""
     parameters = planar.box_parameters(
         MASS,
         SIZE[0],
@@ -102,7 +103,7 @@ def _mujocos_space(tilt: float, depth: float) -> float:
 
 
 def _costs() -> tuple[float, float, float]:
-    """Median seconds per step: ours, MuJoCo's box in the plane and in space, interleaved."""
+    """Return median seconds per step: ours, MuJoCo's box in the plane and in space, interleaved."""
     steps, dt = 700, 1e-3
     parameters = planar.box_parameters(
         MASS, SIZE[0], SIZE[2], restitution=RESTITUTION, friction=FRICTION
@@ -147,7 +148,7 @@ def _costs() -> tuple[float, float, float]:
 
 
 def bouncing_box() -> Scene:
-    """The scene of the chapter's simulation: how high does the box come back?"""
+    """Return the scene of the chapter's simulation: how high does the box come back?"""
     answer = ours()
     rigid = _mujocos_plane()
     cost, flat, space = _costs()
@@ -204,7 +205,7 @@ def bouncing_box() -> Scene:
 
 @chart
 def scene_bouncing_box() -> Iterator[Panel]:
-    """The bouncing tile's scene with the error of everything left out, and where it ends."""
+    """Yield the bouncing tile's scene with the error of everything left out, and where it ends."""
     answer, rigid = ours(), _mujocos_plane()
     thick = {depth: third_dimension(depth) for depth in (0.02, 0.05, 0.1, 0.2)}
     rows = ", ".join(f"{1e3 * depth:.0f} mm: {error:.3f} m" for depth, error in thick.items())

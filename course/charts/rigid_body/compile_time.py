@@ -26,7 +26,7 @@ print(json.dumps([imported, seconds, warmed - imported, time.perf_counter() - st
 
 
 def _first_calls() -> list[Any]:
-    """Chapter 1 in two fresh processes, the first without a cache: what `_PROBE` prints."""
+    """Return chapter 1 in two fresh processes, the first without a cache: what `_PROBE` prints."""
     command = [sys.executable, "-c", _PROBE]
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"NUMBA_CACHE_DIR": folder, "COURSE_QUIET": "1"}
@@ -48,7 +48,7 @@ def _short(name: str) -> str:
 
 @chart(height=5.4)
 def compile_time() -> Iterator[Panel]:
-    """Compilation without a cache, with one, and later calls."""
+    """Yield compilation without a cache, with one, and later calls."""
     (_, cold, first, _), (imported, warm, again, last) = _first_calls()
     names = sorted(cold, key=lambda name: cold[name], reverse=True)
     total = sum(cold.values())

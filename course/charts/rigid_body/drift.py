@@ -22,7 +22,7 @@ from course.rigid_body.integrators import INTEGRATORS, Array, semi_implicit_eule
 def long_run_energy(
     steps: int = 1_000_000, dt: float = 0.02, amplitude: float = 1.0, names: Sequence[str] = ()
 ) -> Iterator[Panel]:
-    """Energy of the pendulum over a million steps, by all six integrators.
+    """Yield energy of the pendulum over a million steps, by all six integrators.
 
     Args:
         steps: how many, at least 1000.
@@ -66,7 +66,7 @@ def long_run_energy(
 
 
 def pattern_growth(steps: Sequence[float]) -> float:
-    """Growth per cycle of a repeated pattern of steps of semi-implicit Euler on x'' = -x.
+    """Return growth per cycle of a repeated pattern of steps of semi-implicit Euler on x'' = -x.
 
     A step is [[1 - h^2, h], [-h, 1]], of determinant 1, and so is their product: it is bounded
     while |trace| <= 2. Beyond, one eigenvalue is larger than 1 although every step alone keeps area
@@ -111,7 +111,9 @@ def measured_pattern(steps: Sequence[float], cycles: int) -> tuple[Array, float]
 
 
 def resonant_pattern(long: float = 0.3, short: float = 0.1) -> list[float]:
-    """A quarter of a turn in long steps, a quarter in short ones: both far below the limit of 2.
+    """Return a quarter of a turn in long steps, a quarter in short ones.
+
+    Both far below the limit of 2.
 
     Args:
         long, short: omega times the two steps.
@@ -122,7 +124,7 @@ def resonant_pattern(long: float = 0.3, short: float = 0.1) -> list[float]:
 
 
 def _pair(q: Array, v: Array, a: Array, b: Array) -> tuple[Array, Array]:
-    """A step a and a step b of semi-implicit Euler."""
+    """Return a step a and a step b of semi-implicit Euler."""
     for h in (a, b):
         q, v = semi_implicit_euler(q, v, problems.oscillator_acceleration, h, np.array([1.0, 0.0]))
     return q, v
@@ -132,7 +134,7 @@ def _pair(q: Array, v: Array, a: Array, b: Array) -> tuple[Array, Array]:
 def symplectic_not_enough(
     side: int = 160, cycles: int = 100, periods: int = 1000, omega_dt: float = 0.1
 ) -> Iterator[Panel]:
-    """Steps that vary turn a stable symplectic method unstable; phase is never protected.
+    """Yield steps that vary turn a stable symplectic method unstable; phase is never protected.
 
     Args:
         side: points of the map, each way.
@@ -237,7 +239,10 @@ FLOOR = 1e-17  # where an error of exactly zero is drawn
 
 
 def _spin(q, omega, h, steps, update):
-    """Steps of a constant body rate; update: 0 adds, 1 renormalises as well, 2 multiplies exp."""
+    """Return steps of a constant body rate.
+
+    Update: 0 adds, 1 renormalises as well, 2 multiplies exp.
+    """
     for _ in range(steps):
         if update == 2:
             q = quaternion.product(q, quaternion.exp(h * omega))
@@ -249,7 +254,7 @@ def _spin(q, omega, h, steps, update):
 
 
 def spin_errors(update: str, angle: float, steps: Sequence[int]) -> tuple[Array, Array]:
-    """Errors of a quaternion that turns at a constant rate.
+    """Return errors of a quaternion that turns at a constant rate.
 
     Args:
         update: one of `UPDATES`.
@@ -278,7 +283,9 @@ def spin_errors(update: str, angle: float, steps: Sequence[int]) -> tuple[Array,
 
 
 def added_length(angle: float, steps: float | Array) -> Array:
-    """Length after n steps q + h q' / 1: (1 + (h w / 2)^2)^(n / 2), because q' is perpendicular.
+    """Return length after n steps q + h q' / 1.
+
+    (1 + (h w / 2)^2)^(n / 2), because q' is perpendicular.
 
     Args:
         angle: turn per step, h w [rad].
@@ -299,7 +306,7 @@ def quaternion_drift(
     angles: Sequence[float] = (1e-3, 1e-2),
     counts: Sequence[int] = (500, 1000, 2000, 4000, 8000),
 ) -> Iterator[Panel]:
-    """Length and attitude of a turning quaternion by three updates, and by RK4 in two forms.
+    """Yield length and attitude of a turning quaternion by three updates, and by RK4 in two forms.
 
     Args:
         most: steps of the longest turn.

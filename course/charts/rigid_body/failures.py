@@ -30,7 +30,7 @@ Linear = Callable[[Array], Array]
 
 
 def measured_limit(step_at: Callable[[float], Linear], rel: float = 1e-4) -> float:
-    """Largest stable omega dt of a family of linear steps, found without knowing the theory.
+    """Return largest stable omega dt of a family of linear steps, found without knowing the theory.
 
     The range from 0.05 to `NO_LIMIT` is searched upwards in steps of 20 % for the first value that
     grows; bisection follows.
@@ -56,7 +56,7 @@ def measured_limit(step_at: Callable[[float], Linear], rel: float = 1e-4) -> flo
 
 
 def mujoco_theory(zeta: float, integrator: str, implicit_damping: bool = True) -> float:
-    """What the stability limit of MuJoCo's integrators should be on a damped spring.
+    """Return what the stability limit of MuJoCo's integrators should be on a damped spring.
 
     Args:
         zeta: damping ratio.
@@ -85,12 +85,12 @@ class Contender:
     theory: Callable[[float], float]
 
     def limit(self, zeta: float) -> float:
-        """The measured one."""
+        """Return the measured one."""
         return measured_limit(lambda omega_dt: self.step(omega_dt, zeta))
 
 
 def contenders() -> dict[str, Contender]:
-    """The course's methods and MuJoCo's, by their keys on a chart."""
+    """Return the course's methods and MuJoCo's, by their keys on a chart."""
     result = {
         name: Contender(
             functools.partial(oscillator.stepper, name), functools.partial(oscillator.limit, name)
@@ -113,7 +113,7 @@ def contenders() -> dict[str, Contender]:
 
 
 def deviation(measured: float, theory: float) -> float:
-    """Relative, 0 where both say 0 or both say infinity."""
+    """Return relative, 0 where both say 0 or both say infinity."""
     if measured == theory:
         return 0.0
     return abs(measured / theory - 1.0) if theory > 0.0 else math.inf
@@ -123,7 +123,7 @@ def deviation(measured: float, theory: float) -> float:
 def stability_limits(
     zetas: Sequence[float] = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5), names: Sequence[str] = ()
 ) -> Iterator[Panel]:
-    """The limit of every integrator on the damped oscillator, ours and MuJoCo's.
+    """Yield the limit of every integrator on the damped oscillator, ours and MuJoCo's.
 
     Args:
         zetas: damping ratios.
@@ -168,7 +168,7 @@ def stability_limits(
 
 
 def growth_map(method: str, omega_dt: Array, zeta: Array) -> Map:
-    """Measured growth per step over step and damping, all points stepped as one batch.
+    """Return measured growth per step over step and damping, all points stepped as one batch.
 
     Args:
         method: a name in INTEGRATORS.
@@ -184,7 +184,10 @@ def growth_map(method: str, omega_dt: Array, zeta: Array) -> Map:
 
 
 def boundary_error(result: Map, method: str) -> float:
-    """Largest distance of a map's boundary from theory, in cells of the map (0.5 is perfect)."""
+    """Return largest distance of a map's boundary from theory.
+
+    In cells of the map (0.5 is perfect).
+    """
     cell = float(result.x[1] - result.x[0])
     worst = 0.0
     for edge, zeta in zip(result.boundary(), result.y, strict=True):
@@ -203,7 +206,10 @@ def boundary_error(result: Map, method: str) -> float:
     title="Where a step decays and where it grows: measured boundary black, theory white, dashed",
 )
 def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
-    """Growth per step over step and damping, with the theoretical boundary on the measured one."""
+    """Yield growth per step over step and damping.
+
+    With the theoretical boundary on the measured one.
+    """
     omega_dt, zeta = np.linspace(0.02, 4.0, nx), np.linspace(0.0, 2.0, ny)
     for method, label in LABELS.items():
         result = growth_map(method, omega_dt, zeta)
@@ -242,20 +248,20 @@ class Mode:
 
     @classmethod
     def of(cls, z: complex, omega_dt: float) -> "Mode":
-        """That of the eigenvalue z of a step omega dt."""
+        """Return that of the eigenvalue z of a step omega dt."""
         log = complex(np.log(z))
         return cls(abs(z), -log.real / abs(log), abs(log.imag) / omega_dt - 1.0)
 
 
 def mujoco_mode(integrator: str, omega_dt: float) -> Mode:
-    """Measured on MuJoCo's undamped spring, the eigenvalue of larger modulus."""
+    """Return measured on MuJoCo's undamped spring, the eigenvalue of larger modulus."""
     matrix = stability.amplification(mujoco_step(integrator, omega_dt), 2)
     values = np.linalg.eigvals(matrix)
     return Mode.of(complex(values[int(np.argmax(np.abs(values)))]), omega_dt)
 
 
 def implicit_euler_mode(omega_dt: float) -> Mode:
-    """Theory of "discrete" on an undamped spring: z = 1 / (1 - i x), x = omega dt.
+    """Return theory of "discrete" on an undamped spring: z = 1 / (1 - i x), x = omega dt.
 
     It is implicit Euler, v1 = (v - x q) / (1 + x^2) and q1 = q + x v1, so |z| = (1 + x^2)^-1/2 and
     arg z = atan(x): a damping ratio of x / 2 and a frequency too low by x^2 / 3 where x is small
@@ -266,7 +272,7 @@ def implicit_euler_mode(omega_dt: float) -> Mode:
 
 @chart
 def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
-    """Limits of MuJoCo's integrators on a stiff spring, and what having none costs."""
+    """Yield limits of MuJoCo's integrators on a stiff spring, and what having none costs."""
     x = np.geomspace(0.01, NO_LIMIT, points)
     modes = {name: [mujoco_mode(name, float(v)) for v in x] for name in MUJOCO_INTEGRATORS}
     left = Panel(

@@ -22,7 +22,7 @@ from course.rigid_body.integrators import Array, explicit_euler
 
 @chart
 def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -> Iterator[Panel]:
-    """RK4 with events handled and not: the order drops from four to one.
+    """Yield RK4 with events handled and not: the order drops from four to one.
 
     Against the closed form. A late impact is late by the part of the step that is left, which is
     anything from 0 to dt; so each step is tried with several phases, by a few steps more, and the
@@ -81,7 +81,7 @@ def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -
 
 
 def miss_probability(travel: float | Array, thickness: float) -> Array:
-    """Share of phases in which no sample falls into the wall: 1 - d / (v dt), not below 0.
+    """Return share of phases in which no sample falls into the wall: 1 - d / (v dt), not below 0.
 
     Args:
         travel: way made in one step, v dt [m].
@@ -91,7 +91,7 @@ def miss_probability(travel: float | Array, thickness: float) -> Array:
 
 
 def point_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
-    """Share of point balls that a check at the end of every step does not see in the wall.
+    """Return share of point balls that a check at the end of every step does not see in the wall.
 
     Args:
         ratio: travel per step over the wall's thickness.
@@ -107,7 +107,10 @@ def point_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
 
 
 def swept_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
-    """As `point_misses`, but the impact is an event within the step: nothing gets through."""
+    """Return as `point_misses`, but the impact is an event within the step.
+
+    Nothing gets through.
+    """
 
     def free(q: Array, v: Array, params: Array) -> Array:
         return np.zeros_like(v)
@@ -131,7 +134,7 @@ def swept_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
 def mujoco_wall(
     thickness: float, radius: float, speed: float, dt: float, one_step: bool
 ) -> mujoco_kit.Runner:
-    """A ball on a slide that flies at a wall, in MuJoCo.
+    """Return a ball on a slide that flies at a wall, in MuJoCo.
 
     Args:
         thickness: of the wall, a box geom about x = 0 [m].
@@ -155,7 +158,7 @@ def mujoco_wall(
 def mujoco_through(
     thickness: float, radius: float, speed: float, dt: float, phases: ArrayLike, one_step: bool
 ) -> float:
-    """Share of the phases in which MuJoCo's ball comes out on the far side of the wall.
+    """Return share of the phases in which MuJoCo's ball comes out on the far side of the wall.
 
     Args:
         thickness, radius, speed, dt, one_step: as for `mujoco_wall`.
@@ -178,7 +181,9 @@ _TIME_CONSTANT, _IMPEDANCE = 0.02, 0.95
 
 
 def stopping_time() -> float:
-    """Depth that a ball sinks into MuJoCo's default contact, per unit of its speed [s]: 7.29 ms.
+    """Return depth that a ball sinks into MuJoCo's default contact, per unit of its speed [s].
+
+    7.29 ms.
 
     It is a way over a speed, 0.36 of solref's time constant T = 20 ms, and not a time that passes:
     the deepest point is reached later. Beyond 1 mm the contact is r'' + d b r' + d k r = 0 with the
@@ -194,7 +199,7 @@ def stopping_time() -> float:
 def penetration_speed(
     thickness: float, radius: float, dt: float, one_step: bool, phases: int = 16
 ) -> float:
-    """The speed above which MuJoCo's ball gets through the wall in some phase [m/s].
+    """Return the speed above which MuJoCo's ball gets through the wall in some phase [m/s].
 
     Args:
         thickness, radius, dt, one_step: as for `mujoco_wall`.
@@ -219,7 +224,7 @@ def tunnelling(
     steps: Sequence[float] = (2e-4, 5e-4, 1e-3, 2e-3, 5e-3),
     walls: Sequence[tuple[float, float]] = ((0.02, 0.01), (0.005, 0.0025)),
 ) -> Iterator[Panel]:
-    """Which balls pass a thin wall: a law for checks per step, another for soft contact.
+    """Yield which balls pass a thin wall: a law for checks per step, another for soft contact.
 
     Args:
         ratios: travel per step over the effective thickness.
@@ -397,7 +402,7 @@ def our_box_at_rest(
     duration: float = 10.0,
     dt: float = 2e-3,
 ) -> Rest:
-    """A box dropped on its corner, 5 s later: impacts and speeds over `duration` seconds.
+    """Return a box dropped on its corner, 5 s later: impacts and speeds over `duration` seconds.
 
     Args:
         rest_speed: an impact slower than this does not bounce [m/s].
@@ -426,7 +431,7 @@ def our_box_at_rest(
 def mujoco_box_at_rest(
     integrator: str, contact: str, duration: float = 10.0, dt: float = 2e-3
 ) -> Rest:
-    """The same box in MuJoCo; an impact is a corner passing the ground downwards.
+    """Return the same box in MuJoCo; an impact is a corner passing the ground downwards.
 
     Args:
         integrator: MuJoCo's name of it.
@@ -459,14 +464,17 @@ def mujoco_box_at_rest(
 def zeno_end(
     height: float, restitution: float, gravity: float = problems.STANDARD_GRAVITY
 ) -> float:
-    """When the last of infinitely many bounces is over: sqrt(2 h / g) (1 + e) / (1 - e) [s]."""
+    """Return when the last of infinitely many bounces is over.
+
+    sqrt(2 h / g) (1 + e) / (1 - e) [s].
+    """
     return math.sqrt(2.0 * height / gravity) * (1.0 + restitution) / (1.0 - restitution)
 
 
 def zeno_counts(
     times: Array, height: float = 1.0, restitution: float = 0.7, rest_speed: float = 0.0
 ) -> Array:
-    """Impacts of a flat box, dropped from rest, until each of the times, found as events.
+    """Return impacts of a flat box, dropped from rest, until each of the times, found as events.
 
     Args:
         times: [s], shape (n,).
@@ -495,7 +503,7 @@ def zeno_counts(
     "all three chatter",
 )
 def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
-    """A box that should lie still, and a ball that bounces infinitely often.
+    """Yield a box that should lie still, and a ball that bounces infinitely often.
 
     Args:
         duration: how long the box is watched [s].

@@ -75,7 +75,7 @@ _STEPS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 5e-4, 2e-4
 
 
 def box_states(n: int, seed: int = 7) -> Array:
-    """Boxes thrown at random above the ground, shape (6, n)."""
+    """Return boxes thrown at random above the ground, shape (6, n)."""
     rng = np.random.default_rng(seed)
     state = np.empty((6, n))
     state[0] = rng.uniform(-5.0, 5.0, n)
@@ -87,7 +87,7 @@ def box_states(n: int, seed: int = 7) -> Array:
 
 
 def mixed_states(n: int, groups: int = 20) -> Array:
-    """The boxes of `box_states` at moments spread evenly over their run, shape (6, n)."""
+    """Return the boxes of `box_states` at moments spread evenly over their run, shape (6, n)."""
     state = box_states(n)
     rough = planar.box_parameters(1.0, *BOX, restitution=0.5, friction=0.5)
     for i in range(groups):
@@ -100,14 +100,14 @@ def mixed_states(n: int, groups: int = 20) -> Array:
 
 
 def body_states(n: int, seed: int = 7) -> tuple[Array, Array]:
-    """Free bodies thrown at random, shapes (7, n) and (6, n)."""
+    """Return free bodies thrown at random, shapes (7, n) and (6, n)."""
     rng = np.random.default_rng(seed)
     q = np.concatenate([rng.uniform(-5, 5, (3, n)), quaternion.exp(rng.normal(0, 1, (3, n)))])
     return q, rng.normal(0.0, 1.0, (6, n))
 
 
 def _coarsest(errors: Callable[[float], float], tolerance: float) -> tuple[float, float]:
-    """The largest step of the list that meets the tolerance, as does the next finer one."""
+    """Return the largest step of the list that meets the tolerance, as does the next finer one."""
     result = errors(_STEPS[0])
     for dt, finer in itertools.pairwise(_STEPS):
         error, result = result, errors(finer)
@@ -117,7 +117,7 @@ def _coarsest(errors: Callable[[float], float], tolerance: float) -> tuple[float
 
 
 def box_contenders(samples: int = 24) -> list[Contender]:
-    """Planar boxes on the ground: ours and MuJoCo's, each at the step the tolerance allows.
+    """Return planar boxes on the ground: ours and MuJoCo's, each at the step the tolerance allows.
 
     The accuracy is judged on frictionless boxes up to half a second, through their first
     impacts, against `problems.frictionless_box`; later bounces multiply any error by ten and
@@ -173,7 +173,7 @@ def box_contenders(samples: int = 24) -> list[Contender]:
 def body_contenders(
     samples: int = 24, integrators: Sequence[str] = ("RK4", "Euler", "implicitfast")
 ) -> list[Contender]:
-    """Free bodies, each at the coarsest step that keeps the attitude to 1 mrad for 1 s."""
+    """Return free bodies, each at the coarsest step that keeps the attitude to 1 mrad for 1 s."""
     start = body_states(samples)
     fine, _ = advance_bodies(*start, INERTIA, 5e-4, 2000)
 
@@ -210,7 +210,7 @@ def measure_rates(
     horizon: float | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Rate]:
-    """Body-steps per second of every contender at every size, interleaved in one process.
+    """Return body-steps per second of every contender at every size, interleaved in one process.
 
     Args:
         contenders: what to run; one thread each.
@@ -247,14 +247,17 @@ def measure_rates(
 
 
 def memory_bandwidth(megabytes: int = 256) -> float:
-    """Bytes per second that a plain copy moves, read and written, best of five."""
+    """Return bytes per second that a plain copy moves, read and written, best of five."""
     source = np.ones(megabytes * 131_072)
     (result,) = interleaved([calls(np.copyto, np.empty_like(source), source)])
     return 2.0 * source.nbytes / result.best
 
 
 def ratios(rates: Sequence[Rate], ours: str, theirs: str) -> tuple[float, float]:
-    """Best rate of ours over the best of theirs: (body-steps, simulated seconds) per second."""
+    """Return best rate of ours over the best of theirs.
+
+    (body-steps, simulated seconds) per second.
+    """
     steps, seconds = (
         {name: max(by(r) for r in rates if r.contender.name == name) for name in (ours, theirs)}
         for by in (lambda r: r.steps_per_second, lambda r: r.seconds_per_second)
@@ -263,7 +266,7 @@ def ratios(rates: Sequence[Rate], ours: str, theirs: str) -> tuple[float, float]
 
 
 def _limit_text(rates: list[Rate], name: str, bytes_per_body: int) -> str:
-    """What limits a rate: bytes it must move if a body's state passes once per step."""
+    """Return what limits a rate: bytes it must move if a body's state passes once per step."""
     bandwidth = memory_bandwidth()
     best = max(r.steps_per_second for r in rates if r.contender.name == name)
     share = best * bytes_per_body / bandwidth
@@ -276,7 +279,7 @@ def _limit_text(rates: list[Rate], name: str, bytes_per_body: int) -> str:
 
 
 def _at_rest(samples: int = 1000) -> float:
-    """Share of the boxes of a run that lie still at its end, where the kernel skips them."""
+    """Return share of the boxes of a run that lie still at its end, where the kernel skips them."""
     rough = planar.box_parameters(1.0, *BOX, restitution=0.5, friction=0.5)
     end, _ = planar.advance_boxes(box_states(samples), rough, 1e-3, round(DURATION / 1e-3))
     return float(np.mean(np.all(end[3:] == 0.0, axis=0)))
@@ -323,7 +326,7 @@ def _panel(title: str, y: str, rates: Sequence[Rate], per_step: bool) -> Panel:
 def throughput(
     sizes: Sequence[int] = SIZES, samples: int = 24, horizon: float = DURATION, repeats: int = 5
 ) -> Iterator[Panel]:
-    """Batches of planar boxes and free bodies beside mujoco.batch.
+    """Yield batches of planar boxes and free bodies beside mujoco.batch.
 
     Args:
         sizes: numbers of bodies.

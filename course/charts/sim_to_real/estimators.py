@@ -21,7 +21,7 @@ WANTED = 1.0  # of each number [%]: a tenth of what a gap of 0.3 moves the heavi
 
 
 def estimators(log: Log) -> dict[str, Callable[[], Array]]:
-    """What finds five numbers in a log, prepared outside of the clock."""
+    """Return what finds five numbers in a log, prepared outside of the clock."""
     theirs = sysid.prepared(plants.ARM, log, GUESS)
     return {
         "differentiated": lambda: regress(log, "differentiated"),
@@ -34,7 +34,7 @@ def estimators(log: Log) -> dict[str, Callable[[], Array]]:
 
 
 def worst(answers: Sequence[Array]) -> float:
-    """Root mean square over logs of the error of the worst of five numbers [%]."""
+    """Return root mean square over logs of the error of the worst of five numbers [%]."""
     return float(100.0 * np.sqrt(np.mean((np.array(answers) / TRUE - 1.0) ** 2, axis=0)).max())
 
 
@@ -44,7 +44,9 @@ def what_finds_the_numbers(
     lengths: Sequence[float] = (0.5, 1.0, 2.0, 4.0),
     seeds: int = 4,
 ) -> Iterator[Panel]:
-    """Error of five numbers over the noise, and over the time it takes, `mujoco.sysid` beside.
+    """Yield error of five numbers over the noise.
+
+    And over the time it takes, `mujoco.sysid` beside.
 
     Args:
         noises: deviations of the angles [rad]; lengths: of the logs on the right [s].
@@ -104,7 +106,9 @@ def believed_error_bars(
     delays: Sequence[float] = (5e-5, 1e-4, 2e-4, 5e-4, 2e-3, 1e-2),
     seeds: int = 8,
 ) -> Iterator[Panel]:
-    """A fit whose model lacks something: what it claims, how wrong it is, whether it is noticed.
+    """Yield a fit whose model lacks something.
+
+    What it claims, how wrong it is, whether it is noticed.
 
     Args:
         frictions: dry friction of joint 1, joint 2 has half [N m]; delays: of the command [s].
@@ -150,14 +154,17 @@ LAGS, AHEAD = 8, 60  # samples that a learned model looks back, and that it fore
 
 
 def random_sines(seconds: float, seed: int) -> Array:
-    """Torques of six sines a joint, drawn, shape (T, 2) [N m]."""
+    """Return torques of six sines a joint, drawn, shape (T, 2) [N m]."""
     rng, t = np.random.default_rng(seed), plants.DT * np.arange(round(seconds / plants.DT))
     rate, phase = rng.uniform(3.0, 19.0, (2, 6, 1)), rng.uniform(0.0, 6.28, (2, 6, 1))
     return np.asarray((np.array([[1.0], [0.4]]) * np.sin(rate * t + phase).sum(axis=1)).T)
 
 
 def features(q: Array, u: Array, k: int) -> Array:
-    """What the next change of the angles may depend on: earlier ones, torques, and the elbow."""
+    """Return what the next change of the angles may depend on.
+
+    Earlier ones, torques, and the elbow.
+    """
     moves, c, s = np.diff(q[:, k - LAGS : k + 1]), np.cos(q[1, k]), np.sin(q[1, k])
     line = np.concatenate([moves.ravel(), 0.01 * u[:, k - LAGS : k + 1].ravel()])
     v = moves.mean(axis=1) / plants.DT
@@ -166,7 +173,7 @@ def features(q: Array, u: Array, k: int) -> Array:
 
 
 def learned(log: Log) -> Array:
-    """Weights of `features` by ridge regression on a log."""
+    """Return weights of `features` by ridge regression on a log."""
     q, u = log.measured, log.command
     X = np.array([features(q, u, k) for k in range(LAGS, u.shape[1])])
     size = X.std(axis=0) + 1e-9
@@ -179,7 +186,7 @@ def learned(log: Log) -> Array:
 def learned_model(
     lengths: Sequence[float] = (1, 3, 10, 30, 100), seeds: int = 2, tests: int = 8
 ) -> Iterator[Panel]:
-    """Motions of MuJoCo's twin foretold: learned from logs, or by our arm fitted to one."""
+    """Yield motions of MuJoCo's twin foretold: learned from logs, or by our arm fitted to one."""
     twin = Twin(threads=1)
     unseen = [twin.log(random_sines(1.0, 100 + k), [0.3 + k, 1.2], 100 + k) for k in range(tests)]
     part = slice(LAGS + 4, LAGS + 5 + AHEAD)
@@ -195,7 +202,7 @@ def learned_model(
         return plants.driven(columns, log.command.T, start, log.dt).q[:, 0]
 
     def worth(foretold: Callable[[Array, Log], Array], models: Sequence[Array]) -> float:
-        """Root mean square error of the angles over 0.6 s [mrad]; infinite above 1 rad."""
+        """Return root mean square error of the angles over 0.6 s [mrad]; infinite above 1 rad."""
         deviation = [(foretold(m, log) - log.measured)[:, part] for m in models for log in unseen]
         error = 1e3 * float(np.sqrt(np.mean(np.square(deviation))))
         return error if error < 1e3 else np.inf

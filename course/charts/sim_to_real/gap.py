@@ -25,7 +25,7 @@ SEEN, LATE = 41, 0.01  # seed of tasks that no tuning saw; delay of the real arm
 
 
 def banded(label: str, x: Sequence[float], rates: Sequence[float], n: int, key: str = "") -> Series:
-    """Shares of n trials over x, with Wilson's interval."""
+    """Return shares of n trials over x, with Wilson's interval."""
     low, high = wilson(n * np.array(rates), n)
     message = ", ".join(f"{rate:.2f}" for rate in rates)
     return Series(label, x, rates, key, low=low, high=high, note=f"{label}: {message}")
@@ -33,7 +33,10 @@ def banded(label: str, x: Sequence[float], rates: Sequence[float], n: int, key: 
 
 @chart
 def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
-    """Success on n tasks over the gap by what was tuned on, and over the range, the twin beside."""
+    """Yield success on n tasks over the gap by what was tuned on.
+
+    And over the range, the twin beside.
+    """
     record, posed = recorded(), tasks(n, SEEN)
     panel = Panel("The real arm, 10 ms late", "gap", "success")
     for label, kind, k in (
@@ -75,7 +78,9 @@ def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
 
 
 def from_log(twin: Twin, seconds: float, seed: int, without: Sequence[str] = ()) -> Array:
-    """Columns of an arm (12, 1) as one log of the twin under two sines tells them, some left 0."""
+    """Return columns of an arm (12, 1) as one log of the twin under two sines tells them, some left
+    0.
+    """
     start = {name: 2.0 * logs.TRUTH[name] for name in "abd"} | {"c1": 0.1, "c2": 0.1, "f1": 0.3}
     start |= {"f2": 0.15, "delay": 0.005, "bias1": 0.0, "bias2": 0.0, "q1": 0.3, "q2": 1.2}
     start |= dict.fromkeys(without, 0.0)
@@ -89,7 +94,7 @@ def from_log(twin: Twin, seconds: float, seed: int, without: Sequence[str] = ())
 
 
 def about(columns: Array) -> Callable[[int, np.random.Generator], Array]:
-    """Arms about an identified one (12, 1): inertias, friction and delay 20 % up or down."""
+    """Return arms about an identified one (12, 1): inertias, friction and delay 20 % up or down."""
 
     def draw(n: int, rng: np.random.Generator) -> Array:
         factor = np.ones((12, n))
@@ -101,7 +106,9 @@ def about(columns: Array) -> Callable[[int, np.random.Generator], Array]:
 
 
 def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
-    """Success of chapter 6's adaptive law along smooth ways of 0.5 s, from the simulator's numbers.
+    """Return success of chapter 6's adaptive law along smooth ways of 0.5 s.
+
+    From the simulator's numbers.
 
     The setting was seen on the twin, one of eight slopes and dampings and of three rates: all never
     fail on `PLAIN`, and on the twin they gave 0.69 to 1.00, not adapting 0.78 to 0.92.
@@ -140,7 +147,7 @@ def robot_time(
     counts: Sequence[int] = (1, 3, 10),
     rounds: Sequence[int] = (1, 2, 4),
 ) -> Iterator[Panel]:
-    """Success on MuJoCo's twin over seconds of its time used: ranges, logs, fine-tuning.
+    """Yield success on MuJoCo's twin over seconds of its time used: ranges, logs, fine-tuning.
 
     Args:
         n: tasks; seeds: of logs and tuning; counts: of logs; rounds: of 96 episodes of fine-tuning.
@@ -198,7 +205,10 @@ FINDINGS = (
 
 @chart
 def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
-    """What mending each parameter of the simulator does to the real arm: all subsets, a trace."""
+    """Yield what mending each parameter of the simulator does to the real arm.
+
+    All subsets, a trace.
+    """
     other, posed = real(1.0, LATE), tasks(n, SEEN)
 
     def rate(some: frozenset[str]) -> float:
@@ -242,7 +252,7 @@ def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
 
 
 def delay_limit(gains: Array, factor: float = 1.0) -> float:
-    """Delay [s] that joint 2's loop stands, joint 1 held, by chapter 6's margins."""
+    """Return delay [s] that joint 2's loop stands, joint 1 held, by chapter 6's margins."""
     _, _, d, _, c = plants.ARM.parameters.tolist()
     kp, ki, kd = (factor * gains[3:]).tolist()
     law = Gains(kp, ki, kd, plants.FILTER).law(plants.DT)
@@ -250,7 +260,10 @@ def delay_limit(gains: Array, factor: float = 1.0) -> float:
 
 
 def swings(gains: Array, late: float, elbow: float = 1.2, dry: float = 0.0, **free: float) -> bool:
-    """Whether the swing of joint 2 after a step of a milliradian grows; `f1=0` frees joint 1."""
+    """Return whether the swing of joint 2 after a step of a milliradian grows.
+
+    `f1=0` frees joint 1.
+    """
     body, start = plants.nominal().columns(), np.array([[0.3], [elbow]])
     body[[5, 6, 8], 0] = free.get("f1", 1e3), dry, late
     small = plants.Tasks(start, plants.tip(start + [[0.0], [1e-3]]))
@@ -259,7 +272,7 @@ def swings(gains: Array, late: float, elbow: float = 1.2, dry: float = 0.0, **fr
 
 
 def arm_limit(gains: Array, elbow: float = 1.2) -> float:
-    """Delay [s] from which the arm swings with both joints free, by halving from 40 ms."""
+    """Return delay [s] from which the arm swings with both joints free, by halving from 40 ms."""
     low, high = 0.0, 0.04
     for _ in range(9):
         middle = 0.5 * (low + high)
@@ -269,7 +282,10 @@ def arm_limit(gains: Array, elbow: float = 1.2) -> float:
 
 @chart
 def late_commands(n: int = 200, points: int = 31, observed: int = 64) -> Iterator[Panel]:
-    """Success over delay and gain with the limit of stability, and MuJoCo's own delay beside."""
+    """Yield success over delay and gain with the limit of stability.
+
+    And MuJoCo's own delay beside.
+    """
     gains, posed = recorded()["range"][0, 0], tasks(n, SEEN)
     late, factors = np.linspace(0.0, 0.06, points), np.linspace(0.2, 1.6, 15)
     fails = np.array(

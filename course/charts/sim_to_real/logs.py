@@ -23,7 +23,7 @@ _BUMP = Polynomial([0.0, 1.0, -1.0]) ** 5
 
 
 def plan(kind: str, seconds: float = SECONDS, dt: float = DT) -> Array:
-    """Torques of "two sines", "steps" or "one slow joint", shape (2, T) [N m]."""
+    """Return torques of "two sines", "steps" or "one slow joint", shape (2, T) [N m]."""
     t = 2.0 * np.pi * dt * np.arange(round(seconds / dt))
     if kind == "two sines":
         return np.array(
@@ -47,7 +47,10 @@ def record(
     dt: float = DT,
     **changed: float,
 ) -> Log:
-    """A log of the arm, from rest, with what is `changed` in it: rows of `plants.ROWS`, by name."""
+    """Return a log of the arm, from rest, with what is `changed` in it.
+
+    Rows of `plants.ROWS`, by name.
+    """
     sent = plan(kind, seconds, dt)
     times = dt * np.arange(sent.shape[1] + 1)
     blank = Log(times, np.zeros((2, times.size)), sent)
@@ -68,7 +71,10 @@ ALL = {
 def episode(
     real: plants.Plants, gains: Array, task: plants.Tasks
 ) -> tuple[Log, dict[str, float], Array]:
-    """The log of one arm's only episode; where a fit of `ALL` starts; and what it should find."""
+    """Return the log of one arm's only episode; where a fit of `ALL` starts.
+
+    And what it should find.
+    """
     run = plants.watch(real, gains, task)
     q1, q2 = task.start[:, 0].tolist()
     # Too heavy, with too much dry friction: from the other side some fits end where a joint sticks.
@@ -82,8 +88,10 @@ def episode(
 
 
 def rods(parameters: Mapping[str, Array], log: Log) -> Array:
-    """As `arm`, of six numbers for the five that show: mass m and inertia I about the centre of
-    each link [kg, kg m^2], c1 and c2."""
+    """Return as `arm`, of six numbers for the five that show.
+
+    Mass m and inertia I about the centre of each link [kg, kg m^2], c1 and c2.
+    """
     l1, l2 = plants.ARM.lengths
     m1, I1, m2, I2 = (parameters[name] for name in ("m1", "I1", "m2", "I2"))
     d = I2 + 0.25 * m2 * l2**2
@@ -92,13 +100,13 @@ def rods(parameters: Mapping[str, Array], log: Log) -> Array:
 
 
 def six(model: TwoLink = plants.ARM) -> dict[str, float]:
-    """What `rods` takes, of an arm of uniform rods."""
+    """Return what `rods` takes, of an arm of uniform rods."""
     (m1, m2), (I1, I2), (c1, c2) = model.masses, model.inertias, model.damping
     return {"m1": m1, "I1": I1, "m2": m2, "I2": I2, "c1": c1, "c2": c2}
 
 
 def regress(log: Log, form: str, width: float | None = None, window: float = 0.3) -> Array:
-    """The five numbers by linear least squares on the equations of motion, shape (5,).
+    """Return the five numbers by linear least squares on the equations of motion, shape (5,).
 
     "differentiated" takes central differences of the angles; "filtered" the derivatives of a
     Gaussian of this `width` [s], by default 10 ms, and smooths the torques alike; "integral"
@@ -151,6 +159,6 @@ def regress(log: Log, form: str, width: float | None = None, window: float = 0.3
 
 
 def _least(rows: Array, torque: Array) -> Array:
-    """Of (2, 5, K) rows and (2, K) torques."""
+    """Return of (2, 5, K) rows and (2, K) torques."""
     answer, *_ = np.linalg.lstsq(rows.swapaxes(0, 1).reshape(5, -1).T, torque.ravel(), rcond=None)
     return np.asarray(answer, dtype=float)

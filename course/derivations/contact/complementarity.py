@@ -19,7 +19,7 @@ RIGID = ("lcp", "pgs", "coulomb", "convex")
 
 
 def _ball(gap, speed, dt):
-    """One step of a ball of 1 kg at this gap [m] with this upward speed [m/s]."""
+    """Return one step of a ball of 1 kg at this gap [m] with this upward speed [m/s]."""
 
     from course.contact import scenes
 
@@ -243,7 +243,10 @@ def velocity_lcp_without_gap(result):
     height = result.input("height_m", 1.0)
 
     def stops(gap):
-        """Whether the printed law, which has no gap, and the step disagree with free fall."""
+        """Return whether the printed law, which has no gap.
+
+        And the step disagree with free fall.
+        """
         problem = _ball(gap, -1.0, 1e-3)
         z = lemke(problem.delassus, problem.rows @ problem.free)[0]
         return abs(problem.after(z[:, None])[0]) < 1e-12

@@ -19,7 +19,7 @@ RIGID = ("lcp", "pgs", "coulomb", "convex")
 
 
 def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
-    """Speed at which MuJoCo's block creeps down a slope that it should stick to [m/s]."""
+    """Return speed at which MuJoCo's block creeps down a slope that it should stick to [m/s]."""
 
     from course.oracles.mujoco import contact
 
@@ -195,7 +195,7 @@ def pyramid_slips(result):
     degrees = result.input("degrees", 22.5)
 
     def slips(angle, load=0.97, model="lcp", **options):
-        """Under a load of this share of mu f_n, in this direction."""
+        """Return under a load of this share of mu f_n, in this direction."""
         t = np.radians(angle)
         base = scenes.block(0.0, 0.5)
         push = load * 0.5 * scenes.GRAVITY * np.array([np.cos(t), np.sin(t), 0.0])
@@ -271,7 +271,10 @@ def friction_has_a_step_limit(result):
     from course.contact import scenes
 
     def remaining(mu, slip, share):
-        """Speed over slip speed after 400 steps of this share of the limit; step, spring's [s]."""
+        """Return speed over slip speed after 400 steps of this share of the limit.
+
+        Step, spring's [s].
+        """
         dt = share * 2 * slip / (mu * scenes.GRAVITY)
         stiffness = 0.02 / dt**2  # its own limit is 14 of these steps
         rest = np.array([0.0, 0.0, -scenes.GRAVITY / stiffness])
@@ -391,8 +394,9 @@ def default_friction(result):
 
 
 def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
-    """Speed after a ball of 1 kg at 1 m/s hits a spring with a damper, without gravity [m/s]; NaN
-    where it has not left after 60 / omega."""
+    """Return speed after a ball of 1 kg at 1 m/s hits a spring with a damper, without gravity
+    [m/s]; NaN where it has not left after 60 / omega.
+    """
 
     from course.contact.models import penalty_force
 
@@ -461,7 +465,7 @@ def damper_damps(result):
     speed = result.input("speed", 1.0)
 
     def swing(ratio, share):
-        """Height [m] over which a ball that starts off its rest still swings."""
+        """Return height [m] over which a ball that starts off its rest still swings."""
         h = share * step_limit(ratio, "semi-implicit") / 100.0
         scene = scenes.ball_drop(-1.5 * scenes.GRAVITY / 1e4)
         path = scenes.run(scene, "penalty", h, 600, stiffness=1e4, damping=200.0 * ratio)

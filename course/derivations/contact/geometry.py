@@ -10,12 +10,12 @@ SYMBOLS = {"n": Symbol("number of bodies", 2, 1000)}
 
 
 def _still(x=0.0, y=0.0, z=0.0):
-    """A pose without rotation."""
+    """Return a pose without rotation."""
     return np.array([x, y, z, 1.0, 0.0, 0.0, 0.0])
 
 
 def _row(rng, n):
-    """n boxes along x, one on each metre."""
+    """Return n boxes along x, one on each metre."""
     middle = rng.uniform(0.0, 0.3, (3, n))
     middle[0] = rng.uniform(0.0, float(n), n)
     half = rng.uniform(0.25, 0.5, (3, n))
@@ -23,7 +23,7 @@ def _row(rng, n):
 
 
 def _angle():
-    """Two plates that stand at right angles, where they are, and all of their corners."""
+    """Return two plates that stand at right angles, where they are, and all of their corners."""
 
     from course import contact
 
@@ -39,8 +39,9 @@ def _text(values):
 
 
 def _depth_in_mesh(mesh, place):
-    """How deep a ball of 20 mm is in a mesh of MuJoCo's, 0 without contact [m], and how many of the
-    mesh's corners MuJoCo keeps."""
+    """Return how deep a ball of 20 mm is in a mesh of MuJoCo's, 0 without contact [m], and how many
+    of the mesh's corners MuJoCo keeps.
+    """
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(
@@ -186,7 +187,7 @@ def brute_force_pairs(result):
 
 
 def _exponent(crowd, sizes=(500, 4000)):
-    """Growth of the overlap tests with the number of boxes, sweeping along x."""
+    """Return growth of the overlap tests with the number of boxes, sweeping along x."""
 
     from course import contact
 
@@ -232,7 +233,10 @@ def sweep_and_prune_n_log_n(result):
 
 
 def _pile(geom, width, shape, count, seed=1):
-    """Pairs of overlapping boxes, and pairs that touch, after so many bodies settled in a bin."""
+    """Return pairs of overlapping boxes.
+
+    And pairs that touch, after so many bodies settled in a bin.
+    """
 
     import mujoco
 
@@ -372,7 +376,9 @@ def coal_is_the_truth(result):
     from course.oracles import coal
 
     def compared(a, b, qa, qb):
-        """Distances by every feature, ours and Coal's with its own tolerances, over the size."""
+        """Return distances by every feature, ours and Coal's with its own tolerances, over the
+        size.
+        """
         truth = contact.enumerated(a, qa, b, qb)
         error = np.abs(contact.distance(a, qa, b, qb).distance - truth).max() / (a.size + b.size)
         return truth, error, coal.Pair(a, b, None).distances(qa, qb)
@@ -502,7 +508,10 @@ def circles_once_a_step(result):
     a, b = contact.sphere(0.3, 2), contact.sphere(0.5, 2)
 
     def flights(low, high, n=40):
-        """Whether a test a step sees each hit, and whether the time of impact does, at random."""
+        """Return whether a test a step sees each hit, and whether the time of impact does.
+
+        At random.
+        """
         h = result.rng.uniform(0.0, 0.75, n)
         step = 2.0 * np.sqrt(0.8**2 - h**2) * result.rng.uniform(low, high, n)
         start = -1.0 - step * result.rng.uniform(0.0, 1.0, n)
@@ -556,7 +565,7 @@ def soft_wall(result):
         return high
 
     def unseen(speed):
-        """Whether some phase of a test a step misses the ball."""
+        """Return whether some phase of a test a step misses the ball."""
         return any(checked(dt, speed, phase) for phase in np.linspace(0.0, 1.0, 401))
 
     def through(speed, step):

@@ -15,7 +15,7 @@ SYMBOLS = {
 
 
 def _stack(**options):
-    """Four boxes in MuJoCo after 30 steps, the lowest pushed."""
+    """Return four boxes in MuJoCo after 30 steps, the lowest pushed."""
 
     from course.oracles.mujoco import contact
 
@@ -39,7 +39,7 @@ def mujoco_is_convex_and_unique(result):
     from course.oracles.mujoco import contact
 
     def forces(made, solver, start=0.0):
-        """From a warm start of this acceleration."""
+        """Return from a warm start of this acceleration."""
         made.model.opt.solver = ("PGS", "CG", "Newton").index(solver)
         made.model.opt.iterations = 3000
         made.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
@@ -62,7 +62,7 @@ def mujoco_is_convex_and_unique(result):
     rigid = [solve(model, same).impulses[:, 0] for model in ("lcp", "pgs")]
 
     def sliding(solver, steps):
-        """Forces of a block that comes down sliding, after so many of Newton's steps."""
+        """Return forces of a block that comes down sliding, after so many of Newton's steps."""
         made = contact.block(contact.Options(), 0.0, (2.0, 0.5), 0.01)
         made.v0[2] = -1.0
         made.run(steps)
@@ -242,7 +242,7 @@ def heavy_on_light_sinks(result):
     heavy = result.input("heavy", 100.0)
 
     def depths(mass, solver="Newton"):
-        """Of the light one in the ground, of the heavy one in the light one [mm]."""
+        """Return of the light one in the ground, of the heavy one in the light one [mm]."""
         options = contact.Options(condim=1, solver=solver, iterations=2000)
         q = -1e3 * contact.tower(options, [1.0, mass]).run(4000)[0]
         return q[0], q[1] - q[0]
@@ -295,7 +295,7 @@ def tower_sags(result):
     from course.oracles.mujoco import contact
 
     def depths(n, **options):
-        """Of the top [m], and over that of its own contact and n (n + 1)/2."""
+        """Return of the top [m], and over that of its own contact and n (n + 1)/2."""
         q = contact.tower(contact.Options(condim=1, **options), [1.0] * n).run(6000)[0]
         return -q[-1], q[-1] / (q[-1] - q[-2]) / (n * (n + 1) / 2)
 
@@ -372,7 +372,7 @@ def default_tolerance(result):
     from course.oracles.mujoco import contact
 
     def worst(solver, tolerance, ls_tolerance):
-        """Largest difference from our forces over the largest force, on the way."""
+        """Return largest difference from our forces over the largest force, on the way."""
         options, deviation = contact.Options(solver=solver, tolerance=tolerance), []
         runner = contact.box(options, (0.5, 0.2))
         runner.model.opt.ls_tolerance = ls_tolerance
@@ -503,7 +503,7 @@ def steel_stiffness(result):
     modulus = 210e9 / (1 - 0.3**2) / 2  # both of steel
 
     def stiffness(force):
-        """Slope of F = 4/3 E sqrt(R) d^(3/2), by differences [N/m]."""
+        """Return slope of F = 4/3 E sqrt(R) d^(3/2), by differences [N/m]."""
 
         def depth(f):
             return (0.75 * f / (modulus * np.sqrt(radius))) ** (2 / 3)

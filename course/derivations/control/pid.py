@@ -36,8 +36,10 @@ def integral_clamp(result):
     dt, steps = 0.002, 5000
 
     def run(bound=None, kp=4.0, ki=6.0, load=0.3, jam=3.0, target=1.0, kd=0.5):
-        """(overshoot, error at the end) [rad] of a joint that is blocked first; bound None is
-        conditional integration."""
+        """Return (overshoot, error at the end) [rad] of a joint that is blocked first.
+
+        Bound None is conditional integration.
+        """
         gains = {"kp": kp, "ki": ki, "kd": kd, "dt": dt, "u_min": -2.0, "u_max": 2.0, "tau": 0.01}
         controller = PID(**gains) if bound is None else Clamped(**gains)
         if isinstance(controller, Clamped):
@@ -64,13 +66,13 @@ def integral_clamp(result):
     )
 
     def drawn():
-        """Gains, load and time of a jam, with the setpoint far enough to hold the limit."""
+        """Return gains, load and time of a jam, with the setpoint far enough to hold the limit."""
         low, high = (3, 1, 0.2, 1, 0.5), (9, 8, 1.2, 4, 1.0)
         values = result.rng.uniform(low, high)
         return dict(zip(("kp", "ki", "load", "jam", "kd"), values, strict=True))
 
     def cured(share):
-        """Whether a clamp at a share of the load adds no overshoot, and leaves no error."""
+        """Return whether a clamp at a share of the load adds no overshoot, and leaves no error."""
         case = drawn()
         bound = share * case["load"]
         overshoot, remaining = run(bound, **case)

@@ -17,7 +17,7 @@ SYMBOLS = {
 
 
 def _growth(kp, kd, *, dt=1.0, delay=0.0, rate="exact", inertia=1.0, damping=0.0, tau=0.0):
-    """Growth per sample of PD on a joint."""
+    """Return growth per sample of PD on a joint."""
 
     from course.control import sampled
 
@@ -27,7 +27,7 @@ def _growth(kp, kd, *, dt=1.0, delay=0.0, rate="exact", inertia=1.0, damping=0.0
 
 
 def _edge(kp, kd, **loop):
-    """Whether the loop is stable just inside of kp and grows just outside."""
+    """Return whether the loop is stable just inside of kp and grows just outside."""
     return _growth(kp * (1 - 1e-6), kd, **loop) <= 1 + 1e-9 < _growth(kp * (1 + 1e-5), kd, **loop)
 
 
@@ -88,7 +88,7 @@ def p_at_any_gain(result):
 
 
 def _coefficients(open_loop):
-    """Coefficients of the closed loop's polynomial in z, from z^0 up, the last one 1."""
+    """Return coefficients of the closed loop's polynomial in z, from z^0 up, the last one 1."""
     import sympy
 
     z = sympy.Symbol("z")
@@ -98,7 +98,7 @@ def _coefficients(open_loop):
 
 
 def _held_inertia():
-    """(z, torque to angle, torque to speed) of a free inertia, in units J = dt = 1."""
+    """Return (z, torque to angle, torque to speed) of a free inertia, in units J = dt = 1."""
     import sympy
 
     z = sympy.Symbol("z")
@@ -235,7 +235,7 @@ def pd_sample_late(result):
 
 
 def _largest_gain(growth, high, low=0.0):
-    """The largest gain below `high` at which a growth stays within 1."""
+    """Return the largest gain below `high` at which a growth stays within 1."""
     for _ in range(40):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if growth(middle) <= 1 + 1e-10 else (low, middle)
@@ -255,7 +255,7 @@ def pade_is_enough(result):
     ratio = np.tan(turned) / turned  # kd / kp with which the loop swings at w = turned / delay
 
     def pade(order, kp, kd, damping=0.0):
-        """Whether all roots decay with the approximation."""
+        """Return whether all roots decay with the approximation."""
         below = {1: [delay / 2, 1], 2: [delay**2 / 12, delay / 2, 1]}[order]
         above = [c * (-1) ** (len(below) - 1 - i) for i, c in enumerate(below)]
         poly = np.polyadd(np.polymul([1, damping, 0], below), np.polymul([kd, kp], above))

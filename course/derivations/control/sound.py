@@ -25,7 +25,7 @@ def hold_is_half_a_sample(result):
     turn, draws = result.input("turn", 1), int(result.input("draws", 20))
 
     def deviation(inertia, damping, dt, turn=turn):
-        """Phase of the held joint, against the continuous one half a sample late [rad]."""
+        """Return phase of the held joint, against the continuous one half a sample late [rad]."""
         system, w = sampled.joint_system(inertia, damping), turn / dt
         held = sampled.open_loop(sampled.held(*system, dt), sampled.pid_law(1.0, dt=dt), [w])[0]
         late = np.exp(-0.5j * w * dt) / (1j * w * (1j * w * inertia + damping))

@@ -17,7 +17,7 @@ WALLS = np.geomspace(1e2, 1e6, 9)  # N/m
 
 
 def _damping_ratio(stiffness, damping, wall, mass=4.0):
-    """Damping ratio of a law in contact, from the poles of the loop at a megahertz."""
+    """Return damping ratio of a law in contact, from the poles of the loop at a megahertz."""
     from course.control import Probe, TouchLaw, sampled
 
     probe, dt = Probe(mass, 0.0, wall), 1e-6
@@ -194,7 +194,7 @@ def vibration_needs_softness(result):
     light = touch.lightest(1e4, touch.DELAY) / 3
 
     def calmed(law, wall=1e4):
-        """Whether a twentieth of the stiffness stops a loop that vibrates."""
+        """Return whether a twentieth of the stiffness stops a loop that vibrates."""
         from dataclasses import replace
 
         soft = replace(law, stiffness=law.stiffness / 20, hold=law.hold / 20)
@@ -302,7 +302,7 @@ def stiff_control_hurts(result):
     )
 
     def run(stiffness, wall=wall):
-        """(first peak, force held) while the set-point goes 2 cm into the wall [N]."""
+        """Return (first peak, force held) while the set-point goes 2 cm into the wall [N]."""
         aim = np.minimum(speed * 1e-3 * np.arange(12_000), 0.02)
         law = TouchLaw(stiffness, 0.2 * np.sqrt(stiffness * mass))
         probe = Probe(mass, 0.0, wall, 40.0)

@@ -108,7 +108,7 @@ def error_follows_acceleration(result):
     one = TwoLink(masses=(1.0, 1e-6), damping=(0.0, 0.0))  # next to nothing on the second joint
 
     def share(ratio, rate, pole, dt=2e-3):
-        """The plain slope of e over q'' in a run, over (r - 1)/p^2."""
+        """Return the plain slope of e over q'' in a run, over (r - 1)/p^2."""
         period = 2 * np.pi / rate
         model = replace(one, masses=(1 / ratio, 1e-6 / ratio))
         law = JointLaw("computed_torque", model, pole**2, 2 * pole, dt)
@@ -201,7 +201,7 @@ def residual_of_the_state(result):
     logs = {"seen": log(0.0, end), "later": log(end, 4.0)}
 
     def remaining(rows, tried):
-        """Shares of the torque of a log that are left, with five draws of the waves."""
+        """Return shares of the torque of a log that are left, with five draws of the waves."""
         x, torque = logs["seen"]
         waves = [fit(x[:rows], torque, np.random.default_rng(seed)) for seed in range(5)]
         x, torque = logs[tried]
@@ -266,7 +266,7 @@ def axes_of_a_surface(result):
     arm, push = planar([0.5, 0.4, 0.3], damping=0.1), 12.0
 
     def deviation(swapped):
-        """Errors of push [N] and of the acceleration along a drawn hard surface [m/s^2]."""
+        """Return errors of push [N] and of the acceleration along a drawn hard surface [m/s^2]."""
         angle, q = result.rng.uniform(-3, 3), result.rng.uniform([-1, 0.5, 0.5], [1, 1.2, 1.2])
         c, s = np.cos(angle), np.sin(angle)
         frame, n, along = np.array([[c, -s], [s, c]]), np.array([c, s]), np.array([-s, c])

@@ -18,7 +18,7 @@ J, B = 0.5, 0.5  # the joint of the worked example [kg m^2, N m s/rad]
 
 
 def _step(gains, *, joint=None, delay=0.0, dt=1e-3, seconds=8.0, target=1.0, **more):
-    """(record, metrics) of a step."""
+    """Return (record, metrics) of a step."""
 
     from course.control import Actuator, Encoder, Joint, run_joint, step_metrics
 
@@ -35,7 +35,7 @@ def _overshoot(kp, ki, kd, **loop):
 
 
 def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
-    """Growth per sample of a set of gains on the joint."""
+    """Return growth per sample of a set of gains on the joint."""
 
     from course.control import sampled
 
@@ -142,7 +142,9 @@ def integral_removes_the_error(result):
 
 
 def _as_printed(seconds, steps=1000):
-    """The usual listing's controller and plant, step by step: (times, angles, commands, speeds).
+    """Return the usual listing's controller and plant, step by step.
+
+    (times, angles, commands, speeds).
 
     Derivative of the error by a difference, the sum of errors clamped to 10, the command to 50;
     friction taken from the acceleration, speed before angle.
@@ -176,7 +178,7 @@ def listing_friction(result):
     times, angles, sent, _ = _as_printed(1.0)
 
     def distance(damping):
-        """Largest distance of the exact joint driven by the listing's commands [rad]."""
+        """Return largest distance of the exact joint driven by the listing's commands [rad]."""
         plant = sampled.held(*sampled.joint_system(inertia, damping), times[1])
         x, worst = np.zeros(2), 0.0
         for u, q in zip(sent, angles, strict=False):
@@ -267,7 +269,7 @@ def overshoot_means_p(result):
     result.measure("weighted", _step(gentle)[1].overshoot, 1e-3)
 
     def mended(kp, ki, kd, delay=0.0, at_most=np.inf):
-        """Whether a fifth less P and a fifth more D both lower a loop's overshoot."""
+        """Return whether a fifth less P and a fifth more D both lower a loop's overshoot."""
         now, less, more = (
             _step(Gains(p, ki, d, rate="exact", u_min=-at_most, u_max=at_most), delay=delay)[1]
             for p, d in ((kp, kd), (0.8 * kp, kd), (kp, 1.2 * kd))
@@ -313,7 +315,7 @@ def tenth_of_p(result):
     result.formula = sympy.solve((desired[1] - got[1]).subs(w, speed), kd)[0]
 
     def ratio(kp, kd):
-        """Damping ratio, from the eigenvalue of the sampled loop."""
+        """Return damping ratio, from the eigenvalue of the sampled loop."""
         law = sampled.pid_law(kp, 0, kd, dt=1e-6, rate="exact")
         roots = np.linalg.eigvals(
             sampled.loop_matrix(sampled.held(*sampled.joint_system(J, B), 1e-6), law)
@@ -348,7 +350,7 @@ def critical_settles_fastest(result):
     band = result.input("band_percent", 2) / 100
 
     def settling(zeta):
-        """In units of 1/omega: J = 1, kp = 1."""
+        """Return in units of 1/omega: J = 1, kp = 1."""
         run = run_joint(
             Joint(1.0),
             Actuator(),
@@ -512,7 +514,7 @@ def safer_set(result):
     late = result.input("late_ms", 10.64) / 1000
 
     def grown(name, delay, dt=1e-4):
-        """Growth a second of the set, of the one before, and with that one's kp."""
+        """Return growth a second of the set, of the one before, and with that one's kp."""
         sets = (kp, ki, kd), (27, 120, 1.5), (27, ki, kd)
         found_out = [_growth(p, i, d, delay, dt) ** (1 / dt) for p, i, d in sets]
         for word, value in zip(("factor", "before", "kept"), found_out, strict=True):

@@ -8,21 +8,23 @@ ARM = (1.0, 0.8)  # links of the usual listing [m]
 
 
 def planar_tip(lengths: Any, q: Any) -> np.ndarray:
-    """Where the course puts the tip of a planar arm, (2,) or (2, N) [m]."""
+    """Return where the course puts the tip of a planar arm, (2,) or (2, N) [m]."""
     from course.kinematics import planar, tip
 
     return tip(planar(lengths), q)[:2]
 
 
 def planar_jacobian(lengths: Any, q: Any) -> np.ndarray:
-    """The two rows of position of the course's Jacobian of a planar arm, (2, n) or (2, n, N)."""
+    """Return the two rows of position of the course's Jacobian of a planar arm, (2, n) or (2, n,
+    N).
+    """
     from course.kinematics import jacobian, planar
 
     return jacobian(planar(lengths), q)[:2]
 
 
 def two_links() -> tuple[Any, Any, Any]:
-    """Two links by algebra: lengths, angles, and the Jacobian of the tip's position."""
+    """Return two links by algebra: lengths, angles, and the Jacobian of the tip's position."""
     import sympy
 
     l1, l2 = sympy.symbols("l1 l2", positive=True)
@@ -32,7 +34,7 @@ def two_links() -> tuple[Any, Any, Any]:
 
 
 def panda_postures(rng: np.random.Generator, count: int) -> tuple[Any, np.ndarray]:
-    """The 7-R arm and random postures within its limits, (7, count) [rad]."""
+    """Return the 7-R arm and random postures within its limits, (7, count) [rad]."""
     from course.kinematics import panda
 
     arm = panda()
@@ -40,7 +42,7 @@ def panda_postures(rng: np.random.Generator, count: int) -> tuple[Any, np.ndarra
 
 
 def damped_inverse(J: np.ndarray, damping: float) -> np.ndarray:
-    """J^T (J J^T + damping^2 I)^-1 of a batch (m, n, N), (N, n, m)."""
+    """Return J^T (J J^T + damping^2 I)^-1 of a batch (m, n, N), (N, n, m)."""
     stack = np.moveaxis(J, 2, 0)
     back = stack.transpose(0, 2, 1)
     return back @ np.linalg.inv(stack @ back + damping**2 * np.eye(J.shape[0]))

@@ -44,7 +44,7 @@ def two_link_mass_matrix(result):
     heading = [q[0], q[0] + q[1]]
 
     def along(*steps: Any) -> sympy.Matrix:
-        """A point so far along each link."""
+        """Return a point so far along each link."""
         return sum(
             (
                 sympy.Matrix([r * sympy.cos(a), r * sympy.sin(a)])
@@ -70,7 +70,7 @@ def two_link_mass_matrix(result):
     numeric = sympy.lambdify((m1, m2, l1, l2, g, *plain), [torque, M])
 
     def deviation(draw: np.ndarray) -> float:
-        """Largest difference to the closed form of the course, torques and mass matrix."""
+        """Return largest difference to the closed form of the course, torques and mass matrix."""
         (a, b, c, d), state = draw[:4], draw[4:].reshape(3, 2)
         arm = TwoLink(lengths=(c, d), masses=(a, b), damping=(0.0, 0.0), gravity=9.81)
         tau, matrix = numeric(a, b, c, d, 9.81, *draw[4:])
@@ -101,7 +101,10 @@ def two_link_mass_matrix(result):
 def exact_accelerations(
     lengths: Any, masses: Any, q: Any, v: Any, tau: Any, gravity: float = 0.0
 ) -> np.ndarray:
-    """Of planar rods under gravity along -y, from Lagrange's equations with 60 digits, (n,)."""
+    """Return of planar rods under gravity along -y.
+
+    From Lagrange's equations with 60 digits, (n,).
+    """
     import mpmath as mp
 
     with mp.workdps(60):
@@ -141,7 +144,7 @@ def articulated_bodies_lose_fewer_digits(result):
     unit = 2.0**-53
 
     def errors(n: int, factor: float, postures: int) -> np.ndarray:
-        """Median relative errors of articulated bodies and of Cholesky's factors."""
+        """Return median relative errors of articulated bodies and of Cholesky's factors."""
         measured = []
         for _ in range(postures):
             lengths, masses = result.rng.uniform(0.3, 1, n), result.rng.uniform(0.5, 2, n)

@@ -17,7 +17,7 @@ SYMBOLS = {
 
 
 def _null_vectors(J: np.ndarray) -> np.ndarray:
-    """A unit vector of the null space of each J, (n, N)."""
+    """Return a unit vector of the null space of each J, (n, N)."""
     return np.linalg.svd(np.moveaxis(J, 2, 0))[2][:, -1].T
 
 
@@ -77,7 +77,7 @@ def null_motion_leaves_the_tip(result):
     v, home = _null_vectors(jacobian(arm, q)), tip(arm, q)
 
     def sizes(h: float) -> tuple[np.ndarray, np.ndarray]:
-        """How far [m] the tip is after a step, and after an IK step more."""
+        """Return how far [m] the tip is after a step, and after an IK step more."""
         moved = q + h * v
         inverse = np.linalg.pinv(np.moveaxis(jacobian(arm, moved), 2, 0))
         mended = moved + np.einsum("kij,jk->ik", inverse, pose_error(home, tip(arm, moved)))
@@ -135,7 +135,7 @@ def projector_of_the_null_space(result):
     J, N = (np.moveaxis(x, 2, 0) for x in (rows, null_space(rows)))
 
     def leaks(value: float) -> np.ndarray:
-        """Largest speed of the tip over the length of a joint rate, by posture."""
+        """Return largest speed of the tip over the length of a joint rate, by posture."""
         damped = np.eye(7) - damped_inverse(rows, value) @ J
         return np.linalg.norm(J @ damped, 2, axis=(1, 2))
 
@@ -227,7 +227,7 @@ def flow_samples_all(result):
     t = np.linspace(0, 1, 401)
 
     def strays(arm: Any, r: float, wiggle: np.ndarray, turn: int) -> float:
-        """Farthest from the target on a continuous way between both answers [m]."""
+        """Return farthest from the target on a continuous way between both answers [m]."""
         target = np.array([r, 0.0])
         ends = two_link_ik(arm, target).q
         path = ends[:, :1] * (1 - t) + (ends[:, 1:] + 2 * np.pi * turn * np.array([[0], [1]])) * t

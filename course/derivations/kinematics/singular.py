@@ -25,7 +25,9 @@ SYMBOLS = {
 
 
 def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, share: float = 0.5):
-    """The usual listing: so many steps, each a share of the damped one, until 0.1 mm is left.
+    """Return the usual listing.
+
+    So many steps, each a share of the damped one, until 0.1 mm is left.
 
     Args:
         target: (2,) or (2, N) [m].
@@ -48,7 +50,7 @@ def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, sh
 
 
 def _around(rng: np.random.Generator, low: float, high: float, count: int = 2000) -> np.ndarray:
-    """Random points between two distances from the base, (2, count) [m]."""
+    """Return random points between two distances from the base, (2, count) [m]."""
     angle = rng.uniform(-np.pi, np.pi, count)
     return rng.uniform(low, high, count) * np.array([np.cos(angle), np.sin(angle)])
 
@@ -174,7 +176,10 @@ def damping_is_free(result):
     U, values, _ = np.linalg.svd(stack)
 
     def remaining(i: int, value: float) -> np.ndarray:
-        """Share of an error along singular direction i that a step leaves, for all postures."""
+        """Return share of an error along singular direction i that a step leaves.
+
+        For all postures.
+        """
         along = U[:, :, i : i + 1]
         return np.linalg.norm(along - stack @ (damped_inverse(J, value) @ along), axis=(1, 2))
 
@@ -246,7 +251,7 @@ def singular_start(result):
         return float(_listing([sum(ARM) - error, 0.0], [0.0, bend], value, steps)[1][0])
 
     def growth(bend: float, error: float, value: float) -> float:
-        """By how much one full damped step multiplies the bend of the elbow."""
+        """Return by how much one full damped step multiplies the bend of the elbow."""
         target = [sum(ARM) - error, 0.0]
         return float(_listing(target, [0.0, bend], value, 1, 1.0)[0][1, 0] / bend)
 
@@ -441,7 +446,7 @@ def euler_jacobian_locks(result):
     near, lock = result.input("near_deg", 1), result.input("lock_deg", 90)
 
     def painted(q: np.ndarray, pitch: float) -> tuple[float, float]:
-        """Conditions (geometric, analytic) with the hand's frame turned to a pitch [deg]."""
+        """Return conditions (geometric, analytic) with the hand's frame turned to a pitch [deg]."""
         desired = quaternion.from_euler_zyx(0.3, np.radians(pitch), 0.4)
         turn = quaternion.product(quaternion.conjugate(tip(arm, q)[3:]), desired)
         tool = np.concatenate([arm.tool[:3], quaternion.product(arm.tool[3:], turn)])

@@ -16,12 +16,12 @@ SYMBOLS = {
 
 
 def _lengths(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Random pairs of link lengths [m], one row each."""
+    """Return random pairs of link lengths [m], one row each."""
     return rng.uniform(0.2, 1.5, (count, 2))
 
 
 def _ring(rng: np.random.Generator, lengths: Any, count: int, low: float = 0, high: float = 1):
-    """Points between two shares of the width of the annulus of two links, (2, count) [m]."""
+    """Return points between two shares of the width of the annulus of two links, (2, count) [m]."""
     near, far = abs(lengths[0] - lengths[1]), sum(lengths)
     r = near + (far - near) * rng.uniform(low, high, count)
     angle = rng.uniform(-np.pi, np.pi, count)
@@ -41,7 +41,7 @@ def fk_is_a_product(result):
     from course.rigid_body import quaternion
 
     def product(arm: Any, q: np.ndarray, backwards: bool) -> np.ndarray:
-        """The tip from a product of 4 x 4 matrices, two a joint."""
+        """Return the tip from a product of 4 x 4 matrices, two a joint."""
         poses = []
         for i in arm.path():
             slides, half = arm.slides[i], q[i] / 2
@@ -77,7 +77,7 @@ def two_link_position(result):
     lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
 
     def deviation(lengths: Any, q: np.ndarray, absolute: bool = False) -> float:
-        """Distance between the quoted formula and the course's arm [m]."""
+        """Return distance between the quoted formula and the course's arm [m]."""
         (l1, l2), (a, b) = lengths, q
         quoted = [l1 * f(a) + l2 * f(a + b) for f in (np.cos, np.sin)]
         joints = np.array([a, b - a]) if absolute else q
@@ -228,7 +228,7 @@ def reachable_annulus(result):
     from course.kinematics import two_link_ik
 
     def right(lengths: Any, beta: float, points: np.ndarray) -> bool:
-        """Whether the annulus says of every point whether the arm gets there."""
+        """Return whether the annulus says of every point whether the arm gets there."""
         answer = two_link_ik(lengths, points)
         error = np.linalg.norm(
             [planar_tip(lengths, answer.q[:, k]) - points for k in (0, 1)], axis=1
@@ -239,7 +239,7 @@ def reachable_annulus(result):
         return bool((gets == inside).all())
 
     def hole(lengths: Any, beta: float) -> float:
-        """Least distance of the tip from the base, from a sweep of the elbow [m]."""
+        """Return least distance of the tip from the base, from a sweep of the elbow [m]."""
         bend = np.linspace(-beta, beta, 2001)
         return float(np.hypot(*planar_tip(lengths, np.array([0 * bend, bend]))).min())
 
@@ -281,19 +281,19 @@ def number_of_solutions(result):
     from course.kinematics import jacobian, null_space, planar, two_link_ik
 
     def paths(lengths: Any, target: np.ndarray) -> int:
-        """Different postures of the closed form whose tip is at the target."""
+        """Return different postures of the closed form whose tip is at the target."""
         q = two_link_ik(lengths, target).q
         other = [bool(np.linalg.norm(planar_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]
         apart = np.abs(np.exp(1j * q[:, 0]) - np.exp(1j * q[:, 1])).max() > 1e-6
         return other.count(True) if apart else int(other[0])
 
     def free(links: int) -> float:
-        """Dimension of the answers around a random posture that places the tip."""
+        """Return dimension of the answers around a random posture that places the tip."""
         arm, q = planar(result.rng.uniform(0.3, 1, links)), result.rng.uniform(-3, 3, links)
         return float(np.trace(null_space(jacobian(arm, q)[:2])))
 
     def heading_ways(lengths: np.ndarray, q: np.ndarray) -> int:
-        """Three links with a heading: two links to the wrist."""
+        """Return three links with a heading: two links to the wrist."""
         heading = np.array([np.cos(q.sum()), np.sin(q.sum())])
         return paths(lengths[:2], planar_tip(lengths, q) - lengths[2] * heading)
 

@@ -21,7 +21,10 @@ SYMBOLS = {
 
 @functools.cache
 def policy(name):
-    """A policy on record; "nearest" and "zero" are the nearest step shown, and ACT's code of 0."""
+    """Return a policy on record.
+
+    "nearest" and "zero" are the nearest step shown, and ACT's code of 0.
+    """
     from course.learning import TwoWays, nearest, recorded, windows
 
     if name == "nearest":
@@ -31,7 +34,7 @@ def policy(name):
 
 @functools.cache
 def aside(name, **how):
-    """Where 2,000 first chunks lead, half way: how far aside [m]."""
+    """Return where 2,000 first chunks lead, half way: how far aside [m]."""
     from course.learning import TwoWays
 
     rng = np.random.default_rng(5)
@@ -40,12 +43,12 @@ def aside(name, **how):
 
 
 def between(name, **how):
-    """Share of them that lead into the obstacle."""
+    """Return share of them that lead into the obstacle."""
     return np.mean(np.abs(aside(name, **how)) < 0.2)
 
 
 def passed(act, noise=0.0, seed=3, steps=16):
-    """Share of 400 runs that pass the obstacle and arrive."""
+    """Return share of 400 runs that pass the obstacle and arrive."""
     from course.learning import TwoWays, roll
 
     task, rng = TwoWays(noise=noise), np.random.default_rng(seed)
@@ -54,7 +57,7 @@ def passed(act, noise=0.0, seed=3, steps=16):
 
 
 def two_modes():
-    """Half at -1 and half at 1, each with a deviation of a tenth."""
+    """Return half at -1 and half at 1, each with a deviation of a tenth."""
     from course.learning import Mixture
 
     return Mixture(np.array([0.5, 0.5]), np.array([[-1.0], [1.0]]), np.array([0.1, 0.1]))
@@ -190,7 +193,7 @@ def one_euler_step(result):
     result.formula = z + h * (m - z)
 
     def deviation(parts, size):
-        """How far from their mean single steps end, for a drawn mixture."""
+        """Return how far from their mean single steps end, for a drawn mixture."""
         rng = result.rng
         made = Mixture(
             rng.dirichlet(np.ones(parts)),
@@ -238,7 +241,7 @@ def sampler_orders(result):
     noise = np.linspace(-2.0, 2.0, 41)[:, None]
 
     def gain(solver, weights, means, deviations, n=80):
-        """Error of n steps over that of twice as many, on the exact field."""
+        """Return error of n steps over that of twice as many, on the exact field."""
         made, ends = Mixture(weights, means, deviations), []
         for steps in (n, 2 * n):
             if solver == "ddim":
@@ -335,7 +338,7 @@ def ensembling_averages(result):
     part = np.linspace(0.0, 1.0, 17)
 
     def coin(states, rng):
-        """The right chunk for a side that is drawn anew at each call."""
+        """Return the right chunk for a side that is drawn anew at each call."""
         phase = np.clip(np.rint(16 * states[:, :1]), 0, 15).astype(int)
         later = part[np.minimum(phase + np.arange(17), 16)]
         side = rng.choice([-0.35, 0.35], (len(states), 1)) * np.sin(np.pi * later)
@@ -419,7 +422,7 @@ def pauses(result):
     from course.learning import Commit, TwoWays, nearest, roll, windows
 
     def drawing(states, chunks):
-        """One of the chunks shown at the nearest state, each as likely."""
+        """Return one of the chunks shown at the nearest state, each as likely."""
 
         def act(observed, rng):
             far = np.hypot(*(observed[:, None] - states).transpose(2, 0, 1))
@@ -473,7 +476,7 @@ def ways_missed(result):
     result.formula = p**5 + (1 - p) ** 5
 
     def missed(share, number, sets, seed):
-        """Share of sets of demonstrations in which nobody went left, and one side only."""
+        """Return share of sets of demonstrations in which nobody went left, and one side only."""
         ends = TwoWays().demonstrate(number * sets, seed, left=share).states[:, 8, 1]
         remaining = (ends.reshape(sets, number) > 0.0).sum(axis=1)
         return np.mean(remaining == 0), np.mean((remaining == 0) | (remaining == number))

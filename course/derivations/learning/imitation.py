@@ -19,7 +19,7 @@ SYMBOLS = {
 
 
 def law_of(seed, task, steps=40, **how):
-    """Spectral radius of the loop under the linear law after the last round of DAgger."""
+    """Return spectral radius of the loop under the linear law after the last round of DAgger."""
     from course.learning import dagger, linear
 
     rng = np.random.default_rng(seed)
@@ -29,7 +29,7 @@ def law_of(seed, task, steps=40, **how):
 
 
 def regulator(rng):
-    """A drawn plant whose expert is stable."""
+    """Return a drawn plant whose expert is stable."""
     from course.learning import Regulator
 
     (stiffness, dt, slow), ratio = rng.uniform([1.0, 0.02, 0.5], [9.0, 0.1, 2.0]), rng.random()
@@ -63,7 +63,7 @@ def errors_compound(result):
     steps = np.array([5, 10, 20, 40, 80])
 
     def exponent(share, recovers):
-        """Of 20,000 episodes that are played, with a thousand contexts."""
+        """Return of 20,000 episodes that are played, with a thousand contexts."""
         wrong = np.arange(1000) < 1000 * share
         played = [context_costs(wrong, T, 20_000, result.rng, recovers=recovers) for T in steps]
         return np.polyfit(np.log(steps), np.log([c.mean() for c in played]), 1)[0]
@@ -119,7 +119,7 @@ def clone_error_grows(result):
     result.formula = sum(x)
 
     def exponent(factor, steps=2000):
-        """Of the second half of so many steps."""
+        """Return of the second half of so many steps."""
         T = np.arange(steps // 2, steps)
         return np.polyfit(np.log(T), np.log(accumulated(factor, 0.01, steps)[T]), 1)[0]
 
@@ -254,7 +254,9 @@ def dagger_needs_room(result):
     task = Circle()
 
     def costs(steps, seed):
-        """Distance from the circle summed up to each of 160 steps, before and after two rounds."""
+        """Return distance from the circle summed up to each of 160 steps, before and after two
+        rounds.
+        """
         rng = np.random.default_rng(seed)
         learn = partial(clone, seed=seed, width=32, steps=steps, rate=3e-3)
         each = list(dagger(task, task.expert, learn, task.starts, 40, rng, rounds=2))
@@ -297,7 +299,7 @@ def diffusion_mends_drift(result):
     task = Regulator()
 
     def lost(injected):
-        """Share of runs that end more than ten times as far from the top as they began."""
+        """Return share of runs that end more than ten times as far from the top as they began."""
         rng = np.random.default_rng(1)
         ran = roll(task, task.expert, task.starts(100, rng), 40, rng, injected=injected)
         rows = ran.states[:, :-1].reshape(-1, 2)

@@ -25,7 +25,10 @@ SYMBOLS = {
 
 
 def drawn(rng, cut=0.0, T=40):
-    """Rewards, values, value after each step, ends and cuts of a run; the next row's values."""
+    """Return rewards, values, value after each step, ends and cuts of a run.
+
+    The next row's values.
+    """
     rewards, values, later = rng.normal(size=(3, T))
     ended, late = rng.random((2, T)) < [[0.1], [cut]]
     late &= ~ended
@@ -64,7 +67,7 @@ def lambda_mixes(result):
     gamma, trace = 0.97, 0.9
 
     def double(rewards, values, after, ended, late):
-        """Every n-step estimate of every step, with its weight."""
+        """Return every n-step estimate of every step, with its weight."""
         each = np.zeros(len(values))
         for t in range(len(values)):
             total, n, weight = -values[t], 0, 1.0
@@ -100,7 +103,7 @@ def next_row(result):
     from course.vector_env import PointReachVector
 
     def follows(mode):
-        """Whether the row after one that the clock cut off holds the next place of that way."""
+        """Return whether the row after one that the clock cut off holds the next place of that way."""
         envs = PointReachVector(8, max_steps=5, autoreset_mode=mode)
         before, late = envs.reset(seed=0)[0], np.zeros(8, bool)
         while not late.any():
@@ -153,7 +156,7 @@ def beyond_the_clip(result):
     result.formula = min(both, key=lambda x: x.subs(beyond))
 
     def flat(ratio, advantage):
-        """Whether a small change of the ratio changes nothing, and the slope says so."""
+        """Return whether a small change of the ratio changes nothing, and the slope says so."""
         value, slope = objective(np.array([ratio, ratio + 1e-6]), np.full(2, advantage))
         return bool(abs(value[1] - value[0]) < 1e-12 and slope[0] == 0.0)
 
@@ -230,7 +233,9 @@ def first_to_finish(result):
     result.formula = sympy.solve(sympy.Eq(x, p * (1 + x)), x)[0]  # one success, then as before
 
     def played(edge, N=128, clock=100, always=False):
-        """Truth and reading of a policy that stands still if the goal is too far to the left."""
+        """Return truth and reading of a policy that stands still if the goal is too far to the
+        left.
+        """
 
         def act(observed):
             return np.where(observed[:, :1] > edge, plan(observed)[1], 0.0).astype(np.float32)
@@ -249,7 +254,7 @@ def first_to_finish(result):
         result.measure(name, value, 0.05)
 
     def shows(share, slow):
-        """A longer game in whole steps: successes take one step, failures `slow` steps."""
+        """Return a longer game in whole steps: successes take one step, failures `slow` steps."""
         observed: list[bool] = []
         remaining = np.zeros(2000, dtype=int)
         wins = np.zeros(2000, dtype=bool)
@@ -286,7 +291,7 @@ def own_normaliser(result):
     n = int(result.input("n", 4))
 
     def turned(episodes, shared, N=512):
-        """Share of environments in which the way along x to a new goal has the wrong sign."""
+        """Return share of environments in which the way along x to a new goal has the wrong sign."""
         envs, rows = PointReachVector(N, autoreset_mode="SameStep"), []
         observed, _ = envs.reset(seed=0)
         for _ in range(100 * episodes):
@@ -341,7 +346,10 @@ def sparse_chance(result):
     dense = np.prod(np.clip(2.0 - np.abs(path), 0.0, None), axis=2) / 16.0  # of goals there, 1/S
 
     def law(radius):
-        """The swept share, where goals are dense and where they are not, and the start's disc."""
+        """Return the swept share, where goals are dense and where they are not.
+
+        And the start's disc.
+        """
         swept = float(result.formula.subs({R: radius, L: 1, S: 1})) * np.sum(lengths * dense, 1)
         return swept.mean() + np.pi * radius**2 / 4.0
 
@@ -377,7 +385,7 @@ def minus_distance(result):
     from course.sim_to_real import Process, evaluate_policy, shaped, value_iteration
 
     def tried(n=12):
-        """Two ways of drawn lengths and distances: do these rewards keep the best one?"""
+        """Return two ways of drawn lengths and distances: do these rewards keep the best one?"""
         last, ends = result.rng.integers(1, n - 2), np.arange(n) == n - 1
         P = np.repeat(np.eye(n, k=1)[:, None], 2, axis=1)
         P[0, 1], P[last], P[-1] = np.eye(n)[last + 1], np.eye(n)[-1], np.eye(n)[-1]
@@ -427,7 +435,7 @@ def hovering(result):
     result.formula = sympy.solve(sympy.Eq(b + P, b + gamma * (b + P)), b)[0]
 
     def hovers(share, discount, prize):
-        """Near (0) or over (1): wait or go, solved exactly."""
+        """Return near (0) or over (1): wait or go, solved exactly."""
         bonus = share * float(result.formula.subs({gamma: discount, P: prize}))
         moves = np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.0, 1.0], [0.0, 1.0]]])
         pays = np.array([[[bonus, 0.0], [0.0, bonus + prize]], np.zeros((2, 2))])
@@ -499,7 +507,7 @@ def two_gains(result):
     from course.vector_env.point import optimum
 
     def played(gains, first, n):
-        """Mean return of each law (k, 2) over n common starts, and all steps."""
+        """Return mean return of each law (k, 2) over n common starts, and all steps."""
         each = np.repeat(gains, n, axis=0)
 
         def act(observed):
@@ -566,7 +574,7 @@ def gradient_cost(result):
             return func(*args, **(kwargs or {}))
 
     def counted(width, rows=256):
-        """Products a row, forward and backward, and calls of both."""
+        """Return products a row, forward and backward, and calls of both."""
         net, observed = network((4, width, width, 2), 0), tensor(np.ones((rows, 4)))
         with FlopCounterMode(display=False) as forward:
             out = net(observed).square().mean()

@@ -15,7 +15,7 @@ SYMBOLS = {
 
 
 def lossy(reliability, packets, loss, messages, rate=float("inf")):
-    """A reader, its link and bus after messages of so many packets, all published at once."""
+    """Return a reader, its link and bus after messages of so many packets, all published at once."""
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
@@ -80,7 +80,7 @@ def picture_lost_like_packet(result):
 
 
 def forgets(packets, loss, messages=1000):
-    """Whether a reliable writer of depth 1, whose reader asks too late, sends nothing again."""
+    """Return whether a reliable writer of depth 1, whose reader asks too late, sends nothing again."""
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
@@ -122,7 +122,10 @@ def reliable_resends_all(result):
     size, loss = int(result.input("n", 627)), result.input("p", 1e-3)
 
     def packets(size, loss, messages=300, rate=1e9):
-        """Of each message in the mean, and rounds: the wire never rests before all is through."""
+        """Return of each message in the mean, and rounds.
+
+        The wire never rests before all is through.
+        """
         reader, link, bus = lossy("reliable", size, loss, messages, rate)
         sent = 1e-9 * bus.wires[link] * rate / link.fragment
         return sent / messages, 1.0 + reader.rounds / messages
@@ -174,7 +177,7 @@ def gigabit_is_enough(result):
         return float(result.formula.subs(dict(zip((w, h, c, f), of, strict=True))))
 
     def slope(size, wire, hz=30.0, seconds=10.0):
-        """By how much pictures get older in each second [s/s], their age when it ends [s]."""
+        """Return by how much pictures get older in each second [s/s], their age when it ends [s]."""
         bus, observed = Bus(), list[tuple[float, float]]()
         out = bus.node("camera").writer("image", QoS(history="keep_all"))
         bus.node("eye").reader(
@@ -256,7 +259,7 @@ def command_waits_for_picture(result):
 
 
 def newest(reliability, loss, repair, seconds=5.0):
-    """Age of the newest of 1,000 joint states a second, as seen at any time on the bus [ms].
+    """Return age of the newest of 1,000 joint states a second, as seen at any time on the bus [ms].
 
     Args:
         repair: how long after its time a state that was lost once is there [s].
@@ -359,7 +362,10 @@ def topics_many_to_many(result):
 
 
 def answered(work, busy=0.0, phase=0.0, clients=1):
-    """Times until services answered on the bus, by client [s], and whether each got its own."""
+    """Return times until services answered on the bus.
+
+    By client [s], and whether each got its own.
+    """
     from course.middleware.bus import Bus, Group
     from course.middleware.executor import Executor
 

@@ -15,14 +15,14 @@ SYMBOLS = {
 
 
 def late(**changed):
-    """A quality of service that hands on the past."""
+    """Return a quality of service that hands on the past."""
     from course.middleware.qos import QoS
 
     return QoS(**{"durability": "transient_local", **changed})
 
 
 def through(offered, requested, link, messages=2000, apart=1e-3):
-    """The reader that messages went to on the bus, one every so many seconds."""
+    """Return the reader that messages went to on the bus, one every so many seconds."""
     from course.middleware.bus import Bus
 
     bus = Bus()
@@ -100,7 +100,9 @@ def mismatch_is_late(result):
 
 
 def drawn(rng, least=None):
-    """A quality of service by chance; at least as strong as another in each policy with an order.
+    """Return a quality of service by chance.
+
+    At least as strong as another in each policy with an order.
 
     Shared ownership, which has no order.
     """
@@ -281,7 +283,10 @@ def reliable_arrives(result):
 
 
 def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
-    """Age of what a slow reader takes from a full queue on the bus, in periods of the writer."""
+    """Return age of what a slow reader takes from a full queue on the bus.
+
+    In periods of the writer.
+    """
     from course.middleware.bus import Bus
     from course.middleware.qos import QoS
 
@@ -344,7 +349,7 @@ def best_effort_is_fresh(result):
 
 
 def still_there(lifespan=math.inf, dies=False):
-    """Whether a reader that joins a second late gets the last sample, on the bus."""
+    """Return whether a reader that joins a second late gets the last sample, on the bus."""
     from course.middleware.bus import Bus
 
     bus = Bus()
@@ -438,7 +443,7 @@ def late_joiner_depth(result):
 
 
 def usable(lifespan, delay, seconds):
-    """Whether a sample can still be taken so long after its arrival, on the bus [s]."""
+    """Return whether a sample can still be taken so long after its arrival, on the bus [s]."""
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
@@ -480,7 +485,7 @@ def lifespan_bounds_age(result):
 
 
 def missed_on_the_bus(gap, deadline):
-    """Events of missed deadlines at the writer and at the reader, of one gap on the bus."""
+    """Return events of missed deadlines at the writer and at the reader, of one gap on the bus."""
     from course.middleware.bus import Bus
     from course.middleware.qos import QoS
 

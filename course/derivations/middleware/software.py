@@ -54,8 +54,10 @@ print("alive")
 
 
 def told_of_a_crash(lease):
-    """Whether a reader is told that its writer died on the bus, and whether who asked got an
-    answer."""
+    """Return whether a reader is told that its writer died on the bus.
+
+    And whether who asked got an answer.
+    """
     from course.middleware.bus import Bus
     from course.middleware.qos import QoS
 
@@ -125,7 +127,7 @@ def callback_sets_the_rate(result):
     from course.middleware.qos import QoS
 
     def commands(hz, stops=np.inf, busy=0.0):
-        """When commands were sent [s]; a callback that takes `busy` comes at 0.5 s."""
+        """Return when commands were sent [s]; a callback that takes `busy` comes at 0.5 s."""
         bus, sent = Bus(), list[float]()
         out = bus.node("drives").writer("joint_states")
         node = bus.node("control", Executor(bus))
@@ -247,7 +249,7 @@ def parameters_are_tunable(result):
     from course.middleware import launch
 
     def stiffness(path, start, new):
-        """What a controller works with after it was set to a new value."""
+        """Return what a controller works with after it was set to a new value."""
         node, used = launch.Parameters({"stiffness": start}), {}
         if path != "undeclared":
             used["now"] = node.declare("stiffness", 1.0)
@@ -305,7 +307,9 @@ def seven_billion_on_board(result):
     result.formula = sympy.diff(n * b * (f * t / k), t)
 
     def read(layers, width, actions, a_pass):
-        """Bytes of weights that a network reads for so many actions, counted matrix by matrix."""
+        """Return bytes of weights that a network reads for so many actions, counted matrix by
+        matrix.
+        """
         weights = [np.zeros((width, width), np.float16) for _ in range(layers)]
         count, state = 0, np.zeros(width, np.float16)
         for _ in range(0, actions, a_pass):
@@ -378,7 +382,7 @@ def chunks_hide_latency(result):
     played = int(result.input("played", 25))
 
     def ages(a_pass, chunk):
-        """Ages behind the motion on the bus [s]: a pass as each chunk is to end [s]."""
+        """Return ages behind the motion on the bus [s]: a pass as each chunk is to end [s]."""
         run = run_chain([Stage("policy", a_pass, chunk)], [0.3], 0, 60.0 * chunk)
         return run.age(result.rng.uniform(5.0 * chunk, 58.0 * chunk, 4000))
 

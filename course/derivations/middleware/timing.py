@@ -51,7 +51,9 @@ def liu_layland_says_no(result):
     meet = result.measure("meet", np.isfinite(response_times(C, T)).all(axis=0).mean(), 0.15)
 
     def safe(share, other, ratios):
-        """Whether two tasks are in time at all these ratios of periods, either the quicker one."""
+        """Return whether two tasks are in time at all these ratios of periods, either the quicker
+        one.
+        """
         pairs = [
             (np.array([share, other]), np.stack([np.ones_like(ratios), ratios])),
             (np.array([other, share]), np.stack([np.ones_like(ratios), ratios])),
@@ -151,7 +153,10 @@ def by_rate_is_best(result):
 
 
 def high_waits(protocol, section, middle, between):
-    """How long a high task waits for a low one's section, with so many tasks between them [s]."""
+    """Return how long a high task waits for a low one's section.
+
+    With so many tasks between them [s].
+    """
     from course.middleware.schedule import run
 
     n = between + 2
@@ -276,7 +281,7 @@ class Clock:
 
 
 def looped(late, work, periods=1000, relative=False, period=1e-3):
-    """When the work of a loop began on such a clock [s], and its record."""
+    """Return when the work of a loop began on such a clock [s], and its record."""
     from course.middleware import loop
 
     clock, begun = Clock(late), list[float]()
@@ -371,7 +376,10 @@ def jitter_below_a_period(result):
     good = 1e-6 * result.input("good_us", 20)
 
     def error(jitter, period=1e-3, periods=20_000, late=None):
-        """Of a velocity of 1 rad/s over the nominal period; intervals [s]; periods skipped."""
+        """Return of a velocity of 1 rad/s over the nominal period; intervals [s].
+
+        Periods skipped.
+        """
         late = late or (lambda: result.rng.uniform(0.0, jitter))
         begun, record = looped(late, 0.0, periods, period=period)
         apart = np.diff(begun[1:])
@@ -404,7 +412,7 @@ def jitter_below_a_period(result):
 
 
 def control_misses(callback, start, own=False, count=1):
-    """Whether a loop of 1 kHz that computes 0.1 ms misses its period beside callbacks [s].
+    """Return whether a loop of 1 kHz that computes 0.1 ms misses its period beside callbacks [s].
 
     Args:
         callback: what each takes.
@@ -454,7 +462,7 @@ def callback_over_a_period(result):
 
 
 def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, callers=1):
-    """Callbacks of a node that ask a service each second, on the bus.
+    """Return callbacks of a node that ask a service each second, on the bus.
 
     Args:
         own: the client has a group of its own; "reentrant": that of all is reentrant.
@@ -543,7 +551,7 @@ def service_blocks(result):
         return calling(2, True, waits, float(work), 9.95, apart)[2]
 
     def served(work):
-        """How often the timer ran where its own node serves, and nobody waits."""
+        """Return how often the timer ran where its own node serves, and nobody waits."""
         bus, ticks = Bus(), list[float]()
         node = bus.node("control", Executor(bus))
 
@@ -649,7 +657,7 @@ def gc_hits_the_loop(result):
     from course.middleware import loop
 
     def collections(apart, times):
-        """Counted by a loop, in each of whose periods somebody collects once."""
+        """Return counted by a loop, in each of whose periods somebody collects once."""
         import gc
 
         code = "import gc; gc.collect(); print(sum(s['collections'] for s in gc.get_stats()))"

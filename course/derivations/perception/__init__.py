@@ -6,7 +6,7 @@ import numpy as np
 
 
 def image_of(part: Any, x: float, yaw: float, rng: np.random.Generator) -> tuple[Any, Any]:
-    """The charts' picture of a part on their table, (H, W) [m], and the part's pose (7,)."""
+    """Return the charts' picture of a part on their table, (H, W) [m], and the part's pose (7,)."""
     from course.charts.perception.poses import EYE, SENSOR, TABLE
     from course.kinematics.chain import compose
     from course.perception import render, sense, shape, together
@@ -19,7 +19,7 @@ def image_of(part: Any, x: float, yaw: float, rng: np.random.Generator) -> tuple
 
 
 def walls(z: float, rng: np.random.Generator, count: int = 1, n: int = 140, **sensor: Any) -> Any:
-    """What a sensor of f B = 30 m px makes of a wall: (count, n, n) [m]."""
+    """Return what a sensor of f B = 30 m px makes of a wall: (count, n, n) [m]."""
     from course.perception import Camera, Sensor, sense
 
     eye = Camera(n, n, 600.0, 600.0, 0.5 * (n - 1), 0.5 * (n - 1))

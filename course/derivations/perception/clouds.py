@@ -59,7 +59,7 @@ def voxels_remove_small_parts(result):
     counts = np.array([x.shape[1] for x in means])
 
     def stands(side):
-        """The highest mean over a cube on a table, seen from above, over the cube's height."""
+        """Return the highest mean over a cube on a table, seen from above, over the cube's height."""
         x, y = result.rng.uniform(-0.04, 0.04, (2, 6000))
         top = np.where(np.maximum(np.abs(x), np.abs(y)) < side / 2, 1.0, 0.0)
         origin = -1 - result.rng.uniform(0, 0.01, 3)
@@ -220,7 +220,10 @@ def inverse_depth_is_better(result):
     eye, sensor = see.Camera.symmetric(160, 120, 1.0), see.Sensor(0.05, result.input("noise", 0.3))
 
     def times(sensor, tilts, even=0.0):
-        """The points' error of the angle over the linear fit's, and both mean offsets [m]."""
+        """Return the points' error of the angle over the linear fit's.
+
+        And both mean offsets [m].
+        """
         deviation = []
         for tilt in tilts:
             turn = exp(np.array([np.pi - tilt, 0.0, 0.0]))

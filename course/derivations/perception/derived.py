@@ -75,7 +75,7 @@ def farthest_part(result):
     height, sigmas = result.input("height_mm", 10) / 1000, result.input("k", 4)
 
     def above(z):
-        """Share of the pixels of the part's top that are so much higher than the table."""
+        """Return share of the pixels of the part's top that are so much higher than the table."""
         top = sense(np.full((140, 140), z - height), eye, sensor, result.rng)
         return np.mean(z - top > sigmas * sensor.sigma(z, eye))
 

@@ -20,7 +20,10 @@ def kabsch_without_determinant(result):
     from course.rigid_body.quaternion import exp, to_matrix
 
     def fits(thick, runs=25, count=12):
-        """The share of reflections without the determinant, and whether with it all are best."""
+        """Return the share of reflections without the determinant.
+
+        And whether with it all are best.
+        """
         mirrored, best = 0, True
         for _ in range(runs):
             a = result.rng.uniform(-1.7, 1.7, (3, count)) * [[1], [1], [0.1 * thick]]
@@ -134,7 +137,10 @@ def not_looked_through_is_right(result):
     from course.perception import apart, locate
 
     def first(cause, yaw):
-        """Error to the nearer of part and twin, what is looked through, agrees, and is said."""
+        """Return error to the nearer of part and twin, what is looked through, agrees.
+
+        And is said.
+        """
         depth, _, pose = picture_of(cause, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
         beside = turned_by(pose, 0.0, 0.1 * (cause != "as it is"), 0.0, 0.0, 0.0, 0.0)
@@ -201,7 +207,7 @@ def dbscan_has_no_order(result):
         return open3d.Cloud(points).dbscan(1.0, 8)
 
     def moves(cluster):
-        """Whether the point between two rows goes elsewhere in another order of the points."""
+        """Return whether the point between two rows goes elsewhere in another order of the points."""
         ends = np.concatenate(([0.9, 0.93, 0.95], result.rng.uniform(1.05, 1.9, 9)))
         x = np.concatenate((-ends, ends * result.rng.uniform(0.99, 1.01), [0.0]))
         points, order = np.stack((x, 0 * x, 0 * x)), result.rng.permutation(25)

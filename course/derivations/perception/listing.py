@@ -86,7 +86,7 @@ def ransac_takes_the_table(result):
     from course.rigid_body.quaternion import rotate
 
     def table_found(side):
-        """Whether the plane is the table, and the board's pixels over the table's."""
+        """Return whether the plane is the table, and the board's pixels over the table's."""
         board = shape("box", side, side, 0.05)
         top = np.append(TABLE[:3] + rotate(TABLE[3:], np.array([0, 0, 0.05])), TABLE[3:])
         depth, ids = render(together([shape("plane").moved(TABLE), board.moved(top)]), EYE)
@@ -95,7 +95,10 @@ def ransac_takes_the_table(result):
         return abs(plane[:3] @ TABLE[:3] + plane[3]) < 0.02, np.sum(ids == 1) / np.sum(ids == 0)
 
     def slant(side, height):
-        """The plane's tilt [rad] where a large plate lies at the right, its share, if it is off."""
+        """Return the plane's tilt [rad] where a large plate lies at the right, its share.
+
+        If it is off.
+        """
         plate, at = shape("box", 0.5, 0.5, 0.5 * height), np.array([side, 0.0, 0.5 * height])
         low = np.append(TABLE[:3] + rotate(TABLE[3:], at + [0.5, 0.0, 0.0]), TABLE[3:])
         depth, ids = render(together([shape("plane").moved(TABLE), plate.moved(low)]), EYE)
@@ -234,7 +237,7 @@ def two_millimetres_will_do(result):
     play, turn = result.input("play", 2.5) / 1000, np.radians(result.input("turn_deg", 2))
 
     def gap(finger, shift=error, angle=turn):
-        """Least distance of a finger from the turned part, of one on each side."""
+        """Return least distance of a finger from the turned part, of one on each side."""
         part, tool = box((0.1, 0.5 * width)), box((0.5 * finger, 0.01))
         far = 0.5 * width + play + 0.01
         return min(

@@ -53,7 +53,7 @@ def noise_is_one_number(result):
 )
 def averaging_removes_all(result):
     def remaining(share, between=0.25, step=0.25):
-        """The error of the mean disparity of six pictures, over a step."""
+        """Return the error of the mean disparity of six pictures, over a step."""
         z = 30.0 / ((40 + between) * step)
         observed = 30.0 / walls(z, result.rng, 6, noise=share * step, step=step)
         return abs(np.mean(observed) / step - 40 - between)
@@ -206,7 +206,7 @@ def motions_calibrate_any_arm(result):
     noise = result.input("noise", 1e-3)
 
     def solved(count, tilt):
-        """The answer where the axes of the turns are z, but for a share `tilt` of others."""
+        """Return the answer where the axes of the turns are z, but for a share `tilt` of others."""
         turns = 0.7 * result.rng.standard_normal((3, count)) * [[tilt], [tilt], [1.0]]
         shifts = 0.2 * tilt * result.rng.standard_normal((3, count))
         A, by = np.concatenate((shifts, exp(turns))), np.tile(X[:, None], count)

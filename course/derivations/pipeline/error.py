@@ -24,7 +24,7 @@ SYMBOLS = {
 
 
 def ends(mended=(), seeds=(0,), scenario=None, **changed):
-    """Errors of the tip at the end (2, N) [m], with some stages mended."""
+    """Return errors of the tip at the end (2, N) [m], with some stages mended."""
     from course.pipeline import Scenario, Settings, errors, repair, run_many
 
     settings = repair(replace(Settings(), **changed), *mended)
@@ -32,7 +32,7 @@ def ends(mended=(), seeds=(0,), scenario=None, **changed):
 
 
 def rms(away):
-    """Root of the mean square of errors (2, N) [m], in millimetres."""
+    """Return root of the mean square of errors (2, N) [m], in millimetres."""
     return 1e3 * float(np.sqrt(np.mean(np.sum(np.asarray(away) ** 2, axis=0))))
 
 
@@ -108,7 +108,7 @@ def latency_is_not_age(result):
     scene = Scenario(velocity=(-0.02, 0.015), seconds=3.0)
 
     def ages(late, period):
-        """Of what an arm without lag aims at, over the phases of the camera [s]."""
+        """Return of what an arm without lag aims at, over the phases of the camera [s]."""
         changed = {"noise": 0.0, "bias": (0.0, 0.0), "filtered": False, "frame": period}
         u = np.array(scene.velocity)
         return np.array(
@@ -169,7 +169,7 @@ def filter_calms(result):
     wild = result.input("beta_wild", 0.9)
 
     def gain(alpha, beta):
-        """The same by SciPy, of the matrices as numbers."""
+        """Return the same by SciPy, of the matrices as numbers."""
         matrix = np.array([[1.0 - alpha, 1.0 - alpha], [-beta, 1.0 - beta]])
         take = np.array([alpha, beta])
         return float(solve_discrete_lyapunov(matrix, np.outer(take, take))[0, 0])
@@ -221,7 +221,7 @@ def pictures_without_bias(result):
 
 @functools.cache
 def cancelling(runs=6, **changed):
-    """A budget in which bias and lag point against each other, with little noise."""
+    """Return a budget in which bias and lag point against each other, with little noise."""
     from course.pipeline import Scenario, Settings, repair
     from course.pipeline.budget import budget
 

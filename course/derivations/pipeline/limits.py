@@ -25,7 +25,9 @@ SYMBOLS = {
 
 
 def swung(q, kp, kd, dt, steps, offset):
-    """Angles (steps, 2, N) of N arms under PD from an offset at rest, by semi-implicit Euler.
+    """Return angles (steps, 2, N) of N arms under PD from an offset at rest.
+
+    By semi-implicit Euler.
 
     Args:
         q, offset: postures that they are held in, and how far beside they begin, (2, N) [rad].
@@ -45,13 +47,13 @@ def swung(q, kp, kd, dt, steps, offset):
 
 
 def drawn(rng, n=12):
-    """Postures (2, n), springs and dampers (n,) by chance."""
+    """Return postures (2, n), springs and dampers (n,) by chance."""
     q = np.stack([rng.uniform(-3.0, 3.0, n), rng.uniform(0.0, 3.0, n)])
     return q, rng.uniform(10.0, 100.0, n), rng.uniform(1.0, 10.0, n)
 
 
 def limits(q, kp, kd):
-    """Largest stable steps (N,) [s]."""
+    """Return largest stable steps (N,) [s]."""
     from course.kinematics import TwoLink
     from course.pipeline import theory
 
@@ -59,7 +61,7 @@ def limits(q, kp, kd):
 
 
 def leaves(q, kp, kd, dt):
-    """Which of the arms swing far away from where they begin, 2e-6 rad beside."""
+    """Return which of the arms swing far away from where they begin, 2e-6 rad beside."""
     with np.errstate(over="ignore", invalid="ignore"):
         observed = swung(q, kp, kd, dt, 800, np.array([[1e-6], [-2e-6]]))
         return np.nanmax(np.abs(observed - q), axis=(0, 1)) > 3e-5
@@ -123,7 +125,7 @@ def damping_and_step(result):
     between = np.sqrt(less * more)
 
     def implicit(kp, kd, m=90.0):
-        """Growth just below 2 / omega with the damping taken at the new velocity."""
+        """Return growth just below 2 / omega with the damping taken at the new velocity."""
         dt = 1.99 / np.sqrt(kp * m)
         held = 1.0 / (1.0 + dt * kd * m)
         step = np.array([[1.0 - dt * dt * kp * m * held, dt * held], [-dt * kp * m * held, held]])
@@ -186,7 +188,7 @@ def high_gain_overshoots(result):
     from course.pipeline import theory
 
     def beyond(kp, kd, q):
-        """Overshoot of a small step of the slow mode, measured and as predicted."""
+        """Return overshoot of a small step of the slow mode, measured and as predicted."""
         modes = theory.modes(TwoLink(), q, kp, kd)
         shapes = np.linalg.eigh(np.linalg.inv(TwoLink().mass_matrix(np.array(q))))[1]
         dt = 0.004 / float(modes.omega[0])
@@ -239,7 +241,7 @@ def swings_die(result):
     soft, stiff = result.input("soft", 25.0), result.input("stiff", 250.0)
 
     def rate(kp):
-        """Of decay, from the largest swings of the first and of the last third [1/s]."""
+        """Return of decay, from the largest swings of the first and of the last third [1/s]."""
         dt = 0.02 / np.sqrt(kp * value[0])
         away = 1e-5 * shapes[:, :1]
         observed = swung(np.array(bent)[:, None], kp, 0.0, dt, 3000, away)[:, :, 0] - bent
@@ -261,7 +263,7 @@ def swings_die(result):
 
 
 def wanders(gain, late):
-    """Whether look and move with late pictures gets worse and worse."""
+    """Return whether look and move with late pictures gets worse and worse."""
     past = [1.0] * (late + 1)
     for _ in range(3000):
         past.append(past[-1] - gain * past[-1 - late])
@@ -338,7 +340,7 @@ def look_and_move_noise(result):
     gain, late = result.input("gain", 0.3), int(result.input("late", 2))
 
     def measured(gain, late):
-        """Variance over that of a picture, of 400 places after 400 frames each."""
+        """Return variance over that of a picture, of 400 places after 400 frames each."""
         past = list(np.zeros((late + 1, 2000)))
         for _ in range(200):
             past.append(past[-1] - gain * (past[-1 - late] + result.rng.standard_normal(2000)))
@@ -395,7 +397,9 @@ def clearance_and_noise(result):
     error = result.rng.standard_normal((2, 80_000))  # of the disc, in standard deviations
 
     def touched(turn, radius=4.0):
-        """Share of places at which a disc touches a path about it, an arc with straight ends."""
+        """Return share of places at which a disc touches a path about it, an arc with straight
+        ends.
+        """
         angles, far = np.linspace(-0.5, 0.5, 41) * turn, np.linspace(0.0, 7.0, 36)
         arc = (radius + 2.0) * np.exp(1j * angles)
         ends = [arc[i] + 1j * sign * far * np.exp(1j * angles[i]) for i, sign in ((0, -1), (-1, 1))]
@@ -481,7 +485,7 @@ def overrun_ages(result):
     plain = replace(Settings(), noise=0.0, bias=(0.0, 0.0), filtered=False)
 
     def age(rule, late, period):
-        """Mean over the phases of what an arm without lag aims at [s]."""
+        """Return mean over the phases of what an arm without lag aims at [s]."""
         cycle = {"drop": period * np.ceil(late / period), "block": late, "queue": period}[rule]
         aimed = []
         for phase in (seconds - late - cycle * (np.arange(8) + 0.5) / 8) % cycle:

@@ -8,8 +8,10 @@ _KEPT: dict[Any, list[Any]] = {}
 
 
 def runs(scene: str, method: str, seeds: int, *place: float, **options: Any) -> list[Any]:
-    """Plans of a method, one a seed, in a ready-made scene (`scenes.gap(*place)`, ...); those that
-    another claim has asked for are not made again."""
+    """Return plans of a method, one a seed, in a ready-made scene (`scenes.gap(*place)`, ...).
+
+    Those that another claim has asked for are not made again.
+    """
     from course.planning import plan, scenes
 
     requested = getattr(scenes, scene)(*place)
@@ -26,12 +28,12 @@ def runs(scene: str, method: str, seeds: int, *place: float, **options: Any) -> 
 
 
 def samples(*question: Any, **options: Any) -> np.ndarray:
-    """Samples of these runs, shape (seeds,)."""
+    """Return samples of these runs, shape (seeds,)."""
     return np.array([answer.samples for answer in runs(*question, **options)])
 
 
 def through_gap(share: float, thickness: float) -> float:
-    """Shortest path of `scenes.gap`: around both near corners of the opening [m]."""
+    """Return shortest path of `scenes.gap`: around both near corners of the opening [m]."""
     from course.planning import scenes
 
     requested = scenes.gap(share, thickness)

@@ -44,12 +44,12 @@ def edge_by_ten_points(result):
     gap, tried = edge / 11, np.linspace(0.0, edge, 12)  # ten and the ends
 
     def unseen(discs, growth=0.0):
-        """Whether no point tried is in the disc, grown by a share of what a gap needs."""
+        """Return whether no point tried is in the disc, grown by a share of what a gap needs."""
         radii = np.sqrt(discs[:, 2:] ** 2 + growth * (gap / 2) ** 2)
         return np.all(np.hypot(tried - discs[:, :1], discs[:, 1:2]) > radii, axis=1)
 
     def hit(radius, count):
-        """Discs that the edge hits, and how deep it cuts into each."""
+        """Return discs that the edge hits, and how deep it cuts into each."""
         centres = result.rng.uniform((-radius, -radius), (edge + radius, radius), (count, 2))
         outside = centres[:, 0] - np.clip(centres[:, 0], 0.0, edge)
         depth = radius - np.hypot(outside, centres[:, 1])
@@ -115,7 +115,7 @@ def thin_wall_missed(result):
     angle = np.deg2rad(result.input("angle_deg", 30))
 
     def missed(width, count, turn=0.0):
-        """Share of edges, twenty spacings long, that are passed though they cross the wall."""
+        """Return share of edges, twenty spacings long, that are passed though they cross the wall."""
 
         def valid(q):
             return not 0.0 <= q[0] <= width
@@ -205,7 +205,7 @@ def near_the_goal(result):
     result.measure("across", across, 0.05)
 
     def joined(low, high):
-        """Whether all free states within so many clearances of a goal can be joined to it."""
+        """Return whether all free states within so many clearances of a goal can be joined to it."""
         here = scenes.discs(int(result.rng.integers(1000))).world
         aim = scenes.free_state(here, result.rng)
         away = result.rng.uniform(low, high) * planning.clearance(here, aim)

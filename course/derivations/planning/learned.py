@@ -19,7 +19,7 @@ def _panels() -> list[Any]:
 
 
 def numbers_in(words: str) -> list[float]:
-    """The numbers in a line of the chart's table."""
+    """Return the numbers in a line of the chart's table."""
     from course.charts import read
 
     result = re.search(f"^{words}", read(CHART), re.MULTILINE)
@@ -28,7 +28,10 @@ def numbers_in(words: str) -> list[float]:
 
 
 def within(panel: int, name: str, share: float) -> float:
-    """The cost within which that share is solved, between points of a curve; infinite beyond."""
+    """Return the cost within which that share is solved, between points of a curve.
+
+    Infinite beyond.
+    """
     series = _panels()[panel][name]
     if max(series.y) < share:
         return float("inf")
@@ -66,7 +69,7 @@ def learned_sampler_speeds_up(result):
     result.statement = "200 held-out worlds, three networks; what needs none again in 40 others."
 
     def fewer(panel):
-        """Whether the learned one asks less, at several shares of the worlds."""
+        """Return whether the learned one asks less, at several shares of the worlds."""
         some = (0.25, 0.5, 0.75, 0.9)
         return [within(panel, "learned", x) < within(panel, "uniform", x) for x in some]
 

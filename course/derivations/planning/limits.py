@@ -93,7 +93,7 @@ def blocked_ends_are_named(result):
 
 @functools.cache
 def _tight():
-    """The tight shelf, 36 queries, and samples of RRT-Connect with 5 seeds each, (36, 5)."""
+    """Return the tight shelf, 36 queries, and samples of RRT-Connect with 5 seeds each, (36, 5)."""
     from course.planning import plan, shelf
 
     requested, rng = shelf("tight"), np.random.default_rng(0)
@@ -179,7 +179,7 @@ def limits_keep_an_arm_from_itself(result):
     tests = [coal.Pair(shapes[i], shapes[j]) for i, j in pairs]
 
     def gaps(states):
-        """Least distance of two capsules that are not neighbours, states (7, m) -> (m,) [m]."""
+        """Return least distance of two capsules that are not neighbours, states (7, m) -> (m,) [m]."""
         at = np.concatenate((frames(arm, states), tip(arm, states)[:, None]), axis=1)
         poses = [
             coal.transforms(compose(at[:, row[0]], x)) for row, x in zip(HAND, places, strict=True)

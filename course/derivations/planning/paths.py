@@ -14,7 +14,7 @@ SYMBOLS = {
 
 
 def _past_disc(radius, method, budget, seed):
-    """A plan from one side of a disc to the other, and the shortest way [m]."""
+    """Return a plan from one side of a disc to the other, and the shortest way [m]."""
     from course.planning import plan, plane, scenes
 
     # Two tangents and the arc between them.
@@ -74,7 +74,7 @@ def informed_rrt_star(result):
         return informed < star
 
     def ellipse(length):
-        """Its share of the square; the ends are 8 m apart."""
+        """Return its share of the square; the ends are 8 m apart."""
         return np.pi / 4 * length * np.sqrt(length**2 - 64.0) / 100.0
 
     pairs = [pair(seed) for seed in range(10)]
@@ -131,7 +131,7 @@ def informed_area(result):
     area = sympy.lambdify((c, d), result.formula)
 
     def share(start, goal, length, low, high):
-        """Share of uniform states by which a path of that length could pass."""
+        """Return share of uniform states by which a path of that length could pass."""
         q = result.rng.uniform(low, high, (200_000, 2))
         return np.mean(
             np.linalg.norm(q - start, axis=1) + np.linalg.norm(q - goal, axis=1) < length
@@ -158,7 +158,7 @@ SCENES = {"empty": (), "gap": (0.02, 0.5), "bug_trap": (), "discs": (), "arm": (
 
 @functools.cache
 def _cut(scene, method, kind="partial"):
-    """Twelve paths of a scene before and after shortcutting, and its world."""
+    """Return twelve paths of a scene before and after shortcutting, and its world."""
     from course.planning import scenes, shortcut
 
     world = getattr(scenes, scene)(*SCENES[scene]).world
@@ -325,7 +325,7 @@ def trajopt_minimises_jerk(result):
 
 
 def _turns(path):
-    """Angle of each corner of a path [deg]."""
+    """Return angle of each corner of a path [deg]."""
     edges = np.diff(path) / np.linalg.norm(np.diff(path), axis=0)
     return np.degrees(np.arccos(np.clip(np.sum(edges[:, 1:] * edges[:, :-1], axis=0), -1.0, 1.0)))
 
@@ -378,12 +378,18 @@ def limits_between_grid_points(result):
     times = np.linspace(0.0, 1.0, result.input("times", 20_001))
 
     def peaks(grid):
-        """Largest acceleration, limit 1, of the chapter's motion, and with one end constrained."""
+        """Return largest acceleration, limit 1, of the chapter's motion.
+
+        And with one end constrained.
+        """
         motion = time_parameterise(path, (9.0, 1.0), blend=0.3, grid=grid)
         h, f, c = np.diff(motion.stations), motion.first, motion.second
 
         def pushes(i, x, ahead):
-            """Range of the acceleration along the path, from the beginning of interval i alone."""
+            """Return range of the acceleration along the path.
+
+            From the beginning of interval i alone.
+            """
             with np.errstate(divide="ignore"):
                 ends = np.sort([(-1 - c[i] * x) / f[i], (1 - c[i] * x) / f[i]], axis=0)
             return max(*ends[0], -x / (2 * h[i])), min(*ends[1], (ahead - x) / (2 * h[i]))

@@ -42,7 +42,7 @@ def lazy_tests_the_final_path(result):
 
 @functools.cache
 def _bay_to_bay():
-    """The 7-R arm at the open shelf, and 30 queries from one bay to another."""
+    """Return the 7-R arm at the open shelf, and 30 queries from one bay to another."""
     from course.planning import shelf
 
     requested, rng = shelf("open"), np.random.default_rng(0)
@@ -221,7 +221,7 @@ def one_dimension_a_joint(result):
 
 
 def _tip_world(rng, radius):
-    """A two-link arm among five discs, and its tip alone among them."""
+    """Return a two-link arm among five discs, and its tip alone among them."""
     from course.planning import planar_arm, plane
 
     turn = rng.uniform(-np.pi, np.pi, 5)

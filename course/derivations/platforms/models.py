@@ -14,7 +14,7 @@ SYMBOLS = {
 
 
 def compiled(joint, more="", links=1):
-    """(model, data) of upright links of 0.3 m, each on a hinge with these attributes."""
+    """Return (model, data) of upright links of 0.3 m, each on a hinge with these attributes."""
     import mujoco
 
     body = ""
@@ -44,7 +44,7 @@ def hello_world_winds(result):
     motors = '<motor joint="j0"/><motor joint="j1"/>'
 
     def moved(joint, torques=(0.5, -0.3), dt=0.002):
-        """(Most turns of a joint from its start, the second joint at the end)."""
+        """Return (Most turns of a joint from its start, the second joint at the end)."""
         model, data = compiled(joint, motors, links=2)
         model.opt.timestep = dt
         data.ctrl[:] = torques
@@ -123,7 +123,7 @@ def damping_realism(result):
         return np.array(angles)
 
     def remaining(robot, added):
-        """Error of the model with the damping over that of the one without."""
+        """Return error of the model with the damping over that of the one without."""
         true = swing(robot)
         return float(np.linalg.norm(swing(added) - true) / np.linalg.norm(swing(0.0) - true))
 
@@ -170,7 +170,7 @@ def servo_droops(result):
     result.formula = sympy.solve(sympy.Eq(kp * e, m * g * d), e)[0]
 
     def droop(gain=""):
-        """(Angle below level [rad], gain) at rest."""
+        """Return (Angle below level [rad], gain) at rest."""
         model, data = compiled('damping="2"', f'<position joint="j0" {gain}/>')
         data.ctrl[:] = data.qpos[:] = 0.5 * np.pi
         mujoco.mj_step(model, data, 5000)
@@ -218,7 +218,10 @@ def lightest_install(result):
 
 
 def read_by(reader, texts):
-    """Verdict on each model of a reader, in this process, without the models that crash one."""
+    """Return verdict on each model of a reader.
+
+    In this process, without the models that crash one.
+    """
     import io
     import logging
     from contextlib import redirect_stderr, redirect_stdout
@@ -233,7 +236,7 @@ def read_by(reader, texts):
     find()
 
     def reading(text):
-        """What it said, be it by C, by Python or by a log; its error; and the facts."""
+        """Return what it said, be it by C, by Python or by a log; its error; and the facts."""
         words, facts, printed = "", None, io.StringIO()
         log = logging.StreamHandler(printed)
         logging.getLogger().addHandler(log)

@@ -9,7 +9,7 @@ FOUR = (OURS, MUJOCO, DRAKE, PYBULLET)
 
 
 def simulators(*names):
-    """Engines by name.
+    """Return engines by name.
 
     Raises:
         ImportError: one is not installed; the text says what to install.
@@ -24,7 +24,7 @@ def simulators(*names):
 
 
 def errors(names, scene, dt, **settings):
-    """Error of a scene at its end in each engine with its fair settings [m or rad]."""
+    """Return error of a scene at its end in each engine with its fair settings [m or rad]."""
     from course.platforms import FAIR, measures
 
     report = FAIR.using(**settings)

@@ -24,7 +24,9 @@ SYMBOLS = {
 
 
 def stops(name, headings, dt, settings=None):
-    """Lengths over Coulomb's and turns [rad] of the braking block, fair by default, (n,) each."""
+    """Return lengths over Coulomb's and turns [rad] of the braking block, fair by default, (n,)
+    each.
+    """
     from course.platforms import FAIR, measures, theory
 
     (engine,) = simulators(name)
@@ -205,7 +207,7 @@ def creep_not_friction(result):
     ratio = result.input("ratio", 10.0)
 
     def creeps(angle=0.1, friction=0.5, impratio=1.0, dt=2e-3):
-        """Speed, and that of the law fed with the contacts that the engine reports [m/s]."""
+        """Return speed, and that of the law fed with the contacts that the engine reports [m/s]."""
         scene, message = scenes.slope(angle, friction, 0.5), FAIR.using(impratio=impratio)
         run = prepared(mujoco, scene, dt, message)
         run.run(200)
@@ -314,7 +316,7 @@ def friction_rules(result):
     from course.platforms import prepared, scenes
 
     def slowed(run):
-        """Coefficient by which a block loses speed."""
+        """Return coefficient by which a block loses speed."""
         before = run.state()
         run.run(200)
         lost = before.v[0, 0] - run.state().v[0, 0]
@@ -395,7 +397,7 @@ def drake_hydroelastic(result):
 
 
 def _fallen(engine, scene, settings):
-    """Error of a scene at 2 ms [m]."""
+    """Return error of a scene at 2 ms [m]."""
     from course.platforms import measures
 
     return measures.position_error(engine, scene, 2e-3, settings)

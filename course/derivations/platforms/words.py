@@ -18,7 +18,7 @@ SYMBOLS = {
 
 
 def seconds(call, repeats):
-    """Least processor time of one of so many calls, five times tried [s]."""
+    """Return least processor time of one of so many calls, five times tried [s]."""
     result = []
     for _ in range(5):
         start = time.process_time()
@@ -91,7 +91,7 @@ def drake_guarantees(outcome):
     n = int(outcome.input("n", 5))
 
     def costs(bend, tilt):
-        """What SNOPT ends with from several starts for (x^2 - bend)^2 + tilt x."""
+        """Return what SNOPT ends with from several starts for (x^2 - bend)^2 + tilt x."""
         from pydrake.solvers import MathematicalProgram, SnoptSolver
 
         ends = []
@@ -177,7 +177,7 @@ def proof_never_falls(result):
         return SymbolicVectorSystem(state=[x], dynamics=[cubic * x**3 - x])
 
     def stands(start, cubic):
-        """Whether a state comes back to 0."""
+        """Return whether a state comes back to 0."""
         simulator = Simulator(plant(cubic))
         state = simulator.get_mutable_context().get_mutable_continuous_state_vector()
         state.SetFromVector([start])

@@ -13,7 +13,9 @@ SYMBOLS = {
 
 
 def _energies(problem: Any, method: str, dt: float, steps: int, every: int = 1) -> np.ndarray:
-    """Energy after each record of a run of one of the chapter's problems, shape (records + 1,)."""
+    """Return energy after each record of a run of one of the chapter's problems, shape (records +
+    1,).
+    """
     from course.rigid_body import simulate
 
     system = problem.system
@@ -22,7 +24,9 @@ def _energies(problem: Any, method: str, dt: float, steps: int, every: int = 1) 
 
 
 def _steps(method: str, system: Any, q: np.ndarray, v: np.ndarray, dt: Any, steps: int) -> Any:
-    """States of many runs side by side, each with its own start and step: q, v (steps + 1, nq, N).
+    """Return states of many runs side by side, each with its own start and step.
+
+    Q, v (steps + 1, nq, N).
 
     Args:
         method: name of an integrator.
@@ -54,14 +58,17 @@ def _pendulum() -> tuple[Any, np.ndarray]:
 
 
 def _matrix(name: str) -> tuple[Any, Any, Any]:
-    """(matrix of one step on the free oscillator, h, omega) as SymPy expressions."""
+    """Return (matrix of one step on the free oscillator, h, omega) as SymPy expressions."""
     from course.derivations.rigid_body.linear import step_matrix, symbols
 
     return step_matrix(name), *symbols()[:2]
 
 
 def _energy_ratio(name: str) -> Any:
-    """A^T E A E^-1 for the oscillator's energy E: a multiple of 1 if all states gain alike."""
+    """Return a^T E A E^-1 for the oscillator's energy E.
+
+    A multiple of 1 if all states gain alike.
+    """
     import sympy
 
     A, _, omega = _matrix(name)
@@ -124,7 +131,7 @@ def explicit_growth_per_second(result):
         return float(np.log(energy[1] / energy[0]))
 
     def power(dt: float, omega: float = 2 * np.pi) -> float:
-        """Of dt in the growth of the logarithm over the same time."""
+        """Return of dt in the growth of the logarithm over the same time."""
         return float(np.log2(growth(2 * dt, 1000, omega) / growth(dt, 2000, omega)))
 
     _, h, omega = _matrix("explicit_euler")
@@ -194,7 +201,10 @@ def explicit_adds_without_forces(result):
     q = np.vstack((np.zeros((3, n)), np.tile(quaternion.identity()[:, None], n)))
 
     def gains(method: str, spin: np.ndarray, steps: int = 200) -> np.ndarray:
-        """Energy after some steps less that at the start, of bodies that fly side by side."""
+        """Return energy after some steps less that at the start.
+
+        Of bodies that fly side by side.
+        """
         v = _steps(method, (flight, params), q, np.vstack((velocity, spin)), h, steps)[1]
         return (weights * (v[-1] ** 2 - v[0] ** 2)).sum(axis=0) / 2
 
@@ -316,13 +326,13 @@ def semi_implicit_energy_swing(result):
     from course.rigid_body import problems
 
     def energies(phase: Any, h: Any) -> np.ndarray:
-        """Energy along runs with omega = 1 from (cos, sin) of a phase, shape (3001, N)."""
+        """Return energy along runs with omega = 1 from (cos, sin) of a phase, shape (3001, N)."""
         x, v = np.array([np.cos(phase)]), np.array([np.sin(phase)])
         q, w = _steps("semi_implicit_euler", _spring(), x, v, h, 3000)
         return (q**2 + w**2)[:, 0] / 2
 
     def about(phase: Any, h: Any) -> np.ndarray:
-        """Whether the start is in the middle half of the band."""
+        """Return whether the start is in the middle half of the band."""
         energy = energies(phase, h)
         middle = (energy.max(axis=0) + energy.min(axis=0)) / 2
         return np.abs(energy[0] - middle) < 0.25 * np.ptp(energy, axis=0)
@@ -386,7 +396,7 @@ def swapping_two_lines(result):
     large = result.input("pendulum_omega_h", 1.5)
 
     def share(u: float) -> float:
-        """Of swings whose energy above the bottom grows more than tenfold in 2000 steps."""
+        """Return of swings whose energy above the bottom grows more than tenfold in 2000 steps."""
         rate = np.sqrt(params[0])
         start = result.rng.uniform(-1, 1, (2, 1, 200)) * np.reshape((3, rate), (2, 1, 1))
         q, v = _steps("semi_implicit_euler", (pull, params), start[0], start[1], u / rate, 2000)
@@ -436,7 +446,7 @@ def area_preserved(result):
     size = 1e-6 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]).T[:, :, None]
 
     def pendulum_area(name: str) -> np.ndarray:
-        """Determinant of one step at random states of a pendulum, by central differences."""
+        """Return determinant of one step at random states of a pendulum, by central differences."""
         x, w = (np.array([q, v])[:, None] + size).reshape(2, 1, -1)
         ends = _steps(name, _pendulum(), x, w, np.tile(step, 4), 1)
         e = np.array([end[1, 0].reshape(4, -1) for end in ends]) / 2e-6
@@ -505,7 +515,7 @@ def symplectic_with_varying_step(result):
         return -q / (q[0] * q[0] + q[1] * q[1]) ** 1.5
 
     def drifts(eccentricity: np.ndarray, reversible: bool) -> np.ndarray:
-        """Of the median energy between the first and the last two orbits."""
+        """Return of the median energy between the first and the last two orbits."""
         e, pace = eccentricity, 0.1
         q, v = np.array([1 - e, 0 * e]), np.array([0 * e, np.sqrt((1 + e) / (1 - e))])
         rate = (1 - e) ** -1.5  # of steps; its time derivative is integrated, half a step ahead
@@ -529,7 +539,7 @@ def symplectic_with_varying_step(result):
         )
 
     def there_and_back(method: Any) -> float:
-        """How far a step and the step -h end from the start."""
+        """Return how far a step and the step -h end from the start."""
         end = method(*method(*here, attraction, 0.1, None), attraction, -0.1, None)
         return float(np.abs(np.array(end) - here).max())
 
@@ -568,7 +578,10 @@ def semi_implicit_arm_energy(result):
     from course.rigid_body import problems
 
     def drift(problem: Any, dt: float = 1e-3) -> float:
-        """Between the means over the first and the last tenth, so that the swing is not in it."""
+        """Return between the means over the first and the last tenth.
+
+        So that the swing is not in it.
+        """
         energy = _energies(problem, "semi_implicit_euler", dt, round(seconds / dt), 10)
         tenth = len(energy) // 10
         return float(energy[-tenth:].mean() - energy[:tenth].mean())

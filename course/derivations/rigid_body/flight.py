@@ -24,7 +24,10 @@ def falling(q: np.ndarray, v: np.ndarray, params: Any) -> np.ndarray:
 
 
 def step_of(method: str) -> Any:
-    """The step of a method; exact flight is what every second-order method takes in free fall."""
+    """Return the step of a method.
+
+    Exact flight is what every second-order method takes in free fall.
+    """
     from course.rigid_body import INTEGRATORS
 
     def parabola(q: Any, v: Any, acceleration: Any, dt: Any, params: Any) -> tuple[Any, Any]:
@@ -114,19 +117,24 @@ def drop(
 
 @functools.cache
 def worked_example(method: str) -> Bounces:
-    """The ball of the worked example, ten bounces."""
+    """Return the ball of the worked example, ten bounces."""
     return drop(method)
 
 
 @functools.cache
 def near(method: str, n: int = 500) -> Bounces:
-    """Ten bounces from starts near the worked example's: up to 1 mm and one step's speed off."""
+    """Return ten bounces from starts near the worked example's.
+
+    Up to 1 mm and one step's speed off.
+    """
     heights, speeds = np.random.default_rng(10).uniform(-1, 1, (2, n)) * [[1e-3], [GRAVITY * STEP]]
     return drop(method, height=HEIGHT + heights, speed=speeds)
 
 
 def _tied(run: Bounces) -> np.ndarray:
-    """Whether a ball is exactly on the floor, not put there by the rule, before its last bounce."""
+    """Return whether a ball is exactly on the floor, not put there by the rule, before its last
+    bounce.
+    """
     remaining = np.cumsum(run.bounced, axis=0) < run.bounced.sum(axis=0)
     return ((run.q == 0) & ~run.bounced & remaining).any(axis=0)
 
@@ -141,7 +149,7 @@ def _spread(run: Bounces) -> str:
 
 
 def _change(method: str) -> tuple[Any, Any]:
-    """(change of m g y + m v^2 / 2, change of v) in a step of free fall from any y and v."""
+    """Return (change of m g y + m v^2 / 2, change of v) in a step of free fall from any y and v."""
     import sympy
 
     m, g, h = sympy.symbols("m g h", positive=True)
@@ -336,7 +344,7 @@ def worked_ten_bounces_semi_implicit(result):
 
 
 def _resolved(method: str, start: Any, handled: bool = True) -> float:
-    """Energy right after ten elastic bounces over that at the start, for one ball.
+    """Return energy right after ten elastic bounces over that at the start, for one ball.
 
     Args:
         method: name of an integrator.
@@ -519,7 +527,7 @@ def elastic_bounce_rule(result):
 
 
 def _rule_gain(method: str, rng: Any, e: Any = 1.0, share: Any = 1.0, n: int = 200) -> Any:
-    """One bounce of n random balls.
+    """Return one bounce of n random balls.
 
     Args:
         method: as for `drop`.
@@ -558,7 +566,7 @@ def bounce_rule_takes_energy(result):
     )  # fmt: skip
 
     def full_depth(speed: float) -> float:
-        """Energy that a bounce adds at the depth of a whole step's travel."""
+        """Return energy that a bounce adds at the depth of a whole step's travel."""
         h = step / 1000
         run = drop("semi_implicit_euler", 1, 2, h, rest, 0.0, GRAVITY * h - speed)
         return float(run.by_rule[0] + run.by_restitution[0])
@@ -590,7 +598,7 @@ def order_survives_bounces(result):
     true = [problems.bounce_height(1.8, x, 1.0, GRAVITY) for x in heights]
 
     def error(n: int) -> float:
-        """Mean error 1.8 s after the drop: one bounce each."""
+        """Return mean error 1.8 s after the drop: one bounce each."""
         run = drop("exact_flight", n, dt=1.8 / n, height=heights)
         return float(np.abs(run.q[-1] - true).mean())
 

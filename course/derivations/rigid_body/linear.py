@@ -12,7 +12,7 @@ import numpy as np
 
 @functools.cache
 def symbols() -> Any:
-    """(h, omega, zeta) as positive SymPy symbols."""
+    """Return (h, omega, zeta) as positive SymPy symbols."""
     import sympy
 
     return sympy.symbols("h omega zeta", positive=True)
@@ -20,7 +20,7 @@ def symbols() -> Any:
 
 @functools.cache
 def step_matrix(name: str, damped: bool = False) -> Any:
-    """Matrix A of (x, v) -> A (x, v) for x'' = -omega^2 x - 2 zeta omega x'.
+    """Return matrix A of (x, v) -> A (x, v) for x'' = -omega^2 x - 2 zeta omega x'.
 
     Args:
         name: name of an integrator of `course.rigid_body`. `implicit_midpoint` iterates on
@@ -47,7 +47,7 @@ def step_matrix(name: str, damped: bool = False) -> Any:
 
 
 def numeric_matrix(name: str, omega_h: float, zeta: float = 0.0) -> np.ndarray:
-    """The same matrix as numbers, for omega = 1, by running the integrator itself.
+    """Return the same matrix as numbers, for omega = 1, by running the integrator itself.
 
     Args:
         name: name of an integrator.
@@ -64,14 +64,14 @@ def numeric_matrix(name: str, omega_h: float, zeta: float = 0.0) -> np.ndarray:
 
 
 def spectral_radius(name: str, omega_h: float, zeta: float = 0.0) -> float:
-    """Largest modulus of the eigenvalues of one step."""
+    """Return largest modulus of the eigenvalues of one step."""
     from course.measure import stability
 
     return stability.spectral_radius(numeric_matrix(name, omega_h, zeta))
 
 
 def measured_limit(name: str, zeta: float = 0.0, low: float = 0.0, high: float = 8.0) -> float:
-    """Largest stable omega * h by bisection on the spectral radius, to eleven digits.
+    """Return largest stable omega * h by bisection on the spectral radius, to eleven digits.
 
     Args:
         name: name of an integrator.

@@ -9,7 +9,9 @@ from course.derivations.rigid_body.flight import GRAVITY, METHODS, START, drop, 
 
 
 def _listing(method: str, e: float = 0.6, spin: float = 0.0, dt: float = 1e-3) -> Any:
-    """The usual first listing of a planar box: a state of six numbers, gravity, and a bounce rule.
+    """Return the usual first listing of a planar box.
+
+    A state of six numbers, gravity, and a bounce rule.
 
     Below the floor y becomes 0, vy becomes -e vy and omega is scaled by 0.95; then comes the step,
     with the force of gravity and no torque. 1 kg, 0.1 kg m^2, from 5 m at 0.3 rad, 5 s.
@@ -148,7 +150,7 @@ def tunnelling_thickness(result):
     import sympy
 
     def missed(wall: float, body: float, dt: float, speed: float) -> float:
-        """Share of 1000 phases of the step at which no step overlaps, by flying there."""
+        """Return share of 1000 phases of the step at which no step overlaps, by flying there."""
         nose = np.array([-2 * (wall + body) - speed * dt * (np.arange(1000) + 0.5) / 1000])
         v, observed = np.full_like(nose, speed), np.zeros(1000, dtype=bool)
         while (nose - body <= wall).any():

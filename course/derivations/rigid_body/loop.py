@@ -10,7 +10,10 @@ from course.derivations import claim
 
 
 def _pictures(physics_hz, picture_hz):
-    """A second of the loop: for each picture (steps done, share of a step since the newest)."""
+    """Return a second of the loop.
+
+    For each picture (steps done, share of a step since the newest).
+    """
     from course.rigid_body.loop import FixedStepLoop, Phases
 
     shown = []
@@ -84,7 +87,10 @@ def cameras_in_every_step(result):
     delay = result.input("delay_ms", 20)
 
     def ages(camera_hz, delay_ms):
-        """Ages of what each control tick sees after the first: (encoders, image) [ms], images."""
+        """Return ages of what each control tick sees after the first.
+
+        (encoders, image) [ms], images.
+        """
         observed = []
 
         def control(measured, image, time):
@@ -215,7 +221,7 @@ def deformables_need_a_tenth(result):
     spacing = 1e-2 * result.input("spacing_cm", 5)
 
     def stable(young, dt, integrator="Euler", length=spacing):
-        """Whether a free block of 2 x 2 x 2 cells stays where it is for 300 steps."""
+        """Return whether a free block of 2 x 2 x 2 cells stays where it is for 300 steps."""
         # MuJoCo warns of an elastic block that nothing else holds together.
         mujoco.set_mju_user_warning(lambda text: None)
         model = mujoco.MjModel.from_xml_string(
@@ -326,7 +332,7 @@ def halving_dt_finds_the_culprit(result):
     omega = np.sqrt(1e5)
 
     def growth(name, ms):
-        """Decades of amplitude gained in a second."""
+        """Return decades of amplitude gained in a second."""
         return np.log10(spectral_radius(name, omega * ms / 1000)) * 1000 / ms
 
     before = result.measure("semi_implicit_10_ms", growth("semi_implicit_euler", 10))
@@ -364,7 +370,7 @@ def arm_drift_is_numerical(result):
     compensated = result.input("compensated", 0.99)
 
     def drift(share, timestep):
-        """How far a two-link arm's shoulder moves in 10 s without commanded torque [rad]."""
+        """Return how far a two-link arm's shoulder moves in 10 s without commanded torque [rad]."""
         model = mujoco.MjModel.from_xml_string(
             f"""<mujoco><option timestep="{timestep}"/>
             <default><joint axis="0 1 0" damping="2"/></default><worldbody>
@@ -411,7 +417,7 @@ def gradient_search_is_linear(result):
         return ((motion(omega) - recorded) ** 2).mean()
 
     def fit(omega):
-        """Gauss-Newton with a line search; the derivative by central differences."""
+        """Return Gauss-Newton with a line search; the derivative by central differences."""
         iterations, step = 0, 1.0
         while abs(step) > 1e-9 and iterations < 100:
             gradient = (motion(omega + 1e-5) - motion(omega - 1e-5)) / 2e-5
@@ -473,7 +479,7 @@ def gradient_by_differences(result):
             return function(*args, **(kwargs or {}))
 
     def end(forces):
-        """Where a block ends that is pushed by one force after the other, 20 ms each [m]."""
+        """Return where a block ends that is pushed by one force after the other, 20 ms each [m]."""
         push = tuple((0.02 * i, 0.02 * (i + 1), force) for i, force in enumerate(forces))
         scene = differentiable.Setup((0.0, 0.0), (5.0, 0.0), push)
         parameters = torch.tensor([0.5, 0.1, 1.0], dtype=torch.float64)
@@ -539,19 +545,21 @@ def every_recording_identifies(result):
     times = np.linspace(0.0, 2.0, 60)
 
     def by_friction(velocity):
-        """Derivative of the velocity after an impact by the coefficient of friction [m/s]."""
+        """Return derivative of the velocity after an impact by the coefficient of friction [m/s]."""
         scene = differentiable.Setup((0.0, 0.0), velocity)
         return np.abs(differentiable.jacobian((0.7, 0.3, 1.0), scene, [0.1])[2:, 0, 1]).max()
 
     def report(share):
-        """Whether a thrown block tells both, whose slip is a share of what stops at the impact."""
+        """Return whether a thrown block tells both, whose slip is a share of what stops at the
+        impact.
+        """
         e, friction, height = result.rng.uniform((0.3, 0.05, 0.2), (0.9, 0.8, 1.5))
         stopped = friction * (1 + e) * np.sqrt(2 * problems.STANDARD_GRAVITY * height)
         scene = differentiable.Setup((0.0, height), (share * stopped, 0.0))
         return all(differentiable.information((e, friction, 1.0), scene, times).identified[:2])
 
     def dropped(angle, friction):
-        """Angle of a box 0.6 s after it was dropped without speed [rad]."""
+        """Return angle of a box 0.6 s after it was dropped without speed [rad]."""
         state = np.array([0.0, 0.6, angle, 0.0, 0.0, 0.0])[:, None]
         return planar.advance_boxes(state, planar.box_parameters(friction=friction), 1e-3, 600)[0][
             2, 0
@@ -598,7 +606,7 @@ def smooth_gradients_by_draws(result):
     runs = result.input("runs", 800)
 
     def bounced(h):
-        """Height after the first bounce, in closed form [m]."""
+        """Return height after the first bounce, in closed form [m]."""
         fall = np.sqrt(2 * h / g)
         return e * g * fall * (duration - fall) - g * (duration - fall) ** 2 / 2
 
@@ -613,7 +621,10 @@ def smooth_gradients_by_draws(result):
     spread = 0.1  # standard deviation of the start [m]
 
     def slope(moved):
-        """One pair of perturbed fixed-step runs: their difference, by the score of the draw."""
+        """Return one pair of perturbed fixed-step runs.
+
+        Their difference, by the score of the draw.
+        """
         up, down = (
             differentiable.naive_drop(height + x, e, 2e-3, duration) for x in (moved, -moved)
         )

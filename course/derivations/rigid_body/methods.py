@@ -8,7 +8,7 @@ from course.derivations import claim
 
 
 def _order(problem, integrator, steps):
-    """Observed order of an integrator (a name, or a step) from `steps` and twice as many."""
+    """Return observed order of an integrator (a name, or a step) from `steps` and twice as many."""
     from course.rigid_body.integrators import simulate
 
     errors = [
@@ -19,8 +19,10 @@ def _order(problem, integrator, steps):
 
 
 def _evaluations(problem, name, tolerance, steps):
-    """Force evaluations to follow a problem to a tolerance, by the order, from the error at `steps`
-    steps; velocity Verlet keeps its last evaluation for the next step."""
+    """Force evaluations to follow a problem to a tolerance, by the order.
+
+    From the error at `steps` steps; velocity Verlet keeps its last evaluation for the next step.
+    """
     from course.rigid_body.integrators import INTEGRATORS, evaluations_per_step, simulate
 
     run = simulate(problem.system, name, problem.duration / steps, steps)
@@ -90,7 +92,7 @@ def rk4_costs_four_times(result):
     problem = problems.oscillator()
 
     def ratio(tolerance):
-        """Evaluations of RK4 over those of semi-implicit Euler for the same error."""
+        """Return evaluations of RK4 over those of semi-implicit Euler for the same error."""
         euler = _evaluations(problem, "semi_implicit_euler", tolerance, 50_000)
         return _evaluations(problem, "rk4", tolerance, 400) / euler
 
@@ -144,7 +146,9 @@ def semi_implicit_stability_per_cost(result):
     result.measure("implicit_midpoint_radius_at_100", round(implicit, 9))
 
     def beaten(evaluations):
-        """Whether a random explicit splitting is stable at all omega h up to 2 per evaluation."""
+        """Return whether a random explicit splitting is stable at all omega h up to 2 per
+        evaluation.
+        """
         kicks, drifts = result.rng.dirichlet(np.full(evaluations, 4.0), size=2)
         radii = []
         for x in np.linspace(0.05, 2.02, 400) * evaluations:
@@ -191,7 +195,7 @@ def semi_implicit_is_verlet(result):
     from course.rigid_body.integrators import simulate
 
     def run(amplitude, n, staggered):
-        """(error at the end, largest distance from Verlet's positions)"""
+        """Return (error at the end, largest distance from Verlet's positions)"""
         problem = problems.pendulum(amplitude)
         system, dt = problem.system, problem.duration / n
         before = 0.5 * dt * system.acceleration(system.q0, system.v0, system.params)

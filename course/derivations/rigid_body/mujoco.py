@@ -15,7 +15,7 @@ SYMBOLS = {
 
 
 def small_model(worldbody, timestep, integrator="Euler", more="", flags=""):
-    """(model, data) of a small scene; a run that blows up is not reset."""
+    """Return (model, data) of a small scene; a run that blows up is not reset."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(
@@ -27,7 +27,7 @@ def small_model(worldbody, timestep, integrator="Euler", more="", flags=""):
 
 
 def _spring(integrator, timestep, stiffness, damping=0.0, flags=""):
-    """(model, data) of 1 kg on a slide with a spring."""
+    """Return (model, data) of 1 kg on a slide with a spring."""
     return small_model(
         f'<body><joint type="slide" axis="1 0 0" stiffness="{stiffness}" damping="{damping}"/>'
         '<geom size=".1" mass="1"/></body>',
@@ -39,7 +39,7 @@ def _spring(integrator, timestep, stiffness, damping=0.0, flags=""):
 
 
 def _grows(integrator, timestep, damping=0.0, steps=3000):
-    """Whether 1 kg on 1 N/m, released at 1 m, leaves 100 m."""
+    """Return whether 1 kg on 1 N/m, released at 1 m, leaves 100 m."""
     import mujoco
 
     model, data = _spring(integrator, timestep, 1.0, damping)
@@ -52,7 +52,7 @@ def _grows(integrator, timestep, damping=0.0, steps=3000):
 
 
 def _limit(integrator, damping=0.0):
-    """Largest stable omega h by bisection, to a part in 2000."""
+    """Return largest stable omega h by bisection, to a part in 2000."""
     low, high = 0.1, 16.0
     if not _grows(integrator, 1000.0, damping):
         return float("inf")
@@ -70,7 +70,7 @@ _SPIN = (1.0, 0.0, 1.5)
 
 
 def _free_body(integrator, timestep, moments=_MOMENTS, child="", spin=_SPIN):
-    """(model, data) of a free body that turns at `spin` [rad/s]."""
+    """Return (model, data) of a free body that turns at `spin` [rad/s]."""
     inertia = " ".join(map(repr, map(float, moments)))
     model, data = small_model(
         f'<body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{inertia}"/>{child}</body>',
@@ -83,7 +83,7 @@ def _free_body(integrator, timestep, moments=_MOMENTS, child="", spin=_SPIN):
 
 
 def _energy(integrator, moments=_MOMENTS, child="", spin=_SPIN, timestep=0.0025, seconds=5.0):
-    """Kinetic energy after some tumbling over that at the start."""
+    """Return kinetic energy after some tumbling over that at the start."""
     import mujoco
 
     model, data = _free_body(integrator, timestep, moments, child, spin)
@@ -92,14 +92,14 @@ def _energy(integrator, moments=_MOMENTS, child="", spin=_SPIN, timestep=0.0025,
 
 
 def _random_tumble(rng):
-    """(moments, spin) of a body that can exist, well away from a steady spin."""
+    """Return (moments, spin) of a body that can exist, well away from a steady spin."""
     moments = np.sort(rng.uniform(1.0, 3.0, 3))
     moments[2] = min(moments[2], 0.95 * (moments[0] + moments[1]))
     return moments, rng.uniform(0.5, 1.5, 3)
 
 
 def _derivative(difference, centred=0):
-    """MuJoCo's derivative of a pendulum's step by its state, (2, 2)."""
+    """Return MuJoCo's derivative of a pendulum's step by its state, (2, 2)."""
     import mujoco
 
     model, data = small_model(
@@ -112,7 +112,7 @@ def _derivative(difference, centred=0):
 
 
 def _manual(page):
-    """(version, text in one line) of a page of the manual that MuJoCo installs."""
+    """Return (version, text in one line) of a page of the manual that MuJoCo installs."""
     import mujoco
 
     path = Path(mujoco.__file__).parent / "doc" / page
@@ -184,7 +184,7 @@ def mujoco_stable_by_euler(result):
     import mujoco
 
     def moves(integrator, clamp):
-        """Range of the height of a ball at rest, its contact asked for half a step [m]."""
+        """Return range of the height of a ball at rest, its contact asked for half a step [m]."""
         contact = 'solref="0.001 1"'
         model, data = small_model(
             f'<geom type="plane" size="1 1 1" {contact}/><body pos="0 0 .15">'
@@ -235,7 +235,7 @@ def collisions_after_integration(result):
     )
 
     def contacts(height):
-        """Contacts just after the step in which the ball sank in, and after mj_forward."""
+        """Return contacts just after the step in which the ball sank in, and after mj_forward."""
         mujoco.mj_resetData(model, data)
         data.qpos[0] = height
         while data.qpos[0] > 0:
@@ -270,7 +270,7 @@ def mujoco_euler_damping_explicit(result):
     h = 0.002
 
     def remaining(c, flag="enable"):
-        """Velocity after a step from 1 m/s, 1 kg."""
+        """Return velocity after a step from 1 m/s, 1 kg."""
         model, data = _spring("Euler", h, 0.0, c, f'eulerdamp="{flag}"')
         data.qvel[0] = 1.0
         mujoco.mj_step(model, data)
@@ -445,7 +445,7 @@ def mujoco_free_spin_energy(result):
     import mujoco
 
     def fastest(integrator):
-        """Largest rate within 1000 steps of 10 ms from 135 rad/s, to 10,000 [rad/s]."""
+        """Return largest rate within 1000 steps of 10 ms from 135 rad/s, to 10,000 [rad/s]."""
         model, data = _free_body(integrator, 0.01, spin=(50.0, 100.0, 75.0))
         rate = 0.0
         for _ in range(1000):

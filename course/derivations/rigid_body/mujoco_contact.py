@@ -10,8 +10,9 @@ _WALL, _BALL = 0.01, 0.01
 
 
 def _thrown(speed, phase=0.5, dt=0.002, contact="", flags=""):
-    """(whether the ball comes out behind the wall, steps at which it was seen to touch, deepest
-    point [m]); `phase` is where in a step it reaches the wall."""
+    """Return (whether the ball comes out behind the wall, steps at which it was seen to touch,
+    deepest point [m]); `phase` is where in a step it reaches the wall.
+    """
     import mujoco
 
     model, data = small_model(
@@ -41,7 +42,7 @@ _PHASES = np.linspace(0.01, 0.99, 16)
 
 
 def _stop_time(time_constant):
-    """Way to a stop of MuJoCo's default contact over the speed [s].
+    """Return way to a stop of MuJoCo's default contact over the speed [s].
 
     Beyond 1 mm it is r'' + d b r' + d k r = 0 with the impedance d = 0.95, b = 2 / (d T) and
     k = 1 / (d T)^2 (MuJoCo documentation, Solver parameters). The deepest point of that oscillator
@@ -107,7 +108,9 @@ def mujoco_contact_stiffness_limit(result):
     dt = 0.002
 
     def rest(solref, safe="enable", integrator="Euler"):
-        """(mean depth, range of the height) of a ball at rest over the last of two seconds [m]."""
+        """Return (mean depth, range of the height) of a ball at rest over the last of two seconds
+        [m].
+        """
         model, data = small_model(
             f'<geom type="plane" size="1 1 1" solref="{solref}"/><body pos="0 0 .15">'
             '<joint type="slide" axis="0 0 1"/>'
@@ -165,7 +168,10 @@ def contact_seen_is_contact_stopped(result):
     constant = result.input("time_constant_ms", 20) / 1000
 
     def passes(speed):
-        """Whether the ball gets through in some phase, and the fewest steps it is seen to touch."""
+        """Return whether the ball gets through in some phase.
+
+        And the fewest steps it is seen to touch.
+        """
         through, touched, _ = zip(*(_thrown(speed, phase) for phase in _PHASES), strict=True)
         return any(through), min(touched)
 
@@ -255,7 +261,10 @@ def penetration_limit_catches(result):
     import mujoco
 
     def observed(speed, contact="", flags="", dt=0.002, phase=0.5):
-        """Whether a plate of 1 cm touches a wall of 1 cm at any step, and stays before it."""
+        """Return whether a plate of 1 cm touches a wall of 1 cm at any step.
+
+        And stays before it.
+        """
         model, data = small_model(
             f'<geom type="box" size=".005 1 1" {contact}/><body>'
             '<joint type="slide" axis="1 0 0"/>'
@@ -306,7 +315,7 @@ def mujoco_ccd_is_continuous(result):
     import mujoco
 
     def missed(iterations, speed=50.0, flags=""):
-        """Whether a plate passes a wall of 1 cm unseen."""
+        """Return whether a plate passes a wall of 1 cm unseen."""
         model, data = small_model(
             '<geom type="box" size=".005 1 1"/><body pos="-.53 0 0">'
             '<joint type="slide" axis="1 0 0"/><geom type="box" size=".005 .1 .1" '

@@ -14,7 +14,7 @@ from course.derivations.rigid_body.time_step import STABLE
 
 
 def _partitioned(positions: np.ndarray, velocities: np.ndarray, weights: np.ndarray, x: float):
-    """Matrix of one step of a pair of Runge-Kutta rules on q' = v, v' = -q, shape (2, 2).
+    """Return matrix of one step of a pair of Runge-Kutta rules on q' = v, v' = -q, shape (2, 2).
 
     Args:
         positions, velocities: the tables by which stages of q and of v are built, shape (s, s).
@@ -49,7 +49,7 @@ LOBATTO = (  # IIIA, IIIB, weights (Hairer, Lubich and Wanner 2006, table II.2.2
 )
 def symplectic_removes_stiffness(result):
     def symplectic_rule(stages: int) -> tuple[np.ndarray, np.ndarray]:
-        """A random one: b_i a_ij + b_j a_ji = b_i b_j."""
+        """Return a random one: b_i a_ij + b_j a_ji = b_i b_j."""
         b = result.rng.uniform(0.2, 1, stages)
         skew = result.rng.normal(size=(stages, stages))
         b /= b.sum()
@@ -73,7 +73,10 @@ def symplectic_removes_stiffness(result):
     result.measure("lobatto_growth_at_3", lobatto)
 
     def bounced(x: float, steps: int, gravity: float = 0.1) -> np.ndarray:
-        """Energy over that at the start of balls on a one-sided spring, by implicit midpoint."""
+        """Return energy over that at the start of balls on a one-sided spring.
+
+        By implicit midpoint.
+        """
         q, v = result.rng.uniform(0.1, 3, 200), np.zeros(200)
         start = gravity * q
         for _ in range(steps):
@@ -151,7 +154,7 @@ def volume_kept_bounds_energy(result):
     large = result.input("large", 2.1)
 
     def pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Two oscillators in the order q1, p1, q2, p2."""
+        """Return two oscillators in the order q1, p1, q2, p2."""
         return np.block([[first, np.zeros((2, 2))], [np.zeros((2, 2)), second]])
 
     def defect(step: np.ndarray) -> float:

@@ -11,12 +11,12 @@ _AXES = np.eye(3)
 
 
 def _orders() -> list[Any]:
-    """The orders of three turns about body axes."""
+    """Return the orders of three turns about body axes."""
     return [o for o in itertools.product(range(3), repeat=3) if o[0] != o[1] != o[2]]
 
 
 def _state_rank(spatial: bool) -> tuple[int, int]:
-    """(numbers stored, independent directions among them) of a body's state.
+    """Return (numbers stored, independent directions among them) of a body's state.
 
     Two states differ if they move four marked points of the body differently, so the rank of the
     map from the state to the points' positions and velocities counts what is independent.
@@ -46,7 +46,9 @@ def _state_rank(spatial: bool) -> tuple[int, int]:
 
 
 def _turns(order: Any, middle: float) -> np.ndarray:
-    """Body axes about which the three rates of an order turn, as rows, at a middle angle [rad].
+    """Return body axes about which the three rates of an order turn, as rows.
+
+    At a middle angle [rad].
 
     The last turn is left at zero: it rotates all three axes alike.
     """
@@ -62,7 +64,9 @@ def _rank(rows: np.ndarray) -> int:
 
 
 def _spun(rate: np.ndarray, h: float, steps: int, after: Any = None) -> tuple[Any, Any]:
-    """Quaternions after `steps` of a steady spin, by adding the rate and by the exponential map.
+    """Return quaternions after `steps` of a steady spin.
+
+    By adding the rate and by the exponential map.
 
     Args:
         rate: body rate [rad/s].
@@ -213,7 +217,8 @@ def pointing_up_locks(result):
     up = quaternion.exp(np.array([0.0, -np.pi / 2, 0.0]))  # takes the body's x axis to z
 
     def locks(order: Any) -> bool:
-        """Whether the order is singular at the attitude `up`, from its matrix of direction cosines.
+        """Return whether the order is singular at the attitude `up`, from its matrix of direction
+        cosines.
 
         An order a-b-c locks where its first axis, fixed in the world, and its last, fixed in the
         body, are parallel.
@@ -372,7 +377,7 @@ def renormalising_repairs(result):
     from course.rigid_body import quaternion
 
     def behind(rate: np.ndarray, h: float, steps: int) -> tuple[float, float, float]:
-        """How far (rescaled, by exponential, by the law) fall behind the true turn [rad]."""
+        """Return how far (rescaled, by exponential, by the law) fall behind the true turn [rad]."""
         truth = quaternion.exp(rate * h * steps)
         ends = _spun(rate, h, steps, quaternion.normalise)
         angle = np.linalg.norm(rate) * h

@@ -22,7 +22,7 @@ STABLE = 1 + 1e-7  # a largest modulus below this is 1 but for rounding
 
 
 def _penalty_omega(stiffness: float, mass: float = 1.0) -> float:
-    """Angular frequency [rad/s] of a mass [kg] on a contact's spring [N/m]."""
+    """Return angular frequency [rad/s] of a mass [kg] on a contact's spring [N/m]."""
     return float(np.sqrt(stiffness / mass))
 
 
@@ -293,7 +293,7 @@ def contact_rate_by_stability(result):
     limit = measured_limit("semi_implicit_euler") / omega
 
     def rebound(dt: float) -> np.ndarray:
-        """Speeds after an elastic contact, entered at 1 m/s, the phase of the step drawn."""
+        """Return speeds after an elastic contact, entered at 1 m/s, the phase of the step drawn."""
         v, x = np.full(2000, -1.0), result.rng.uniform(0, dt, 2000)
         flying = np.zeros(2000, dtype=bool)
         for _ in range(int(0.05 / dt)):
@@ -362,7 +362,7 @@ def determinant_one_is_stable(result):
         return np.allclose(np.abs(np.linalg.eigvals(matrix)), 1)
 
     def drawn(trace: float) -> np.ndarray:
-        """A matrix of this trace and determinant 1."""
+        """Return a matrix of this trace and determinant 1."""
         a, b = result.rng.uniform(-3, 3), result.rng.uniform(0.5, 2)
         return np.array([[a, b], [(a * (trace - a) - 1) / b, trace - a]])
 
@@ -554,7 +554,7 @@ def explicit_midpoint_limit(result):
     import sympy
 
     def grows(x: float, third: float) -> bool:
-        """Whether 1 + z + z^2/2 + third z^3 leaves the unit circle at z = i x."""
+        """Return whether 1 + z + z^2/2 + third z^3 leaves the unit circle at z = i x."""
         return bool(abs(np.polyval([third, 0.5, 1, 1], 1j * x)) > 1)
 
     result.formula = sympy.expand(step_matrix("explicit_midpoint").det())
@@ -673,7 +673,7 @@ def limit_scales_with_root(result):
         return stability.limit(stable, 0.01 / omega, 8 / omega, rel=1e-5)
 
     def fall(method: str, soft: float, stiff: float, zeta: float, damper_kept: bool) -> float:
-        """By which factor the limit falls, over sqrt(k): 1 where it scales."""
+        """Return by which factor the limit falls, over sqrt(k): 1 where it scales."""
         then = zeta * soft / stiff if damper_kept else zeta
         return limit(method, soft, zeta) / limit(method, stiff, then) * soft / stiff
 

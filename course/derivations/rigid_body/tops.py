@@ -23,12 +23,12 @@ _EXAMPLE = np.array([1.0, 2.0, 3.0])  # moments [kg m^2]
 
 
 def _moments(rng: Any) -> np.ndarray:
-    """Moments I1 < I2 < I3 of a body that exists, well apart, shape (3,) [kg m^2]."""
+    """Return moments I1 < I2 < I3 of a body that exists, well apart, shape (3,) [kg m^2]."""
     return np.sort(rng.uniform(1.0, 1.8, 3)) + [0.0, 0.1, 0.2]
 
 
 def _spin(moments: Any, omega: Any, seconds: float, steps: int = 1000) -> Any:
-    """Trajectory of a free body by RK4, from the identity, at body rates `omega` [rad/s]."""
+    """Return trajectory of a free body by RK4, from the identity, at body rates `omega` [rad/s]."""
     from course.rigid_body import System, problems, quaternion, simulate
 
     start = quaternion.identity(), np.asarray(omega)
@@ -37,7 +37,10 @@ def _spin(moments: Any, omega: Any, seconds: float, steps: int = 1000) -> Any:
 
 
 def _wander(q: np.ndarray, omega: np.ndarray) -> float:
-    """Largest angle between a body's axis of rotation at the start and later, in space [deg]."""
+    """Return largest angle between a body's axis of rotation at the start and later.
+
+    In space [deg].
+    """
     from course.rigid_body import quaternion
 
     axis = quaternion.rotate(q.T, omega.T)
@@ -46,7 +49,7 @@ def _wander(q: np.ndarray, omega: np.ndarray) -> float:
 
 
 def _without_term(moments: Any, omega: Any, seconds: float) -> float:
-    """Error of the attitude of a free body whose gyroscopic term is left out [rad]."""
+    """Return error of the attitude of a free body whose gyroscopic term is left out [rad]."""
     from course.rigid_body import quaternion
 
     end = _spin(moments, omega, seconds).q[-1]
@@ -54,7 +57,10 @@ def _without_term(moments: Any, omega: Any, seconds: float) -> float:
 
 
 def _top_run(inertia: Any, spin: float, tilt: float, duration: float, dt: float = 5e-4) -> Any:
-    """Cosines of the tilt along a run of a top with m g l = 1 N m, the run, and the system."""
+    """Return cosines of the tilt along a run of a top with m g l = 1 N m, the run.
+
+    And the system.
+    """
     from course.rigid_body import problems, simulate
 
     system = problems.heavy_top(inertia, 1.0, tilt, spin, duration).system
@@ -63,7 +69,7 @@ def _top_run(inertia: Any, spin: float, tilt: float, duration: float, dt: float 
 
 
 def _pushed(rng: Any, push: float = 1.0, mass: float = 2.0) -> Any:
-    """A random body in flight under a random force; at the start its axes are the world's.
+    """Return a random body in flight under a random force; at the start its axes are the world's.
 
     Args:
         rng: where the draws come from.
@@ -145,7 +151,7 @@ def planar_torque(result):
     from course.rigid_body import PlanarBody
 
     def felt(place: np.ndarray, arm: np.ndarray, force: np.ndarray) -> float:
-        """Torque on a box, from the rate it gains [N m]."""
+        """Return torque on a box, from the rate it gains [N m]."""
         body = PlanarBody(ground=False)
         body.state[:2] = place
         body.apply_force(force, place + arm)
@@ -291,7 +297,7 @@ def top_condition(result):
     def tilt(
         i1: float, ratio: float, share: float, seconds: float = 3.0, dt: float = 1e-3
     ) -> float:
-        """Largest tilt, started at 0.001 rad with a share of the critical spin [rad]."""
+        """Return largest tilt, started at 0.001 rad with a share of the critical spin [rad]."""
         spin = share * 2 * np.sqrt(i1) / (ratio * i1)
         return float(np.arccos(_top_run((i1, ratio * i1), spin, 1e-3, seconds, dt)[0].min()))
 
@@ -406,7 +412,7 @@ def principal_axis_is_stable(result):
     spin = result.input("spin_rad_per_s", 3.0)
 
     def aside(moments: Any, axis: int, seconds: float = 10.0) -> np.ndarray:
-        """Largest rate about the other axes at each step, from 1e-7 rad/s, shape (4001,)."""
+        """Return largest rate about the other axes at each step, from 1e-7 rad/s, shape (4001,)."""
         start = np.where(np.arange(3) == axis, spin, 1e-7)
         run = _spin(moments, start, seconds, 4000)
         return np.abs(np.delete(run.v, axis, axis=1)).max(axis=1)
@@ -483,7 +489,7 @@ def gyroscopic_term_is_negligible(result):
     allowed = result.input("allowed_rad", 0.01)
 
     def harmless(low: float, high: float) -> bool:
-        """At a random body and spin with spread x (omega t)^2 = small times low ... high."""
+        """Return at a random body and spin with spread x (omega t)^2 = small times low ... high."""
         body, rates = _moments(result.rng) ** result.rng.uniform(0.1, 1), result.rng.normal(size=3)
         size = result.rng.uniform(low, high) * small / (body[2] / body[0] - 1)
         seconds = result.rng.uniform(0.1, 3)

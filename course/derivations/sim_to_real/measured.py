@@ -20,7 +20,7 @@ SYMBOLS = {
 
 
 def success(kind, k, gap, delay=0.01, seed=41):
-    """On 400 tasks at a gap, the mean over the seeds of a recorded tuning."""
+    """Return on 400 tasks at a gap, the mean over the seeds of a recorded tuning."""
     from course.sim_to_real import real, recorded, rollouts, tasks
 
     return float(rollouts(real(gap, delay), recorded()[kind][k].T, tasks(400, seed)).rate.mean())
@@ -28,7 +28,7 @@ def success(kind, k, gap, delay=0.01, seed=41):
 
 @functools.cache
 def after_mending(part, gap, delay, seeds=(0, 1, 2)):
-    """On these tasks, of gains tuned on the simulator with one part set right."""
+    """Return on these tasks, of gains tuned on the simulator with one part set right."""
     from course.sim_to_real import mended, only, real, rollouts, tasks, tune
 
     other = real(gap, delay)
@@ -165,7 +165,7 @@ def late_command(result):
 
 
 def fitted(seed=0, **changed):
-    """A log with 1 mrad of noise, a fit of five numbers to it, and their errors."""
+    """Return a log with 1 mrad of noise, a fit of five numbers to it, and their errors."""
     from course.charts.sim_to_real.logs import FREE, GUESS, TRUTH, record
     from course.sim_to_real import fit
     from course.sim_to_real.identify import arm
@@ -220,7 +220,10 @@ def one_sample_late(result):
     truth = np.array(list(TRUTH.values()))
 
     def moved(**changed):
-        """Errors, over the true values and over the error bars, growth, and how late it says."""
+        """Return errors, over the true values and over the error bars, growth.
+
+        And how late it says.
+        """
         log, right, _ = fitted(**changed)
         shifted = np.column_stack([log.measured[:, 0], log.measured[:, :-1]])
         stamped = Log(log.times, shifted, log.command)
@@ -275,7 +278,7 @@ def same_as_mujoco(result):
 
 @functools.cache
 def policy():
-    """The gripper with the least force that holds, times 1.2."""
+    """Return the gripper with the least force that holds, times 1.2."""
     from course.oracles.mujoco.lab import Lab
 
     return replace(Lab(), force=1.2 * Lab().needed)

@@ -55,7 +55,7 @@ def _sled(floor, sled, priority=0, cone="elliptic"):
 
 
 def _scaled(model, mass, inertia=None, recompute=True):
-    """The model with its masses and inertias scaled, by body or all alike."""
+    """Return the model with its masses and inertias scaled, by body or all alike."""
     import mujoco
 
     model.body_mass[:] *= mass
@@ -99,7 +99,7 @@ def mass_without_set_const(result):
     import mujoco
 
     def free(factor, recompute, dry=0.0):
-        """Accelerations of the arm in a given state, nothing touching."""
+        """Return accelerations of the arm in a given state, nothing touching."""
         data = mujoco.MjData(model := _scaled(_arm(), factor, recompute=recompute))
         model.dof_frictionloss[:] = dry
         data.qpos[:], data.qvel[:] = (0.4, -0.7), (1.0, -2.0)
@@ -110,13 +110,13 @@ def mass_without_set_const(result):
         return free(factor, recompute, 500.0)
 
     def depth(factor, recompute):
-        """Of the sled at rest [m]."""
+        """Return of the sled at rest [m]."""
         data = mujoco.MjData(model := _scaled(_sled(0.5, 0.5), factor, recompute=recompute))
         mujoco.mj_step(model, data, nstep=1500)
         return data.contact.dist.min()
 
     def moved(measure, factor):
-        """Largest relative difference that mj_setConst makes."""
+        """Return largest relative difference that mj_setConst makes."""
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
 
     change = result.measure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
@@ -172,7 +172,7 @@ def set_const_compiles(result):
     from course.oracles.mujoco.randomize import recompiled, worst_constant
 
     def compared(damping, factor):
-        """(worst error of the constants, damping compiled over that kept)"""
+        """Return (worst error of the constants, damping compiled over that kept)"""
         factors = np.array([1.0, factor, factor])
         model = _scaled(_arm(damping), factors)
         truth = recompiled(_ARM.format(damping=damping), factors)
@@ -249,7 +249,10 @@ def mass_and_period(result):
 
 
 def _drawn(model, draws, rng, **ranges):
-    """Arrays of a model over draws of the course's randomiser: (masses, damping, friction)."""
+    """Return arrays of a model over draws of the course's randomiser.
+
+    (masses, damping, friction).
+    """
     import mujoco
 
     from course.drills import DomainRandomizer
@@ -263,7 +266,7 @@ def _drawn(model, draws, rng, **ranges):
 
 
 def _contact(model):
-    """Friction coefficient of the sled's contact, nan where there is no sled."""
+    """Return friction coefficient of the sled's contact, nan where there is no sled."""
     from course.oracles.mujoco.randomize import contact_friction
 
     names = [model.geom(i).name for i in range(model.ngeom)]
@@ -280,7 +283,7 @@ def scaled_damping(result):
     model = _arm()
 
     def spread(damping):
-        """Standard deviation over 200 factors between 0.7 and 1.3."""
+        """Return standard deviation over 200 factors between 0.7 and 1.3."""
         return float((damping * result.rng.uniform(0.7, 1.3, 200)).std())
 
     damped, zero = (spread(d) for d in model.dof_damping)
@@ -324,7 +327,7 @@ def one_geom_friction(result):
     high = [float(x) for x in result.rng.uniform(0.65, 1.2, 8)]
 
     def paired(floor, sled):
-        """The contact's, where an explicit pair says 0.2."""
+        """Return the contact's, where an explicit pair says 0.2."""
         xml = _SLED.format(floor=floor, sled=sled, priority=0, cone="elliptic")
         pair = '<contact><pair geom1="floor" geom2="sled" friction="0.2 0.2 0 0 0"/></contact>'
         return _contact(
@@ -471,7 +474,7 @@ def queue_of_k(result):
     sent = result.rng.normal(size=400)
 
     def late(received):
-        """By how many steps, from the cross-correlation."""
+        """Return by how many steps, from the cross-correlation."""
         return np.argmax(np.correlate(np.ravel(received), sent, "full")) - (sent.size - 1)
 
     def lag(places):

@@ -17,7 +17,7 @@ SYMBOLS = {
 
 
 def drawn(rng, ends=0, states=6):
-    """A process with two actions and so many states in which it ends."""
+    """Return a process with two actions and so many states in which it ends."""
     from course.sim_to_real import Process
 
     P, R = rng.dirichlet(np.full(states, 0.3), (states, 2)), rng.normal(size=(states, 2, states))
@@ -104,7 +104,7 @@ def time_is_an_end(result):
     n, steps = int(result.input("n", 40)), int(result.input("steps", 2))
 
     def first(process, value):
-        """Best first actions, with so many steps to go and this value of the last state."""
+        """Return best first actions, with so many steps to go and this value of the last state."""
         for _ in range(steps):
             q = process.backup(value)
             value = q.max(axis=1)
@@ -135,7 +135,10 @@ def two_routes(result):
     from course.sim_to_real import Process, shaped, value_iteration
 
     def choice(distances, paid):
-        """Which of two ways from state 0 is best: the first or the second; distances of both."""
+        """Return which of two ways from state 0 is best: the first or the second.
+
+        Distances of both.
+        """
         sizes = [len(path) for path in distances]
         S = sum(sizes) + 2
         P, starts = np.zeros((S, 2, S)), (1, 1 + sizes[0])
@@ -190,7 +193,7 @@ def q_of_shaped(result):
     phi = result.rng.normal(size=6)
 
     def deviation(ends, factor, free_end=False):
-        """Largest difference of the shaped Q from Q - factor phi, 0 at the ends."""
+        """Return largest difference of the shaped Q from Q - factor phi, 0 at the ends."""
         process, live = drawn(result.rng, ends), phi * (np.arange(6) < 6 - ends)
         change = value_iteration(shaped(process, phi, free_end=free_end)).q
         return np.abs(change - value_iteration(process).q + factor * live[:, None]).max()
@@ -227,7 +230,7 @@ def step_penalty(result):
     result.formula = sympy.solve(sympy.Eq(gamma * p - p, -c), p)[0]
 
     def remaining(process):
-        """Largest part of a unit penalty that the best potential, 0 at ends, does not pay."""
+        """Return largest part of a unit penalty that the best potential, 0 at ends, does not pay."""
         S, inner = len(process.terminal), np.count_nonzero(~process.terminal)
         pairs = [(s, n) for s, _, n in np.argwhere(process.transition > 0.0) if s < inner]
         rows = np.array([0.95 * np.eye(S)[n] - np.eye(S)[s] for s, n in pairs])[:, :inner]
@@ -235,7 +238,7 @@ def step_penalty(result):
         return np.abs(rows @ best + 1.0).max()
 
     def chain(n):
-        """n states, each left for the next by either action, the last one an end."""
+        """Return n states, each left for the next by either action, the last one an end."""
         P = np.repeat(np.eye(n, k=1)[:, None], 2, axis=1)
         P[-1, :, -1] = 1.0
         return Process(P, 0.0 * P, 0.95, np.arange(n) == n - 1)
@@ -289,7 +292,7 @@ def gap_of_values(result):
     pays[0] = 1.0
 
     def lost(gamma, eps):
-        """What the chain of two states loses to the one that stays."""
+        """Return what the chain of two states loses to the one that stays."""
         moves = (np.array([[[1 - x, x]], [[0.0, 1.0]]]) for x in (0.0, eps))
         sure, leaves = (evaluate_policy(Process(P, pays, gamma, ends), [0, 0])[0] for P in moves)
         return sure - leaves

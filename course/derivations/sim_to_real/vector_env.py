@@ -32,7 +32,7 @@ class _Clocked:
 
 
 def _asserted(kind, clock, seed):
-    """Whether the assertion passes after one step, and whether it looked at anything."""
+    """Return whether the assertion passes after one step, and whether it looked at anything."""
     envs = kind(lambda: _Clocked(clock), 4)
     envs.reset(seed=seed)
     _, _, terminated, truncated, infos = envs.step(np.zeros((4, 1)))
@@ -41,7 +41,7 @@ def _asserted(kind, clock, seed):
 
 
 def _stepped(kind, environments, actions):
-    """(environments that were stepped, actions that were used)"""
+    """Return (environments that were stepped, actions that were used)"""
     envs = kind(lambda: _Clocked(100), environments)
     envs.reset(seed=0)
     results = envs.step(np.zeros((actions, 1)))
@@ -63,7 +63,10 @@ def vector_one_done_flag(result):
     discount, clock = result.input("discount", 0.9), result.input("clock_steps", 10)
 
     def learned(clock, merged, gamma=discount):
-        """The value that agrees with the mean of its targets, of a learner without a clock."""
+        """Return the value that agrees with the mean of its targets.
+
+        Of a learner without a clock.
+        """
         envs = VectorizedEnv(lambda: _Clocked(clock), 4)
         envs.reset(seed=0)
         rewards, goes_on = [], []
@@ -188,7 +191,7 @@ def vector_same_step_reset(result):
         return ArmReach(max_steps=1)
 
     def last_shown(seed=0, **mode):
-        """(whether the step that ends shows the last observation, next reward, mode)"""
+        """Return (whether the step that ends shows the last observation, next reward, mode)"""
         envs = gymnasium.vector.SyncVectorEnv([build], **mode)
         envs.reset(seed=seed)
         single = build()
@@ -228,7 +231,7 @@ def vector_one_seed(result):
         return [row.tobytes() for row in envs.reset(seed=seed)[0]]
 
     def good(seed):
-        """Whether the eight are different, and the same again."""
+        """Return whether the eight are different, and the same again."""
         return len(set(rows(seed))) == 8 and rows(seed) == rows(seed)
 
     result.measure("different_of_8_with_one_seed", np.size(list(set(rows([5] * 8)))))

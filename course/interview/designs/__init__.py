@@ -48,8 +48,11 @@ _AGES = {"least_ms": "least", "mean_ms": "mean", "greatest_ms": "greatest"}
 
 @dataclass(frozen=True)
 class Arrow:
-    """What flows from one box to another: hz times a second on a clock, or when something arrives
-    (0); ms from what it is made of to its arrival."""
+    """What flows from one box to another.
+
+    Hz times a second on a clock, or when something arrives (0); ms from what it is made of to its
+    arrival.
+    """
 
     start: str
     end: str
@@ -64,8 +67,11 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Item:
-    """One line of a rubric: what it asks for, a regular expression for the words that name it, one
-    for the units of a number that quantifies it, and words of the passage that earns it."""
+    """One line of a rubric.
+
+    What it asks for, a regular expression for the words that name it, one for the units of a number
+    that quantifies it, and words of the passage that earns it.
+    """
 
     name: str
     asks: str
@@ -130,16 +136,19 @@ class Design:
         held(not typed, "a typed number", typed, "a field such as {claim.figure:.3g}")
 
     def texts(self) -> list[str]:
-        """All texts that a reader sees."""
+        """Return all texts that a reader sees."""
         requested = [item.asks for item in self.rubric]
         return [self.answer, *self.clarify, *self.follow_ups, *self.red_flags, *requested]
 
     def filled(self, text: str, figure: Figure) -> str:
-        """A text of it with the fields filled, those of the drawing too."""
+        """Return a text of it with the fields filled, those of the drawing too."""
         return filled(text, lambda a, b: self.drawn(b) if a == "drawing" else figure(a, b))
 
     def drawn(self, name: str) -> float:
-        """A figure of the drawing: the path's age, as `mean_ms`, or of an arrow, as `scan.hz`."""
+        """Return a figure of the drawing.
+
+        The path's age, as `mean_ms`, or of an arrow, as `scan.hz`.
+        """
         arrows = {arrow.what: arrow for arrow in self.arrows}
         if name in _AGES:
             along = [arrows[what] for what in self.path]
@@ -151,7 +160,7 @@ class Design:
         return float(getattr(arrows[what], unit))
 
     def markdown(self, figure: Figure) -> str:
-        """The design for a page: everything behind the question is folded away."""
+        """Return the design for a page: everything behind the question is folded away."""
 
         rubric = "\n".join(f"| {item.asks} | {item.passage} ... |" for item in self.rubric)
         picture = base64.b64encode(svg(self).encode()).decode()
@@ -171,7 +180,7 @@ class Design:
 
 
 def read(name: str) -> Design:
-    """The design of a name.
+    """Return the design of a name.
 
     Raises:
         ValueError: for an unknown name, a head that lacks something, or what `Design` refuses.
@@ -190,14 +199,17 @@ def read(name: str) -> Design:
 
 
 def passages(design: Design, figure: Figure) -> dict[str, str]:
-    """For each item the paragraph of the model answer that earns it, with its figures."""
+    """Return for each item the paragraph of the model answer that earns it, with its figures."""
     blocks = design.answer.split("\n\n")
     earned = {i.name: next(b for b in blocks if i.passage in b) for i in design.rubric}
     return {name: design.filled(block, figure) for name, block in earned.items()}
 
 
 def levels(design: Design, text: str) -> dict[str, str]:
-    """The level of each item in a text, by the words in it; an aid, with the limits named above."""
+    """Return the level of each item in a text, by the words in it.
+
+    An aid, with the limits named above.
+    """
     result = dict.fromkeys((item.name for item in design.rubric), 0)
     for block in re.split(r"\n\s*\n", text):
         sentences = re.split(r"(?<=[.!?])\s+", block.strip())
@@ -213,12 +225,15 @@ def levels(design: Design, text: str) -> dict[str, str]:
 
 
 def score(design: Design, answered: Mapping[str, str]) -> float:
-    """The share of all that could be earned, from a level for every item; each is worth three."""
+    """Return the share of all that could be earned, from a level for every item.
+
+    Each is worth three.
+    """
     return sum(_points(design, answered).values()) / (3 * len(design.rubric))
 
 
 def weakest(design: Design, answered: Mapping[str, str]) -> Item:
-    """The item to ask about next: the first of those with the lowest level."""
+    """Return the item to ask about next: the first of those with the lowest level."""
     return min(design.rubric, key=lambda item: _points(design, answered)[item.name])
 
 
@@ -230,13 +245,16 @@ def _points(design: Design, answered: Mapping[str, str]) -> dict[str, int]:
 
 
 def plain(design: Design) -> str:
-    """The drawing in lines for a terminal: from, what with rate and latency, to."""
+    """Return the drawing in lines for a terminal: from, what with rate and latency, to."""
     rows = [f"{a.start:>17} --{f' {a.what}, {a} ':-^38}-> {a.end}" for a in design.arrows]
     return "\n".join(rows)
 
 
 def svg(design: Design) -> str:
-    """The drawing: boxes on a grid, an arrow on the right of its way, its words beside it."""
+    """Return the drawing.
+
+    Boxes on a grid, an arrow on the right of its way, its words beside it.
+    """
     middle = {box: (130 + 245 * c, 50 + 115 * r) for box, (c, r) in design.boxes.items()}
     marks = []
     for arrow in design.arrows:

@@ -108,19 +108,19 @@ class Scenario:
     path: int
 
     def cause(self, name: str) -> Cause:
-        """The cause of that name; ValueError for another."""
+        """Return the cause of that name; ValueError for another."""
         return _named("cause", name, self.causes)
 
     def a_probe(self, name: str) -> Probe:
-        """The probe of that name; ValueError for another."""
+        """Return the probe of that name; ValueError for another."""
         return _named("probe", name, self.probes)
 
     def repair(self, name: str) -> Repair:
-        """The repair of that name; ValueError for another."""
+        """Return the repair of that name; ValueError for another."""
         return _named("repair", name, self.repairs)
 
     def listing(self) -> str:
-        """The program, as the learner reads it."""
+        """Return the program, as the learner reads it."""
         return (HERE / "programs" / f"{self.name}.py").read_text(encoding="utf-8")
 
 
@@ -130,13 +130,13 @@ def _named(what: str, name: str, members: tuple[Named, ...]) -> Named:
 
 
 def scenario_names() -> tuple[str, ...]:
-    """The names of the scenarios that are written."""
+    """Return the names of the scenarios that are written."""
     return tuple(name for name in NAMES if (HERE / f"{name}.py").exists())
 
 
 @cache
 def scenario(name: str) -> Scenario:
-    """The scenario of that name; ValueError for another."""
+    """Return the scenario of that name; ValueError for another."""
     check.one_of("name", name, scenario_names())
     result: Scenario = import_module(f"{__name__}.{name}").SCENARIO
     return result
@@ -147,45 +147,48 @@ def scenario(name: str) -> Scenario:
 
 @cache
 def figure(name: str, probe: str, cause: str, seed: int) -> float:
-    """The figure of a probe on one machine, kept."""
+    """Return the figure of a probe on one machine, kept."""
     return float(scenario(name).a_probe(probe).run(cause, seed))
 
 
 @cache
 def symptom(name: str, repair: str | None, cause: str, seed: int) -> float:
-    """The symptom of one machine, repaired or not, kept."""
+    """Return the symptom of one machine, repaired or not, kept."""
     return float(scenario(name).symptom(cause, seed, repair))
 
 
 @cache
 def price(name: str, repair: str, cause: str, seed: int) -> float:
-    """What a repair of one machine costs, kept."""
+    """Return what a repair of one machine costs, kept."""
     return float(scenario(name).price(cause, seed, repair))
 
 
 @cache
 def expected(name: str, probe: str, cause: str) -> tuple[float, float]:
-    """The lowest and highest figure that a cause explains: those of `REFERENCE` and the noise."""
+    """Return the lowest and highest figure that a cause explains.
+
+    Those of `REFERENCE` and the noise.
+    """
     noise = scenario(name).a_probe(probe).noise
     figures = [figure(name, probe, cause, seed) for seed in REFERENCE]
     return min(figures) - noise, max(figures) + noise
 
 
 def ruled_out(name: str, probe: str, value: float) -> tuple[str, ...]:
-    """The causes that do not explain the figure of a probe."""
+    """Return the causes that do not explain the figure of a probe."""
     ranges = {one.name: expected(name, probe, one.name) for one in scenario(name).causes}
     return tuple(cause for cause, (low, high) in ranges.items() if not low <= value <= high)
 
 
 def tells_apart(name: str, probe: str, one: str, other: str) -> bool:
-    """Whether no figure of a probe is explained by both causes."""
+    """Return whether no figure of a probe is explained by both causes."""
     (low, high), (lower, higher) = (expected(name, probe, cause) for cause in (one, other))
     return high < lower or higher < low
 
 
 @cache
 def model_path(name: str) -> tuple[str, ...]:
-    """The probes of the model answer, the same for every cause.
+    """Return the probes of the model answer, the same for every cause.
 
     Greedy: next comes the probe that tells the most pairs of causes apart for its minutes. A pair
     counts half for every probe before that told it apart: one figure is no proof, and a second
@@ -233,7 +236,7 @@ class Row:
 
 
 def evidence(name: str, findings: list[Finding]) -> tuple[Row, ...]:
-    """What findings say one after the other."""
+    """Return what findings say one after the other."""
     remaining = tuple(one.name for one in scenario(name).causes)
     rows = []
     for one in findings:
@@ -255,12 +258,15 @@ class Case:
 
 
 def drawn(name: str, seed: int) -> Case:
-    """The case of a seed; ValueError for an unknown name or a seed below 0."""
+    """Return the case of a seed; ValueError for an unknown name or a seed below 0."""
     return Case(scenario(name).name, check.count("seed", seed))
 
 
 def _sealed(case: Case, act: Callable[[str, int], float]) -> float:
-    """What `act` gives for the drawn cause; what goes wrong in it is told without its lines."""
+    """Return what `act` gives for the drawn cause.
+
+    What goes wrong in it is told without its lines.
+    """
     stopped: type[BaseException] | None = None
     try:
         return float(act(_cause(case), case.seed))
@@ -333,7 +339,7 @@ class Verdict:
         return self.right + self.supported + self.cured
 
     def sentences(self) -> tuple[str, ...]:
-        """The verdict in words."""
+        """Return the verdict in words."""
         one = scenario(self.case.name)
         named = "Right" if self.right else f"Not {self.diagnosis}"
         message = [f"{named}: it is {self.cause}. {one.cause(self.cause).words}"]
@@ -371,7 +377,7 @@ class Verdict:
 
 
 def table(rows: tuple[Row, ...]) -> str:
-    """Evidence as a table in Markdown."""
+    """Return evidence as a table in Markdown."""
     lines = ["| probe | figure | rules out | left |", "|---|---:|---|---|"]
     for row in rows:
         out, remaining = (", ".join(names) or "none" for names in (row.ruled_out, row.remaining))
@@ -440,7 +446,7 @@ class Diagnosis:
         return Tried(repair, after, one.removed(after), dear, dear <= one.affordable)
 
     def show(self) -> Page:
-        """The question, the program, and what can be tried and named."""
+        """Return the question, the program, and what can be tried and named."""
         one = scenario(self.case.name)
         probes = "\n".join(f"| {p.name} | {p.what} | {p.minutes} |" for p in one.probes)
         named = [

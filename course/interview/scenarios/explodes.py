@@ -52,7 +52,7 @@ TUNES = {
 
 
 def machine(cause: str, seed: int) -> Machine:
-    """The machine of a seed that has a fault."""
+    """Return the machine of a seed that has a fault."""
     draw, tune = np.random.default_rng([1, seed]), TUNES[cause]
     mass, dt, friction = draw.uniform((1.0, 0.8e-3, 0.2), (4.0, 1.25e-3, 0.4)).tolist()
     guide, start = float(draw.choice((-1.0, 1.0))), 2e-6 * float(draw.uniform(0.8, 1.25))
@@ -74,7 +74,7 @@ def machine(cause: str, seed: int) -> Machine:
 
 
 def halved(one: Machine) -> Machine:
-    """Half the step; what is late by milliseconds stays late by them."""
+    """Return half the step; what is late by milliseconds stays late by them."""
     return replace(one, dt=one.dt / 2, age=2 * one.age)
 
 
@@ -89,7 +89,7 @@ REPAIRS = {
 
 
 def lost(one: Machine, dt: float) -> float:
-    """Steps of `dt` after which the slide is lost, at most `WINDOW`; never fewer are run."""
+    """Return steps of `dt` after which the slide is lost, at most `WINDOW`; never fewer are run."""
     steps = round(WINDOW * dt / one.dt)
     away = ~(np.abs(simulate(one, steps)["x"]) < LIMIT)
     return float(np.argmax(away) if away.any() else steps) * one.dt / dt
@@ -97,13 +97,16 @@ def lost(one: Machine, dt: float) -> float:
 
 @cache
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """Steps after which the slide is lost, counted in the step of the machine as it came."""
+    """Return steps after which the slide is lost, counted in the step of the machine as it came."""
     one = machine(cause, seed)
     return lost(REPAIRS[repair](one) if repair else one, one.dt)
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """The dearer of steps a second, and of sag under a force against one stop as designed."""
+    """Return the dearer of steps a second.
+
+    And of sag under a force against one stop as designed.
+    """
     one = machine(cause, seed)
     after = REPAIRS[repair](one)
     sag = one.stiffness / (after.stiffness * len(after.stops) / 2)
@@ -111,7 +114,7 @@ def price(cause: str, seed: int, repair: str) -> float:
 
 
 def later(change: Callable[[Machine], Machine]) -> Run:
-    """The probe that changes the machine: when the slide is lost, by when it was."""
+    """Return the probe that changes the machine: when the slide is lost, by when it was."""
 
     def run(cause: str, seed: int) -> float:
         one = machine(cause, seed)
@@ -121,7 +124,7 @@ def later(change: Callable[[Machine], Machine]) -> Run:
 
 
 def logged(read: Callable[[Rows], Any]) -> Run:
-    """The probe that reads a log of the machine as it came, until the slide is nearly lost."""
+    """Return the probe that reads a log of the machine as it came, until the slide is nearly lost."""
 
     def run(cause: str, seed: int) -> float:
         return float(read(simulate(machine(cause, seed), 900)))
@@ -130,13 +133,13 @@ def logged(read: Callable[[Rows], Any]) -> Run:
 
 
 def brake_lag(log: Rows) -> int:
-    """The smallest shift [steps] at which the brake is wholly against the speed."""
+    """Return the smallest shift [steps] at which the brake is wholly against the speed."""
     speeds = [log["v"][50 - lag : 900 - lag] for lag in range(30)]
     return int(np.argmax([np.corrcoef(log["brake"][50:], v)[0, 1] < -0.999 for v in speeds]))
 
 
 def stops_gain(cause: str, seed: int) -> float:
-    """Share of energy gained in ten steps with neither brake nor friction."""
+    """Return share of energy gained in ten steps with neither brake nor friction."""
     one = replace(machine(cause, seed), damping=0.0, friction=0.0)
     log = simulate(one, 1001)  # a thousand steps lie between its rows
     x, v, old = log["x"], log["v"], 1.0 - one.blend
@@ -147,7 +150,7 @@ def stops_gain(cause: str, seed: int) -> float:
 
 
 def hooke(cause: str, seed: int) -> float:
-    """The force at a tenth of a millimetre, by what one stop was ordered for."""
+    """Return the force at a tenth of a millimetre, by what one stop was ordered for."""
     one = machine(cause, seed)
     return abs(contact_force(one, 1e-4)[0]) / (one.stiffness * 1e-4)
 

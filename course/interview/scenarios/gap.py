@@ -14,12 +14,12 @@ NOWHERE = np.empty((0, 2))
 
 
 def door_middle(seed: int) -> Array:
-    """Of the door of a seed [m]."""
+    """Return of the door of a seed [m]."""
     return np.array([WALL, np.random.default_rng([8, seed]).uniform(1.8, 2.3)])
 
 
 def room(cause: str, seed: int) -> Room:
-    """The room of a seed that has a fault."""
+    """Return the room of a seed that has a fault."""
     draw = np.random.default_rng([9, seed])
     middle = door_middle(seed)[1]
     half_door = 0.5 * (0.61 if cause == "improbable" else DOOR)
@@ -43,7 +43,7 @@ def room(cause: str, seed: int) -> Room:
 
 
 def repaired(cause: str, seed: int, repair: str | None) -> Room:
-    """The room after a repair."""
+    """Return the room after a repair."""
     one = room(cause, seed)
     if repair == "grow_once":
         return replace(one, grown=0.0)
@@ -59,18 +59,18 @@ def repaired(cause: str, seed: int, repair: str | None) -> Room:
 
 
 def failures(one: Room, seed: int, trials: int = TRIALS) -> float:
-    """Of so many roadmaps, how many find no path."""
+    """Return of so many roadmaps, how many find no path."""
     draws = np.random.default_rng([10, seed]).spawn(trials)
     return float(sum(not planner.solved(one, draw) for draw in draws))
 
 
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """Of ten roadmaps, how many find no path."""
+    """Return of ten roadmaps, how many find no path."""
     return failures(repaired(cause, seed, repair), seed)
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Pairs of points to look at, by those of the room as it came."""
+    """Return pairs of points to look at, by those of the room as it came."""
     one, other = repaired(cause, seed, repair), room(cause, seed)
     return ((one.samples + len(one.hints)) / other.samples) ** 2
 
@@ -79,19 +79,19 @@ def price(cause: str, seed: int, repair: str) -> float:
 
 
 def hand_path(one: Room, seed: int) -> Array:
-    """A path through the middle of the door, (4, 2)."""
+    """Return a path through the middle of the door, (4, 2)."""
     before, after = door_middle(seed) + [[-0.8, 0.0], [0.8, 0.0]]
     return np.array([one.start, before, after, one.goal])
 
 
 def goal_free(cause: str, seed: int) -> float:
-    """Whether the goal is free to the planner."""
+    """Return whether the goal is free to the planner."""
     one = room(cause, seed)
     return float(free(one, one.goal[None])[0])
 
 
 def path_points(cause: str, seed: int) -> float:
-    """The share of a path by hand that the planner's check of points refuses."""
+    """Return the share of a path by hand that the planner's check of points refuses."""
     one = room(cause, seed)
     path, share = hand_path(one, seed), np.linspace(0.0, 1.0, 500)[:, None, None]
     points = path[:-1] + share * np.diff(path, axis=0)
@@ -99,21 +99,21 @@ def path_points(cause: str, seed: int) -> float:
 
 
 def path_edges(cause: str, seed: int) -> float:
-    """How many of its three edges the planner's check of edges refuses."""
+    """Return how many of its three edges the planner's check of edges refuses."""
     one = room(cause, seed)
     path = hand_path(one, seed)
     return float(np.sum(~clear(one, path[:-1], path[1:])))
 
 
 def margin(cause: str, seed: int) -> float:
-    """Distance from a wall at which a point is refused [m]."""
+    """Return distance from a wall at which a point is refused [m]."""
     away = np.arange(0.005, 1.0, 0.01)
     points = np.column_stack((away, np.full(len(away), 2.0)))
     return float(away[np.argmax(free(room(cause, seed), points))])
 
 
 def door_width(cause: str, seed: int) -> float:
-    """Free width of the door for the carriage's middle, to the planner [m]."""
+    """Return free width of the door for the carriage's middle, to the planner [m]."""
     middle = door_middle(seed)
     across = np.arange(-1.0, 1.0, 0.002)
     points = middle + np.column_stack((0.0 * across, across))
@@ -121,7 +121,9 @@ def door_width(cause: str, seed: int) -> float:
 
 
 def cells(one: Room) -> tuple[Array, Mask]:
-    """Areas [m^2] of a grid whose lines are the edges of all walls, and what the start reaches.
+    """Return areas [m^2] of a grid whose lines are the edges of all walls.
+
+    And what the start reaches.
 
     A cell is free or not as a whole, so that the flood is exact.
     """
@@ -140,13 +142,16 @@ def cells(one: Room) -> tuple[Array, Mask]:
 
 
 def flood(cause: str, seed: int) -> float:
-    """Area that the carriage's middle can reach from the start, by the planner's walls [m^2]."""
+    """Return area that the carriage's middle can reach from the start.
+
+    By the planner's walls [m^2].
+    """
     area, result = cells(room(cause, seed))
     return float(np.sum(area[result]))
 
 
 def edges_against_points(cause: str, seed: int) -> float:
-    """Of random edges whose points are all free, the share that the planner refuses."""
+    """Return of random edges whose points are all free, the share that the planner refuses."""
     one, draw = room(cause, seed), np.random.default_rng([11, seed])
     a = draw.uniform(0.0, SIZE, (300, 2))
     b = a + draw.normal(0.0, 0.5, a.shape)
@@ -157,7 +162,7 @@ def edges_against_points(cause: str, seed: int) -> float:
 
 
 def joined(cause: str, seed: int) -> float:
-    """The share of a roadmap's points that the start is joined to, mean of six."""
+    """Return the share of a roadmap's points that the start is joined to, mean of six."""
     one, shares = room(cause, seed), []
     for draw in np.random.default_rng([12, seed]).spawn(6):
         points, pairs = planner.roadmap(one, draw)
@@ -166,20 +171,20 @@ def joined(cause: str, seed: int) -> float:
 
 
 def points_in_door(cause: str, seed: int) -> float:
-    """Of a hundred thousand points drawn anywhere, those in the door."""
+    """Return of a hundred thousand points drawn anywhere, those in the door."""
     points = np.random.default_rng([13, seed]).uniform(0.0, SIZE, (10_000, 2))
     points = points[np.abs(points[:, 0] - WALL) < HALF]
     return 10.0 * float(np.sum(free(room(cause, seed), points)))
 
 
 def wide_door(cause: str, seed: int) -> float:
-    """Of ten roadmaps in a room without the wall, how many find no path."""
+    """Return of ten roadmaps in a room without the wall, how many find no path."""
     one = room(cause, seed)
     return failures(replace(one, boxes=np.delete(one.boxes, [4, 5], axis=0)), seed)
 
 
 def triple(cause: str, seed: int) -> float:
-    """Of three roadmaps with three times the points, how many find no path."""
+    """Return of three roadmaps with three times the points, how many find no path."""
     return failures(repaired(cause, seed, "more_samples"), seed, 3)
 
 

@@ -41,7 +41,7 @@ LEARNT = {"refit_friction": "dry_joint", "refit_inertia": "heavy_tool", "refit_k
 
 
 def robot(cause: str, seed: int) -> Robot:
-    """The robot of a seed, which is nearly the model but for one cause."""
+    """Return the robot of a seed, which is nearly the model but for one cause."""
     one, draw = replace(MODEL, **FAULTS[cause]), np.random.default_rng([2, seed])
     sizes = {"inertia": 0.005, "drag": 0.05, "friction": 0.02, "stiffness": 0.01}
     near = {name: getattr(one, name) * draw.uniform(1 - s, 1 + s) for name, s in sizes.items()}
@@ -50,13 +50,13 @@ def robot(cause: str, seed: int) -> Robot:
 
 @cache
 def weights(cause: str | None = None, bandwidth: float = BANDWIDTH) -> Array:
-    """The policy trained on the model, or on one that has what was measured of a cause."""
+    """Return the policy trained on the model, or on one that has what was measured of a cause."""
     return program.train(replace(MODEL, **FAULTS[cause]) if cause else MODEL, bandwidth)
 
 
 @cache
 def widest() -> float:
-    """The bandwidth [rad/s] that presses most keys on robots drawn from wide ranges of all."""
+    """Return the bandwidth [rad/s] that presses most keys on robots drawn from wide ranges of all."""
     rng = np.random.default_rng(0)
     target, width = rng.uniform(0.3, 1.0, 600), rng.uniform(0.01, 0.06, 600)
     wide = replace(
@@ -72,7 +72,7 @@ def widest() -> float:
 
 
 def repaired(cause: str, seed: int, repair: str | None) -> tuple[Robot, Array]:
-    """Robot and policy after a repair."""
+    """Return robot and policy after a repair."""
     one = robot(cause, seed)
     if repair == "empty_queue":
         return replace(one, delay=MODEL.delay), weights()
@@ -84,19 +84,19 @@ def repaired(cause: str, seed: int, repair: str | None) -> tuple[Robot, Array]:
 
 
 def keys(seed: int) -> Array:
-    """Targets [rad], spread evenly over depths and over `WIDTHS` (a golden-ratio sequence)."""
+    """Return targets [rad], spread evenly over depths and over `WIDTHS` (a golden-ratio sequence)."""
     first = np.random.default_rng([3, seed]).uniform()
     return 0.3 + 0.7 * ((first + np.arange(KEYS) * (np.sqrt(5.0) - 1.0) / 2.0) % 1.0)
 
 
 def pressed(one: Robot, policy: Array, seed: int) -> tuple[Log, Array]:
-    """A press of every key, and their targets in the order of the seed."""
+    """Return a press of every key, and their targets in the order of the seed."""
     target = keys(seed)
     return press(one, policy, target, STEPS), target
 
 
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """The share of keys that are pressed and held."""
+    """Return the share of keys that are pressed and held."""
     log, target = pressed(*repaired(cause, seed, repair), seed)
     return program.success(log, target, WIDTHS, HELD)
 
@@ -115,7 +115,7 @@ def price(cause: str, seed: int, repair: str) -> float:
 
 
 def sensed(figure: float, noise: float, seed: int) -> float:
-    """A figure as an instrument with this standard deviation gives it."""
+    """Return a figure as an instrument with this standard deviation gives it."""
     return figure + noise * float(np.random.default_rng([4, seed]).normal())
 
 
@@ -127,18 +127,18 @@ def driven(one: Robot, requested: Array, v: float = 0.0, q: float = 0.0) -> Log:
 
 
 def statistics(cause: str, seed: int) -> float:
-    """Standard deviation of the scaled angle over poses of the kind that trained."""
+    """Return standard deviation of the scaled angle over poses of the kind that trained."""
     observed = program.observe(*program.poses(np.random.default_rng([4, seed]), 2000))[0]
     return float(np.std(observed) / robot(cause, seed).std[0, 0])
 
 
 def swapped(cause: str, seed: int) -> float:
-    """The symptom with the statistics of training."""
+    """Return the symptom with the statistics of training."""
     return symptom(cause, seed, "ship_statistics")
 
 
 def frozen(cause: str, seed: int) -> float:
-    """How far the arm leaves a target that is where it stands [mrad]."""
+    """Return how far the arm leaves a target that is where it stands [mrad]."""
     one, start = robot(cause, seed), np.full(1, 0.2)
     log = move(
         one, lambda _, q, v: program.torque(one, weights(), start, q, v), start, 0.0 * start, 125
@@ -148,13 +148,16 @@ def frozen(cause: str, seed: int) -> float:
 
 @cache
 def recorded() -> tuple[Array, Array]:
-    """Torques and angles of one press on the model."""
+    """Return torques and angles of one press on the model."""
     log = press(MODEL, weights(), np.array([0.9]), 100)
     return log.asked[:, 0], log.q[:, 0]
 
 
 def replayed(first: int, last: int) -> Callable[[str, int], float]:
-    """The probe that replays the torques: root mean square of the angles' difference [mrad]."""
+    """Return the probe that replays the torques.
+
+    Root mean square of the angles' difference [mrad].
+    """
 
     def run(cause: str, seed: int) -> float:
         requested, angles = recorded()
@@ -166,7 +169,7 @@ def replayed(first: int, last: int) -> Callable[[str, int], float]:
 
 
 def positions(cause: str, seed: int) -> float:
-    """Torque of a slow servo deep in a key, above what the model needs there [N m]."""
+    """Return torque of a slow servo deep in a key, above what the model needs there [N m]."""
     path = np.linspace(0.0, 0.8, 250)
 
     def servo(i: int, q: Array, v: Array) -> Array:
@@ -179,19 +182,19 @@ def positions(cause: str, seed: int) -> float:
 
 
 def strike(cause: str, seed: int) -> float:
-    """How deep the arm goes into a key that it meets at 2 rad/s without a torque [mrad]."""
+    """Return how deep the arm goes into a key that it meets at 2 rad/s without a torque [mrad]."""
     log = driven(robot(cause, seed), np.zeros(60), 2.0, SURFACE)
     return 1e3 * sensed(float(log.q.max() - SURFACE), ENCODER, seed)
 
 
 def coast(cause: str, seed: int) -> float:
-    """Speed lost in a tenth of a second without a torque [rad/s]."""
+    """Return speed lost in a tenth of a second without a torque [rad/s]."""
     log = driven(robot(cause, seed), np.zeros(25), 3.0)
     return sensed(3.0 - float(log.v[-1, 0]), 0.02, seed)
 
 
 def lag(cause: str, seed: int) -> float:
-    """The shift at which commands and accelerations are most alike [ms]."""
+    """Return the shift at which commands and accelerations are most alike [ms]."""
     draw = np.random.default_rng([6, seed])
     requested = np.repeat(draw.choice((-1.5, 1.5), 50), 3)
     speed = driven(robot(cause, seed), requested).v[:, 0] + draw.normal(0.0, 0.02, 150)
@@ -201,14 +204,14 @@ def lag(cause: str, seed: int) -> float:
 
 
 def breakaway(cause: str, seed: int) -> float:
-    """The torque at which a slow ramp moves the arm [N m]."""
+    """Return the torque at which a slow ramp moves the arm [N m]."""
     ramp = np.linspace(0.0, 0.7, 350)  # 0.5 N m/s
     angle = driven(robot(cause, seed), ramp).q[:, 0]
     return sensed(float(ramp[np.argmax(angle > 2e-3)]), 0.005, seed)
 
 
 def two_torques(cause: str, seed: int) -> float:
-    """Inertia from how the speeds under 1 and 2 N m part, drag as on the model [kg m^2]."""
+    """Return inertia from how the speeds under 1 and 2 N m part, drag as on the model [kg m^2]."""
     one, answered, steps = robot(cause, seed), 15, 15
     low, high = (driven(one, np.full(answered + steps, u)).v[:, 0] for u in (1.0, 2.0))
     lost = 1.0 - MODEL.drag * (high - low)
@@ -217,7 +220,7 @@ def two_torques(cause: str, seed: int) -> float:
 
 
 def untouched(cause: str, seed: int) -> float:
-    """The share of targets that are reached short of every key."""
+    """Return the share of targets that are reached short of every key."""
     target = np.linspace(0.2, SURFACE - 0.01, 50)
     width = np.random.default_rng([7, seed]).permutation(np.linspace(0.01, 0.06, 50))
     return program.success(press(robot(cause, seed), weights(), target, STEPS), target, width, HELD)

@@ -49,7 +49,10 @@ TUNES = {
 
 
 def lateness(at_most: float) -> NDArray[np.float64]:
-    """A hundred ticks of which some are late by up to `at_most`; those behind them catch up."""
+    """Return a hundred ticks of which some are late by up to `at_most`.
+
+    Those behind them catch up.
+    """
     draw = np.random.default_rng(4)
     late = np.where(draw.random(100) < 0.2, draw.random(100), 0.0) * at_most
     late[-int(at_most) - 1 :] = 0.0
@@ -57,7 +60,7 @@ def lateness(at_most: float) -> NDArray[np.float64]:
 
 
 def machine(cause: str, seed: int) -> Machine:
-    """The machine of a seed that has a fault."""
+    """Return the machine of a seed that has a fault."""
     draw, tune = np.random.default_rng([3, seed]), TUNES[cause]
     mass, tick, near = draw.uniform((0.8, 1.6e-3, 0.9), (1.5, 2.5e-3, 1.1)).tolist()
     return Machine(
@@ -80,7 +83,7 @@ def machine(cause: str, seed: int) -> Machine:
 
 
 def even(one: Machine) -> Machine:
-    """A loop that is never late."""
+    """Return a loop that is never late."""
     return replace(one, periods=[one.period])
 
 
@@ -95,7 +98,7 @@ REPAIRS: dict[str, Change] = {
 
 
 def logged(one: Machine) -> Rows:
-    """What an arm does."""
+    """Return what an arm does."""
     return simulate(one, 8 * TICKS)
 
 
@@ -107,20 +110,20 @@ def swing(one: Machine) -> float:
 
 @cache
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """The swing of the force [N] in the second half of the touch."""
+    """Return the swing of the force [N] in the second half of the touch."""
     one = machine(cause, seed)
     return swing(REPAIRS[repair](one) if repair else one)
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """The dearer of the force error that a sudden load makes, load / (1 + gain), and of sag."""
+    """Return the dearer of the force error that a sudden load makes, load / (1 + gain), and of sag."""
     one = machine(cause, seed)
     after = REPAIRS[repair](one)
     return max((1.0 + one.gain) / (1.0 + after.gain), one.stiffness / after.stiffness)
 
 
 def calmer(change: Change) -> Run:
-    """The probe that changes the machine: its swing by that before."""
+    """Return the probe that changes the machine: its swing by that before."""
 
     def run(cause: str, seed: int) -> float:
         one = machine(cause, seed)
@@ -130,7 +133,7 @@ def calmer(change: Change) -> Run:
 
 
 def read(figure: Callable[[Rows, Machine], float]) -> Run:
-    """The probe that reads a log."""
+    """Return the probe that reads a log."""
 
     def run(cause: str, seed: int) -> float:
         one = machine(cause, seed)
@@ -140,13 +143,13 @@ def read(figure: Callable[[Rows, Machine], float]) -> Run:
 
 
 def tick_spread(log: Rows, one: Machine) -> float:
-    """The longest tick by the shortest."""
+    """Return the longest tick by the shortest."""
     ticks = np.diff(np.flatnonzero(np.diff(log["ticks"])))
     return float(ticks.max() / ticks.min())
 
 
 def sensor_lag(log: Rows, one: Machine) -> float:
-    """By how many nominal ticks the reading is behind the force."""
+    """Return by how many nominal ticks the reading is behind the force."""
     force, largest = log["force"], 160
     reading = log["reading"][largest:] - log["reading"][largest:].mean()
     shifts = np.lib.stride_tricks.sliding_window_view(force, len(reading))[largest:0:-1]
@@ -154,7 +157,7 @@ def sensor_lag(log: Rows, one: Machine) -> float:
 
 
 def first_command(log: Rows, one: Machine) -> float:
-    """Ticks of the loop before the drive first gets a command."""
+    """Return ticks of the loop before the drive first gets a command."""
     return float(log["ticks"][np.argmax(log["command"] != 0.0)] - 1)
 
 

@@ -39,7 +39,7 @@ def box_drop(
     friction_steps: float = 10.0,
     inertia: float | None = None,
 ) -> Runner:
-    """A planar box above the ground z = 0: q = (x, z, theta), theta counter-clockwise.
+    """Return a planar box above the ground z = 0: q = (x, z, theta), theta counter-clockwise.
 
     MuJoCo has no coefficient of restitution. It asks for a reference acceleration
     -b v - k r at each contact (v the approach speed, r the depth) and clips the force at zero. Two
@@ -118,7 +118,9 @@ def batch_boxes(
     threads: int = 1,
     **box: Any,
 ) -> BatchRunner:
-    """N planar boxes in `mujoco.batch`: `box_drop` with q0 and v0 (3, N), and its keywords in box.
+    """Return N planar boxes in `mujoco.batch`.
+
+    `box_drop` with q0 and v0 (3, N), and its keywords in box.
 
     `threads` counts the caller's own; 0 takes one a core.
     """
@@ -128,7 +130,7 @@ def batch_boxes(
 
 
 def spring_restitution(damping_ratio: float) -> float:
-    """Restitution of a spring-damper contact that cannot pull, gravity neglected.
+    """Return restitution of a spring-damper contact that cannot pull, gravity neglected.
 
     exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2)), with acosh and zeta^2 - 1 for zeta > 1.
 
@@ -154,7 +156,7 @@ def measured_restitution(
     gravity: float = GRAVITY,
     phases: int = 16,
 ) -> tuple[float, float]:
-    """What a flat drop really gives back, when `restitution` was asked for.
+    """Return what a flat drop really gives back, when `restitution` was asked for.
 
     The speed away from the ground over the speed towards it, both taken to the height z = 0 of the
     bottom face by the parabola of free flight; over `phases` starts that differ by fractions of one
@@ -194,7 +196,7 @@ def measured_restitution(
 
 
 def _pair(reference: tuple[float, float], slide: float, friction: float) -> str:
-    """Attributes of a contact with the ground."""
+    """Return attributes of a contact with the ground."""
     stiffness, damping = reference
     return (
         f'solref="{-stiffness:.17g} {-damping:.17g}" solreffriction="0 {-slide:.17g}" '
@@ -211,7 +213,7 @@ def _on_ground(
     integrator: str,
     gravity: float,
 ) -> str:
-    """The text of a body whose corners touch the ground z = 0.
+    """Return the text of a body whose corners touch the ground z = 0.
 
     A ball of no size at each corner: one contact a corner, where a box geom, which has a thickness,
     makes two and doubles the solver's work. The plane lies one radius lower, so that a corner
@@ -238,7 +240,10 @@ def _on_ground(
 def _contact_reference(
     contact: str, restitution: float, dt: float, integrator: str, contact_steps: float
 ) -> tuple[float, float]:
-    """Stiffness and damping for solref's direct form, which MuJoCo scales by the impedance."""
+    """Return stiffness and damping for solref's direct form.
+
+    Which MuJoCo scales by the impedance.
+    """
     positive("dt", dt, unit="s")
     one_of("contact", contact, ("impulse", "spring"))
     if contact == "impulse":
@@ -288,7 +293,7 @@ def spatial_box(
     contact: str = "impulse",
     contact_steps: float = 40.0,
 ) -> Runner:
-    """A box on a free joint above the ground z = 0, thrown in the x-z plane but for a tilt.
+    """Return a box on a free joint above the ground z = 0, thrown in the x-z plane but for a tilt.
 
     Args:
         size: width (x), depth (y) and height (z) [m].

@@ -21,7 +21,10 @@ NEAR, FAR = 0.01, 10.0  # planes between which OpenGL draws [m]
 
 
 def scene(shapes: Shapes, camera: Camera) -> str:
-    """The model's text, with a camera of MuJoCo, which looks along -z with y up, at the origin."""
+    """Return the model's text, with a camera of MuJoCo, which looks along -z with y up.
+
+    At the origin.
+    """
 
     def words(values: Array) -> str:
         return " ".join(f"{value:.17g}" for value in values)
@@ -73,14 +76,17 @@ class Rays:
         )
 
     def picture(self) -> tuple[Array, NDArray[np.int64]]:
-        """Depth, 0 where nothing is, and the number of the shape, -1 where none is: (H, W)."""
+        """Return depth, 0 where nothing is, and the number of the shape, -1 where none is.
+
+        (H, W).
+        """
         self.cast()
         depth = np.where(self._ids < 0, 0.0, self._depth)
         return depth.reshape(self._shape), self._ids.astype(np.int64).reshape(self._shape)
 
 
 def opengl(shapes: Shapes, camera: Camera) -> Array:
-    """The depth picture of MuJoCo's OpenGL renderer, shape (H, W), 0 beyond `FAR` [m].
+    """Return the depth picture of MuJoCo's OpenGL renderer, shape (H, W), 0 beyond `FAR` [m].
 
     OpenGL draws in single precision. Round shapes are drawn as polyhedra, planes with an end.
 

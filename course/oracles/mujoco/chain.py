@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
-    """The same arm as an `MjModel`, without contacts, constraints, motors and sensors.
+    """Return the same arm as an `MjModel`, without contacts, constraints, motors and sensors.
 
     Joints are named by their number in the chain, the tip is a site. Limits are written down, but
     nothing enforces them, as the constraint solver is off.
@@ -57,7 +57,7 @@ def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
 
 
 def addresses(model: Any, chain: Chain) -> NDArray[np.int64]:
-    """Where the chain's joints are in `qpos` and `qvel` of `model(chain)`, shape (n,)."""
+    """Return where the chain's joints are in `qpos` and `qvel` of `model(chain)`, shape (n,)."""
     return np.array([model.joint(f"joint {i}").dofadr[0] for i in range(chain.n)])
 
 
@@ -101,7 +101,8 @@ def _check(model: Any) -> None:
 
 
 def chain(model: Any, tip: str | None = None) -> Chain:
-    """A MuJoCo model as a chain, its joints in MuJoCo's order, that of the tip moved to the end.
+    """Return a MuJoCo model as a chain, its joints in MuJoCo's order, that of the tip moved to the
+    end.
 
     Bodies without a joint become part of the link that carries them. Friction and springs, motors,
     contacts: what a chain lacks and what would move it is refused; what only looks is left out.
@@ -169,7 +170,7 @@ def chain(model: Any, tip: str | None = None) -> Chain:
 
 
 def read(text: str, tip: str | None = None) -> Chain:
-    """A text of MJCF or URDF as a chain; what cannot be an arm is refused, body by body.
+    """Return a text of MJCF or URDF as a chain; what cannot be an arm is refused, body by body.
 
     MuJoCo judges a link together with all that is fixed to it, so that a negative mass hides in a
     greater one; here each link is judged alone.
@@ -206,7 +207,7 @@ def read(text: str, tip: str | None = None) -> Chain:
 def _tool(
     model: Any, tip: str | None, carrier: list[int], within: list[Array], last: int
 ) -> tuple[int, Array]:
-    """The joint whose link carries the tip, and the tip's pose in its frame."""
+    """Return the joint whose link carries the tip, and the tip's pose in its frame."""
     names = [model.site(i).name for i in range(model.nsite)]
     if tip is None and "tip" not in names:
         return carrier[last], within[last]
@@ -219,7 +220,7 @@ def _tool(
 
 
 def calls(chain: Chain, what: str, q: Array, v: Array, x: Array) -> Callable[[], Array]:
-    """A function that asks about N states, one call of MuJoCo's for each.
+    """Return a function that asks about N states, one call of MuJoCo's for each.
 
     It gives the last answer, in MuJoCo's order of joints.
 
@@ -256,7 +257,7 @@ def calls(chain: Chain, what: str, q: Array, v: Array, x: Array) -> Callable[[],
 def moved(
     chain: Chain, q: Array, v: Array, tau: Array, gravity: ArrayLike, dt: float, steps: int
 ) -> Array:
-    """Joint positions after steps of MuJoCo's RK4 under constant torques, shape (n,)."""
+    """Return joint positions after steps of MuJoCo's RK4 under constant torques, shape (n,)."""
     mujoco, mj = library(), model(chain, gravity)
     mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
     data, at = mujoco.MjData(mj), addresses(mj, chain)
@@ -268,7 +269,7 @@ def moved(
 def follow(
     chain: Chain, motion: Array, kp: Array, kd: Array, dt: float, gravity: ArrayLike
 ) -> Callable[[], Array]:
-    """A loop of computed torque with half-sample preview, `mj_inverse` and RK4 of `mj_step`.
+    """Return a loop of computed torque with half-sample preview, `mj_inverse` and RK4 of `mj_step`.
 
     Args:
         chain: the arm, whose model is right.
@@ -308,7 +309,8 @@ def follow(
 def rollouts(
     chain: Chain, plans: Array, dt: float, start: tuple[Array, Array], gravity: ArrayLike
 ) -> Callable[[], Array]:
-    """A function that takes K arms through plans of torques in `mujoco.batch`, on one thread.
+    """Return a function that takes K arms through plans of torques in `mujoco.batch`, on one
+    thread.
 
     Args:
         chain: the arm; one without branches, as its joints are taken in MuJoCo's order.

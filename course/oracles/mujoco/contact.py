@@ -56,7 +56,7 @@ class Options:
     margin: float = 0.0
 
     def softness(self, weight: Array | None = None) -> Softness:
-        """The same for `course.contact.soft`."""
+        """Return the same for `course.contact.soft`."""
         return Softness(
             self.solref,
             self.solimp,
@@ -71,7 +71,10 @@ class Options:
 def contact_xml(
     body: str, options: Options, gravity: Sequence[float] = (0.0, 0.0, -GRAVITY)
 ) -> str:
-    """A model's text. Off: what the question does not need, as everywhere, and the warm start."""
+    """Return a model's text.
+
+    Off: what the question does not need, as everywhere, and the warm start.
+    """
     one_of("solver", options.solver, SOLVERS)
 
     def text(values: Sequence[float]) -> str:
@@ -101,7 +104,7 @@ def _runner(body: str, options: Options, q0: Array, v0: Array, gravity: Sequence
 
 
 def _down(angle: float = 0.0) -> tuple[float, float, float]:
-    """Gravity in the frame of a plane that goes down along x."""
+    """Return gravity in the frame of a plane that goes down along x."""
     return (GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle))
 
 
@@ -109,7 +112,10 @@ _FLOOR = '<geom type="plane" size="9 9 1"/>'
 
 
 def _ball(joint: str = "") -> str:
-    """A ball of 1 kg, 0.1 m and 0.005 kg m^2 on three slides above the floor, with a joint more."""
+    """Return a ball of 1 kg, 0.1 m and 0.005 kg m^2 on three slides above the floor.
+
+    With a joint more.
+    """
     return (
         f'{_FLOOR}<body pos="0 0 0.1">{_SLIDES}{joint}<inertial pos="0 0 0" mass="1" '
         'diaginertia="0.005 0.005 0.005"/><geom size="0.1"/></body>'
@@ -119,20 +125,25 @@ def _ball(joint: str = "") -> str:
 def block(
     options: Options, angle: float = 0.0, velocity: Sequence[float] = (0.0, 0.0), start: float = 0.0
 ) -> Runner:
-    """A block that slides on a point and does not turn: on a slope [rad], sent off along it and
-    across [m/s], its lowest point at a height `start` [m]."""
+    """Return a block that slides on a point and does not turn.
+
+    On a slope [rad], sent off along it and across [m/s], its lowest point at a height `start` [m].
+    """
     q0, v0 = np.array([0.0, 0.0, start]), np.array([*velocity, 0.0])
     return _runner(_ball(), options, q0, v0, _down(angle))
 
 
 def spinning_disc(options: Options, spin: float = 10.0) -> Runner:
-    """A ball that spins on a point [rad/s]."""
+    """Return a ball that spins on a point [rad/s]."""
     body = _ball('<joint type="hinge" axis="0 0 1"/>')
     return _runner(body, options, np.zeros(4), np.array([0.0, 0.0, 0.0, spin]), _down())
 
 
 def tower(options: Options, masses: Sequence[float]) -> Runner:
-    """Balls of 0.1 m on top of each other, each on one vertical slide; the lowest first [kg]."""
+    """Return balls of 0.1 m on top of each other, each on one vertical slide.
+
+    The lowest first [kg].
+    """
     body = _FLOOR + "".join(
         f'<body pos="0 0 {0.1 + 0.2 * i:.17g}"><joint type="slide" axis="0 0 1"/>'
         f'<geom size="0.1" mass="{mass:.17g}"/></body>'
@@ -143,7 +154,10 @@ def tower(options: Options, masses: Sequence[float]) -> Runner:
 
 
 def table(options: Options, load: Sequence[float] = (0.0, 0.0), side: float = 1.0) -> Runner:
-    """A table of 10 kg on four legs, with height, roll and pitch; its weight acts at `load`."""
+    """Return a table of 10 kg on four legs, with height, roll and pitch.
+
+    Its weight acts at `load`.
+    """
     legs = "".join(
         f'<geom size="0.01" pos="{x:.17g} {y:.17g} -0.49" mass="0"/>'
         for x, y in np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * 0.5 * side
@@ -161,7 +175,10 @@ def table(options: Options, load: Sequence[float] = (0.0, 0.0), side: float = 1.
 
 
 def pinch(options: Options, squeeze: float = 5.0, mass: float = 0.2) -> Runner:
-    """A glass between two fingers of 50 g that press with `squeeze` [N]; q as in the scene."""
+    """Return a glass between two fingers of 50 g that press with `squeeze` [N].
+
+    Q as in the scene.
+    """
 
     def finger(x: float) -> str:
         return (
@@ -180,7 +197,7 @@ def pinch(options: Options, squeeze: float = 5.0, mass: float = 0.2) -> Runner:
 
 
 def box(options: Options, velocity: Sequence[float] = (0.0, 0.0), count: int = 1) -> Runner:
-    """Free boxes of 0.2 m and 1 kg, one on top of the other, the lowest sent off [m/s]."""
+    """Return free boxes of 0.2 m and 1 kg, one on top of the other, the lowest sent off [m/s]."""
     body = _FLOOR + "".join(
         f'<body pos="0 0 {0.1 + 0.2 * i:.17g}"><freejoint/>'
         '<geom type="box" size="0.1 0.1 0.1" mass="1"/></body>'
@@ -194,7 +211,7 @@ def box(options: Options, velocity: Sequence[float] = (0.0, 0.0), count: int = 1
 
 
 def links(options: Options) -> Runner:
-    """Two links of 0.5 m that fall, turning, against a wall with the ball at their end."""
+    """Return two links of 0.5 m that fall, turning, against a wall with the ball at their end."""
     link = (
         '<joint type="hinge" axis="0 1 0"/>'
         '<geom type="capsule" size="0.02" fromto="0 0 0 0.5 0 0" contype="0" conaffinity="0"/>'
@@ -227,7 +244,9 @@ class ContactState:
 
 
 def contact_state(runner: Runner) -> ContactState | None:
-    """The contacts of the present state (`mj_forward` is called); None where nothing touches.
+    """Return the contacts of the present state (`mj_forward` is called).
+
+    None where nothing touches.
 
     Raises:
         ValueError: for a model with other constraints, or contacts of several kinds.
@@ -278,7 +297,7 @@ def contact_state(runner: Runner) -> ContactState | None:
 
 
 def iterations(runner: Runner, steps: int) -> int:
-    """How many iterations the solver takes over so many steps from the start."""
+    """Return how many iterations the solver takes over so many steps from the start."""
     mujoco = library()
     runner.reset()
     taken = 0

@@ -28,7 +28,7 @@ def free_body(
     mass: float = 1.0,
     gravity: float = 0.0,
 ) -> Runner:
-    """A free rigid body; without gravity, the torque-free tumble.
+    """Return a free rigid body; without gravity, the torque-free tumble.
 
     Seven positions make a free joint. Four (a quaternion alone) make a ball joint through the
     centre of mass: the same tumble with half the state, but MuJoCo treats it differently:
@@ -61,7 +61,7 @@ def heavy_top(
     dt: float,
     integrator: str,
 ) -> Runner:
-    """A symmetric top on a ball joint at the origin, its centre of mass on its own z axis.
+    """Return a symmetric top on a ball joint at the origin, its centre of mass on its own z axis.
 
     The motion depends on the moments about the pivot and on the product m g l alone, so mass and
     distance are chosen here such that the moments about the centre of mass are a body's.
@@ -99,7 +99,9 @@ def batch_free_bodies(
     threads: int = 1,
     gravity: float = 0.0,
 ) -> BatchRunner:
-    """N free bodies in `mujoco.batch`: `free_body` with q0 (7, N), v0 (6, N), one inertia for all.
+    """Return N free bodies in `mujoco.batch`.
+
+    `free_body` with q0 (7, N), v0 (6, N), one inertia for all.
 
     `threads` counts the caller's own; 0 takes one a core.
     """

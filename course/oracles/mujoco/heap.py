@@ -40,7 +40,9 @@ class Cost:
 
 
 def hull(points: int, seed: int = 0) -> Array:
-    """Points on a sphere of `RADIUS`, evenly by a spiral and turned by chance, (points, 3) [m]."""
+    """Return points on a sphere of `RADIUS`, evenly by a spiral and turned by chance, (points, 3)
+    [m].
+    """
     n, rng = count("points", points, 4), np.random.default_rng(seed)
     z = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
     angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(n)
@@ -95,7 +97,7 @@ class Heap:
         self._mujoco.mj_step(self.model, self.data, count("steps", steps, 1))
 
     def measure(self, steps: int) -> Cost:
-        """What the next steps take, one by one, by MuJoCo's own timers."""
+        """Return what the next steps take, one by one, by MuJoCo's own timers."""
         names = ("STEP", "POS_COLLISION", "CONSTRAINT")
         timers = [self.data.timer[getattr(self._mujoco.mjtTimer, f"mjTIMER_{n}")] for n in names]
         before = [timer.duration for timer in timers]

@@ -38,7 +38,7 @@ class MotorJoint:
         actuator: str = "<motor {}/>",
         defaults: bool = False,
     ) -> None:
-        """A joint at rest at angle 0.
+        """Create a joint at rest at angle 0.
 
         Args:
             inertia: about the axis [kg m^2].

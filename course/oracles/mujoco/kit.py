@@ -42,7 +42,7 @@ CONTACT_OFF = ("constraint", "contact", "warmstart")
 
 
 def library() -> ModuleType:
-    """MuJoCo.
+    """Return MuJoCo.
 
     Raises:
         ImportError: it is not installed; the text says what to install.
@@ -96,7 +96,7 @@ class Runner:
         data.qacc_warmstart[:] = 0.0
 
     def run(self, steps: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The state after `steps` steps from the start, in one compiled loop.
+        """Return the state after `steps` steps from the start, in one compiled loop.
 
         A run that diverges returns what it reached, NaN or infinity included; nothing is clamped.
 
@@ -113,7 +113,7 @@ class Runner:
         return self.data.qpos.copy(), self.data.qvel.copy()
 
     def samples(self, steps: int, every: int = 1) -> Samples:
-        """The motion from the start, recorded every `every` steps (the start included)."""
+        """Return the motion from the start, recorded every `every` steps (the start included)."""
         count("steps", steps)
         count("every", every, 1)
         self.reset()
@@ -170,7 +170,7 @@ class BatchRunner:
         self._batch.step(nstep=steps)
 
     def run(self, steps: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The states after `steps` steps from the start, shapes (nq, N) and (nv, N)."""
+        """Return the states after `steps` steps from the start, shapes (nq, N) and (nv, N)."""
         self.reset()
         self.step(steps)
         return self._q.T.copy(), self._v.T.copy()
@@ -187,7 +187,7 @@ def scene_xml(
     gap: Sequence[str] = (),
     extra: str = "",
 ) -> str:
-    """The model's text: the body with the options that its scene needs.
+    """Return the model's text: the body with the options that its scene needs.
 
     Args:
         body: what stands in the world.
@@ -221,14 +221,14 @@ def scene_xml(
 
 
 def inertial(mass: float, z: float, moments: NDArray[np.float64]) -> str:
-    """An element with this mass [kg], centre (0, 0, z) [m] and central moments [kg m^2]."""
+    """Return an element with this mass [kg], centre (0, 0, z) [m] and central moments [kg m^2]."""
     positive("mass", mass, unit="kg")
     text = " ".join(f"{moment:.17g}" for moment in moments)
     return f'<inertial pos="0 0 {z:.17g}" mass="{mass:.17g}" diaginertia="{text}"/>'
 
 
 def principal_moments(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Three moments of inertia that some body has, else ValueError."""
+    """Return three moments of inertia that some body has, else ValueError."""
     moments = vector(name, value, (3,), low=POSITIVE, unit="kg m^2")
     largest = float(np.max(moments))
     if 2.0 * largest > float(np.sum(moments)) * (1.0 + 1e-9):

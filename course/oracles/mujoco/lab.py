@@ -125,8 +125,10 @@ def _model(mass: float, friction: float, opening: float, solref: tuple[float, fl
 
 
 def path(lab: Lab, t: float) -> tuple[float, float, float]:
-    """Height of the palm above its grasp, speed and acceleration at a time [m, m/s, m/s^2]: down,
-    a wait, and up; half of each way with the acceleration, half with its opposite."""
+    """Return height of the palm above its grasp, speed and acceleration at a time [m, m/s, m/s^2].
+
+    Down, a wait, and up; half of each way with the acceleration, half with its opposite.
+    """
     down, t = t < lab.grasped - CLOSE, t if t < lab.grasped - CLOSE else t - lab.grasped
     path, a = (-ABOVE, -lab.acceleration) if down else (lab.height, lab.acceleration)
     start, half = ABOVE if down else 0.0, math.sqrt(path / a)
@@ -181,7 +183,7 @@ def lift(lab: Lab, believed: float | None = None) -> Lifted:
 
 
 def tuned(lab: Lab, margin: float = 1.2) -> Lab:
-    """The lab with the least force that holds in it, by halving, times a margin."""
+    """Return the lab with the least force that holds in it, by halving, times a margin."""
     low, high = 0.2 * lab.needed, 5.0 * lab.needed
     for _ in range(9):
         middle = 0.5 * (low + high)
@@ -193,8 +195,9 @@ def tuned(lab: Lab, margin: float = 1.2) -> Lab:
 
 
 def trials(lab: Lab, n: int, seed: int = 0) -> int:
-    """How many of n lifts hold a box that lies up to 15 mm off and weighs up to 5 % more or less
-    than `Lab.mass` says, under a servo that believes in the class's own."""
+    """Return how many of n lifts hold a box that lies up to 15 mm off and weighs up to 5 % more or
+    less than `Lab.mass` says, under a servo that believes in the class's own.
+    """
     rng = np.random.default_rng(seed)
     draws = rng.uniform([-0.015, 0.95], [0.015, 1.05], (n, 2)).tolist()
     return sum(lift(replace(lab, offset=lab.offset + x, mass=lab.mass * m)).held for x, m in draws)

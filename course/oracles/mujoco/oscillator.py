@@ -22,7 +22,7 @@ def oscillator(
     *,
     implicit_damping: bool = True,
 ) -> Runner:
-    """A mass on a spring and a damper: m x'' = -k x - c x', on one slide joint.
+    """Return a mass on a spring and a damper: m x'' = -k x - c x', on one slide joint.
 
     Args:
         mass, stiffness, damping: m [kg], k [N/m], c [N s/m].
@@ -53,7 +53,7 @@ def oscillator_step(
     *,
     implicit_damping: bool = True,
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """One MuJoCo step of x'' = -x - 2 zeta x', as a function (x, x') -> (x, x').
+    """Return one MuJoCo step of x'' = -x - 2 zeta x', as a function (x, x') -> (x, x').
 
     The function is what the detectors of `course.measure.stability` take. In theory Euler, implicit
     and implicitfast step v1 = (v - h w^2 q) / (1 + 2 zeta w h), q1 = q + h v1 and are stable while
@@ -87,7 +87,7 @@ def oscillator_step(
 def pendulum(
     length: float, q0: float, v0: float, dt: float, integrator: str, *, gravity: float = GRAVITY
 ) -> Runner:
-    """The ideal pendulum theta'' = -(g / length) sin(theta), theta = 0 hanging down.
+    """Return the ideal pendulum theta'' = -(g / length) sin(theta), theta = 0 hanging down.
 
     MuJoCo takes no body without inertia, so the bob is spread out: mass 2 at half the length with
     the moment length^2 / 2 about its own centre has the same first and second moment about the
@@ -111,7 +111,7 @@ def double_pendulum(
     *,
     gravity: float = GRAVITY,
 ) -> Runner:
-    """Two point masses on massless rods; q = (theta1, theta2 **relative to the first rod**).
+    """Return two point masses on massless rods; q = (theta1, theta2 **relative to the first rod**).
 
     As in `pendulum`, the point masses are replaced by bodies with the same moments: the second has
     mass m2 / s at s l2, the first what is then missing. Both angles are zero hanging down. With

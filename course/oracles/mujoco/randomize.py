@@ -80,7 +80,7 @@ SCENE = """
 
 
 def arrays(model: Any) -> dict[str, NDArray[Any]]:
-    """Copies of all arrays of a model, by name."""
+    """Return copies of all arrays of a model, by name."""
     fields = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
     return {name: v.copy() for name, v in fields.items() if isinstance(v, np.ndarray)}
 
@@ -88,7 +88,7 @@ def arrays(model: Any) -> dict[str, NDArray[Any]]:
 def recompiled(
     xml: str, factors: ArrayLike, friction: float | None = None, damping: ArrayLike | None = None
 ) -> Any:
-    """The model as MuJoCo's compiler builds it with other values.
+    """Return the model as MuJoCo's compiler builds it with other values.
 
     Args:
         xml: MJCF text.
@@ -126,7 +126,7 @@ def recompiled(
 
 
 def worst_constant(model: Any, truth: Any) -> tuple[float, str]:
-    """How far the derived constants of a model are from those of another.
+    """Return how far the derived constants of a model are from those of another.
 
     Args:
         model: `mujoco.MjModel` to judge.
@@ -148,7 +148,7 @@ def worst_constant(model: Any, truth: Any) -> tuple[float, str]:
 def sliding_friction(
     model: Any, along: str = "sled_x", up: str = "sled_z", speed: float = 3.0, steps: int = 100
 ) -> float:
-    """Friction coefficient of a sled on a level floor, from its motion.
+    """Return friction coefficient of a sled on a level floor, from its motion.
 
     While it slides, friction is mu times the normal force at every moment, so that the momentum
     it takes is mu times the momentum that the floor gives, even if the sled chatters: mu = -dvx /
@@ -183,7 +183,7 @@ def sliding_friction(
 
 
 def contact_friction(model: Any, geom: str, other: str = "floor") -> float:
-    """Sliding coefficient that MuJoCo gives to the contacts of two geoms in the pose qpos0.
+    """Return sliding coefficient that MuJoCo gives to the contacts of two geoms in the pose qpos0.
 
     Args:
         model: `mujoco.MjModel`.
@@ -207,7 +207,7 @@ def contact_friction(model: Any, geom: str, other: str = "floor") -> float:
 
 
 def swing_period(model: Any, joint: str, angle: float, swings: int = 3) -> float:
-    """Period of a pendulum released from rest, by the moments at which it passes the bottom.
+    """Return period of a pendulum released from rest, by the moments at which it passes the bottom.
 
     Args:
         model: `mujoco.MjModel` in which nothing but this joint moves much; left as it is.
@@ -238,7 +238,7 @@ def swing_period(model: Any, joint: str, angle: float, swings: int = 3) -> float
 
 
 def actuator_delay(actions: ArrayLike, steps: int) -> NDArray[np.float64]:
-    """The forces of a motor of gear 1 whose actions MuJoCo itself delays.
+    """Return the forces of a motor of gear 1 whose actions MuJoCo itself delays.
 
     Args:
         actions: one a step, shape (n,) [N].

@@ -46,7 +46,7 @@ def _model(integrator: str, substeps: int) -> Any:
 
 
 def _fields(arm: TwoLink) -> dict[str, Array]:
-    """The fields of MuJoCo's model that an arm sets: world, first link, second link."""
+    """Return the fields of MuJoCo's model that an arm sets: world, first link, second link."""
     (m1, m2), (l1, l2), (i1, i2) = arm.masses, arm.lengths, arm.inertias
     return {
         "body_mass": np.array([0.0, m1, m2]),

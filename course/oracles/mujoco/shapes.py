@@ -50,7 +50,7 @@ class BroadPhase:
 
 
 def box_contacts(half_a: Array, half_b: Array, pose: Array) -> tuple[Array, Array]:
-    """Contacts of two boxes.
+    """Return contacts of two boxes.
 
     Args:
         half_a, half_b: half sizes, shape (3,) [m].
@@ -74,7 +74,7 @@ def box_contacts(half_a: Array, half_b: Array, pose: Array) -> tuple[Array, Arra
 def passes(
     speed: float, dt: float, start: float, radius: float, wall: float, speculative: bool = False
 ) -> bool:
-    """Whether a ball that flies at a wall comes out on its other side.
+    """Return whether a ball that flies at a wall comes out on its other side.
 
     A ball of 1 kg slides along x without gravity; the contact is critically damped, with MuJoCo's
     usual impedance. Integrated by MuJoCo's Euler.

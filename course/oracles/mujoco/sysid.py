@@ -41,7 +41,7 @@ class Fitted(NamedTuple):
 
 
 def toolbox() -> Any:
-    """The module `mujoco.sysid`; ImportError says what to install where it is empty."""
+    """Return the module `mujoco.sysid`; ImportError says what to install where it is empty."""
     library()
     # By its name only: the types that this part of MuJoCo has would hide the rest from mypy.
     sysid = importlib.import_module("mujoco.sysid")
@@ -58,7 +58,7 @@ def toolbox() -> Any:
 
 
 def _spec(arm: TwoLink, dt: float) -> Any:
-    """Two hinges with motors and sensors; masses and damping are set at each compilation."""
+    """Return two hinges with motors and sensors; masses and damping are set at each compilation."""
     l1, l2 = arm.lengths
     deviation = " ".join(
         f'{f}="disable"' for f in (*ALWAYS_OFF, *CONTACT_OFF) if f not in ("actuation", "sensor")
@@ -81,7 +81,7 @@ def _spec(arm: TwoLink, dt: float) -> Any:
 def prepared(
     arm: TwoLink, log: Log, start: Mapping[str, float], *, observe: str = "state", threads: int = 1
 ) -> Callable[[], Fitted]:
-    """A function that fits the five numbers of `BASE` to a log of angles, from rest at 0.
+    """Return a function that fits the five numbers of `BASE` to a log of angles, from rest at 0.
 
     MuJoCo moves what keeps every model on the way a real one: a first link's inertia, mass and
     inertia of the second, both dampings. `BASE` is linear in them.

@@ -79,7 +79,10 @@ PLAIN = Hidden(
 
 
 def _history(seconds: float, step: float) -> str:
-    """Attributes of a delay of whole steps; a quarter of one less, as rounding may add one."""
+    """Return attributes of a delay of whole steps.
+
+    A quarter of one less, as rounding may add one.
+    """
     n = round(seconds / step)
     return f'delay="{(n - 0.25) * step:.17g}" nsample="{n + 1}"' if n else ""
 
@@ -144,7 +147,7 @@ class Twin:
         integrator: str = "implicitfast",
         threads: int = 2,
     ) -> None:
-        """The arm; step [s] has to divide the control loop's."""
+        """Create the arm; step [s] has to divide the control loop's."""
         mujoco = library()
         self._hidden = Hidden() if hidden is None else hidden
         self.substeps = count("DT / step", round(DT / positive("step", step)), 1)
@@ -162,7 +165,7 @@ class Twin:
     def run(
         self, law: Law, start: ArrayLike, samples: int, seed: int = 0
     ) -> tuple[Array, Array, Array]:
-        """Arms at rest under a law, one command a sample.
+        """Return arms at rest under a law, one command a sample.
 
         Args:
             law: (sample, measured angles (2, N)) -> torques (2, N) [rad, N m].
@@ -212,7 +215,10 @@ class Twin:
         return angles, measured, sent
 
     def rollouts(self, gains: ArrayLike, tasks: Tasks) -> Outcome:
-        """What `course.sim_to_real.rollouts` asks of its arms, with one set of gains (6,)."""
+        """Return what `course.sim_to_real.rollouts` asks of its arms.
+
+        With one set of gains (6,).
+        """
         numbers = vector("gains", gains, (6,), low=0.0).reshape(2, 3).tolist()
         N, T = tasks.size, round(SECONDS / DT)
         laws = [
@@ -231,7 +237,7 @@ class Twin:
         return judged(angles, tasks)
 
     def log(self, torques: ArrayLike, start: ArrayLike, seed: int = 0) -> Log:
-        """What one arm leaves that is driven by torques (T, 2) from rest at angles (2,)."""
+        """Return what one arm leaves that is driven by torques (T, 2) from rest at angles (2,)."""
         plan = vector("torques", torques, (None, 2), unit="N m")
         first = vector("start", start, (2,), unit="rad")[:, None]
         _, observed, sent = self.run(lambda k, _: plan[k][:, None], first, len(plan), seed)
@@ -240,7 +246,7 @@ class Twin:
 
 
 def judged(angles: ArrayLike, tasks: Tasks) -> Outcome:
-    """The outcome of motions (2, N, T + 1) by the rules of `plants.rollouts`."""
+    """Return the outcome of motions (2, N, T + 1) by the rules of `plants.rollouts`."""
     q = np.asarray(angles)
     far = np.hypot(*(tip(q) - tasks.goal[:, :, None]))
     near, last = far <= RADIUS, round(HOLD / DT) + 1

@@ -33,7 +33,7 @@ class Probe:
         substeps: int = 1,
         integrator: str = "implicitfast",
     ) -> None:
-        """A probe at rest where it just touches.
+        """Create a probe at rest where it just touches.
 
         Args:
             mass, damping: of the arm [kg, N s/m].

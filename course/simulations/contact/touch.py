@@ -49,7 +49,7 @@ STATE = Record(
 
 @register_jitable
 def touch(controls, x, y):
-    """Signed distance of the shapes, and the unit normal from what stands to what moves."""
+    """Return signed distance of the shapes, and the unit normal from what stands to what moves."""
     a, b = FIXED[controls["fixed"]], MOVING[controls["moving"]]
     here = PLACE[controls["fixed"]]
     px, py = x - here[0], y - here[1]
@@ -111,14 +111,17 @@ def remember(controls, state):
 
 
 def initial(controls, state):
-    """Both bodies at the start."""
+    """Set up both bodies at the start."""
     for k in range(2):
         state["bodies"][k] = controls["start"]
     remember(controls, state)
 
 
 def advance(state, controls, seconds):
-    """As many whole steps as fit into the time, of both bodies; the rest is owed."""
+    """Advance the simulation: as many whole steps as fit into the time, of both bodies.
+
+    The rest is owed.
+    """
     dt = 1e-3 * controls["timestep"]
     for _ in range(whole_steps(state, seconds, dt)):
         for k in range(2):
@@ -156,7 +159,10 @@ _INKS, _SKINS = (draw.BLUE, draw.ORANGE), (_PALE, _SAND)
 
 @register_jitable
 def mode(controls, missing, force):
-    """Which word says what the contact does: apart, sticks, slips, pulls, or the body is gone."""
+    """Return which word says what the contact does.
+
+    Apart, sticks, slips, pulls, or the body is gone.
+    """
     if missing != 0.0:
         return 4
     if force[0] < 0.0:
@@ -168,7 +174,7 @@ def mode(controls, missing, force):
 
 @register_jitable
 def _shape(pen, half, x, y, fill, edge, alpha):
-    """A box or a circle."""
+    """Draw a box or a circle."""
     if half[2] > 0.0:
         draw.spot(pen, x, y, half[2], fill, edge, 2.0, alpha)
     else:
@@ -212,7 +218,7 @@ def _scene(pen, state, controls):
 
 @register_jitable
 def _charts(pen, state, controls):
-    """Gaps over time; the forces beside their cone."""
+    """Draw gaps over time; the forces beside their cone."""
     end, past = state["samples"], state["past"]
     first = int(np.searchsorted(past[0, :end], past[0, end - 1] - _WINDOW))
     shown = past[:, first:end]
@@ -237,14 +243,14 @@ def _charts(pen, state, controls):
 
 @register_jitable
 def _both(pen, name, a, b, form, unit):
-    """A reading of both models."""
+    """Draw a reading of both models."""
     draw.readout(pen, name)
     draw.number(pen, a, form, _COMMA)
     draw.number(pen, b, form, unit)
 
 
 def frame(pen, state, controls):
-    """The scene, gaps and forces; numbers of the penalty, then of the constraint."""
+    """Draw the scene, gaps and forces; numbers of the penalty, then of the constraint."""
     _scene(pen, state, controls)
     _charts(pen, state, controls)
     bodies, force = state["bodies"], state["force"]
@@ -264,14 +270,14 @@ def frame(pen, state, controls):
 
 
 def drag(controls, state, x, y):
-    """The hand is where the pointer is."""
+    """Handle a drag: the hand is where the pointer is."""
     to = draw.values_at(_SCENE, _VIEW, x, y)
     for axis in range(2):
         controls["hand"][axis] = min(max(to[axis], -_REACH), _REACH)
 
 
 def press(controls, state, key):
-    """An arrow key moves the hand by 2 cm."""
+    """Handle a key: an arrow key moves the hand by 2 cm."""
     if key < 4:
         direction = 0.02 if key in (1, 2) else -0.02
         axis = 0 if key < 2 else 1

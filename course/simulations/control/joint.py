@@ -44,7 +44,10 @@ STATE = Record(
 
 
 def judged(kp, ki, kd, dt, delay, target, q):
-    """Overshoot, settling [s], error [rad]; growth; gain, phase [rad] and delay margin [s]."""
+    """Return overshoot, settling [s], error [rad]; growth.
+
+    Gain, phase [rad] and delay margin [s].
+    """
     first, whole = math.ceil(STEP / dt), math.floor(delay / dt + 1e-9)
     times = dt * np.arange(q.size - first)
     observed = chapter._metrics(times, q[first:], target, chapter.BAND, chapter.REST)
@@ -64,7 +67,7 @@ _judged = loop(judged, VECTOR(*6 * (numba.float64,), VECTOR))
 
 @register_jitable
 def numbers_of(controls):
-    """The gains as the chapter's loop takes them: `course.control.Gains.numbers`."""
+    """Return the gains as the chapter's loop takes them: `course.control.Gains.numbers`."""
     limit, top = controls["limit"], math.inf
     return np.array(
         [
@@ -86,7 +89,7 @@ def numbers_of(controls):
 
 
 def initial(controls, state):
-    """The whole run, and what it and its loop's matrix say."""
+    """Compute the whole run, and what it and its loop's matrix say."""
     dt, late, target = 1e-3 * controls["dt"], 1e-3 * controls["delay"], controls["target"]
     n, dry = round(SECONDS / dt), controls["friction"]
     times = dt * np.arange(n)
@@ -110,7 +113,7 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """The arm goes on along its run, to the end of it."""
+    """Advance the simulation: the arm goes on along its run, to the end of it."""
     state["time"] = min(state["time"] + seconds, SECONDS)
 
 
@@ -129,13 +132,13 @@ _VIEW = (-1.25, 1.25, -1.3, 1.8034)
 
 @register_jitable
 def _margin(pen, name, value, growth, form, unit):
-    """A margin; none of an unstable loop, and no limit where it is infinite."""
+    """Draw a margin; none of an unstable loop, and no limit where it is infinite."""
     instead = _NONE if growth > sampled.STABLE else (_ANY if value <= 0.0 else 0)
     draw.reading(pen, name, value, form, unit, instead)
 
 
 def frame(pen, state, controls):
-    """The arm now, angle and torque over the whole run; numbers of the run and of the loop."""
+    """Draw the arm now, angle and torque over the whole run; numbers of the run and of the loop."""
     dt, n, target = 1e-3 * controls["dt"], state["samples"], controls["target"]
     at = min(int(state["time"] / dt + 1e-9), n)
     run, report = state["run"], state["report"]
@@ -170,7 +173,7 @@ def frame(pen, state, controls):
 
 
 def drag(controls, state, x, y):
-    """The target is where the pointer is, as the joint sees it."""
+    """Handle a drag: the target is where the pointer is, as the joint sees it."""
     to = draw.values_at(_SCENE, _VIEW, x, y)
     controls["target"] = min(max(math.atan2(to[1], to[0]), -2.0), 2.0)
     if abs(controls["target"]) < 0.05:

@@ -38,7 +38,7 @@ STATE = Record(
 
 
 def growth(law, wall, delay):
-    """Growth per sample of a law (7,) while the probe touches."""
+    """Return growth per sample of a law (7,) while the probe touches."""
     whole = math.floor(delay / DT + 1e-9)
     plant = chapter.held_mass(MASS, FRICTION, wall, DT, max(0.0, delay - whole * DT))
     linear = chapter._linear(law, wall, 0.0, DT)
@@ -50,7 +50,7 @@ _growth = loop(growth, numba.float64(VECTOR, numba.float64, numba.float64))
 
 @register_jitable
 def law_of(controls):
-    """The law as the chapter's loop takes it: `course.control.TouchLaw.numbers`."""
+    """Return the law as the chapter's loop takes it: `course.control.TouchLaw.numbers`."""
     K, B = controls["stiffness"], controls["damping"]
     if controls["controller"] == IMPEDANCE:
         return np.array([K, B, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -61,7 +61,7 @@ def law_of(controls):
 
 @register_jitable
 def expected(controls):
-    """The steady force: two springs in series, or what is asked for."""
+    """Return the steady force: two springs in series, or what is asked for."""
     if controls["controller"] == PRESSES:
         return FORCE
     K, wall = controls["stiffness"], 10.0 ** controls["wall"]
@@ -69,7 +69,10 @@ def expected(controls):
 
 
 def initial(controls, state):
-    """The whole run: the set-point goes to its place; a force law begins where it touches."""
+    """Compute the whole run: the set-point goes to its place.
+
+    A force law begins where it touches.
+    """
     law, wall, late = law_of(controls), 10.0 ** controls["wall"], 1e-3 * controls["delay"]
     start = np.zeros(2)
     if controls["controller"] != PRESSES:
@@ -90,7 +93,7 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """The probe goes on along its run, to the end of it."""
+    """Advance the simulation: the probe goes on along its run, to the end of it."""
     state["time"] = min(state["time"] + seconds, DT * state["samples"])
 
 
@@ -151,7 +154,7 @@ def frame(pen, state, controls):
 
 
 def drag(controls, state, x, y):
-    """The set-point is where the pointer is."""
+    """Handle a drag: the set-point is where the pointer is."""
     to, _ = draw.values_at(_SCENE, _VIEW, x, y)
     controls["aim"] = min(max(1e-3 * to, -FAR), 0.04)
 

@@ -45,7 +45,10 @@ STATE = Record(
 
 @register_jitable
 def jacobian(q):
-    """Where elbow and tip are, (2,) each [m]; rows x, y and angle of the Jacobian, (3, 2)."""
+    """Return where elbow and tip are, (2,) each [m].
+
+    Rows x, y and angle of the Jacobian, (3, 2).
+    """
     pose, whole = np.empty((3, 7)), np.zeros((6, 2, 1))
     place(_TABLE, q.reshape(2, 1), 0, pose)
     columns(_TABLE, pose, 2, (pose[2, 0], pose[2, 1], pose[2, 2]), whole, 0)
@@ -56,7 +59,10 @@ def jacobian(q):
 
 @register_jitable
 def singular(rows):
-    """Directions of the tip, (m, m), and singular values, (m,), of rows (m, n); largest first."""
+    """Return directions of the tip, (m, m), and singular values, (m,), of rows (m, n).
+
+    Largest first.
+    """
     m = rows.shape[0]
     moved, U = np.empty(rows.shape), np.empty((m, m))
     decompose(rows, moved, U)
@@ -67,7 +73,7 @@ def singular(rows):
 
 @register_jitable
 def gains(J, e, method, damping, s):
-    """What a step makes of an error along singular directions s, (k,) [rad/m].
+    """Return what a step makes of an error along singular directions s, (k,) [rad/m].
 
     The transpose takes each s times a length that belongs to this posture and this error.
     """
@@ -83,8 +89,10 @@ def gains(J, e, method, damping, s):
 
 @register_jitable
 def aim(controls, tip):
-    """The error that one step works on, (2,), and the whole one's length [m]: a far target is
-    aimed at in pieces, as the Jacobian holds near the posture only."""
+    """Return the error that one step works on, (2,), and the whole one's length [m].
+
+    A far target is aimed at in pieces, as the Jacobian holds near the posture only.
+    """
     e = controls["target"] - tip
     size = math.hypot(e[0], e[1])
     return (e * (_AIM / size) if size > _AIM else e), size
@@ -92,7 +100,7 @@ def aim(controls, tip):
 
 @register_jitable
 def damping_of(controls, state):
-    """Lambda of the next step: Levenberg and Marquardt have their own."""
+    """Return lambda of the next step: Levenberg and Marquardt have their own."""
     return state["lam"] if controls["method"] == MARQUARDT else controls["damping"]
 
 
@@ -139,14 +147,14 @@ def _remember(controls, state):
 
 
 def initial(controls, state):
-    """The arm at its start."""
+    """Set up the arm at its start."""
     state["q"][:] = controls["start"]
     state["lam"] = controls["damping"]
     _remember(controls, state)
 
 
 def advance(state, controls, seconds):
-    """As many whole steps as fit; the rest is owed."""
+    """Advance the simulation: as many whole steps as fit; the rest is owed."""
     count = math.floor((state["owed"] + seconds) / _PACE + 1e-9)
     state["owed"] = max(state["owed"] + seconds - count * _PACE, 0.0)
     for _ in range(count):
@@ -191,14 +199,14 @@ _TOP, _SPAN = 12.0, 2.0  # of the gains [rad/m] and of the singular values shown
 
 
 def drag(controls, state, x, y):
-    """The target is where the pointer is, or at the edge of the scene."""
+    """Handle a drag: the target is where the pointer is, or at the edge of the scene."""
     result = draw.values_at(_SCENE, _VIEW, x, y)
     for k in range(2):
         controls["target"][k] = min(max(result[k], -_HALF), _HALF)
 
 
 def press(controls, state, key):
-    """An arrow key moves the target by 5 cm."""
+    """Handle a key: an arrow key moves the target by 5 cm."""
     if key < 4:
         target = controls["target"]
         target[0] += 0.05 * ((key == 1) - (key == 0))
@@ -258,7 +266,7 @@ def _scene(pen, state, controls, tip, elbow, U, s):
 
 @register_jitable
 def _charts(pen, state, controls, J, e, s):
-    """The gain over singular values, and the error over time."""
+    """Draw the gain over singular values, and the error over time."""
     damping, method = damping_of(controls, state), controls["method"]
     method = DAMPED if method == MARQUARDT else method
     draw.area(pen, _CURVE, (0.0, _SPAN, 0.0, _TOP))
@@ -281,7 +289,7 @@ def _charts(pen, state, controls, J, e, s):
 
 
 def frame(pen, state, controls):
-    """The arm, its ellipse and glow, the exact answers; gains and error; numbers."""
+    """Draw the arm, its ellipse and glow, the exact answers; gains and error; numbers."""
     elbow, tip, rows = jacobian(state["q"])
     U, s = singular(rows[:2])
     e, error = aim(controls, tip)

@@ -43,7 +43,7 @@ STATE = Record(
 
 @register_jitable
 def posed(q):
-    """Poses of all joints and of the tip, (8, 7), and the tip's Jacobian, (6, 7)."""
+    """Return poses of all joints and of the tip, (8, 7), and the tip's Jacobian, (6, 7)."""
     pose, J = np.empty((8, 7)), np.zeros((6, 7, 1))
     place(_TABLE, q.reshape(7, 1), 0, pose)
     columns(_TABLE, pose, 7, (pose[7, 0], pose[7, 1], pose[7, 2]), J, 0)
@@ -52,7 +52,7 @@ def posed(q):
 
 @register_jitable
 def error_of(pose, goal):
-    """Twist from the tip to its goal, (6,) [m, rad]."""
+    """Return twist from the tip to its goal, (6,) [m, rad]."""
     away = np.empty(6)
     away[:3] = goal[:3] - pose[7, :3]
     away[3:] = log(product(goal[3:], conjugate(pose[7, 3:])))
@@ -61,7 +61,7 @@ def error_of(pose, goal):
 
 @register_jitable
 def still(J, last):
-    """The joint rates of length one that leave the tip still, (7,), on the side of the last."""
+    """Return the joint rates of length one that leave the tip still, (7,), on the side of the last."""
     moving, U, direction = np.empty((6, 7)), np.empty((6, 6)), last.copy()
     decompose(J, moving, U)
     for _ in range(2):  # once more for the digits that the first time cancels
@@ -81,7 +81,7 @@ def _remember(state, pose):
 
 
 def initial(controls, state):
-    """The arm at its start, which is where its tip shall stay."""
+    """Set up the arm at its start, which is where its tip shall stay."""
     state["q"][:] = _START
     pose, J = posed(_START)
     state["goal"][:] = pose[7]
@@ -90,7 +90,10 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """As many whole steps as fit; at the end of the swing, and at a limit, it turns round."""
+    """Advance the simulation: as many whole steps as fit.
+
+    At the end of the swing, and at a limit, it turns round.
+    """
     h, q = controls["h"], state["q"]
     count = math.floor((state["owed"] + seconds) * _PACE / h + 1e-9)
     state["owed"] = max(state["owed"] + seconds - count * h / _PACE, 0.0)
@@ -144,7 +147,7 @@ _SQUARE = np.array([[-0.5, 0.8, 0.8, -0.5], [-0.6, -0.6, 0.6, 0.6], [0.0] * 4])
 
 
 def frame(pen, state, controls):
-    """The arm, the way of its elbow and the place of its tip; the error over time; numbers."""
+    """Draw the arm, the way of its elbow and the place of its tip; the error over time; numbers."""
     pose, J = posed(state["q"])
     past = state["past"][:, : state["samples"]]
     middle = _CENTRE.reshape(3, 1)

@@ -14,7 +14,7 @@ __all__ = ["MODEL", "simulation"]
 
 
 def simulation(name: str = "point") -> "Panel":
-    """A simulation of this chapter as a widget for a notebook; it starts paused.
+    """Return a simulation of this chapter as a widget for a notebook; it starts paused.
 
     Args:
         name: the module that has it: point or two_ways.

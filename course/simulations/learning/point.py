@@ -64,7 +64,10 @@ STATE = Record(
 
 
 def judged(policy, envs):
-    """One episode each, and the way that each point went as its goal sees it, (2, n, steps + 1)."""
+    """Return one episode each.
+
+    And the way that each point went as its goal sees it, (2, n, steps + 1).
+    """
     observed = []
 
     def act(observations):
@@ -82,7 +85,10 @@ def judged(policy, envs):
 
 @lru_cache(maxsize=128)
 def learned(rate, epochs, seed, reward, left_out, first):
-    """All iterations: what is told, the best return, ways, steps and successes of those shown."""
+    """Return all iterations.
+
+    What is told, the best return, ways, steps and successes of those shown.
+    """
     settings = Settings(
         horizon=HORIZON,
         minibatches=PARTS,
@@ -155,7 +161,7 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """The run is shown again and again."""
+    """Advance the simulation: the run is shown again and again."""
     state["time"] = (state["time"] + seconds) % (ITERATIONS * PICTURE + PAUSE)
 
 
@@ -189,7 +195,7 @@ _UPPER, _LOWER = (5.35, 8.85, 3.05, 4.6), (5.35, 8.85, 0.55, 2.1)
 
 
 def frame(pen, state, controls):
-    """Ways of this iteration's policy; success and return of all iterations up to it."""
+    """Draw ways of this iteration's policy; success and return of all iterations up to it."""
     report, now = state["report"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
     phase = min(1.4 * max(state["time"] / PICTURE - now, 0.0), 1.0)
     reach = 1.2 * NEAR if controls["reward"] == HOVER else 2.1
@@ -254,7 +260,10 @@ def frame(pen, state, controls):
 
 
 def drag(controls, state, x, y):
-    """The pointer chooses the iteration, along either chart; its ways are shown to their ends."""
+    """Handle a drag: the pointer chooses the iteration, along either chart.
+
+    Its ways are shown to their ends.
+    """
     now = (x - _UPPER[0]) / (_UPPER[1] - _UPPER[0]) * ITERATIONS - 1.0
     state["time"] = (min(max(round(now), 0.0), ITERATIONS - 1.0) + 0.9) * PICTURE
 

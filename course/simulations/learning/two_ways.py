@@ -38,13 +38,13 @@ STATE = Record(
 
 @lru_cache(maxsize=8)
 def policy(head):
-    """The policy on record, by its number in the menu."""
+    """Return the policy on record, by its number in the menu."""
     return recorded(tuple(HEADS)[head])
 
 
 @lru_cache(maxsize=64)
 def driven(head, executed, noise, sampled):
-    """Ways (RUNS, steps + 1, 2), which side each passed, and the band of the successes."""
+    """Return ways (RUNS, steps + 1, 2), which side each passed, and the band of the successes."""
     task, rng = TwoWays(noise=noise), np.random.default_rng(SEED + 5)
     with one_thread():
         made = policy(head)
@@ -57,7 +57,7 @@ def driven(head, executed, noise, sampled):
 
 @lru_cache(maxsize=1)
 def demonstrated():
-    """What was cloned, (RUNS, steps + 1, 2)."""
+    """Return what was cloned, (RUNS, steps + 1, 2)."""
     return TASK.demonstrate(DEMONSTRATIONS, SEED).states
 
 
@@ -77,7 +77,7 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """The runs are shown again and again."""
+    """Advance the simulation: the runs are shown again and again."""
     state["time"] = (state["time"] + seconds) % (_LENGTH * PICTURE + PAUSE)
 
 
@@ -100,7 +100,7 @@ _SCENE, _VIEW = (0.1, 8.9, 0.5, 4.6), (-0.3, 1.5, -0.42, 0.42)
 
 
 def frame(pen, state, controls):
-    """All runs up to this step over the demonstrations; how many passed, and on which side."""
+    """Draw all runs up to this step over the demonstrations; how many passed, and on which side."""
     now = int(min(state["time"] / PICTURE + 1e-9, 1.0 * _LENGTH))
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)

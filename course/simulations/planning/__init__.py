@@ -12,7 +12,7 @@ __all__ = ["MODEL", "simulation"]
 
 
 def simulation(preset: str = "Among obstacles") -> "Panel":
-    """The simulation of this chapter as a widget for a notebook; it starts paused.
+    """Return the simulation of this chapter as a widget for a notebook; it starts paused.
 
     Args:
         preset: what it begins with, one of its presets.

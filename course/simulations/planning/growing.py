@@ -63,13 +63,16 @@ STATE = Record(
 
 @register_jitable
 def state_free(rows, body, q):
-    """Whether a point touches nothing."""
+    """Return whether a point touches nothing."""
     return segment_free(rows, q[0], q[1], q[0], q[1])
 
 
 @register_jitable
 def edge_free(rows, body, a, b):
-    """Whether an edge is called free: exactly, or at points body[0, 0] apart and at its ends."""
+    """Return whether an edge is called free.
+
+    Exactly, or at points body[0, 0] apart and at its ends.
+    """
     if body[0, 0] == 0.0:
         return segment_free(rows, a[0], a[1], b[0], b[1])
     pieces = max(1, math.ceil(math.sqrt(squared(a, b)) / body[0, 0]))
@@ -81,7 +84,7 @@ def edge_free(rows, body, a, b):
 
 @register_jitable
 def initial(controls, state):
-    """The obstacles, and the roots of what will grow."""
+    """Set up the obstacles, and the roots of what will grow."""
     rows, counts, count = state["rows"], state["counts"], 0
     for p in controls["pieces"]:
         for i in range(4 * (p[2] > 0.0)):  # corner i and the next one, against the clock
@@ -129,7 +132,7 @@ def _up(state, side, node):
 
 @register_jitable
 def _route(state, rows, body):
-    """The last node of the shortest way through the roadmap; parents lead back from it."""
+    """Return the last node of the shortest way through the roadmap; parents lead back from it."""
     count, edges = state["counts"][roadmaps.NODES], state["counts"][roadmaps.EDGES]
     pairs, nodes = state["pairs"][:edges], state["nodes"][0, :count]
     ends = np.concatenate((pairs[:, 0], pairs[:, 1]))
@@ -246,7 +249,7 @@ def shorten(controls, state):
 
 
 def advance(state, controls, seconds):
-    """As many whole samples as fit into the time; the rest is owed."""
+    """Advance the simulation: as many whole samples as fit into the time; the rest is owed."""
     due = state["owed"] + seconds * controls["rate"]
     count = math.floor(due + 1e-9)
     state["owed"] = max(due - count, 0.0)
@@ -276,7 +279,7 @@ _CORNER = (0.1, 0.06)  # of the buttons
 
 @register_jitable
 def _grown(pen, state, controls):
-    """The edges of the trees or of the roadmap; how many nodes there are."""
+    """Return the edges of the trees or of the roadmap; how many nodes there are."""
     counts = state["counts"]
     if controls["method"] == PRM:
         edges, nodes = counts[roadmaps.EDGES], state["nodes"][0]
@@ -291,7 +294,7 @@ def _grown(pen, state, controls):
 
 
 def frame(pen, state, controls):
-    """The obstacles, what has grown, the path, what is wrong with it; buttons and numbers."""
+    """Draw the obstacles, what has grown, the path, what is wrong with it; buttons and numbers."""
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, 0.0, LONG, 0.0, HIGH, _PALE, draw.GREY)
     for k in range(PIECES):
@@ -326,7 +329,10 @@ def frame(pen, state, controls):
 
 
 def grab(controls, state, x, y):
-    """A button acts; start, goal, an obstacle or its rim is in hand; elsewhere one begins."""
+    """Handle a press of the pointer: a button acts; start, goal, an obstacle or its rim is in hand.
+
+    Elsewhere one begins.
+    """
     state["held"], pieces, vacant = 0, controls["pieces"], -1
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
     button = draw.button_at(*_CORNER, 4, x, y)
@@ -373,7 +379,7 @@ def _put(controls, state, held, u, v):
 
 
 def drag(controls, state, x, y):
-    """What is in hand follows the pointer."""
+    """Handle a drag: what is in hand follows the pointer."""
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
     if state["held"] > 0:
         _put(controls, state, state["held"], u + state["grip"][0], v + state["grip"][1])
@@ -382,8 +388,10 @@ def drag(controls, state, x, y):
 
 
 def press(controls, state, key):
-    """Arrows move what is chosen by 0.1 m. + and - change an obstacle's size; with start or goal
-    chosen + draws a sample and - tries shortcuts."""
+    """Handle a key: arrows move what is chosen by 0.1 m. + and - change an obstacle's size.
+
+    With start or goal chosen + draws a sample and - tries shortcuts.
+    """
     k, more = controls["piece"], 0.1 if key == 4 else -0.1
     p = controls["pieces"][max(k - 2, 0)]
     if key < 4:
@@ -402,7 +410,7 @@ def press(controls, state, key):
 
 
 def _placed(*pieces):
-    """The obstacles' field."""
+    """Return the obstacles' field."""
     return np.array([*pieces, *[(0.0,) * 4] * (PIECES - len(pieces))])
 
 

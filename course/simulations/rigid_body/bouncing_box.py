@@ -66,7 +66,7 @@ STATE = Record(
 
 @register_jitable
 def energies(box, gravity):
-    """Kinetic, potential and total energy [J] of states (6,) or (6, M)."""
+    """Return kinetic, potential and total energy [J] of states (6,) or (6, M)."""
     kinetic = 0.5 * MASS * (box[3] ** 2 + box[4] ** 2) + 0.5 * _INERTIA * box[5] ** 2
     potential = MASS * gravity * box[1]
     return kinetic, potential, kinetic + potential
@@ -74,7 +74,7 @@ def energies(box, gravity):
 
 @register_jitable
 def _reach(angle):
-    """How far the box reaches below its centre [m]."""
+    """Return how far the box reaches below its centre [m]."""
     return 0.5 * (WIDTH * abs(math.sin(angle)) + HEIGHT * abs(math.cos(angle)))
 
 
@@ -137,7 +137,7 @@ def _trace(path, start, controls, how):
 
 
 def initial(controls, state):
-    """The box at its start, but not in the ground, and the motion ahead of it."""
+    """Set up the box at its start, but not in the ground, and the motion ahead of it."""
     box = state["box"]
     box[:, 0] = controls["start"]
     box[1, 0] = max(box[1, 0], _reach(box[2, 0]))
@@ -152,7 +152,7 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """As many whole steps as fit into the time; the rest is owed."""
+    """Advance the simulation: as many whole steps as fit into the time; the rest is owed."""
     gravity, how = controls["gravity"], _method(controls)
     dt, coefficient, resolve, _ = how
     box, history = state["box"], state["history"]
@@ -201,7 +201,7 @@ _METRES = 0.8  # per unit of the window, before zooming out
 
 @register_jitable
 def scene(state):
-    """What the scene shows [m]: zooms out in powers of two, follows the box sideways."""
+    """Return what the scene shows [m]: zooms out in powers of two, follows the box sideways."""
     wide, high = _METRES * (_SCENE[1] - _SCENE[0]), _METRES * (_SCENE[3] - _SCENE[2])
     top = max(state["peak"], state["path"][2, : state["path_points"]].max()) + _RADIUS
     zoom = 2.0 ** max(0.0, math.ceil(math.log2(top / (high - 0.25))))
@@ -213,7 +213,7 @@ def scene(state):
 
 @register_jitable
 def _corners(pen, x, y, angle):
-    """The corners of the box; the middle of its right side."""
+    """Return the corners of the box; the middle of its right side."""
     c, s = 0.5 * math.cos(angle), 0.5 * math.sin(angle)
     for a, b in ((-WIDTH, -HEIGHT), (WIDTH, -HEIGHT), (WIDTH, HEIGHT), (-WIDTH, HEIGHT)):
         draw.point(pen, x + c * a - s * b, y + s * a + c * b)
@@ -222,7 +222,7 @@ def _corners(pen, x, y, angle):
 
 @register_jitable
 def _world(pen, state, controls):
-    """The box, its path and the ground."""
+    """Draw the box, its path and the ground."""
     left, right, bottom, top = scene(state)
     path, n = state["path"], state["path_points"]
     good, m = state["good"], state["good_points"]
@@ -268,7 +268,7 @@ def _world(pen, state, controls):
 
 @register_jitable
 def _energies(pen, state, controls, first):
-    """The energies now as bars, and over time from the sample `first` on."""
+    """Draw the energies now as bars, and over time from the sample `first` on."""
     past, end = state["history"], state["samples"]
     path, n = state["path"], state["path_points"]
     start = state["energy"]
@@ -299,7 +299,7 @@ _COLOURS = (draw.RED, draw.BLUE, draw.GREEN)
 
 
 def frame(pen, state, controls):
-    """The box in its world, its energy as bars and over time; the numbers."""
+    """Draw the box in its world, its energy as bars and over time; the numbers."""
     past, end = state["history"], state["samples"]
     _world(pen, state, controls)
     first = np.searchsorted(past[0, :end], past[0, end - 1] - _MEMORY - 1e-9)

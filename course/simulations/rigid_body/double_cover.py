@@ -22,7 +22,7 @@ STATE = Record(turned=Field(0.0, unit="rad"))
 
 
 def initial(controls, state):
-    """Nothing is turned yet: q = (1, 0, 0, 0)."""
+    """Set up nothing is turned yet: q = (1, 0, 0, 0)."""
     state["turned"] = 0.0
 
 
@@ -48,7 +48,7 @@ _SCENE, _PANEL, _ROUND = (0.1, 5.4, 0.1, 4.6), (6.35, 8.8, 2.75, 4.5), (6.85, 8.
 
 
 def frame(pen, state, controls):
-    """The body and the path of its corner; the four components as bars and on their circle."""
+    """Draw the body and the path of its corner; the four components as bars and on their circle."""
     turned, q = state["turned"], exp(state["turned"] * AXIS)
     target = math.radians(controls["goal"]) - 2.0 * math.pi * controls["path"]
     end, zero, corner = exp(target * AXIS), np.zeros(3), np.array([0.75, 0.45, 0.15])

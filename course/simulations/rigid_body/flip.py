@@ -35,12 +35,12 @@ STATE = Record(
 
 @register_jitable
 def rate_in_theory(spin):
-    """At which a small disturbance of a spin about the middle axis grows [1/s]."""
+    """Return at which a small disturbance of a spin about the middle axis grows [1/s]."""
     return spin * math.sqrt((I2 - I1) * (I3 - I2) / (I1 * I3))
 
 
 def initial(controls, state):
-    """Spinning about an axis, with a push about another one."""
+    """Set up spinning about an axis, with a push about another one."""
     omega = np.zeros(3)
     omega[2 if controls["axis"] == 0 else 0] = 10.0 ** controls["push"]
     omega[controls["axis"]] = 1.0
@@ -74,7 +74,7 @@ _SCENE, _STRIP, _LOG = (0.1, 5.3, 0.1, 4.6), (6.35, 8.8, 3.25, 4.5), (6.35, 8.8,
 
 
 def frame(pen, state, controls):
-    """The body, its rates, its disturbance; numbers."""
+    """Draw the body, its rates, its disturbance; numbers."""
     q, spin, zero = state["q"], controls["spin"], np.zeros(3)
     past, unit = turning.recent(state), 0.9 / spin  # ω ends below the tip of L
     eye = space.camera_view(pen, _SCENE, controls, 1.5)

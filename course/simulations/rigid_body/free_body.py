@@ -27,7 +27,7 @@ STATE = Record(**turning.TURNING)
 
 
 def initial(controls, state):
-    """Turning about an axis between the third and the first."""
+    """Set up turning about an axis between the third and the first."""
     tilt = math.radians(controls["tilt"])
     omega = controls["spin"] * np.array([math.sin(tilt), 0.0, math.cos(tilt)])
     turning.start(state, MOMENTS[controls["body"]], omega)
@@ -59,7 +59,7 @@ _INKS = (draw.INK, draw.RED, draw.GREEN, _VIOLET, draw.GREY)
 
 @register_jitable
 def _fan(pen, eye, path, ink):
-    """A cone from the origin along a path (3, N)."""
+    """Draw a cone from the origin along a path (3, N)."""
     cone = np.zeros((3, path.shape[1] + 1))
     cone[:, 1:] = path
     space.sheet(pen, eye, cone, ink, draw.NONE, 1.0, 0.13)
@@ -67,7 +67,7 @@ def _fan(pen, eye, path, ink):
 
 
 def frame(pen, state, controls):
-    """The body, both vectors and both cones; rates and numbers."""
+    """Draw the body, both vectors and both cones; rates and numbers."""
     q, omega, moments = state["q"], state["omega"], MOMENTS[controls["body"]]
     sides, past = SIDES[controls["body"]], turning.recent(state)
     momentum, spin = rotate(q, moments * omega), rotate(q, omega)

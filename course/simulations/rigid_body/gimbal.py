@@ -32,7 +32,7 @@ def advance(state, controls, seconds):
 
 @register_jitable
 def angles(state, controls):
-    """Yaw, pitch and roll now [rad], (3,); the ring that is being wiggled, or -1."""
+    """Return yaw, pitch and roll now [rad], (3,); the ring that is being wiggled, or -1."""
     now = np.radians(np.array([controls["yaw"], controls["pitch"], controls["roll"]]))
     ring = int(state["time"] / 2.0) % 3 if state["time"] > 0.0 else -1
     if ring >= 0:
@@ -42,7 +42,10 @@ def angles(state, controls):
 
 @register_jitable
 def axes_of(yaw, pitch, roll):
-    """Axes of the outer, middle and inner ring, and the axis that they turn about worst, (4, 3)."""
+    """Return axes of the outer, middle and inner ring.
+
+    And the axis that they turn about worst, (4, 3).
+    """
     axes = np.zeros((4, 3))
     axes[0, 2], axes[1, 0], axes[1, 1] = 1.0, -math.sin(yaw), math.cos(yaw)
     axes[2] = rotate(from_euler_zyx(yaw, pitch, roll), np.array([1.0, 0.0, 0.0]))
@@ -73,7 +76,7 @@ _FILLS = np.repeat(_SHADES, [len(part[1]) for part in _PARTS])
 
 
 def frame(pen, state, controls):
-    """Rings, plate and axes; the singular value over the pitch, and numbers."""
+    """Draw rings, plate and axes; the singular value over the pitch, and numbers."""
     (yaw, pitch, roll), ring = angles(state, controls)
     axes, corners = axes_of(yaw, pitch, roll), np.empty(_CORNERS.shape)
     for k in range(4):

@@ -33,7 +33,10 @@ STATE = Record(
 
 
 def initial(controls, state):
-    """Released at 1; the step's matrix is where it takes (1, 0) and (0, 1), in time 1 / omega."""
+    """Set up released at 1.
+
+    The step's matrix is where it takes (1, 0) and (0, 1), in time 1 / omega.
+    """
     state["z"][0, 0] = state["past"][1, 0] = 1.0
     state["z"][0, 1:], state["z"][1, 1:] = 1.0 + 0.3 * _COSINE[1:], 0.3 * _SINE[1:]
     state["samples"] = 1
@@ -43,7 +46,10 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """As many whole steps as fit, unless all has left the picture by far."""
+    """Advance the simulation.
+
+    As many whole steps as fit, unless all has left the picture by far.
+    """
     h, past, m = controls["omega_h"] / OMEGA, state["past"], state["matrix"]
     for _ in range(whole_steps(state, seconds, h)):
         if np.max(np.abs(state["z"])) < 1e4:
@@ -65,13 +71,16 @@ _SCALE, _TIME = (5.5, 8.8, 2.2, 2.45), (5.5, 8.8, 0.55, 1.4)
 
 
 def drag(controls, state, x, y):
-    """The step is where the pointer is on its scale."""
+    """Handle a drag: the step is where the pointer is on its scale."""
     desired, _ = draw.values_at(_SCALE, (0.0, _LARGEST, 0.0, 1.0), x, y)
     controls["omega_h"] = min(max(desired, 0.05), _LARGEST)
 
 
 def frame(pen, state, controls):
-    """The spring, its states, the eigenvalues of a step, the step's scale, the motion; numbers."""
+    """Draw the spring, its states, the eigenvalues of a step, the step's scale, the motion.
+
+    Numbers.
+    """
     z, past, m = state["z"], state["past"][:, : state["samples"]], state["matrix"]
     a, b, c, d = m[0, 0], m[0, 1], m[1, 0], m[1, 1]
     values = 0.5 * (a + d) + np.array([0.5, -0.5]) * np.sqrt((a - d) ** 2 + 4.0 * b * c + 0j)

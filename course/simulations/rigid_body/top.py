@@ -28,12 +28,12 @@ STATE = Record(**turning.TURNING)
 
 @register_jitable
 def critical(i3):
-    """The spin above which the upright top stands (Goldstein, sec. 5.7) [rad/s]."""
+    """Return the spin above which the upright top stands (Goldstein, sec. 5.7) [rad/s]."""
     return 2.0 * math.sqrt(I1 * WEIGHT) / i3
 
 
 def initial(controls, state):
-    """Released with the axis at rest."""
+    """Set up released with the axis at rest."""
     state["q"][:] = exp(np.array([math.radians(controls["tilt"]), 0.0, 0.0]))
     state["omega"][2] = controls["spin"]
     turning.remember(state, 0.0)
@@ -62,7 +62,7 @@ _SCENE, _STRIP, _BAR = (0.1, 5.6, 0.1, 4.6), (6.35, 8.8, 2.55, 4.5), (6.35, 8.8,
 
 
 def frame(pen, state, controls):
-    """The top on its post, its vectors and the path of its axis; tilt, spin and numbers."""
+    """Draw the top on its post, its vectors and the path of its axis; tilt, spin and numbers."""
     q, omega, spin, past = state["q"], state["omega"], controls["spin"], turning.recent(state)
     i3, up = RATIOS[controls["moments"]] * I1, np.array([0.0, 0.0, 1.0])
     inertia, axis, time, path = np.array([I1, I1, i3]), rotate(q, up), past[0], past[7:10]

@@ -35,7 +35,7 @@ STATE = Record(
 
 @register_jitable
 def detects(before, now, controls):
-    """Whether a step finds the wall, whose front is at 0; of numbers or arrays."""
+    """Return whether a step finds the wall, whose front is at 0; of numbers or arrays."""
     first = before if controls["sweep"] != 0 else now
     return (now >= -RADIUS) & (first <= 1e-3 * controls["wall"] + RADIUS)
 
@@ -51,7 +51,10 @@ def shoot(controls, state, path):
 
 
 def initial(controls, state):
-    """The first shot; and of a thousand phases of the step, the share that finds the wall."""
+    """Set up the first shot.
+
+    And of a thousand phases of the step, the share that finds the wall.
+    """
     state["seed"][0] = controls["seed"]
     distance = 1e-3 * controls["timestep"] * controls["speed"]
     # The last look before the wall; if the next is beyond it, so are all others.
@@ -61,7 +64,10 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """Steps in slow motion: every ball flies past in the same time of yours."""
+    """Advance the simulation.
+
+    Steps in slow motion: every ball flies past in the same time of yours.
+    """
     distance = 1e-3 * controls["timestep"] * controls["speed"]
     x = state["centre"]
     for _ in range(whole_steps(state, seconds, distance / _SEEN)):
@@ -91,7 +97,7 @@ _FLIGHT, _CHART = (0.5, 8.8, 3.1, 4.45), (0.9, 5.2, 0.6, 2.2)
 
 
 def frame(pen, state, controls):
-    """The looks at the ball and the wall; the share that is missed over the way of a step."""
+    """Draw the looks at the ball and the wall; the share that is missed over the way of a step."""
     n, x, wall = state["samples"], state["centre"], 1e-3 * controls["wall"]
     distance, wide = 1e-3 * controls["timestep"] * controls["speed"], 2.0 * RADIUS + wall
     text = 1 if state["hit"] != 0 else 2 * (x[n - 1] > _TO)

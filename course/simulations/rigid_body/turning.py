@@ -51,7 +51,7 @@ def start(state, moments, omega):
 
 @register_jitable
 def whole_steps(state, seconds, step):
-    """How many steps fit into the time and what was owed; the rest is owed."""
+    """Return how many steps fit into the time and what was owed; the rest is owed."""
     count = math.floor((state["owed"] + seconds) / step + 1e-9)
     state["owed"] = max(state["owed"] + seconds - count * step, 0.0)
     return count
@@ -83,7 +83,7 @@ def recent(state):
 
 @register_jitable
 def between(a, b):
-    """The angle between two vectors [degrees]."""
+    """Return the angle between two vectors [degrees]."""
     c = cross(a, b)
     return math.degrees(math.atan2(math.sqrt(np.sum(c * c)), np.sum(a * b)))
 
@@ -99,14 +99,14 @@ _INKS = (draw.BLUE, draw.ORANGE, draw.PURPLE)
 
 @register_jitable
 def body(pen, eye, q, sides):
-    """The box; the faces across its third axis are blue and red."""
+    """Draw the box; the faces across its third axis are blue and red."""
     corners = rotate(q, _CORNERS * sides.reshape((3, 1)))
     space.faces(pen, eye, corners, _INDEX, _FILLS, draw.GREY)
 
 
 @register_jitable
 def rates(pen, state, rectangle, high):
-    """The three body rates over the last six seconds."""
+    """Draw the three body rates over the last six seconds."""
     past = recent(state)
     draw.chart(pen, rectangle, (past[0, 0], past[0, 0] + 6.0, -high, high), _T, _RATE, _RATES, 4, 6)
     for k in range(3):

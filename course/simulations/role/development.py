@@ -28,7 +28,7 @@ STATE = Record(time=Field(0.0, unit="s"), mark=Field((0.0, 0.0)))
 
 @register_jitable
 def days(controls):
-    """Days on the robots and on the computer, tries a day of both, damages on the robots."""
+    """Return days on the robots and on the computer, tries a day of both, damages on the robots."""
     real = (controls["seconds"] + controls["reset"]) / controls["robots"]
     steps = controls["seconds"] * controls["rate"]
     computed = steps * controls["step"] * 1e-6 / controls["cores"]
@@ -43,7 +43,7 @@ def days(controls):
 
 
 def initial(controls, state):
-    """Nothing to prepare."""
+    """Set up nothing to prepare."""
     state["mark"][:] = 0.0
 
 
@@ -74,14 +74,14 @@ _AREA, _VIEW = (1.0, 8.3, 0.75, 4.45), (1.0, 7.0, -5.0, 5.0)
 
 
 def drag(controls, state, x, y):
-    """The number of tries is where the pointer is."""
+    """Handle a drag: the number of tries is where the pointer is."""
     result = draw.values_at(_AREA, _VIEW, x, y)
     controls["tries"] = min(max(result[0], 1.0), 7.0)
     state["mark"][0], state["mark"][1] = controls["tries"], min(max(result[1], -5.0), 5.0)
 
 
 def frame(pen, state, controls):
-    """Both lines over the number of tries, and the chosen number."""
+    """Draw both lines over the number of tries, and the chosen number."""
     real, computed, a_day, here, broken = days(controls)
     draw.area(pen, _AREA, _VIEW)
     draw.axes(pen, _X, _Y, _HEAD, 6, 5)

@@ -47,7 +47,10 @@ STATE = Record(
 
 @register_jitable
 def predicted(controls):
-    """Least, mean and greatest age [s], intervals of seeing and planning [s]; as `role.age`."""
+    """Return least, mean and greatest age [s], intervals of seeing and planning [s].
+
+    As `role.age`.
+    """
     see, given = 1e-3 * controls["seeing"], CAMERA
     if not controls["parallel"]:
         given = CAMERA * max(math.ceil(see / CAMERA - 1e-9), 1.0)
@@ -69,7 +72,7 @@ def _ticks(period, phase):
 
 @register_jitable
 def commands(controls, state, times):
-    """When the picture behind the command in force was taken, at these times, (N,) [s]."""
+    """Return when the picture behind the command in force was taken, at these times, (N,) [s]."""
     period = 1.0 / controls["loop"]
     ticks = period * np.floor((times - LOOP) / period)
     done, count = state["done"][1, : state["jobs"][1]], state["jobs"][1]
@@ -78,7 +81,10 @@ def commands(controls, state, times):
 
 
 def initial(controls, state):
-    """The whole run; clocks of their own are off by a part in a thousand, so that phases drift."""
+    """Compute the whole run.
+
+    Clocks of their own are off by a part in a thousand, so that phases drift.
+    """
     deviation = 0.0 if controls["locked"] else 1.3e-3
     ticks = _ticks(CAMERA * (1.0 + deviation), 0.4)
     durations = np.full(_MOST, 1e-3 * controls["seeing"])
@@ -109,7 +115,10 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """Ten times slower than the stack; at the end of the run from its start again."""
+    """Advance the simulation: ten times slower than the stack.
+
+    At the end of the run from its start again.
+    """
     passed = state["time"] + PACE * seconds - SETTLED
     state["time"] = SETTLED + passed % (SPAN - SETTLED - 1.0)
 
@@ -145,20 +154,20 @@ _HISTOGRAM = (6.35, 8.8, 3.1, 4.55)
 
 
 def drag(controls, state, x, y):
-    """The box that is nearest to the pointer is shown."""
+    """Handle a drag: the box that is nearest to the pointer is shown."""
     near = np.argmin((_AT[:, 0] - x) ** 2 + (2.0 * (_AT[:, 1] - y)) ** 2)
     controls["box"] = near
     state["clicked"][0], state["clicked"][1] = min(max(x, 0.0), 9.0), min(max(y, 0.0), 5.0)
 
 
 def press(controls, state, key):
-    """Arrow keys go from box to box."""
+    """Handle a key: arrow keys go from box to box."""
     controls["box"] = (controls["box"] + (1 if key in (1, 3, 4) else -1)) % len(role.BOXES)
 
 
 @register_jitable
 def _rate(edge, controls, given, interval):
-    """How often something flows along an edge, with these controls [Hz]."""
+    """Return how often something flows along an edge, with these controls [Hz]."""
     if _FROM[edge] == PERCEPTION:
         return 1.0 / given
     if _FROM[edge] == PLANNING:
@@ -168,7 +177,7 @@ def _rate(edge, controls, given, interval):
 
 @register_jitable
 def _ends(edge):
-    """Where an edge is drawn: beside the one that goes the other way, from rim to rim."""
+    """Return where an edge is drawn: beside the one that goes the other way, from rim to rim."""
     a, b = _AT[_FROM[edge]], _AT[_TO[edge]]
     dx, dy = b[0] - a[0], b[1] - a[1]
     size = math.hypot(dx, dy)
@@ -179,7 +188,7 @@ def _ends(edge):
 
 @register_jitable
 def _pulse(pen, x, y, age, below):
-    """A sample and its age [s]."""
+    """Draw a sample and its age [s]."""
     draw.spot(pen, x, y, 0.09, _PULSE, draw.INK, 1.0)
     draw.text(pen, x, y, 0, draw.INK, 12.0, draw.CENTRE, draw.MIDDLE, 0.0, -18.0 if below else 17.0)
     draw.number(pen, 1000.0 * age, 0, _MS)
@@ -211,7 +220,10 @@ def _graph(pen, controls, given, interval):
 
 @register_jitable
 def _pulses(pen, state, now):
-    """What is being worked on, and what waits for its reader; age of the newest of each [s]."""
+    """Return what is being worked on, and what waits for its reader.
+
+    Age of the newest of each [s].
+    """
     newest = np.zeros(2)
     for k in range(2):
         x, y = _AT[PERCEPTION + k]
@@ -234,7 +246,7 @@ def _pulses(pen, state, now):
 
 @register_jitable
 def _flows(pen, controls, given, interval):
-    """What flows into the chosen box, and what flows out of it."""
+    """Draw what flows into the chosen box, and what flows out of it."""
     y = 2.3
     for direction in range(2):
         draw.text(
@@ -267,7 +279,7 @@ def _flows(pen, controls, given, interval):
 
 @register_jitable
 def _histogram(pen, state, least, mean, greatest):
-    """The ages of the run, and the three lines that the closed form draws."""
+    """Draw the ages of the run, and the three lines that the closed form draws."""
     wide, high = 1150.0 * greatest, 1.25 * max(np.max(state["ages"]), 0.02)
     draw.area(pen, _HISTOGRAM, (0.0, wide, 0.0, high))
     draw.axes(pen, _AGE, _SHARE, _HIST, 4, 2)
@@ -281,7 +293,7 @@ def _histogram(pen, state, least, mean, greatest):
 
 
 def frame(pen, state, controls):
-    """The graph at this moment, what flows through the chosen box, and all ages of the run."""
+    """Draw the graph at this moment, what flows through the chosen box, and all ages of the run."""
     least, mean, greatest, given, interval = predicted(controls)
     now, chosen = state["time"], controls["box"]
     _graph(pen, controls, given, interval)

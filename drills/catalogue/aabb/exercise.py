@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Boxes that overlap, lie apart, lie inside each other, in one to six dimensions."""
+    """Return boxes that overlap, lie apart, lie inside each other, in one to six dimensions."""
 
     def box(d: int, size: float = 1.0, at: float = 1.0) -> Array:
         half = size * rng.uniform(0.2, 1.0, d)
@@ -24,7 +24,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return np.array([centre - half, centre + half])
 
     def near(a: Array, shift: Array) -> Array:
-        """A box of another size whose centre is that of a, moved."""
+        """Return a box of another size whose centre is that of a, moved."""
         half = rng.uniform(0.3, 0.8, a.shape[1]) * 0.5 * (a[1] - a[0])
         centre = a.mean(axis=0) + shift * 0.5 * (a[1] - a[0])
         return np.array([centre - half, centre + half])
@@ -61,7 +61,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def boxes(figure: Any, shown: Shown) -> None:
-    """Both boxes, and the second where the push moves it, in the first two dimensions."""
+    """Plot both boxes, and the second where the push moves it, in the first two dimensions."""
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     a, b = (np.asarray(box, dtype=float) for box in shown.args)
     if a.shape[1] == 1:

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def aabb_contact(a, b):
-    """Overlap of two axis-aligned boxes, and the shortest way out of it along an axis.
+    """Return overlap of two axis-aligned boxes, and the shortest way out of it along an axis.
 
     Args:
         a: corners of the first box, rows low and high, shape (2, d) [m].

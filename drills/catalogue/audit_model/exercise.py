@@ -16,14 +16,14 @@ Array = NDArray[np.float64]
 
 
 def rotation(q: Array) -> Array:
-    """The rotation matrix of a unit quaternion (w, x, y, z)."""
+    """Return the rotation matrix of a unit quaternion (w, x, y, z)."""
     w, x, y, z = q
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + 2.0 * w * K + 2.0 * K @ K)
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Arms with light fingers; each kind of fault alone, then all of them."""
+    """Return arms with light fingers; each kind of fault alone, then all of them."""
 
     def model(
         label: str,
@@ -96,7 +96,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def faults(figure: Any, shown: Shown) -> None:
-    """The sum of each link."""
+    """Plot the sum of each link."""
     axes = picture.plane(figure, "link of the file", "1: mass, 2: inertia, 4: not there")
     for (result,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(np.asarray(result, dtype=float), "o", **style | {"ls": "-"})

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def audit_model(ids, masses, inertias, loaded_ids, loaded_masses, moments, turns, tolerance):
-    """Which links of a file are not what the simulator has loaded.
+    """Return which links of a file are not what the simulator has loaded.
 
     Args:
         ids, masses, inertias: of the file, (n,), (n,) [kg], (n, 3, 3) [kg m^2].

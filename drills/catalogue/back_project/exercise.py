@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """A pixel on the axis, a wall, a wall far off the axis; then pictures of all kinds."""
+    """Return a pixel on the axis, a wall, a wall far off the axis; then pictures of all kinds."""
 
     def observed(
         label: str,
@@ -28,7 +28,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         kind: type = float,
         fill: float = 0.0,
     ) -> Case:
-        """A picture of depths from 0.3 to 4 m."""
+        """Return a picture of depths from 0.3 to 4 m."""
         depth = rng.uniform(0.3, 4.0, (rows, columns)) / unit
         depth[rng.random(depth.shape) < holes] = fill
         fx, fy = rng.uniform(0.6, 1.4, 2) * columns
@@ -53,12 +53,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """1e-12 of the farthest coordinate."""
+    """Return 1e-12 of the farthest coordinate."""
     return 1e-12 * max(1.0, float(np.abs(truth[0]).max(initial=0.0)))
 
 
 def from_above(figure: Any, shown: Shown) -> None:
-    """Both clouds from above: x and z."""
+    """Plot both clouds from above: x and z."""
     axes = drawn.plane(figure, "x [m]", "z [m]", equal=True)
     axes.plot(*shown.got[0][[0, 2]], "o", ms=6, **drawn.YOURS | {"lw": 0})
     axes.plot(*shown.expected[0][[0, 2]], ".", **drawn.RIGHT | {"ls": ""})

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def back_project(picture, fx, fy, cx, cy, unit):
-    """The points that a depth picture shows, row by row.
+    """Return the points that a depth picture shows, row by row.
 
     Args:
         picture: depth along z in counts, shape (H, W); 0 and NaN are no measurement.

@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Nets and batches of every size."""
+    """Return nets and batches of every size."""
 
     def net(
         label: str,
@@ -52,7 +52,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def components(figure: Any, shown: Shown) -> None:
-    """All components of the four gradients in a row."""
+    """Plot all components of the four gradients in a row."""
     axes = picture.plane(figure, "component: W1, b1, W2, b2", "gradient")
     for parts, style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(np.concatenate([np.ravel(part) for part in parts]), marker="o", ms=3, **style)

@@ -16,7 +16,7 @@ LEAST = 0.02
 
 
 def clear(args: tuple[Any, ...]) -> bool:
-    """Whether each motion is seen well, or far from it."""
+    """Return whether each motion is seen well, or far from it."""
     points, normals, lever, least = args
     rows = np.vstack((normals, np.cross(points.T, normals.T).T / lever))
     gaps = np.sqrt(np.clip(np.linalg.eigvalsh(rows @ rows.T / rows.shape[1]), 0.0, None))
@@ -24,10 +24,13 @@ def clear(args: tuple[Any, ...]) -> bool:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Surfaces whose blind motions one knows, about the origin; then in any pose and size."""
+    """Return surfaces whose blind motions one knows, about the origin.
+
+    Then in any pose and size.
+    """
 
     def surface(kind: str, n: int) -> tuple[Array, Array]:
-        """Points and normals of a surface of size one about its frame's origin."""
+        """Return points and normals of a surface of size one about its frame's origin."""
         if kind == "ball":
             normals = rng.normal(size=(3, n))
             normals /= np.linalg.norm(normals, axis=0)
@@ -99,7 +102,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Digits that are gone, or always one blind motion: which of several it is, chance decides."""
+    """Return digits that are gone, or always one blind motion.
+
+    Which of several it is, chance decides.
+    """
     one = all(largest_error(a.parts[0], 1.0) == 0.0 for a in answers)
     return coarse(answers) or ("smallest_taken_for_null" if one else "")
 

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def blind_directions(points, normals, lever, least):
-    """The motions of a part that its measured points do not tell.
+    """Return the motions of a part that its measured points do not tell.
 
     Args:
         points: seen on the part, in its frame, shape (3, n) [m].

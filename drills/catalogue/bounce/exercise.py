@@ -21,14 +21,14 @@ CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights 
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Steps that end in flight, on the floor, after one impact or after many."""
+    """Return steps that end in flight, on the floor, after one impact or after many."""
     from solutions.rigid_body import bounce_step
 
     def between(low: float, high: float) -> float:
         return float(rng.uniform(low, high))
 
     def clear(label: str, *ranges: tuple[float, float], level: str = "core") -> Case:
-        """A case whose end is not at the moment of an impact, where the velocity jumps."""
+        """Return a case whose end is not at the moment of an impact, where the velocity jumps."""
         while True:
             y, v, dt, e = (between(*r) for r in ranges[:4])
             gravity = between(*ranges[4]) if len(ranges) > 4 else 9.81
@@ -37,7 +37,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
                 return Case((y, v, dt, e, gravity), label, level)
 
     def late_hop(share: float) -> Case:
-        """Some way into all that is left after the first impact: it still bounces."""
+        """Return some way into all that is left after the first impact: it still bounces."""
         while True:
             y, e = between(0.3, 1.0), between(0.5, 0.8)
             impact = math.sqrt(2.0 * 9.81 * y)
@@ -77,19 +77,22 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def _rests(y: float, v: float, dt: float, e: float, gravity: float = 9.81, *share: float) -> bool:
-    """Whether infinitely many bounces, or a share of their time, end within the step."""
+    """Return whether infinitely many bounces, or a share of their time, end within the step."""
     impact = math.sqrt(v * v + 2.0 * gravity * y)
     rest = 2.0 * e * impact / (gravity * (1.0 - e)) if e < 1.0 else math.inf
     return impact == 0.0 or (v + impact) / gravity + math.prod(share) * rest <= dt
 
 
 def _small(speed: float, restitution: float, flights: float) -> Case:
-    """A ball that hops by a micrometre or less, some way into its second hop: not at rest yet."""
+    """Return a ball that hops by a micrometre or less, some way into its second hop.
+
+    Not at rest yet.
+    """
     return Case((0.0, speed, flights * 2.0 * speed / 9.81, restitution, 9.81), "small hops", "edge")
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """What a flight, an impact or a rest is off by, where the values show it."""
+    """Return what a flight, an impact or a rest is off by, where the values show it."""
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(a.case.label == "gravity left out" for a in wrong):
         return "default_gravity"
@@ -128,7 +131,9 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def _start_speed(a: Answer) -> bool:
-    """Whether the one impact of a fall turns round the speed of the start, then or at the end."""
+    """Return whether the one impact of a fall turns round the speed of the start, then or at the
+    end.
+    """
     y, v, dt, e, gravity = (*a.case.args, 9.81)[:5]
     if a.case.label != "one impact" or v > -3.0:
         return False
@@ -141,7 +146,7 @@ def _start_speed(a: Answer) -> bool:
 
 
 def energy(attempt: Attempt, answers: Sequence[Answer]) -> None:
-    """The energy of an elastic ball after many steps."""
+    """Check the energy of an elastic ball after many steps."""
     start = float(attempt.rng.uniform(0.3, 1.0))
     y, v = start, 0.0
     for _ in range(80):
@@ -177,7 +182,7 @@ def energy(attempt: Attempt, answers: Sequence[Answer]) -> None:
 
 
 def dropped(attempt: Attempt) -> Plan:
-    """Height of a ball 1.5 s after its drop, with five steps or with thousands."""
+    """Return height of a ball 1.5 s after its drop, with five steps or with thousands."""
     from course.oracles.mujoco import box
     from course.rigid_body import problems
 
@@ -213,7 +218,7 @@ def dropped(attempt: Attempt) -> Plan:
 
 
 def flight(figure: Any, shown: Shown) -> None:
-    """The height over the step; where it ends, and where the answer says so."""
+    """Plot the height over the step; where it ends, and where the answer says so."""
     from solutions.rigid_body import bounce_step
 
     y, v, dt, e, gravity = (*shown.args, 9.81)[:5]

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Buffers whose means are above, between, below and at the thresholds."""
+    """Return buffers whose means are above, between, below and at the thresholds."""
 
     def ranges(
         label: str,

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def boundary_update(bounds, centre, outcomes, thresholds, step):
-    """Both ends of each range after their buffers are full.
+    """Return both ends of each range after their buffers are full.
 
     Args:
         bounds: low and high end of each range, shape (n, 2).

@@ -23,7 +23,10 @@ PUSHED = (
 
 
 def tumble(kind: str, R: Array, w: Array, moments: Array, n: int) -> tuple[Array, Array]:
-    """Attitudes (n, 3, 3) and rates in the body's axes (n, 3) of a body, by the law of a kind."""
+    """Return attitudes (n, 3, 3) and rates in the body's axes (n, 3) of a body.
+
+    By the law of a kind.
+    """
     sign = {"no gyroscopic torque": 0.0, "gyroscopic torque turned": -1.0}.get(kind, 1.0)
     drag = 1.0 if kind == "damped" else 0.0
 
@@ -53,7 +56,10 @@ def tumble(kind: str, R: Array, w: Array, moments: Array, n: int) -> tuple[Array
 
 
 def program(kind: str, rng: np.random.Generator, n: int) -> tuple[Array, Array, Array]:
-    """What a program of that kind gives: attitudes, rates in the world's axes; and the moments."""
+    """Return what a program of that kind gives: attitudes, rates in the world's axes.
+
+    And the moments.
+    """
     Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     Q[:, 0] *= np.linalg.det(Q)
     moments = rng.permutation([2.0, 3.0, 4.0]) * 10.0 ** rng.uniform(-5.0, 2.0)
@@ -90,7 +96,10 @@ def program(kind: str, rng: np.random.Generator, n: int) -> tuple[Array, Array, 
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Batches of programs: each family of slips alone, then all; in every one right ones, too."""
+    """Return batches of programs: each family of slips alone, then all.
+
+    In every one right ones, too.
+    """
 
     def batch(label: str, level: str, kinds: tuple[str, ...], n: int = 40) -> Case:
         drawn = [program(str(kind), rng, n) for kind in rng.permutation(np.array(kinds))]

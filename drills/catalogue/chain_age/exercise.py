@@ -13,10 +13,10 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Chains of one to six stages, on clocks and on arrival."""
+    """Return chains of one to six stages, on clocks and on arrival."""
 
     def chain(label: str, clocks: str, level: str = "core") -> Case:
-        """A letter a stage: c for a clock, a for on arrival."""
+        """Return a letter a stage: c for a clock, a for on arrival."""
         periods = rng.uniform(0.01, 0.2, len(clocks)) * [letter == "c" for letter in clocks]
         return Case((rng.uniform(0.001, 0.009, len(clocks)), periods), label, level)
 
@@ -32,7 +32,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def spans(figure: Any, shown: Shown) -> None:
-    """From the least to the greatest, the mean between: yours above, right below."""
+    """Plot from the least to the greatest, the mean between: yours above, right below."""
     axes = picture.plane(figure, "age [s]", "")
     for y, values, style in (
         (1, shown.got[0], picture.YOURS),

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def chain_age(executions, periods):
-    """Least, mean and greatest age of the information behind the command in force.
+    """Return least, mean and greatest age of the information behind the command in force.
 
     Args:
         executions: of each stage, shape (n,) [s].

@@ -17,14 +17,17 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Circles apart, overlapping, inside each other, and with centres nearly at one place."""
+    """Return circles apart, overlapping, inside each other.
+
+    And with centres nearly at one place.
+    """
 
     def direction() -> Array:
         angle = rng.uniform(-math.pi, math.pi)
         return np.array([math.cos(angle), math.sin(angle)])
 
     def pair(share: float, label: str, level: str = "core") -> Case:
-        """Centres apart by a share of the radii together."""
+        """Return centres apart by a share of the radii together."""
         centre, (r, s) = rng.uniform(-2.0, 2.0, 2), rng.uniform(0.3, 1.5, 2)
         return Case((centre, r, centre + share * (r + s) * direction(), s), label, level)
 
@@ -51,13 +54,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """1e-12 of the largest length; of 1 for the normal, which is not longer."""
+    """Return 1e-12 of the largest length; of 1 for the normal, which is not longer."""
     centre_a, radius_a, centre_b, radius_b = case.args
     return 1e-12 * max(1.0, np.abs([*centre_a, *centre_b]).max(), radius_a, radius_b)
 
 
 def circles(figure: Any, shown: Shown) -> None:
-    """Both circles with the normal from the point."""
+    """Plot both circles with the normal from the point."""
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     centre_a, radius_a, centre_b, radius_b = shown.args
     around = np.linspace(0.0, 2.0 * math.pi, 100)

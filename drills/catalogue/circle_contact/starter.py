@@ -2,7 +2,7 @@ import numpy as np
 
 
 def circle_contact(centre_a, radius_a, centre_b, radius_b):
-    """Gap, normal and point of contact of two circles.
+    """Return gap, normal and point of contact of two circles.
 
     Args:
         centre_a: of the first circle, shape (2,) [m].

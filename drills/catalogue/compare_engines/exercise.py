@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Rough or smooth, a light plank or a heavy one, one step or two, near and far."""
+    """Return rough or smooth, a light plank or a heavy one, one step or two, near and far."""
 
     def scene(
         label: str,
@@ -53,13 +53,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-9, of values above 1 as much of them; far away a place has fewer digits."""
+    """Return 1e-9, of values above 1 as much of them; far away a place has fewer digits."""
     far = max(1.0, 1e-3 * abs(case.args[2]), float(np.abs(truth[0]).max()))
     return [1e-9 * far, 1e-9 * max(1.0, float(np.abs(truth[1]).max()))]
 
 
 def apart(figure: Any, shown: Shown) -> None:
-    """How far the engines are apart."""
+    """Plot how far the engines are apart."""
     axes = picture.plane(figure, "time [s]", "second less first engine [m]")
     times = np.asarray(shown.args[5], dtype=float)
     for (between, gained), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

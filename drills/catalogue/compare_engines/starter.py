@@ -2,7 +2,7 @@ import numpy as np
 
 
 def compare_engines(mu, masses, place, speed, steps, times):
-    """One scene on two engines: a block that slides over a plank, which is free itself.
+    """Return one scene on two engines: a block that slides over a plank, which is free itself.
 
     Args:
         mu: coefficient of friction between them, the same for both engines.

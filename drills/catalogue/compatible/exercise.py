@@ -17,7 +17,7 @@ NAMES = ("reliability", "durability", "deadline", "liveliness", "lease", "order"
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Pairs of profiles: one policy at a time, without times, then all drawn."""
+    """Return pairs of profiles: one policy at a time, without times, then all drawn."""
 
     def drawn() -> list[float]:
         return [float(rng.choice(values)) for values in VALUES]
@@ -51,7 +51,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def flags(figure: Any, shown: Shown) -> None:
-    """What fails, policy by policy."""
+    """Plot what fails, policy by policy."""
     axes = picture.plane(figure, "policy", "fails")
     for (failing,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(np.asarray(failing, dtype=float), "o", **style | {"ls": "-"})

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def compatible(offered, requested):
-    """The policies for which a writer offers less than a reader requests.
+    """Return the policies for which a writer offers less than a reader requests.
 
     Args:
         offered, requested: reliability, durability, deadline [s], liveliness, lease [s],

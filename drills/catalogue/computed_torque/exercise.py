@@ -16,7 +16,7 @@ G = 9.81
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Holding, an error at rest, coasting on the reference; then arms that do all of it."""
+    """Return holding, an error at rest, coasting on the reference; then arms that do all of it."""
 
     def moving(
         label: str = "random",
@@ -29,7 +29,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         gravity: float = G,
         turns: float = 0.0,
     ) -> Case:
-        """Errors of angle and rate, speed and acceleration of these sizes."""
+        """Return errors of angle and rate, speed and acceleration of these sizes."""
         lengths, masses = rng.uniform(0.2, 0.8, 2), rng.uniform(0.3, 3.0, 2)
         q = rng.uniform(-math.pi, math.pi, 2) + turns
         rate = v * rng.uniform(0.5, 1.5, 2) * rng.choice([-1.0, 1.0], 2)
@@ -66,7 +66,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: Any) -> float:
-    """1e-11 of the scale that the task states, one added."""
+    """Return 1e-11 of the scale that the task states, one added."""
     lengths, masses, gravity, q, v, reference, kp, kd = case.args
     reach, a = np.sum(lengths), reference[2] + kd * (reference[1] - v) + kp * (reference[0] - q)
     moved = reach * (np.abs(a).max() + np.sum(np.abs(v)) ** 2)
@@ -74,7 +74,7 @@ def allowed(case: Case, truth: Any) -> float:
 
 
 def torques(figure: Any, shown: Shown) -> None:
-    """The torques, joint by joint."""
+    """Plot the torques, joint by joint."""
     axes = picture.plane(figure, "joint", "torque [N m]")
     axes.plot([1, 2], shown.got[0], "o-", **picture.YOURS)
     axes.plot([1, 2], shown.expected[0], marker="o", **picture.RIGHT)

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def computed_torque(lengths, masses, gravity, q, v, reference, kp, kd):
-    """Torques that make two links in a vertical plane follow a reference.
+    """Return torques that make two links in a vertical plane follow a reference.
 
     Args:
         lengths: of the two uniform rods, shape (2,) [m].

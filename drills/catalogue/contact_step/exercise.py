@@ -14,7 +14,7 @@ from drills.values import Mismatch, as_float64
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Level ground, where the bug hides; slopes on both sides of the angle; landings."""
+    """Return level ground, where the bug hides; slopes on both sides of the angle; landings."""
 
     def mu() -> float:
         return float(rng.uniform(0.3, 0.8))
@@ -50,12 +50,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:
-    """1e-9, of values above 1 as much of them."""
+    """Return 1e-9, of values above 1 as much of them."""
     return 1e-9 * max(1.0, *(float(np.abs(value).max()) for value in truth))
 
 
 def acceleration(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Down a slope it goes with g (sin - mu cos): said before the values are compared."""
+    """Check down a slope it goes with g (sin - mu cos): said before the values are compared."""
     if case.label not in ("just too steep to stay", "sliding down"):
         return
     _, _, slope, mu, dt, steps = case.args

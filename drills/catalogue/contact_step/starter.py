@@ -4,7 +4,9 @@ import numpy as np
 
 
 def contact_step(position, velocity, slope, mu, dt, steps):
-    """A block over an inclined plane, by time stepping with one contact and Coulomb friction.
+    """Return a block over an inclined plane.
+
+    By time stepping with one contact and Coulomb friction.
 
     Args:
         position: along the slope downwards, and above the plane, shape (2,) [m].

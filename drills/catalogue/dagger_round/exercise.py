@@ -11,7 +11,10 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Plants that grow a little by themselves; the expert's law bends where actions are large."""
+    """Return plants that grow a little by themselves.
+
+    The expert's law bends where actions are large.
+    """
 
     def task(
         label: str, level: str = "core", *, n: int = 2, m: int = 1, k: int = 8, steps: int = 6
@@ -52,7 +55,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def labelled(figure: Any, shown: Shown) -> None:
-    """The first component of all labels."""
+    """Plot the first component of all labels."""
     axes = picture.plane(figure, "sample", "label, first component")
     for (_, part, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(np.asarray(part)[0], marker="o", ms=4, **style)

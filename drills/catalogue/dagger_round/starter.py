@@ -2,6 +2,6 @@ import numpy as np
 
 
 def dagger_round(A, B, expert, states, labels, start, steps):
-    """One round of DAgger, with a linear learner u = K x fitted by least squares."""
+    """Return one round of DAgger, with a linear learner u = K x fitted by least squares."""
     # Cloning: nothing is added.
     return states, labels, np.linalg.lstsq(np.transpose(states), np.transpose(labels))[0].T

@@ -30,7 +30,7 @@ def _two_link(q1: float, q2: float) -> Array:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Arms far from, near and at a singularity, and Jacobians of every shape."""
+    """Return arms far from, near and at a singularity, and Jacobians of every shape."""
 
     def drawn(m: int, n: int, damping: float, label: str = "random", level: str = "core") -> Case:
         return Case((rng.normal(size=(m, n)), rng.normal(size=m), damping), label, level)
@@ -66,14 +66,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: Any) -> float:
-    """Of the bound: 1e-10, and what rounding of the Jacobian makes."""
+    """Return of the bound: 1e-10, and what rounding of the Jacobian makes."""
     J, error, damping = case.args
     bound = float(np.linalg.norm(error)) / (2.0 * damping)
     return bound * (1e-10 + 1e-14 * (1.0 + float(np.linalg.norm(J))) / damping) + 1e-15
 
 
 def bounded(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """The bound: it says what is wrong, a value only that something is."""
+    """Check the bound: it says what is wrong, a value only that something is."""
     J, error, damping = case.args
     try:
         step = as_float64(parts[0], (np.shape(J)[1],))
@@ -93,7 +93,7 @@ def bounded(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> 
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Digits that are lost only where the damping is tiny; what is coarse everywhere."""
+    """Return digits that are lost only where the damping is tiny; what is coarse everywhere."""
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(a.case.label == TINY for a in wrong):
         return "damping_lost"
@@ -101,7 +101,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def joints(figure: Any, shown: Shown) -> None:
-    """The step, joint by joint, and its bound."""
+    """Plot the step, joint by joint, and its bound."""
     axes = picture.plane(figure, "joint", "step [rad]")
     J, error, damping = shown.args
     bound = float(np.linalg.norm(error)) / (2.0 * damping)

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def damped_step(J, error, damping):
-    """One step of damped least squares.
+    """Return one step of damped least squares.
 
     Args:
         J: Jacobian, shape (m, n) [m/rad].

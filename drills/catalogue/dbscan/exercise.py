@@ -15,13 +15,13 @@ Array = NDArray[np.float64]
 
 
 def clear(points: Array, eps: float) -> bool:
-    """Whether no distance is a close call."""
+    """Return whether no distance is a close call."""
     apart = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
     return bool(np.abs(apart - eps).min() > 1e-8)
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Lines whose clusters one sees; then blobs with strays, in any order."""
+    """Return lines whose clusters one sees; then blobs with strays, in any order."""
 
     def line(label: str, xs: list[float], eps: float, least: int, level: str = "core") -> Case:
         points = np.outer([1.0, 0.0, 0.0], xs)
@@ -70,7 +70,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def clusters(figure: Any, shown: Shown) -> None:
-    """The points from above, with the labels that came back and the right ones."""
+    """Plot the points from above, with the labels that came back and the right ones."""
     for i, (labels, name) in enumerate(((shown.got, "yours"), (shown.expected, "right"))):
         axes = figure.add_subplot(1, 2, i + 1, title=name, aspect="equal", xlabel="x [m]")
         for k in np.union1d(shown.got[0], shown.expected[0]):

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def dbscan(points, eps, least):
-    """The cluster of each point, -1 for noise.
+    """Return the cluster of each point, -1 for noise.
 
     Args:
         points: shape (3, n) [m].

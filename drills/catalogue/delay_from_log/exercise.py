@@ -15,7 +15,7 @@ FASTEST = 0.05  # part of the sample rate
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Sums of sines, so that a late value is known exactly."""
+    """Return sums of sines, so that a late value is known exactly."""
 
     def log(
         label: str,
@@ -57,12 +57,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """A tenth of a sample."""
+    """Return a tenth of a sample."""
     return 0.1 * float(case.args[2])
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Right but for the part of a sample."""
+    """Return right but for the part of a sample."""
     whole = [
         largest_error(a.parts[0], a.case.args[2] * np.rint(a.truth[0] / a.case.args[2]))
         for a in answers

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def delay_from_log(sent, measured, dt, longest):
-    """How late a measurement follows a command, in parts of a sample too.
+    """Return how late a measurement follows a command, in parts of a sample too.
 
     Args:
         sent, measured: one value a sample, (n,); the measurement has a gain and an offset.

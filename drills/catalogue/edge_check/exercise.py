@@ -18,7 +18,7 @@ CLEAR, PACE = 1e-3, 0.1  # [m]; of the gap before a touch [m by share]
 
 
 def swept(args: tuple[Any, ...], shares: Array) -> Array:
-    """Base, joints and tip along the motion, shape (shares, n + 1, 2)."""
+    """Return base, joints and tip along the motion, shape (shares, n + 1, 2)."""
     lengths, _, a, b = (np.asarray(value, dtype=float) for value in args)
     angle = np.cumsum(a + shares[:, None] * (b - a), axis=1)
     links = lengths[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=2)
@@ -26,7 +26,7 @@ def swept(args: tuple[Any, ...], shares: Array) -> Array:
 
 
 def gaps(args: tuple[Any, ...], shares: Array) -> Array:
-    """Distance of the arm to the nearest disc, shape (shares,)."""
+    """Return distance of the arm to the nearest disc, shape (shares,)."""
     at, discs = swept(args, shares)[:, :, None], np.asarray(args[1], dtype=float)
     p, along = at[:, :-1], np.diff(at, axis=1)
     to = discs[:, :2] - p
@@ -36,7 +36,9 @@ def gaps(args: tuple[Any, ...], shares: Array) -> Array:
 
 
 def fair(args: tuple[Any, ...], hit: bool) -> bool:
-    """Whether the motion is free with room to spare, or the first touch comes at a good pace."""
+    """Return whether the motion is free with room to spare, or the first touch comes at a good
+    pace.
+    """
     lengths, _, a, b = args
     result, speed = gaps(args, SHARES), float(np.abs(b - a) @ np.cumsum(lengths[::-1])[::-1])
     near = result < CLEAR + 0.5 * speed / (len(SHARES) - 1)
@@ -49,7 +51,7 @@ def fair(args: tuple[Any, ...], hit: bool) -> bool:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """One link first; then arms of up to five among posts of 1 cm and discs of 20 cm."""
+    """Return one link first; then arms of up to five among posts of 1 cm and discs of 20 cm."""
 
     def arm(
         label: str,
@@ -72,7 +74,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
                 return Case(args, label, level)
 
     def bent(n: int) -> Case:
-        """A stretched arm whose joints all turn one way: its tip is as fast as the bound."""
+        """Return a stretched arm whose joints all turn one way: its tip is as fast as the bound."""
         args = rng.uniform(0.4, 1.0, n), np.zeros((0, 3)), np.zeros(n), rng.uniform(0.7, 1.0, n)
         post = np.array([[*swept(args, np.array([0.1]))[0, -1], 0.005]])
         return Case((args[0], post, *args[2:]), "all joints turn one way")
@@ -105,7 +107,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Whether the arm is free as far as it is said to be: looked at closely."""
+    """Check whether the arm is free as far as it is said to be: looked at closely."""
     text = 0.0 if largest_error(parts[0], 0.0) > 1.0 else float(parts[0])
     if not text > 0.0 or not len(case.args[1]):
         return  # the comparison of the values says what is wrong with it

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def edge_check(lengths, discs, a, b):
-    """How much of a straight motion of the joints of a planar arm is free of discs.
+    """Return how much of a straight motion of the joints of a planar arm is free of discs.
 
     Args:
         lengths: of the links, shape (n,) [m]; the base is the origin.

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Logs with more or less of drift, swing and offset."""
+    """Return logs with more or less of drift, swing and offset."""
 
     def log(
         label: str,
@@ -56,14 +56,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-9 of the largest energy; of that over the duration for the drift."""
+    """Return 1e-9 of the largest energy; of that over the duration for the drift."""
     times, energy, _ = case.args
     largest = float(np.abs(energy).max())
     return [1e-9 * largest / float(times[-1] - times[0]), 1e-9 * largest]
 
 
 def lines(figure: Any, shown: Shown) -> None:
-    """The log, and the drift through its middle with the swing as its width."""
+    """Plot the log, and the drift through its middle with the swing as its width."""
     t, energy, _ = (np.asarray(one, dtype=float) for one in shown.args)
     axes = picture.plane(figure, "time [s]", "energy [J]")
     axes.plot(t, energy, color="0.8", lw=1.0, label="log")

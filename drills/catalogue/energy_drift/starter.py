@@ -2,7 +2,7 @@ import numpy as np
 
 
 def energy_drift(times, energy, period):
-    """What an energy loses for good, and what comes back every period.
+    """Return what an energy loses for good, and what comes back every period.
 
     Args:
         times: of the samples, (n,) [s].

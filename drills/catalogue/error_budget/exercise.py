@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Biases that cancel or add, noise, and two stages that act on each other."""
+    """Return biases that cancel or add, noise, and two stages that act on each other."""
 
     def runs(
         label: str,
@@ -56,13 +56,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-12 of the largest error or of its square."""
+    """Return 1e-12 of the largest error or of its square."""
     top = float(np.linalg.norm(case.args[0], axis=2).max())
     return [1e-12 * top, 1e-12 * top**2, 1e-12 * top**2]
 
 
 def bars(figure: Any, shown: Shown) -> None:
-    """The shares, stage by stage."""
+    """Plot the shares, stage by stage."""
     axes = picture.plane(figure, "stage", "share of the mean squared error [m^2]")
     for values, style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(np.asarray(values[1], dtype=float), "o", **style | {"ls": "-"})

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def error_budget(errors):
-    """Who owns how much of an error, from runs with every set of stages at fault.
+    """Return who owns how much of an error, from runs with every set of stages at fault.
 
     Args:
         errors: shape (2^k, n, 2) [m]; in row s stage i is real where bit i of s is set.

@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Proposals that differ from step to step, so that each action says where it is from."""
+    """Return proposals that differ from step to step, so that each action says where it is from."""
 
     def run(
         label: str,
@@ -42,7 +42,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def actions(figure: Any, shown: Shown) -> None:
-    """The first component of both kinds of action over the steps."""
+    """Plot the first component of both kinds of action over the steps."""
     axes = picture.plane(figure, "step", "first component")
     for parts, style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         for part, marker, name in zip(parts, "os", ("committed", "ensembled"), strict=True):

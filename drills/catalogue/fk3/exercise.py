@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Drawn arms, and those in which one mistake shows alone."""
+    """Return drawn arms, and those in which one mistake shows alone."""
 
     def lengths() -> Array:
         return rng.uniform(0.2, 1.5, 3)
@@ -45,7 +45,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Three points for four, whatever else is wrong with them; else digits that are missing."""
+    """Return three points for four, whatever else is wrong with them.
+
+    Else digits that are missing.
+    """
     firsts = [
         largest_error(np.asarray(a.got[0]), np.zeros(2))
         for a in answers
@@ -57,7 +60,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def arms(attempt: Attempt, answer: Place) -> Drawing:
-    """Two arms, yours and the worked answer's: a closed form has no accuracy to trade."""
+    """Return two arms, yours and the worked answer's: a closed form has no accuracy to trade."""
     from course.measure.figure import Panel, Series
 
     lengths, panels = np.array([0.4, 0.3, 0.2]), []
@@ -80,7 +83,7 @@ def arms(attempt: Attempt, answer: Place) -> Drawing:
 
 
 def arm(figure: Any, shown: Shown) -> None:
-    """Both arms, joint by joint."""
+    """Plot both arms, joint by joint."""
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     axes.plot(*shown.got[0].T, "-o", **picture.YOURS)
     axes.plot(*shown.expected[0].T, marker="o", **picture.RIGHT)

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def fk3(lengths, thetas):
-    """Joint positions of a planar arm of three links, from the base to the tip.
+    """Return joint positions of a planar arm of three links, from the base to the tip.
 
     Args:
         lengths: link lengths, base to tip, shape (3,) [m].

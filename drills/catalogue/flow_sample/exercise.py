@@ -12,7 +12,9 @@ from drills.grade_report import Shown
 
 
 def mixture(centres: Any, width: float) -> Callable[[Any, float], Any]:
-    """The field from a standard normal to equal normals about the centres, on straight lines."""
+    """Return the field from a standard normal to equal normals about the centres, on straight
+    lines.
+    """
 
     def field(x: Any, t: float) -> Any:
         variance, middles = (1.0 - t) ** 2 + (t * width) ** 2, np.asarray(centres)[:, :, None]
@@ -26,7 +28,7 @@ def mixture(centres: Any, width: float) -> Callable[[Any, float], Any]:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Fields in one to three dimensions, and few and many steps."""
+    """Return fields in one to three dimensions, and few and many steps."""
 
     def flow(
         label: str,
@@ -61,7 +63,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def ends(figure: Any, shown: Shown) -> None:
-    """Where the samples end, first component over the noise it came from."""
+    """Plot where the samples end, first component over the noise it came from."""
     axes, noise = picture.plane(figure, "noise", "sample"), np.asarray(shown.args[1])[0]
     for (part,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(noise, np.asarray(part)[0], **style | {"ls": "", "marker": "o"})

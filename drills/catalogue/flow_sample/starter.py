@@ -2,6 +2,9 @@ import numpy as np
 
 
 def flow_sample(field, noise, steps):
-    """Samples of a flow policy: from noise at time 0 to actions at time 1, by Heun's method."""
+    """Return samples of a flow policy.
+
+    From noise at time 0 to actions at time 1, by Heun's method.
+    """
     # One large step.
     return np.asarray(noise, dtype=float) + field(noise, 0.0)

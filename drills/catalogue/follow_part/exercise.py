@@ -13,7 +13,10 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """A camera at 30 Hz, a controller at 100 Hz; a part that is moved by hand at each image."""
+    """Return a camera at 30 Hz, a controller at 100 Hz.
+
+    A part that is moved by hand at each image.
+    """
 
     def day(
         label: str,

@@ -17,12 +17,12 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Sizes that fill the last fragment and that don't."""
+    """Return sizes that fill the last fragment and that don't."""
 
     def sent(
         label: str, level: str = "core", *, n: float = 600.0, p: float = -3.0, full: bool = False
     ) -> Case:
-        """n and 10^p are those of the middle of the draw."""
+        """Return n and 10^p are those of the middle of the draw."""
         payload = int(rng.choice([1344, 1472, 8192, 65000]))
         fragments = max(round(n * rng.uniform(0.7, 1.4)), 2 if n > 1.0 else 1)
         short = 0 if full else int(rng.integers(1, payload))
@@ -47,12 +47,15 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-9 of each value."""
+    """Return 1e-9 of each value."""
     return [1e-9 * max(float(value), 1e-15) for value in truth]
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Coarse values; those wrong by what a difference of numbers near 1 leaves, and only these."""
+    """Return coarse values.
+
+    Those wrong by what a difference of numbers near 1 leaves, and only these.
+    """
     wrong = [a for a in answers if not all(a.right)]
     if all(
         largest_error(part, t) < 1e-12
@@ -64,7 +67,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def over_loss(figure: Any, shown: Shown) -> None:
-    """The three values, each in parts of what is right."""
+    """Plot the three values, each in parts of what is right."""
     axes = picture.plane(figure, "value: lost, rounds, sent", "in parts of the right one")
     for values, style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         right = np.maximum(np.asarray(shown.expected, dtype=float), 1e-15)

@@ -1,5 +1,7 @@
 def fragment_loss(size, payload, loss):
-    """A message in fragments over a link that loses some: lost, or sent again until all are there.
+    """Return a message in fragments over a link that loses some.
+
+    Lost, or sent again until all are there.
 
     Args:
         size: of the message [byte].

@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Records in which every fourth row is the last of its episode, for either reason."""
+    """Return records in which every fourth row is the last of its episode, for either reason."""
 
     def record(
         label: str,
@@ -56,7 +56,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def advantages(figure: Any, shown: Shown) -> None:
-    """Advantages of the first environment, and where its episodes end."""
+    """Plot advantages of the first environment, and where its episodes end."""
     axes = picture.plane(figure, "step", "advantage, first environment")
     for (part, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(np.asarray(part)[:, 0], marker="o", ms=4, **style)

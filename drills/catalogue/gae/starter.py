@@ -2,7 +2,10 @@ import numpy as np
 
 
 def gae(reward, value, following, terminated, truncated, gamma, lam):
-    """Generalised advantage estimates of T steps in N environments, and the critic's targets."""
+    """Return generalised advantage estimates of T steps in N environments.
+
+    And the critic's targets.
+    """
     # One step ahead only.
     target = np.asarray(reward, dtype=float) + gamma * np.asarray(following, dtype=float)
     return target - value, target

@@ -18,7 +18,7 @@ PUSHED = "a load comes on"
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Links that stay, where the bug hides; loads and steps of the target, slow and fast."""
+    """Return links that stay, where the bug hides; loads and steps of the target, slow and fast."""
 
     def held(
         label: str,
@@ -29,7 +29,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         far: float = 0.0,
         time: float = 0.0,
     ) -> Case:
-        """For a time in units of 1 / pole, drawn where they are 0."""
+        """Return for a time in units of 1 / pole, drawn where they are 0."""
         q, pole = float(rng.uniform(-1.2, 1.2)), pole or float(rng.uniform(2.0, 8.0))
         dt = float(rng.choice([0.001, 0.002, 0.005]))
         steps = round((time or rng.uniform(1.0, 6.0)) / (pole * dt))
@@ -58,12 +58,15 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:
-    """1e-9, of values above 1 as much of them."""
+    """Return 1e-9, of values above 1 as much of them."""
     return 1e-9 * max(1.0, *(abs(float(value)) for value in truth))
 
 
 def pushed(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """How far a load has pushed the link when it should be farthest: said before the values."""
+    """Check how far a load has pushed the link when it should be farthest.
+
+    Said before the values.
+    """
     if case.label != PUSHED:
         return
     q, _, pole, load, _, _ = case.args
@@ -89,7 +92,7 @@ def pushed(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
 
 
 def ends(figure: Any, shown: Shown) -> None:
-    """Where the link is and where it goes, between the start and its target."""
+    """Plot where the link is and where it goes, between the start and its target."""
     axes = picture.plane(figure, "angle [rad]", "rate [rad/s]")
     axes.plot([shown.args[0]], [0.0], "s", color="0.7", label="start")
     axes.axvline(shown.args[1], color="0.7", lw=1.0)

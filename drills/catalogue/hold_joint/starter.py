@@ -2,7 +2,7 @@ import math
 
 
 def hold_joint(q, target, pole, load, dt, steps):
-    """A link in a vertical plane under computed torque with an integral, from rest.
+    """Return a link in a vertical plane under computed torque with an integral, from rest.
 
     Args:
         q: angle at the start, from the horizontal [rad].

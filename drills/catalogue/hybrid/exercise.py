@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """One part of the law at a time on a level table, then surfaces turned any way."""
+    """Return one part of the law at a time on a level table, then surfaces turned any way."""
 
     def turned() -> Array:
         frame, _ = np.linalg.qr(rng.normal(size=(3, 3)))
@@ -33,7 +33,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         parts: str = "error velocity force wanted",
         gain: float = 1.5,
     ) -> Case:
-        """A drawn task; the parts that are not named are zero."""
+        """Return a drawn task; the parts that are not named are zero."""
         sizes = {"error": 0.02, "velocity": 0.3, "force": 8.0, "wanted": 10.0}
         vectors = [size * rng.normal(size=3) * (name in parts) for name, size in sizes.items()]
         gains = np.array([rng.uniform(500.0, 3000.0), rng.uniform(20.0, 90.0), gain])
@@ -72,7 +72,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: Any) -> float:
-    """1e-11 of the scale that the task states, one added."""
+    """Return 1e-11 of the scale that the task states, one added."""
     J, _, _, error, velocity, force, expected, (stiffness, damping, gain) = case.args
     size = np.linalg.norm
     pushed = stiffness * size(error) + damping * size(velocity)
@@ -82,7 +82,7 @@ def allowed(case: Case, truth: Any) -> float:
 
 
 def torques(figure: Any, shown: Shown) -> None:
-    """The torques, joint by joint."""
+    """Plot the torques, joint by joint."""
     axes = picture.plane(figure, "joint", "torque [N m]")
     number = np.arange(1, shown.args[0].shape[1] + 1)
     axes.plot(number, shown.got[0], "o-", **picture.YOURS)

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Jacobians with a stated number of hidden directions, in parameters of all sizes."""
+    """Return Jacobians with a stated number of hidden directions, in parameters of all sizes."""
 
     def log(
         label: str,
@@ -54,7 +54,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """The rank exactly, the projector to 1e-9, half-widths to 1e-9 of the largest number."""
+    """Return the rank exactly, the projector to 1e-9, half-widths to 1e-9 of the largest number."""
     return [0.0, 1e-9, 1e-9 * max(1.0, float(np.abs(truth[2]).max()))]
 
 

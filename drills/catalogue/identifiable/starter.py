@@ -2,7 +2,7 @@ import numpy as np
 
 
 def identifiable(jacobian, scale, sigma):
-    """What a log tells of parameters: rank, hidden directions, and error bars.
+    """Return what a log tells of parameters: rank, hidden directions, and error bars.
 
     Args:
         jacobian: of the samples by the parameters, shape (n, p).

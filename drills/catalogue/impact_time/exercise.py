@@ -19,7 +19,7 @@ FAR = "very far away"
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Flights that hit, miss, graze, and those in which digits are lost."""
+    """Return flights that hit, miss, graze, and those in which digits are lost."""
 
     def direction(d: int) -> Array:
         v = rng.normal(size=d)
@@ -36,7 +36,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
         level: str = "core",
         sign: float = 1.0,
     ) -> Case:
-        """Balls that close in from a gap along the motion, passing at `offset` times the reach."""
+        """Return balls that close in from a gap along the motion, passing at `offset` times the
+        reach.
+        """
         speed = speed or rng.uniform(0.5, 5.0)
         along = direction(d)
         across = direction(d)
@@ -77,14 +79,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:
-    """1e-9 of the time, and of that in which the relative motion covers the reach."""
+    """Return 1e-9 of the time, and of that in which the relative motion covers the reach."""
     speed = float(np.linalg.norm(case.args[3] - case.args[1]))
     own = min(case.args[4] / speed, 1.0) if speed > 0.0 else 1.0
     return 1e-9 * (max(float(truth[0]), 0.0) + own)
 
 
 def squares(answers: Sequence[Answer]) -> str:
-    """Whether only digits are wrong, and only where the balls are far from each other."""
+    """Return whether only digits are wrong, and only where the balls are far from each other."""
     wrong = [a for a in answers if not all(a.right)]
     near = [
         a for a in wrong if largest_error(a.parts[0], a.truth[0]) > 1e-6 * abs(float(a.truth[0]))
@@ -94,7 +96,7 @@ def squares(answers: Sequence[Answer]) -> str:
 
 
 def balls(figure: Any, shown: Shown) -> None:
-    """The first ball as seen from the second: its way, and where it touches."""
+    """Plot the first ball as seen from the second: its way, and where it touches."""
     axes = picture.plane(figure, "along the motion [m]", "across it [m]", equal=True)
     place, velocity, other, other_velocity, reach = shown.args
     d, v = np.asarray(place, float) - other, np.asarray(velocity, float) - other_velocity

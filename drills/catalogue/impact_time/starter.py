@@ -2,7 +2,7 @@ import numpy as np
 
 
 def impact_time(place, velocity, other, other_velocity, reach):
-    """When two balls in straight flight touch for the first time.
+    """Return when two balls in straight flight touch for the first time.
 
     Args:
         place: of the first ball's centre, shape (d,) [m].

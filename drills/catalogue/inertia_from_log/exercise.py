@@ -23,7 +23,7 @@ NOISELESS = "no noise"
 def _swung(
     inertia: float, friction: float, weight: float, q: float, v: float, tau: Array, dt: float
 ) -> Array:
-    """Angles at the samples under a held torque, by the classical Runge-Kutta method."""
+    """Return angles at the samples under a held torque, by the classical Runge-Kutta method."""
     angles = np.zeros(len(tau))
     for i, pushed in enumerate(tau.tolist()):
         angles[i] = q
@@ -44,7 +44,10 @@ def _swung(
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Joints with and without friction and weight, from rest and moving, noise of 0 to 0.1 mrad."""
+    """Return joints with and without friction and weight.
+
+    From rest and moving, noise of 0 to 0.1 mrad.
+    """
 
     def log(
         label: str,
@@ -58,7 +61,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
         whole: bool = False,
         samples: int = SAMPLES,
     ) -> Case:
-        """Sines of three frequencies as a torque; friction and weight are factors of usual ones."""
+        """Return sines of three frequencies as a torque.
+
+        Friction and weight are factors of usual ones.
+        """
         inertia = float(rng.uniform(0.1, 1.0))
         b, w = friction * rng.uniform(1.0, 3.0) * inertia, weight * rng.uniform(4.0, 10.0) * inertia
         t, q = dt * np.arange(samples), float(rng.uniform(-0.5, 0.5))
@@ -92,12 +98,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """1e-3 of the inertia, 1e-4 without noise."""
+    """Return 1e-3 of the inertia, 1e-4 without noise."""
     return (1e-4 if case.label.endswith(NOISELESS) else 1e-3) * float(truth[0])
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Too small with noise, and near without it: the mark of differences."""
+    """Return too small with noise, and near without it: the mark of differences."""
     clean = [a for a in answers if a.case.label.endswith(NOISELESS)]
     noisy = [a for a in answers if not a.case.label.endswith(NOISELESS)]
     share = [largest_error(a.parts[0], 0.0) / float(a.truth[0]) for a in noisy]
@@ -107,7 +113,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def left_over(figure: Any, shown: Shown) -> None:
-    """What the equation, integrated twice, leaves over with each inertia, the rest fitted."""
+    """Plot what the equation, integrated twice, leaves over with each inertia, the rest fitted."""
     axes = picture.plane(figure, "time [s]", "left over of the torque's integral [N m s^2]")
     q, tau, dt = shown.args
 

@@ -26,12 +26,12 @@ def _placed(offset: Any, rotation: Any = None) -> Array:
 
 
 def _planar(*lengths: float) -> Array:
-    """Joints about the world's z, the next one at the end of each link."""
+    """Return joints about the world's z, the next one at the end of each link."""
     return np.array([_placed((x, 0.0, 0.0)) for x in (0.0, *lengths)])
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """From one joint to ten, in the plane and in space."""
+    """Return from one joint to ten, in the plane and in space."""
 
     def rotation() -> Array:
         basis, upper = np.linalg.qr(rng.normal(size=(3, 3)))
@@ -68,14 +68,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def rounding(case: Case, truth: Any) -> float:
-    """1e-12 for each metre and radian, one of each added."""
+    """Return 1e-12 for each metre and radian, one of each added."""
     placements, q, tool = case.args
     metres = np.linalg.norm(placements[:, :3, 3], axis=1).sum() + np.linalg.norm(tool)
     return float(1e-12 * (1.0 + metres) * (1.0 + np.abs(q).sum()))
 
 
 def velocities(figure: Any, shown: Shown) -> None:
-    """The arm, and at the tool point the velocity that each joint gives it."""
+    """Plot the arm, and at the tool point the velocity that each joint gives it."""
     placements, q, tool = shown.args
     frame, points = np.eye(4), [np.zeros(3)]
     for placement, angle in zip(placements, q, strict=True):

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def geometric_jacobian(placements, q, tool):
-    """Velocity and angular velocity at a tool point for each joint rate.
+    """Return velocity and angular velocity at a tool point for each joint rate.
 
     Args:
         placements: of each joint in the frame before it, homogeneous, shape (n, 4, 4) [1, m].

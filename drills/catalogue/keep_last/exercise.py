@@ -13,7 +13,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Messages about every 10 ms; readers as quick or up to eight times slower."""
+    """Return messages about every 10 ms; readers as quick or up to eight times slower."""
 
     def log(
         label: str,
@@ -47,7 +47,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def at_reads(figure: Any, shown: Shown) -> None:
-    """Which messages each read took."""
+    """Plot which messages each read took."""
     axes = picture.plane(figure, "read", "number of the message")
     for (taken, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         rows, places = np.nonzero(np.asarray(taken) >= 0)

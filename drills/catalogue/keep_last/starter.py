@@ -2,7 +2,8 @@ import numpy as np
 
 
 def keep_last(stamps, arrivals, reads, depth, lifespan):
-    """What a reader takes out of a cache that keeps the last messages, none longer than they live.
+    """Return what a reader takes out of a cache that keeps the last messages, none longer than they
+    live.
 
     Args:
         stamps: when each message was written, shape (n,) [s].

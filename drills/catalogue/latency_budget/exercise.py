@@ -9,7 +9,10 @@ from drills.exercise import Exercise, coarse_slips, slips, value_slips
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Chains, then graphs in a hidden order, with stages that the sensor's chains leave aside."""
+    """Return chains, then graphs in a hidden order.
+
+    With stages that the sensor's chains leave aside.
+    """
 
     def graph(
         label: str,
@@ -37,7 +40,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case((edges, runs, periods, sensor, actuator, allowed), label, level)
 
     def beside(label: str) -> Case:
-        """A second source that the sensor doesn't reach, and a branch that ends nowhere."""
+        """Return a second source that the sensor doesn't reach, and a branch that ends nowhere."""
         edges = np.array([[3, 1], [0, 1], [1, 2], [0, 4], [4, 5]])
         runs, periods = rng.uniform(0.01, 0.1, (6, 3)), rng.uniform(0.0, 0.05, 6)
         runs[[3, 5]] += 0.5

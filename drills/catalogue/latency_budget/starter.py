@@ -2,7 +2,7 @@ import numpy as np
 
 
 def latency_budget(edges, runs, periods, sensor, actuator, allowed):
-    """The worst latency of a graph of stages, and how much longer each of them may take.
+    """Return the worst latency of a graph of stages, and how much longer each of them may take.
 
     Args:
         edges: from stage, to stage, shape (m, 2); no loops.

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """A handful of points first, then roadmaps of forty among discs of all sizes."""
+    """Return a handful of points first, then roadmaps of forty among discs of all sizes."""
 
     def roadmap(
         label: str,
@@ -30,7 +30,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         count: int = 40,
         spread: float = 1.0,
     ) -> Case:
-        """Points, free of all discs, each joined to its nearest ones; corner to corner."""
+        """Return points, free of all discs, each joined to its nearest ones; corner to corner."""
         result = np.column_stack((rng.uniform(0.0, 10.0, (discs, 2)), np.full(discs, radius)))
         points = np.vstack(([0.5, 0.5], rng.uniform(0.0, 10.0, (4 * count, 2)), [9.5, 9.5]))
         apart = np.linalg.norm(points[:, None] - result[:, :2], axis=2)
@@ -78,7 +78,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Whether the route is one: edges of the roadmap that touch no disc."""
+    """Check whether the route is one: edges of the roadmap that touch no disc."""
     points, edges, discs, *_ = case.args
     if np.ndim(parts[0]) != 1 or not 0.0 <= largest_error(parts[0], np.zeros(len(parts[0]))) < len(
         points
@@ -95,7 +95,7 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
 
 
 def routes(figure: Any, shown: Shown) -> None:
-    """The roadmap and both routes."""
+    """Plot the roadmap and both routes."""
     points, edges, discs, *_ = shown.args
     ends = np.stack((*points[edges.T], np.full((len(edges), 2), np.nan)), axis=1)
     report = (

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def lazy_prm(points, edges, discs, start, goal):
-    """The shortest free route of a roadmap, of which only what is needed is checked.
+    """Return the shortest free route of a roadmap, of which only what is needed is checked.
 
     Args:
         points: of the roadmap, all free, shape (n, 2) [m].

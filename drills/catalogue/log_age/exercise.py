@@ -13,7 +13,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Logs of a camera; what perception takes is constant, then spread beyond the period."""
+    """Return logs of a camera; what perception takes is constant, then spread beyond the period."""
 
     def log(
         label: str,
@@ -55,7 +55,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def over_time(figure: Any, shown: Shown) -> None:
-    """The ages over the time of reading."""
+    """Plot the ages over the time of reading."""
     axes, order = picture.plane(figure, "time [s]", "age [s]"), np.argsort(shown.args[2])
     for values, style in ((shown.got[0], picture.YOURS), (shown.expected[0], picture.RIGHT)):
         axes.plot(np.asarray(shown.args[2])[order], np.asarray(values)[order], ".-", **style)

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def log_age(captured, published, times):
-    """How old the newest information is that a reader has.
+    """Return how old the newest information is that a reader has.
 
     Args:
         captured: when each measurement was taken, shape (n,) [s].

@@ -21,7 +21,7 @@ SLOW = "a slow loop"
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """One state, joints, drawn systems; slow loops, cheap commands, nothing to do."""
+    """Return one state, joints, drawn systems; slow loops, cheap commands, nothing to do."""
 
     def weights(n: int, least: float) -> Array:
         root = rng.normal(size=(n, n))
@@ -32,7 +32,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case((A, B, weights(n, 0.1), weights(m, 0.3)), f"{n} states, {m} commands")
 
     def joint(dt: float, place: float, label: str, level: str = "core", fall: float = 0.0) -> Case:
-        """A free inertia, or a pendulum upside down, whose place and rate have weights."""
+        """Return a free inertia, or a pendulum upside down, whose place and rate have weights."""
         A = np.array([[1.0, dt], [dt * fall, 1.0]])
         B = np.array([[0.5 * dt * dt], [dt]]) * rng.uniform(0.5, 2.0)
         Q = np.diag([place, rng.uniform(0.05, 0.2) * place])
@@ -69,12 +69,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """1e-8 of the largest entry."""
+    """Return 1e-8 of the largest entry."""
     return 1e-8 * float(np.abs(truth[0]).max()) + 1e-12
 
 
 def at_rest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Whether the loop comes to rest: that says more than the values."""
+    """Check whether the loop comes to rest: that says more than the values."""
     A, B, *_ = (np.asarray(value, dtype=float) for value in case.args)
     try:
         K = as_float64(parts[0], B.T.shape)
@@ -95,7 +95,7 @@ def at_rest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> 
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Gains that are wrong where the loop is slow, and elsewhere right or nearly so."""
+    """Return gains that are wrong where the loop is slow, and elsewhere right or nearly so."""
     slow = [a for a in answers if a.case.label == SLOW]
     near = [
         largest_error(a.parts[0], a.truth[0]) <= 1e-3 * (1e-9 + float(np.abs(a.truth[0]).max()))
@@ -107,7 +107,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def responses(figure: Any, shown: Shown) -> None:
-    """The first state over the samples, from one in all states."""
+    """Plot the first state over the samples, from one in all states."""
     axes = picture.plane(figure, "sample", "first state")
     A, B = (np.asarray(value, dtype=float) for value in shown.args[:2])
     for (K,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def lqr(A, B, Q, R):
-    """The gain of the discrete linear quadratic regulator.
+    """Return the gain of the discrete linear quadratic regulator.
 
     Args:
         A: of x[k+1] = A x[k] + B u[k], shape (n, n).

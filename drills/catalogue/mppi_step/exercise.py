@@ -13,7 +13,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Costs near zero and far from it, within the limits and at them, rollouts that failed."""
+    """Return costs near zero and far from it, within the limits and at them, rollouts that failed."""
 
     def step(
         label: str = "random",
@@ -27,7 +27,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         failed: tuple[float, ...] = (),
         temperature: float = 0.0,
     ) -> Case:
-        """Costs from the base on; the first ones replaced by those of failed rollouts."""
+        """Return costs from the base on; the first ones replaced by those of failed rollouts."""
         plan, noise = rng.normal(size=(6, m)), rng.normal(size=(k, 6, m))
         costs = base + spread * rng.uniform(0.0, 3.0, k)
         costs[: len(failed)] = failed
@@ -81,12 +81,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:
-    """1e-10 of the largest command, one added."""
+    """Return 1e-10 of the largest command, one added."""
     return 1e-10 * (1.0 + float(np.abs(truth[0]).max()))
 
 
 def plans(figure: Any, shown: Shown) -> None:
-    """The first command over the steps: as planned, and the new ones, between the limits."""
+    """Plot the first command over the steps: as planned, and the new ones, between the limits."""
     axes = picture.plane(figure, "step", "first command")
     plan, noise, _, _, low, high = shown.args
     axes.axhspan(low[0], high[0], color="0.95")

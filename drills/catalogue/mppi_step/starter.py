@@ -2,7 +2,7 @@ import numpy as np
 
 
 def mppi_step(plan, noise, costs, temperature, low, high):
-    """A plan of commands, moved towards its cheap variations.
+    """Return a plan of commands, moved towards its cheap variations.
 
     Args:
         plan: commands, shape (steps, m).

@@ -18,8 +18,10 @@ Array = NDArray[np.float64]
 
 
 def _planar(q: Array) -> tuple[Array, Array]:
-    """Jacobian (2, n) of the tip of an arm of equal links in the plane; gradient of the elbow's
-    height, the point after two links."""
+    """Return Jacobian (2, n) of the tip of an arm of equal links in the plane.
+
+    Gradient of the elbow's height, the point after two links.
+    """
     angle = np.cumsum(q)
     links = np.stack((np.cos(angle), np.sin(angle))) * 0.4
     ahead = np.cumsum(links[:, ::-1], axis=1)[:, ::-1]  # from each joint to the tip
@@ -29,7 +31,7 @@ def _planar(q: Array) -> tuple[Array, Array]:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Arms in the plane whose elbow shall rise, drawn Jacobians, and none left over."""
+    """Return arms in the plane whose elbow shall rise, drawn Jacobians, and none left over."""
 
     def jacobian(m: int, n: int) -> Array:
         U, _, _ = np.linalg.svd(rng.normal(size=(m, m)))
@@ -68,12 +70,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: Any) -> float:
-    """1e-9 of the size of what goes in, one added."""
+    """Return 1e-9 of the size of what goes in, one added."""
     return float(1e-9 * (1.0 + np.linalg.norm(case.args[1]) + np.linalg.norm(case.args[2])))
 
 
 def tip_first(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """What the tip does: it says what is wrong, a value only that something is."""
+    """Check what the tip does: it says what is wrong, a value only that something is."""
     J, dx = (np.asarray(value, dtype=float) for value in case.args[:2])
     try:
         step = as_float64(parts[0], (J.shape[1],))
@@ -99,7 +101,7 @@ def tip_first(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -
 
 
 def joints(figure: Any, shown: Shown) -> None:
-    """The step, joint by joint, and the wish."""
+    """Plot the step, joint by joint, and the wish."""
     axes = picture.plane(figure, "joint", "step [rad]")
     number = np.arange(len(shown.args[2]))
     axes.plot(number, shown.args[2], "s:", color="0.7", label="wished")

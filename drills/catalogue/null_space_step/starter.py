@@ -2,7 +2,7 @@ import numpy as np
 
 
 def null_space_step(J, dx, secondary, weights):
-    """The step that moves the tip by dx and, for the rest, follows a second wish.
+    """Return the step that moves the tip by dx and, for the rest, follows a second wish.
 
     Args:
         J: Jacobian, shape (m, n) [m/rad].

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Power laws, exact and disturbed by the next power."""
+    """Return power laws, exact and disturbed by the next power."""
 
     def runs(
         order: float, ratio: float, n: int, disturbed: float, label: str, level: str = "core"
@@ -48,7 +48,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """The mistake that every answer shows in one of its parts, whatever is in the other."""
+    """Return the mistake that every answer shows in one of its parts, whatever is in the other."""
     for place, wrong in enumerate((_wrong_orders, _wrong_limits)):
         if all(answer.right[place] for answer in answers):
             continue
@@ -93,7 +93,7 @@ def _wrong_limits(coarse: Array, medium: Array, fine: Array, ratio: float = 2.0)
 
 
 def no_order(attempt: Attempt, answers: Sequence[Answer]) -> None:
-    """Runs that must be refused."""
+    """Check runs that must be refused."""
     start, away = attempt.rng.normal(size=(2, 3))
     for label, runs in (
         ("two runs are equal", (start + away, start, start.copy(), 2.0)),
@@ -113,7 +113,7 @@ def no_order(attempt: Attempt, answers: Sequence[Answer]) -> None:
 
 
 def extrapolated(attempt: Attempt) -> Plan:
-    """What extrapolation buys: Verlet's three runs against a single finer one."""
+    """Return what extrapolation buys: Verlet's three runs against a single finer one."""
     from course.oracles.mujoco import oscillator
     from course.rigid_body import problems, simulate
 

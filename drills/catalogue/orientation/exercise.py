@@ -27,7 +27,7 @@ def _direction(rng: np.random.Generator, size: int) -> Array:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Turns of every size, about every axis."""
+    """Return turns of every size, about every axis."""
 
     def start() -> Array:
         return _direction(rng, 4)
@@ -64,7 +64,7 @@ def _angle(case: Case) -> float:
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """NaN where nothing turns; a turn that is lost where all larger ones are right."""
+    """Return NaN where nothing turns; a turn that is lost where all larger ones are right."""
     for a in answers:
         if _angle(a.case) < 1e-100 and isinstance(a.got, np.ndarray) and a.got.dtype.kind == "f":
             if a.got.size and np.isnan(a.got).all():
@@ -77,7 +77,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def many_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
-    """The length after many steps, and that they are one long one."""
+    """Check the length after many steps, and that they are one long one."""
     q, omega = _direction(attempt.rng, 4), 5.0 * _direction(attempt.rng, 3)
     end = q
     for _ in range(STEPS):
@@ -108,7 +108,7 @@ def many_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
 
 
 def tumbling(attempt: Attempt) -> Plan:
-    """Attitude of a tumbling body after 5 s; every update is told the rate half way."""
+    """Return attitude of a tumbling body after 5 s; every update is told the rate half way."""
     from course.oracles.mujoco import free
     from course.rigid_body import problems, quaternion
 

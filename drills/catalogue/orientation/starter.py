@@ -2,7 +2,7 @@ import numpy as np
 
 
 def update_orientation(q, omega, dt):
-    """The orientation after turning for dt at a constant body rate.
+    """Return the orientation after turning for dt at a constant body rate.
 
     Args:
         q: unit quaternion (w, x, y, z), body to world, shape (4,).

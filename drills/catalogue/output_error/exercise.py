@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def _moved(inertia: float, damping: float, tau: Array, dt: float, q: float, v: float) -> Array:
-    """Angles at the samples, by the classical Runge-Kutta method in two steps a sample."""
+    """Return angles at the samples, by the classical Runge-Kutta method in two steps a sample."""
     angles, h = np.zeros(len(tau)), dt / 2.0
     for i, torque in enumerate(tau.tolist()):
         angles[i] = q
@@ -25,7 +25,7 @@ def _moved(inertia: float, damping: float, tau: Array, dt: float, q: float, v: f
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Joints under two sines of torque, from rest and moving."""
+    """Return joints under two sines of torque, from rest and moving."""
 
     def log(
         label: str,
@@ -60,7 +60,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """1e-4 of the smaller parameter."""
+    """Return 1e-4 of the smaller parameter."""
     return 1e-4 * float(truth[0].min())
 
 

@@ -2,7 +2,8 @@ import numpy as np
 
 
 def output_error(q, tau, dt, start, guess):
-    """Inertia and damping of a joint with the smallest squared error of its simulated angles.
+    """Return inertia and damping of a joint with the smallest squared error of its simulated
+    angles.
 
     Args:
         q: measured angle at each sample, (n,) [rad].

@@ -9,7 +9,7 @@ from drills.exercise import Exercise, coarse_slips, slips
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Chains, two ways, then graphs with side branches and dead ends, in any order."""
+    """Return chains, two ways, then graphs with side branches and dead ends, in any order."""
 
     def graph(
         label: str,
@@ -19,7 +19,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         over: float = 0.5,
         exact: bool = False,
     ) -> Case:
-        """Edges go up in a hidden order; a chain of all boxes, and a share of all others."""
+        """Return edges go up in a hidden order; a chain of all boxes, and a share of all others."""
         pairs = [
             (i, j)
             for i in range(boxes)

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def over_budget(edges, latencies, budgets, start, goal):
-    """The first edge on the critical path that takes more than it may.
+    """Return the first edge on the critical path that takes more than it may.
 
     Args:
         edges: from box, to box, shape (m, 2); no loops.

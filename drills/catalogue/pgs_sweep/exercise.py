@@ -15,17 +15,17 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """One contact on each part of the cone, then several that are coupled."""
+    """Return one contact on each part of the cone, then several that are coupled."""
 
     def delassus(n: int, coupling: float = 1.0) -> Array:
-        """Of n contacts on bodies that share coordinates."""
+        """Return of n contacts on bodies that share coordinates."""
         J = rng.normal(size=(3 * n, 3 * n + 2))
         A = J @ J.T / 3.0 + 0.2 * np.eye(3 * n)
         blocks = np.kron(np.eye(n), np.ones((3, 3)))
         return np.asarray(A * (blocks + coupling * (1.0 - blocks)))
 
     def alone(normal: float, slip: float, mu: float, label: str, level: str = "core") -> Case:
-        """A contact whose step, before it is projected, is (normal, slip in some direction)."""
+        """Return a contact whose step, before it is projected, is (normal, slip in some direction)."""
         A, turn = delassus(1), rng.uniform(-math.pi, math.pi)
         expected = np.array([normal, slip * math.cos(turn), slip * math.sin(turn)])
         start = rng.uniform(0.0, 0.3, (1, 3))
@@ -150,7 +150,7 @@ SLIPS = slips(
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:
-    """1e-11 of the largest impulse, one added."""
+    """Return 1e-11 of the largest impulse, one added."""
     return 1e-11 * (1.0 + float(np.abs(truth[0]).max()))
 
 

@@ -2,7 +2,8 @@ import numpy as np
 
 
 def pgs_sweep(impulses, A, b, mu):
-    """One sweep of projected Gauss-Seidel over contacts with friction, each in its true cone.
+    """Return one sweep of projected Gauss-Seidel over contacts with friction, each in its true
+    cone.
 
     Args:
         impulses: of each contact: normal, then two tangents, shape (n, 3) [N s].

@@ -16,7 +16,10 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Six engines by rising cost: two fail, of one something is not known, the last three do."""
+    """Return six engines by rising cost.
+
+    Two fail, of one something is not known, the last three do.
+    """
 
     def job(
         label: str,
@@ -75,12 +78,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """Numbers exactly, the factor to 1e-9 of itself."""
+    """Return numbers exactly, the factor to 1e-9 of itself."""
     return [0.0, 0.0, 1e-9 * max(1.0, float(truth[2]))]
 
 
 def margins(figure: Any, shown: Shown) -> None:
-    """Every engine's margin in every need, and what was picked."""
+    """Plot every engine's margin in every need, and what was picked."""
     facts, limits, larger, cost = (np.asarray(one, dtype=float) for one in shown.args)
     axes = picture.plane(figure, "cost", "margin of each need")
     ratio = np.where(larger != 0, facts / limits, limits / facts)

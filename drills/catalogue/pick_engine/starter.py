@@ -2,7 +2,9 @@ import numpy as np
 
 
 def pick_engine(facts, limits, larger, cost):
-    """The cheapest engine that is known to meet every need, and the need that would change it.
+    """Return the cheapest engine that is known to meet every need.
+
+    And the need that would change it.
 
     Args:
         facts: of each engine, NaN where nothing was measured, (m, n).

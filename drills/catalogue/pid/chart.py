@@ -18,7 +18,7 @@ SETPOINT = 0.5  # rad
 
 
 def sampled(attempt: Attempt) -> Plan:
-    """The same loop, sampled ever faster, against the loop in continuous time."""
+    """Return the same loop, sampled ever faster, against the loop in continuous time."""
     from course.drills import PID, closed_loop
     from course.oracles.mujoco.joint import MotorJoint
 
@@ -57,7 +57,10 @@ def _continuous(
     looks: int,
     halves: int = 1,
 ) -> Array:
-    """Angles of the linear loop in continuous time, by the matrix exponential, (looks + 1,)."""
+    """Return angles of the linear loop in continuous time.
+
+    By the matrix exponential, (looks + 1,).
+    """
     from scipy.linalg import expm
 
     kp, ki, kd = gains

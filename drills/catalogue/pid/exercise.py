@@ -76,7 +76,7 @@ class Numbers:
     tau: float = 0.02
 
     def arguments(self) -> tuple[float, ...]:
-        """In their order."""
+        """Return in their order."""
         return self.kp, self.ki, self.kd, self.dt, self.u_min, self.u_max, self.tau
 
 
@@ -90,7 +90,10 @@ class Controller:
         self.over = 0.0  # N m, by which a command of `update` passed its limit
 
     def update(self, setpoint: float, measurement: float) -> float:
-        """One command, cut off as the motor does it; what is no finite number ends the grading."""
+        """Return one command, cut off as the motor does it.
+
+        What is no finite number ends the grading.
+        """
         got = self.attempt.learner.method(self.handle, "update", setpoint, measurement)
         command = got if type(got) is float and math.isfinite(got) else _number(got)
         low, high = self.numbers.u_min, self.numbers.u_max
@@ -98,7 +101,7 @@ class Controller:
         return min(max(command, low), high)
 
     def run(self, setpoints: Any, measurements: Any) -> Array:
-        """The commands for two sequences, or one of them a number; in one request."""
+        """Return the commands for two sequences, or one of them a number; in one request."""
         w, y = np.broadcast_arrays(setpoints, measurements)
         learner = self.attempt.learner
         got = learner.given("run", self.handle, w.tolist(), y.tolist())
@@ -164,7 +167,7 @@ def _proportional(attempt: Attempt) -> None:
 
 
 def _integral(attempt: Attempt) -> None:
-    """A constant error, then another: any rule of summing gives these differences."""
+    """Check a constant error, then another: any rule of summing gives these differences."""
     rng = attempt.rng
     numbers = Numbers(ki=float(rng.uniform(5.0, 30.0)), dt=float(rng.uniform(0.002, 0.008)))
     controller = Controller(attempt, numbers)
@@ -205,7 +208,7 @@ def _integral(attempt: Attempt) -> None:
 
 
 def _flattens(steps: Array, gain: float) -> bool:
-    """Whether what is added is right at first and then nothing at all."""
+    """Return whether what is added is right at first and then nothing at all."""
     right, nothing = np.isclose(steps, gain, rtol=1e-9), np.abs(steps) < 1e-12
     stop = int(np.argmax(nothing))
     begun = stop > 3 and np.all(right[2 : stop - 1])
@@ -213,7 +216,7 @@ def _flattens(steps: Array, gain: float) -> bool:
 
 
 def _derivative(attempt: Attempt) -> None:
-    """A ramp of the measurement: none at first, 63 % after tau, the slope in the end."""
+    """Check a ramp of the measurement: none at first, 63 % after tau, the slope in the end."""
     rng = attempt.rng
     ratio = int(rng.integers(5, 9))
     dt = float(rng.uniform(0.002, 0.008))
@@ -275,7 +278,7 @@ def _derivative(attempt: Attempt) -> None:
 
 
 def _kick(attempt: Attempt) -> None:
-    """A step of the set-point: proportional part, and a sample of the integral at most."""
+    """Check a step of the set-point: proportional part, and a sample of the integral at most."""
     rng = attempt.rng
     dt = float(rng.uniform(0.002, 0.008))
     kp, ki, kd = (float(rng.uniform(low, 3.0 * low)) for low in (2.0, 5.0, 0.5))
@@ -332,7 +335,7 @@ def _limits(attempt: Attempt) -> None:
 
 
 def _after_limits(attempt: Attempt) -> None:
-    """Without an integral nothing is remembered of a command that was cut off."""
+    """Check without an integral nothing is remembered of a command that was cut off."""
     for side in (1.0, -1.0):
         limit = float(attempt.rng.uniform(4.0, 6.0))
         numbers = Numbers(kp=float(attempt.rng.uniform(1.5, 2.5)), u_min=-limit, u_max=limit)
@@ -406,7 +409,7 @@ def _same(
     controller: Controller,
     slip: str = "",
 ) -> None:
-    """Two controllers that must do the same sums: the same bits."""
+    """Check two controllers that must do the same sums: the same bits."""
     controller.require(
         name,
         bool(np.array_equal(got, expected)),
@@ -475,7 +478,7 @@ def _refusals(attempt: Attempt) -> None:
 
 
 def _windup(attempt: Attempt) -> None:
-    """The integral reaches either limit; how it leaves is kept for the jam to judge."""
+    """Check the integral reaches either limit; how it leaves is kept for the jam to judge."""
     for sign in (1.0, -1.0):
         numbers = Numbers(kp=1.2, ki=14.0, u_min=-5.0, u_max=4.0)
         controller = Controller(attempt, numbers)
@@ -498,7 +501,9 @@ def _windup(attempt: Attempt) -> None:
 
 
 def _leaves_limit(attempt: Attempt) -> None:
-    """An integral that alone holds the command at its limit lets go when the error turns round."""
+    """Check an integral that alone holds the command at its limit lets go when the error turns
+    round.
+    """
     for side in (1.0, -1.0):
         numbers = Numbers(ki=float(attempt.rng.uniform(9.0, 12.0)), kd=1.0, u_min=-5.0, u_max=5.0)
         controller = Controller(attempt, numbers)
@@ -521,7 +526,10 @@ def _leaves_limit(attempt: Attempt) -> None:
 
 
 def _winds_up(attempt: Attempt, side: float) -> bool:
-    """Whether the integral goes on at the limit, by the sample at which the command leaves it."""
+    """Return whether the integral goes on at the limit.
+
+    By the sample at which the command leaves it.
+    """
     numbers = Numbers(kp=1.2, ki=14.0, u_min=-4.0, u_max=4.0)
     controller = Controller(attempt, numbers)
     held = 160
@@ -548,14 +556,17 @@ class Plant:
     step: float
 
     def numbers(self, dt: float) -> Numbers:
-        """The controller's arguments at a sample time [s]."""
+        """Return the controller's arguments at a sample time [s]."""
         w, j = self.speed, self.inertia
         gains = 3.0 * w * w * j, w**3 * j, 3.0 * w * j - self.damping
         return Numbers(*gains, dt, -self.limit, 0.9 * self.limit, 2.0 * dt)
 
 
 def _plant(rng: np.random.Generator, speed: float, side: float = 0.0) -> Plant:
-    """Drawn so that a faster loop has a stronger motor: in units of 1 / speed all are alike."""
+    """Return drawn so that a faster loop has a stronger motor.
+
+    In units of 1 / speed all are alike.
+    """
     inertia = float(rng.uniform(0.03, 0.08))
     speed *= float(rng.uniform(0.95, 1.05))
     limit = 0.62 * inertia * speed**2
@@ -587,7 +598,7 @@ def _loops(attempt: Attempt) -> None:
 
 
 def _jams(attempt: Attempt) -> None:
-    """Both ways: an integral may know one limit and not the other."""
+    """Check both ways: an integral may know one limit and not the other."""
     for side in attempt.rng.permutation([1.0, -1.0]).tolist():
         if not attempt.failed:
             _jam(attempt, side)
@@ -610,7 +621,7 @@ def _limits_are_respected(attempt: Attempt, controller: Controller) -> None:
 def _settled(
     attempt: Attempt, name: str, controller: Controller, plant: Plant, angles: Array
 ) -> bool:
-    """The last tenth of the run lies within the band."""
+    """Return the last tenth of the run lies within the band."""
     tail = angles[-max(5, angles.size // 20) :]
     error, allowed = float(np.max(np.abs(tail - plant.step))), BAND * abs(plant.step)
     return attempt.require(
@@ -671,14 +682,14 @@ def _jam(attempt: Attempt, side: float) -> None:
 
 
 def _reference_controller(numbers: Numbers) -> Any:
-    """The worked answer's controller."""
+    """Return the worked answer's controller."""
     from course.drills import PID
 
     return PID(*numbers.arguments())
 
 
 def response(figure: Any, shown: Shown) -> None:
-    """Commands or angles over time."""
+    """Plot commands or angles over time."""
     times, what = shown.args
     axes = picture.plane(figure, "time [s]", what)
     axes.plot(times, shown.got, **picture.YOURS)
@@ -707,7 +718,10 @@ def _near(got: Array, other: Array) -> bool:
 
 
 def _between(value: float, low: float, high: float) -> bool:
-    """Whether a value lies between two of the same sign, in whichever order, with 1 % to spare."""
+    """Return whether a value lies between two of the same sign, in whichever order.
+
+    With 1 % to spare.
+    """
     a, b = sorted((abs(low), abs(high)))
     return bool((value > 0.0) == (low > 0.0) and 0.99 * a <= abs(value) <= 1.01 * b)
 

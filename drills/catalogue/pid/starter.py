@@ -19,7 +19,7 @@ class PID:
         """Forget the past."""
 
     def update(self, setpoint, measurement):
-        """The command for the sample that begins now [N m].
+        """Return the command for the sample that begins now [N m].
 
         Args:
             setpoint: wanted angle [rad].

@@ -13,7 +13,7 @@ TOLERANCE, MARGIN = 0.01, 1e-7
 
 
 def clear(points: Array, triples: Array) -> bool:
-    """Whether no distance from a tried plane, or from a refit to the best so far, is close."""
+    """Return whether no distance from a tried plane, or from a refit to the best so far, is close."""
     best = 0
     for triple in triples:
         a, b, c = points[:, triple].T
@@ -33,7 +33,7 @@ def clear(points: Array, triples: Array) -> bool:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """A cloud of a table and of what else there is, in any pose before the camera."""
+    """Return a cloud of a table and of what else there is, in any pose before the camera."""
 
     def cloud(
         label: str,

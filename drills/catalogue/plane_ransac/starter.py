@@ -2,7 +2,7 @@ import numpy as np
 
 
 def plane_ransac(points, triples, tolerance, confidence):
-    """The plane near which most points lie, fitted once more to them.
+    """Return the plane near which most points lie, fitted once more to them.
 
     Args:
         points: shape (3, n) [m].

@@ -17,7 +17,7 @@ CAMERA = np.array([600.0, 590.0, 319.5, 239.5])
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Where each mistake shows by itself, then all together."""
+    """Return where each mistake shows by itself, then all together."""
 
     def shot(
         label: str,
@@ -31,7 +31,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         middle: bool = False,
         stamp: float = 0.43,
     ) -> Case:
-        """A picture of an arm at a speed [m/s, rad/s], with a camera mounted at an angle."""
+        """Return a picture of an arm at a speed [m/s, rad/s], with a camera mounted at an angle."""
         wide = 0.0 if middle else 300.0
         pixels = np.vstack(
             (
@@ -78,12 +78,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """1e-10 m, or of the largest coordinate."""
+    """Return 1e-10 m, or of the largest coordinate."""
     return 1e-10 * max(1.0, float(np.abs(truth[0]).max(initial=0.0)))
 
 
 def from_above(figure: Any, shown: Shown) -> None:
-    """Both sets of points from above."""
+    """Plot both sets of points from above."""
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     for (points,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(*np.asarray(points)[:2], "o", **style | {"ls": ""})

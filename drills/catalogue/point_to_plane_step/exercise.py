@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def turned(w: Array) -> Array:
-    """The rotation of a vector, by its axes' images."""
+    """Return the rotation of a vector, by its axes' images."""
     angle = float(np.linalg.norm(w))
     axis = w / max(angle, 1e-300)
     columns = np.eye(3)
@@ -24,7 +24,7 @@ def turned(w: Array) -> Array:
 
 
 def clear(points: Array, model: Array, normals: Array) -> bool:
-    """Whether no match is a close call and all six numbers are told well."""
+    """Return whether no match is a close call and all six numbers are told well."""
     apart = np.linalg.norm(points[:, :, None] - model[:, None, :], axis=0)
     first, second = np.partition(apart, 1, axis=1)[:, :2].T
     n = normals[:, apart.argmin(axis=1)]
@@ -34,7 +34,10 @@ def clear(points: Array, model: Array, normals: Array) -> bool:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """A ball with dents as a model; a part of its points, moved back, is what was measured."""
+    """Return a ball with dents as a model.
+
+    A part of its points, moved back, is what was measured.
+    """
 
     def part(
         label: str,
@@ -81,7 +84,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-9 of R, and of the largest coordinate."""
+    """Return 1e-9 of R, and of the largest coordinate."""
     return [1e-9, 1e-9 * max(1.0, *(float(np.abs(value).max()) for value in case.args[:2]))]
 
 

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def point_to_plane_step(points, model, normals):
-    """One step of ICP from points to planes.
+    """Return one step of ICP from points to planes.
 
     Args:
         points: measured, shape (3, n) [m].

@@ -13,7 +13,7 @@ WHERE = {"too low": (0.2, 0.7), "near 1": (0.9, 1.1), "too high": (1.4, 3.0)}
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Ratios on both sides of the clip, with advantages of both signs."""
+    """Return ratios on both sides of the clip, with advantages of both signs."""
 
     def actions(label: str, ratio: Any, advantage: Any, level: str = "core") -> Case:
         old = rng.uniform(-3.0, 0.0, len(ratio))
@@ -47,7 +47,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def gradients(figure: Any, shown: Shown) -> None:
-    """Gradient of each action over its ratio."""
+    """Plot gradient of each action over its ratio."""
     axes, clip = picture.plane(figure, "ratio", "gradient"), shown.args[3]
     ratio = np.exp(np.asarray(shown.args[0]) - shown.args[1])
     axes.axvspan(1.0 - clip, 1.0 + clip, color="0.93")

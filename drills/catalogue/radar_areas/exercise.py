@@ -13,7 +13,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Values on axes of which more or fewer have their best end below."""
+    """Return values on axes of which more or fewer have their best end below."""
 
     def chart(
         label: str,
@@ -47,7 +47,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def bars(figure: Any, shown: Shown) -> None:
-    """From the smallest to the largest area."""
+    """Plot from the smallest to the largest area."""
     axes = picture.plane(figure, "area, smallest and largest", "")
     for row, (pair, style) in enumerate(
         ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT))

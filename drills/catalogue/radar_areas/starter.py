@@ -2,7 +2,7 @@ import numpy as np
 
 
 def radar_areas(values, worst, best):
-    """The smallest and the largest area of a radar chart, over the orders of its axes.
+    """Return the smallest and the largest area of a radar chart, over the orders of its axes.
 
     Args:
         values: what was measured, (n,).

@@ -72,7 +72,10 @@ def draw_setting(rng: np.random.Generator) -> Setting:
 
 
 def _scene(rng: np.random.Generator, floor: float) -> str:
-    """A sled, a box, a puck with a contact pair of its own, and an arm, with drawn numbers."""
+    """Return a sled, a box, a puck with a contact pair of its own, and an arm.
+
+    With drawn numbers.
+    """
     sled, box, link, hand = (f"{value:.6f}" for value in rng.uniform(0.4, 2.5, size=4))
     slide, shoulder = (f"{value:.6f}" for value in rng.uniform(0.3, 0.9, size=2))
     a, b = rng.uniform(0.2, 0.45, size=2)
@@ -130,7 +133,7 @@ class Unreadable(Exception):
 
 
 def alike(value: Any, like: Any) -> bool:
-    """Whether a value has the keys, types, shapes and dtypes of another one."""
+    """Return whether a value has the keys, types, shapes and dtypes of another one."""
     if type(value) is not type(like):
         return False
     if isinstance(like, dict):
@@ -159,11 +162,11 @@ class Bench:
         self.randomizer = self.learner.new(ENTRY, self.model, *setting.ranges)
 
     def generator(self, seed: int) -> Any:
-        """A generator in the child."""
+        """Return a generator in the child."""
         return self.learner.given_new("generator", seed)
 
     def read(self, name: str, *args: Any, like: Any) -> Any:
-        """What a function of the given module reads in the child.
+        """Return what a function of the given module reads in the child.
 
         Raises:
             Unreadable: if it is not like what the same function reads here.
@@ -174,33 +177,35 @@ class Bench:
         return value
 
     def arrays(self) -> Arrays:
-        """The arrays of the model as it is in the child."""
+        """Return the arrays of the model as it is in the child."""
         return self.read("arrays", self.model, like=self.before)
 
     def state(self) -> dict[str, Any]:
-        """The state of the data in the child."""
+        """Return the state of the data in the child."""
         like = self.attempt.reference.given("state", self.own_data)
         return self.read("state", self.data, like=like)
 
     def computed(self) -> Arrays:
-        """What MuJoCo computed in the data in the child."""
+        """Return what MuJoCo computed in the data in the child."""
         like = self.attempt.reference.given("computed", self.own_data)
         return self.read("computed", self.data, like=like)
 
     def randomize(self, seed: int) -> Arrays:
-        """One draw; returns the arrays of the model after it."""
+        """Return one draw; returns the arrays of the model after it."""
         self.learner.method(self.randomizer, "randomize", self.data, self.generator(seed))
         return self.arrays()
 
     def draw(self, count: int, seed: int, actions: list[Array]) -> dict[str, Any]:
-        """Many draws, each followed by these actions."""
+        """Return many draws, each followed by these actions."""
         like: dict[str, Any] = {k: np.repeat(self.before[k][None], count, axis=0) for k in PRIMARY}
         like["delayed"] = []
         args = self.randomizer, self.model, self.data, self.generator(seed), count, actions
         return self.read("draw", *args, like=like)
 
     def here(self, arrays: Arrays) -> Any:
-        """A model of this side with these masses, frictions, ..., and constants computed here."""
+        """Return a model of this side with these masses, frictions, ..., and constants computed
+        here.
+        """
         import mujoco
 
         model = copy.copy(self.default)
@@ -210,7 +215,7 @@ class Bench:
         return model
 
     def factors(self, mass: Array) -> Array:
-        """Mass over default mass of the bodies that have one, shape (..., nbody - 1)."""
+        """Return mass over default mass of the bodies that have one, shape (..., nbody - 1)."""
         return mass[..., 1:] / self.default.body_mass[1:]
 
 

@@ -46,7 +46,7 @@ ROUNDED = float(np.finfo(float).eps)  # the least error that the chart shows
 
 
 def judge(attempt: Attempt) -> None:
-    """One draw in every detail, then repetition, restoring, distributions, delay and noise."""
+    """Check one draw in every detail, then repetition, restoring, distributions, delay and noise."""
     try:
         _judge(attempt)
     except Unreadable as lost:
@@ -163,7 +163,7 @@ def chart(attempt: Attempt, answer: Place) -> WorkPrecision:
         return Result(check[parameter], count * sizes[parameter])
 
     def constants_of(parameter: float) -> float:
-        """A compiled model against one whose constants were recomputed."""
+        """Return a compiled model against one whose constants were recomputed."""
         rng = np.random.default_rng(2)
         factors = rng.uniform(0.7, 1.3, size=defaults[parameter].nbody)
         model = copy.copy(defaults[parameter])
@@ -193,7 +193,7 @@ def chart(attempt: Attempt, answer: Place) -> WorkPrecision:
 
 
 def _chain(bodies: int) -> str:
-    """A hanging chain of capsules, every second joint damped, with a motor at the top."""
+    """Return a hanging chain of capsules, every second joint damped, with a motor at the top."""
     inside = ""
     for number in range(bodies, 0, -1):
         damping = 0.1 if number % 2 else 0.0

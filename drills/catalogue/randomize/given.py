@@ -7,7 +7,10 @@ import numpy as np
 
 
 def build(xml, tuned):
-    """A model in which somebody has set one constant by hand: `tuned` times the compiled one."""
+    """Return a model in which somebody has set one constant by hand.
+
+    `tuned` times the compiled one.
+    """
     model = mujoco.MjModel.from_xml_string(xml)
     model.dof_invweight0[:] *= tuned
     return model
@@ -22,7 +25,7 @@ def generator(seed):
 
 
 def arrays(model):
-    """Copies of all arrays of a model, by name."""
+    """Return copies of all arrays of a model, by name."""
     fields = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
     result = {name: value for name, value in fields.items() if isinstance(value, np.ndarray)}
     plain = {name: v.astype(np.uint8) if v.dtype == bool else v for name, v in result.items()}
@@ -35,20 +38,23 @@ def move(data, qpos, qvel, ctrl, time):
 
 
 def state(data):
-    """What must stay."""
+    """Return what must stay."""
     parts = np.ravel(data.qpos), np.ravel(data.qvel), np.ravel(data.ctrl)
     return {"qpos": parts[0], "qvel": parts[1], "ctrl": parts[2], "time": float(data.time)}
 
 
 def computed(data):
-    """What must be that of the model as it is now."""
+    """Return what must be that of the model as it is now."""
     return {
         name: np.array(getattr(data, name)) for name in ("qfrc_bias", "qfrc_passive", "subtree_com")
     }
 
 
 def draw(randomizer, model, data, rng, count, actions):
-    """Many draws: what was written, and what `delay` gives back for the actions after each."""
+    """Return many draws.
+
+    What was written, and what `delay` gives back for the actions after each.
+    """
     names = "geom_friction", "pair_friction", "body_mass", "body_inertia", "dof_damping"
     written: dict[str, list[np.ndarray]] = {name: [] for name in names}
     sent = []
@@ -62,7 +68,7 @@ def draw(randomizer, model, data, rng, count, actions):
 
 
 def delay_reused(randomizer, actions):
-    """The actions handed over in one array, which is written again and again."""
+    """Return the actions handed over in one array, which is written again and again."""
     buffer = np.empty_like(actions[0])
     back = []
     for action in actions:
@@ -72,7 +78,10 @@ def delay_reused(randomizer, actions):
 
 
 def observe(randomizer, observation, rng):
-    """One observation: the array that was handed over, afterwards, and whether it came back."""
+    """Return one observation.
+
+    The array that was handed over, afterwards, and whether it came back.
+    """
     handed = np.array(observation)
     back = randomizer.observe(handed, rng)
     shared = isinstance(back, np.ndarray) and bool(np.shares_memory(back, handed))
@@ -103,7 +112,10 @@ EXAMPLE = """
 
 
 def drawn(randomizer_class, **ranges):
-    """One draw with these ranges: [friction, both masses, damping of the hinge], and restored."""
+    """Return one draw with these ranges.
+
+    [friction, both masses, damping of the hinge], and restored.
+    """
     model = mujoco.MjModel.from_xml_string(EXAMPLE)
     data, randomizer = mujoco.MjData(model), randomizer_class(model, **ranges)
     result = []
@@ -118,7 +130,7 @@ def drawn(randomizer_class, **ranges):
 
 
 def delayed(randomizer_class, actions, **ranges):
-    """What comes back for these actions."""
+    """Return what comes back for these actions."""
     model = mujoco.MjModel.from_xml_string(EXAMPLE)
     randomizer = randomizer_class(model, **ranges)
     randomizer.randomize(mujoco.MjData(model), generator(0))

@@ -94,7 +94,7 @@ def _equal(a: Arrays, b: Arrays, names: tuple[str, ...]) -> bool:
 
 
 def _distance(values: Array, low: float, high: float) -> float:
-    """Kolmogorov-Smirnov distance from the uniform distribution between two ends."""
+    """Return kolmogorov-Smirnov distance from the uniform distribution between two ends."""
     x = np.sort((values - low) / (high - low))
     n = x.size
     return float(max(np.max(np.arange(1, n + 1) / n - x), np.max(x - np.arange(n) / n)))
@@ -238,7 +238,7 @@ def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
 
 
 def _effective_frictions(bench: Bench, drawn: dict[str, Any], first: Arrays) -> Array | None:
-    """The one coefficient that the contacts get in each draw, shape (draws, 1)."""
+    """Return the one coefficient that the contacts get in each draw, shape (draws, 1)."""
     result = np.empty((DRAWS, 1))
     model = bench.here(first)
     for number in range(DRAWS):
@@ -273,7 +273,7 @@ def _same(got: Any, expected: Array) -> bool:
 
 
 def _shifted(got: Array, sent: Array, idle: float) -> NDArray[np.bool_]:
-    """Whether each draw's actions (draws, calls, n) come so many calls late, (calls, draws)."""
+    """Return whether each draw's actions (draws, calls, n) come so many calls late, (calls, draws)."""
     calls = sent.shape[1]
     return np.array(
         [

@@ -198,7 +198,7 @@ def _friction(bench: Bench, arrays: Arrays) -> None:
 
 
 def friction_slip(bench: Bench, arrays: Arrays) -> str:
-    """The slip behind contacts that do not have one draw."""
+    """Return the slip behind contacts that do not have one draw."""
     geoms, default = arrays["geom_friction"][:, 0], bench.default.geom_friction[:, 0]
     if np.unique(geoms).size == 1:
         retained = np.array_equal(arrays["pair_friction"], bench.before["pair_friction"])
@@ -209,7 +209,10 @@ def friction_slip(bench: Bench, arrays: Arrays) -> str:
 
 
 def contact_frictions(model: Any) -> dict[str, float]:
-    """Sliding coefficient of each contact: sled, box and puck on the floor; the box on the puck."""
+    """Return sliding coefficient of each contact: sled, box and puck on the floor.
+
+    The box on the puck.
+    """
     import mujoco
 
     result: dict[str, float] = {}

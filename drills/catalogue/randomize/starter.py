@@ -41,5 +41,5 @@ class DomainRandomizer:
         return np.array(action, dtype=float)
 
     def observe(self, observation, rng):
-        """The observation with fresh noise, in a new array."""
+        """Return the observation with fresh noise, in a new array."""
         return np.array(observation, dtype=float)

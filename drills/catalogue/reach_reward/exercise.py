@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Paths whose distances are stated: in parts of the radius, by step."""
+    """Return paths whose distances are stated: in parts of the radius, by step."""
 
     def run(label: str, distances: Any, level: str = "core") -> Case:
         goal, radius = rng.uniform(-1.0, 1.0, 2), float(rng.uniform(0.05, 0.3))
@@ -38,7 +38,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def rewards(figure: Any, shown: Shown) -> None:
-    """Rewards over the steps."""
+    """Plot rewards over the steps."""
     axes = picture.plane(figure, "step", "reward")
     for (part, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(part, marker="o", ms=4, **style)

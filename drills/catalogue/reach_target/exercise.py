@@ -16,7 +16,10 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """A part on a belt: standing or moving, left alone or pushed, the camera straight or turned."""
+    """Return a part on a belt.
+
+    Standing or moving, left alone or pushed, the camera straight or turned.
+    """
 
     def scene(
         label: str,
@@ -59,7 +62,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def paths(figure: Any, shown: Shown) -> None:
-    """Both references from above."""
+    """Plot both references from above."""
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     for (reference,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(*np.asarray(reference, dtype=float).T, marker=".", **style)

@@ -4,7 +4,10 @@ import numpy as np
 
 
 def reach_target(frames, noise, calibration, drift, start, ticks):
-    """Where the tip is told to be at each tick, (m, 2) [m]; the task's table says what goes in."""
+    """Return where the tip is told to be at each tick, (m, 2) [m].
+
+    The task's table says what goes in.
+    """
     rows, camera = np.asarray(frames, dtype=float), np.asarray(calibration, dtype=float)
     R, t, belt = camera[:, :2], camera[:, 2], np.asarray(drift, dtype=float)
     seconds, command = 1.0, np.array(start, dtype=float)

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Steps of some milliseconds, prices of time, goals."""
+    """Return steps of some milliseconds, prices of time, goals."""
 
     def task(
         label: str,
@@ -52,12 +52,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-9 of the largest reward, 1e-12 for the discount, the whole number exactly."""
+    """Return 1e-9 of the largest reward, 1e-12 for the discount, the whole number exactly."""
     return [1e-9 * max(1.0, float(np.abs(truth[0]).max(initial=0.0))), 1e-12, 0.0]
 
 
 def discounts(figure: Any, shown: Shown) -> None:
-    """What a reward is worth over the time that it is away."""
+    """Plot what a reward is worth over the time that it is away."""
     axes = picture.plane(figure, "time [s]", "discount")
     dt, new = shown.args[4:]
     for values, style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

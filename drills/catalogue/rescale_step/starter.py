@@ -2,7 +2,7 @@ import numpy as np
 
 
 def rescale_step(rewards, once, gamma, steps, dt, new):
-    """The same task for an agent that steps at another rate.
+    """Return the same task for an agent that steps at another rate.
 
     Args:
         rewards: terms of the reward, (m,).

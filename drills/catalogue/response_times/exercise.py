@@ -13,7 +13,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Sets of tasks that use a stated part of the processor."""
+    """Return sets of tasks that use a stated part of the processor."""
 
     def tasks(
         label: str,
@@ -58,7 +58,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def bars(figure: Any, shown: Shown) -> None:
-    """Each task's response, and the deadline above it."""
+    """Plot each task's response, and the deadline above it."""
     axes = picture.plane(figure, "task", "response time [us]")
     axes.plot(np.asarray(shown.args[2]), "_", color="0.5", ms=14, label="deadline")
     for (values,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def response_times(executions, periods, deadlines, blocking):
-    """The longest response times of periodic tasks on one processor that can be interrupted.
+    """Return the longest response times of periodic tasks on one processor that can be interrupted.
 
     Args:
         executions, periods: of each task, the most important first, shape (n,) [us].

@@ -18,7 +18,7 @@ LEAST = 0.1  # of the largest singular value, what tells the weakest turn
 
 
 def clear(source: Array, target: Array, weights: Array) -> bool:
-    """Whether the best rotation is no close call: the weakest turn is told well."""
+    """Return whether the best rotation is no close call: the weakest turn is told well."""
     w = weights / weights.sum()
     a, b = source - (source @ w)[:, None], target - (target @ w)[:, None]
     spread = b * w @ a.T
@@ -27,7 +27,7 @@ def clear(source: Array, target: Array, weights: Array) -> bool:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Shifts, quarter turns; then any motion, with noise and weights."""
+    """Return shifts, quarter turns; then any motion, with noise and weights."""
 
     def pairs(
         label: str,
@@ -78,12 +78,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-10 of R, and of the largest coordinate."""
+    """Return 1e-10 of R, and of the largest coordinate."""
     return [1e-10, 1e-10 * max(1.0, *(float(np.abs(value).max()) for value in case.args[:2]))]
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Digits that are gone, or a mirror image, whatever made it."""
+    """Return digits that are gone, or a mirror image, whatever made it."""
     mirrored = [
         np.linalg.det(np.asarray(a.parts[0], dtype=float)) < -0.5
         for a in answers
@@ -93,7 +93,10 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def brought(figure: Any, shown: Shown) -> None:
-    """The target, the second argument, and the first as both motions bring it there, from above."""
+    """Plot the target, the second argument, and the first as both motions bring it there.
+
+    From above.
+    """
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     axes.plot(*shown.args[1][:2], "o", color="0.75", label="target")
     for (R, p), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def rigid_fit(source, target, weights):
-    """The rigid motion that brings points onto their partners best.
+    """Return the rigid motion that brings points onto their partners best.
 
     Args:
         source, target: partners, shape (3, n) [m].

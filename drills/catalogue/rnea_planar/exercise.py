@@ -20,7 +20,10 @@ G = 9.81
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Holding, speeding up, coasting: cases in which one term stands alone, then all of them."""
+    """Return holding, speeding up, coasting.
+
+    Cases in which one term stands alone, then all of them.
+    """
 
     def moving(
         n: int,
@@ -69,14 +72,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: Any) -> float:
-    """1e-11 of the scale that the task states, one added."""
+    """Return 1e-11 of the scale that the task states, one added."""
     lengths, masses, _, v, a, gravity = case.args
     reach, turning = np.sum(lengths), np.sum(np.abs(a)) + np.sum(np.abs(v)) ** 2
     return float(1e-11 * (1.0 + np.sum(masses) * reach * (gravity + reach * turning)))
 
 
 def torques(figure: Any, shown: Shown) -> None:
-    """The torques, joint by joint."""
+    """Plot the torques, joint by joint."""
     axes = picture.plane(figure, "joint", "torque [N m]")
     number = np.arange(len(shown.args[0]))
     axes.plot(number, shown.got[0], "o-", **picture.YOURS)

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def rnea_planar(lengths, masses, q, v, a, gravity):
-    """Joint torques of a planar arm of uniform rods.
+    """Return joint torques of a planar arm of uniform rods.
 
     Args:
         lengths: of the links, shape (n,) [m].

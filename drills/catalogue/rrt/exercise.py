@@ -50,7 +50,7 @@ PARTS = ("path", "nodes", "parents", "samples")
 
 
 def judge(attempt: Attempt) -> None:
-    """One run in each world, replayed; then the targets, and queries that must be refused."""
+    """Check one run in each world, replayed; then the targets, and queries that must be refused."""
     wrong = invalid_queries(attempt.rng)
     drawn = sorted(worlds(attempt.rng), key=lambda world: LEVELS.index(world.level))
     attempt.plan(
@@ -117,7 +117,7 @@ def _typed(world: World) -> str:
 
 
 def _run(attempt: Attempt, world: World, seed: int | None = None) -> Run | None:
-    """One run as arrays, or None after a failed check."""
+    """Return one run as arrays, or None after a failed check."""
     got = _ask(attempt, world, seed)
     call = _typed(world)
     parts = attempt.parts(got, PARTS, call=call)
@@ -143,7 +143,7 @@ def _run(attempt: Attempt, world: World, seed: int | None = None) -> Run | None:
 
 
 def _table(value: Any, what: str) -> Array:
-    """Rows (x, y); an empty list is no rows."""
+    """Return rows (x, y); an empty list is no rows."""
     array = as_float64(value, None, what)
     if array.size == 0:
         return np.zeros((0, 2))
@@ -155,7 +155,7 @@ def _table(value: Any, what: str) -> Array:
 
 
 def _report(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
-    """One check for each property in each world."""
+    """Check one check for each property in each world."""
     result = [faults(world, run) for world, run in made]
     everything = [fault for some in result for fault in some]
     ambiguous = len({fault.slip for fault in everything}) > 1
@@ -178,13 +178,16 @@ def _report(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
 
 
 def _telling(result: list[Fault]) -> str:
-    """The slip behind faults of one property: the grossest of the edges, else the first named."""
+    """Return the slip behind faults of one property.
+
+    The grossest of the edges, else the first named.
+    """
     named = [fault.slip for fault in result if fault.slip]
     return next((slip for slip in GROSSEST if slip in named), next(iter(named), ""))
 
 
 def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
-    """The share of goals and the evenness of the others, where all targets are drawn."""
+    """Check the share of goals and the evenness of the others, where all targets are drawn."""
     closed = [(world, run) for world, run in made if world.closed and len(run.samples)]
     goals = [(run.samples == world.goal).all(axis=1) for world, run in closed]
     total = sum(len(mask) for mask in goals)
@@ -239,13 +242,16 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
 
 
 def _alike(closed: list[tuple[World, Run]]) -> bool:
-    """Whether two runs in one rectangle, with generators of their own, drew the same targets."""
+    """Return whether two runs in one rectangle.
+
+    With generators of their own, drew the same targets.
+    """
     first = [run.samples[:9] for world, run in closed if np.array_equal(world.bounds, [LOW, HIGH])]
     return len(first) > 1 and all(np.array_equal(first[0], other) for other in first[1:])
 
 
 def _report_chance(attempt: Attempt, goals: list[NDArray[np.bool_]]) -> None:
-    """Whether the goal comes by chance: then the waiting times differ."""
+    """Check whether the goal comes by chance: then the waiting times differ."""
     waits = np.concatenate([np.diff(np.flatnonzero(mask)) for mask in goals])
     attempt.require(
         "the goal is drawn by chance",
@@ -256,7 +262,7 @@ def _report_chance(attempt: Attempt, goals: list[NDArray[np.bool_]]) -> None:
 
 
 def _chi2(places: Array) -> float:
-    """How uneven the counts of points in CELLS x CELLS parts of the unit square are."""
+    """Return how uneven the counts of points in CELLS x CELLS parts of the unit square are."""
     if len(places) == 0:
         return 0.0
     cells = np.clip((places * CELLS).astype(int), 0, CELLS - 1)
@@ -266,7 +272,7 @@ def _chi2(places: Array) -> float:
 
 
 def _report_generator(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
-    """Another generator must draw other targets, and the same one the same."""
+    """Check another generator must draw other targets, and the same one the same."""
     if attempt.failed:
         return
     world = min((w for w, _ in made if w.closed), key=lambda w: w.max_samples)
@@ -310,7 +316,7 @@ def _report_cost(attempt: Attempt, world: World) -> None:
 
 
 def tree(figure: Any, shown: Shown) -> None:
-    """The world, the tree that came back and its path."""
+    """Plot the world, the tree that came back and its path."""
     from matplotlib.patches import Circle, Rectangle
 
     start, goal, discs, bounds, _, _ = shown.args
@@ -330,7 +336,7 @@ def tree(figure: Any, shown: Shown) -> None:
 
 
 def queries(attempt: Attempt) -> Plan:
-    """Queries left unsolved against the targets that one may draw, beside OMPL's RRT."""
+    """Return queries left unsolved against the targets that one may draw, beside OMPL's RRT."""
     from course.oracles import ompl
 
     discs = clutter(np.random.default_rng(attempt.report.seed), 40, 0.3, 0.6)

@@ -8,7 +8,7 @@ def generator(seed):
 
 
 def drive(start, goal, discs, bounds, step, max_samples, seeds):
-    """How many runs reached the goal, and how many targets all of them drew."""
+    """Return how many runs reached the goal, and how many targets all of them drew."""
     from submission import rrt
 
     solved = drawn = 0

@@ -51,7 +51,7 @@ class Fault:
 
 
 def faults(world: World, run: Run) -> list[Fault]:
-    """Everything that is wrong with a run, by property."""
+    """Return everything that is wrong with a run, by property."""
     result = [*_targets(world, run), *_tree(world, run)]
     if any(fault.of == "tree" for fault in result):
         return result
@@ -76,7 +76,7 @@ def _targets(world: World, run: Run) -> list[Fault]:
 
 
 def drawn_from(runs: list[tuple[World, Array]]) -> str:
-    """The slip of targets that fill another rectangle than the world, or ""."""
+    """Return the slip of targets that fill another rectangle than the world, or ""."""
     tried: dict[str, bool] = {}
     for world, samples in runs:
         low, high = world.bounds
@@ -124,7 +124,7 @@ def _tree(world: World, run: Run) -> list[Fault]:
 
 
 def _whole_steps(world: World, run: Run) -> bool:
-    """Whether every edge has the length of the step, but for those to the goal."""
+    """Return whether every edge has the length of the step, but for those to the goal."""
     edges = run.nodes[1:] - run.nodes[run.parents[1:]]
     lengths = np.hypot(*edges[~(run.nodes[1:] == world.goal).all(axis=1)].T)
     return lengths.size > 1 and bool(np.all(np.abs(lengths - world.step) <= TOLERANCE))
@@ -150,7 +150,7 @@ def _edges(world: World, run: Run) -> list[Fault]:
 
 
 def _unchecked(world: World, a: Array, b: Array) -> str:
-    """The slip that lets an edge in collision pass, as far as one edge tells."""
+    """Return the slip that lets an edge in collision pass, as far as one edge tells."""
     if clearances(b, b, world.discs).min() < -TOLERANCE:
         return "nothing_checked"
     if np.array_equal(b, world.goal):
@@ -159,7 +159,7 @@ def _unchecked(world: World, a: Array, b: Array) -> str:
 
 
 def share_inside(a: Array, b: Array, discs: Array) -> float:
-    """The largest share of an edge that lies in one disc."""
+    """Return the largest share of an edge that lies in one disc."""
     along = b - a
     squared = float(along @ along)
     if squared == 0.0:
@@ -208,7 +208,7 @@ def _growth(world: World, run: Run) -> list[Fault]:
 
 
 def _missed(world: World, run: Run, k: int, known: int, nearest: int, end: Array) -> Fault:
-    """Why target k did not add the node that it should have."""
+    """Return why target k did not add the node that it should have."""
     where = f"({run.samples[k][0]:.4g}, {run.samples[k][1]:.4g})"
     if known < len(run.nodes):
         parent = int(run.parents[known])
@@ -246,7 +246,7 @@ def _missed(world: World, run: Run, k: int, known: int, nearest: int, end: Array
 
 
 def _line_is_free(world: World, a: Array, b: Array) -> bool:
-    """Whether the endless line through an edge touches no disc."""
+    """Return whether the endless line through an edge touches no disc."""
     along = (b - a) / np.hypot(*(b - a)) * 100.0
     return bool(clearances(a - along, a + along, world.discs).min(initial=1.0) > -TOLERANCE)
 

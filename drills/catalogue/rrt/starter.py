@@ -2,7 +2,7 @@ import numpy as np
 
 
 def rrt(start, goal, discs, bounds, step, max_samples, rng):
-    """A collision-free path for a point among discs, by a rapidly-exploring random tree.
+    """Return a collision-free path for a point among discs, by a rapidly-exploring random tree.
 
     Args:
         start: where the path begins, shape (2,) [m].

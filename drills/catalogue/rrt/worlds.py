@@ -33,7 +33,7 @@ class World:
     level: str = "core"
 
     def arguments(self) -> tuple[Array, Array, Array, Array, float, int]:
-        """The call's arguments but for the generator."""
+        """Return the call's arguments but for the generator."""
         return self.start, self.goal, self.discs, self.bounds, self.step, self.max_samples
 
 
@@ -42,26 +42,29 @@ def _world(label: str, discs: Array, step: float, budget: int, **more: Any) -> W
 
 
 def _between(p: Array, q: Array, centres: Array) -> Array:
-    """Distances from two points, the smaller one."""
+    """Return distances from two points, the smaller one."""
     return np.minimum(*(np.hypot(*(centres - point).T) for point in (p, q)))
 
 
 def clutter(rng: np.random.Generator, count: int, smallest: float, largest: float) -> Array:
-    """Discs anywhere, but clear of start and goal by 0.3 m."""
+    """Return discs anywhere, but clear of start and goal by 0.3 m."""
     discs = np.column_stack((rng.uniform(LOW, HIGH, (count, 2)), rng.uniform(0.0, 1.0, count)))
     discs[:, 2] = smallest + (largest - smallest) * discs[:, 2]
     return discs[_between(START, GOAL, discs[:, :2]) > discs[:, 2] + 0.3]
 
 
 def fence(x: float, radius: float) -> Array:
-    """Posts from bottom to top that overlap: the wall is 0.2 of a radius thick between two."""
+    """Return posts from bottom to top that overlap.
+
+    The wall is 0.2 of a radius thick between two.
+    """
     spacing = 2.0 * radius * math.sqrt(1.0 - 0.1**2)
     ys = np.arange(LOW[1], HIGH[1] + spacing, spacing)
     return np.column_stack((np.full_like(ys, x), ys, np.full_like(ys, radius)))
 
 
 def ring(centre: Array, around: float, radius: float) -> Array:
-    """Overlapping posts on a circle."""
+    """Return overlapping posts on a circle."""
     count = math.ceil(2.0 * math.pi * around / (1.8 * radius))
     angles = np.arange(count) * 2.0 * math.pi / count
     places = centre + around * np.column_stack((np.cos(angles), np.sin(angles)))
@@ -69,7 +72,10 @@ def ring(centre: Array, around: float, radius: float) -> Array:
 
 
 def worlds(rng: np.random.Generator) -> list[World]:
-    """The queries of one grading: so few targets that a loop over a list of nodes is no burden."""
+    """Return the queries of one grading.
+
+    So few targets that a loop over a list of nodes is no burden.
+    """
     x = float(rng.uniform(0.5, 1.5))
     gate = fence(x, 0.25)
     hole = float(rng.uniform(3.0, 7.0))
@@ -123,13 +129,13 @@ def worlds(rng: np.random.Generator) -> list[World]:
 
 
 def _fair(world: World) -> bool:
-    """Whether start and goal are free, by enough that rounding has no say."""
+    """Return whether start and goal are free, by enough that rounding has no say."""
     points = (world.start, world.goal)
     return all(clearances(p, p, world.discs).min(initial=1.0) > 1e-7 / 2.0 for p in points)
 
 
 def invalid_queries(rng: np.random.Generator) -> list[World]:
-    """Queries that must raise ValueError."""
+    """Return queries that must raise ValueError."""
     some = clutter(rng, 10, 0.3, 0.5)
     angle, depth = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.05, 0.35)
     aside = depth * np.array([math.cos(angle), math.sin(angle)])
@@ -149,7 +155,10 @@ def invalid_queries(rng: np.random.Generator) -> list[World]:
 
 
 def paths(figure: Any, discs: Any, before: Any, got: Any, right: Any) -> None:
-    """Paths [m] among discs, rows (x, y, radius): what was given, what came back, what is right."""
+    """Plot paths [m] among discs, rows (x, y, radius).
+
+    What was given, what came back, what is right.
+    """
     from matplotlib.patches import Circle
 
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)

@@ -52,7 +52,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Whether what came back as a path is one: that says more than its values."""
+    """Check whether what came back as a path is one: that says more than its values."""
     start, goal, discs, _, step = case.args
     if (
         np.ndim(parts[0]) != 2

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def rrt_connect(start, goal, discs, samples, step):
-    """A path for a point among discs from two trees, whose samples are given.
+    """Return a path for a point among discs from two trees, whose samples are given.
 
     Args:
         start: where the path begins, shape (2,) [m].

@@ -17,7 +17,10 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Trees too small to have a grandchild rewired, where the bug hides; then larger ones."""
+    """Return trees too small to have a grandchild rewired, where the bug hides.
+
+    Then larger ones.
+    """
 
     def tree(
         label: str,
@@ -49,7 +52,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Whether each cost is the length of its path: what must be true of every tree."""
+    """Check whether each cost is the length of its path: what must be true of every tree."""
     count = int(np.size(parts[1]))
     nodes, parents, costs = parts
     if (
@@ -83,7 +86,7 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
 
 
 def trees(figure: Any, shown: Shown) -> None:
-    """Both trees among the discs."""
+    """Plot both trees among the discs."""
 
     def lines(explain: Any) -> Array:
         nodes, up = np.asarray(explain[0]), np.clip(np.asarray(explain[1], dtype=int), 0, None)

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def edge_is_free(a, b, discs):
-    """Whether the segment from a to b, each (2,), touches no disc, rows (x, y, radius) [m]."""
+    """Return whether the segment from a to b, each (2,), touches no disc, rows (x, y, radius) [m]."""
     along, to_centres = b - a, discs[:, :2] - a
     length_squared = max(float(along @ along), 1e-300)
     share = np.clip(to_centres @ along / length_squared, 0.0, 1.0)
@@ -11,7 +11,7 @@ def edge_is_free(a, b, discs):
 
 
 def rrt_star(start, discs, samples, step, radius):
-    """A tree of short paths (RRT*, Karaman and Frazzoli, 2011), whose samples are given.
+    """Return a tree of short paths (RRT*, Karaman and Frazzoli, 2011), whose samples are given.
 
     Args:
         start: the root, shape (2,) [m].

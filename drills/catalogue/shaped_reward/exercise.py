@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Walks among ten states; those from 7 on are terminal."""
+    """Return walks among ten states; those from 7 on are terminal."""
 
     def log(
         label: str,
@@ -105,7 +105,7 @@ SLIPS = slips(
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """1e-12 of the largest number."""
+    """Return 1e-12 of the largest number."""
     return 1e-12 * max(1.0, float(np.abs(truth[0]).max(initial=0.0)))
 
 

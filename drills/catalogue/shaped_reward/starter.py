@@ -2,7 +2,7 @@ import numpy as np
 
 
 def shaped_reward(state, following, reward, terminated, truncated, phi, gamma):
-    """Rewards of logged steps with a potential's difference added.
+    """Return rewards of logged steps with a potential's difference added.
 
     Args:
         state, following: where each step begins and leads to, whole numbers (n,).

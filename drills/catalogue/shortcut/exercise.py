@@ -20,12 +20,14 @@ EVERYWHERE = np.array([[-99.0, -99.0], [99.0, 99.0]])
 
 
 def length(path: Any) -> float:
-    """Of all edges together."""
+    """Return of all edges together."""
     return float(np.hypot(*np.diff(np.asarray(path, dtype=float), axis=0).T).sum())
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """One corner, then zigzags among discs that lie beside the path, many of them in the way."""
+    """Return one corner, then zigzags among discs that lie beside the path, many of them in the
+    way.
+    """
 
     def zigzag(
         label: str,
@@ -36,7 +38,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         level: str = "core",
         count: int = 30,
     ) -> Case:
-        """Discs that touch the path but for a gap, or are smaller."""
+        """Return discs that touch the path but for a gap, or are smaller."""
         edges = rng.uniform(0.3, 2.0, corners + 1)
         x = np.concatenate(([0.0], np.cumsum(edges)))
         path = np.column_stack((x, rng.uniform(-1.5, 1.5, corners + 2)))
@@ -68,13 +70,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def _away(p: Array, q: Array, centre: Array) -> float:
-    """Distance of a point to a segment: the best of many points on it will do here."""
+    """Return distance of a point to a segment: the best of many points on it will do here."""
     on = p + np.linspace(0.0, 1.0, 200)[:, None] * (q - p)
     return float(np.hypot(*(on - centre).T).min()) - 0.5 * math.dist(p, q) / 199
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Whether a path came back that is free and no longer than it was."""
+    """Check whether a path came back that is free and no longer than it was."""
     path, discs, _ = case.args
     if np.ndim(parts[0]) != 2 or largest_error(parts[0], np.shape(parts[0])) == np.inf:
         return  # the comparison of the values says what is wrong with it

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def shortcut(path, discs, draws):
-    """A path among discs, shortened between drawn places.
+    """Return a path among discs, shortened between drawn places.
 
     Args:
         path: vertices, shape (k, 2) [m].

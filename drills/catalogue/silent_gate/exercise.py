@@ -7,7 +7,10 @@ from drills.exercise import Exercise, coarse_slips, slips, value_slips
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Two nights; orders, crashes, retries and scenarios of one night alone, then all of them."""
+    """Return two nights.
+
+    Orders, crashes, retries and scenarios of one night alone, then all of them.
+    """
 
     def nights(
         label: str,

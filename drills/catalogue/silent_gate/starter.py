@@ -2,7 +2,7 @@ import numpy as np
 
 
 def silent_gate(seeds, outcomes, old_seeds, old_outcomes, gate):
-    """What a nightly run says of a new version, beside the night before."""
+    """Return what a nightly run says of a new version, beside the night before."""
 
     def results(names, values):
         table = {}

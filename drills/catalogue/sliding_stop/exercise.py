@@ -16,7 +16,10 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Launches by their angle from the contact's first axis, in contacts that are turned or not."""
+    """Return launches by their angle from the contact's first axis.
+
+    In contacts that are turned or not.
+    """
 
     def launch(label: str, level: str = "core", *, degrees: float, turn: float = 0.0) -> Case:
         speed, mu = rng.uniform(0.5, 4.0), rng.uniform(0.2, 1.0)
@@ -43,12 +46,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-9, of distances above 1 m as much of them."""
+    """Return 1e-9, of distances above 1 m as much of them."""
     return [1e-9 * max(1.0, float(truth[0].max())), 1e-9]
 
 
 def stops(figure: Any, shown: Shown) -> None:
-    """The three stops from above, the launch along x."""
+    """Plot the three stops from above, the launch along x."""
     axes = picture.plane(figure, "along the launch [m]", "to its left [m]", equal=True)
     for (distance, turned), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         r, a = np.asarray(distance, dtype=float), np.asarray(turned, dtype=float)

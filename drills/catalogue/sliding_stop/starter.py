@@ -2,7 +2,7 @@ import numpy as np
 
 
 def sliding_stop(speed, angle, frame, mu):
-    """Where a sliding block stops, by the shape of its friction cone.
+    """Return where a sliding block stops, by the shape of its friction cone.
 
     Args:
         speed: at the start [m/s].

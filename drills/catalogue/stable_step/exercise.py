@@ -19,7 +19,7 @@ FACTORS = {"one_over_omega": 0.5, "period": math.pi, "limit_of_rk4": math.sqrt(2
 
 
 def _chain(springs: Array) -> Array:
-    """Masses in a row, n + 1 springs between them and to both walls."""
+    """Return masses in a row, n + 1 springs between them and to both walls."""
     n = springs.size - 1
     K = np.zeros((n, n))
     for i, k in enumerate(springs):
@@ -31,7 +31,7 @@ def _chain(springs: Array) -> Array:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Rows of masses, coupled masses, and mechanisms with a soft or a free part."""
+    """Return rows of masses, coupled masses, and mechanisms with a soft or a free part."""
 
     def chain(n: int, label: str) -> Case:
         springs, masses = rng.uniform(50.0, 5000.0, n + 1), rng.uniform(0.2, 3.0, n)
@@ -65,7 +65,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """A factor that the simple cases show by themselves, whatever else is wrong in the others."""
+    """Return a factor that the simple cases show by themselves, whatever else is wrong in the
+    others.
+    """
     simple = [a for a in answers if a.case.level == "simple"]
     for name, factor in FACTORS.items():
         if simple and all(
@@ -76,7 +78,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def simulated(attempt: Attempt, answers: Sequence[Answer]) -> None:
-    """A run just below and one just above the submission's own answer."""
+    """Check a run just below and one just above the submission's own answer."""
     if attempt.failed:
         return
     springs, masses = attempt.rng.uniform(100.0, 900.0, 5), attempt.rng.uniform(0.5, 2.0, 4)
@@ -105,7 +107,7 @@ def simulated(attempt: Attempt, answers: Sequence[Answer]) -> None:
 
 
 def row_of_masses(attempt: Attempt) -> Plan:
-    """The limit of a row of masses: computed, or found by trying steps in MuJoCo."""
+    """Return the limit of a row of masses: computed, or found by trying steps in MuJoCo."""
     from course.measure import stability
     from course.measure.work_precision import max_norm
     from course.oracles.mujoco import kit

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def largest_stable_step(stiffness, mass):
-    """The longest step at which semi-implicit Euler is stable on M x'' = -K x.
+    """Return the longest step at which semi-implicit Euler is stable on M x'' = -K x.
 
     Args:
         stiffness: K, shape (n, n) [N/m].

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Arms of two rods with a payload, gains as one would set them."""
+    """Return arms of two rods with a payload, gains as one would set them."""
 
     def arm(
         label: str,
@@ -55,12 +55,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """1e-9 of the smallest limit."""
+    """Return 1e-9 of the smallest limit."""
     return 1e-9 * float(truth[0].min())
 
 
 def over_postures(figure: Any, shown: Shown) -> None:
-    """The limits over the elbow."""
+    """Plot the limits over the elbow."""
     axes = picture.plane(figure, "elbow [rad]", "largest stable step [s]")
     for (limit,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(shown.args[1], np.asarray(limit, dtype=float), marker=".", **style)

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def step_limit(inertia, elbow, kp, kd, damping):
-    """The largest stable step of a two-link arm that a PD law holds, at each posture.
+    """Return the largest stable step of a two-link arm that a PD law holds, at each posture.
 
     Args:
         inertia: a, b, d of the arm's mass matrix [kg m^2].

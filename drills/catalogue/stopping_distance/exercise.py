@@ -9,7 +9,7 @@ from drills.exercise import Exercise, coarse_slips, slips, value_slips
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Robots as in a hall or a yard; each cause of a longer way alone, then all."""
+    """Return robots as in a hall or a yard; each cause of a longer way alone, then all."""
 
     def robot(
         label: str,

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def stopping_distance(speeds, reaction, braking, slope, person, unsure, sight):
-    """What a mobile robot needs to stop before a person who walks on towards it.
+    """Return what a mobile robot needs to stop before a person who walks on towards it.
 
     Args:
         speeds: of the robot, shape (n,) [km/h].

@@ -9,7 +9,7 @@ from drills.exercise import Exercise, coarse_slips, slips, value_slips
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Counts from a handful to thousands; rates in the middle and at both ends."""
+    """Return counts from a handful to thousands; rates in the middle and at both ends."""
 
     def counts(
         label: str,

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def success_interval(solved, tried, confidence, share, half):
-    """Wilson's intervals of success rates, and the trials that make one narrow enough.
+    """Return Wilson's intervals of success rates, and the trials that make one narrow enough.
 
     Args:
         solved, tried: how many trials worked, of how many, both (n,).

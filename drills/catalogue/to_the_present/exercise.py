@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Messages of a camera at 10 Hz, with a latency that is constant or spread."""
+    """Return messages of a camera at 10 Hz, with a latency that is constant or spread."""
 
     def log(
         label: str,
@@ -72,12 +72,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-12 of the largest number of each."""
+    """Return 1e-12 of the largest number of each."""
     return [1e-12 * max(1.0, float(np.abs(value).max())) for value in truth]
 
 
 def ellipses(figure: Any, shown: Shown) -> None:
-    """Both estimates with their ellipses of one deviation."""
+    """Plot both estimates with their ellipses of one deviation."""
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     turn = np.linspace(0.0, 2.0 * np.pi, 60)
     for (state, P), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def to_the_present(states, covariances, captured, arrived, now, noise):
-    """The newest estimate of a moving target, carried forward to now.
+    """Return the newest estimate of a moving target, carried forward to now.
 
     Args:
         states, covariances: of the messages, shapes (n, 4) and (n, 4, 4) [m, m/s].

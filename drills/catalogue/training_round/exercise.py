@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Laws from gentle to steep, and tests of which more or less is within reach."""
+    """Return laws from gentle to steep, and tests of which more or less is within reach."""
 
     def carriages(
         label: str,
@@ -44,7 +44,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def results(figure: Any, shown: Shown) -> None:
-    """Weights, mean and deviation of the places, and the share, one beside the other."""
+    """Plot weights, mean and deviation of the places, and the share, one beside the other."""
     axes = picture.plane(figure, "slope, offset, mean, deviation [m], share", "value")
     for (w, known, share), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot([*w, known[1], (known[2] / known[0]) ** 0.5, share], marker="o", **style)

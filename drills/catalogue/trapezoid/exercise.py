@@ -17,12 +17,15 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """One joint, long and short ways; then several, of which each may be the slowest."""
+    """Return one joint, long and short ways; then several, of which each may be the slowest."""
 
     def line(
         label: str, n: int, size: float = 2.0, level: str = "core", fast: float = 1.0, idle: int = 0
     ) -> Case:
-        """Ways of up to `size`; `fast` scales the speeds, so that full speed is reached or not."""
+        """Return ways of up to `size`.
+
+        `fast` scales the speeds, so that full speed is reached or not.
+        """
         move = size * rng.uniform(0.3, 1.0, n) * rng.choice([-1.0, 1.0], n)
         move[:idle] = 0.0
         speed, acceleration = fast * rng.uniform(0.5, 2.0, n), rng.uniform(2.0, 9.0, n)
@@ -61,12 +64,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-9, of values above 1 as much of them."""
+    """Return 1e-9, of values above 1 as much of them."""
     return [1e-9 * max(1.0, float(np.max(np.abs(value), initial=0.0))) for value in truth]
 
 
 def held(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Whether a joint is too fast: said before the values."""
+    """Check whether a joint is too fast: said before the values."""
     speed = np.asarray(case.args[2], dtype=float)[:, None]
     if largest_error(parts[2], np.zeros((len(speed), len(case.args[4])))) == np.inf:
         return  # the comparison of the values says what is wrong with it
@@ -82,7 +85,7 @@ def held(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> Non
 
 
 def rates(figure: Any, shown: Shown) -> None:
-    """The rates of all joints over time."""
+    """Plot the rates of all joints over time."""
     axes, times = picture.plane(figure, "time [s]", "rate [rad/s]"), np.asarray(shown.args[4])
     order = np.argsort(times)
     for (_, _, rate), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

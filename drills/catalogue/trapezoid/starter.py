@@ -2,7 +2,7 @@ import numpy as np
 
 
 def trapezoid(start, end, speed, acceleration, times):
-    """The quickest motion from rest to rest along a straight line of the joints.
+    """Return the quickest motion from rest to rest along a straight line of the joints.
 
     Args:
         start, end: joint angles, shape (n,) [rad].

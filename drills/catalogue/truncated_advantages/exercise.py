@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Episodes of three to six steps; the first may have begun before the buffer did."""
+    """Return episodes of three to six steps; the first may have begun before the buffer did."""
 
     def buffer(
         label: str,
@@ -64,7 +64,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def advantages(figure: Any, shown: Shown) -> None:
-    """The advantages, and where episodes start."""
+    """Plot the advantages, and where episodes start."""
     axes = picture.plane(figure, "step", "advantage")
     for (part, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(np.asarray(part, dtype=float), marker="o", ms=4, **style)

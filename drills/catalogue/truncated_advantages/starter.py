@@ -2,7 +2,8 @@ import numpy as np
 
 
 def truncated_advantages(reward, value, starts, ended, final, last, gamma, lam):
-    """Generalised advantages of a buffer of episodes, some of which a time limit has cut off.
+    """Return generalised advantages of a buffer of episodes, some of which a time limit has cut
+    off.
 
     Args:
         reward, value: of each step and of the state in which it begins, shape (n,).

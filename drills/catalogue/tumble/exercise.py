@@ -22,7 +22,7 @@ ACCURATE = "RK4 errs by less than 1e-7 in these runs; the bug changes the first 
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Bodies on which a bug shows, and bodies on which it does not."""
+    """Return bodies on which a bug shows, and bodies on which it does not."""
 
     def start() -> Array:
         q = rng.normal(size=4)
@@ -69,7 +69,7 @@ def _to_world(q: Array, vector: Array) -> Array:
 
 
 def conserved(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """What a free body keeps: it says what is wrong, a value only that something is."""
+    """Check what a free body keeps: it says what is wrong, a value only that something is."""
     try:
         q, omega = as_float64(parts[0], (4,)), as_float64(parts[1], (3,))
     except Mismatch:
@@ -122,7 +122,10 @@ def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) 
 
 
 def smaller_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
-    """A wrong answer with smaller steps: right equations, of too low an order, come closer."""
+    """Check a wrong answer with smaller steps.
+
+    Right equations, of too low an order, come closer.
+    """
     case = next(a.case for a in answers if a.case.label == "three moments")
     if not attempt.failed or attempt.shown:
         return
@@ -150,7 +153,7 @@ def smaller_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
 
 
 def tumbling(attempt: Attempt) -> Plan:
-    """Attitude of the chapter's tumbling body after 4 s."""
+    """Return attitude of the chapter's tumbling body after 4 s."""
     from course.oracles.mujoco import free
     from course.rigid_body import problems, simulate
 

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def tumble(q, omega, inertia, dt, steps):
-    """A body that turns freely, integrated with RK4.
+    """Return a body that turns freely, integrated with RK4.
 
     Args:
         q: orientation, unit quaternion (w, x, y, z), body to world, shape (4,).

@@ -13,7 +13,7 @@ NOMINAL = (1.0, 0.2, 0.0)
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Where each mistake shows by itself, then all together."""
+    """Return where each mistake shows by itself, then all together."""
 
     def carts(
         label: str,
@@ -92,7 +92,7 @@ SLIPS = slips(
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """Costs to 1e-10, the row exactly."""
+    """Return costs to 1e-10, the row exactly."""
     return [1e-10, 0.0, 1e-10]
 
 

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def tune_randomised(gains, draws, trained):
-    """The gains that are best on randomised carts, and what they cost on carts not seen.
+    """Return the gains that are best on randomised carts, and what they cost on carts not seen.
 
     Args:
         gains: rows (kp, kd) to choose from, shape (K, 2) [N/m, N s/m].

@@ -27,7 +27,7 @@ def _at(r: float, angle: float) -> Array:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Targets all round, well inside the annulus, and on its edges to within the slack."""
+    """Return targets all round, well inside the annulus, and on its edges to within the slack."""
 
     def inside(first: float, second: float, angle: float, label: str = "random") -> Case:
         r = abs(first - second) + rng.uniform(0.1, 0.9) * 2.0 * min(first, second)
@@ -58,7 +58,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def unwound(got: Any, truth: Array) -> Array:
-    """The right angles with the full turns of what came back."""
+    """Return the right angles with the full turns of what came back."""
     try:
         with np.errstate(all="ignore"):  # what came back may be as large as it likes
             turns = np.round((as_float64(got, truth.shape) - truth) / TURN)
@@ -68,7 +68,7 @@ def unwound(got: Any, truth: Array) -> Array:
 
 
 def out_of_reach(attempt: Attempt, answers: Sequence[Answer]) -> None:
-    """Targets outside and in the hole must be refused."""
+    """Check targets outside and in the hole must be refused."""
     angle, lengths = float(attempt.rng.uniform(-3.0, 3.0)), attempt.rng.uniform(0.3, 1.5, 2)
     outer, inner = float(lengths.sum()), float(abs(lengths[0] - lengths[1]))
     long, stub = np.array([10.0, 7.0]), np.array([1.0, 0.02])  # a cosine hides 2e-6 m of either
@@ -95,7 +95,7 @@ def out_of_reach(attempt: Attempt, answers: Sequence[Answer]) -> None:
 
 
 def arms(figure: Any, shown: Shown) -> None:
-    """Both arms as they came back, the right ones, the target and the annulus."""
+    """Plot both arms as they came back, the right ones, the target and the annulus."""
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     (l1, l2), target = shown.args
     for r in (l1 + l2, abs(l1 - l2)):

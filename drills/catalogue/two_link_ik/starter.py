@@ -2,7 +2,7 @@ import numpy as np
 
 
 def two_link_ik(lengths, target):
-    """Both pairs of joint angles that bring the tip of a two-link arm to a target.
+    """Return both pairs of joint angles that bring the tip of a two-link arm to a target.
 
     Args:
         lengths: of both links, shape (2,) [m].

@@ -14,10 +14,13 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """No delay, whole samples, parts of one; friction from hardly any to almost nothing else."""
+    """Return no delay, whole samples, parts of one.
+
+    Friction from hardly any to almost nothing else.
+    """
 
     def joint(late: float, label: str, level: str = "core", *, friction: float = 0.0) -> Case:
-        """A delay in samples, and damping dt / inertia, drawn when it is 0."""
+        """Return a delay in samples, and damping dt / inertia, drawn when it is 0."""
         dt = float(rng.choice([1e-3, 2e-3, 5e-3, 1e-2]))
         inertia = float(rng.uniform(0.05, 3.0))
         share = friction or 10.0 ** rng.uniform(-2.5, -0.7)
@@ -41,12 +44,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> list[float]:
-    """1e-8 of each value."""
+    """Return 1e-8 of each value."""
     return [1e-8 * float(value) for value in truth]
 
 
 def swings(figure: Any, shown: Shown) -> None:
-    """The joint under the gain that came back, and under the right one."""
+    """Plot the joint under the gain that came back, and under the right one."""
     axes = picture.plane(figure, "time [s]", "angle at the samples")
     inertia, damping, dt, delay = shown.args
     parts = 20

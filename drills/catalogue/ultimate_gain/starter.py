@@ -2,7 +2,9 @@ import math
 
 
 def ultimate_gain(inertia, damping, dt, delay):
-    """The gain at which a sampled P loop around a joint swings for ever, and the period of that.
+    """Return the gain at which a sampled P loop around a joint swings for ever.
+
+    And the period of that.
 
     Args:
         inertia: of the joint [kg m^2].

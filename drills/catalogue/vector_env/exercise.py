@@ -51,14 +51,14 @@ class Pair:
         )
 
     def step(self, actions: Any) -> bool:
-        """One step on both sides, and compare."""
+        """Return one step on both sides, and compare."""
         attempt = self.attempt
         got = attempt.learner.method(self.envs, "step", actions)
         expected = attempt.reference.method(self.envs_here, "step", actions)
         return self.step_is_right(got, expected, "step(actions)")
 
     def step_is_right(self, got: Any, expected: Any, call: str) -> bool:
-        """Compare what one step returned."""
+        """Return compare what one step returned."""
         parts = self.attempt.parts(got, NAMES, call=call)
         return parts is not None and (
             self.values("observations", parts[0], expected[0], call)
@@ -69,13 +69,13 @@ class Pair:
         )
 
     def values(self, name: str, got: Any, expected: Any, call: str) -> bool:
-        """Compare numbers."""
+        """Return compare numbers."""
         return self.attempt.compare(
             name, got, expected, tolerance=ROUNDING, unit="1", why=WHY, call=call
         )
 
     def flags(self, name: str, got: Any, expected: Any, call: str) -> bool:
-        """Compare bools; an array or a list of them."""
+        """Return compare bools; an array or a list of them."""
         if isinstance(got, np.ndarray):
             got = got.tolist()
         if isinstance(got, list | tuple):
@@ -103,7 +103,7 @@ class Pair:
         )
 
     def infos(self, name: str, got: Any, expected: list[dict[str, Any]], call: str) -> bool:
-        """Compare the dicts, entry by entry."""
+        """Return compare the dicts, entry by entry."""
         if not isinstance(got, list | tuple) or len(got) != len(expected):
             sentence = f"The infos must be a list of {len(expected)} dicts."
             return self.attempt.require(
@@ -120,7 +120,7 @@ class Pair:
         return True
 
     def info(self, name: str, got: Any, expected: dict[str, Any], call: str) -> bool:
-        """Compare one dict."""
+        """Return compare one dict."""
         if not isinstance(got, dict) or set(got) != set(expected):
             result = f"has the keys {sorted(got)}" if isinstance(got, dict) else "is no dict"
             result = "is None" if got is None else result
@@ -142,12 +142,12 @@ class Pair:
         return True
 
     def actions(self, *steps: int) -> Any:
-        """Random actions, shape (*steps, n, 2)."""
+        """Return random actions, shape (*steps, n, 2)."""
         return self.attempt.rng.uniform(-1.0, 1.0, (*steps, self.num_envs, 2))
 
 
 def _first_step(attempt: Attempt) -> None:
-    """A reset and a step in which no episode ends."""
+    """Check a reset and a step in which no episode ends."""
     pair = Pair(attempt, 3, 50, 50)
     while pair.reset(int(attempt.rng.integers(0, 10**6))):
         if min(info["length"] for info in pair.first_infos) > 1:
@@ -167,14 +167,14 @@ def _by_step(attempt: Attempt, num_envs: int = 0) -> None:
 
 
 def _seed_zero(attempt: Attempt) -> None:
-    """Zero is a seed: the same episodes again."""
+    """Check zero is a seed: the same episodes again."""
     pair = Pair(attempt, 3, 5, 4)
     if pair.reset(7) and pair.reset(0):
         pair.step(pair.actions())
 
 
 def _results_are_copies(attempt: Attempt) -> None:
-    """The rollout's results travel after its last step: an array that changed later shows."""
+    """Check the rollout's results travel after its last step: an array that changed later shows."""
     pair = Pair(attempt, int(attempt.rng.integers(3, 6)), 4, 3)
     if not pair.reset(int(attempt.rng.integers(0, 10**6))):
         return
@@ -223,7 +223,7 @@ def _closing(attempt: Attempt) -> None:
 
 
 def _time(attempt: Attempt) -> None:
-    """100 steps of 16 environments, here and there."""
+    """Check 100 steps of 16 environments, here and there."""
     actions = np.zeros((100, 16, 2))
     attempt.learner.child.given("drive", 16, actions)
     yours = attempt.learner.child.elapsed
@@ -236,7 +236,10 @@ def _time(attempt: Attempt) -> None:
 
 
 def walked(attempt: Attempt) -> Plan:
-    """Mean reward of the walk without actions, which is 0, from more and more environments."""
+    """Return mean reward of the walk without actions, which is 0.
+
+    From more and more environments.
+    """
     from course.oracles.gymnasium import sync_vector_env, wrapped
 
     steps = 20

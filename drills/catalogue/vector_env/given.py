@@ -55,12 +55,12 @@ def closings(factory):
 
 
 def rollout(envs, actions):
-    """Everything that the steps return, handed over at the end: what changed later shows."""
+    """Return everything that the steps return, handed over at the end: what changed later shows."""
     return [envs.step(row) for row in actions]
 
 
 def drive(num_envs, actions):
-    """The mean reward of a rollout."""
+    """Return the mean reward of a rollout."""
     from submission import VectorizedEnv
 
     envs = VectorizedEnv(Factory(5, 4), num_envs)

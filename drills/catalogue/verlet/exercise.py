@@ -32,7 +32,7 @@ class Field:
         self.kind, self.numbers, self.shape, self.calls = kind, list(numbers), shape, 0
 
     def __deepcopy__(self, memo: Any) -> Field:
-        """A field of its own for the worked answer, whose calls do not count."""
+        """Return a field of its own for the worked answer, whose calls do not count."""
         return Field(self.kind, self.numbers, self.shape)
 
     def __call__(self, place: Any) -> Array:
@@ -44,7 +44,7 @@ class Field:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Springs of one to six coordinates, and steps in which one mistake shows alone."""
+    """Return springs of one to six coordinates, and steps in which one mistake shows alone."""
 
     def step(
         label: str,
@@ -79,14 +79,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Right values at twice the price."""
+    """Return right values at twice the price."""
     requested = {a.case.args[3].calls for a in answers}
     right = all(all(a.right) for a in answers)
     return "evaluated_twice" if requested == {2} and right else coarse(answers)
 
 
 def whole_runs(attempt: Attempt, answers: Sequence[Answer]) -> None:
-    """How often the acceleration was asked for, then what a run of many steps must show."""
+    """Check how often the acceleration was asked for, then what a run of many steps must show."""
     for a in answers:
         calls = a.case.args[3].calls
         attempt.require(
@@ -104,7 +104,7 @@ def whole_runs(attempt: Attempt, answers: Sequence[Answer]) -> None:
 def _run(
     attempt: Attempt, q: Array, v: Array, omega: float, dt: float, steps: int
 ) -> tuple[Array, Array] | None:
-    """A run on a spring, or None after a failed check."""
+    """Return a run on a spring, or None after a failed check."""
     field = Field("spring", (omega**2, 0.0), q.shape)
     a = field(q)
     for _ in range(steps):
@@ -178,7 +178,7 @@ def one_step(attempt: Attempt, cases: Sequence[Case]) -> None:
 
 
 def pendulum(attempt: Attempt) -> Plan:
-    """Error of a pendulum's angle after 2 s against evaluations and time."""
+    """Return error of a pendulum's angle after 2 s against evaluations and time."""
     from course.oracles.mujoco import oscillator
     from course.rigid_body import problems, simulate
 

@@ -32,7 +32,7 @@ def field(kind, numbers):
 
 
 def drive(q, v, kind, numbers, dt, steps):
-    """A whole run with the submission's step, for the chart."""
+    """Return a whole run with the submission's step, for the chart."""
     from submission import verlet_step
 
     field = Field(kind, numbers)

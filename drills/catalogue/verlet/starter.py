@@ -2,7 +2,7 @@ import numpy as np
 
 
 def verlet_step(q, v, a, acceleration, dt):
-    """One step of velocity Verlet.
+    """Return one step of velocity Verlet.
 
     Args:
         q, v, a: positions [m], velocities [m/s] and acceleration at q [m/s^2], shape (n,) each.

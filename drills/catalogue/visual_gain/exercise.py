@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Gains in parts of what each delay allows."""
+    """Return gains in parts of what each delay allows."""
 
     def loop(label: str, level: str = "core", *, delay: int, part: float = 0.0) -> Case:
         limit = 2.0 * math.sin(math.pi / (4.0 * delay + 2.0))
@@ -41,12 +41,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """1e-12 for the limit, 1e-8 of the variance, which a linear system gives."""
+    """Return 1e-12 for the limit, 1e-8 of the variance, which a linear system gives."""
     return [1e-12, 1e-8 * abs(float(truth[1]))]
 
 
 def frames(figure: Any, shown: Shown) -> None:
-    """An error of 1, corrected with nine tenths of each limit."""
+    """Plot an error of 1, corrected with nine tenths of each limit."""
     axes = picture.plane(figure, "frame", "error, with 0.9 of the limit")
     for (limit, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         delay = int(shown.args[1])

@@ -1,5 +1,7 @@
 def visual_gain(gain, delay):
-    """Corrections from a picture that is some frames old: how much gain, and what noise becomes.
+    """Return corrections from a picture that is some frames old.
+
+    How much gain, and what noise becomes.
 
     Args:
         gain: part of the error seen that is corrected at each frame.

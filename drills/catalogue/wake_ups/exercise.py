@@ -13,7 +13,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Loops at 1 kHz and others, whose work takes a stated part of the period."""
+    """Return loops at 1 kHz and others, whose work takes a stated part of the period."""
 
     def loop(
         label: str,
@@ -35,7 +35,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case((start, period, lateness, work), label, level)
 
     def exact() -> Case:
-        """Cycles that end at a time of the grid, and a nanosecond to each side of it."""
+        """Return cycles that end at a time of the grid, and a nanosecond to each side of it."""
         period, turns = 1_000_000, rng.integers(1, 4, 24)
         late = rng.integers(0, 200_000, 24)
         return Case(
@@ -59,7 +59,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def against_grid(figure: Any, shown: Shown) -> None:
-    """How far what was asked for is from a loop that is never late, in periods."""
+    """Plot how far what was asked for is from a loop that is never late, in periods."""
     start, period = shown.args[:2]
     axes = picture.plane(figure, "cycle", "asked for, less cycle times period [periods]")
     for (requested, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

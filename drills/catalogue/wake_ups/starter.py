@@ -2,7 +2,7 @@ import numpy as np
 
 
 def wake_ups(start, period, late, work):
-    """When a periodic loop asks to be woken, and how many of its periods it has to skip.
+    """Return when a periodic loop asks to be woken, and how many of its periods it has to skip.
 
     Args:
         start: of the first period [ns].

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Five contracts over forty ticks, four stages; a disturbance passes from row to row."""
+    """Return five contracts over forty ticks, four stages; a disturbance passes from row to row."""
 
     def run(
         label: str,
@@ -75,7 +75,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def repairs(figure: Any, shown: Shown) -> None:
-    """The stages to mend; the contracts stand above."""
+    """Plot the stages to mend; the contracts stand above."""
     axes = picture.plane(figure, "stage", "to mend")
     for (_, stages), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot(np.asarray(stages, dtype=float), "o", **style | {"ls": "-"})

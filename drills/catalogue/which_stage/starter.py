@@ -2,7 +2,9 @@ import numpy as np
 
 
 def which_stage(record, limits, errors, tolerance):
-    """The first contract that a failed run broke, and the fewest stages whose repair cures it.
+    """Return the first contract that a failed run broke.
+
+    And the fewest stages whose repair cures it.
 
     Args:
         record: what each contract bounds, at each tick, shape (m, n); the upstream one first.

@@ -21,7 +21,7 @@ STEPS, DAMPING = 60, 0.05
 
 
 def _hand(q: Array) -> Array:
-    """Quaternion (w, x, y, z) of the hand: turns about z, then y, then x."""
+    """Return quaternion (w, x, y, z) of the hand: turns about z, then y, then x."""
     (a, b, c), (r, s, t) = np.cos(0.5 * np.asarray(q)), np.sin(0.5 * np.asarray(q))
     return np.array(
         [a * b * c + r * s * t, a * b * t - r * s * c, a * s * c + r * b * t, r * b * c - a * s * t]
@@ -29,7 +29,7 @@ def _hand(q: Array) -> Array:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Targets a short way off, given with either sign, and wrists that are wound up."""
+    """Return targets a short way off, given with either sign, and wrists that are wound up."""
 
     def task(wound: float, sign: int, label: str, level: str = "core", far: float = 0.9) -> Case:
         goal = np.array([rng.uniform(-1.5, 1.5), *rng.uniform(-0.7, 0.7, 2)])
@@ -57,7 +57,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def arrived(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Whether the hand has the orientation asked for: the check that the program's author made."""
+    """Check whether the hand has the orientation asked for.
+
+    The check that the program's author made.
+    """
     try:
         q = as_float64(parts[0], (3,))
     except Mismatch:
@@ -83,7 +86,7 @@ def arrived(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> 
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Angles that are right but for full turns, in an answer that is wrong there alone."""
+    """Return angles that are right but for full turns, in an answer that is wrong there alone."""
     wrong = [a for a in answers if not all(a.right)]
     wrapped = [
         largest_error(a.parts[0], (a.truth[0] + math.pi) % (2.0 * math.pi) - math.pi) for a in wrong
@@ -92,7 +95,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def angles(figure: Any, shown: Shown) -> None:
-    """The joint angles at the start and at the end."""
+    """Plot the joint angles at the start and at the end."""
     axes = picture.plane(figure, "joint", "angle [rad]")
     number = np.arange(3)
     axes.plot(number, shown.args[0], "s:", color="0.7", label="start")

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def wrist_ik(q, target, damping, steps):
-    """Joint angles that turn a wrist of three joints to a target orientation.
+    """Return joint angles that turn a wrist of three joints to a target orientation.
 
     Args:
         q: joint angles at the start, about z, then y, then x, shape (3,) [rad].
