@@ -241,7 +241,9 @@ def repeat_calls(
 
 
 def largest_error(got: Any, wrong: Any) -> float:
-    """Return the largest error of a value against another, infinite where it is none of that shape."""
+    """Return the largest error of a value against another, infinite where it is none of that
+    shape.
+    """
     wrong = np.asarray(wrong, dtype=float)
     try:
         return float(np.max(np.abs(as_float64(got, wrong.shape) - wrong), initial=0.0))

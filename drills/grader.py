@@ -143,7 +143,9 @@ def _note_compiling(attempt: Attempt) -> None:
 
 
 def is_starter(card: Card, source: str) -> bool:
-    """Return whether the graded definition is still that of the starter, comments and layout aside."""
+    """Return whether the graded definition is still that of the starter, comments and layout
+    aside.
+    """
     if len(source) > PARSED:
         return False
     theirs, ours = _entry_text(source, card.entry), _entry_text(card.starter(), card.entry)
@@ -239,7 +241,9 @@ def printed(output: str, start: float, end: float) -> str:
 
 
 def _is_simpler(failed: Check, report: Report) -> bool:
-    """Return whether a check failed at a level below that of the case at which the run was stopped."""
+    """Return whether a check failed at a level below that of the case at which the run was
+    stopped.
+    """
     stopped = [report.parts[i].level for i in report.begun - report.ended]
     level = report.parts[failed.part].level if failed.part >= 0 else LEVELS[-1]
     return any(LEVELS.index(level) < LEVELS.index(later) for later in stopped)

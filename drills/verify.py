@@ -138,7 +138,9 @@ def _examples(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
 
 
 def example_result(card: Card, exercise: Exercise, text: str) -> Any:
-    """Return what the worked answer gives for a public example, an expression as one would type it."""
+    """Return what the worked answer gives for a public example, an expression as one would type
+    it.
+    """
     module = InProcess(card.solution_text(), exercise.given)
     return module.evaluate(text)
 

@@ -64,7 +64,9 @@ def spheres_time_of_impact(offset: ArrayLike, velocity: ArrayLike, reach: ArrayL
 
 
 def moved(q: Array, v: Array, t: Array) -> Array:
-    """Return poses in space after t seconds of constant velocity and angular velocity in the world."""
+    """Return poses in space after t seconds of constant velocity and angular velocity in the
+    world.
+    """
     return np.concatenate((q[:3] + v[:3] * t, product(exp(v[3:] * t), q[3:])))
 
 

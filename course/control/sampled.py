@@ -215,7 +215,9 @@ def _pid(kp, ki, kd, dt, rate, tau):
 
 
 def loop_matrix(plant: Held, law: Law) -> Array:
-    """Return the closed loop as one matrix over (x, commands under way, newest first, law's state)."""
+    """Return the closed loop as one matrix over (x, commands under way, newest first, law's
+    state).
+    """
     return _closed(plant.transition, plant.now, plant.before, plant.whole, *vars(law).values())
 
 

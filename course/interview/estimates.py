@@ -66,7 +66,9 @@ def workers(
 
 
 def half_width(share: float, trials: int) -> float:
-    """Return half the width of Wilson's 95 % interval, when so large a share of the trials worked."""
+    """Return half the width of Wilson's 95 % interval, when so large a share of the trials
+    worked.
+    """
     from course.measure.success import wilson
 
     trials = count("trials", trials, 1)
@@ -75,7 +77,9 @@ def half_width(share: float, trials: int) -> float:
 
 
 def trials_for_width(share: float, half: float) -> int:
-    """Return least number of trials with which Wilson's 95 % interval is no wider than +- `half`."""
+    """Return least number of trials with which Wilson's 95 % interval is no wider than +-
+    `half`.
+    """
     finite("half", half, 0.01, 0.5)
     return next(n for n in itertools.count(1) if half_width(share, n) <= half)
 
@@ -120,7 +124,9 @@ def cycle_s(
 
 
 def computing_share(computing_s: float, **others: Any) -> float:
-    """Return share of `cycle_s`, with the same arguments, that is saved if computing takes no time."""
+    """Return share of `cycle_s`, with the same arguments, that is saved if computing takes no
+    time.
+    """
     return computing_s / positive("cycle_s", cycle_s(computing_s=computing_s, **others))
 
 
@@ -206,7 +212,9 @@ def separation_m(
     braking_m_per_s2: float,
     uncertain_m: float,
 ) -> float:
-    """Return gap at which a robot has to begin to stop if a person walks on towards it meanwhile."""
+    """Return gap at which a robot has to begin to stop if a person walks on towards it
+    meanwhile.
+    """
     robot = stopping_m(robot_m_per_s, reaction_s, braking_m_per_s2)
     stop_s = reaction_s + robot_m_per_s / braking_m_per_s2
     person = finite("person_m_per_s", person_m_per_s, 0.0) * stop_s

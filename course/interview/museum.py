@@ -310,7 +310,9 @@ START, GOAL = np.array([0.1, 0.5]), np.array([0.9, 0.5])
 
 
 def plan(rng: np.random.Generator, closed: bool, wrong: bool) -> Array | None:
-    """Return a path through a wall at the middle of the unit square, or None where none was found."""
+    """Return a path through a wall at the middle of the unit square, or None where none was
+    found.
+    """
     nodes, parents = [START], [-1]
     for n in range(400):
         sample = GOAL if n % 10 == 0 else rng.uniform(0.0, 1.0, 2)
@@ -446,7 +448,9 @@ def stored_evidence(wrong: bool, seed: int) -> float:
 
 
 def decoded(layers: Array, x: Array, wrong: bool) -> Array:
-    """Return what a head reads of a stack of layers (7, n, n) that hands out every layer's output."""
+    """Return what a head reads of a stack of layers (7, n, n) that hands out every layer's
+    output.
+    """
     outputs = []
     for layer in layers:
         x = x + np.tanh(layer @ x)

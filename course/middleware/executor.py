@@ -88,7 +88,9 @@ class Executor:
             self.bus.push(self.bus.ns, START, self._dispatch)
 
     def responses(self, name: str) -> NDArray[np.float64]:
-        """Return from event to end of all runs of the callbacks of this name that have ended [s]."""
+        """Return from event to end of all runs of the callbacks of this name that have
+        ended [s].
+        """
         runs = (run for run in self.log if run.callback.name == name and run.end)
         return 1e-9 * np.array([run.end - run.release for run in runs], float)
 

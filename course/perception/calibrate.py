@@ -62,7 +62,9 @@ class Calibration:
     points: Array
 
     def error_at(self, places: ArrayLike) -> Array:
-        """Return predicted root mean square error at places in the base, shape (3, M), as (M,) [m]."""
+        """Return predicted root mean square error at places in the base, shape (3, M), as
+        (M,) [m].
+        """
         return target_error(self.points, places, self.sigma)
 
 

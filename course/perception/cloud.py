@@ -31,7 +31,9 @@ _BITS = 21  # of a key for each index of a cell
 
 
 def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
-    """Return points from outside as contiguous floats (3, N), their least and largest coordinates."""
+    """Return points from outside as contiguous floats (3, N), their least and largest
+    coordinates.
+    """
     given = np.ascontiguousarray(points, dtype=float)
     if given.ndim == 2 and given.shape[0] == 3 and given.shape[1] >= least:
         low, high = given.min(axis=1), given.max(axis=1)
@@ -42,7 +44,9 @@ def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
 
 
 def _length(name: str, value: float, low: Array, high: Array) -> float:
-    """Return a length that is positive and not below the rounding of coordinates from low to high."""
+    """Return a length that is positive and not below the rounding of coordinates from low to
+    high.
+    """
     largest = float(np.maximum(np.abs(low), np.abs(high)).max())
     return finite(name, value, max(4.0 * np.finfo(float).eps * largest, POSITIVE), unit="m")
 

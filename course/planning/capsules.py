@@ -185,7 +185,9 @@ def _line(body, i, pose):
 
 @register_jitable
 def _speed(body, i, pose, p, d, rates):
-    """Return bound on the motion of the segment p, d of capsule i where the joints move by `rates`."""
+    """Return bound on the motion of the segment p, d of capsule i where the joints move by
+    `rates`.
+    """
     total, k = 0.0, min(int(body[i, FRAME]), rates.size - 1)
     while k >= 0:
         if body[k, SLIDES] != 0.0:

@@ -166,7 +166,9 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
 
 
 def drawn(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array:
-    """Return states from the colours that the sampler gives to a scene's picture, shape (2, many)."""
+    """Return states from the colours that the sampler gives to a scene's picture, shape (2,
+    many).
+    """
     import torch
 
     with _alone(0), torch.no_grad():

@@ -120,7 +120,9 @@ def judged(
 
 
 def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> float:
-    """Return how fast the first body moves that should rest, over the second half of the run [m/s]."""
+    """Return how fast the first body moves that should rest, over the second half of the run
+    [m/s].
+    """
     run = prepared(engine, scene, dt, settings)
     half = max(1, round(0.5 * scene.duration / dt))
     run.run(half)

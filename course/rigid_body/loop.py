@@ -398,7 +398,9 @@ class FixedStepLoop:
 
 
 def _common_tick(times: Iterable[Fraction]) -> Fraction:
-    """Return the largest time of which all the given ones are whole multiples (zeros do not count)."""
+    """Return the largest time of which all the given ones are whole multiples (zeros do not
+    count).
+    """
     numerator, denominator = 0, 1
     for time in times:
         scale = math.lcm(denominator, time.denominator)

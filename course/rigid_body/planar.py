@@ -540,7 +540,9 @@ class PlanarBody:
         return float(self.state[5])
 
     def corners(self) -> Array:
-        """Return the corners in world axes, anticlockwise from the body's lower left, (2, 4) [m]."""
+        """Return the corners in world axes, anticlockwise from the body's lower left, (2,
+        4) [m].
+        """
         x, y, angle = self.state[:3]
         a = 0.5 * self.width * np.array([-1.0, 1.0, 1.0, -1.0])
         b = 0.5 * self.height * np.array([-1.0, -1.0, 1.0, 1.0])

@@ -142,7 +142,9 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
 
 
 def _slope(run: Callable, x: Array, low: Array, high: Array, size: Array) -> Array:
-    """Return d simulated / d parameter by central differences in one rollout, shape (n, T + 1, P)."""
+    """Return d simulated / d parameter by central differences in one rollout, shape (n, T + 1,
+    P).
+    """
     up, down = np.minimum(x + 6e-6 * size, high) - x, np.maximum(x - 6e-6 * size, low) - x
     both = run(x[:, None] + np.hstack([np.diag(up), np.diag(down)]))
     return np.asarray((both[..., : x.size] - both[..., x.size :]) / (up - down))

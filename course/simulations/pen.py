@@ -584,7 +584,9 @@ def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, 
 
 @register_jitable
 def chart(pen, rectangle, values, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5):
-    """Draw from now on draw in a rectangle with these values at its edges (`area`), and its axes."""
+    """Draw from now on draw in a rectangle with these values at its edges (`area`), and its
+    axes.
+    """
     area(pen, rectangle, values)
     axes(pen, x_label, y_label, heading, x_ticks, y_ticks)
 

@@ -1119,8 +1119,8 @@ def wrist_ik(q, target, damping, steps):
     q = np.array(q, dtype=float)
     for _ in range(steps):
         hand = product(about(2, q[0]), product(about(1, q[1]), about(0, q[2])))
-        remaining = product(target, hand * [1.0, -1.0, -1.0, -1.0])
-        error = 2.0 * remaining[1:]  # of a small turn, its vector
+        left = product(target, hand * [1.0, -1.0, -1.0, -1.0])
+        error = 2.0 * left[1:]  # of a small turn, its vector
         c, s = math.cos(q[0]), math.sin(q[0])
         J = np.array(
             [

@@ -131,13 +131,13 @@ def written(tmp_path):
     def write(**changes):
         lines = {
             "first": "pass",
-            "figure": 'found.measure("of_three", total(3))',
-            "heard": "found.statement_holds(total(3) == 3)",
-            "corrected": "found.correction_holds(total(3) == 9)",
+            "figure": 'result.measure("of_three", total(3))',
+            "heard": "result.statement_holds(total(3) == 3)",
+            "corrected": "result.correction_holds(total(3) == 9)",
         } | changes
         body = "".join(f"    {line}\n" for line in lines.values())
         path = tmp_path / "small.py"
-        path.write_text(f'def small(found):\n    found.statement = "Added."\n{body}')
+        path.write_text(f'def small(result):\n    result.statement = "Added."\n{body}')
         names = dict(globals())
         exec(compile(path.read_text(), path, "exec"), names)
         return settle(only(names["small"], *SQUARE), {})
@@ -148,36 +148,39 @@ def written(tmp_path):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"corrected": "found.correction_holds(True)"}, "a fact is constant, not computed: True"),
-        ({"corrected": "found.correction_holds(total(3) == 9, 9 == 9)"}, "not computed: 9 == 9"),
-        ({"corrected": "found.correction_holds(total(3) == 10 or True)"}, "total(3) == 10 or True"),
+        ({"corrected": "result.correction_holds(True)"}, "a fact is constant, not computed: True"),
+        ({"corrected": "result.correction_holds(total(3) == 9, 9 == 9)"}, "not computed: 9 == 9"),
         (
-            {"corrected": "found.correction_holds(bool(total(3) == total(3)))"},
+            {"corrected": "result.correction_holds(total(3) == 10 or True)"},
+            "total(3) == 10 or True",
+        ),
+        (
+            {"corrected": "result.correction_holds(bool(total(3) == total(3)))"},
             "bool(total(3) == total(3))",
         ),
         (
             {
                 "first": "fine = [2 + 2 == 4, bool(np.all(np.array([True])))]",
-                "corrected": "found.correction_holds(all(fine))",
+                "corrected": "result.correction_holds(all(fine))",
             },
             "a fact is constant, not computed: all(fine)",
         ),
         (
-            {"first": "sure = lambda: True", "corrected": "found.correction_holds(sure())"},
+            {"first": "sure = lambda: True", "corrected": "result.correction_holds(sure())"},
             "a fact is constant, not computed: sure()",
         ),
-        ({"corrected": "found.correction_holds(_yes(2 + 2))"}, "not computed: _yes(2 + 2)"),
-        ({"heard": "found.statement_holds(False)"}, "a verdict is constant, not computed: False"),
-        ({"figure": 'found.measure("of_three", 9)'}, "a figure is typed, not computed"),
+        ({"corrected": "result.correction_holds(_yes(2 + 2))"}, "not computed: _yes(2 + 2)"),
+        ({"heard": "result.statement_holds(False)"}, "a verdict is constant, not computed: False"),
+        ({"figure": 'result.measure("of_three", 9)'}, "a figure is typed, not computed"),
         (
             {
-                "heard": "found.statement_holds(total(3) == 3, only_if='n is 1', "
+                "heard": "result.statement_holds(total(3) == 3, only_if='n is 1', "
                 "inside=[total(1) == 1] * 8, outside=np.zeros(8, bool))"
             },
             "not computed: np.zeros(8, bool)",
         ),
-        ({"first": 'found.input("terms", 4)'}, "is not used; what is given must go in"),
-        ({"first": "_by_another(found)"}, "found is handed on"),
+        ({"first": 'result.input("terms", 4)'}, "is not used; what is given must go in"),
+        ({"first": "_by_another(result)"}, "result is handed on"),
     ],
 )
 def test_a_constant_is_refused(change, expected, written):
@@ -236,7 +239,7 @@ def test_what_is_computed_is_not_called_constant():
 
 def _only_if(text, inside, outside, more="", holds="total(3) == 3"):
     return {
-        "heard": f"found.statement_holds({holds}, only_if={text!r}, inside=[{inside}], "
+        "heard": f"result.statement_holds({holds}, only_if={text!r}, inside=[{inside}], "
         f"outside=[{outside}]{more})"
     }
 
@@ -298,13 +301,18 @@ def empty(result):
 
 
 def test_a_correction_that_does_not_hold_is_found(written):
-    (text,) = written(corrected="found.correction_holds(total(3) == 9, total(4) == 15)").faults
+    (text,) = written(corrected="result.correction_holds(total(3) == 9, total(4) == 15)").faults
     assert "fact 2 of 2 is false" in text
 
 
 def test_a_check_that_finds_nothing_is_found():
     text = "\n".join(_faults(empty))
-    for missing in ("found.heard", "found.corrected", "no figure", "no statement"):
+    for missing in (
+        "result.statement_holds",
+        "result.correction_holds",
+        "no figure",
+        "no statement",
+    ):
         assert missing in text
 
 

@@ -96,21 +96,21 @@ def _item(id):
         ("semi_implicit_unconditional", "is stable for any", "is unstable for any", "heard on"),
         (
             "stable_at_the_limit",
-            "found.statement_holds(after[2] < 10)",
-            "found.statement_holds(after[2] >= 10)",
+            "result.statement_holds(after[2] < 10)",
+            "result.statement_holds(after[2] >= 10)",
             "verdict on record",
         ),
         (
             "rk4_limit",
-            "found.statement_holds(abs(measured - 8) < 0.1)",
-            "found.statement_holds(measured < 8)",
+            "result.statement_holds(abs(measured - 8) < 0.1)",
+            "result.statement_holds(measured < 8)",
             "verdict on record",
         ),
         # A constant that settles the correction.
         (
             "rk4_limit",
-            "found.correction_holds(abs(measured / np.sqrt(8) - 1) < 1e-4)",
-            "found.correction_holds(True)",
+            "result.correction_holds(abs(measured / np.sqrt(8) - 1) < 1e-4)",
+            "result.correction_holds(True)",
             "constant, not computed: True",
         ),
         ("verlet_limit", "abs(verlet - 2) < 1e-6,", "2 - 2 == 0,", "constant, not computed"),
@@ -160,11 +160,11 @@ def _handed_over(check):
         if not isinstance(call, ast.Call):
             continue
         name = getattr(call.func, "attr", "")
-        if name in ("corrected", "heard"):
+        if name in ("correction_holds", "statement_holds"):
             draws = [k.value for k in call.keywords if k.arg in ("inside", "outside")]
             places += [(place(value), b"[True] * 9") for value in draws]
             places += [(place(value), b"True") for value in call.args]
-        elif name == "figure" and len(call.args) > 1:
+        elif name == "measure" and len(call.args) > 1:
             places.append((place(call.args[1]), b"1.25"))
     return text.encode(), places
 

@@ -60,9 +60,9 @@ WRONG = {
     "rrt: targets pushed onto the border": ("rrt", ("rng.uniform(low, high)",
          "np.clip(rng.normal((low + high) / 2, (high - low) / 3), low, high)")),
     "pid: an integral that knows the upper limit only":
-        ("PID", (" or (wanted < self.u_min and error < 0.0)", "")),
+        ("PID", (" or (desired < self.u_min and error < 0.0)", "")),
     "pid: an integral that knows the lower limit only":
-        ("PID", ("(wanted > self.u_max and error > 0.0) or ", "")),
+        ("PID", ("(desired > self.u_max and error > 0.0) or ", "")),
     "randomize: noise from a generator of its own":
         ("DomainRandomizer", OWN, ("observation + rng.normal", "observation + RNG.normal")),
     "randomize: delay from a generator of its own":
@@ -106,7 +106,7 @@ RIGHT = {
     ),
     "rrt: draws by integers": edited("rrt", ("rng.random() < GOAL_BIAS", "rng.integers(10) == 0")),
     "pid: nothing is integrated at a limit": edited(
-        "pid", ("if not deeper:", "if self.u_min <= wanted <= self.u_max:")
+        "pid", ("if not deeper:", "if self.u_min <= desired <= self.u_max:")
     ),
     "orientation: the negative of the quaternion": edited(
         "orientation", ("return turned /", "return -turned /")
@@ -142,8 +142,8 @@ NAMED_BEFORE = {
         ("len(samples) < max_samples", "tries < max_samples"),
         ("        target =", "        tries += 1\n        target ="),
         (
-            "    found = np.array_equal(start, goal)\n",
-            "    found = np.array_equal(start, goal)\n    tries = 0\n",
+            "    result = np.array_equal(start, goal)\n",
+            "    result = np.array_equal(start, goal)\n    tries = 0\n",
         ),
     ),
 }

@@ -278,7 +278,9 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
 
 
 def leg_forces(dt: float = 2e-3) -> dict[str, Array]:
-    """Return what the legs of the table carry at the end by each model and MuJoCo solver, (4,) [N]."""
+    """Return what the legs of the table carry at the end by each model and MuJoCo solver, (4,)
+    [N].
+    """
     question, (n, h) = QUESTIONS["legs"], _steps(dt)
     result = {name: _ours(name, question, dt).impulses[:, 0, -1] / h for name in OURS}
     for solver in mujoco_contact.SOLVERS:

@@ -311,7 +311,9 @@ def jam_scene() -> Scene:
 
 @chart
 def pid_windup() -> Iterator[Panel]:
-    """Yield a jam of two seconds with anti-windup and without, on the exact joint and on MuJoCo's."""
+    """Yield a jam of two seconds with anti-windup and without, on the exact joint and on
+    MuJoCo's.
+    """
     left, right = (
         Panel(title, "time [s]", y, spans=[("x", 0.0, JAM, "jammed")], xlim=(0.0, 5.0))
         for title, y in (

@@ -69,7 +69,9 @@ def force_edge_mujoco(
 
 
 def stiffest(wall: float, delay: float = DELAY, damping: float = 0.0) -> float:
-    """Return the largest stiffness of an impedance law that holds at a wall and at all gains below."""
+    """Return the largest stiffness of an impedance law that holds at a wall and at all gains
+    below.
+    """
     return largest(lambda K: growth(TouchLaw(K, damping), wall, delay), 1.0, 1e8)
 
 

@@ -242,7 +242,9 @@ def _costs(
     repeats: int,
     clock: Callable[[], float],
 ) -> Panel:
-    """Return error against the time that a second of the loop takes, the arm's own motion included."""
+    """Return error against the time that a second of the loop takes, the arm's own motion
+    included.
+    """
     spent: dict[str, list[float]] = {}
     error = {name: errors["right", name] for name in LAWS}
     gains = np.full(2, KP), np.full(2, KD)

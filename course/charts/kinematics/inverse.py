@@ -67,7 +67,9 @@ def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
 
 
 def usual(chain: Chain, clamped: bool, starts: int, rate: float, at_most: int) -> Solve:
-    """Return Pinocchio's usual loop as a count of steps, infinite where it ends beyond the limits."""
+    """Return Pinocchio's usual loop as a count of steps, infinite where it ends beyond the
+    limits.
+    """
     arm, limits = Arm(chain), (chain.lower, chain.upper)
 
     def solve(target: Array, rng: np.random.Generator) -> float:

@@ -116,7 +116,9 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
 
 
 def gap(samples: Array, exact: Array) -> float:
-    """Return distance of a sample's quantiles from the exact ones, rms (Wasserstein's of order 2)."""
+    """Return distance of a sample's quantiles from the exact ones, rms (Wasserstein's of order
+    2).
+    """
     return float(np.sqrt(np.mean((np.sort(samples.ravel()) - exact) ** 2)))
 
 

@@ -25,7 +25,9 @@ KP, STEP, WITNESS = 25.0, 4e-3, 3e-3  # N m/rad; s; of energy won, the contract 
 
 
 def stays(arm: TwoLink, q: Array, kp: float, kd: float, dt: float, steps: int = 1500) -> bool:
-    """Return whether the arm itself, 2 micro-radians beside q and with no limits, comes back to q."""
+    """Return whether the arm itself, 2 micro-radians beside q and with no limits, comes back to
+    q.
+    """
     place, v, scene = q + (1e-6, -2e-6), np.zeros(2), Scenario(arm=arm)
     for _ in range(steps):
         place, v = move(place, v, kp * (q - place) - kd * v, dt, scene)

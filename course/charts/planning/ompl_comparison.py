@@ -377,7 +377,9 @@ def path_quality(
     budgets: Sequence[int] = (100, 300, 1000, 3000, 10_000),
     tolerance: float = 0.05,
 ) -> Iterator[Panel]:
-    """Yield length of a path over the exactly known shortest one against time, failures infinite."""
+    """Yield length of a path over the exactly known shortest one against time, failures
+    infinite.
+    """
     planning.warm()
     for scene, best in exactly_known():
         panel = Panel(

@@ -153,7 +153,9 @@ SOFT: dict[str, Any] = {
 
 
 def law_of_creep(impratio: float, scene: Scene, dt: float) -> float:
-    """Return theory's speed of the first body [m/s], from the load and the gap that MuJoCo reports."""
+    """Return theory's speed of the first body [m/s], from the load and the gap that MuJoCo
+    reports.
+    """
     run = prepared(MuJoCo(), scene, dt, FAIR.using(impratio=impratio, **SOFT))
     run.run(round(0.4 / dt))
     report = run.contacts()

@@ -103,7 +103,9 @@ def next_row(result):
     from course.vector_env import PointReachVector
 
     def follows(mode):
-        """Return whether the row after one that the clock cut off holds the next place of that way."""
+        """Return whether the row after one that the clock cut off holds the next place of
+        that way.
+        """
         envs = PointReachVector(8, max_steps=5, autoreset_mode=mode)
         before, late = envs.reset(seed=0)[0], np.zeros(8, bool)
         while not late.any():
@@ -291,7 +293,9 @@ def own_normaliser(result):
     n = int(result.input("n", 4))
 
     def turned(episodes, shared, N=512):
-        """Return share of environments in which the way along x to a new goal has the wrong sign."""
+        """Return share of environments in which the way along x to a new goal has the wrong
+        sign.
+        """
         envs, rows = PointReachVector(N, autoreset_mode="SameStep"), []
         observed, _ = envs.reset(seed=0)
         for _ in range(100 * episodes):

@@ -15,7 +15,9 @@ SYMBOLS = {
 
 
 def lossy(reliability, packets, loss, messages, rate=float("inf")):
-    """Return a reader, its link and bus after messages of so many packets, all published at once."""
+    """Return a reader, its link and bus after messages of so many packets, all published at
+    once.
+    """
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
@@ -80,7 +82,9 @@ def picture_lost_like_packet(result):
 
 
 def forgets(packets, loss, messages=1000):
-    """Return whether a reliable writer of depth 1, whose reader asks too late, sends nothing again."""
+    """Return whether a reliable writer of depth 1, whose reader asks too late, sends nothing
+    again.
+    """
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
@@ -177,7 +181,9 @@ def gigabit_is_enough(result):
         return float(result.formula.subs(dict(zip((w, h, c, f), of, strict=True))))
 
     def slope(size, wire, hz=30.0, seconds=10.0):
-        """Return by how much pictures get older in each second [s/s], their age when it ends [s]."""
+        """Return by how much pictures get older in each second [s/s], their age when it
+        ends [s].
+        """
         bus, observed = Bus(), list[tuple[float, float]]()
         out = bus.node("camera").writer("image", QoS(history="keep_all"))
         bus.node("eye").reader(

@@ -545,7 +545,9 @@ def every_recording_identifies(result):
     times = np.linspace(0.0, 2.0, 60)
 
     def by_friction(velocity):
-        """Return derivative of the velocity after an impact by the coefficient of friction [m/s]."""
+        """Return derivative of the velocity after an impact by the coefficient of friction
+        [m/s].
+        """
         scene = differentiable.Setup((0.0, 0.0), velocity)
         return np.abs(differentiable.jacobian((0.7, 0.3, 1.0), scene, [0.1])[2:, 0, 1]).max()
 

@@ -116,7 +116,9 @@ def symptom(cause: str, seed: int, repair: str | None) -> float:
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Return the dearer of the force error that a sudden load makes, load / (1 + gain), and of sag."""
+    """Return the dearer of the force error that a sudden load makes, load / (1 + gain), and of
+    sag.
+    """
     one = machine(cause, seed)
     after = REPAIRS[repair](one)
     return max((1.0 + one.gain) / (1.0 + after.gain), one.stiffness / after.stiffness)

@@ -81,8 +81,8 @@ def acceleration(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str
 
 
 FRICTION = "min(max(-v[0], -mu * normal), mu * normal)"
-_WEIGHT = "most = mu * 9.81 * dt{} if normal > 0.0 else 0.0\n        friction = "
-_BOUND = "min(max(-v[0], -most), most)"
+_WEIGHT = "largest = mu * 9.81 * dt{} if normal > 0.0 else 0.0\n        friction = "
+_BOUND = "min(max(-v[0], -largest), largest)"
 
 SLIPS = slips(
     bug_still_there=(

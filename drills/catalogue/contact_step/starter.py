@@ -25,8 +25,8 @@ def contact_step(position, velocity, slope, mu, dt, steps):
         v = v + dt * gravity
         # Impulses per kilogram: the normal one lets the block just touch at the end of the step.
         normal = max(0.0, -(v[1] + x[1] / dt))
-        most = mu * 9.81 * dt if normal > 0.0 else 0.0
-        friction = min(max(-v[0], -most), most)
+        largest = mu * 9.81 * dt if normal > 0.0 else 0.0
+        friction = min(max(-v[0], -largest), largest)
         v = v + np.array([friction, normal])
         x = x + dt * v
     return x, v

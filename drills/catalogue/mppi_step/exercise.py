@@ -13,7 +13,9 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return costs near zero and far from it, within the limits and at them, rollouts that failed."""
+    """Return costs near zero and far from it, within the limits and at them, rollouts that
+    failed.
+    """
 
     def step(
         label: str = "random",

@@ -60,7 +60,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 _OVER = "over = [k for k in path if taken[k] > allowed[k]]"
-_BEST = "best = max(best, (taken[k] + rest, [k, *way]))"
+_BEST = "best = max(best, (taken[k] + rest, [k, *path]))"
 _NONE = "best: tuple[float, list[int]] = (-np.inf, [])"
 _FIRST = "over[0] if over else -1"
 
@@ -85,13 +85,13 @@ SLIPS = slips(
     ),
     most_edges=(
         _BEST,
-        "best = max(best, (taken[k] + rest, [k, *way]), "
+        "best = max(best, (taken[k] + rest, [k, *path]), "
         "key=lambda w: (np.isfinite(w[0]), len(w[1])))",
         "The way of the most edges is taken. It is the sum of their times that counts.",
     ),
     greedy=(
         _BEST,
-        "best = max(best, (taken[k] + rest, [k, *way]), "
+        "best = max(best, (taken[k] + rest, [k, *path]), "
         "key=lambda w: taken[w[1][0]] if np.isfinite(w[0]) else -np.inf)",
         "From each box the slowest next edge is taken. A short edge may lead to a long way.",
     ),

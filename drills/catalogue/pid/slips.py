@@ -14,7 +14,7 @@ SLIPS = slips(
         "integral = self.integral + self.ki * error * self.dt",
         "integral = self.integral",
         "        if not deeper:\n            self.integral = integral",
-        "        if wanted == command:\n"
+        "        if desired == command:\n"
         "            self.integral = integral + self.ki * error * self.dt",
         "The integral stands still whenever the command is at its limit, also when the error "
         "would bring it back: an integral that alone holds the limit stays there for ever. Stop "
@@ -23,9 +23,9 @@ SLIPS = slips(
     clamped_increments=(
         "self.rate = 0.0  # [y/s]",
         "self.rate = self.command = self.parts = 0.0",
-        "        wanted = self.kp * error + integral - self.kd * self.rate\n",
+        "        desired = self.kp * error + integral - self.kd * self.rate\n",
         "        parts = self.kp * error - self.kd * self.rate\n"
-        "        wanted = self.command + parts - self.parts + self.ki * error * self.dt\n"
+        "        desired = self.command + parts - self.parts + self.ki * error * self.dt\n"
         "        self.parts = parts\n",
         "        return float(command)",
         "        self.command = command\n        return command",
@@ -40,8 +40,8 @@ SLIPS = slips(
         "set-point is differentiated. The task says update(setpoint, measurement).",
     ),
     symmetric_limits=(
-        "max(wanted, self.u_min)",
-        "max(wanted, -self.u_max)",
+        "max(desired, self.u_min)",
+        "max(desired, -self.u_max)",
         "The command is limited to the same size on both sides. The limits need not be "
         "symmetric: u_min below, u_max above.",
     ),
@@ -71,8 +71,8 @@ SLIPS = slips(
         "The proportional part is missing: with kp alone the command stays at zero.",
     ),
     limits_swapped=(
-        "min(max(wanted, self.u_min), self.u_max)",
-        "max(min(wanted, self.u_min), self.u_max)",
+        "min(max(desired, self.u_min), self.u_max)",
+        "max(min(desired, self.u_min), self.u_max)",
         "The limits are taken for each other: whatever is wanted, a limit comes out. Not below "
         "u_min and not above u_max: min(max(u, u_min), u_max).",
     ),
@@ -145,8 +145,8 @@ SLIPS = slips(
         "by that factor and does next to nothing.",
     ),
     output_not_limited=(
-        "min(max(wanted, self.u_min), self.u_max)",
-        "wanted",
+        "min(max(desired, self.u_min), self.u_max)",
+        "desired",
         "The command is handed out without its limits. The motor cuts it off anyway, and the "
         "controller doesn't know.",
     ),

@@ -13,7 +13,9 @@ TOLERANCE, MARGIN = 0.01, 1e-7
 
 
 def clear(points: Array, triples: Array) -> bool:
-    """Return whether no distance from a tried plane, or from a refit to the best so far, is close."""
+    """Return whether no distance from a tried plane, or from a refit to the best so far, is
+    close.
+    """
     best = 0
     for triple in triples:
         a, b, c = points[:, triple].T

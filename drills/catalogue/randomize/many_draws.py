@@ -273,7 +273,9 @@ def _same(got: Any, expected: Array) -> bool:
 
 
 def _shifted(got: Array, sent: Array, idle: float) -> NDArray[np.bool_]:
-    """Return whether each draw's actions (draws, calls, n) come so many calls late, (calls, draws)."""
+    """Return whether each draw's actions (draws, calls, n) come so many calls late, (calls,
+    draws).
+    """
     calls = sent.shape[1]
     return np.array(
         [

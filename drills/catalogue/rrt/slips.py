@@ -6,11 +6,12 @@ from drills.exercise import slips
 
 _EDGE = "        if not edge_is_free(nodes[near], new, discs):\n"
 _JOIN = (
-    "        if not found and np.hypot(*(goal - new)) <= step and edge_is_free(new, goal, discs):\n"
+    "        if not result and np.hypot(*(goal - new)) <= step "
+    "and edge_is_free(new, goal, discs):\n"
 )
 _JOINED = """            nodes[len(parents)] = goal
             parents.append(len(parents) - 1)
-            found = True
+            result = True
 """
 _TARGET = "goal if rng.random() < GOAL_BIAS else rng.uniform(low, high)"
 _CLOSED_FORM = """    along = b - a
@@ -26,7 +27,7 @@ _SAMPLED = """    for t in np.linspace(0.0, 1.0, 10):
             return False
     return True
 """
-_PATH = "    path = trace(nodes, parents) if found else None\n"
+_PATH = "    path = trace(nodes, parents) if result else None\n"
 
 SLIPS = slips(
     vertices_only=(
@@ -64,7 +65,7 @@ SLIPS = slips(
     ),
     goal_never_appended=(
         _JOIN + _JOINED,
-        "        found = found or np.hypot(*(goal - new)) <= step\n",
+        "        result = result or np.hypot(*(goal - new)) <= step\n",
         "The path ends near the goal, not at it: the goal itself was never added. Near is not "
         "there; join the last node to the goal if that edge is free.",
     ),
@@ -82,7 +83,7 @@ SLIPS = slips(
     ),
     all_nodes_as_path=(
         _PATH,
-        "    path = nodes[: len(parents)].copy() if found else None\n",
+        "    path = nodes[: len(parents)].copy() if result else None\n",
         "The path is the whole tree in the order it grew. Follow the parents back from the goal: "
         "only these nodes are the path.",
     ),
