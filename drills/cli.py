@@ -84,7 +84,7 @@ def main() -> None:
 @options
 @click.pass_context
 def cli(context: click.Context, as_json: bool, work: str | None) -> int:
-    """Return coding drills and exercises, graded in a second or two."""
+    """Solve coding drills and exercises, graded in a second or two."""
     if context.invoked_subcommand is None:
         return body(_welcome)(as_json=as_json, work=work)
     return RIGHT

@@ -47,7 +47,7 @@ def sampled(phases: Array) -> float:
 def age_precision(
     runs: Sequence[int] = (3, 10, 30, 100, 300, 1000), repeats: int = 9, reference: int = 8192
 ) -> Iterator[Panel]:
-    """Yield the mean age of the chapter's chain: error against processor time."""
+    """Chart the mean age of the chapter's chain: error against processor time."""
     truth, rng = sampled(lattice(reference, 4)), np.random.default_rng(0)
     predicted = age(CHAIN)
     panel = Panel(
@@ -106,7 +106,7 @@ def at_read(reader: float, phase: float, seconds: float, depth: int = 1) -> tupl
 
 @chart
 def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> Iterator[Panel]:
-    """Yield where the mean is wrong: locked clocks, drifting clocks, deep queues, overload."""
+    """Chart where the mean is wrong: locked clocks, drifting clocks, deep queues, overload."""
     panel = Panel(
         "Locked clocks: the start decides, for ever",
         "start phase of the reader",

@@ -250,7 +250,7 @@ def vector_env(
     busy: Sequence[int] = BUSY_SIZES,
     repeats: int = 25,
 ) -> Iterator[Panel]:
-    """Yield steps per second of vectorised environments, their error, and when processes pay.
+    """Chart steps per second of vectorised environments, their error, and when processes pay.
 
     Args:
         sizes: numbers of environments.
@@ -374,7 +374,7 @@ BY_HAND = np.array([[[0, -7.5, 0, -6.0, -0.5, 0], [0, 0, 0, -12.0, 0, -0.3]]])
 
 @chart
 def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Panel]:
-    """Yield what `course.vector_env.training` learns, over several seeds, beside a law written by
+    """Chart what `course.vector_env.training` learns, over several seeds, beside a law written by
     hand.
 
     Args:
@@ -449,7 +449,7 @@ def arm_learned(
     fit: int = 2000,
     steps: int = 500_000,
 ) -> Iterator[Panel]:
-    """Yield the hard end: torques of an arm, copied from a written law, and learned from reward.
+    """Chart the hard end: torques of an arm, copied from a written law, and learned from reward.
 
     Args:
         number, rounds: of demonstrations in a round, and rounds of DAgger after the first.

@@ -335,7 +335,7 @@ class BoxQP(NamedTuple):
 def box_qp(
     H: ArrayLike, g: ArrayLike, low: ArrayLike, high: ArrayLike, start: ArrayLike | None = None
 ) -> BoxQP:
-    """Return minimise x^T H x / 2 + g^T x for low <= x <= high.
+    """Minimise x^T H x / 2 + g^T x for low <= x <= high.
 
     Projected Newton, an exact active set.
 

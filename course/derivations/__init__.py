@@ -439,7 +439,7 @@ def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
 
 @functools.cache
 def run(id: str) -> Outcome:
-    """Return settle the claim with this id; computed once per process.
+    """Settle the claim with this id; computed once per process.
 
     Args:
         id: id of a claim.

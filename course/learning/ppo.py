@@ -275,7 +275,7 @@ class Runner:
         self.worth, self.scale = np.zeros(n), Normaliser.blank(1 if settings.shared else n)
 
     def collect(self, policy: ActorCritic) -> Batch:
-        """Return act for `horizon` steps."""
+        """Act for `horizon` steps."""
         T, n, space = self.settings.horizon, self.envs.num_envs, self.envs.single_action_space
         noise = self.rng.normal(size=(T, n, *space.shape))
         batch = Batch(

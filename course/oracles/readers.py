@@ -172,8 +172,8 @@ def _alone(read: Callable[[str], Facts], text: str) -> Reading:
                     try:
                         result["facts"] = read(text)
                     except (Exception, SystemExit) as error:  # Drake ends the script for some
-                        result["refused"] = f"{type(error).__name__}: {error}"
-                json.dump({**result, "said": message[0].strip()}, answer)
+                        result["rejection"] = f"{type(error).__name__}: {error}"
+                json.dump({**result, "messages": message[0].strip()}, answer)
                 answer.flush()
             finally:
                 os._exit(0)

@@ -277,7 +277,7 @@ class FixedStepLoop:
         return float(due * self._tick - self._granted)
 
     def advance(self, real_seconds: float | Fraction) -> Advance:
-        """Return consume real time: run every step and picture that is due.
+        """Consume real time: run every step and picture that is due.
 
         How the time is cut into calls makes no difference to the states, bit for bit, as long as
         no call exceeds `max_frame`.

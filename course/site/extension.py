@@ -70,7 +70,7 @@ def _scripts(
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Return called by Sphinx."""
+    """Register the extension; Sphinx calls this."""
     app.add_config_value("course_simulations", {}, "html")
     app.add_html_math_renderer("mathml", (_visit_math, None), (_visit_math_block, None))
     app.add_post_transform(Page)

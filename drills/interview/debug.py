@@ -35,7 +35,7 @@ WORDS = {
 @options
 @body
 def command(session: Session, name: str | None, seed: int | None) -> int:
-    """Return debug a scenario: run probes, name the cause, repair it; without NAME, list them.
+    """Debug a scenario: run probes, name the cause, repair it; without NAME, list them.
 
     A line is: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
     """
@@ -70,7 +70,7 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
 def _talk(
     session: Session, case: scenarios.Diagnosis, rejected: list[str]
 ) -> scenarios.Verdict | None:
-    """Return do what the lines say, until one of them concludes."""
+    """Do what the lines say, until one of them concludes."""
     one = scenarios.scenario(case.case.name)
     head = session.terminal.paint(one.title, "head")
     session.say(f"{head} (seed {case.case.seed})")

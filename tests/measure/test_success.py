@@ -18,7 +18,9 @@ pytestmark = pytest.mark.smoke
 @given(st.integers(1, 2000), st.floats(0.0, 1.0), st.floats(0.3, 4.0))
 def test_wilson_ends_are_where_the_share_is_z_deviations_off(tried, share, z):
     """Both ends p solve (share - p)^2 = z^2 p (1 - p) / n: there the interval comes from."""
-    for end, side in zip(wilson(share * tried, tried, z), (1.0, -1.0), strict=True):
+    solved = share * tried
+    share = solved / tried  # as rounded
+    for end, side in zip(wilson(solved, tried, z), (1.0, -1.0), strict=True):
         assert 0.0 <= end <= 1.0 and side * (share - end) >= 0.0
         deviation = (share - end) ** 2 - z**2 * end * (1.0 - end) / tried
         assert abs(deviation) <= 1e-9

@@ -91,7 +91,7 @@ def test_clocks():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"repeats": 0}, {"most": 0}, {"sample": np.nan}, {"patience": -1.0}]
+    "wrong", [{"repeats": 0}, {"at_most": 0}, {"sample": np.nan}, {"patience": -1.0}]
 )
 def test_numbers_out_of_range(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):

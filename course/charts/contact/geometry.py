@@ -47,7 +47,7 @@ def broad_phase(
     mujoco: int = 3000,
     repeats: int = 5,
 ) -> Iterator[Panel]:
-    """Yield overlap tests, which no machine changes, and times; sweeping one axis, three crowds."""
+    """Chart overlap tests, which no machine changes, and times; sweeping one axis, three crowds."""
     counts = Panel(
         "Overlap tests of one sweep, and the pairs that are left", "boxes N", "count", scale="log"
     )
@@ -170,7 +170,7 @@ def _timed(a: Shape, b: Shape, qa: Array, qb: Array, repeats: int) -> list[float
 
 @chart(columns=2)
 def narrow_phase(count: int = 2000, repeats: int = 7, boxes: int = 2000) -> Iterator[Panel]:
-    """Yield ratios, as both took their turns in one process; and error beside time for boxes."""
+    """Chart ratios, as both took their turns in one process; and error beside time for boxes."""
     shapes = kinds()
     for apart in (True, False):
         what = "apart: distance" if apart else "in each other: depth"
@@ -307,7 +307,7 @@ def in_mujoco(dt: float, speed: float, phase: float, speculative: bool = False) 
 def tunnelling_limit(
     steps: Sequence[float] = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2), grid: int = 54, phases: int = 4
 ) -> Iterator[Panel]:
-    """Yield the least speed at which a ball comes through a wall, by step.
+    """Chart the least speed at which a ball comes through a wall, by step.
 
     Two limits, and two cures.
     """

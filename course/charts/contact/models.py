@@ -219,7 +219,7 @@ def work_precision(
 
 def _chart_of(name: str) -> None:
     def contact_scene(steps: Sequence[float] = STEPS, repeats: int = 3) -> Iterator[Panel]:
-        """Yield every model on one scene, steps of 0.1 to 20 ms, beside MuJoCo."""
+        """Chart every model on one scene, steps of 0.1 to 20 ms, beside MuJoCo."""
         yield from work_precision(name, steps, repeats).panels()
 
     chart(contact_scene, name=f"contact_{name}")
@@ -294,7 +294,7 @@ def leg_forces(dt: float = 2e-3) -> dict[str, Array]:
 
 @chart
 def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
-    """Yield model by scene: error, cost, verdict at one step `dt` [s]; so many timed rounds."""
+    """Chart model by scene: error, cost, verdict at one step `dt` [s]; so many timed rounds."""
     panel = Panel("Contact models at one step", data=[])
     rows: Rows = []
     panel.notes.append(
@@ -436,7 +436,7 @@ def _clamped(zetas: Sequence[float]) -> Panel:
 def contact_penalty_limit(
     size: int = 60, zetas: Sequence[float] = (0.1, 0.2, 0.3, 0.34, 0.37, 0.5, 0.7, 1.0, 1.5, 2.0)
 ) -> Iterator[Panel]:
-    """Yield largest step of penalty contact: growth per step over step and damping, theory on it.
+    """Chart largest step of penalty contact: growth per step over step and damping, theory on it.
 
     Maps of `size` by `size` points. And of MuJoCo's soft contact, with its clamp and without.
     """
@@ -531,7 +531,7 @@ def contact_sweeps(
     heights: Sequence[int] = (3, 5, 10, 20, 40),
     tolerance: float = 1e-6,
 ) -> Iterator[Panel]:
-    """Yield sweeps of projected Gauss-Seidel until forces are right to the tolerance.
+    """Chart sweeps of projected Gauss-Seidel until forces are right to the tolerance.
 
     By the ratio of top to bottom mass, and by the number of equal bodies, with theory.
     """
@@ -609,7 +609,7 @@ def stopped(
 def contact_steering(
     degrees: Sequence[float] = (0.0, 10.0, 22.5, 35.0, 45.0, 60.0, 75.0, 90.0), dt: float = 1e-3
 ) -> Iterator[Panel]:
-    """Yield what a pyramid in the cone does to a braking block, and one around it, a box of limits.
+    """Chart what a pyramid in the cone does to a braking block, and one around it, a box of limits.
 
     The way is stretched or shortened, and bent, by the direction of the start; steps of `dt` [s].
     """
@@ -743,7 +743,7 @@ def smoothed_slope(
 
 @chart
 def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
-    """Yield gradients through contact: nothing before touch, a kink, and a sign that is wrong.
+    """Chart gradients through contact: nothing before touch, a kink, and a sign that is wrong.
 
     At so many speeds, the randomised ones of so many pairs of draws.
     """

@@ -55,7 +55,7 @@ def mujoco_growth(
 def delay_limit(
     delays: int = 40, steps: tuple[int, ...] = (1, 2, 5, 10, 20, 50)
 ) -> Iterator[Panel]:
-    """Yield how much P a joint stands: over its delay, and over a simulator's steps in a sample.
+    """Chart how much P a joint stands: over its delay, and over a simulator's steps in a sample.
 
     Args:
         delays: points of the left panel.
@@ -124,7 +124,7 @@ def delay_limit(
 
 @chart
 def pd_triangles(points: int = 60) -> Iterator[Panel]:
-    """Yield where PD on a free inertia is stable: three loops, and MuJoCo's position servo.
+    """Chart where PD on a free inertia is stable: three loops, and MuJoCo's position servo.
 
     Args:
         points: of each curve.
@@ -200,7 +200,7 @@ def servo_growth(integrator: str, kp: float, kv: float) -> float:
 
 @chart
 def rate_estimates(samples: int = 40_000) -> Iterator[Panel]:
-    """Yield noise of a rate against its lag: the difference, its filter, and the tracking observer.
+    """Chart noise of a rate against its lag: the difference, its filter, and the tracking observer.
 
     Args:
         samples: of white noise behind each point.
@@ -281,7 +281,7 @@ def edge_of_rest(share: float, gain: float = 30.0, linear: bool = False) -> floa
 
 @chart
 def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
-    """Yield from where a pendulum with a weak motor is caught, over angle and speed.
+    """Chart from where a pendulum with a weak motor is caught, over angle and speed.
 
     Args:
         points: along each axis.
@@ -319,7 +319,7 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
 
 @chart
 def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
-    """Yield what an encoder's line and dry friction leave at rest.
+    """Chart what an encoder's line and dry friction leave at rest.
 
     Args:
         points: of each curve.
@@ -445,7 +445,7 @@ def placed(delay: float) -> Judged:
 
 @chart
 def ziegler_nichols_rows(points: int = 15) -> Iterator[Panel]:
-    """Yield the rows of Ziegler and Nichols on a joint, judged by their matrix.
+    """Chart the rows of Ziegler and Nichols on a joint, judged by their matrix.
 
     And what to do instead.
 

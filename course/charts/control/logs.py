@@ -106,7 +106,7 @@ def changed(rng: np.random.Generator, cause: str) -> tuple[JointModel, JointMode
 def what_a_log_tells(
     noises: Sequence[float] = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3), joints: int = 8, causes: int = 6
 ) -> Iterator[Panel]:
-    """Yield inertia out of a log over the noise of its angles, and which cause is named.
+    """Chart inertia out of a log over the noise of its angles, and which cause is named.
 
     Args:
         noises: deviations of the measured angles [rad].
@@ -177,7 +177,7 @@ def what_a_log_tells(
 def learned_beside_adaptive(
     rounds: int = 6, seeds: int = 7, dt: float = 4e-3, outside: float = 1.6
 ) -> Iterator[Panel]:
-    """Yield a learned residual against data, inside and outside its motion, beside the adaptive
+    """Chart a learned residual against data, inside and outside its motion, beside the adaptive
     law.
 
     Args:

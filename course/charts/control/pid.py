@@ -136,7 +136,7 @@ def rate_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
 
 @chart
 def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
-    """Yield where the sampled PID loop is stable, over sample time and gain, measured and in
+    """Chart where the sampled PID loop is stable, over sample time and gain, measured and in
     theory.
 
     Args:
@@ -311,7 +311,7 @@ def jam_scene() -> Scene:
 
 @chart
 def pid_windup() -> Iterator[Panel]:
-    """Yield a jam of two seconds with anti-windup and without, on the exact joint and on
+    """Chart a jam of two seconds with anti-windup and without, on the exact joint and on
     MuJoCo's.
     """
     left, right = (

@@ -58,7 +58,7 @@ def mpc_where(
     repeats: int = 5,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """Yield MPC beside the clipped regulator: what it saves over the distance, and its time.
+    """Chart MPC beside the clipped regulator: what it saves over the distance, and its time.
 
     Args:
         points: distances.
@@ -165,7 +165,7 @@ def swing_up(
     ahead: Sequence[int] = (3, 5, 8, 12, 16, 20, 30),
     seeds: int = 20,
 ) -> Iterator[Panel]:
-    """Yield how often MPPI swings a weak pendulum up: over its tries, and over how far it looks.
+    """Chart how often MPPI swings a weak pendulum up: over its tries, and over how far it looks.
 
     Args:
         samples, ahead: of both panels.
@@ -212,7 +212,7 @@ def control_speed(
     repeats: int = 5,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """Yield rollouts beside `mujoco.batch` on one core, regulators and boxes beside SciPy's.
+    """Chart rollouts beside `mujoco.batch` on one core, regulators and boxes beside SciPy's.
 
     Args:
         plans: at a time.

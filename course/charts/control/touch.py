@@ -101,7 +101,7 @@ def lightest(wall: float, delay: float = 0.0, damping: float = 1.0) -> float:
 
 @chart
 def touching(points: int = 13) -> Iterator[Panel]:
-    """Yield what holds at a wall, over its stiffness: a force loop, impedance, admittance.
+    """Chart what holds at a wall, over its stiffness: a force loop, impedance, admittance.
 
     Args:
         points: walls.
@@ -378,7 +378,7 @@ def sentence(name: str) -> str:
 
 @chart
 def contact_regimes(points: int = 9) -> Iterator[Panel]:
-    """Yield which controller for which regime: each measured on the same probe.
+    """Chart which controller for which regime: each measured on the same probe.
 
     Args:
         points: of each curve.

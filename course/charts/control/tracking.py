@@ -202,7 +202,7 @@ def tracking_laws(
     repeats: int = 3,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """Yield error over samples a second with the right and a wrong model, and over computing time.
+    """Chart error over samples a second with the right and a wrong model, and over computing time.
 
     Args:
         rates: samples a second.

@@ -38,7 +38,7 @@ def arm_throughput(
     repeats: int = 7,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """Yield states of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
+    """Chart states of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
 
     Libraries are called once a state, up to N = `at_most`, from where their time a state is the
     same; `clock` as for `course.measure.timing.calls`.
@@ -163,7 +163,7 @@ def reaching_arm() -> Scene:
 
 @chart
 def two_links_enough(angles: Sequence[float] = tuple(np.logspace(-3, 1, 17))) -> Iterator[Panel]:
-    """Yield error of the planar closed form against MuJoCo's arm in space.
+    """Chart error of the planar closed form against MuJoCo's arm in space.
 
     And where the plane ends.
 

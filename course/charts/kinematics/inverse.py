@@ -84,7 +84,7 @@ def usual(chain: Chain, clamped: bool, starts: int, rate: float, at_most: int) -
 def ik_success(
     targets: int = 10_000, slow: int = 300, seeds: Sequence[int] = (0, 1, 2), table: int = 10_000
 ) -> Iterator[Panel]:
-    """Yield share of poses solved within the limits against time, beside the loop that users write.
+    """Chart share of poses solved within the limits against time, beside the loop that users write.
 
     Pinocchio's loops get only `slow` of the targets; `seeds` are those of the starts, `table` the
     number of postures in the table.
@@ -151,7 +151,7 @@ def ik_residual(
     budgets: Sequence[int] = (1, 2, 3, 4, 5, 6, 8, 10, 13, 17, 23, 30, 45, 70, 100),
     targets: int = 60,
 ) -> Iterator[Panel]:
-    """Yield what is left of the error after k steps: ordinary targets, and such on the edge.
+    """Chart what is left of the error after k steps: ordinary targets, and such on the edge.
 
     Medians.
     """
@@ -278,7 +278,7 @@ def learned_seeds(
     draws: Sequence[int] = (1, 2, 4, 8, 16, 32, 64, 128),
     points: int = 40,
 ) -> Iterator[Panel]:
-    """Yield what a learned solver must beat.
+    """Chart what a learned solver must beat.
 
     Starts for Levenberg-Marquardt, and the answers covered.
 

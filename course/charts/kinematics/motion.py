@@ -79,7 +79,7 @@ def autograd(chain: Chain, q: Array) -> Array:
 def jacobian_precision(
     steps: Sequence[float] = tuple(np.logspace(-16, 0, 33)), repeats: int = 9
 ) -> Iterator[Panel]:
-    """Yield error and cost of a Jacobian: differences [rad], complex steps, autograd, analytic."""
+    """Chart error and cost of a Jacobian: differences [rad], complex steps, autograd, analytic."""
     arm, q = panda(), POSTURE
 
     def f(x: Any) -> Any:
@@ -167,7 +167,7 @@ def jacobian_precision(
 def null_space_step(
     steps: Sequence[float] = tuple(np.logspace(-3, 0, 13)), postures: int = 200
 ) -> Iterator[Panel]:
-    """Yield how far a step of length h [rad] in the null space moves the tip.
+    """Chart how far a step of length h [rad] in the null space moves the tip.
 
     And what an IK step leaves.
 
@@ -260,7 +260,7 @@ def past_the_hole(damping: float, gap: float, step: float = 0.002) -> tuple[floa
 def damping_map(
     nx: int = 81, ny: int = 61, dampings: Sequence[float] = tuple(np.logspace(-3.5, 0, 15))
 ) -> Iterator[Panel]:
-    """Yield where damping [m/rad] keeps the joints within their speed.
+    """Chart where damping [m/rad] keeps the joints within their speed.
 
     And the tracking error it costs.
 

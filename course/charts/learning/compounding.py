@@ -29,7 +29,7 @@ def compounding(
     growth: Sequence[float] = (0.9, 1.0, 1.05),
     circle: int = 20,
 ) -> Iterator[Panel]:
-    """Yield cost over the horizon with and without recovery.
+    """Chart cost over the horizon with and without recovery.
 
     Where the square law holds, three plants.
 

@@ -125,7 +125,7 @@ def jobs(**lists: Any) -> list[dict[str, Any]]:
 def learning_curves(
     steps: int = 120_000, points: int = 8, seeds: int = 10, rounds: int = 12
 ) -> Iterator[Panel]:
-    """Yield share of the exact optimum over steps and time: ours, the library, a search.
+    """Chart share of the exact optimum over steps and time: ours, the library, a search.
 
     Ten seeds.
     """
@@ -216,7 +216,7 @@ def banded(rows: dict[str, list[Trained]], report: str) -> Series:
 
 @chart(columns=2)
 def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
-    """Yield PPO without each detail on the usual task.
+    """Chart PPO without each detail on the usual task.
 
     And a task for each on which it does matter.
     """
@@ -279,7 +279,7 @@ def rewards(
     few: int = 3,
     short: int = 60_000,
 ) -> Iterator[Panel]:
-    """Yield three rewards for one task, and what the sparse one owes to chance.
+    """Chart three rewards for one task, and what the sparse one owes to chance.
 
     Args:
         tried: episodes of a policy that knows nothing, at each radius [m]; few, short: seeds and

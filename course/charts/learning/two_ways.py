@@ -41,7 +41,7 @@ def shares(label: str, x: Any, rates: Sequence[float], n: int, **view: Any) -> S
 
 @chart(columns=2)
 def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Panel]:
-    """Yield six ways to copy 100 people who pass left or right: success, error, cost, mode shares.
+    """Chart six ways to copy 100 people who pass left or right: success, error, cost, mode shares.
 
     Args:
         n: runs; held: demonstrations held out; repeats: of a timing.
@@ -136,7 +136,7 @@ def samplers(
     fit: int = 4000,
     counts: Sequence[int] = (1, 2, 5, 10, 20, 50, 100),
 ) -> Iterator[Panel]:
-    """Yield what steps of a sampler buy: on an exact field, on a trained one, in driving.
+    """Chart what steps of a sampler buy: on an exact field, on a trained one, in driving.
 
     Args:
         n: samples; runs: of two ways; fit: steps of the two nets; counts: calls of the field.
@@ -236,7 +236,7 @@ def commit_or_react(
     fit: int = 2000,
     noises: Sequence[float] = (0.0, 0.01, 0.02, 0.03, 0.05),
 ) -> Iterator[Panel]:
-    """Yield success over steps carried out without a look, and over noise; both ends explained.
+    """Chart success over steps carried out without a look, and over noise; both ends explained.
 
     Args:
         n: runs; fit: steps of the mixture that is fitted to disturbed demonstrations.

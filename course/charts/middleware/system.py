@@ -17,7 +17,7 @@ REAL = ("cyclonedds", "eclipse-zenoh")
 
 @chart(columns=2)
 def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Iterator[Panel]:
-    """Yield a loop of 1 kHz beside processes that always compute; and what a relative sleep does.
+    """Chart a loop of 1 kHz beside processes that always compute; and what a relative sleep does.
 
     Args:
         periods: of each run; busy: processes beside it; quiet: periods of the runs without them.
@@ -69,7 +69,7 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
 def round_trips(
     sizes: Sequence[int] = (64, 1024, 16_384, 262_144, 921_600, 4_194_304), repeats: int = 7
 ) -> Iterator[Panel]:
-    """Yield there and back between two processes, by size; the unit is 64 B in a queue of threads.
+    """Chart there and back between two processes, by size; the unit is 64 B in a queue of threads.
 
     Args:
         sizes: of the payload [bytes]; repeats: rounds of each.
@@ -129,7 +129,7 @@ def round_trips(
 
 @chart(columns=2)
 def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iterator[Panel]:
-    """Yield how old the sample is that a slow reader takes: on the bus, on Cyclone DDS, by theory.
+    """Chart how old the sample is that a slow reader takes: on the bus, on Cyclone DDS, by theory.
 
     Args:
         depths: of the reader; rate: samples written for each that is taken.
@@ -185,7 +185,7 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
 
 @chart
 def qos_verdicts() -> Iterator[Panel]:
-    """Yield every pair of policies on Cyclone DDS beside ours: a table, without a picture."""
+    """Chart every pair of policies on Cyclone DDS beside ours: a table, without a picture."""
     from course.oracles import qos_matrix
 
     rows = qos_matrix.matrix()
@@ -210,7 +210,7 @@ def late_or_lost(
     loss: float = 0.05,
     seconds: float = 60.0,
 ) -> Iterator[Panel]:
-    """Yield a servo follows commands over a lossy link: sent again and late, or lost and replaced.
+    """Chart a servo follows commands over a lossy link: sent again and late, or lost and replaced.
 
     Args:
         ways: delay of the link, one way [s]; loss: share of the packets; seconds: of each run.

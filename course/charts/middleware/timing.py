@@ -32,7 +32,7 @@ def on_the_bus(messages: int, packets: int, loss: float, reliability: str, seed:
 
 @chart(columns=2)
 def lost_fragments(messages: int = 4000, sent: int = 150) -> Iterator[Panel]:
-    """Yield a message is lost with any of its packets; sent again, it takes rounds.
+    """Chart a message is lost with any of its packets; sent again, it takes rounds.
 
     Args:
         messages: on the bus, at each size; sent: over a loopback socket.
@@ -119,7 +119,7 @@ def lost_fragments(messages: int = 4000, sent: int = 150) -> Iterator[Panel]:
 
 @chart(columns=2)
 def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
-    """Yield which task sets are in time: three tests, and a scheduler that runs them.
+    """Chart which task sets are in time: three tests, and a scheduler that runs them.
 
     Args:
         sets: random sets of each size and load; seconds: of a run.
@@ -199,7 +199,7 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
 
 @chart(columns=2)
 def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Iterator[Panel]:
-    """Yield how long the most urgent task waits for a lock of the least urgent one.
+    """Chart how long the most urgent task waits for a lock of the least urgent one.
 
     Args:
         middles: what the task between them computes [s].
@@ -254,7 +254,7 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
 def executor_waits(
     cameras: Sequence[float] = (0.005, 0.010, 0.015, 0.020, 0.025), phases: int = 12
 ) -> Iterator[Panel]:
-    """Yield a control callback of 1 ms beside a camera's.
+    """Chart a control callback of 1 ms beside a camera's.
 
     How long from event to end, and the bound.
 

@@ -102,7 +102,7 @@ def small_parts(
     sizes: Sequence[float] = (0.006, 0.008, 0.01, 0.012, 0.016, 0.02, 0.03, 0.04),
     pictures: int = 8,
 ) -> Iterator[Panel]:
-    """Yield cubes on a table, from a picture to a cluster.
+    """Chart cubes on a table, from a picture to a cluster.
 
     Which stage loses them, and what helps.
     """
@@ -225,7 +225,7 @@ def _back(pose: Array) -> Array:
 
 @chart(columns=2)
 def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
-    """Yield seven estimators of one pose, and what goes wrong: medians over the part's turn."""
+    """Chart seven estimators of one pose, and what goes wrong: medians over the part's turn."""
     rng = np.random.default_rng(8)
     cloud = Cloud.of(*box_surface(BOX.sizes[:, 0], model, rng))
     lean = np.array([0.0, 0.0, 0.0, *exp(np.array([math.radians(1.0), 0.0, 0.0]))])

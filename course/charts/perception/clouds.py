@@ -34,7 +34,7 @@ def _walls(sensor: Sensor, z: float, count: int, rng: np.random.Generator, eye: 
 
 @chart(columns=2)
 def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
-    """Yield what is measured of a wall, beside z^2 sqrt(s^2 + q^2 / 12) / (f B)."""
+    """Chart what is measured of a wall, beside z^2 sqrt(s^2 + q^2 / 12) / (f B)."""
     rng = np.random.default_rng(0)
     law = Panel(
         "The spread grows with the square of the distance",
@@ -169,7 +169,7 @@ def lost_parts(
     distances: Sequence[float] = (0.5, 0.65, 0.8, 1.0, 1.3, 1.6),
     pictures: int = 8,
 ) -> Iterator[Panel]:
-    """Yield the lowest part that becomes a cluster in most pictures, and clusters of bare table."""
+    """Chart the lowest part that becomes a cluster in most pictures, and clusters of bare table."""
     lost = Panel("The lowest part that is found", "distance [m]", "height [m]", scale="log")
     false = Panel("Clusters of bare table in a picture", "distance [m]", "clusters", scale="log x")
 
@@ -209,7 +209,7 @@ def lost_parts(
 
 @chart
 def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
-    """Yield as many draws as the law asks for nine in ten; half of the points are the plane's."""
+    """Chart as many draws as the law asks for nine in ten; half of the points are the plane's."""
     panel = Panel(
         "How often the plane is found with the draws of the law for 0.9",
         "tolerance / noise",
@@ -251,7 +251,7 @@ def share_found(sigmas: float | None, refits: int, trials: int, n: int, at_most:
 def cloud_speed(
     repeats: int = 7, sizes: Sequence[int] = (1000, 2000, 4000, 8000, 15_000, 30_000)
 ) -> Iterator[Panel]:
-    """Yield processor time of each step beside the library's, at equal answers, in turns."""
+    """Chart processor time of each step beside the library's, at equal answers, in turns."""
     rng = np.random.default_rng(2)
     boxes = together(
         [

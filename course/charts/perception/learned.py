@@ -87,7 +87,7 @@ def learned_start(
     steps: int = 1500,
     noises: Sequence[float] = (1.0, 3.75),
 ) -> Iterator[Panel]:
-    """Yield how often ICP ends right, and what it takes; what tells a wrong end."""
+    """Chart how often ICP ends right, and what it takes; what tells a wrong end."""
     rng = np.random.default_rng(11)
     begin = time.process_time()
     network = yaw_net.train(EYE, SENSOR, TABLE, pictures=training, steps=steps)

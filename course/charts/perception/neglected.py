@@ -167,7 +167,7 @@ def known_part() -> Scene:
 
 @chart
 def scene_known_part() -> Iterator[Panel]:
-    """Yield the known part's scene, with the error of everything left out."""
+    """Chart the known part's scene, with the error of everything left out."""
     panel = Panel("The known part on its table")
     panel.notes = [known_part().table()]
     yield panel

@@ -46,7 +46,7 @@ def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Arra
 
 @chart(columns=2)
 def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
-    """Yield a prism turned by more than half of its period ends as the next one of its equal
+    """Chart a prism turned by more than half of its period ends as the next one of its equal
     poses.
     """
     rng, degrees = np.random.default_rng(0), np.linspace(0.0, 70.0, turns)
@@ -135,7 +135,7 @@ def laid_again(
 
 @chart(columns=2)
 def pose_covariance(runs: int = 150) -> Iterator[Panel]:
-    """Yield closest points are sure of what they do not see; rays are as good as they say."""
+    """Chart closest points are sure of what they do not see; rays are as good as they say."""
     looks = {
         "three faces": (BOX, 0.5, 0.7), "two faces": (BOX, 0.0, 0.7), "one face": (BOX, 0.0, 0.0),
         "cylinder": (shape("cylinder", 0.04, 0.05), 0.5, 0.7),
@@ -181,7 +181,7 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
 
 @chart(columns=2)
 def silently_wrong(turns: int = 12) -> Iterator[Panel]:
-    """Yield what a residual and a share of matches say to wrong poses.
+    """Chart what a residual and a share of matches say to wrong poses.
 
     And what see-through says.
     """
@@ -230,7 +230,7 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
 
 @chart(columns=2)
 def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Iterator[Panel]:
-    """Yield the mean of pictures lags behind a part that moves; a filter tells its age."""
+    """Chart the mean of pictures lags behind a part that moves; a filter tells its age."""
     rng, sigma, period = np.random.default_rng(3), 1e-3, 1.0 / 30.0
     k = np.arange(1, 17)
     mean = Panel(

@@ -108,7 +108,7 @@ def pose_precision(
     pictures: int = 20,
     repeats: int = 7,
 ) -> Iterator[Panel]:
-    """Yield what a finer grid costs and what it buys, where three faces of the part are seen."""
+    """Chart what a finer grid costs and what it buys, where three faces of the part are seen."""
     eye, rng = Camera.symmetric(640, 480, 1.0), np.random.default_rng(4)
     compared = methods(eye)
     for window, noise in ((1, "white noise"), (5, "noise shared over 5 px")):
@@ -238,7 +238,7 @@ def frame(
 
 @chart
 def frame_speed(pictures: int = 25) -> Iterator[Panel]:
-    """Yield three boxes on a table, from the picture to their poses: where a frame's time goes."""
+    """Chart three boxes on a table, from the picture to their poses: where a frame's time goes."""
     eye, rng = Camera.symmetric(320, 240, 1.0), np.random.default_rng(5)
     panel = Panel("A frame with three boxes, one thread", "processor time [ms]", scale="log x")
     spent: dict[str, list[Array]] = {"course": [], "Open3D": []}
@@ -292,7 +292,7 @@ def plane_precision(
     pictures: int = 40,
     repeats: int = 7,
 ) -> Iterator[Panel]:
-    """Yield the table behind a box: its angle over what it costs, and how far off its middle is."""
+    """Chart the table behind a box: its angle over what it costs, and how far off its middle is."""
     eye, rng = Camera.symmetric(320, 240, 1.0), np.random.default_rng(6)
     truth = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
     pose = on_table(BOX, 0.0, 0.0, 0.5)

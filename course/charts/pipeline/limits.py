@@ -48,7 +48,7 @@ def let_through(frames: int, share: float) -> float:
 
 @chart(columns=2)
 def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Panel]:
-    """Yield the largest stable step over posture and damping, and what a run shows on both sides.
+    """Chart the largest stable step over posture and damping, and what a run shows on both sides.
 
     Args:
         points: of each axis of the map; tested: gains whose limit is found by stepping the arm.
@@ -152,7 +152,7 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
 
 @chart(columns=2)
 def look_and_move(at_most: int = 8, chains: int = 400, looks: int = 2000) -> Iterator[Panel]:
-    """Yield correcting the target from pictures that are late.
+    """Chart correcting the target from pictures that are late.
 
     The gain's limit, and what noise does.
     """
@@ -213,7 +213,7 @@ def noise_and_filter(
     seeds: int = 40,
     raw: int = 10,
 ) -> Iterator[Panel]:
-    """Yield what a filter is worth, and what a planner's small step costs.
+    """Chart what a filter is worth, and what a planner's small step costs.
 
     Args:
         sigmas: noise of a picture [m]; steps: of the planner [rad].
@@ -295,7 +295,7 @@ SHARE = 4.9e-4  # of a half-space, known exactly
 
 @chart(columns=2)
 def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
-    """Yield cross-entropy against plain sampling on a share that is known.
+    """Chart cross-entropy against plain sampling on a share that is known.
 
     Errors stated, and true.
     """

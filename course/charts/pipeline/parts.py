@@ -105,7 +105,7 @@ def owned(result: Budget) -> Panel:
 
 @chart(columns=2)
 def error_budget(seeds: int = 150) -> Iterator[Panel]:
-    """Yield all subsets of the parts on the same seeds.
+    """Chart all subsets of the parts on the same seeds.
 
     Vectors, prediction, shares, and cancelling.
     """
@@ -148,7 +148,7 @@ def error_budget(seeds: int = 150) -> Iterator[Panel]:
 
 @chart(columns=2)
 def whose_fault(desired: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[Panel]:
-    """Yield ten faults diagnosed blindly: contracts first, replays only, and by the last error."""
+    """Chart ten faults diagnosed blindly: contracts first, replays only, and by the last error."""
     rows, right = np.arange(len(faults)), [STAGES.index(fault.stage) for fault in faults]
     result, taken, last = confusion(desired, faults)
     blind, more, _ = confusion(desired, faults, contracted=False)

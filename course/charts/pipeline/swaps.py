@@ -45,7 +45,7 @@ def timed(settings: Settings, stages: Stages, seeds: Sequence[int]) -> tuple[lis
 
 @chart(columns=3)
 def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
-    """Yield a library in each place on the seeds of the course's own: success, error, and time.
+    """Chart a library in each place on the seeds of the course's own: success, error, and time.
 
     Args:
         seeds: of what moves; seeing: of what takes pictures.
@@ -116,7 +116,7 @@ def seen_shift(first: Array, second: Array, rng: np.random.Generator, tries: int
 
 @chart(columns=2)
 def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
-    """Yield errors at the end with pictures, and with the two numbers that were measured from them.
+    """Chart errors at the end with pictures, and with the two numbers that were measured from them.
 
     Args:
         seeds: of runs with pictures; drawn: of runs with bias and noise in their place.
@@ -179,7 +179,7 @@ def pipeline_speed(
     widths: Sequence[int] = (160, 320, 640),
     rates: Sequence[float] = (0.2, 0.1, 0.05, 0.02),
 ) -> Iterator[Panel]:
-    """Yield error against cost: physics by its step, perception by what it looks at.
+    """Chart error against cost: physics by its step, perception by what it looks at.
 
     Times real time.
 

@@ -211,7 +211,7 @@ def learned_planners(
     sampler: Sequence[int] = (1500, 600),
     diffusion: Sequence[int] = (4000, 8000),
 ) -> Iterator[Panel]:
-    """Yield a learned sampler in held-out worlds, at equal checks; a diffusion over paths, checked.
+    """Chart a learned sampler in held-out worlds, at equal checks; a diffusion over paths, checked.
 
     Args:
         seeds: networks of each kind; planners get as many.

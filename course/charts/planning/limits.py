@@ -117,7 +117,7 @@ def narrow_passages(
     budget: int = 20_000,
     width: float = 0.1,
 ) -> Iterator[Panel]:
-    """Yield a passage of a tenth, by dimension: what one pair sees, and what RRT-Connect needs.
+    """Chart a passage of a tenth, by dimension: what one pair sees, and what RRT-Connect needs.
 
     A slab is bounded in one direction, a tube in all, a cube is a tube as long as it is wide.
     """
@@ -231,7 +231,7 @@ def disc_missed(x: float) -> float:
 def thin_obstacles(
     sizes: Sequence[float] = tuple(np.linspace(0.2, 1.6, 8)), edges: int = 3000
 ) -> Iterator[Panel]:
-    """Yield edges through a wall or a disc that points along them miss, against its size."""
+    """Chart edges through a wall or a disc that points along them miss, against its size."""
     rng = np.random.default_rng(0)
     panel = Panel(
         "Points miss what they step over; an exact test misses nothing",
@@ -351,7 +351,7 @@ def both_ways(path: Array, limits: Array, blend: float, grid: int) -> Array:
 
 @chart(columns=2)
 def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15) -> Iterator[Panel]:
-    """Yield a 7-joint motion past rounded corners.
+    """Chart a 7-joint motion past rounded corners.
 
     Acceleration between grid points, and its duration.
     """
@@ -417,7 +417,7 @@ def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15)
 
 @chart(columns=2)
 def optimiser_minima(side: int = 13, points: int = 24, count: int = 16) -> Iterator[Panel]:
-    """Yield two optimisers from paths bent over a via point: where each ends, by that point."""
+    """Chart two optimisers from paths bent over a via point: where each ends, by that point."""
     scene = scenes.discs(count=count)
     world, start, goal = scene.world, scene.start, scene.goal
     balls = world.obstacles[:, 1:4].T[:, :, None]

@@ -179,7 +179,7 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
 
 @chart(columns=2)
 def plan_times(seeds: int = 200, slow: int = 2, repeats: int = 3) -> Iterator[Panel]:
-    """Yield RRT-Connect, ours and OMPL's: the share of seeds with a free path against time."""
+    """Chart RRT-Connect, ours and OMPL's: the share of seeds with a free path against time."""
     planning.warm()
     for scene in (scenes.discs(), scenes.gap(0.1), scenes.gap(0.02), scenes.arm()):
         yield times([scene] * seeds, slow, repeats)
@@ -187,7 +187,7 @@ def plan_times(seeds: int = 200, slow: int = 2, repeats: int = 3) -> Iterator[Pa
 
 @chart
 def shelf_times(queries: int = 80, repeats: int = 2) -> Iterator[Panel]:
-    """Yield the same for the 7-R arm, from bay to bay of the open shelf, each question once."""
+    """Chart the same for the 7-R arm, from bay to bay of the open shelf, each question once."""
     planning.warm()
     place, rng = planning.shelf("open"), np.random.default_rng(1)
     requested = [place.query(rng) for _ in range(queries)]
@@ -238,7 +238,7 @@ def sample_counts(
     maps: int = 100,
     sizes: Sequence[int] = (10, 20, 40, 80, 160),
 ) -> Iterator[Panel]:
-    """Yield ours and OMPL's, the same edges asked.
+    """Chart ours and OMPL's, the same edges asked.
 
     Samples to a path, and what as many samples bring.
     """
@@ -377,7 +377,7 @@ def path_quality(
     budgets: Sequence[int] = (100, 300, 1000, 3000, 10_000),
     tolerance: float = 0.05,
 ) -> Iterator[Panel]:
-    """Yield length of a path over the exactly known shortest one against time, failures
+    """Chart length of a path over the exactly known shortest one against time, failures
     infinite.
     """
     planning.warm()

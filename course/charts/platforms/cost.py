@@ -44,7 +44,7 @@ def in_one_call(name: str) -> int:
 def platform_scaling(
     scenes: Sequence[str] = tuple(SIZES), at_most: int = 64, dt: float = 1e-3, repeats: int = 5
 ) -> Iterator[Panel]:
-    """Yield the cost of a step against the size of a scene, and what Python adds to it.
+    """Chart the cost of a step against the size of a scene, and what Python adds to it.
 
     Args:
         scenes: some of `SIZES`; most: largest number of bodies; dt: step [s]; repeats: rounds.

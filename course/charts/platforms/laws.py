@@ -35,7 +35,7 @@ def known(rows: Mapping[str, tuple[str, Settings]]) -> Iterator[tuple[str, str, 
 def platform_braking(
     steps: Sequence[float] = (16e-3, 8e-3, 4e-3, 2e-3, 1e-3, 5e-4), finest: float = 2e-3
 ) -> Iterator[Panel]:
-    """Yield a block that is sent off along an axis stops short by mu g dt / v of its way.
+    """Chart a block that is sent off along an axis stops short by mu g dt / v of its way.
 
     Args:
         steps: [s]; finest: of those of our own code, where Python pays for each.
@@ -106,7 +106,7 @@ CONES = {
 
 @chart(columns=2)
 def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
-    """Yield where a braking block stops, and how far it is steered, over its heading.
+    """Chart where a braking block stops, and how far it is steered, over its heading.
 
     Args:
         points: headings from 0 to 90 degrees; dt: step [s].
@@ -170,7 +170,7 @@ def law_of_creep(impratio: float, scene: Scene, dt: float) -> float:
 def platform_creep(
     ratios: Sequence[float] = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0), dt: float = 1e-3
 ) -> Iterator[Panel]:
-    """Yield how fast a block on a slope and a part between fingers move that should stick.
+    """Chart how fast a block on a slope and a part between fingers move that should stick.
 
     Args:
         ratios: MuJoCo's impratio; dt: step [s].
@@ -226,7 +226,7 @@ def platform_grasp(
     steps: Sequence[float] = (1e-3, 2e-3, 4e-3, 8e-3),
     finest: float = 8e-3,
 ) -> Iterator[Panel]:
-    """Yield held or not, over the squeeze and the step: a threshold in three engines, none in one.
+    """Chart held or not, over the squeeze and the step: a threshold in three engines, none in one.
 
     Args:
         ratios: squeeze over m g / (2 mu); steps: [s]; finest: of those of our own code.
@@ -282,7 +282,7 @@ MOST: Mapping[str, int] = {"Drake": 4, "own code": 4}  # cubes: patches and Pyth
 def platform_sag(
     sizes: Sequence[int] = (1, 2, 3, 4, 6, 8), at_most: Mapping[str, int] = MOST, dt: float = 1e-3
 ) -> Iterator[Panel]:
-    """Yield how deep a tower sinks after a second, over its cubes.
+    """Chart how deep a tower sinks after a second, over its cubes.
 
     Args:
         sizes: numbers of cubes; most: the largest number an engine is asked for; dt: step [s].

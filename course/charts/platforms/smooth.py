@@ -43,7 +43,7 @@ def first_order(steps: Sequence[float], errors: Sequence[float]) -> Callable[[fl
 def platform_accuracy(
     steps: Sequence[float] = (4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), share: float = 1.0
 ) -> Iterator[Panel]:
-    """Yield same scheme, same error.
+    """Chart same scheme, same error.
 
     All engines on a tumble, a chain and an arm, fair and as shipped.
 
@@ -155,7 +155,7 @@ QUESTIONS: dict[str, tuple[Callable[[], Scene], Schemes, Sequence[float]]] = {
 def platform_precision(
     scenes: Sequence[str] = tuple(QUESTIONS), coarse: int = 5, repeats: int = 3
 ) -> Iterator[Panel]:
-    """Yield error against cost, and the cheapest that is within the tolerance of its scene.
+    """Chart error against cost, and the cheapest that is within the tolerance of its scene.
 
     Cost is the processor time of the whole motion, the least of some interleaved rounds, over that
     of MuJoCo's semi-implicit Euler at the largest step. All settings are fair.

@@ -130,7 +130,7 @@ def _row(engine: Engine, name: str, scene: Scene, settings: Any, dt: float) -> l
 
 @chart(columns=2)
 def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> Iterator[Panel]:
-    """Yield every scene by every engine, as shipped and fair, at one step: error, cost, verdict.
+    """Chart every scene by every engine, as shipped and fair, at one step: error, cost, verdict.
 
     Args:
         scenes: some of `TABLE`; dt: step [s].
@@ -205,7 +205,7 @@ ASKED: dict[str, Mapping[str, Callable[[], Scene]]] = {
 def platform_effects(
     engines: Sequence[str] = tuple(ASKED), at_most: int = 4, dt: float = 1e-3
 ) -> Iterator[Panel]:
-    """Yield each change between as shipped and fair by itself: what it does to the error.
+    """Chart each change between as shipped and fair by itself: what it does to the error.
 
     Args:
         engines: some of `ASKED`; most: scenes of each; dt: step [s].
@@ -244,7 +244,7 @@ def platform_effects(
 
 @chart(columns=2)
 def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]:
-    """Yield what five readers of models do with faulty texts, and which features they keep."""
+    """Chart what five readers of models do with faulty texts, and which features they keep."""
     rows: list[list[str]] = []
     for reader in readers:
         try:
@@ -289,7 +289,7 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
 
 @chart(columns=2)
 def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
-    """Yield what an engine costs before its first step.
+    """Chart what an engine costs before its first step.
 
     And whether a run can be repeated bit by bit.
     """

@@ -205,7 +205,7 @@ def bouncing_box() -> Scene:
 
 @chart
 def scene_bouncing_box() -> Iterator[Panel]:
-    """Yield the bouncing tile's scene with the error of everything left out, and where it ends."""
+    """Chart the bouncing tile's scene with the error of everything left out, and where it ends."""
     answer, rigid = ours(), _mujocos_plane()
     thick = {depth: third_dimension(depth) for depth in (0.02, 0.05, 0.1, 0.2)}
     rows = ", ".join(f"{1e3 * depth:.0f} mm: {error:.3f} m" for depth, error in thick.items())

@@ -48,7 +48,7 @@ def _short(name: str) -> str:
 
 @chart(height=5.4)
 def compile_time() -> Iterator[Panel]:
-    """Yield compilation without a cache, with one, and later calls."""
+    """Chart compilation without a cache, with one, and later calls."""
     (_, cold, first, _), (imported, warm, again, last) = _first_calls()
     names = sorted(cold, key=lambda name: cold[name], reverse=True)
     total = sum(cold.values())

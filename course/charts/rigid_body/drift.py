@@ -22,7 +22,7 @@ from course.rigid_body.integrators import INTEGRATORS, Array, semi_implicit_eule
 def long_run_energy(
     steps: int = 1_000_000, dt: float = 0.02, amplitude: float = 1.0, names: Sequence[str] = ()
 ) -> Iterator[Panel]:
-    """Yield energy of the pendulum over a million steps, by all six integrators.
+    """Chart energy of the pendulum over a million steps, by all six integrators.
 
     Args:
         steps: how many, at least 1000.
@@ -134,7 +134,7 @@ def _pair(q: Array, v: Array, a: Array, b: Array) -> tuple[Array, Array]:
 def symplectic_not_enough(
     side: int = 160, cycles: int = 100, periods: int = 1000, omega_dt: float = 0.1
 ) -> Iterator[Panel]:
-    """Yield steps that vary turn a stable symplectic method unstable; phase is never protected.
+    """Chart steps that vary turn a stable symplectic method unstable; phase is never protected.
 
     Args:
         side: points of the map, each way.
@@ -306,7 +306,7 @@ def quaternion_drift(
     angles: Sequence[float] = (1e-3, 1e-2),
     counts: Sequence[int] = (500, 1000, 2000, 4000, 8000),
 ) -> Iterator[Panel]:
-    """Yield length and attitude of a turning quaternion by three updates, and by RK4 in two forms.
+    """Chart length and attitude of a turning quaternion by three updates, and by RK4 in two forms.
 
     Args:
         most: steps of the longest turn.

@@ -123,7 +123,7 @@ def deviation(measured: float, theory: float) -> float:
 def stability_limits(
     zetas: Sequence[float] = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5), names: Sequence[str] = ()
 ) -> Iterator[Panel]:
-    """Yield the limit of every integrator on the damped oscillator, ours and MuJoCo's.
+    """Chart the limit of every integrator on the damped oscillator, ours and MuJoCo's.
 
     Args:
         zetas: damping ratios.
@@ -206,7 +206,7 @@ def boundary_error(result: Map, method: str) -> float:
     title="Where a step decays and where it grows: measured boundary black, theory white, dashed",
 )
 def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
-    """Yield growth per step over step and damping.
+    """Chart growth per step over step and damping.
 
     With the theoretical boundary on the measured one.
     """
@@ -272,7 +272,7 @@ def implicit_euler_mode(omega_dt: float) -> Mode:
 
 @chart
 def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
-    """Yield limits of MuJoCo's integrators on a stiff spring, and what having none costs."""
+    """Chart limits of MuJoCo's integrators on a stiff spring, and what having none costs."""
     x = np.geomspace(0.01, NO_LIMIT, points)
     modes = {name: [mujoco_mode(name, float(v)) for v in x] for name in MUJOCO_INTEGRATORS}
     left = Panel(

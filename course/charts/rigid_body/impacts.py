@@ -22,7 +22,7 @@ from course.rigid_body.integrators import Array, explicit_euler
 
 @chart
 def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -> Iterator[Panel]:
-    """Yield RK4 with events handled and not: the order drops from four to one.
+    """Chart RK4 with events handled and not: the order drops from four to one.
 
     Against the closed form. A late impact is late by the part of the step that is left, which is
     anything from 0 to dt; so each step is tried with several phases, by a few steps more, and the
@@ -224,7 +224,7 @@ def tunnelling(
     steps: Sequence[float] = (2e-4, 5e-4, 1e-3, 2e-3, 5e-3),
     walls: Sequence[tuple[float, float]] = ((0.02, 0.01), (0.005, 0.0025)),
 ) -> Iterator[Panel]:
-    """Yield which balls pass a thin wall: a law for checks per step, another for soft contact.
+    """Chart which balls pass a thin wall: a law for checks per step, another for soft contact.
 
     Args:
         ratios: travel per step over the effective thickness.
@@ -503,7 +503,7 @@ def zeno_counts(
     "all three chatter",
 )
 def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
-    """Yield a box that should lie still, and a ball that bounces infinitely often.
+    """Chart a box that should lie still, and a ball that bounces infinitely often.
 
     Args:
         duration: how long the box is watched [s].

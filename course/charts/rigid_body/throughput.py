@@ -326,7 +326,7 @@ def _panel(title: str, y: str, rates: Sequence[Rate], per_step: bool) -> Panel:
 def throughput(
     sizes: Sequence[int] = SIZES, samples: int = 24, horizon: float = DURATION, repeats: int = 5
 ) -> Iterator[Panel]:
-    """Yield batches of planar boxes and free bodies beside mujoco.batch.
+    """Chart batches of planar boxes and free bodies beside mujoco.batch.
 
     Args:
         sizes: numbers of bodies.

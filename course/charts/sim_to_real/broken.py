@@ -25,7 +25,7 @@ def break_it(
     steps: Sequence[float] = (1, 2, 3, 3.5, 4, 5, 7, 10, 15, 20, 25, 30, 35, 40),
     n: int = 10,
 ) -> Iterator[Panel]:
-    """Yield a gripper whose model is wrong: force and friction, camera, time step.
+    """Chart a gripper whose model is wrong: force and friction, camera, time step.
 
     Args:
         forces: over m (g + a) / (2 mu); offsets: of the camera [mm]; steps: of time [ms].
@@ -101,7 +101,7 @@ def shaping_speed(
     at_most: int = 300_000,
     epss: Sequence[float] = (0.1, 0.03, 0.01, 1e-3),
 ) -> Iterator[Panel]:
-    """Yield what a potential does to learning on a grid.
+    """Chart what a potential does to learning on a grid.
 
     And how near a chain comes to the bound.
     """

@@ -44,7 +44,7 @@ def what_finds_the_numbers(
     lengths: Sequence[float] = (0.5, 1.0, 2.0, 4.0),
     seeds: int = 4,
 ) -> Iterator[Panel]:
-    """Yield error of five numbers over the noise.
+    """Chart error of five numbers over the noise.
 
     And over the time it takes, `mujoco.sysid` beside.
 
@@ -106,7 +106,7 @@ def believed_error_bars(
     delays: Sequence[float] = (5e-5, 1e-4, 2e-4, 5e-4, 2e-3, 1e-2),
     seeds: int = 8,
 ) -> Iterator[Panel]:
-    """Yield a fit whose model lacks something.
+    """Chart a fit whose model lacks something.
 
     What it claims, how wrong it is, whether it is noticed.
 
@@ -186,7 +186,7 @@ def learned(log: Log) -> Array:
 def learned_model(
     lengths: Sequence[float] = (1, 3, 10, 30, 100), seeds: int = 2, tests: int = 8
 ) -> Iterator[Panel]:
-    """Yield motions of MuJoCo's twin foretold: learned from logs, or by our arm fitted to one."""
+    """Chart motions of MuJoCo's twin foretold: learned from logs, or by our arm fitted to one."""
     twin = Twin(threads=1)
     unseen = [twin.log(random_sines(1.0, 100 + k), [0.3 + k, 1.2], 100 + k) for k in range(tests)]
     part = slice(LAGS + 4, LAGS + 5 + AHEAD)

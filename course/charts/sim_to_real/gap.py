@@ -33,7 +33,7 @@ def banded(label: str, x: Sequence[float], rates: Sequence[float], n: int, key: 
 
 @chart
 def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
-    """Yield success on n tasks over the gap by what was tuned on.
+    """Chart success on n tasks over the gap by what was tuned on.
 
     And over the range, the twin beside.
     """
@@ -147,7 +147,7 @@ def robot_time(
     counts: Sequence[int] = (1, 3, 10),
     rounds: Sequence[int] = (1, 2, 4),
 ) -> Iterator[Panel]:
-    """Yield success on MuJoCo's twin over seconds of its time used: ranges, logs, fine-tuning.
+    """Chart success on MuJoCo's twin over seconds of its time used: ranges, logs, fine-tuning.
 
     Args:
         n: tasks; seeds: of logs and tuning; counts: of logs; rounds: of 96 episodes of fine-tuning.
@@ -205,7 +205,7 @@ FINDINGS = (
 
 @chart
 def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
-    """Yield what mending each parameter of the simulator does to the real arm.
+    """Chart what mending each parameter of the simulator does to the real arm.
 
     All subsets, a trace.
     """
@@ -282,7 +282,7 @@ def arm_limit(gains: Array, elbow: float = 1.2) -> float:
 
 @chart
 def late_commands(n: int = 200, points: int = 31, observed: int = 64) -> Iterator[Panel]:
-    """Yield success over delay and gain with the limit of stability.
+    """Chart success over delay and gain with the limit of stability.
 
     And MuJoCo's own delay beside.
     """

@@ -74,7 +74,7 @@ _OLD = "np.shape(states)[1]"
 SLIPS = slips(
     learners_labels=(
         "labelled, expert(x)",
-        "told, K @ x",
+        "labelled, K @ x",
         "The new labels are the learner's own actions: it is told to do what it does. Ask the "
         "expert what to do in the states that the learner has come to.",
     ),

@@ -123,7 +123,7 @@ SLIPS = slips(
     ),
     product_clipped=(
         _CLIPPED,
-        "np.clip(plain, 1.0 - clip, 1.0 + clip)",
+        "np.clip(ratio * A, 1.0 - clip, 1.0 + clip)",
         "The product is clipped. Clip the ratio, then multiply by the advantage.",
     ),
 )

@@ -58,7 +58,7 @@ class Pair:
         return self.step_is_right(got, expected, "step(actions)")
 
     def step_is_right(self, got: Any, expected: Any, call: str) -> bool:
-        """Return compare what one step returned."""
+        """Compare what one step returned."""
         parts = self.attempt.parts(got, NAMES, call=call)
         return parts is not None and (
             self.values("observations", parts[0], expected[0], call)
@@ -69,13 +69,13 @@ class Pair:
         )
 
     def values(self, name: str, got: Any, expected: Any, call: str) -> bool:
-        """Return compare numbers."""
+        """Compare numbers."""
         return self.attempt.compare(
             name, got, expected, tolerance=ROUNDING, unit="1", why=WHY, call=call
         )
 
     def flags(self, name: str, got: Any, expected: Any, call: str) -> bool:
-        """Return compare bools; an array or a list of them."""
+        """Compare bools; an array or a list of them."""
         if isinstance(got, np.ndarray):
             got = got.tolist()
         if isinstance(got, list | tuple):
@@ -103,7 +103,7 @@ class Pair:
         )
 
     def infos(self, name: str, got: Any, expected: list[dict[str, Any]], call: str) -> bool:
-        """Return compare the dicts, entry by entry."""
+        """Compare the dicts, entry by entry."""
         if not isinstance(got, list | tuple) or len(got) != len(expected):
             sentence = f"The infos must be a list of {len(expected)} dicts."
             return self.attempt.require(
@@ -120,7 +120,7 @@ class Pair:
         return True
 
     def info(self, name: str, got: Any, expected: dict[str, Any], call: str) -> bool:
-        """Return compare one dict."""
+        """Compare one dict."""
         if not isinstance(got, dict) or set(got) != set(expected):
             result = f"has the keys {sorted(got)}" if isinstance(got, dict) else "is no dict"
             result = "is None" if got is None else result
