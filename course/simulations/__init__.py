@@ -1,5 +1,43 @@
 """Interactive simulations: pure models of what happens, and the one canvas that shows them all."""
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from course.check import one_of
+
+if TYPE_CHECKING:
+    from course.simulations.panel import Panel
+
+# The module of each simulation below this package, in the order of the chapters.
+SIMULATIONS = (
+    "role.stack",
+    "role.development",
+    "rigid_body.bouncing_box",
+    "rigid_body.double_cover",
+    "rigid_body.flip",
+    "rigid_body.free_body",
+    "rigid_body.gimbal",
+    "rigid_body.spring",
+    "rigid_body.top",
+    "rigid_body.tunnelling",
+    "contact.touch",
+    "platforms",
+    "kinematics.arm",
+    "kinematics.elbow",
+    "planning.growing",
+    "control.joint",
+    "control.probe",
+    "perception",
+    "sim_to_real",
+    "learning.point",
+    "learning.two_ways",
+    "middleware",
+    "pipeline",
+    "interview",
+)
+
 # Those that no browser computes, by their name, and why: their presets are shown as recorded.
 RECORDED = {
     "perception": "a picture goes through NumPy and SciPy: rendering, trees of neighbours, poses",
@@ -8,3 +46,23 @@ RECORDED = {
     "learning.two_ways": "each change runs a network a hundred times",
     "pipeline": "each change runs the whole pipeline a hundred times, its planner in Python",
 }
+
+
+def simulation(name: str, preset: str = "") -> Panel:
+    """Return a simulation as a widget for a notebook; it starts paused.
+
+    Args:
+        name: the last part of a name in `SIMULATIONS`, such as "bouncing_box" or "pipeline".
+        preset: what it begins with, one of its presets; its first one if empty.
+
+    Raises:
+        ValueError: there is no such simulation or preset.
+    """
+    from course.simulations.panel import Panel
+
+    modules = {module.rpartition(".")[2]: module for module in SIMULATIONS}
+    module = modules[one_of("name", name, modules)]
+    panel = Panel(importlib.import_module(f"{__name__}.{module}").MODEL)
+    presets = panel.model.presets
+    panel.choose(one_of("preset", preset, presets) if preset else next(iter(presets)))
+    return panel

@@ -6,23 +6,20 @@ are recorded, and `RECORDED` says why. Nothing here needs a widget or a plot.
 
 import base64
 import contextlib
-import functools
 import gzip
 import importlib
 import itertools
 import json
-import pkgutil
 import re
 import sys
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from course import CHAPTERS, simulations
+from course import simulations
 from course.check import invalid
 from course.simulations import RECORDED
 from course.simulations import pen as drawing
@@ -40,23 +37,9 @@ GRID, _FAR, _GAP, _EXACT = 512, 2.0**30, -(2**31), 1 - 2**31
 _HERE = Path(__file__).parent
 
 
-@functools.cache
 def names() -> tuple[str, ...]:
-    """Return all simulations in the order of the chapters.
-
-    What stands behind `course.simulations.`
-    """
-    return tuple(_names())
-
-
-def _names() -> Iterator[str]:
-    for chapter in CHAPTERS:
-        if chapter.ready:
-            whole = importlib.import_module(chapter.simulation_module)
-            inner = [each.name for each in pkgutil.iter_modules(getattr(whole, "__path__", ()))]
-            for name in [f"{chapter.topic}.{each}" for each in inner] or [chapter.topic]:
-                if hasattr(importlib.import_module(f"{simulations.__name__}.{name}"), "MODEL"):
-                    yield name
+    """Return the names of all simulations below `course.simulations`, in chapter order."""
+    return simulations.SIMULATIONS
 
 
 def model(name: str) -> Model:

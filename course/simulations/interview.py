@@ -9,12 +9,10 @@ import math
 import textwrap
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numba.extending import register_jitable
 
-from course.check import one_of
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider, switch
@@ -315,16 +313,3 @@ MODEL = Model(
     press=press,
     live_drag=True,
 )
-
-
-def simulation(preset: str = "Work, turn, rate") -> Any:
-    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
-
-    Raises:
-        ValueError: there is no such preset.
-    """
-    from course.simulations.panel import Panel
-
-    panel = Panel(MODEL)
-    panel.choose(one_of("preset", preset, MODEL.presets))
-    return panel

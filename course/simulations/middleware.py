@@ -10,13 +10,11 @@ and other traffic on the wire.
 """
 
 import math
-from typing import Any
 
 import numpy as np
 from numba.extending import register_jitable
 
 from course import role
-from course.check import one_of
 from course.middleware.qos import QoS, compatible
 from course.simulations import pen as draw
 from course.simulations import splitmix
@@ -560,16 +558,3 @@ MODEL = Model(
     press=press,
     live_drag=True,
 )
-
-
-def simulation(preset: str = "Working stack") -> Any:
-    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
-
-    Raises:
-        ValueError: there is no such preset.
-    """
-    from course.simulations.panel import Panel
-
-    panel = Panel(MODEL)
-    panel.choose(one_of("preset", preset, MODEL.presets))
-    return panel

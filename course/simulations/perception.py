@@ -6,14 +6,12 @@ its pixels, which the truth tells.
 
 import math
 import time
-from typing import Any
 
 import numpy as np
 from numba import objmode
 from numba.extending import register_jitable
 
 from course import perception as chapter
-from course.check import one_of
 from course.kinematics.chain import compose
 from course.perception.pose import STATUS, pose_of, some_of
 from course.rigid_body.quaternion import exp, to_matrix
@@ -391,16 +389,3 @@ MODEL = Model(
     live_drag=True,
     aside=spent,
 )
-
-
-def simulation(preset: str = "Clean") -> Any:
-    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
-
-    Raises:
-        ValueError: there is no such preset.
-    """
-    from course.simulations.panel import Panel
-
-    panel = Panel(MODEL)
-    panel.choose(one_of("preset", preset, MODEL.presets))
-    return panel

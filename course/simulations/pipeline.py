@@ -8,14 +8,12 @@ what was seen and done before stays as it was.
 import math
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numba import objmode
 from numba.extending import register_jitable
 
 from course import pipeline as chapter
-from course.check import one_of
 from course.measure.success import wilson
 from course.pipeline import blame, drive, theory
 from course.pipeline.run import Run, successes, tip_of
@@ -499,16 +497,3 @@ MODEL = Model(
     drag,
     live_drag=True,
 )
-
-
-def simulation(preset: str = "All stages") -> Any:
-    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
-
-    Raises:
-        ValueError: there is no such preset.
-    """
-    from course.simulations.panel import Panel
-
-    panel = Panel(MODEL)
-    panel.choose(one_of("preset", preset, MODEL.presets))
-    return panel

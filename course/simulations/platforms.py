@@ -7,12 +7,10 @@ steps, both settings; a click on a card puts its simulator in front.
 
 import itertools
 import math
-from typing import Any
 
 import numpy as np
 from numba.extending import register_jitable
 
-from course.check import one_of
 from course.platforms.recorded import recorded
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
@@ -310,16 +308,3 @@ MODEL = Model(
     press=press,
     live_drag=True,
 )
-
-
-def simulation(preset: str = "Same scheme, same error") -> Any:
-    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
-
-    Raises:
-        ValueError: there is no such preset.
-    """
-    from course.simulations.panel import Panel
-
-    panel = Panel(MODEL)
-    panel.choose(one_of("preset", preset, MODEL.presets))
-    return panel

@@ -7,14 +7,12 @@ it is asked for.
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numba import objmode
 from numba.extending import register_jitable
 
 from course import sim_to_real as chapter
-from course.check import one_of
 from course.control import Gains, joint_system
 from course.control.sampled import crossings, held
 from course.measure.success import wilson
@@ -285,16 +283,3 @@ MODEL = Model(
     frame,
     drag,
 )
-
-
-def simulation(preset: str = "Gap") -> Any:
-    """Return the simulation of this chapter as a panel for a notebook; it starts paused.
-
-    Raises:
-        ValueError: there is no such preset.
-    """
-    from course.simulations.panel import Panel
-
-    panel = Panel(MODEL)
-    panel.choose(one_of("preset", preset, MODEL.presets))
-    return panel

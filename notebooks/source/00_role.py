@@ -6,7 +6,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.role import simulation
+from course.simulations import simulation
 
 predict("how_old_is_a_command")
 
@@ -14,7 +14,7 @@ predict("how_old_is_a_command")
 # ![The stack as a graph](attachment:role.stack.png)
 
 # %%
-simulation()
+simulation("stack")
 
 # %% [markdown]
 # **You will be able to** draw the software of a robot as a graph with a rate, a size and a deadline on every arrow; say

@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.rigid_body import simulation
+from course.simulations import simulation
 
 predict("energy_of_a_fall")
 
@@ -17,7 +17,7 @@ predict("energy_of_a_fall")
 # *Here the energy falls at the impacts, and should. The question is about the flight between them.*
 
 # %%
-simulation()
+simulation("bouncing_box")
 
 # %% [markdown]
 # **You will be able to** write the equations of motion of any rigid body and say where each term comes from; represent
@@ -598,7 +598,7 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # 4. Steps of 50 ms: how deep in the floor is the box found?
 
 # %%
-simulation()
+simulation("bouncing_box")
 
 # %% [markdown]
 # ## 6 · Speed against accuracy

@@ -7,13 +7,13 @@
 # minutes of exercises.
 # %%
 from course.cards import predict
-from course.simulations.contact import simulation
+from course.simulations import simulation
 
 predict("gentle_pull")
 # %% [markdown]
 # ![Two shapes touch: penalty and constraint at one step](attachment:contact.touch.png)
 # %%
-simulation()
+simulation("touch")
 # %% [markdown]
 # **You will be able to** find what touches among thousands of bodies and say what that costs; compute distance, depth
 # and normal of convex shapes; write the contact law, its models and their limits; say with figures what each model does
@@ -168,7 +168,7 @@ show("mug_and_its_hull")
 # %%
 predict("smaller_step_at_a_wall")
 # %%
-simulation("Tunnelling")
+simulation("touch", "Tunnelling")
 # %% [markdown]
 # **Tunnelling** is what you see: one body comes through. There are two reasons, and two limits. Between two tests a
 # body may fly over the wall: from $v\,h = 2r + w$ on (ball radius $r$, wall $w$, step $h$). And a soft contact may be
@@ -225,7 +225,7 @@ figures(
 # %%
 show("penalty_law_has_a_plus")
 # %%
-simulation("Pull-back")
+simulation("touch", "Pull-back")
 # %% [markdown]
 # Without the $\max$ the damper pulls while the bodies part: the normal force in the picture goes below zero, as if the
 # floor were sticky. *Is the damper then why things stick together?*
@@ -238,7 +238,7 @@ show("penalty_is_a_step")
 # %%
 predict("hundred_times_stiffer")
 # %%
-simulation("Explosion")
+simulation("touch", "Explosion")
 # %% [markdown]
 # **Why the step matters: derive it.** Three tasks. (1) A mass $m$ on a spring $k$, no damper: below which step is the
 # simulation stable? (2) How many milliseconds is that for 100 kN/m and 1 kg? (3) What changes with the damper, for each
@@ -374,7 +374,7 @@ figures(
 # Coulomb's law: the tangential force is at most $\mu$ times the normal one, and where it slides it is as large as that
 # and straight against the sliding. All allowed forces form the **friction cone** $\lvert f_t\rvert \le \mu f_n$.
 # %%
-simulation("Slip")
+simulation("touch", "Slip")
 # %%
 show("below_the_limit_sticks")
 # %% [markdown]
@@ -604,7 +604,7 @@ except ValueError as problem:
 # 4. A stiffness of 50,000 N/m instead of 3,000: what becomes of the depth, and what of the largest step?
 # 5. *Tunnelling*: is there a step at which the penalty holds?
 # %%
-simulation("Stick")
+simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #

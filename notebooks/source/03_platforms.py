@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.platforms import simulation
+from course.simulations import simulation
 
 predict("whose_simulator")
 
@@ -15,7 +15,7 @@ predict("whose_simulator")
 # ![The same scene, side by side](attachment:platforms.png)
 
 # %%
-simulation()
+simulation("platforms")
 
 # %% [markdown]
 # **You will be able to** say what makes two simulators differ before you run them; make a comparison that is one; name
@@ -194,7 +194,7 @@ for scene in (scenes.brake(np.radians(22.5)), scenes.grasp()):
 # Without contact there is one right answer. With contact each house solves another problem, on purpose:
 
 # %%
-simulation("Collapsing tower")
+simulation("platforms", "Collapsing tower")
 
 # %% [markdown]
 # <table>
@@ -462,7 +462,7 @@ show("servo_droops")
 # through the presets, and say first which engine will leave the others.
 
 # %%
-simulation("Default damping")
+simulation("platforms", "Default damping")
 
 # %%
 for preset, (scene, card_, fair) in {
@@ -563,7 +563,7 @@ show("friction_rules")
 predict("at_an_angle")
 
 # %%
-simulation("Pyramid steers")
+simulation("platforms", "Pyramid steers")
 
 # %% [markdown]
 # ![Length and direction of the way over the heading, with three closed forms](../docs/charts/platform_cone.png)
@@ -775,7 +775,7 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD, [Need("grasp error", 1e-5, "
 # </div>
 
 # %%
-simulation("Sinking grasp")
+simulation("platforms", "Sinking grasp")
 
 # %% [markdown]
 # Which row is that?

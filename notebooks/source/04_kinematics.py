@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.kinematics import simulation
+from course.simulations import simulation
 
 predict("inward_from_stretched")
 
@@ -18,7 +18,7 @@ predict("inward_from_stretched")
 # not bent at all; a damped step is one that holds back, see section 1.*
 
 # %%
-simulation()
+simulation("arm")
 
 # %% [markdown]
 # **You will be able to** say where the hand is and how fast it moves for any chain of joints; choose a step towards a
@@ -608,7 +608,7 @@ for attempt in (
 # 4. *The same arm in millimetres*: what changes in the picture, apart from the number?
 
 # %%
-simulation()
+simulation("arm")
 
 # %% [markdown]
 # ## 5 · Speed against accuracy

@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.planning import simulation
+from course.simulations import simulation
 
 predict("unseen_wall")
 
@@ -15,7 +15,7 @@ predict("unseen_wall")
 # ![A planner among obstacles that you place](attachment:planning.growing.png)
 
 # %%
-simulation()
+simulation("growing")
 
 # %% [markdown]
 # **You will be able to** say what a planner has proved when it hands you a path, and what it has not when it hands you
@@ -471,7 +471,7 @@ for start, goal in (([5.0, 1.0], gap.goal), (gap.start, [5.0, 1.0]), (gap.start,
 # 4. Among obstacles, a step of 0.1 m against one of 3 m: which one wins, and where does it turn?
 
 # %%
-simulation("Bug trap")
+simulation("growing", "Bug trap")
 
 # %% [markdown]
 # ## 6 · Speed

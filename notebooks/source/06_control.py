@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.control import simulation
+from course.simulations import simulation
 
 predict("far_from_limits")
 
@@ -15,7 +15,7 @@ predict("far_from_limits")
 # ![A joint that tracks a step](attachment:control.joint.png)
 
 # %%
-simulation()
+simulation("joint")
 
 # %% [markdown]
 # **You will be able to** say how much gain a loop stands before you tune it; write a controller that survives limits,

@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.perception import simulation
+from course.simulations import simulation
 
 predict("lost_plate")
 
@@ -15,7 +15,7 @@ predict("lost_plate")
 # ![A table under a depth camera](attachment:perception.png)
 
 # %%
-simulation()
+simulation("perception")
 
 # %% [markdown]
 # **You will be able to** say how well a depth camera measures before you buy it; follow a part through every stage and
@@ -673,7 +673,7 @@ for wrong in (1000.0 * noticed, (1000.0 * noticed).astype(np.uint16), noticed.T,
 # 4. *Scale error*: does any number notice?
 
 # %%
-simulation("Touching")
+simulation("perception", "Touching")
 
 # %% [markdown]
 # ## 6 · Speed against accuracy

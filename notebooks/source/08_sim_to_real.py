@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.sim_to_real import simulation
+from course.simulations import simulation
 
 predict("mend_the_delay")
 
@@ -15,7 +15,7 @@ predict("mend_the_delay")
 # ![One policy, two arms](attachment:sim_to_real.png)
 
 # %%
-simulation()
+simulation("sim_to_real")
 
 # %% [markdown]
 # **You will be able to** measure a **reality gap**, what a policy loses between a simulator and the robot; say which
@@ -760,7 +760,7 @@ for attempt in (
 # limit says? 3. *Cancelling errors*: what happens when you take the gap away? 4. *Mended delay alone*, then the load.
 
 # %%
-simulation("Cancelling errors")
+simulation("sim_to_real", "Cancelling errors")
 
 # %% [markdown]
 # ## 6 · Speed against accuracy

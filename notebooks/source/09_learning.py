@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.learning import simulation
+from course.simulations import simulation
 
 predict("three_rewards")
 
@@ -15,7 +15,7 @@ predict("three_rewards")
 # ![A point learns to reach a disc](attachment:learning.point.png)
 
 # %%
-simulation()
+simulation("point")
 
 # %% [markdown]
 # **You will be able to** choose between a policy that learns from reward, one that copies, and one that is written; say
@@ -582,7 +582,7 @@ for attempt in (
 # first what return and success will do. The line is the optimum.
 
 # %%
-simulation()
+simulation("point")
 
 # %% [markdown]
 # ## 7 · Speed against accuracy

@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.middleware import simulation
+from course.simulations import simulation
 
 predict("silent_pair")
 
@@ -15,7 +15,7 @@ predict("silent_pair")
 # ![A graph of nodes and topics](attachment:middleware.png)
 
 # %%
-simulation()
+simulation("middleware")
 
 # %% [markdown]
 # **You will be able to** say of any two ends whether they hear each other, and which policy fails; predict how old a
@@ -807,7 +807,7 @@ for attempt in (
 # processor, and the age of the command in force. *Deep queue*: what becomes of the age if the reader keeps one?
 
 # %%
-simulation("Deep queue")
+simulation("middleware", "Deep queue")
 
 # %% [markdown]
 # ### What to break

@@ -7,7 +7,7 @@
 
 # %%
 from course.cards import predict
-from course.simulations.pipeline import simulation
+from course.simulations import simulation
 
 predict("perfect_eye")
 
@@ -15,7 +15,7 @@ predict("perfect_eye")
 # ![The whole pipeline: see, plan, control, move](attachment:pipeline.png)
 
 # %%
-simulation()
+simulation("pipeline")
 
 # %% [markdown]
 # **You will be able to** write the **error budget** of a pipeline, a list of what each stage adds to the final error,
@@ -349,7 +349,7 @@ for stages in (spoiled(np.nan), spoiled(frame="camera"), spoiled(ahead=500_000))
 # Go through the presets, and say first what will happen. *Stale camera*: does a better picture help, or a sooner one?
 
 # %%
-simulation("Stale camera")
+simulation("pipeline", "Stale camera")
 
 # %% [markdown]
 # ### What to break

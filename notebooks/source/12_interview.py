@@ -7,12 +7,12 @@
 
 # %%
 from course.cards import predict
-from course.simulations.interview import simulation
+from course.simulations import simulation
 
 predict("hundred_runs")
 
 # %%
-simulation()
+simulation("interview")
 
 # %% [markdown]
 # **You will be able to** answer with a figure that you can defend, in half a minute and in five; design a system on a

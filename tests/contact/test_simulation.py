@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course import contact
-from course.simulations import contact as package
+from course.simulations import simulation
 from course.simulations.contact import touch
 from course.simulations.contact.touch import (
     CONTROLS,
@@ -52,11 +52,11 @@ def shape(half):
 
 
 def test_a_panel_begins_with_the_preset_that_is_asked_for():
-    panel = package.simulation("Slip")
+    panel = simulation("touch", "Slip")
     assert panel.controls["hand"][0] == MODEL.presets["Slip"].values["hand"][0]
     panel.close()
     with pytest.raises(ValueError, match="preset"):
-        package.simulation("Bounce")
+        simulation("touch", "Bounce")
 
 
 @pytest.mark.parametrize("fixed", range(len(FIXED)))

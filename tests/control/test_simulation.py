@@ -7,7 +7,7 @@ import pytest
 
 from course import control
 from course.control import Actuator, Encoder, Gains, Joint, Probe, TouchLaw, run_joint, run_touch
-from course.simulations import control as package
+from course.simulations import simulation
 from course.simulations.control import joint, probe
 from course.simulations.model import Experiment
 
@@ -121,9 +121,9 @@ def test_the_probe_is_the_chapters_and_stands_where_it_is_said_to():
 
 
 def test_a_panel_begins_with_what_is_asked_for():
-    panel = package.simulation("joint", "Hunting")
+    panel = simulation("joint", "Hunting")
     assert panel.controls["static"] == 3.0
     panel.close()
-    for wrong in (("arm", ""), ("probe", "Hunting")):
+    for wrong in (("wrist", ""), ("probe", "Hunting")):
         with pytest.raises(ValueError, match=r"name|preset"):
-            package.simulation(*wrong)
+            simulation(*wrong)

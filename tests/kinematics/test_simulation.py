@@ -9,7 +9,7 @@ from course import kinematics
 from course.kinematics import inverse
 from course.kinematics.chain import planar
 from course.rigid_body.quaternion import angle_between
-from course.simulations import kinematics as package
+from course.simulations import simulation
 from course.simulations.kinematics import arm, elbow
 from course.simulations.model import Experiment
 from course.simulations.pen import DISC, RED, decode
@@ -49,11 +49,11 @@ def glow(experiment):
 
 def test_a_simulation_is_had_by_its_name():
     for name, module in (("arm", arm), ("elbow", elbow)):
-        panel = package.simulation(name)
+        panel = simulation(name)
         assert panel.model is module.MODEL
         panel.close()
     with pytest.raises(ValueError, match="name"):
-        package.simulation("wrist")
+        simulation("wrist")
 
 
 # --- two links ------------------------------------------------------------------------------------

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from course.learning import Diverged, Settings, evaluate, one_thread, ppo
-from course.simulations.learning import point, simulation, two_ways
+from course.simulations import simulation
+from course.simulations.learning import point, two_ways
 from course.simulations.model import Experiment
 from course.vector_env import PointReachVector
 from course.vector_env.point import DISCOUNT, RADIUS, optimum, plan
@@ -155,7 +156,7 @@ def test_a_drag_along_a_chart_shows_an_iteration_to_its_end():
     left, right, low, _ = point._UPPER
     now.drag(left + (right - left) * 20.0 / point.ITERATIONS, low)
     assert "steps so far: 40960" in now.picture().text
-    panel = simulation()
+    panel = simulation("point")
     assert "success" in repr(panel)
     panel.close()
 

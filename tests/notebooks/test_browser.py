@@ -267,7 +267,7 @@ def run_simulation(page: Any) -> None:
         """async () => {
           const notebook = window.panel.content;
           notebook.activeCellIndex = notebook.widgets.findIndex(
-            c => c.model.type === 'code' && c.model.sharedModel.source.trim() === 'simulation()');
+            c => c.model.type === 'code' && c.model.sharedModel.source.startsWith('simulation('));
           await window.jupyterapp.commands.execute('notebook:run-cell');
         }"""
     )

@@ -7,6 +7,7 @@ import pytest
 
 from course.perception import render
 from course.simulations import perception as table
+from course.simulations import simulation
 from course.simulations.model import Experiment
 
 MODEL, LOST, CLUSTERS, OFF = table.MODEL, table.LOST, table.CLUSTERS, table.OFF
@@ -106,9 +107,9 @@ def test_parts_are_dragged_turned_and_added():
 
 
 def test_milliseconds_are_in_the_panel_and_nowhere_else():
-    panel = table.simulation("Touching")
+    panel = simulation("perception", "Touching")
     assert panel.controls["pieces"][1, 4] == 0.051
     assert " ms" in panel.aside.value and " ms" not in repr(panel)
     panel.close()
     with pytest.raises(ValueError, match="preset"):
-        table.simulation("no such")
+        simulation("perception", "no such")

@@ -8,8 +8,7 @@ import pytest
 from course.planning import check_path, length, plane
 from course.planning.samplers import EDGE_CHECKS, SAMPLES
 from course.planning.trees import NODES
-from course.simulations import pen, splitmix
-from course.simulations import planning as package
+from course.simulations import pen, simulation, splitmix
 from course.simulations.model import Experiment
 from course.simulations.pen import DISC, RED, decode
 from course.simulations.planning import growing
@@ -72,11 +71,11 @@ def at(x, y):
 
 
 def test_a_simulation_begins_with_a_preset():
-    panel = package.simulation("Bug trap")
+    panel = simulation("growing", "Bug trap")
     assert panel.controls["ends"].tolist() == [5.0, 2.6, 15.5, 4.5]
     panel.close()
     with pytest.raises(ValueError, match="preset"):
-        package.simulation("a maze")
+        simulation("growing", "a maze")
 
 
 @pytest.mark.slow

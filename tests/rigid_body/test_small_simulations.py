@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from course.rigid_body import oscillator, problems, quaternion
+from course.simulations import simulation
 from course.simulations.model import Experiment
 from course.simulations.rigid_body import (
     double_cover,
     flip,
     free_body,
     gimbal,
-    simulation,
     spring,
     top,
     tunnelling,
