@@ -221,7 +221,7 @@ def connect_in_narrow_passages(result):
     thin = result.measure("thin", gain(0.1, walls[0]), 0.1)
     thick = result.measure("thick", gain(0.1, walls[1]), 0.1)
     result.measure("step_m", scenes.bug_trap().step)
-    far = {"many": 100, "step": result.input("long_m", 10.0)}
+    far = {"count": 100, "step": result.input("long_m", 10.0)}
     trap_long = result.measure("trap_long", gain(scene="bug_trap", **far), 0.3)
     # With other steps a passage a hundred times as long gains a little, not a multiple.
     others = [
