@@ -3,70 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any
 
 from drills import exercise as exercises
 from drills.attempt import Attempt, Place
 from drills.cards import card
+from drills.chart_plan import Charted, NoChart, Plan, Run
 from drills.grade_report import Report
 from drills.grader import start_child
 
 if TYPE_CHECKING:
-    from course.measure.figure import Panel
     from course.measure.work_precision import WorkPrecision
-
-Run = Callable[[float], tuple[Any, float]]
-
-
-class NoChart(ValueError):
-    """The exercise has no chart."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What a chart compares, prepared so far that only what is timed is left.
-
-    A run takes a setting and gives an answer and what it cost in counts.
-
-    Attributes:
-        settings: mostly step sizes; a larger one means less work.
-        ask: the run of an answer, from the place where it is and the setting.
-        truth: the right answer.
-        check: the same from a second source.
-        ours: runs beside it, by name.
-        libraries: runs of other libraries, by name.
-        own_settings: of the runs that have others.
-        error: of an answer against the truth; None for the largest component.
-    """
-
-    settings: Sequence[float]
-    ask: Callable[[Place, float], tuple[Any, float]]
-    truth: Any
-    check: Any
-    ours: Mapping[str, Run] = field(default_factory=dict)
-    libraries: Mapping[str, Run] = field(default_factory=dict)
-    own_settings: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    error: Callable[[Any, Any], float] | None = None
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """What is shown of an exercise in which speed buys no accuracy: pictures, and their notes."""
-
-    drawn: Sequence[Panel]
-
-    def panels(self) -> Sequence[Panel]:
-        """Return what is drawn."""
-        return self.drawn
-
-    def table(self) -> str:
-        """Return what is said."""
-        from course.measure.figure import text
-
-        return text(self.drawn)
 
 
 def chart_of(
@@ -138,9 +87,6 @@ def angle_between(answer: Any, truth: Any) -> float:
     if not np.isfinite(length) or length == 0.0:
         return float("inf")
     return float(quaternion.angle_between(answer / length, truth))
-
-
-Charted = Union["WorkPrecision", Drawing]
 
 
 def chart(name: str, source: str, filename: str = "submission.py", seed: int = 0) -> Charted:

@@ -20,7 +20,7 @@ from drills.sandbox import Limits
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from drills.chart import Charted
+    from drills.chart_plan import Charted
 
 # A child's limits leave the reference this many times its own time.
 HEADROOM = 20

@@ -71,7 +71,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from course import CHAPTERS, cards
+from course import CHAPTERS
+from course.cards import markup
 from course.derivations import honest, records
 from course.derivations.answer import Answer, Formula, Symbol, answer_formula, equivalent, parse
 from course.derivations.result import Result, Verdict
@@ -505,11 +506,11 @@ class Block:
             *self._figures(),
             *self._disagreements(),
         ]
-        return "\n".join(textwrap.fill(line, cards.WIDTH) for line in lines)
+        return "\n".join(textwrap.fill(line, markup.WIDTH) for line in lines)
 
     def _repr_markdown_(self) -> str:
         outcome = self.outcome
-        verdict, corrected = cards.tex(self.verdict), cards.tex(outcome.corrected)
+        verdict, corrected = markup.tex(self.verdict), markup.tex(outcome.corrected)
         text = {Verdict.HOLDS: "No.", Verdict.CONDITIONAL: "No.", Verdict.FALSE: "No."}
         text[outcome.finding.verdict] = "Right."
         if outcome.finding.verdict is Verdict.CONDITIONAL:  # so it is false without the condition
@@ -520,12 +521,12 @@ class Block:
             "False": Verdict.FALSE,
         }
         options = [(k, f"**{text[result]} {verdict}** {corrected}") for k, result in labels.items()]
-        settled = [cards.tex(outcome.finding.statement), *(f"`{x}`" for x in self._figures())]
+        settled = [markup.tex(outcome.finding.statement), *(f"`{x}`" for x in self._figures())]
         if outcome.claim.source:
             settled.append(f"*{outcome.claim.source}*")
-        more = cards.folded("How it was settled", "  \n".join(settled))
-        question = f"“{cards.tex(outcome.claim.claim)}” *True, false, or only if?*"
-        parts = [cards.choice("One hears:", question, options, more), *self._disagreements()]
+        more = markup.folded("How it was settled", "  \n".join(settled))
+        question = f"“{markup.tex(outcome.claim.claim)}” *True, false, or only if?*"
+        parts = [markup.choice("One hears:", question, options, more), *self._disagreements()]
         return "\n\n".join(parts)
 
 

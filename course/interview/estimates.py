@@ -254,7 +254,7 @@ class Estimate:
 
     def given(self, **changes: Input) -> dict[str, Any]:
         """Return the inputs, with others where they are given."""
-        from course.interview.fields import chart
+        from course.interview.chart_data import chart
 
         for name in changes:
             one_of("input", name, self.inputs)

@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from course.check import invalid, one_of
-from course.interview.fields import FIELD, chart, estimate, filled
+from course.interview.chart_data import chart
+from course.interview.fields import FIELD, estimate, filled
 
 FOLDER = Path(__file__).parent
 RECORD = FOLDER / "quoted.toml"

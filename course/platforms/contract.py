@@ -24,18 +24,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib import metadata
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from course.check import count, invalid, one_of
+from course.platforms.scenes import Scene
+from course.platforms.state import Array as Array
+from course.platforms.state import State as State
 from course.rigid_body import quaternion
-
-if TYPE_CHECKING:
-    from course.platforms.scenes import Scene
-
-Array = NDArray[np.float64]
 
 NAMES = ("as shipped", "fair")
 
@@ -108,20 +106,6 @@ class Settings:
 
 
 AS_SHIPPED, FAIR = Settings("as shipped"), Settings("fair")
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Time [s] and the state in the conventions above."""
-
-    time: float
-    q: Array
-    v: Array
-
-    def same(self, other: State) -> bool:
-        """Return whether both are equal bit by bit (time aside)."""
-        pairs = ((self.q, other.q), (self.v, other.v))
-        return all(a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in pairs)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from course import kinematics
 from course.check import count, finite, positive, vector
 from course.kinematics import Chain
-from course.platforms.contract import Array, State
+from course.platforms.state import Array, State
 from course.rigid_body import problems, quaternion
 from course.rigid_body.integrators import System
 

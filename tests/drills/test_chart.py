@@ -11,7 +11,8 @@ import pytest
 from drills import cards
 from drills import exercise as exercises
 from drills.attempt import Attempt, Place
-from drills.chart import Drawing, Plan, chart_of
+from drills.chart import chart_of
+from drills.chart_plan import Drawing, Plan
 from drills.grade_report import Report
 from drills.verify import in_this_process
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from course import CHAPTERS, charts, derivations
 from course.derivations import records
-from course.interview import fields, tables, typed_numbers
+from course.interview import chart_data, fields, tables, typed_numbers
 from tests.budget import examples
 
 SOURCES = Path(__file__).parents[2] / "notebooks" / "source"
@@ -35,7 +35,7 @@ DOI, ARXIV = re.compile(r"10\.\d{4,9}/\S+"), re.compile(r"\d{4}\.\d{4,5}")
 def _chart(monkeypatch, tmp_path, document: dict) -> None:
     (tmp_path / "made.json").write_text(json.dumps(document), encoding="utf-8")
     monkeypatch.setattr(charts, "FOLDER", tmp_path)
-    fields._data.cache_clear()
+    chart_data._data.cache_clear()
 
 
 LINE = {"label": "a line, of two", "x": [1.0, 3.0, 5.0], "y": [0.0, 1.0, 9.0], "low": [0, 0, 5]}
@@ -123,9 +123,9 @@ def test_a_field_that_nothing_fills_is_refused(monkeypatch, tmp_path, field, tex
 def test_what_is_read_off_lies_on_the_line(ys: list[float], part: float) -> None:
     series = {"x": [2.0 * i for i in range(len(ys))], "y": ys}
     expected = (1 - part) * ys[0] + part * ys[1]
-    x = fields._read_off(series, "x", repr(expected), "made")
+    x = chart_data._read_off(series, "x", repr(expected), "made")
     assert np.interp(x, series["x"], ys) == pytest.approx(expected, abs=1e-9)
-    assert fields._read_off(series, "y", repr(x), "made") == pytest.approx(expected, abs=1e-9)
+    assert chart_data._read_off(series, "y", repr(x), "made") == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize(

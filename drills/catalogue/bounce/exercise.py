@@ -12,7 +12,8 @@ import numpy as np
 from drills import picture
 from drills.attempt import Attempt
 from drills.case_judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
-from drills.chart import Plan, chart_of
+from drills.chart import chart_of
+from drills.chart_plan import Plan
 from drills.exercise import Exercise, Slip, coarse_slips, slips, value_slips
 from drills.grade_report import Shown
 from drills.reasons import Reason

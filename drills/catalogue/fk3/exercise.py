@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drills import picture
 from drills.attempt import Attempt, Place
 from drills.case_judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
-from drills.chart import Drawing
+from drills.chart_plan import Drawing
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
 from drills.grade_report import Shown
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.case_judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
-from drills.chart import Plan, chart_of
+from drills.chart import chart_of
+from drills.chart_plan import Plan
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
 from drills.values import describe_call
 

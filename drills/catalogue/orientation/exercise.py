@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from drills import picture
 from drills.attempt import Attempt
 from drills.case_judge import WHOLE, Answer, Case, coarse, either_sign, judge_of, largest_error
-from drills.chart import Plan, angle_between, chart_of
+from drills.chart import angle_between, chart_of
+from drills.chart_plan import Plan
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.attempt import Attempt
-from drills.chart import Plan
+from drills.chart_plan import Plan
 from drills.values import as_float64
 
 Array = NDArray[np.float64]

@@ -23,7 +23,8 @@ from drills.catalogue.rrt.worlds import (
     invalid_queries,
     worlds,
 )
-from drills.chart import Plan, chart_of
+from drills.chart import chart_of
+from drills.chart_plan import Plan
 from drills.exercise import Exercise
 from drills.grade_report import LEVELS, Shown
 from drills.reasons import Reason

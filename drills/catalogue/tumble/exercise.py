@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from drills import picture
 from drills.attempt import Attempt
 from drills.case_judge import WHOLE, Answer, Case, either_sign, judge_of, largest_error
-from drills.chart import Plan, angle_between, chart_of
+from drills.chart import angle_between, chart_of
+from drills.chart_plan import Plan
 from drills.exercise import Exercise, slips, value_slips
 from drills.values import Mismatch, as_float64
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from drills.attempt import Attempt
 from drills.case_judge import Stage, staged
-from drills.chart import Plan, chart_of
+from drills.chart import chart_of
+from drills.chart_plan import Plan
 from drills.exercise import Exercise, slips
 from drills.inprocess import Local
 from drills.reasons import Reason
