@@ -58,7 +58,6 @@ costs nothing.
 """
 
 import ast
-import contextlib
 import difflib
 import functools
 import importlib
@@ -212,15 +211,19 @@ class Claim:
         """Return what goes on record."""
         return {
             "verdict": result.verdict.value,
-            "heard": self.claim,
             "condition": result.condition,
-            "corrected": self.corrected,
-            "formula": self.formula.expression if self.formula else "",
-            "source": self.source,
+            "texts": self.fingerprint,
+            "inputs": dict(result.inputs),
             "figures": {
                 name: [value, result.tolerances[name]] for name, value in result.figures.items()
             },
         }
+
+    @property
+    def fingerprint(self) -> str:
+        """The hash of the texts that a record belongs to."""
+        formula = self.formula.expression if self.formula else ""
+        return records.fingerprint(self.claim, self.corrected, formula, self.source)
 
     def filled(
         self, template: str, result: Result, figures: Mapping[str, float | str] | None = None
@@ -465,7 +468,7 @@ def figure(id: str, name: str) -> float | str:
         ValueError: for an unknown id or name.
     """
     item = _get(id)
-    outcome = _recorded(item, "") if item.needs else run(id)
+    outcome = _on_record(item, "") if item.needs else run(id)
     figures = outcome.figures
     if name not in figures:
         raise ValueError(f"name is {name!r}; figures of {id} are {', '.join(figures)}")
@@ -550,24 +553,17 @@ def show(id: str) -> Block:
             f"{_stated(item.check)} These figures are from the stored record: the check needs "
             f"{' and '.join(item.needs)} ({how}). `python -m course.derivations --id {id}` runs it."
         )
-        return Block(_recorded(item, source))
+        return Block(_on_record(item, source))
     try:
         return Block(run(id))
     except ImportError as missing:
-        return Block(_on_record(_get(id), str(missing)))
+        return Block(_on_record(item, f"From the record, not run here: {missing}."))
 
 
-def _on_record(item: Claim, missing: str) -> Outcome:
-    """Return what stands on record of a claim whose check cannot run here."""
-    result = Result(item.id)
-    with contextlib.suppress(ImportError):
-        item.check(result)  # for what is given; it ends where the library is missing
-    return _from_record(item, result.inputs, f"From the record, not run here: {missing}.")
-
-
-def _from_record(item: Claim, inputs: dict[str, float | str], statement: str) -> Outcome:
+def _on_record(item: Claim, statement: str) -> Outcome:
+    """Return a claim with the verdict and the figures on record, and a statement of where from."""
     result, entry = Result(item.id), records.load(item.file)[item.id]
-    result.inputs, result.statement = inputs, statement
+    result.inputs, result.statement = dict(entry.get("inputs", {})), statement
     result.figures = {name: value for name, (value, _) in entry["figures"].items()}
     result.tolerances = {name: tolerance for name, (_, tolerance) in entry["figures"].items()}
     result.holds = entry["verdict"] == Verdict.HOLDS.value
@@ -578,9 +574,6 @@ def _from_record(item: Claim, inputs: dict[str, float | str], statement: str) ->
 def recorded(id: str, file: str) -> Outcome:
     """Return a claim with the verdict and the figures on record, which takes no time.
 
-    What the texts quote of the check's inputs is read in its source; where that does not say it,
-    the check runs as far as its first figure.
-
     Args:
         id: id of a claim.
         file: the one that it stands in, such as "rigid_body.flight"; only this one is imported.
@@ -589,54 +582,12 @@ def recorded(id: str, file: str) -> Outcome:
         ValueError: for an unknown id.
     """
     importlib.import_module(f"{__name__}.{file}")
-    return _recorded(_get(id), "From the record.")
-
-
-def _recorded(item: Claim, statement: str) -> Outcome:
-    """Return a claim with the verdict and the figures on record, and a statement of where from."""
-    outcome = _from_record(item, _given(item.check), statement)
-    try:
-        for text in (item.corrected, outcome.finding.condition):
-            item.filled(text, outcome.finding)
-    except LookupError:
-        given = _Given(item.id)
-        with contextlib.suppress(_Enough, ImportError):
-            item.check(given)
-        return _from_record(item, given.inputs, statement)
-    return outcome
+    return _on_record(_get(id), "From the record.")
 
 
 def unmet(item: Claim) -> str:
     """Return why the check of a claim cannot run on this machine, or ""."""
     return next((reason for need in item.needs if (reason := NEEDS[need][1]())), "")
-
-
-class _Enough(Exception):
-    """What a check was given is known."""
-
-
-class _Given(Result):
-    """What a check was given, which stands before what came out."""
-
-    def measure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
-        raise _Enough
-
-    def statement_holds(self, *_holds: Any, **_draws: Any) -> None:
-        raise _Enough
-
-
-def _given(check: Check) -> dict[str, float | str]:
-    """Return the inputs that a check names, `result.input("n", N)`, as far as its module knows
-    them.
-    """
-    inputs: dict[str, float | str] = {}
-    for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(check)))):
-        match node:
-            case ast.Call(func=ast.Attribute(attr="input"), args=[ast.Constant(str(name)), value]):
-                with contextlib.suppress(NameError):  # it is computed there
-                    result = eval(ast.unparse(value), dict(check.__globals__))
-                    inputs[name] = result if isinstance(result, str) else float(result)
-    return inputs
 
 
 def _stated(check: Check) -> str:

@@ -1,6 +1,11 @@
-"""What came out of each claim, on record: one TOML file a file of claims, reviewed as a diff."""
+"""What came out of each claim, on record: one TOML file a file of claims, reviewed as a diff.
+
+An entry holds the verdict, the condition, the inputs, the figures, and a fingerprint of the claim's
+texts. A changed text disagrees with its record until it is recorded again, after a look at it.
+"""
 
 import functools
+import hashlib
 import textwrap
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -10,7 +15,7 @@ from typing import Any
 from course.check import invalid
 
 FOLDER = Path(__file__).parent / "record"
-_TEXTS = ("verdict", "heard", "condition", "corrected", "formula", "source")
+_TEXTS = ("verdict", "condition", "texts")
 
 
 @functools.cache
@@ -44,6 +49,11 @@ def figure(id: str, name: str) -> float | str:
     return value
 
 
+def fingerprint(*texts: str) -> str:
+    """Return a short hash of the texts of a claim."""
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:16]
+
+
 def files() -> list[str]:
     """Return files of claims that have a record."""
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
@@ -72,6 +82,9 @@ def _entry(id: str, entry: Mapping[str, Any]) -> list[str]:
             escaped = text.replace("\\", "\\\\").replace('"', '\\"')
             rows = textwrap.wrap(escaped, 94, break_long_words=False, break_on_hyphens=False)
             lines.append(f'{name} = """\\\n  ' + " \\\n  ".join(rows) + '"""')
+    if entry.get("inputs"):
+        lines.append(f"[{id}.inputs]")
+        lines += [f"{name} = {_value(value)}" for name, value in entry["inputs"].items()]
     lines.append(f"[{id}.figures]")
     for name, (value, tolerance) in entry["figures"].items():
         lines.append(f"{name} = [{_value(value, tolerance)}, {_value(tolerance)}]")
@@ -113,6 +126,10 @@ def differences(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> Iterab
     for name in _TEXTS:
         if old.get(name, "") != new.get(name, ""):
             yield f"{name} on record: {old.get(name, '')!r}; found: {new.get(name, '')!r}"
+    given, gives = old.get("inputs", {}), new["inputs"]
+    for name in sorted({*given, *gives}):
+        if name not in given or name not in gives or not close(given[name], 1e-9, gives[name]):
+            yield f"input {name} on record: {given.get(name)!r}; found: {gives.get(name)!r}"
     before, now = old.get("figures", {}), new["figures"]
     for name in sorted(set(before) ^ set(now)):
         yield f"{name} is " + (

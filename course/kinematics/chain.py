@@ -156,11 +156,6 @@ class Chain:
         """How many joints."""
         return len(self.parent)
 
-    @property
-    def is_tree(self) -> bool:
-        """Whether a joint has two children."""
-        return bool(np.any(self.parent != np.arange(-1, self.n - 1)))
-
     def path(self, joint: int | None = None) -> list[int]:
         """Return the joints from the base to a joint, or to the tool: those that move it."""
         i = self.n - 1 if joint is None else count("joint", joint, 0, self.n - 1)

@@ -10,8 +10,7 @@ classes that its bindings let one derive:
 - the condition to stop, which counts samples instead of time: OMPL asks it once before each.
 
 These parts run in Python, called from OMPL's loop. `Plan.callback_seconds` is their share of the
-time, so that OMPL is not charged for it unawares; what the calls themselves add in the binding is
-not in it, `binding_seconds` measures it.
+time, so that OMPL is not charged for it unawares; what the binding adds to each call is not in it.
 
 OMPL's random numbers come from one seed a process; it is set anew before each plan, and the random
 generators made for the plan follow it.
@@ -437,18 +436,6 @@ def plain(world: World) -> StateTest:
         return True
 
     return point if world.kind == "plane" else arm
-
-
-def binding_seconds(samples: int = 2000, seed: int = 1) -> float:
-    """Return what a call from OMPL into Python costs beside the function called [s].
-
-    An RRT among nothing, to a goal it may not reach, with a test of edges in Python that only says
-    yes, against OMPL's own tests, of a single state an edge: the difference a call.
-    """
-    query = ([[0.0] * 2, [1.0] * 2], [0.1] * 2, [0.9] * 2, "rrt_star", 0.1, samples, seed)
-    own = solve(*query, None, None, resolution=0.5)
-    called = solve(*query, None, lambda a, b: True)
-    return (called.own_seconds - own.own_seconds) / max(1, called.checks)
 
 
 # --- the question of the drill --------------------------------------------------------------------

@@ -186,15 +186,15 @@ class Run:
         self.plan_requests: list[int] = []
         self._settings = ideal_settings(settings)
         self.timetable = timetable = _timetable(self._settings, scenario.seconds, seed, disturb)
-        self._numbers = _numbers(scenario, self._settings)
+        self._drive_settings = _numbers(scenario, self._settings)
         steps = -(-microseconds(scenario.seconds) // step_of(settings))
         self.sightings, self.log = (
             np.zeros((timetable.captured.size, 14)),
             np.zeros((steps + 1, 11)),
         )
-        self._ints, self._changing = np.zeros(11, dtype=np.int64), np.zeros(15)
-        self._ints[by.DUE], self._changing[by.STAMP] = by.FAR, -1.0
-        self._changing[by.WAIT : by.GOAL] = scenario.start
+        self._progress, self._aim = np.zeros((), by.PROGRESS)[()], np.zeros((), by.AIM)[()]
+        self._progress["due"], self._aim["stamp"] = by.FAR, -1.0
+        self._aim["wait"] = scenario.start
         world = scenario.world()
         self.log[0, Q:V] = self.log[0, REFERENCE:SENT] = scenario.start
         self.log[0, GAP] = clearance(world, scenario.start)
@@ -203,9 +203,9 @@ class Run:
             np.stack((timetable.captured, timetable.arrived, timetable.stamp), axis=1),
             self._order,
             np.column_stack((timetable.shift, timetable.scale, timetable.draws)),
-            self._numbers,
-            self._ints,
-            self._changing,
+            self._drive_settings,
+            self._progress,
+            self._aim,
             np.zeros(4),
             np.zeros((4, 4)),
             self.sightings,
@@ -247,8 +247,8 @@ class Run:
             between = functools.partial(by.advance, *pair)
         return by.drive, (compiled(by.observe, by.LOOK) if observed else self._observe, between)
 
-    def _observe(self, k, n, times, noise, log, ints, observed) -> None:
-        when, q = int(times[k, 0]), log[ints[by.NOW], Q:V].copy()
+    def _observe(self, k, n, times, noise, log, progress, observed) -> None:
+        when, q = int(times[k, 0]), log[progress["now"], Q:V].copy()
         target = self.scenario.at(1e-6 * when) + noise[k, :2]
         sight = Sight(int(k), when, target, q, noise[k, 3:].copy(), float(noise[k, 2]))
         place, covariance, frame, stamp = self.stages.perceive(sight, self.scenario, self._settings)
@@ -258,18 +258,18 @@ class Run:
         # What the timetable says beside the truth is the clock's error, whoever looks.
         observed[k, by.WHEN] = stamp + times[k, 2] - times[k, 0]
         if frame != FRAME:
-            ints[by.WRONG] = by.WRONGS.index("perceive: another frame")
+            progress["wrong"] = by.WRONGS.index("perceive: another frame")
 
     def to(self, seconds: float) -> bool:
         """Return on to a time of the run [s], at most to its end; whether all is well."""
-        ints = self._ints
-        self._numbers[by.END] = microseconds(min(seconds, self.scenario.seconds))
+        progress = self._progress
+        self._drive_settings["end"] = microseconds(min(seconds, self.scenario.seconds))
         while not self.wrong:
             code = self._drive(*self._ours, *self._given, self._table, *self._fixed)
             if code == by.ENDED:
                 break
             if code == by.FAILED:
-                self.wrong = by.WRONGS[ints[by.WRONG]]
+                self.wrong = by.WRONGS[progress["wrong"]]
             elif code == by.WANTED:
                 self._ask()
             else:
@@ -279,15 +279,15 @@ class Run:
     def retarget(self, place: tuple[float, float]) -> None:
         """From now on the target stands at a place [m]; what was seen and done stays as it was."""
         self.scenario = replace(self.scenario, target=place, velocity=(0.0, 0.0))
-        self._numbers[by.TX : by.TX + 4] = *self.scenario.target, 0.0, 0.0
+        self._drive_settings["target"], self._drive_settings["velocity"] = self.scenario.target, 0.0
 
     def _ask(self) -> None:
         """A plan from where the reference is, and when it will be ready."""
-        ints, settings = self._ints, self._settings
-        k = self._order[ints[by.ARRIVED] - 1]
+        progress, settings = self._progress, self._settings
+        k = self._order[progress["arrived"] - 1]
         now = int(self.timetable.arrived[k])
-        start = self.log[ints[by.NOW], REFERENCE:SENT].copy()
-        goal = self._changing[by.MADE : by.MADE + 2].copy()
+        start = self.log[progress["now"], REFERENCE:SENT].copy()
+        goal = self._aim["made"].copy()
         rng = np.random.default_rng([self.seed, 2, len(self.plans)])
         tries = 3 if "plan" in settings.ideal else 1  # by chance a way is three times as long
         result = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
@@ -299,23 +299,23 @@ class Run:
                 self.wrong = "plan: a path that is not finite"
             elif np.abs(path.motion.table[0, 4:6] - start).max() > 1e-9:
                 self.wrong = "plan: a path that does not begin where the arm should be"
-        ints[by.DUE] = due = now + round(1e6 * settings.check_cost * path.checks)
+        progress["due"] = due = now + round(1e6 * settings.check_cost * path.checks)
         self.plan_requests.append(now)
         self.plans.append(Crossing(path, None, "joints", int(self.sightings[k, by.WHEN]), due))
 
     def _take(self) -> None:
         """The plan that was waited for comes into force, if there is one."""
-        ints, changing, path = self._ints, self._changing, self._pending
+        progress, aim, path = self._progress, self._aim, self._pending
         if path.motion is not None:
-            ints[by.PLANNED], ints[by.INTERVAL], ints[by.ORIGIN] = 1, 0, ints[by.DUE]
-            changing[by.GOAL : by.SIDE], changing[by.SIDE] = path.goal, path.side
-            changing[by.FRESH] = 1.0
+            progress["planned"], progress["interval"], progress["origin"] = 1, 0, progress["due"]
+            aim["goal"], aim["side"] = path.goal, path.side
+            aim["fresh"] = 1.0
             self._table = path.motion.table
-        ints[by.BUSY], ints[by.DUE] = 0, by.FAR
+        progress["busy"], progress["due"] = 0, by.FAR
 
     def record(self) -> Record:
         """Return what it has left so far; a run that is not over is judged where it is."""
-        scenario, log = self.scenario, self.log[: self._ints[by.NOW] + 1]
+        scenario, log = self.scenario, self.log[: self._progress["now"] + 1]
         when = 1e-6 * step_of(self.settings) * np.arange(len(log))
         target = np.asarray(scenario.target)[:, None] + np.outer(scenario.velocity, when)
         away = tip_of(scenario.arm, log[:, Q:V].T) - target
@@ -326,7 +326,7 @@ class Run:
             reason = "touched a disc"
         if not reason and far.size and far[-1] == len(log) - 1:
             last = self.plans[-1].value if self.plans else Path("none was asked for")
-            reason = "beside the target" if self._ints[by.PLANNED] else "the plan is late"
+            reason = "beside the target" if self._progress["planned"] else "the plan is late"
             if last.motion is None:
                 reason = f"no plan: {last.status}"
         time = math.inf if reason else float(when[far[-1] + 1 if far.size else 0])
@@ -372,34 +372,32 @@ def _timetable(settings: Settings, seconds: float, seed: int, disturb: Disturb |
     return after
 
 
-def _numbers(scenario: Scenario, settings: Settings) -> Array:
-    """Return settings as the compiled loops read them, in the order of `drive`."""
+def _numbers(scenario: Scenario, settings: Settings) -> Any:
+    """Return the settings as the compiled loops read them, a record of `drive.SETTINGS`."""
     h, ideal, actuator = step_of(settings), settings.ideal, settings.actuator
     limits = [min(largest, actuator.limit) for largest in scenario.arm.torques]
     sharp = -math.expm1(-1e-6 * h / actuator.lag) if actuator.lag > 0.0 else 1.0
-    return np.array(
-        [
-            h,
-            microseconds(settings.control),
-            LAWS.index(settings.law),
-            settings.kp,
-            settings.kd,
-            *limits,
-            actuator.rate * settings.control,
-            sharp,
-            1e6 * actuator.delay,
-            "control" in ideal,
-            settings.noise,
-            *settings.bias,
-            *scenario.target,
-            *scenario.velocity,
-            settings.filtered,
-            settings.carried,
-            "age" in ideal,
-            *settings.drift,
-            settings.replan,
-            settings.hysteresis,
-            0.0,
-        ],
-        dtype=float,
+    values = (
+        h,
+        microseconds(settings.control),
+        LAWS.index(settings.law),
+        settings.kp,
+        settings.kd,
+        limits,
+        actuator.rate * settings.control,
+        sharp,
+        1e6 * actuator.delay,
+        "control" in ideal,
+        settings.noise,
+        settings.bias,
+        scenario.target,
+        scenario.velocity,
+        settings.filtered,
+        settings.carried,
+        "age" in ideal,
+        *settings.drift,
+        settings.replan,
+        settings.hysteresis,
+        0.0,
     )
+    return np.array(values, by.SETTINGS)[()]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from course.compiled import compiled
 from course.kinematics import two_link_ik
 from course.kinematics.two_link import TORQUES
-from course.pipeline.drive import FRAME, LEAST, law, step
+from course.pipeline.drive import FRAME, LEAST, SETTINGS, law, step
 from course.pipeline.scenario import LAWS, Scenario, Settings, microseconds
 from course.planning import Trajectory, World, clearance, length, plan, shortcut, time_parameterise
 from course.planning.worlds import EDGE
@@ -233,10 +233,12 @@ def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Se
 
     Args:
         q, v: the state, shape (2,).
-        wanted: angles, rates and accelerations of the reference, shape (3, 2).
+        desired: angles, rates and accelerations of the reference, shape (3, 2).
         scenario, settings: the law, its gains, and the arm that it believes in.
     """
-    numbers = np.array([0, 0, LAWS.index(settings.law), settings.kp, settings.kd], dtype=float)
+    numbers = np.zeros((), SETTINGS)[()]
+    numbers["law"] = LAWS.index(settings.law)
+    numbers["kp"], numbers["kd"] = settings.kp, settings.kd
     row = np.concatenate((q, v, np.zeros(4)))[None]
     law(numbers, scenario.arm.column(), row, 0, desired)
     return row[0, 6:]

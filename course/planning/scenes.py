@@ -15,7 +15,6 @@ Array = NDArray[np.float64]
 SQUARE = np.array([[0.0, 0.0], [10.0, 10.0]])  # m
 START, GOAL = np.array([1.0, 1.0]), np.array([9.0, 9.0])
 GAPS = (0.5, 0.1, 0.02)  # openings of the wall, as shares of its length
-THICKNESSES = (0.05, 0.5, 2.0)  # of the wall [m]
 
 
 @dataclass(frozen=True, eq=False)

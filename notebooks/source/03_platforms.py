@@ -841,7 +841,7 @@ show("steps_per_second")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Six graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
+# Graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
 
 # %% [markdown]
 # ### Where it stops says which cone it has
@@ -885,13 +885,13 @@ card("audit_model")
 # %%
 def audit_model(ids, masses, inertias, loaded_ids, loaded_masses, moments, turns, tolerance):
     """Return which links of a file are not what the simulator has loaded."""
-    result = np.zeros(len(ids), dtype=int)
+    marks = np.zeros(len(ids), dtype=int)
     for i in range(len(ids)):
         if abs(loaded_masses[i] - masses[i]) > tolerance:
-            result[i] += 1
+            marks[i] += 1
         if np.abs(np.diag(moments[i]) - inertias[i]).max() > tolerance:
-            result[i] += 2
-    return result
+            marks[i] += 2
+    return marks
 
 
 check(audit_model)

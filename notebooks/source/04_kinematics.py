@@ -898,7 +898,7 @@ predict("error_that_stays")
 #
 # ## 7 · Exercises
 #
-# Six graded exercises, and a drill for the beginning: `drills start fk3` puts forward kinematics of three links into
+# Graded exercises, and a drill for the beginning: `drills start fk3` puts forward kinematics of three links into
 # your editor. Each card has the task and three hints to unfold; below it a cell to change, and a check. `check` runs
 # what your cell defines in a process of its own, on cases drawn afresh every time, and says what is right, what is
 # wrong and, where it recognises the mistake, why. `check(fk3).chart()` puts a right answer on a chart beside the worked

@@ -664,7 +664,7 @@ show("trajopt_minimises_jerk")
 #
 # ## 8 · Exercises
 #
-# Six graded exercises; the drill `rrt` (`drills start rrt`) comes before them. `check` runs what your cell defines in a
+# Graded exercises; the drill `rrt` (`drills start rrt`) comes before them. `check` runs what your cell defines in a
 # process of its own, on cases drawn afresh, and says what is right, what is wrong and, where it recognises the mistake,
 # why.
 #

@@ -714,7 +714,7 @@ show("vibration_needs_softness")
 #
 # ## 8 · Exercises
 #
-# Seven graded exercises; the drill `pid` (`drills start pid`) comes before them. `check` runs what your cell defines in
+# Graded exercises; the drill `pid` (`drills start pid`) comes before them. `check` runs what your cell defines in
 # a process of its own, on cases drawn afresh, and says what is right, what is wrong and, where it recognises the
 # mistake, why.
 #
@@ -777,7 +777,7 @@ card("hybrid")
 
 
 # %%
-def hybrid_torque(J, frame, forced, error, velocity, force, desired, gains):
+def hybrid_torque(J, frame, forced, error, velocity, force, wanted, gains):
     """Return joint torques that press along some axes of a surface and follow a place along the
     others.
     """
@@ -838,8 +838,8 @@ def hold_joint(q, target, pole, load, dt, steps):
     q, v, total = float(q), 0.0, 0.0
     for _ in range(steps):
         error = target - q
-        desired = kp * error + ki * (total + error) - kd * v
-        torque = inertia * desired + weight * math.cos(q)
+        wanted = kp * error + ki * (total + error) - kd * v
+        torque = inertia * wanted + weight * math.cos(q)
         total = total + dt * error
         v = v + dt * (torque + load - weight * math.cos(q)) / inertia
         q = q + dt * v

@@ -815,7 +815,7 @@ show("spread_of_symmetric_poses")
 #
 # ## 8 · Exercises
 #
-# Seven graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
+# Graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
 #
 # ### From a picture to points
 
@@ -927,7 +927,7 @@ def point_in_base(pixels, stamp, camera, mount, log):
     """Return where what a camera at a moving arm has seen is in the base, shape (3, n) [m]."""
     u, v, z = np.asarray(pixels, dtype=float)
     fx, fy, cx, cy = camera
-    observed = np.array([(u + 0.5 - cx) / fx * z, (v + 0.5 - cy) / fy * z, z])
+    in_camera = np.array([(u + 0.5 - cx) / fx * z, (v + 0.5 - cy) / fy * z, z])
     rows = np.asarray(log, dtype=float).T
     rows = np.vstack((rows[:4], np.unwrap(rows[4])))
     flange = np.array([np.interp(stamp + 0.1, rows[0], row) for row in rows[1:]])
@@ -938,7 +938,7 @@ def point_in_base(pixels, stamp, camera, mount, log):
         return R @ points + pose[:3, None]
 
     turned = np.asarray(mount, dtype=float) * np.array([1.0, 1.0, 1.0, -1.0])
-    return moved(flange, moved(turned, observed))
+    return moved(flange, moved(turned, in_camera))
 
 
 check(point_in_base)

@@ -946,7 +946,7 @@ plt.show()
 #
 # ## 8 · Exercises
 #
-# Six graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
+# Graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
 #
 # ### A fit of angles
 

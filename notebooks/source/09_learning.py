@@ -709,7 +709,7 @@ for edge in (0.1, -0.5):
 #
 # ## 9 · Exercises
 #
-# Seven graded exercises and a hunt. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it
+# Graded exercises and a hunt. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it
 # can, why.
 
 # %% [markdown]

@@ -1033,7 +1033,7 @@ show("mismatch_is_late")
 #
 # ## 8 · Exercises
 #
-# Six graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
+# Graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
 
 # %% [markdown]
 # ### Will these two talk?
@@ -1199,15 +1199,15 @@ def follow_part(frames, saves, work, late, period, deadline, drift, ticks):
             published.append((free[group], free[group], rows[number, 2]))
     # The controller's node: a loop that carries the newest place on to its present.
     sent = []
-    requested = 0.0
+    wake_up = 0.0
     for lateness in np.asarray(late, dtype=float):
-        now = requested + lateness
+        now = wake_up + lateness
         here = [message for message in published if message[0] <= now]
         if here and now - here[-1][1] <= deadline:
             sent.append((now, here[-1][2] + drift * (now - here[-1][1])))
-        requested = now + period
+        wake_up = now + period
     # The drive: one command a tick.
-    depth, report, came = 10, 0.0, 0
+    depth, command, came = 10, 0.0, 0
     queue = []
     driven = np.zeros(len(np.asarray(ticks)))
     for i, tick in enumerate(np.asarray(ticks, dtype=float)):
@@ -1215,8 +1215,8 @@ def follow_part(frames, saves, work, late, period, deadline, drift, ticks):
             queue = [*queue, sent[came][1]][-depth:]
             came += 1
         if queue:
-            report = queue.pop(0)
-        driven[i] = report
+            command = queue.pop(0)
+        driven[i] = command
     return driven
 
 

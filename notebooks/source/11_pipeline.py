@@ -737,7 +737,7 @@ show("mesh_cost")
 #
 # ## 8 · Exercises
 #
-# Seven graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
+# Graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
 
 # %% [markdown]
 # ### Who owns which millimetre
@@ -865,14 +865,14 @@ def reach_target(frames, noise, calibration, drift, start, ticks):
     """
     rows, camera = np.asarray(frames, dtype=float), np.asarray(calibration, dtype=float)
     R, t, belt = camera[:, :2], camera[:, 2], np.asarray(drift, dtype=float)
-    seconds, report = 1.0, np.array(start, dtype=float)
-    origin = goal = report
+    seconds, command = 1.0, np.array(start, dtype=float)
+    origin = goal = command
     began, reference = -math.inf, np.zeros((len(np.asarray(ticks)), 2))
     for i, now in enumerate(np.asarray(ticks, dtype=float)):
-        observed = rows[rows[:, 1] <= now][-5:]
-        if len(observed):
-            ages = now - observed[:, 1:2]
-            target = np.mean(observed[:, 2:] @ R + t + ages * belt, axis=0)
+        recent = rows[rows[:, 1] <= now][-5:]
+        if len(recent):
+            ages = now - recent[:, 1:2]
+            target = np.mean(recent[:, 2:] @ R + t + ages * belt, axis=0)
             lost = math.inf
             if began > -math.inf:
                 lost = math.dist(target, goal + (now - began - seconds) * belt)
@@ -881,8 +881,8 @@ def reach_target(frames, noise, calibration, drift, start, ticks):
                 goal = target + (began + seconds - now) * belt
             share = min((now - began) / seconds, 1.0)
             beyond = max(now - began - seconds, 0.0)
-            report = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
-        reference[i] = report
+            command = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
+        reference[i] = command
     return reference
 
 

@@ -367,7 +367,7 @@ tables.lessons()
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Six graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
+# Graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
 
 # %% [markdown]
 # ### Catch slips that you have not seen

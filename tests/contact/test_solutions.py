@@ -3,7 +3,6 @@
 import math
 import warnings
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +13,8 @@ from course import contact
 from course.contact import scenes
 from course.contact.problem import Problem
 from course.oracles import coal
-from drills.cards import Card, cards
-from drills.grader import is_starter
 from solutions import contact as solutions
 from tests.budget import examples
-from tools import notebooks
 
 
 @pytest.fixture(autouse=True)
@@ -27,26 +23,6 @@ def _floating_point_is_quiet():
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         yield
-
-
-def exercises() -> list[Card]:
-    return [card for card in cards() if card.chapter == 2]
-
-
-def test_the_chapter_has_its_exercises():
-    names = {card.name for card in exercises()}
-    assert names >= {"aabb", "circle_contact", "impact_time", "pgs_sweep", "contact_step"}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("card", exercises(), ids=lambda card: card.name)
-def test_an_exercise_is_in_the_notebook_with_its_card_its_starter_and_its_check(card):
-    source = Path(__file__).parents[2] / "notebooks" / "source" / "02_contact.py"
-    cells = [cell.source.strip() for cell in notebooks.read_source(source).cells]
-    place = cells.index(f'card("{card.name}")')
-    assert is_starter(card, cells[place + 1])
-    assert cells[place + 2] == f"check({card.entry})"
-    assert card.solution == f"solutions.contact:{card.entry}"
 
 
 # --- boxes ----------------------------------------------------------------------------------------

@@ -57,11 +57,11 @@ def test_a_true_claim_has_no_fault_and_agrees_with_its_record():
     ("change", "expected"),
     [
         ({"verdict": "holds"}, "verdict on record: 'holds'; found: 'false'"),
-        ({"heard": "The first n odd numbers add up to n^2."}, "heard on record"),
-        ({"corrected": "They add up to n^3: {of_three:.0f}."}, "corrected on record"),
+        ({"texts": "0123456789abcdef"}, "texts on record"),
         ({"condition": "it rains"}, "condition on record"),
-        ({"formula": "n^2"}, "formula on record"),
-        ({"source": "Euclid"}, "source on record"),
+        ({"inputs": {"n": 4.0}}, "input n on record: 4.0; found: 3.0"),
+        ({"inputs": {}}, "input n on record: None"),
+        ({"inputs": {"n": 3.0, "m": 1.0}}, "input m on record: 1.0; found: None"),
         ({"figures": {"of_three": [9.001, 1e-6]}}, "of_three is 9.0, on record is 9.001"),
         ({"figures": {"of_three": [0.0, 1e-6]}}, "of_three is 9.0, on record is 0.0"),
         ({"figures": {"of_three": ["nine", 0.0]}}, 'on record is "nine"'),
@@ -400,8 +400,9 @@ def test_a_record_is_read_as_it_was_written(tmp_path, monkeypatch):
     long = 'A "long" text with a back\\slash, {a_field:.2f}, which goes on for many words. ' * 3
     entry = {
         "verdict": "false",
-        "heard": " ".join(long.split()),
-        "corrected": "x^2 \\ 3",
+        "condition": " ".join(long.split()) + " x^2 \\ 3",
+        "texts": "0123456789abcdef",
+        "inputs": {"n": 3.0, "method": 'the "sweeping" one'},
         "figures": {
             "a": [1.0, 1e-6], "b": [float("inf"), 0.1], "c": [2e-300, 0.5], "d": ["three", 0.0],
             "e": [0.1234567890123456, 1e-12],

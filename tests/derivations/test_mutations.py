@@ -55,8 +55,8 @@ def _item(id):
     ("id", "old", "new", "expected"),
     [
         # A false corrected text.
-        ("semi_implicit_unconditional", "while omega dt < 2", "while omega dt < 3", "corrected on"),
-        ("verlet_limit", "have the limit", "have no limit,", "corrected on record"),
+        ("semi_implicit_unconditional", "while omega dt < 2", "while omega dt < 3", "texts on"),
+        ("verlet_limit", "have the limit", "have no limit,", "texts on record"),
         ("contact_limit_explicit", "{semi_implicit_limit_ms:.2f} ms", "9.32 ms", "is typed"),
         ("contact_limit_explicit", "{explicit_gain_per_step_1_ms:.0%}", "12 %", "is typed"),
         ("semi_implicit_limit", "{formula}", "{formulae}", "cannot be filled"),
@@ -93,7 +93,7 @@ def _item(id):
             "condition is not enough",
         ),
         # A negated claim.
-        ("semi_implicit_unconditional", "is stable for any", "is unstable for any", "heard on"),
+        ("semi_implicit_unconditional", "is stable for any", "is unstable for any", "texts on"),
         (
             "stable_at_the_limit",
             "result.statement_holds(after[2] < 10)",
@@ -206,9 +206,13 @@ def test_no_entry_of_the_record_can_change(item):
     outcome = derivations.show(item.id).outcome if unmet(item) else run(item.id)
     result, record = outcome.finding, records.load(item.file)[item.id]
     entry = item.entry(result)
-    for name in ("verdict", "heard", "corrected", "condition", "formula", "source"):
+    for name in ("verdict", "condition", "texts"):
         changed = record | {name: record.get(name, "") + " not"}
         assert list(records.differences(changed, entry)), name
+    for name, value in record["inputs"].items():
+        other = value + " not" if isinstance(value, str) else 2.0 * value + 1.0
+        inputs = record["inputs"] | {name: other}
+        assert list(records.differences(record | {"inputs": inputs}, entry)), name
     for name, (value, tolerance) in record["figures"].items():
         other = (
             value + " not"

@@ -1,9 +1,7 @@
 """The worked answers of chapter 1, against closed forms, MuJoCo and the laws they must keep."""
 
-import ast
 import math
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,11 +14,8 @@ from course.oracles.mujoco import free as mujoco_free
 from course.oracles.mujoco import kit as mujoco_kit
 from course.oracles.mujoco import oscillator as mujoco_oscillator
 from course.rigid_body import planar, problems, quaternion
-from drills.cards import Card, cards
-from drills.grader import is_starter
 from solutions import rigid_body as solutions
 from tests.budget import examples
-from tools import notebooks
 
 # A busy machine is no defect of the code: no example has a deadline.
 unhurried = examples(60)
@@ -53,41 +48,6 @@ def unit_quaternions():
 def observed(errors: list[float]) -> float:
     """Order from the last halving of the step."""
     return float(np.log2(errors[-2] / errors[-1]))
-
-
-def test_the_answers_stand_alone():
-    path = Path(solutions.__file__)
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    imported = {
-        name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Import | ast.ImportFrom)
-        for name in (
-            [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module]
-        )
-    }
-    assert imported == {"__future__", "collections.abc", "math", "numpy", "numpy.typing"}
-
-
-def exercises() -> list[Card]:
-    return [card for card in cards() if card.chapter == 1 and not card.drill]
-
-
-def test_the_chapter_has_its_exercises():
-    names = {card.name for card in exercises()}
-    assert names >= {"verlet", "orientation", "bounce", "tumble", "stable_step", "observed_order"}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("card", exercises(), ids=lambda card: card.name)
-def test_an_exercise_is_in_the_notebook_with_its_card_its_starter_and_its_check(card):
-    """Card, starter, check, in this order; and the starter is the catalogue's."""
-    source = Path(__file__).parents[2] / "notebooks" / "source" / "01_rigid_body.py"
-    cells = [cell.source.strip() for cell in notebooks.read_source(source).cells]
-    place = cells.index(f'card("{card.name}")')
-    assert is_starter(card, cells[place + 1])
-    assert cells[place + 2] == f"check({card.entry})"
-    assert card.solution == f"solutions.rigid_body:{card.entry}"
 
 
 # --- velocity Verlet ------------------------------------------------------------------------------

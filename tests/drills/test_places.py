@@ -1,0 +1,44 @@
+"""Every exercise of a chapter stands in its notebook, and every worked answer stands alone."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+from course import CHAPTERS
+from drills import cards as catalogue
+from drills.grader import is_starter
+from tools import notebooks
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).resolve().parents[2]
+CHAPTERS_READY = [chapter for chapter in CHAPTERS if chapter.ready]
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS_READY, ids=lambda chapter: chapter.topic)
+def test_exercises_stand_in_their_notebook_in_the_order_of_their_places(chapter) -> None:
+    source = ROOT / "notebooks" / "source" / f"{Path(chapter.notebook).stem}.py"
+    cells = [cell.source.strip() for cell in notebooks.read_source(source).cells]
+    mine = [c for c in catalogue.cards() if c.chapter == chapter.number and not c.drill]
+    assert [card.place for card in mine] == sorted({card.place for card in mine})
+    where = [cells.index(f'card("{card.name}")') for card in mine]
+    assert where == sorted(where)
+    for card, k in zip(mine, where, strict=True):
+        call = f"check({card.entry})"
+        starter = cells[k + 1].removesuffix(call)
+        assert is_starter(card, starter), card.name
+        assert starter != cells[k + 1] or cells[k + 2] == call
+        assert card.solution == f"solutions.{chapter.topic}:{card.entry}"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "solutions").glob("*.py")), ids=lambda p: p.stem)
+def test_a_worked_answer_needs_numpy_and_the_standard_library_only(path: Path) -> None:
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+    names |= {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)}
+    tops = {name.partition(".")[0] for name in names}
+    assert tops <= {"numpy", "__future__"} | sys.stdlib_module_names
