@@ -153,6 +153,12 @@ class Adaptive:
     V = s^T M s / 2 + (estimate - true)^T rate^-1 (estimate - true) / 2 then falls by
     s^T (damping + D) s, where D is the arm's own damping (Slotine and Li, 1987).
 
+    That is a proof for continuous time. Sampled, the estimate moves by dt rate Y^T s from values
+    that are a sample old, and V falls only while dt rate |Y|^2 is small against the damping: far
+    from the reference, or with a large rate, the estimate runs away and the arm with it. Noise
+    makes an estimate drift that nothing excites. `bounds` keep it among arms that are possible
+    (projection; Ioannou and Sun, 1996, section 3.10).
+
     Attributes:
         arm: whose lengths and gravity are known; its masses and damping are not looked at.
         estimate: of `TwoLink.parameters`, shape (5,), or (7,) in an upright plane.
@@ -166,6 +172,7 @@ class Adaptive:
         rate: ArrayLike,
         dt: float,
         estimate: ArrayLike | None = None,
+        bounds: ArrayLike | None = None,
     ) -> None:
         """Create a law that knows nothing yet, or starts from an estimate.
 
@@ -176,6 +183,7 @@ class Adaptive:
             rate: of adaptation, a number or one for each parameter, positive.
             dt: sample time [s]; 0 freezes the estimate.
             estimate: at the start; zeros by default.
+            bounds: rows lowest and highest estimate, shape (2, 5) or (2, 7); none by default.
         """
         size = 7 if arm.gravity else 5
         self.arm, self._slope = arm, positive("slope", slope, unit="1/s")
@@ -184,6 +192,10 @@ class Adaptive:
         self._dt = finite("dt", dt, 0.0, unit="s")
         start = np.zeros(size) if estimate is None else estimate
         self.estimate = np.array(vector("estimate", start, (size,)))
+        every = np.array([[-np.inf], [np.inf]]) * np.ones(size) if bounds is None else bounds
+        self._bounds = np.asarray(every, dtype=float)
+        if self._bounds.shape != (2, size) or not (self._bounds[0] <= self._bounds[1]).all():
+            raise invalid("bounds", bounds, f"rows of lowest and highest numbers, (2, {size})")
 
     def parts(
         self, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike
@@ -202,7 +214,7 @@ class Adaptive:
     ) -> Array:
         """Return the torques for this sample, shape (2,); the estimate then takes its step."""
         tau, change, _ = self.parts(q, v, q_ref, v_ref, a_ref)
-        self.estimate = self.estimate + self._dt * change
+        self.estimate = np.clip(self.estimate + self._dt * change, *self._bounds)
         return tau
 
 

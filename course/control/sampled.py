@@ -142,12 +142,24 @@ class Law:
 
     Attributes:
         A, B, C, D: shapes (m, m), (m, 2), (m,) and (2,).
+        dt: sample time that its numbers were made for [s]; 0 for a law that is the same at any.
     """
 
     A: Array
     B: Array
     C: Array
     D: Array
+    dt: float = 0.0
+
+    def matrices(self, plant: Held) -> tuple[Array, Array, Array, Array]:
+        """Return A, B, C and D for the loop with a plant.
+
+        Raises:
+            ValueError: the law was made for another sample time than the plant was.
+        """
+        if self.dt and not math.isclose(self.dt, plant.dt, rel_tol=1e-9):
+            raise invalid("dt of the law", self.dt, f"that of the plant, {plant.dt:g} s")
+        return self.A, self.B, self.C, self.D
 
 
 @register_jitable
@@ -183,7 +195,7 @@ def pid_law(
     finite("tau", tau, 0.0, unit="s")
     positive("dt", dt, unit="s")
     kp, ki, kd = (finite(n, gain) for n, gain in (("kp", kp), ("ki", ki), ("kd", kd)))
-    return Law(*_pid(kp, ki, kd, dt, RATES.index(rate), tau))
+    return Law(*_pid(kp, ki, kd, dt, RATES.index(rate), tau), dt)
 
 
 @register_jitable
@@ -218,7 +230,7 @@ def loop_matrix(plant: Held, law: Law) -> Array:
     """Return the closed loop as one matrix over (x, commands under way, newest first, law's
     state).
     """
-    return _closed(plant.transition, plant.now, plant.before, plant.whole, *vars(law).values())
+    return _closed(plant.transition, plant.now, plant.before, plant.whole, *law.matrices(plant))
 
 
 @register_jitable
@@ -282,7 +294,7 @@ def open_loop(plant: Held, law: Law, w: ArrayLike) -> NDArray[np.complex128]:
 
 def _parts(plant: Held, law: Law) -> tuple[Any, ...]:
     """Return both as compiled code takes them."""
-    arrays = plant.transition, plant.now, plant.before, *vars(law).values()
+    arrays = plant.transition, plant.now, plant.before, *law.matrices(plant)
     transition, now, before, *rest = map(np.ascontiguousarray, arrays)
     return transition, now, before, plant.whole, *rest
 
@@ -432,6 +444,9 @@ def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0)
         A, B: the plant, see `joint_system`.
         law: with the gains as they are.
         dt, delay: sample time, and the delay that there is already [s].
+
+    Raises:
+        ValueError: the law was made for another sample time.
     """
 
     def holds(extra: float) -> bool:

@@ -212,6 +212,7 @@ class Claim:
         return {
             "verdict": result.verdict.value,
             "condition": result.condition,
+            "formula": self.formula.expression if self.formula else "",
             "texts": self.fingerprint,
             "inputs": dict(result.inputs),
             "figures": {

@@ -1,7 +1,8 @@
 """What came out of each claim, on record: one TOML file a file of claims, reviewed as a diff.
 
-An entry holds the verdict, the condition, the inputs, the figures, and a fingerprint of the claim's
-texts. A changed text disagrees with its record until it is recorded again, after a look at it.
+An entry holds the verdict, the condition, the formula where a learner is asked for one, the inputs,
+the figures, and a fingerprint of the claim's texts. A changed text disagrees with its record until
+it is recorded again, after a look at it.
 """
 
 import functools
@@ -15,7 +16,7 @@ from typing import Any
 from course.check import invalid
 
 FOLDER = Path(__file__).parent / "record"
-_TEXTS = ("verdict", "condition", "texts")
+_TEXTS = ("verdict", "condition", "formula", "texts")
 
 
 @functools.cache

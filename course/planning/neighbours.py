@@ -59,6 +59,14 @@ def _enter(nodes, links, i):
 
 
 @register_jitable
+def _divisor(a, b):
+    """Return the greatest common divisor (Euclid)."""
+    while b > 0:
+        a, b = b, a % b
+    return a
+
+
+@register_jitable
 def entered(nodes, links, count, done):
     """Bring the k-d tree up to date where there is to be one.
 
@@ -71,8 +79,16 @@ def entered(nodes, links, count, done):
     """
     if count <= brute_below(nodes.shape[1]):
         return 0
-    for i in range(done, count):
-        _enter(nodes, links, i)
+    # Nodes of a chain lie in order on a line: hung in that order, they would make the tree as deep
+    # as the chain is long. Steps of the golden ratio take them in an order that keeps it shallow.
+    new = count - done
+    stride = max(int(0.6180339887498949 * new), 1)
+    while _divisor(stride, new) > 1:
+        stride += 1
+    at = 0
+    for _ in range(new):
+        _enter(nodes, links, done + at)
+        at = (at + stride) % new
     return count
 
 

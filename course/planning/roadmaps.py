@@ -28,6 +28,7 @@ from course.compiled import MATRIX, VECTOR, compiled
 from course.planning.neighbours import WIDTH, brute_below, entered, nearest, squared
 from course.planning.problem import (
     GOAL_BLOCKED,
+    LOOPS,
     METHODS,
     NO_SAMPLES,
     NO_TIME,
@@ -36,6 +37,7 @@ from course.planning.problem import (
     Plan,
     Query,
     number,
+    unknown_options,
 )
 from course.planning.samplers import (
     EDGE_CHECKS,
@@ -371,8 +373,12 @@ def _roadmap(world: World, nodes: Array, pairs: Ints, status: Ints) -> Roadmap:
     first = np.concatenate(([0], np.cumsum(np.bincount(ends, minlength=len(nodes)))))
     links = np.zeros((len(nodes), WIDTH), dtype=np.int64)
     _kernel(_enter)(nodes, links)
-    paths = order % max(len(pairs), 1)
-    return Roadmap(world, nodes, pairs, status, world.obstacles[:0], first, paths, links)
+    edges = order % max(len(pairs), 1)
+    # Tables of its own: whoever changes those of a world in place has changed the world.
+    own = replace(
+        world, bounds=world.bounds.copy(), obstacles=world.obstacles.copy(), body=world.body.copy()
+    )
+    return Roadmap(own, nodes, pairs, status, own.obstacles[:0], first, edges, links)
 
 
 def build_roadmap(
@@ -403,18 +409,38 @@ def build_roadmap(
 
 
 def adapted(roadmap: Roadmap, world: World) -> Roadmap:
-    """Return the same roadmap in a world with other obstacles; nothing is asked yet.
+    """Return the same roadmap in a world with other obstacles; nothing is checked yet.
 
-    What was free is asked again about obstacles that have come, what was blocked about all if some
-    have gone.
+    An edge that was free is checked again against the obstacles that have come, one that was
+    blocked against all of them if some have gone. What a function of the user answers may have
+    changed without a trace, so each of its edges is checked again.
+
+    Raises:
+        ValueError: the roadmap was built for another kind of world, another body or other bounds.
+            Its nodes and edges say nothing about those.
     """
+    built = roadmap.world
+    if built.kind != world.kind:
+        raise invalid("kind of the world", world.kind, f"that of the roadmap, {built.kind}")
+    for name, now, then in (
+        ("bounds", world.bounds, built.bounds),
+        ("body", world.body, built.body),
+    ):
+        if not np.array_equal(now, then):
+            raise invalid(
+                f"{name} of the world", now.tolist(), f"that of the roadmap, {then.tolist()}"
+            )
     old, new = ({row.tobytes() for row in w.obstacles} for w in (roadmap.world, world))
+    if old == new and world.kind != "function":
+        return replace(roadmap, world=world)  # with the same table of what is known of edges
     come = np.array([row.tobytes() not in old for row in world.obstacles], dtype=bool)
     fresh = np.ascontiguousarray(world.obstacles[come])
     # A side of a polygon means nothing without the others, a function is one thing.
     single = world.kind == "capsule arm" or (fresh[:, 0] == DISC).all()
     fresh = fresh if single and world.kind != "function" else world.obstacles
     status = roadmap.status.copy()
+    if world.kind == "function":
+        status[:] = UNKNOWN
     if come.any():
         status[status == FREE] = AGAIN
     if old - new:
@@ -453,7 +479,7 @@ def _numbers(query: Query, neighbours: int, lazy: bool, stop: bool) -> Array:
     numbers[MIX] = number(query, "mix", 1.0, 0.0, 1.0)
     numbers[SPREAD] = number(query, "spread", 0.05 * extent, POSITIVE)
     if query.options:
-        raise invalid(f"options of {query.method}", sorted(query.options), "those that it has")
+        raise unknown_options(query)
     return numbers
 
 
@@ -612,7 +638,7 @@ def _outside(roadmap: Roadmap, tree: Array, parents: Ints, hooks: Ints) -> tuple
 def on_roadmap(query: Query) -> Plan:
     """Return an answer from a `Roadmap` made before, the option `roadmap`.
 
-    Its world may have changed.
+    Obstacles of its world may have come, gone or moved; see `adapted`.
 
     Option attach: "list" joins each end to its nearest nodes by straight edges, and leaves it to
     RRT-Connect where that fails; "trees" grows a tree from each end onto the whole roadmap, a share
@@ -627,8 +653,7 @@ def on_roadmap(query: Query) -> Plan:
     step = number(query, "step", 0.2 * world.extent, POSITIVE)
     numbers = _numbers(query, 0, False, False)
     numbers[STEP], numbers[NEAR] = step, near
-    if roadmap.world is not world:
-        roadmap = adapted(roadmap, world)
+    roadmap = adapted(roadmap, world)
     root = query.goal_root()
     if root is None:
         return query.answer(GOAL_BLOCKED)
@@ -689,10 +714,13 @@ def on_roadmap(query: Query) -> Plan:
         query.report_progress(f"{counts[SAMPLES]} of {budget.samples} samples")
 
 
-METHODS.update(prm=prm, prm_star=prm, lazy_prm=prm, roadmap=on_roadmap)
-
-
+@functools.cache
 def warm() -> None:
     """Compile, or load from the cache, the loops of this file."""
     for function in (_grow, _resolve, _search, _attach, _list, _enter):
         _kernel(function)
+    LOOPS["rrt_connect"]()  # which answers where a list of neighbours does not
+
+
+METHODS.update(prm=prm, prm_star=prm, lazy_prm=prm, roadmap=on_roadmap)
+LOOPS.update(dict.fromkeys(("prm", "prm_star", "lazy_prm", "roadmap"), warm))

@@ -26,6 +26,7 @@ from course.compiled import MATRIX, VECTOR, address_of, compiled, from_address
 from course.planning.neighbours import CHILD, SIBLING, WIDTH, entered, nearest, squared, within
 from course.planning.problem import (
     GOAL_BLOCKED,
+    LOOPS,
     METHODS,
     NO_SAMPLES,
     NO_TIME,
@@ -33,6 +34,7 @@ from course.planning.problem import (
     Plan,
     Query,
     number,
+    unknown_options,
 )
 from course.planning.samplers import (
     DRAWN,
@@ -55,6 +57,11 @@ Array = NDArray[np.float64]
 # goal, or where the trees meet; how many states of the goal were drawn; nodes on the way from there
 # back to the root, whose numbers are in room[1] and room[2].
 NODES, DONE, LAST, ROOTS, WAY = 4, 6, 8, 10, 11
+# Of a chain of RRT-Connect that is not at its end: the node that it goes on from, plus one (0 where
+# there is none); the node of the other tree that it goes to; the side whose turn it was.
+CHAIN, MEETING, TURN = 13, 14, 15
+# Nodes of a chain before it counts as another sample, so that both budgets hold for any step.
+LONGEST = 1000
 # What a loop ends with: the chunk is done, a path is found, the arrays are full.
 GO_ON, FOUND, FULL = 0, 1, 2
 # Numbers that a loop is told.
@@ -295,10 +302,12 @@ def _connect(
     rng,
     samples,
 ):
-    """Return two trees, which take turns.
+    """Grow two trees, which take turns; return whether they met, or the arrays are full.
 
-    One takes a step towards a sample, the other goes on towards that new node for as long as it is
-    free to. Arguments as of `_grow`.
+    One extends by a step towards a sample, the other connects: it goes on towards that new node for
+    as long as it is free to. A chain may take any number of steps, so it is left and taken up again
+    where the arrays are full, and after each `LONGEST` nodes, which count as a sample. Arguments as
+    of `_grow`.
     """
     n = bounds.shape[1]
     step = numbers[STEP]
@@ -307,58 +316,70 @@ def _connect(
     region = False
     for k in range(n):
         region = region or goal[0, k] < goal[1, k]
-    longest = math.ceil(math.sqrt(squared(bounds[0], bounds[1])) / step) + 3
-    for _ in range(samples):
-        if max(counts[NODES], counts[NODES + 1]) + longest > nodes.shape[1]:
+    began = counts[SAMPLES]
+    while counts[CHAIN] > 0 or counts[SAMPLES] - began < samples:
+        if max(counts[NODES], counts[NODES + 1]) + 3 > nodes.shape[1]:
             return FULL
-        side = counts[SAMPLES] % 2
-        counts[SAMPLES] += 1
-        if region and counts[ROOTS] <= counts[NODES + 1] // 2:  # another state of the goal
-            counts[ROOTS] += 1
-            counts[STATE_CHECKS] += 1
-            uniform(goal[0], goal[1], rng, target)
-            if state_free(obstacles, body, target):
-                _add(nodes, parents, links, costs, counts, 1, target, -1, 0.0)
-        _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, target)
-        meeting = -1
-        for turn in range(2):
-            grown = side if turn == 0 else 1 - side
-            at = _near(nodes, links, counts, grown, target, stack, gaps)
-            reached = False
-            while not reached:
-                for k in range(n):  # a copy costs less than a view
-                    here[k] = nodes[grown, at, k]
-                length = _steer(here, target, step, new)
-                reached = length < step or squared(new, target) == 0.0
-                if length > 0.0:
-                    counts[EDGE_CHECKS] += 1
-                    # An edge of the goal's tree is driven towards its root.
-                    a, b = (here, new) if grown == 0 else (new, here)
-                    if not edge_free(obstacles, body, a, b):
-                        reached = False
-                        break
-                    at = _add(
-                        nodes,
-                        parents,
-                        links,
-                        costs,
-                        counts,
-                        grown,
-                        new,
-                        at,
-                        costs[grown, at] + length,
-                    )
-                    if turn == 0:
-                        meeting = at
-                if turn == 0:
-                    break
-            if turn == 0:
-                if meeting < 0:
-                    break  # trapped
-                target[:] = nodes[grown, meeting]
-            elif reached:
-                counts[LAST + side], counts[LAST + 1 - side] = meeting, at
-                return FOUND
+        if counts[CHAIN] == 0:
+            side = counts[SAMPLES] % 2
+            counts[SAMPLES] += 1
+            if region and counts[ROOTS] <= counts[NODES + 1] // 2:  # another state of the goal
+                counts[ROOTS] += 1
+                counts[STATE_CHECKS] += 1
+                uniform(goal[0], goal[1], rng, target)
+                if state_free(obstacles, body, target):
+                    _add(nodes, parents, links, costs, counts, 1, target, -1, 0.0)
+            _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, target)
+            # Extend: one step of this tree towards the sample.
+            at = _near(nodes, links, counts, side, target, stack, gaps)
+            for k in range(n):  # a copy costs less than a view
+                here[k] = nodes[side, at, k]
+            length = _steer(here, target, step, new)
+            if length > 0.0:
+                counts[EDGE_CHECKS] += 1
+                # An edge of the goal's tree is driven towards its root.
+                a, b = (here, new) if side == 0 else (new, here)
+                if not edge_free(obstacles, body, a, b):
+                    continue  # trapped
+                cost = costs[side, at] + length
+                meeting = _add(nodes, parents, links, costs, counts, side, new, at, cost)
+                target[:] = new
+                at = _near(nodes, links, counts, 1 - side, target, stack, gaps)
+                counts[CHAIN], counts[MEETING], counts[TURN] = at + 1, meeting, side
+            if counts[CHAIN] == 0:
+                continue
+        # Connect: the other tree goes on towards the new node until something is in the way.
+        side, meeting, at = counts[TURN], counts[MEETING], counts[CHAIN] - 1
+        target[:] = nodes[side, meeting]
+        free = reached = False
+        for _ in range(LONGEST):
+            for k in range(n):
+                here[k] = nodes[1 - side, at, k]
+            length = _steer(here, target, step, new)
+            reached = length < step or squared(new, target) == 0.0
+            free = True
+            if length > 0.0:
+                counts[EDGE_CHECKS] += 1
+                a, b = (here, new) if side == 1 else (new, here)
+                free = edge_free(obstacles, body, a, b)
+                if free:
+                    cost = costs[1 - side, at] + length
+                    at = _add(nodes, parents, links, costs, counts, 1 - side, new, at, cost)
+            counts[CHAIN] = at + 1
+            if reached or not free:
+                break
+            if counts[NODES + 1 - side] == nodes.shape[1]:
+                return FULL
+        if not free:
+            counts[CHAIN] = 0
+        elif reached:
+            counts[CHAIN] = 0
+            counts[LAST + side], counts[LAST + 1 - side] = meeting, at
+            return FOUND
+        else:
+            counts[SAMPLES] += 1
+            if counts[SAMPLES] - began >= samples:
+                break
     return GO_ON
 
 
@@ -484,7 +505,7 @@ def _options(query: Query) -> tuple[Array, Array]:
     if kind == SAMPLERS["halton"] and world.dim > len(PRIMES):
         raise invalid("sampler", sampler, f"up to {len(PRIMES)} dimensions")
     if options:
-        raise invalid(f"options of {query.method}", sorted(options), "those that it has")
+        raise unknown_options(query)
     return numbers, listed.T
 
 
@@ -624,6 +645,7 @@ def rrt_connect(query: Query) -> Plan:
 
 
 METHODS.update(rrt=rrt, rrt_connect=rrt_connect, rrt_star=rrt_star, informed_rrt_star=rrt_star)
+LOOPS.update(dict.fromkeys(("rrt", "rrt_connect", "rrt_star", "informed_rrt_star"), _kernel))
 
 
 def warm() -> None:

@@ -391,6 +391,25 @@ def box(name: str, value: ArrayLike) -> Array:
     return bounds
 
 
+def _is_simple(corners: Array) -> bool:
+    """Return whether a polygon, corners (k, 2), has an area and no two sides that cross."""
+    a, b = corners, np.roll(corners, -1, axis=0)
+
+    def side(p: Array, q: Array, r: Array) -> Array:
+        """Return on which side of the lines p q the points r are: -1, 0 or 1."""
+        return np.sign(
+            (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
+            - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+        )
+
+    first, second = (corners[:, None], b[:, None]), (a[None], b[None])
+    crossing = (side(*first, second[0]) * side(*first, second[1]) < 0.0) & (
+        side(*second, first[0]) * side(*second, first[1]) < 0.0
+    )
+    area = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+    return bool(area != 0.0 and not crossing.any())
+
+
 def _plane_obstacles(discs: ArrayLike, boxes: ArrayLike, polygons: Sequence[ArrayLike]) -> Array:
     """Return rows of plane obstacles; a box is the polygon of its four sides."""
     round_ones = np.asarray(discs, dtype=float).reshape(-1, 3) if np.size(discs) == 0 else discs
@@ -405,6 +424,9 @@ def _plane_obstacles(discs: ArrayLike, boxes: ArrayLike, polygons: Sequence[Arra
     for i, polygon in enumerate(polygons):
         corners.append(vector(f"polygons[{i}]", polygon, (None, 2), unit="m"))
         count(f"len(polygons[{i}])", len(corners[-1]), 3)
+        if not _is_simple(corners[-1]):
+            allowed = "corners of a polygon with an area, whose sides meet at its corners only"
+            raise invalid(f"polygons[{i}]", polygon, allowed)
     for ring in corners:
         sides = [[SIDE, *p, *q] for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
         sides[-1][0] = LAST_SIDE
@@ -428,7 +450,8 @@ def plane(
             must not cross each other.
 
     Raises:
-        ValueError: for empty bounds, a NaN, a radius that is not positive, an empty box.
+        ValueError: for empty bounds, a NaN, a radius that is not positive, an empty box, a polygon
+            without an area or with sides that cross.
     """
     limits = box("bounds", vector("bounds", bounds, (2, 2), unit="m"))
     return World(

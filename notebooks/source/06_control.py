@@ -79,7 +79,7 @@ def print_figures(chart, *rows):
 # $$\boxed{\;\tau = K_p\,e + K_i\int e\,dt + K_d\,\dot e\;}$$
 #
 # A spring to the target, a memory of what was missed, a damper. On an inertia $I$ with friction $b$ (some cards and
-# charts write $J$ for $I$) the spring alone swings. An integral with dry friction may wait, jump past the target, and
+# charts write $J$ for $I$) the spring alone swings, once it is stiffer than $b^2 / (4 I)$. An integral with dry friction may wait, jump past the target, and
 # wait again: **hunting**.
 
 # %%
@@ -252,8 +252,8 @@ print_figures("saturation_region", "from rest")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Count what is late: half a sample for the hold, half for a difference, the filter, the wire. That sum
-# and the friction decide how much gain there is. Tuning only finds it again.
+# **Key insight.** Count what is late: half a sample for the hold, half for a difference, the filter, the wire. That sum,
+# the inertia and the friction decide how much gain there is. Tuning only finds it again.
 #
 # </div>
 #
@@ -337,10 +337,13 @@ show("perfect_model_perfect_tracking")
 # %% [markdown]
 # And with the wrong model, such as a payload that nobody told it of? **Adaptive control** (Slotine and Li 1987) learns
 # the numbers of the model while it moves. The torques are linear in them, chapter 4's regressor $Y$; the estimate moves
-# along $Y^\mathsf{T}s$, with $s$ a mixture of both errors, and a sum of squares can only fall.
+# along $Y^\mathsf{T}s$, with $s$ a mixture of both errors. In continuous time a sum of squares can then only fall.
 
 # %%
 show("adaptive_finds_parameters")
+
+# %%
+show("adaptive_sum_can_only_fall")
 
 # %% [markdown]
 # ### What a wrong inertia does

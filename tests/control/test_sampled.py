@@ -326,6 +326,8 @@ def test_mujocos_loop_is_that_matrix(integrator, steps):
         (lambda: pd_limit(-1.0, 1.0, 0.01), "kd"),
         (lambda: stepped(1.0, 0.0, 0.01, 0), "steps"),
         (lambda: sampled.force_limit(1.0, 0.0, 0.01), "wall"),
+        (lambda: margins(*JOINT, pid_law(1.0, dt=1e-3), 1e-2), "dt of the law is 0.001"),
+        (lambda: loop_matrix(held(*JOINT, 1e-2), pid_law(1.0, dt=1e-3)), "dt of the law"),
     ],
 )
 def test_wrong_numbers_are_refused(call, word):

@@ -206,7 +206,7 @@ def test_no_entry_of_the_record_can_change(item):
     outcome = derivations.show(item.id).outcome if unmet(item) else run(item.id)
     result, record = outcome.finding, records.load(item.file)[item.id]
     entry = item.entry(result)
-    for name in ("verdict", "condition", "texts"):
+    for name in ("verdict", "condition", "formula", "texts"):
         changed = record | {name: record.get(name, "") + " not"}
         assert list(records.differences(changed, entry)), name
     for name, value in record["inputs"].items():

@@ -17,6 +17,7 @@ from course.planning import (
     edge_free,
     from_function,
     plan,
+    planar_arm,
     plane,
     revalidated,
     scenes,
@@ -190,6 +191,66 @@ def test_a_region_a_function_and_a_goal_that_cannot_be() -> None:
 def test_bad_input_is_named(options, named) -> None:
     with pytest.raises(ValueError, match=named):
         plan(plane(SQUARE, [[5.0, 5.0, 1.0]]), [1, 1], [9, 9], **options)
+
+
+DISCS = [[1.2, 0.9, 0.35], [-1.0, 1.2, 0.4]]
+
+
+@pytest.mark.parametrize(
+    ("world", "named"),
+    [
+        (planar_arm([1.3, 1.3], 0.15, discs=DISCS), "body"),
+        (planar_arm([1.0, 1.0], 0.02, discs=DISCS, bounds=[[-1, -1], [2, 2]]), "bounds"),
+        (plane([[-3, -3], [3, 3]], discs=DISCS), "kind"),
+        (planar_arm([1.0, 1.0, 1.0], 0.02, discs=DISCS), "bounds"),
+    ],
+)
+def test_a_roadmap_answers_for_no_other_robot(world, named) -> None:
+    """What was free for one body says nothing of another."""
+    roadmap = build_roadmap(planar_arm([1.0, 1.0], 0.02, discs=DISCS), 300, 0)
+    ends = np.array([[0.5] * world.dim, [1.0] * world.dim])
+    with pytest.raises(ValueError, match=rf"{named} of the world is .*that of the roadmap"):
+        plan(world, *ends, method="roadmap", roadmap=roadmap)
+    with pytest.raises(ValueError, match=named):
+        revalidated(roadmap, world)
+
+
+@pytest.mark.parametrize("attach", ["list", "trees"])
+def test_a_world_that_is_changed_in_place_is_another_world(attach) -> None:
+    """Its roadmap has tables of its own to compare with."""
+    rng = np.random.default_rng(3)
+    world = plane([[0.0, 0.0], [10.0, 10.0]], discs=[[9.0, 1.0, 0.5]])
+    roadmap = build_roadmap(world, 400, 0)
+    for _ in range(40):
+        world.obstacles[0, 1:4] = *rng.uniform(2.0, 8.0, 2), rng.uniform(0.5, 1.5)
+        ends = rng.uniform(0.0, 1.5, 2), rng.uniform(8.5, 10.0, 2)
+        result = plan(world, *ends, method="roadmap", roadmap=roadmap, attach=attach, rng=rng)
+        assert result.path is not None and check_path(world, result.path, *ends)
+
+
+def test_a_function_that_answers_otherwise_than_before_is_asked_again() -> None:
+    radius = [0.1]
+
+    def free(q) -> bool:
+        return bool(np.hypot(*(q - 5.0)) > radius[0])
+
+    world = from_function(free, [[0.0, 0.0], [10.0, 10.0]], 0.05)
+    roadmap = build_roadmap(world, 200, 0)
+    radius[0] = 2.0
+    for seed in range(5):
+        result = plan(world, [1.0, 1.0], [9.0, 9.0], method="roadmap", roadmap=roadmap, rng=seed)
+        assert result.path is not None
+        assert check_path(world, result.path, [1.0, 1.0], [9.0, 9.0])
+
+
+def test_what_was_asked_in_the_same_world_is_remembered() -> None:
+    world = plane([[0.0, 0.0], [10.0, 10.0]], discs=discs(np.random.default_rng(0)))
+    roadmap = build_roadmap(world, 300, 0, lazy=True)
+    ends = [0.2, 0.2], [9.8, 9.8]
+    first, again = (
+        plan(world, *ends, method="roadmap", roadmap=roadmap, attach="list") for _ in range(2)
+    )
+    assert again.edge_checks < first.edge_checks
 
 
 @pytest.mark.slow

@@ -13,8 +13,19 @@ from scipy import stats
 
 from course import drills
 from course.compiled import MATRIX, VECTOR, compiled
-from course.planning import Budget, Plan, Region, check_path, neighbours, plan, plane, scenes
+from course.planning import (
+    Budget,
+    Plan,
+    Region,
+    check_path,
+    neighbours,
+    plan,
+    plane,
+    problem,
+    scenes,
+)
 from course.planning.samplers import SAMPLERS
+from course.planning.trees import LONGEST
 from tests.budget import examples
 
 TREES = ("rrt", "rrt_connect", "rrt_star", "informed_rrt_star")
@@ -47,6 +58,46 @@ def test_every_path_is_right(scene, method) -> None:
         for i, parent in enumerate(result.parents[:40]):  # and of every edge of the tree
             if parent >= 0:
                 assert check_path(scene.world, result.nodes[:, [parent, i]])
+
+
+@pytest.mark.parametrize("method", TREES)
+@pytest.mark.parametrize("step", [1e-3, 1e-6, 1e-12])
+def test_a_budget_holds_for_any_step(method: str, step: float) -> None:
+    """A chain of RRT-Connect takes distance / step nodes, which is any number."""
+    world = plane([[0.0, 0.0], [10.0, 10.0]], discs=[[5.0, 5.0, 2.0]])
+    result = plan(world, [1.0, 1.0], [9.0, 9.0], method=method, step=step, budget=60)
+    assert result.samples <= 60 and len(result.nodes.T) <= 60 * (LONGEST + 3)
+
+
+def test_a_long_chain_is_left_and_taken_up_again() -> None:
+    """Ten thousand nodes: the arrays grow several times, and each thousand is a sample."""
+    world = plane([[0.0, 0.0], [10.0, 10.0]])
+    start, goal, step = [1.0, 1.0], [9.0, 8.0], 1e-3
+    result = plan(world, start, goal, step=step, budget=200, rng=1)
+    assert result.path is not None and check_path(world, result.path, start, goal)
+    spacing = np.linalg.norm(np.diff(result.path, axis=1), axis=0)
+    assert spacing.max() <= step + 1e-12 and result.path.shape[1] > 8 * LONGEST
+    assert result.samples >= result.path.shape[1] // LONGEST
+    parents, nodes = result.parents, result.nodes
+    i = np.flatnonzero(parents >= 0)
+    lengths = np.linalg.norm(nodes[:, i] - nodes[:, parents[i]], axis=0)
+    np.testing.assert_allclose(result.costs[i], result.costs[parents[i]] + lengths, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", [*TREES, "prm", "lazy_prm"])
+def test_compiling_is_no_part_of_a_time_budget(method: str, monkeypatch) -> None:
+    """The clock here moves only while loops are compiled."""
+    now = [0.0]
+
+    def slow() -> None:
+        now[0] += 100.0
+
+    monkeypatch.setattr(problem.time, "perf_counter", lambda: now[0])
+    monkeypatch.setitem(problem.LOOPS, method, slow)
+    world = plane([[0.0, 0.0], [10.0, 10.0]])
+    budget = Budget(50, seconds=1.0)
+    result = plan(world, [1.0, 1.0], [9.0, 9.0], method=method, budget=budget)
+    assert result.status in ("solved", "out of samples") and result.seconds == 0.0
 
 
 @examples(25)

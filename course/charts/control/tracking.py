@@ -144,9 +144,11 @@ class PathMPPI(Along):
         return np.asarray(result.plan[0])
 
 
-def adaptive(model: TwoLink, dt: float, rate: float = 5.0) -> Adaptive:
-    """Return the adaptive law, from the model's numbers on."""
-    return Adaptive(model, 10.0, (5.0, 2.5), rate, dt, model.parameters)
+def adaptive(
+    model: TwoLink, dt: float, rate: float = 5.0, bounds: ArrayLike | None = None
+) -> Adaptive:
+    """Return the adaptive law, which starts from the model's numbers."""
+    return Adaptive(model, 10.0, (5.0, 2.5), rate, dt, model.parameters, bounds)
 
 
 LAWS: dict[str, Callable[[TwoLink, float], Any]] = {
