@@ -23,7 +23,9 @@ from course.rigid_body.quaternion import to_matrix
 
 _EPS = 2.0**-52
 _STUCK = 4  # iterations in a row that bring neither bound of the distance nearer
-_VERTICES = 120  # that a growing polytope may have; its faces are fewer than twice as many
+# Vertices that a growing polytope may have, and more for each corner of the shapes: where both are
+# round and nearly concentric, it needs many. Its faces are fewer than twice as many.
+_VERTICES, _PER_CORNER = 120, 4
 
 # Where a pair of shapes stands in its array of numbers: half sizes of a and of b, centre and
 # rotation of b, all in the frame of a, the size that rounding is measured in, the rotation of a.
@@ -363,6 +365,7 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
     faces, new, iterations = 4, 4, 0  # `new` is the row of the next vertex
     rounding = 16.0 * _EPS * pair[_SIZE]
     depth, low, best = math.inf, -math.inf, (0.0, 0.0, 0.0)
+    given_up = math.inf  # distance of the nearest face that could not be opened
     while True:
         f = 0
         for g in range(1, faces):
@@ -379,7 +382,9 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
             depth, best = high, normal
         if high - face[f, 3] <= rounding:
             break
-        if new == _VERTICES or _known(s, new):
+        if new == s.shape[0] - 4 or _known(s, new):
+            # No room, or nothing beyond this face but rounding: it stays a bound of the depth.
+            given_up = min(given_up, key[f])
             key[f] = math.inf
             continue
         # Faces that the new vertex sees go (-inf); each edge of the hole makes a face with it.
@@ -433,7 +438,7 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
     i, j, k = corner[f, 0], corner[f, 1], corner[f, 2]
     for c in range(9):
         s[0, c], s[1, c], s[2, c] = s[i, c], s[j, c], s[k, c]
-    return depth, depth - min(low, depth), iterations, best
+    return depth, depth - min(low, given_up, depth), iterations, best
 
 
 @register_jitable
@@ -551,8 +556,9 @@ def measure(va, vb, halves, sizes, qa, qb, i, out, work):
 
 
 def _distances(va, vb, halves, sizes, qa, qb, out):
-    room = 2 * _VERTICES
-    places = (np.empty((_VERTICES + 4, 9)), np.empty(28), np.empty(4))
+    vertices = _VERTICES + _PER_CORNER * (va.shape[1] + vb.shape[1] - 2)
+    room = 2 * vertices
+    places = (np.empty((vertices + 4, 9)), np.empty(28), np.empty(4))
     faces = (np.empty((room, 3), np.int64), np.empty((room, 3), np.int64))
     keys = (np.empty((room, 4)), np.empty(room))
     work = places + faces + keys + (np.empty((room, 6), np.int64), np.empty(room, np.int64))

@@ -13,13 +13,17 @@ from course.check import finite, invalid, positive, vector
 
 Array = NDArray[np.float64]
 
+MAX_RECOVERY_SPEED = 1.0  # m/s
+
 
 @register_jitable
-def least_speed(gap, free, before, dt, restitution, recovery):
+def least_speed(gap, free, before, dt, restitution, recovery, fastest):
     """Return speed apart that a contact must have after the step [m/s], from its gap and its normal
     velocities without contact and before: an open gap may just close, what closes bounces.
     """
-    desired = -gap / dt if gap > 0.0 else -recovery * gap / dt
+    # Baumgarte stabilisation: a share of the depth a step, at a bounded speed. Without the bound a
+    # shorter step would throw out what starts deep all the faster.
+    desired = -gap / dt if gap > 0.0 else min(-recovery * gap / dt, fastest)
     if gap + dt * free <= 0.0 and restitution * before < 0.0:
         desired = max(desired, -restitution * before)
     return desired
@@ -39,7 +43,9 @@ class Problem:
         friction: coefficient of each row after the first, shape (n, d - 1) [1, or m for rotations].
         dt: step [s].
         restitution: Newton's coefficient, 0 to 1.
-        recovery: share of a penetration that is to be taken back in the step, 0 to 1.
+        recovery: share of a penetration that is to be taken back in the step, 0 to 1 (Baumgarte
+            stabilisation).
+        max_recovery_speed: at most, whatever the share asks for [m/s].
 
     Raises:
         ValueError: for numbers or shapes that are none of this.
@@ -54,6 +60,7 @@ class Problem:
     dt: float
     restitution: float = 0.0
     recovery: float = 0.2
+    max_recovery_speed: float = MAX_RECOVERY_SPEED
 
     def __post_init__(self) -> None:
         selected = functools.partial(object.__setattr__, self)
@@ -72,6 +79,8 @@ class Problem:
         positive("dt", self.dt, unit="s")
         finite("restitution", self.restitution, 0.0, 1.0)
         finite("recovery", self.recovery, 0.0, 1.0)
+        if not self.max_recovery_speed >= 0.0:  # infinite where there is none
+            raise invalid("max_recovery_speed", self.max_recovery_speed, "0 or more [m/s]")
         for name, size in (("velocity", nv), ("free", nv), ("gap", n)):
             selected(name, vector(name, getattr(self, name), (size,)))
 
@@ -120,10 +129,9 @@ class Problem:
     def target_velocity(self) -> Array:
         """Least normal velocity after the step, shape (n,) [m/s]."""
         free, before = self.jacobian[:, 0] @ self.free, self.jacobian[:, 0] @ self.velocity
+        how = self.dt, self.restitution, self.recovery, self.max_recovery_speed
         rows = zip(self.gap, free, before, strict=True)
-        return np.array(
-            [least_speed(*row, self.dt, self.restitution, self.recovery) for row in rows]
-        )
+        return np.array([least_speed(*row, *how) for row in rows])
 
     @property
     def offset(self) -> Array:

@@ -134,7 +134,7 @@ def march(
     positive("tolerance", tolerance, unit="m/s")
     first = scene.problem(dt)
     q, v = scene.q.copy(), scene.v.copy()
-    bounds = np.array([dt, scene.restitution, first.recovery, tolerance])
+    bounds = np.array([dt, scene.restitution, first.recovery, first.max_recovery_speed, tolerance])
     taken = compiled(_march, _MARCH)(
         first.scaled,
         first.scale,
@@ -154,7 +154,7 @@ def march(
 
 def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, sweeps, bounds):
     """Return the loop of `march`; changes q and v in place."""
-    dt, restitution, recovery, tolerance = bounds
+    dt, restitution, recovery, fastest, tolerance = bounds
     m, nv = rows.shape
     g, b, free = np.zeros(m), np.zeros(m), np.zeros(nv)
     taken = 0
@@ -169,7 +169,7 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
                 before += rows[i, j] * v[j]
                 gap += rows[i, j] * q[j]
             if i % d == 0:
-                b[i] -= least_speed(gap, b[i], before, dt, restitution, recovery)
+                b[i] -= least_speed(gap, b[i], before, dt, restitution, recovery, fastest)
         taken += sweep_until(A, b, g, d, False, sweeps, tolerance)
         for j in range(nv):
             v[j] = free[j]

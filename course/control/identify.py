@@ -23,6 +23,9 @@ from course.check import finite, invalid, positive, vector
 
 Array = NDArray[np.float64]
 
+# For `identify`: share of a window in which the joint may rest, fewest windows, and the largest
+# condition number of their four columns, each of length one.
+_REST, _FEWEST, _WORST = 0.1, 12, 1e3
 # Flat to the fourth order at both ends, so that sums over samples are integrals.
 _BUMP = Polynomial([0.0, 1.0, -1.0]) ** 5
 
@@ -84,7 +87,15 @@ CAUSES = (*LINEAR, "constant", "delay", "limit")
 class _Windows:
     """The integrals of a log over all windows; the columns are those of `LINEAR`."""
 
-    def __init__(self, log: Log, window: float, longest: float) -> None:
+    def __init__(self, log: Log, window: float, longest: float, rest: float | None = None) -> None:
+        """Integrate a log over windows.
+
+        Args:
+            log, window: as for `identify`.
+            longest: delay of a command that may be asked for [s].
+            rest: share of a window in which the joint may rest. None keeps the two fifths of the
+                windows that rest least, however much that is.
+        """
         self._dt, self._n = log.dt, round(positive("window", window, unit="s") / log.dt)
         self._back = math.ceil(finite("longest", longest, 0.0, unit="s") / log.dt) + 1
         n, last = self._n, len(log.q) - 1 - self._n
@@ -104,7 +115,8 @@ class _Windows:
         noise = float(np.std(np.diff(log.q, 4))) / math.sqrt(70.0)
         resting = np.abs(moved) < 5.0 * noise
         still = sliding_window_view(resting, n + 1)[starts] @ bump
-        starts = starts[still <= max(0.01 * bump.sum(), np.quantile(still, 0.4))]
+        most = max(0.01 * bump.sum(), np.quantile(still, 0.4))
+        starts = starts[still <= (most if rest is None else rest * bump.sum())]
         self.count = len(starts)
         rows = [
             sliding_window_view(x, n + 1)[starts] for x in (log.q, np.sign(moved), np.cos(log.q))
@@ -130,10 +142,19 @@ class _Windows:
 
 
 class Identified(NamedTuple):
-    """The model, and the standard deviations of inertia, damping, coulomb and gravity, (4,)."""
+    """What a log tells of a joint.
+
+    Attributes:
+        model: the joint.
+        deviation: standard deviations of inertia, damping, coulomb and gravity, (4,); 0 for one
+            that is in `at_zero`.
+        at_zero: those of damping and coulomb whose best value was below 0, within its deviation.
+            They were set to 0, and the others fitted again without them.
+    """
 
     model: JointModel
     deviation: Array
+    at_zero: tuple[str, ...] = ()
 
 
 def identify(
@@ -147,26 +168,50 @@ def identify(
             joint [s, 1].
         window: length of the bump; short ones let noise in, long ones are few [s].
 
+    A joint at rest tells nothing: friction is then anything up to Coulomb's. So only windows in
+    which it hardly rests are used, and a log of a single step, which rests most of the time, is
+    rejected. It would make gravity out of the friction that holds the joint.
+
     Raises:
-        ValueError: for a log too short for the window, or one whose motion can't tell the four.
+        ValueError: for a log too short for the window, or one whose motion can't tell the four: it
+            rests, it is always alike, or it wants a friction below 0.
     """
     delay = finite("delay", delay, 0.0, unit="s")
-    windows = _Windows(log, window, delay)
+    windows = _Windows(log, window, delay, rest=_REST)
+    if windows.count < _FEWEST:
+        seen = f"one that moves through {windows.count} windows only, and rests in the others"
+        allowed = f"a motion that goes on for {_FEWEST} windows or more: an excitation, not a step"
+        raise invalid("log", seen, allowed)
     scale = np.linalg.norm(windows.columns, axis=0)
-    if not (scale > 0.0).all() or np.linalg.cond(windows.columns / scale) > 1e5:
+    if not (scale > 0.0).all() or np.linalg.cond(windows.columns / scale) > _WORST:
         raise invalid("log", "one that cannot tell the four terms", "a motion with more variety")
     torque = positive("constant", constant) * windows.torque(delay)
-    answer, *_ = np.linalg.lstsq(windows.columns / scale, torque, rcond=None)
-    remaining = torque - windows.columns @ (answer / scale)
-    # Neighbours overlap by three quarters: about two in four tell something new.
-    spread = np.linalg.inv((windows.columns / scale).T @ (windows.columns / scale))
-    variance = 2.0 * (remaining @ remaining) / max(1, windows.count - 8)
-    deviation = np.sqrt(variance * np.diag(spread)) / scale
-    result = dict(zip(LINEAR, (answer / scale).tolist(), strict=True))
-    result["damping"], result["coulomb"] = max(0.0, result["damping"]), max(0.0, result["coulomb"])
+    free = np.ones(4, dtype=bool)
+    while True:
+        columns = windows.columns[:, free] / scale[free]
+        answer, *_ = np.linalg.lstsq(columns, torque, rcond=None)
+        remaining = torque - columns @ answer
+        # Neighbours overlap by three quarters: about two in four tell something new.
+        variance = 2.0 * (remaining @ remaining) / max(1, windows.count - 8)
+        value, deviation = np.zeros(4), np.zeros(4)
+        value[free] = answer / scale[free]
+        spread = np.diag(np.linalg.inv(columns.T @ columns))
+        deviation[free] = np.sqrt(variance * spread) / scale[free]
+        below = free & np.array([False, True, True, False]) & (value < 0.0)
+        if not below.any():
+            break
+        for name, number, sigma in zip(LINEAR, value, deviation, strict=True):
+            if name in ("damping", "coulomb") and number < -3.0 * sigma:
+                seen = f"one that wants a {name} of {number:.2g} +- {sigma:.2g}"
+                raise invalid(
+                    "log", seen, "a motion with more variety, of the joint's own commands"
+                )
+        free &= ~below
+    result = dict(zip(LINEAR, value.tolist(), strict=True))
     if result["inertia"] <= 0.0:
         raise invalid("log", "one with an inertia below 0", "a log of the joint's own commands")
-    return Identified(JointModel(**result, constant=constant, delay=delay), deviation)
+    at_zero = tuple(name for name, used in zip(LINEAR, free, strict=True) if not used)
+    return Identified(JointModel(**result, constant=constant, delay=delay), deviation, at_zero)
 
 
 class Diagnosis(NamedTuple):

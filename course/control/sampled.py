@@ -195,7 +195,7 @@ def pid_law(
     finite("tau", tau, 0.0, unit="s")
     positive("dt", dt, unit="s")
     kp, ki, kd = (finite(n, gain) for n, gain in (("kp", kp), ("ki", ki), ("kd", kd)))
-    return Law(*_pid(kp, ki, kd, dt, RATES.index(rate), tau), dt)
+    return Law(*_pid(kp, ki, kd, dt, RATES.index(rate), tau), dt=dt)
 
 
 @register_jitable

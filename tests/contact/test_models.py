@@ -304,6 +304,26 @@ def test_masses_in_other_units_move_alike(model: str, size: float) -> None:
     assert np.allclose(other.velocity, solve(model, either).velocity, atol=1e-8)
 
 
+@pytest.mark.parametrize("model", ["lcp", "pgs", "coulomb"])
+@pytest.mark.parametrize("fastest", [0.1, 1.0, np.inf])
+def test_what_starts_deep_comes_out_no_faster_than_allowed(model: str, fastest: float) -> None:
+    """A share of the depth a step is a speed that grows without end as steps get shorter."""
+    for dt in (1e-2, 1e-3, 1e-4):
+        problem = Problem(
+            mass=np.eye(2),
+            jacobian=np.array([[[0.0, 1.0], [1.0, 0.0]]]),
+            velocity=np.zeros(2),
+            free=np.array([0.0, -9.81 * dt]),
+            gap=np.array([-0.01]),
+            friction=np.full((1, 1), 0.5),
+            dt=dt,
+            max_recovery_speed=fastest,
+        )
+        result = solve(model, problem)
+        assert result.converged
+        assert result.velocity[1] == pytest.approx(min(0.2 * 0.01 / dt, fastest), abs=1e-8)
+
+
 def test_lemke_ends_on_a_ray_where_there_is_nothing() -> None:
     z, _, solved = lemke([[-1.0]], [-1.0])
     assert not solved
@@ -325,6 +345,8 @@ def test_lemke_ends_on_a_ray_where_there_is_nothing() -> None:
         ("dt", 0.0, "dt"),
         ("restitution", 1.5, "restitution"),
         ("recovery", -0.1, "recovery"),
+        ("max_recovery_speed", -0.1, "max_recovery_speed"),
+        ("max_recovery_speed", np.nan, "max_recovery_speed"),
         ("friction", np.ones((1, 1)), "friction.shape"),
     ],
 )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 
 from course import contact
 from course.charts.contact.geometry import random_poses
@@ -73,6 +74,24 @@ def test_agrees_with_every_feature(first, second, angle):
     assert (result > 0.0).any()
     assert (result < 0.0).any()
     assert np.abs(result - contact.enumerated(a, pose_a, b, pose_b)).max() < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("corners", [60, 200, 400])
+def test_the_depth_of_round_bodies_is_that_of_the_hull_of_their_differences(corners):
+    """The least distance from the origin to a face of that hull; concentric balls are the worst."""
+    rng = np.random.default_rng(corners)
+    for _ in range(4):
+        points = rng.standard_normal((2, 3, corners))
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+        shift = 0.02 * rng.standard_normal(3)
+        a, b = (contact.points(p) for p in points)
+        result = contact.distance(a, at(), b, at(*shift))
+        differences = points[0][:, :, None] - points[1][:, None] - shift[:, None, None]
+        depth = -ConvexHull(differences.reshape(3, -1).T).equations[:, 3].max()
+        assert -result.distance >= depth - 1e-9
+        assert -result.distance - result.gap <= depth + 1e-9
+        assert result.gap < 1e-9
 
 
 GAPS = [1e-3, 1e-6, 1e-9, 1e-12, 0.0, -1e-12, -1e-9, -1e-6, -1e-3]

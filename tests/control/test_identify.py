@@ -145,3 +145,58 @@ BAD = {
 def test_bad_input_is_named(name):
     with pytest.raises(ValueError, match=rf"^{name.strip()}[ .\[].*allowed is"):
         BAD[name]()
+
+
+def moved(target, noise: float = 5e-5, seconds: float = 8.0) -> Log:
+    """A horizontal joint with dry friction under PD, its angle measured with noise."""
+    t = 1e-3 * np.arange(round(1e3 * seconds))
+    joint, gains = Joint(0.5, 0.5, coulomb=0.2), Gains(60.0, 0.0, 8.0)
+    run = run_joint(joint, Actuator(), Encoder(22), gains, target(t), 1e-3, seconds)
+    rng = np.random.default_rng(7)
+    return Log(1e-3, run.q + noise * rng.standard_normal(run.q.shape), run.command)
+
+
+@pytest.mark.parametrize(
+    ("target", "named"),
+    [
+        (lambda t: 0.5 + 0.0 * t, "moves through"),  # what holds it at rest looks like gravity
+        (lambda t: 0.3 * np.sin(0.2 * t), "cannot tell the four terms"),
+    ],
+    ids=["one step", "slow"],
+)
+def test_a_log_that_cannot_tell_is_rejected(target, named) -> None:
+    with pytest.raises(ValueError, match=named):
+        identify(moved(target))
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        lambda t: 0.9 * np.sin(1.3 * t) + 0.4 * np.sin(4.1 * t + 1.0),
+        lambda t: 0.5 * np.sin(2.0 * t),
+        lambda t: 0.5 * np.sign(np.sin(1.5 * t)),
+        lambda t: 0.1 * t,
+    ],
+    ids=["two sines", "one sine", "steps to and fro", "ramp"],
+)
+def test_deviations_cover_the_errors(target) -> None:
+    result = identify(moved(target))
+    numbers = np.array([getattr(result.model, name) for name in LINEAR])
+    assert (np.abs(numbers - [0.5, 0.5, 0.2, 0.0]) < 4.0 * result.deviation + 2e-3).all()
+
+
+def test_a_friction_that_would_be_negative_is_named() -> None:
+    t = 1e-3 * np.arange(8000)
+    run = run_joint(
+        Joint(0.5, 0.5), Actuator(), Encoder(22), Gains(60.0, 0.0, 8.0), np.sin(2.0 * t), 1e-3, 8.0
+    )
+    rng = np.random.default_rng(0)
+    results = [
+        identify(Log(1e-3, run.q + 5e-5 * rng.standard_normal(run.q.shape), run.command))
+        for _ in range(12)
+    ]
+    clipped = [result for result in results if result.at_zero]
+    assert 0 < len(clipped) < 12
+    for result in clipped:
+        assert result.at_zero == ("coulomb",)
+        assert result.model.coulomb == result.deviation[2] == 0.0

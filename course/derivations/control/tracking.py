@@ -183,8 +183,8 @@ def adaptive_finds_parameters(result):
     "{far:.1f} rad off the motion, with the true numbers as a start, the sum grows {coarse:.1f} "
     "times within the first second at {coarse_hz:.0f} Hz; at {fine_hz:.0f} Hz it falls, to "
     "{fine:.2f} of its start. At {slow_hz:.0f} Hz {near:.1f} rad are enough to lose the arm. An "
-    "estimate that is kept between half and twice the true numbers loses it nowhere, and ends within "
-    "{kept_mrad:.1f} mrad of the motion.",
+    "estimate that is kept between half and twice the true numbers loses it nowhere, and ends "
+    "within {kept_mrad:.1f} mrad of the motion.",
     source="Slotine and Li, On the adaptive control of robot manipulators, 1987; Ioannou and Sun, "
     "Robust adaptive control, 1996, section 3.10",
 )
