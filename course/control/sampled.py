@@ -195,7 +195,8 @@ def pid_law(
     finite("tau", tau, 0.0, unit="s")
     positive("dt", dt, unit="s")
     kp, ki, kd = (finite(n, gain) for n, gain in (("kp", kp), ("ki", ki), ("kd", kd)))
-    return Law(*_pid(kp, ki, kd, dt, RATES.index(rate), tau), dt=dt)
+    A, B, C, D = _pid(kp, ki, kd, dt, RATES.index(rate), tau)
+    return Law(A, B, C, D, dt)
 
 
 @register_jitable

@@ -83,7 +83,8 @@ class TouchLaw:
     def linear(self, probe: Probe, dt: float) -> Law:
         """Return the same in contact, the surface at 0, as a law on (x, v)."""
         positive("dt", dt, unit="s")
-        return Law(*_linear(self.numbers(), probe.wall, probe.wall_damping, dt), dt=dt)
+        A, B, C, D = _linear(self.numbers(), probe.wall, probe.wall_damping, dt)
+        return Law(A, B, C, D, dt)
 
 
 @register_jitable

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, finite
+from course.check import count, finite, invalid
 
 Array = NDArray[np.float64]
 Severity = Callable[[Array], Array]
+_TWO_SIGMA = 1.96  # the normal quantile of a two-sided 95 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,8 @@ class Rare:
 
     Attributes:
         share, error: of failures, and its standard error as it would be stated.
+        low, high: interval of 95 % for the share. Where no run failed, the error says nothing: the
+            upper end is then Wilson's, times the largest weight that a run can have.
         runs: severities asked for.
         effective: failures that would say as much if each weighed the same, (sum w)^2 / sum w^2.
         heaviest: share of the answer that rests on one run: near 1 it is an alarm.
@@ -36,6 +39,8 @@ class Rare:
 
     share: float
     error: float
+    low: float
+    high: float
     runs: int
     effective: float
     heaviest: float
@@ -43,20 +48,45 @@ class Rare:
     width: Array
 
 
-def _estimate(weights: Array, runs: int, mean: Array, width: Array) -> Rare:
+def _estimate(weights: Array, largest: float, runs: int, mean: Array, width: Array) -> Rare:
+    """Return what the weights of the failed runs say, 0 for a run that did not fail.
+
+    Args:
+        weights: shape (n,).
+        largest: weight that a run can have, infinite where nothing bounds it.
+        runs, mean, width: for the record.
+    """
     n, total, square = weights.size, float(weights.sum()), float(np.sum(weights**2))
-    share = total / n
+    share = min(total / n, 1.0)
     error = math.sqrt(max(square / n - share * share, 0.0) / n)
     effective = total * total / square if square else 0.0
-    return Rare(
-        share, error, runs, effective, float(weights.max()) / max(total, 1e-300), mean, width
-    )
+    if total and largest > 1.0:
+        low, high = max(share - _TWO_SIGMA * error, 0.0), min(share + _TWO_SIGMA * error, 1.0)
+    else:  # a count of failures: 0 where weights may hide some
+        from scipy.stats import binomtest
+
+        interval = binomtest(round(total), n).proportion_ci(method="wilson")
+        low, high = float(interval.low), min(float(interval.high) * largest, 1.0)
+    top = float(weights.max()) / max(total, 1e-300)
+    return Rare(share, error, low, high, runs, effective, top, mean, width)
+
+
+def _severities(severity: Severity, disturbances: Array) -> Array:
+    """Return the severities of runs.
+
+    Raises:
+        ValueError: one of them is NaN, which is neither a failure nor a success.
+    """
+    result = np.asarray(severity(disturbances), dtype=float)
+    if np.isnan(result).any():
+        raise invalid("severity", "NaN", "a number for every run; infinite for one that broke off")
+    return result
 
 
 def plain(severity: Severity, size: int, runs: int, rng: np.random.Generator) -> Rare:
     """Return share of runs that fail, of so many; arguments as for `cross_entropy`."""
-    failed = severity(rng.standard_normal((size, count("runs", runs, 1)))) > 0.0
-    return _estimate(failed.astype(float), runs, np.zeros(size), np.ones(size))
+    failed = _severities(severity, rng.standard_normal((size, count("runs", runs, 1)))) > 0.0
+    return _estimate(failed.astype(float), 1.0, runs, np.zeros(size), np.ones(size))
 
 
 def cross_entropy(
@@ -97,10 +127,11 @@ def cross_entropy(
 
     for _ in range(count("rounds", rounds)):
         x, weight = drawn(count("each", each, 10))
-        bad = severity(x)
+        bad = _severities(severity, x)
         worst = weight * (bad >= min(float(np.quantile(bad, 1.0 - elite)), 0.0))
         mean = x @ worst / worst.sum()
         spread = np.sqrt((x - mean[:, None]) ** 2 @ worst / worst.sum())
         width = np.maximum(spread, max(least, 1e-3))
     x, weight = drawn(count("last", last, 1))
-    return _estimate(weight * (severity(x) > 0.0), rounds * each + last, mean, width)
+    failed = weight * (_severities(severity, x) > 0.0)
+    return _estimate(failed, 1.0 / share if share else math.inf, rounds * each + last, mean, width)

@@ -762,7 +762,8 @@ show("mujoco_timer")
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
 # <tr><td>body thrown off at touch</td> <td>$\omega h$ beyond the limit, or a deep start taken back in one step</td>
-# <td>halve $h$; print the first depth</td> <td>softer; a bounded speed of recovery (a shorter step alone throws it out faster)</td></tr>
+# <td>halve $h$; print the first depth</td> <td>softer; a bounded speed of recovery (a shorter step alone throws it out
+# faster)</td></tr>
 # <tr><td>deep overlap at rest</td> <td>spring too soft, light under heavy, sweeps not converged</td> <td>the residual;
 # swap the masses</td> <td>solver by Newton; direct solref</td></tr>
 # <tr><td>bends its way while braking</td> <td>pyramid</td> <td>send it off at several angles</td> <td>elliptic
@@ -999,9 +1000,9 @@ show("penalty_is_differentiable")
 #
 # **Interview tip.** *Penalty or constraint?* Say first what is asked of the contact. "Penalty: a spring, nothing to
 # solve, smooth force; it sinks in, its friction creeps, and $h < 2(\sqrt{1+\zeta^2}-\zeta)/\omega$. Constraint: no
-# depth, sticks exactly, has no step limit of its own; it needs a solver, whose iterations grow with the mass ratio, and its
-# gradients are zero or set-valued. MuJoCo is in between: constraints with softness, convex, unique, and it creeps. For
-# a grasp I take the true cone and print the residual."
+# depth, sticks exactly, has no step limit of its own; it needs a solver, whose iterations grow with the mass ratio,
+# and its gradients are zero or set-valued. MuJoCo is in between: constraints with softness, convex, unique, and it
+# creeps. For a grasp I take the true cone and print the residual."
 #
 # </div>
 #

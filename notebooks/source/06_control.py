@@ -79,8 +79,8 @@ def print_figures(chart, *rows):
 # $$\boxed{\;\tau = K_p\,e + K_i\int e\,dt + K_d\,\dot e\;}$$
 #
 # A spring to the target, a memory of what was missed, a damper. On an inertia $I$ with friction $b$ (some cards and
-# charts write $J$ for $I$) the spring alone swings, once it is stiffer than $b^2 / (4 I)$. An integral with dry friction may wait, jump past the target, and
-# wait again: **hunting**.
+# charts write $J$ for $I$) the spring alone swings, once it is stiffer than $b^2 / (4 I)$. An integral with dry
+# friction may wait, jump past the target, and wait again: **hunting**.
 
 # %%
 show("p_alone_overshoots")
@@ -252,8 +252,8 @@ print_figures("saturation_region", "from rest")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Count what is late: half a sample for the hold, half for a difference, the filter, the wire. That sum,
-# the inertia and the friction decide how much gain there is. Tuning only finds it again.
+# **Key insight.** Count what is late: half a sample for the hold, half for a difference, the filter, the wire. That
+# sum, the inertia and the friction decide how much gain there is. Tuning only finds it again.
 #
 # </div>
 #
@@ -335,9 +335,10 @@ show("computed_torque_law")
 show("perfect_model_perfect_tracking")
 
 # %% [markdown]
-# And with the wrong model, such as a payload that nobody told it of? **Adaptive control** (Slotine and Li 1987) learns
-# the numbers of the model while it moves. The torques are linear in them, chapter 4's regressor $Y$; the estimate moves
-# along $Y^\mathsf{T}s$, with $s$ a mixture of both errors. In continuous time a sum of squares can then only fall.
+# And with the wrong model, such as a payload that nobody told it of? **Adaptive control** (Slotine and Li 1987)
+# learns the numbers of the model while it moves. The torques are linear in them, chapter 4's regressor $Y$; the
+# estimate moves along $Y^\mathsf{T}s$, with $s$ a mixture of both errors. In continuous time a sum of squares can
+# then only fall.
 
 # %%
 show("adaptive_finds_parameters")
@@ -621,9 +622,10 @@ print_figures("control_speed", "")
 
 # %% [markdown]
 # *What to pick.* A good model and a known load: computed torque, half a sample ahead; nothing else buys as much for a
-# microsecond. A load that changes: adapt. A torque limit that binds, or a cost that is not a distance from a path: plan
-# ahead, by a quadratic program while the model is linear enough, by samples when it is not. With the model wrong as
-# here, PD with gravity is better than computed torque.
+# microsecond. A load that changes: adapt. A torque limit that binds, or a cost that is not a distance from a path:
+# plan ahead, by a quadratic program while the model is linear enough, by samples when it is not. With the model wrong
+# as here, PD with gravity is ahead of computed torque in this chart, but not by its law: its spring at the elbow is
+# seven times as stiff. Compare laws at equal stiffness.
 #
 # ## 7 · Debug: what a simulator hides
 #
@@ -826,8 +828,7 @@ check(mppi_step)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# It holds every load, it never rings. And its poles are elsewhere. The same slip stands in a well-known teaching
-# library.
+# It holds every load and never rings, and its poles are not where they should be.
 
 # %%
 card("hold_joint")

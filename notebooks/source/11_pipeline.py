@@ -945,7 +945,7 @@ for name, width in (("narrow", 0.0), ("width kept", 1.0)):
     for seed in range(3):
         rng, size = np.random.default_rng(seed), {"rounds": 3, "each": 100, "last": 300}
         result = cross_entropy(severity, 6, rng, least=width, **size)
-        print(f"{name:<11}{result.share:.1e}, says +- {result.error:.0e}; ", end="")
+        print(f"{name:<11}{result.share:.1e}, 95 % {result.low:.0e} to {result.high:.0e}; ", end="")
         message = f"effective {result.effective:.1f}, heaviest {result.heaviest:.2f}"
         print(f"{message}, least width {result.width.min():.2f}")
 

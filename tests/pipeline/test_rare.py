@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
+from course.measure.success import wilson
 from course.pipeline.rare import cross_entropy, plain
 
 SHARE = 4.9e-4
@@ -65,3 +66,39 @@ def test_weights_are_bounded_where_part_of_the_draws_is_plain():
     assert half.heaviest * half.share * 1500 <= 2.0 + 1e-9
     with pytest.raises(ValueError, match="elite"):
         cross_entropy(one_side, 6, rng, elite=0.0)
+
+
+def never(x):
+    return np.full(x.shape[1], -1.0)
+
+
+def test_no_failure_seen_is_no_failure_rate_of_zero():
+    """Of 1,000 runs without a failure up to 0.4 % may fail; a weight may hide any number."""
+    rng = np.random.default_rng(0)
+    result = plain(never, 6, 1000, rng)
+    assert result.share == 0.0 and result.low == 0.0
+    assert (
+        result.high == pytest.approx(float(wilson(0.0, 1000)[1]), rel=1e-6)
+        and 0.003 < result.high < 0.004
+    )
+    assert cross_entropy(never, 3, rng).high == 1.0
+    guarded = cross_entropy(never, 3, rng, defence=0.5)
+    assert guarded.high == pytest.approx(2.0 * float(wilson(0.0, 1500)[1]), rel=1e-6)
+
+
+def test_an_interval_covers_a_known_share():
+    """Plain sampling of a linear limit state, 200 times: about one interval in twenty misses."""
+    inside = 0
+    for seed in range(200):
+        result = plain(lambda x: x[0] - 1.5, 2, 400, np.random.default_rng(seed))
+        inside += result.low <= norm.sf(1.5) <= result.high
+    assert inside >= 180
+
+
+def test_when_all_fail_the_share_is_one_at_most_and_nan_is_named():
+    rng = np.random.default_rng(1)
+    always = cross_entropy(lambda x: np.ones(x.shape[1]), 3, rng)
+    assert always.low <= always.share <= 1.0 and always.high <= 1.0
+    for method in (lambda f: plain(f, 2, 50, rng), lambda f: cross_entropy(f, 2, rng)):
+        with pytest.raises(ValueError, match="severity is .NaN."):
+            method(lambda x: np.where(x[0] > 0.0, np.nan, 1.0))
