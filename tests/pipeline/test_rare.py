@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
+from course.measure.success import wilson
 from course.pipeline.rare import cross_entropy, plain
 
 SHARE = 4.9e-4
@@ -65,3 +66,50 @@ def test_weights_are_bounded_where_part_of_the_draws_is_plain():
     assert half.heaviest * half.share * 1500 <= 2.0 + 1e-9
     with pytest.raises(ValueError, match="elite"):
         cross_entropy(one_side, 6, rng, elite=0.0)
+
+
+def test_no_failure_in_the_sample_is_not_a_share_of_zero_for_certain():
+    """Wilson's interval of `course.measure` is the truth: 0 of 1000 may be 0.38 %."""
+
+    def never(x):
+        return np.full(x.shape[1], -1.0)
+
+    one = plain(never, 6, 1000, np.random.default_rng(0))
+    assert (one.share, one.low) == (0.0, 0.0)
+    assert one.high == pytest.approx(float(wilson(0, 1000)[1]))
+    assert one.error == pytest.approx(one.high / 1.96, rel=1e-3)
+    # Of the runs of a proposal only those of the first round are sampled as the world does it.
+    other = cross_entropy(never, 6, np.random.default_rng(0))
+    assert (other.share, other.low) == (0.0, 0.0)
+    assert other.high == pytest.approx(float(wilson(0, 250)[1]))
+    defended = cross_entropy(never, 6, np.random.default_rng(0), defence=0.5, last=1500)
+    assert defended.high == pytest.approx(float(wilson(0, 1000)[1]))
+
+
+@pytest.mark.parametrize("failures", [1, 3, 40, 1000])
+def test_the_interval_of_plain_sampling_is_wilsons(failures):
+    def severity(x):
+        return np.where(np.arange(x.shape[1]) < failures, 1.0, -1.0)
+
+    one = plain(severity, 2, 1000, np.random.default_rng(0))
+    low, high = (float(end) for end in wilson(failures, 1000))
+    assert (one.low, one.high) == (pytest.approx(low), pytest.approx(high))
+    assert one.error > 0.0
+
+
+def test_a_share_never_exceeds_one_and_bad_severities_are_rejected():
+    def always(x):
+        return np.ones(x.shape[1])
+
+    for seed in range(20):
+        assert cross_entropy(always, 6, np.random.default_rng(seed)).share <= 1.0
+    for severity, words in (
+        (lambda x: np.where(x[0] > 1.0, np.nan, x[0]), "severity is nan"),
+        (lambda x: 1.0, "shape of the severities"),
+    ):
+        for method in (
+            lambda s: plain(s, 2, 100, np.random.default_rng(0)),
+            lambda s: cross_entropy(s, 2, np.random.default_rng(0)),
+        ):
+            with pytest.raises(ValueError, match=words):
+                method(severity)
