@@ -271,6 +271,44 @@ def injected(
     return replay
 
 
+def failing(
+    desired: int, faults: Sequence[Fault] = FAULTS, case: tuple[Scenario, Settings] = CASE
+) -> list[list[Record]]:
+    """Return so many failing runs of each fault, of at most eight times as many seeds."""
+    result: list[list[Record]] = [[] for _ in faults]
+    for fault, records in zip(faults, result, strict=True):
+        for seed in range(8 * desired):
+            if len(records) == desired:
+                break
+            record = injected(fault, seed, case)()
+            if not record.success:
+                records.append(record)
+    return result
+
+
+def contracts_alone(
+    desired: int, faults: Sequence[Fault] = FAULTS, case: tuple[Scenario, Settings] = CASE
+) -> NDArray[np.int64]:
+    """Return how many failing runs of each fault the first broken contract names, without a replay.
+
+    Args:
+        desired, faults, case: as for `confusion`.
+
+    Returns:
+        Shape (2, faults): with the true target, and with what a robot's own record holds.
+    """
+    runs = failing(desired, faults, case)
+    return np.array(
+        [
+            [
+                sum(first_broken(record, case[1], truth) == fault.stage for record in records)
+                for fault, records in zip(faults, runs, strict=True)
+            ]
+            for truth in (True, False)
+        ]
+    )
+
+
 def confusion(
     desired: int,
     faults: Sequence[Fault] = FAULTS,

@@ -381,6 +381,7 @@ def reach(
     settings: Settings = FAIR,
     duration: float = 1.5,
     damping: float = 0.5,
+    modelled: float | None = None,
 ) -> Reach:
     """Return a reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a
     step.
@@ -392,10 +393,12 @@ def reach(
         engine, dt, settings: what runs the arm.
         duration: of the reach [s].
         damping: of each joint, in the text and in the model [N m s/rad].
+        modelled: the model's own, where the two differ.
     """
     scene = arm(duration, damping=damping)
-    assert scene.chain is not None
-    chain, goal = scene.chain, np.array(GOAL)
+    chain = arm(duration, damping=damping if modelled is None else modelled).chain
+    assert chain is not None
+    goal = np.array(GOAL)
     run = prepared(engine, scene, positive("dt", dt, unit="s"), settings)
     now = run.state()
     for _ in range(round(duration / dt)):
