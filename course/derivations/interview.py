@@ -391,7 +391,8 @@ def error_by_its_shape(result):
     "It is complete on its graph: on a grid whose cells of {cell:g} m are free only as a whole, "
     "a straight gap along it of {narrow:g} m was open for {open_narrow:.0%} of the grid's places "
     "and one of {wide:g} m for {open_wide:.0%}. It is open wherever the grid lies from "
-    "{formula} on.",
+    "{formula} on. Turned to the grid the same gap of {wide:g} m was open for {turned:.0%} of its "
+    "places and angles, and one of {safe:g} m for all.",
     ask=(
         "Cells of side c count as free only as a whole. The least width of a gap, along the "
         "grid, that is open wherever the grid lies?",
