@@ -343,7 +343,9 @@ def controller_moves(result):
     error = result.measure("shipped", 1e3 * shipped[2].error, 0.1)
     # Chosen to break it: dampings and steps by chance, and then damping that only the model has,
     # or that only the simulator has, or a step that is long for the controller's pace.
-    mass = kinematics.mass_matrix(scenes.arm().chain, np.array(measures.GOAL))
+    chain = scenes.arm().chain
+    assert chain is not None
+    mass = kinematics.mass_matrix(chain, np.array(measures.GOAL))
     limit = 2.0 * measures.PACE * float(np.linalg.eigvalsh(mass)[0])
     lost = result.measure("lost", 2.0 * limit)
     known = [

@@ -146,7 +146,9 @@ def rk4_and_contact(result):
     (edge,) = (-x.real for x in np.roots([1 / 24, 1 / 6, 1 / 2, 1]) if abs(x.imag) < 1e-9)
     limit = result.measure("limit", edge)
     still = scenes.arm()
-    fastest = np.linalg.eigvalsh(np.linalg.inv(kinematics.mass_matrix(still.chain, still.q0)))[-1]
+    assert still.chain is not None and still.q0 is not None
+    mass = kinematics.mass_matrix(still.chain, still.q0)
+    fastest = 1.0 / float(np.linalg.eigvalsh(mass)[0])
 
     def damped(share, dt):
         """Return both errors of an arm whose fastest rate of damping is a share of the limit."""
