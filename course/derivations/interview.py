@@ -280,7 +280,9 @@ def derivative_is_filtered(result):
     "Energy that grows all the time shows that the integration is unstable.",
     "Something may feed it in. Halve the step: what explicit Euler adds to ln E in a second is "
     "halved, {whole:.2f} to {half:.2f}, of what Heun's scheme adds more than that is gone; "
-    "what a friction with the wrong sign adds stays, {fed:.2f} and {fed_half:.2f}.",
+    "what a friction with the wrong sign adds stays, {fed:.2f} and {fed_half:.2f}. And an impact "
+    "rule can feed it in between steps that are exact: a ball that is put back on the ground when "
+    "it is found below gains {bounced:.0%} in {bounces:.0f} bounces.",
 )
 def growing_energy(result):
     def growth(step, dt, damping):
@@ -319,18 +321,46 @@ def growing_energy(result):
         rate = growth(step, dt, damping)
         return rate > 0 and growth(step, dt / 2, damping) < 0.75 * rate
 
+    def bouncing(dt, bounces):
+        """Return energy gained in so many elastic bounces of a ball that flies exactly, and in
+        flight alone, as shares.
+        """
+        state, left, flown = np.array([1.0, 0.0]), bounces, 0.0
+        pull = np.array([-9.81 * dt * dt / 2, -9.81 * dt])
+
+        def energy(state):
+            return float(9.81 * state[0] + state[1] ** 2 / 2)
+
+        start = energy(state)
+        while left:
+            before = energy(state)
+            state = np.array([[1.0, dt], [0.0, 1.0]]) @ state + pull
+            flown = max(flown, abs(energy(state) - before) / start)
+            if state[0] < 0.0:
+                state, left = np.array([0.0, -state[1]]), left - 1
+        return energy(state) / start - 1.0, flown
+
+    bounces = int(result.input("bounces", 10))
+    gains = [bouncing(float(dt), bounces) for dt in result.rng.uniform(5e-3, 2e-2, 6)]
+    bounced = result.measure("bounced", bouncing(result.input("step", 0.01), bounces)[0], 1e-4)
     steps = result.rng.uniform(2e-3, 8e-3, 8)
     result.statement_holds(
         fed < 0.1,
-        only_if="no force feeds energy in",
+        only_if="neither a force nor an impact rule feeds energy in",
         inside=[report(explicit, 0.2 * 100 * h, h) for h in steps],
-        outside=[report(verlet, d, 4e-3) for d in result.rng.uniform(-1, -0.1, 8)],
+        outside=[
+            *(report(verlet, d, 4e-3) for d in result.rng.uniform(-1, -0.1, 8)),
+            # Chosen to break it: the flight is exact, and the energy grows all the same.
+            *(bool(gain > 0.01 and flight > 1e-9) for gain, flight in gains),
+        ],
         cases=True,
     )
     result.correction_holds(
         abs(whole / half - 2) < 0.05,
         abs(fed / fed_half - 1) < 0.05,
         abs(fed - 0.4) < 0.02,
+        bounced > 0.05,
+        all(gain > 0.01 and flight < 1e-12 for gain, flight in gains),
         0 < 4 * growth(heun, 2e-3, 0.0) < growth(heun, 4e-3, 0.0),
     )
 
@@ -391,7 +421,8 @@ def error_by_its_shape(result):
     "It is complete on its graph: on a grid whose cells of {cell:g} m are free only as a whole, "
     "a straight gap along it of {narrow:g} m was open for {open_narrow:.0%} of the grid's places "
     "and one of {wide:g} m for {open_wide:.0%}. It is open wherever the grid lies from "
-    "{formula} on.",
+    "{formula} on. Turned to the grid the same gap of {wide:g} m was open for {turned:.0%} of its "
+    "places and angles, and one of {safe:g} m for all.",
     ask=(
         "Cells of side c count as free only as a whole. The least width of a gap, along the "
         "grid, that is open wherever the grid lies?",
@@ -423,21 +454,67 @@ def complete_planners(result):
             found_open += areas[0, 0] == areas[0, 8]
         return found_open / places
 
+    def turned_share(gap, angles, half=0.25):
+        """Return share of places at which a gap in a wall of twice the half thickness is open.
+
+        Args:
+            gap: its width [m].
+            angles: by which it is turned to the grid, a place for each [rad].
+            half: half the thickness of the wall [m].
+        """
+        n, found_open = 40, 0
+        for angle in angles:
+            edges, (across, along) = (np.arange(n) - n / 2) * cell, result.rng.uniform(0, cell, 2)
+            x, y = np.meshgrid(edges + across, edges + along, indexing="ij")
+            cos, sin = np.cos(angle), np.sin(angle)
+            corners = [(x + i * cell, y + j * cell) for i in (0, 1) for j in (0, 1)]
+            u = np.array([cos * a + sin * b for a, b in corners])  # through the gap
+            w = np.array([cos * b - sin * a for a, b in corners])  # along the wall
+            free = np.ones((n, n), dtype=bool)
+            for side in (-1.0, 1.0):
+                # Cell and half of the wall are convex: apart if an axis of either parts them.
+                ends = [(a, side * b) for a in (-half, half) for b in (gap / 2, 10.0)]
+                xs = [cos * a - sin * b for a, b in ends]
+                ys = [sin * a + cos * b for a, b in ends]
+                apart = [u.min(0) - half, -half - u.max(0), gap / 2 - (side * w).max(0)]
+                apart += [x - max(xs), min(xs) - x - cell, y - max(ys), min(ys) - y - cell]
+                free &= np.max(apart, axis=0) >= -1e-12
+            areas, _ = label(free)
+            ways = [np.where(free, (u.mean(0) + s) ** 2 + w.mean(0) ** 2, 1e9) for s in (1.2, -1.2)]
+            here, there = (areas.flat[int(np.argmin(way))] for way in ways)
+            found_open += here == there
+        return found_open / len(angles)
+
     # The first edge lies x < c above the lower side of the gap; a whole cell above it has to fit.
     c, x = sympy.symbols("c x", positive=True)
     result.formula = sympy.limit(x + c, x, c, "-")
     tight = result.measure("open_narrow", open_share(narrow), 0.3)
     roomy = result.measure("open_wide", open_share(wide), 0.0)
     shut = open_share(0.09)
+    safe = result.input("safe", 0.29)
+    angles = np.radians(result.rng.uniform(10.0, 40.0, 60))
+    turned = result.measure("turned", turned_share(wide, angles), 0.5)
+    every = np.radians(result.rng.uniform(0.0, 90.0, 60))
+    fitting = 2.0 * np.sqrt(2.0) * cell * result.rng.uniform(1.0, 1.3, 4)
     wider, closer = result.rng.uniform(2 * cell, 4 * cell, 8), result.rng.uniform(0, 2 * cell, 8)
     result.statement = "Free cells of a grid, joined, at drawn places of the grid over a gap."
     result.statement_holds(
         tight == 1,
-        only_if="a grid's cells are at most half as wide as the gap, for A*",
-        inside=[open_share(gap) == 1 for gap in wider],
-        outside=[open_share(gap) == 1 for gap in closer],
+        only_if="a gap along the grid is at least two cells wide, and one that is turned two times "
+        "the root of two, for A*",
+        # Chosen to break it: gaps that are turned to the grid.
+        inside=[
+            *(open_share(gap) == 1 for gap in wider),
+            *(turned_share(float(gap), every[:20]) == 1 for gap in fitting),
+        ],
+        outside=[
+            *(open_share(gap) == 1 for gap in closer),
+            *(turned_share(x * cell, angles[:20]) == 1 for x in (2.0, 2.1, 2.2)),
+        ],
     )
-    result.correction_holds(0.3 < tight < 0.7, roomy == 1, shut == 0)
+    result.correction_holds(
+        0.3 < tight < 0.7, roomy == 1, shut == 0, turned < 0.3, turned_share(safe, every) == 1
+    )
 
 
 @claim(

@@ -36,12 +36,14 @@ class Broken(NamedTuple):
     what: str
 
 
-def contracts(record: Record, agreed: Settings) -> list[Broken]:
+def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Broken]:
     """Return each contract that a run broke, upstream first.
 
     Args:
         record: of the run; what it says of its settings is not looked at.
         agreed: what was promised.
+        truth: whether each picture is compared with where the target really was. A simulator
+            knows that; on hardware it takes a second, better measurement of the target.
     """
     result, scenario = [], record.scenario
     log, pictures = record.log, record.pictures
@@ -56,12 +58,12 @@ def contracts(record: Record, agreed: Settings) -> list[Broken]:
     if np.diff(arrived, prepend=late).max() > 3 * period:
         result.append(Broken("age", "pictures do not arrive"))
     if len(pictures) > 1:
-        true = np.array([scenario.at(1e-6 * p.captured) for p in pictures])
-        deviation = np.array([p.value for p in pictures]) - true - agreed.bias
         each = np.sqrt([np.diag(np.asarray(p.covariance)) for p in pictures])
-        z = deviation / each
         if np.median(each) > 1.5 * max(agreed.noise, LEAST):
             result.append(Broken("perceive", "it is less exact than was agreed"))
+    if truth and len(pictures) > 1:
+        true = np.array([scenario.at(1e-6 * p.captured) for p in pictures])
+        z = (np.array([p.value for p in pictures]) - true - agreed.bias) / each
         if np.abs(z.mean(axis=0)).max() * np.sqrt(len(z)) > SURE:
             result.append(Broken("perceive", "errors do not agree with the bias"))
         if np.abs(z).max() > SURE + 1.0:
@@ -140,15 +142,22 @@ class Verdict(NamedTuple):
     runs: int
 
 
-def blame(record: Record, agreed: Settings | None, replay: Callable[..., Record]) -> Verdict:
+def blame(
+    record: Record,
+    agreed: Settings | None,
+    replay: Callable[..., Record],
+    truth: bool = True,
+) -> Verdict:
     """Return which single repair cures a run, else which pair does; nobody where none does.
 
     Args:
         record: of a run that failed.
         agreed: for the contracts, whose breakers are tried first; None for none.
-        replay: stages to make ideal -> the record of the same seed.
+        replay: stages to make ideal -> the record of the same seed. This too is a simulator's
+            privilege: no robot repeats its noise, and none has an ideal camera or arm.
+        truth: as for `contracts`.
     """
-    broken = [one.stage for one in contracts(record, agreed)] if agreed else []
+    broken = [one.stage for one in contracts(record, agreed, truth)] if agreed else []
     order, runs = list(dict.fromkeys([*broken, *REPLAYED])), 0
     for size, how in ((1, "repair"), (2, "pair")):
         for some in combinations(order, size):
@@ -156,6 +165,15 @@ def blame(record: Record, agreed: Settings | None, replay: Callable[..., Record]
             if replay(*some).success:
                 return Verdict(some, "contract" if some[0] in broken and size == 1 else how, runs)
     return Verdict((), "", runs)
+
+
+def first_broken(record: Record, agreed: Settings, truth: bool = True) -> str:
+    """Return the stage of the first contract that is broken, without any replay; empty for none.
+
+    Without `truth` a robot can do this with its own record.
+    """
+    broken = contracts(record, agreed, truth)
+    return broken[0].stage if broken else ""
 
 
 def last_error(record: Record) -> str:
@@ -253,11 +271,50 @@ def injected(
     return replay
 
 
+def failing(
+    desired: int, faults: Sequence[Fault] = FAULTS, case: tuple[Scenario, Settings] = CASE
+) -> list[list[Record]]:
+    """Return so many failing runs of each fault, of at most eight times as many seeds."""
+    result: list[list[Record]] = [[] for _ in faults]
+    for fault, records in zip(faults, result, strict=True):
+        for seed in range(8 * desired):
+            if len(records) == desired:
+                break
+            record = injected(fault, seed, case)()
+            if not record.success:
+                records.append(record)
+    return result
+
+
+def contracts_alone(
+    desired: int, faults: Sequence[Fault] = FAULTS, case: tuple[Scenario, Settings] = CASE
+) -> NDArray[np.int64]:
+    """Return how many failing runs of each fault the first broken contract names, without a replay.
+
+    Args:
+        desired, faults, case: as for `confusion`.
+
+    Returns:
+        Shape (2, faults): with the true target, and with what a robot's own record holds.
+    """
+    runs = failing(desired, faults, case)
+    return np.array(
+        [
+            [
+                sum(first_broken(record, case[1], truth) == fault.stage for record in records)
+                for fault, records in zip(faults, runs, strict=True)
+            ]
+            for truth in (True, False)
+        ]
+    )
+
+
 def confusion(
     desired: int,
     faults: Sequence[Fault] = FAULTS,
     case: tuple[Scenario, Settings] = CASE,
     contracted: bool = True,
+    truth: bool = True,
 ) -> tuple[NDArray[np.int64], list[list[int]], NDArray[np.int64]]:
     """Return so many failing runs of each fault, diagnosed without a look at it.
 
@@ -265,6 +322,7 @@ def confusion(
         wanted: failing runs of each, of at most eight times as many seeds.
         faults, case: what befalls what.
         contracted: whether contracts are read first.
+        truth: as for `contracts`.
 
     Returns:
         How often each stage was named, then a pair that holds the right one, then any other answer,
@@ -281,7 +339,7 @@ def confusion(
             record = replay()
             if record.success:
                 continue
-            stages, _, taken = blame(record, case[1] if contracted else None, replay)
+            stages, _, taken = blame(record, case[1] if contracted else None, replay, truth)
             pair = len(STAGES) if fault.stage in stages else len(STAGES) + 1
             result[i, STAGES.index(stages[0]) if len(stages) == 1 else pair] += 1
             last[i, STAGES.index(last_error(record))] += 1

@@ -38,6 +38,10 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
 
     Args:
         scenario, settings: with "pd", and pictures that overlap; what is ideal costs nothing.
+
+    Raises:
+        ValueError: for another law or rule of overrun, and for a physics step at which the arm is
+            unstable where it comes to rest: no formula says what it does then.
     """
     one_of("law", settings.law, ("pd",))
     one_of("overrun", settings.overrun, ("pipelined",))
@@ -45,6 +49,11 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
     q = np.asarray(two_link_ik(scenario.arm.lengths, scenario.at(scenario.seconds)).q)
     error = np.abs((q - np.array(scenario.start)[:, None] + math.pi) % (2.0 * math.pi) - math.pi)
     q = q[:, int(np.argmin(np.hypot(*error)))]
+    if not ideal & {"move", "control"}:
+        limit = theory.step_limit(scenario.plant, q, settings.kp, settings.kd)
+        if settings.physics >= limit:
+            allowed = f"less than {limit:.3g} s, the stability limit in the posture of the reach"
+            raise invalid("physics", settings.physics, allowed)
     late = 0.0 if "age" in ideal else settings.latency
     slow = (settings.kd + float(np.mean(scenario.arm.damping))) / settings.kp
     selected = 0.0 if "control" in ideal else math.exp(-T / slow)
@@ -163,10 +172,11 @@ def budget(
     measured, report = {}, {}
     for some in subsets(parts):
         mended = repair(settings, *sorted(some))
+        report[some] = predicted(scenario, mended)  # it rejects a case before any run
         result = errors(run_many(scenario, mended, seeds, stages or Stages()))
         if result.shape[1] < 2 or not np.isfinite(result).all():
             raise invalid("errors", result, "two or more runs that come to their end")
-        measured[some], report[some] = result, predicted(scenario, mended)
+        measured[some] = result
     return Budget(tuple(parts), measured, report)
 
 

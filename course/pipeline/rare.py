@@ -20,7 +20,7 @@ from course.check import count, finite, invalid
 
 Array = NDArray[np.float64]
 Severity = Callable[[Array], Array]
-_TWO_SIGMA = 1.96  # the normal quantile of a two-sided 95 %
+_TWO_SIGMA = 1.959963984540054  # normal quantile of a two-sided 95 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +28,11 @@ class Rare:
     """What was found.
 
     Attributes:
-        share, error: of failures, and its standard error as it would be stated.
-        low, high: interval of 95 % for the share. Where no run failed, the error says nothing: the
-            upper end is then Wilson's, times the largest weight that a run can have.
+        share, error: of failures, and its standard error as it would be stated. Without a failure
+            in the sample, or without a success in plain sampling, the error is what Wilson's
+            interval leaves open, divided by 1.96.
+        low, high: ends of the 95 % interval of the share, by Wilson's formula. They know nothing
+            of failures that the proposal never meets.
         runs: severities asked for.
         effective: failures that would say as much if each weighed the same, (sum w)^2 / sum w^2.
         heaviest: share of the answer that rests on one run: near 1 it is an alarm.
@@ -48,45 +50,53 @@ class Rare:
     width: Array
 
 
-def _estimate(weights: Array, largest: float, runs: int, mean: Array, width: Array) -> Rare:
-    """Return what the weights of the failed runs say, 0 for a run that did not fail.
+def _interval(share: float, n: float) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share of n runs (a chapter can't import `measure`)."""
+    square = _TWO_SIGMA**2
+    middle = share + 0.5 * square / n
+    half = math.sqrt(square * (share * (1.0 - share) + 0.25 * square / n) / n)
+    low, high = ((middle + sign * half) / (1.0 + square / n) for sign in (-1.0, 1.0))
+    return min(max(low, 0.0), share), max(min(high, 1.0), share)
+
+
+def _estimate(weights: Array, runs: int, unbiased: int, mean: Array, width: Array) -> Rare:
+    """Return the estimate from the weights of the counted runs, 0 for a success.
 
     Args:
-        weights: shape (n,).
-        largest: weight that a run can have, infinite where nothing bounds it.
-        runs, mean, width: for the record.
+        weights: of the counted runs.
+        runs: severities evaluated in all.
+        unbiased: runs among them that were sampled as the world samples them. Only they say how
+            rare a failure is that no run has met.
+        mean, width: of the proposal.
     """
     n, total, square = weights.size, float(weights.sum()), float(np.sum(weights**2))
-    share = min(total / n, 1.0)
+    share = min(total / n, 1.0)  # weights are noisy: their mean may exceed 1
     error = math.sqrt(max(square / n - share * share, 0.0) / n)
+    if share in (0.0, 1.0) or error == 0.0:
+        low, high = _interval(share, unbiased)
+        error = (high - low) / _TWO_SIGMA
+    else:
+        low, high = _interval(share, share * (1.0 - share) / error**2)
     effective = total * total / square if square else 0.0
-    if total and largest > 1.0:
-        low, high = max(share - _TWO_SIGMA * error, 0.0), min(share + _TWO_SIGMA * error, 1.0)
-    else:  # a count of failures: 0 where weights may hide some
-        from scipy.stats import binomtest
-
-        interval = binomtest(round(total), n).proportion_ci(method="wilson")
-        low, high = float(interval.low), min(float(interval.high) * largest, 1.0)
-    top = float(weights.max()) / max(total, 1e-300)
-    return Rare(share, error, low, high, runs, effective, top, mean, width)
+    heaviest = float(weights.max()) / max(total, 1e-300)
+    return Rare(share, error, low, high, runs, effective, heaviest, mean, width)
 
 
 def _severities(severity: Severity, disturbances: Array) -> Array:
-    """Return the severities of runs.
-
-    Raises:
-        ValueError: one of them is NaN, which is neither a failure nor a success.
-    """
+    """Return the severities of some runs, checked."""
     result = np.asarray(severity(disturbances), dtype=float)
+    if result.shape != disturbances.shape[1:]:
+        raise invalid("shape of the severities", result.shape, f"{disturbances.shape[1:]}")
     if np.isnan(result).any():
-        raise invalid("severity", "NaN", "a number for every run; infinite for one that broke off")
+        allowed = "a number for each run: call a run that breaks off a failure, such as infinity"
+        raise invalid("severity", math.nan, allowed)
     return result
 
 
 def plain(severity: Severity, size: int, runs: int, rng: np.random.Generator) -> Rare:
     """Return share of runs that fail, of so many; arguments as for `cross_entropy`."""
     failed = _severities(severity, rng.standard_normal((size, count("runs", runs, 1)))) > 0.0
-    return _estimate(failed.astype(float), 1.0, runs, np.zeros(size), np.ones(size))
+    return _estimate(failed.astype(float), runs, runs, np.zeros(size), np.ones(size))
 
 
 def cross_entropy(
@@ -113,10 +123,16 @@ def cross_entropy(
         least: width below which no disturbance's proposal may fall.
         defence: share of the counted runs that is drawn as plain sampling would; a weight is then
             below 1 / defence, so no failure can be missing much.
+
+    Raises:
+        ValueError: for a severity that is NaN, or an argument outside of its range.
     """
     finite("elite", elite, 1e-3, 1.0)
     share = finite("defence", defence, 0.0, 1.0)
     mean, width = np.zeros(size), np.ones(size)
+    # The first round is sampled as the world samples it, and so is the defence of the last.
+    unbiased = count("each", each, 10) if count("rounds", rounds) else count("last", last, 1)
+    unbiased += round(share * last) if rounds else 0
 
     def drawn(n: int) -> tuple[Array, Array]:
         x = mean[:, None] + width[:, None] * rng.standard_normal((size, n))
@@ -125,13 +141,13 @@ def cross_entropy(
         ratio = np.exp(0.5 * np.sum(x * x - z * z, axis=0)) / np.prod(width)
         return x, 1.0 / (share + (1.0 - share) * ratio)
 
-    for _ in range(count("rounds", rounds)):
-        x, weight = drawn(count("each", each, 10))
+    for _ in range(rounds):
+        x, weight = drawn(each)
         bad = _severities(severity, x)
         worst = weight * (bad >= min(float(np.quantile(bad, 1.0 - elite)), 0.0))
         mean = x @ worst / worst.sum()
         spread = np.sqrt((x - mean[:, None]) ** 2 @ worst / worst.sum())
         width = np.maximum(spread, max(least, 1e-3))
     x, weight = drawn(count("last", last, 1))
-    failed = weight * (_severities(severity, x) > 0.0)
-    return _estimate(failed, 1.0 / share if share else math.inf, rounds * each + last, mean, width)
+    failed = _severities(severity, x) > 0.0
+    return _estimate(weight * failed, rounds * each + last, unbiased, mean, width)

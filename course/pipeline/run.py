@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import count, invalid
+from course.check import count, finite, invalid
 from course.compiled import compiled
 from course.kinematics import TwoLink
 from course.kinematics.two_link import TORQUES
@@ -117,7 +117,8 @@ def run(
             settings is not disturbed.
 
     Raises:
-        ValueError: for a latency that is longer than the run.
+        ValueError: for a latency or a first capture that is later than the end of the run, and
+            for a stage that returns something of another kind or shape; it names the stage.
     """
     process = Run(scenario, settings, stages, seed, disturb)
     process.to(scenario.seconds)
@@ -180,6 +181,9 @@ class Run:
         if settings.latency >= scenario.seconds:
             allowed = f"less than the run, {scenario.seconds:g} s"
             raise invalid("latency", settings.latency, allowed)
+        if microseconds(settings.phase) >= microseconds(scenario.seconds):
+            allowed = f"less than the run, {scenario.seconds:g} s: else no picture is taken"
+            raise invalid("phase", settings.phase, allowed)
         self.scenario, self.settings, self.stages = scenario, settings, stages
         self.seed, self.wrong = count("seed", seed), ""
         self.plans: list[Crossing] = []
@@ -235,11 +239,16 @@ class Run:
 
         def their_law(_n, _model, log, k, desired):
             q, v = log[k, Q:V].copy(), log[k, V:REFERENCE].copy()
-            log[k, SENT : SENT + 2] = stages.control(q, v, desired.copy(), scenario, settings)
+            torque = stages.control(q, v, desired.copy(), scenario, settings)
+            log[k, SENT : SENT + 2] = _pair("control", torque, "the torques [N m]")
 
         def their_step(log, k, h, body):
             q, v, tau = log[k, Q:V].copy(), log[k, V:REFERENCE].copy(), body[TORQUES, 0].copy()
-            log[k, Q:V], log[k, V:REFERENCE] = stages.move(q, v, tau, h, scenario)
+            angles, rates = _items(
+                "move", stages.move(q, v, tau, h, scenario), "angles and rates", 2
+            )
+            log[k, Q:V] = _pair("move", angles, "the angles [rad]")
+            log[k, V:REFERENCE] = _pair("move", rates, "the rates [rad/s]")
 
         between = compiled(by.between, by.BETWEEN)
         if not (law and moved):
@@ -251,9 +260,12 @@ class Run:
         when, q = int(times[k, 0]), log[progress["now"], Q:V].copy()
         target = self.scenario.at(1e-6 * when) + noise[k, :2]
         sight = Sight(int(k), when, target, q, noise[k, 3:].copy(), float(noise[k, 2]))
-        place, covariance, frame, stamp = self.stages.perceive(sight, self.scenario, self._settings)
-        spread = np.asarray(covariance, dtype=float)
-        observed[k, PLACE:SPREAD] = place
+        message = self.stages.perceive(sight, self.scenario, self._settings)
+        words = "place, covariance, frame and stamp"
+        place, covariance, frame, stamp = _items("perceive", message, words, 4)
+        spread = _covariance(covariance)
+        observed[k, PLACE:SPREAD] = _pair("perceive", place, "the place [m]")
+        stamp = finite("stamp that perceive returns", stamp, unit="us")
         observed[k, SPREAD : SPREAD + 3] = spread[0, 0], spread[0, 1], spread[1, 1]
         # What the timetable says beside the truth is the clock's error, whoever looks.
         observed[k, by.WHEN] = stamp + times[k, 2] - times[k, 0]
@@ -291,6 +303,9 @@ class Run:
         rng = np.random.default_rng([self.seed, 2, len(self.plans)])
         tries = 3 if "plan" in settings.ideal else 1  # by chance a way is three times as long
         result = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
+        for other in result:
+            if not isinstance(other, Path):
+                raise invalid("what plan returns", other, "a course.pipeline.stages.Path")
         path = self._pending = min(
             result, key=lambda p: p.motion.duration if p.motion else math.inf
         )
@@ -344,6 +359,36 @@ class Run:
             self.plans,
             self.plan_requests,
         )
+
+
+def _items(stage: str, value: Any, what: str, n: int) -> list[Any]:
+    """Return what a stage handed over, if it is a sequence of n."""
+    if not isinstance(value, tuple | list | np.ndarray) or len(value) != n:
+        raise invalid(f"what {stage} returns", value, what)
+    return list(value)
+
+
+def _array(stage: str, value: Any, what: str, shape: tuple[int, ...]) -> Array:
+    """Return an array of a shape that a stage handed over; NaN is left to the contracts."""
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != shape:
+        raise invalid(f"what {stage} returns", value, f"{what}, an array of shape {shape}")
+    return array
+
+
+def _pair(stage: str, value: Any, what: str) -> Array:
+    return _array(stage, value, what, (2,))
+
+
+def _covariance(value: Any) -> Array:
+    """Return the covariance that perception handed over: it has to be symmetric."""
+    spread = _array("perceive", value, "the covariance [m^2]", (2, 2))
+    if abs(spread[0, 1] - spread[1, 0]) > 1e-9 * np.abs(spread).max():
+        raise invalid("covariance that perceive returns", spread, "a symmetric matrix")
+    return spread
 
 
 def ideal_settings(settings: Settings) -> Settings:

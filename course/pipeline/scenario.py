@@ -64,7 +64,7 @@ class Scenario:
         positive("seconds", self.seconds, unit="s")
         if self.arm.gravity:
             raise invalid("arm.gravity", self.arm.gravity, "0: what the table's tilt shows is it")
-        for when in (0.0, self.seconds):
+        for when in self._critical_times():
             place = self.at(when)
             reach = two_link_ik(self.arm.lengths, place)
             if not reach.reached:
@@ -74,6 +74,15 @@ class Scenario:
                     raise invalid(f"target at {when:g} s", place, "a place outside of the discs")
         if clearance(self.world(0.0), self.start) <= 0.0:
             raise invalid("start", self.start, "a posture that touches nothing")
+
+    def _critical_times(self) -> list[float]:
+        """Return both ends and the times at which the target is nearest to the base or a disc."""
+        start, velocity = np.asarray(self.target), np.asarray(self.velocity)
+        square, times = float(velocity @ velocity), [0.0, self.seconds]
+        for x, y in [(0.0, 0.0), *((x, y) for x, y, _ in self.discs)] if square else ():
+            nearest = float((np.array([x, y]) - start) @ velocity) / square
+            times.append(min(max(nearest, 0.0), self.seconds))
+        return times
 
     def at(self, seconds: float) -> Array:
         """Return where the target is, shape (2,) [m]."""

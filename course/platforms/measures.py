@@ -32,6 +32,61 @@ def position_error(engine: Engine, scene: Scene, dt: float, settings: Settings =
         run.close()
 
 
+@dataclass(frozen=True)
+class PathError:
+    """The error of a whole motion.
+
+    Attributes:
+        final: `Scene.error` at the end [m or rad].
+        largest: the largest error at any of the times that were looked at, height included.
+        airborne: share of the steps in which some free body had no contact that pushes; 0 in
+            scenes without contact. A body that is dropped is in the air for a share of its own.
+    """
+
+    final: float
+    largest: float
+    airborne: float
+
+
+def path_error(
+    engine: Engine,
+    scene: Scene,
+    dt: float,
+    settings: Settings = FAIR,
+    samples: int = 20,
+    moving: float = math.inf,
+) -> PathError:
+    """Return the errors along the motion, not only at its end.
+
+    A block that hops stops where it should: the impulses are right in the sum, and the error at the
+    end does not see the hops.
+
+    Args:
+        engine, scene, dt, settings: what runs.
+        samples: equal times at which a scene without contact is compared with its truth; with
+            contact it is compared after each step.
+        moving: time [s] up to which steps count for `airborne`, such as until a block should rest.
+    """
+    free = [i for i, body in enumerate(scene.bodies) if body.half and not body.guide]
+    steps = max(1, round(scene.duration / dt))
+    every = 1 if free else max(1, steps // count("samples", samples, 1))
+    run, largest, airborne, taken = prepared(engine, scene, dt, settings), 0.0, 0, 0
+    counted = steps if math.isinf(moving) else count("moving / dt", round(moving / dt), 1, steps)
+    try:
+        while taken < steps:
+            run.run(min(every, steps - taken))
+            taken = min(taken + every, steps)
+            final = scene.error(run.state(), taken * dt)
+            largest = max(largest, final)
+            if free and taken <= counted:
+                report = run.contacts()
+                held = report.bodies[:, report.normal_force > 0.0]
+                airborne += not all(np.any(held == i) for i in free)
+    finally:
+        run.close()
+    return PathError(final, largest, airborne / counted)
+
+
 def slope(x: ArrayLike, y: ArrayLike) -> float:
     """Return the exponent p of y = c x^p, by least squares in logarithms.
 
@@ -247,7 +302,9 @@ def grasp_limit(
 ) -> float:
     """Return the least squeeze that holds the part, over m g / (2 mu), by bisection from 0.5 to 2.
 
-    0.995 is the best there is (see `squeezed`). Infinite where twice the threshold doesn't hold; 0
+    By Coulomb's law alone it is 1, and 0.995 is the least that `squeezed` can return for it. Less
+    than that is an engine whose contact bears more than Coulomb's cone: Drake's patches tilt while
+    the part sinks evenly, and hold down to 0.98. Infinite where twice the threshold doesn't hold; 0
     where half of it does.
     """
 
@@ -324,6 +381,7 @@ def reach(
     settings: Settings = FAIR,
     duration: float = 1.5,
     damping: float = 0.5,
+    modelled: float | None = None,
 ) -> Reach:
     """Return a reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a
     step.
@@ -335,10 +393,12 @@ def reach(
         engine, dt, settings: what runs the arm.
         duration: of the reach [s].
         damping: of each joint, in the text and in the model [N m s/rad].
+        modelled: the model's own, where the two differ.
     """
     scene = arm(duration, damping=damping)
-    assert scene.chain is not None
-    chain, goal = scene.chain, np.array(GOAL)
+    chain = arm(duration, damping=damping if modelled is None else modelled).chain
+    assert chain is not None
+    goal = np.array(GOAL)
     run = prepared(engine, scene, positive("dt", dt, unit="s"), settings)
     now = run.state()
     for _ in range(round(duration / dt)):

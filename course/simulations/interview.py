@@ -100,6 +100,9 @@ _CATALOGUE = Path(__file__).parents[2] / "drills" / "catalogue"
 _CARDS = [tomllib.loads((_CATALOGUE / n / "card.toml").read_text("utf-8")) for n in DRILLS]
 _ROWS, _WIDE = 9, 48  # lines and letters on a card
 NOBODY, WHEN_DUE, DAILY = range(3)
+# With which rating the four cards were rated first where you review them, and how many days ago.
+_FIRST = np.array([GOOD, EASY, HARD, GOOD])
+_AGO = np.array([0.5, 6.0, 1.8, 2.2])
 
 CONTROLS = Record(
     card=menu("Drill", DRILLS, live=True),
@@ -158,8 +161,12 @@ _AT = (0.2, 1.0)  # of the buttons
 
 
 def initial(controls, state):
-    """Set up no card was ever rated."""
+    """Set up the cards: rated some days ago where you review them, else never rated."""
     state["time"] = 0.0
+    if controls["reviewer"] == NOBODY:
+        for k in range(4):
+            rate(state, k, _FIRST[k])
+            state["since"][k] = _AGO[k]
 
 
 @register_jitable
@@ -285,8 +292,9 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Work, turn, rate": Preset(
-        {}, "Write the drill, then turn the card and rate how well you knew it. Let days pass: the "
-        "orange spot slides down; below the dashed line the card is asked again."),
+        {}, "Four cards that were rated some days ago: the orange spot slides down, and below the "
+        "dashed line a card is asked again. Write the drill, then turn the card and rate how well "
+        "you knew it: the curve starts again, and falls more slowly."),
     "Asked when due": Preset(
         {"reviewer": "when due", "speed": 5.0}, "Each review comes when nine in ten would still "
         "know it. The waits grow. How many reviews are there after sixty days?"),

@@ -3,6 +3,7 @@
 from datetime import UTC, datetime, timedelta
 
 import fsrs
+import numpy as np
 import pytest
 from fsrs.scheduler import DEFAULT_PARAMETERS
 from hypothesis import given
@@ -19,12 +20,32 @@ def test_the_weights_are_those_of_the_library() -> None:
     assert tuple(DEFAULT_PARAMETERS) == interview.WEIGHTS
 
 
+def unrated() -> Experiment:
+    """Return the simulation with cards that were never rated."""
+    run = Experiment(interview.MODEL)
+    run.state["reviews"][:] = 0
+    return run
+
+
+def test_the_chapter_opens_with_cards_that_are_being_forgotten() -> None:
+    run = Experiment(interview.MODEL)
+    assert list(run.state["reviews"]) == [1] * 4
+    chances = [interview.recall(run.state["since"], run.state["stability"])]
+    for _ in range(2):
+        run.advance(0.5)
+        chances.append(interview.recall(run.state["since"], run.state["stability"]))
+    assert np.all(np.diff(chances, axis=0) < -1e-3)
+    assert chances[0].max() > 0.9 > chances[0].min() > 0.5
+    run.choose("Asked when due")
+    assert run.state["reviews"].sum() == 0
+
+
 @examples(60)
 @given(st.lists(st.tuples(RATINGS, st.integers(0, 400)), min_size=1, max_size=12))
 def test_a_memory_is_that_of_the_library(turns: list[tuple[int, int]]) -> None:
     scheduler = fsrs.Scheduler(learning_steps=(), relearning_steps=(), enable_fuzzing=False)
     card, now = fsrs.Card(1), datetime(2026, 1, 1, tzinfo=UTC)
-    run = Experiment(interview.MODEL)
+    run = unrated()
     for rating, days in turns:
         card, _ = scheduler.review_card(card, fsrs.Rating(rating), now)
         interview.rate(run.state, 2, rating)
@@ -40,7 +61,7 @@ def test_a_memory_is_that_of_the_library(turns: list[tuple[int, int]]) -> None:
 def test_a_card_is_rated_by_mouse_or_key_only_after_it_was_turned() -> None:
     x, y = interview._AT[0] + 0.1, interview._AT[1] + 0.1  # again
     for rating, act in ((1, lambda e: e.grab(x, y)), (4, lambda e: e.press("+"))):
-        run = Experiment(interview.MODEL)
+        run = unrated()
         act(run)
         assert run.state["reviews"].sum() == 0
         run.grab(1.0, 3.0)

@@ -117,6 +117,39 @@ def test_mujoco_reads_and_writes_an_angular_velocity_in_two_frames(seed: int) ->
     assert invariants.write_read_error(lambda r: read(r, 1), lambda _, shown: shown, rate) < 1e-9
 
 
+# Speed over g t of a box that falls in PyBullet 3.2.7 with its defaults, at 240 steps a second.
+FALLS = {1: 0.87193, 5: 0.30812, 10: 0.15462}
+
+
+def test_a_free_fall_is_slowed_by_pybullets_own_law() -> None:
+    for seconds, share in FALLS.items():
+        speed = museum.fall(1.0, seconds, 1.0 / 240.0, True)
+        assert speed / (museum.GRAVITY * seconds) == pytest.approx(share, abs=2e-5)
+        assert speed < 15.2
+    assert museum.fall(1.0, 20.0, 1.0 / 240.0, False) > 196.0
+
+
+@pytest.mark.parametrize("mass", [0.2, 30.0])
+def test_pybullet_slows_a_free_fall_live_and_without_damping_from_100_on(mass: float) -> None:
+    bullet = library("pybullet")
+    for damping, expected in ((None, FALLS), (0.0, {1: 1.0, 10: 1.0, 20: 0.5097})):
+        client = bullet.connect(bullet.DIRECT)
+        bullet.setGravity(0.0, 0.0, -museum.GRAVITY, physicsClientId=client)
+        shape = bullet.createCollisionShape(
+            bullet.GEOM_BOX, halfExtents=[0.1] * 3, physicsClientId=client
+        )
+        body = bullet.createMultiBody(mass, shape, physicsClientId=client)
+        if damping is not None:
+            bullet.changeDynamics(body, -1, linearDamping=damping, physicsClientId=client)
+        for step in range(1, 240 * max(expected) + 1):
+            bullet.stepSimulation(physicsClientId=client)
+            if step % 240 == 0 and step // 240 in expected:
+                speed = -bullet.getBaseVelocity(body, physicsClientId=client)[0][2]
+                due = museum.GRAVITY * step / 240
+                assert speed / due == pytest.approx(expected[step // 240], abs=1e-4)
+        bullet.disconnect(physicsClientId=client)
+
+
 def test_ompl_calls_a_path_short_of_the_goal_true() -> None:
     library("ompl")
     true, exact, short = ompl.approximate()

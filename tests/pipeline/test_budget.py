@@ -136,6 +136,13 @@ def test_what_cannot_be_predicted_or_compared_is_refused():
         predicted(SCENE, Settings(law="computed_torque"))
     with pytest.raises(ValueError, match="overrun"):
         predicted(SCENE, Settings(overrun="queue"))
+    # At 50 ms the arm rattles between its motors' limits: no formula says where.
+    unstable = Settings(physics=0.05, control=0.05)
+    with pytest.raises(ValueError, match=r"physics is 0.05.*stability limit"):
+        predicted(SCENE, unstable)
+    with pytest.raises(ValueError, match="physics"):
+        budget(SCENE, unstable, range(2), ("age",))
+    assert np.isfinite(predicted(SCENE, repair(unstable, "move"))[0]).all()
     with pytest.raises(ValueError, match="two or more runs"):
         budget(SCENE, PLANNED, [0], ("age",))
 

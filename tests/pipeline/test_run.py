@@ -15,7 +15,7 @@ from course.perception.track import Tracker, follow
 from course.pipeline import theory
 from course.pipeline.drive import GAP, REFERENCE, SENT, TORQUE, USED, Q, V
 from course.pipeline.run import Run, errors, run, run_many, successes, tip_of
-from course.pipeline.scenario import STAGES, Scenario, Settings, repair
+from course.pipeline.scenario import OVERRUNS, STAGES, Scenario, Settings, repair
 from course.pipeline.stages import Stages, control, frames, move, perceive, plan_path
 from course.planning import check_path, clearance, time_parameterise
 from course.planning.trajectory import state_at
@@ -302,12 +302,54 @@ def test_disturbances_are_undone_where_a_stage_is_ideal():
         (lambda: Settings(overrun="panic"), "overrun"),
         (lambda: repair(Settings(), "luck"), "stage"),
         (lambda: run(SHORT, Settings(latency=0.6)), "latency"),
+        *(
+            (lambda rule=rule: run(SHORT, Settings(phase=10.0, overrun=rule)), "phase")
+            for rule in OVERRUNS
+        ),
+        # Half way the target crosses a disc, and the ring about the base that the tip can't reach.
+        (lambda: crossing((0.50, 0.36), (0.06, 0.0)), "target at 2 s"),
+        (
+            lambda: crossing((0.30, 0.02), (-0.15, 0.0), TwoLink(lengths=(0.5, 0.2))),
+            "target at 2 s",
+        ),
         (lambda: run(SHORT, Settings(), seed=-1), "seed"),
     ],
 )
 def test_bad_input_is_refused(make, name):
     with pytest.raises(ValueError, match=name):
         make()
+
+
+def crossing(target, velocity, arm=None):
+    """Return a scenario whose target is in a good place at the start and at the end."""
+    scenario = Scenario(arm or TwoLink(), target=target, velocity=velocity)
+    assert scenario
+
+
+@pytest.mark.parametrize(
+    "stage, answer, words",
+    [
+        ("control", lambda *_: 1.0, "what control returns .* shape"),
+        ("control", lambda *_: np.zeros(3), "what control returns .* shape"),
+        ("control", lambda *_: None, "what control returns is None"),
+        ("plan", lambda *_: None, "what plan returns is None"),
+        ("plan", lambda *_: np.zeros((2, 5)), "what plan returns"),
+        ("perceive", lambda *_: None, "what perceive returns is None"),
+        ("perceive", lambda *_: (np.zeros(3), np.eye(2), "base", 0), "the place"),
+        ("perceive", lambda *_: (np.zeros(2), None, "base", 0), "the covariance"),
+        ("perceive", lambda *_: (np.zeros(2), np.eye(2), "base", None), "stamp"),
+        (
+            "perceive",
+            lambda *_: (np.zeros(2), np.array([[1, 0.5], [0, 1]]), "base", 0),
+            "covariance that perceive returns",
+        ),
+        ("move", lambda *_: None, "what move returns is None"),
+        ("move", lambda q, v, *_: (q, 0.0), "what move returns .* rates"),
+    ],
+)
+def test_a_stage_that_returns_another_shape_is_named(stage, answer, words):
+    with pytest.raises(ValueError, match=words):
+        run(SHORT, Settings(), Stages(**{stage: answer}))
 
 
 def seeing(**changed):

@@ -120,3 +120,18 @@ def test_readers_effects_and_costs() -> None:
     small = charts.build("platform_scaling", scenes=("field",), at_most=4, repeats=1)
     assert small[0]["own code"].y[-1] > 5.0 * small[0]["MuJoCo"].y[-1]
     assert all(0.0 <= share <= 1.0 for series in small[1].series for share in series.y)
+
+
+def test_the_table_of_whole_motions_shows_the_block_that_hops() -> None:
+    rows = table.stored_rows("platform_paths")
+    for sentence, holds in table.MESSAGES.items():
+        assert holds(rows) and sentence in charts.read("platform_paths")
+        assert not holds([[*r[:5], r[4], *r[6:8], 0.02] for r in rows])
+    assert {row[0] for row in rows} == {*table.ON_THE_WAY}
+    for row in rows:
+        assert row[5] >= row[4] and 0.0 <= row[8] <= 1.0
+        (same,) = (r for r in ROWS if r[:3] == row[:3])
+        assert row[4] == pytest.approx(same[4], rel=1e-3, abs=1e-12)
+    new = table.path_row(smooth.here()["MuJoCo"], "brake", FAIR, 1e-3)
+    (old,) = (r for r in rows if r[:3] == new[:3])
+    assert new[5] == pytest.approx(old[5], rel=0.05) and new[8] == pytest.approx(old[8], abs=0.05)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,17 @@ from hypothesis import strategies as st
 
 from course.oracles.engines import engines
 from course.oracles.mujoco_scenes import MuJoCo
-from course.platforms import AS_SHIPPED, FAIR, SCENES, Engine, Run, State, prepared, theory
+from course.platforms import (
+    AS_SHIPPED,
+    FAIR,
+    NO_CONTACTS,
+    SCENES,
+    Engine,
+    Run,
+    State,
+    prepared,
+    theory,
+)
 from course.platforms import measures as m
 from course.platforms.scenes import GRAVITY, brake, slope, tower
 from tests.budget import examples
@@ -284,3 +295,44 @@ def test_the_effect_of_each_change() -> None:
 def test_a_reach_without_a_motion_is_none() -> None:
     stuck = m.reach(Teller(lambda t, _: np.zeros(7)), 1e-2)
     assert not stuck.success and stuck.error > 0.1
+
+
+def test_a_block_that_hops_is_seen_on_its_way_and_not_at_its_end() -> None:
+    """MuJoCo's own count of contacts, step by step, is the truth."""
+    scene, dt = brake(), 1e-3
+    moving = scene.duration / 1.5
+    run: Any = prepared(MUJOCO, scene, dt)
+    without, rise = 0, 0.0
+    for _ in range(round(moving / dt)):
+        run.run(1)
+        without += int(run.data.ncon == 0)
+        rise = max(rise, float(run.state().q[2, 0] - scene.start.q[2, 0]))
+    one = m.path_error(MUJOCO, scene, dt, moving=moving)
+    assert one.airborne == pytest.approx(without / round(moving / dt), abs=0.02)
+    assert one.airborne > 0.6
+    assert one.largest >= rise > 4e-3
+    assert one.final == m.position_error(MUJOCO, scene, dt) < 2e-3
+    assert m.path_error(MUJOCO, scene, dt, FAIR.using(but=("solref",))).largest < 0.3 * one.largest
+    own = m.path_error(OWN, scene, 4e-3)
+    assert own.airborne == 0.0 and own.largest == pytest.approx(own.final, rel=1e-6)
+
+
+def test_the_error_of_a_path_is_the_largest_of_the_errors_on_it() -> None:
+    class Bump(Told):
+        def contacts(self):
+            return NO_CONTACTS
+
+    class Engine_(type(OWN)):  # type: ignore[misc]
+        def build(self, scene, dt, settings=FAIR):
+            up = np.zeros((7, 1))
+            up[2] = 0.03
+            return Bump(scene, dt, lambda t, _: up * (abs(t - 0.5) < 0.1) + 0.01 * up * (t > 0.9))
+
+    scene = replace(slope(0.1, 0.5), settle=0.0)
+    one = m.path_error(Engine_(), scene, 0.01)
+    assert (one.final, one.largest) == (pytest.approx(3e-4), pytest.approx(0.03))
+    assert one.airborne == 1.0
+    with pytest.raises(ValueError, match="moving"):
+        m.path_error(OWN, brake(), 1e-3, moving=10.0)
+    smooth = m.path_error(MUJOCO, SCENES["chain"](2, 0.5), 1e-3, samples=7)
+    assert smooth.airborne == 0.0 and smooth.largest >= smooth.final > 0.0

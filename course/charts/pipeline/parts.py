@@ -11,7 +11,7 @@ from course.measure.figure import Panel, Series
 from course.measure.success import wilson
 from course.measure.work_precision import machine
 from course.pipeline import STAGES, Scenario, Settings, repair
-from course.pipeline.blame import FAULTS, Fault, confusion
+from course.pipeline.blame import FAULTS, Fault, confusion, contracts_alone
 from course.pipeline.budget import Budget, budget
 from course.sim_to_real.transfer import attribution
 
@@ -175,6 +175,16 @@ def whose_fault(desired: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator
         if runs:
             mean = [float(np.mean(some or [0])) for some in runs]
             replays.series.insert(0, Series(label, mean, names, style="bar"))
+    alone = contracts_alone(desired, faults)
+    for label, hits in zip(("contracts alone", "without the true target"), alone, strict=True):
+        low, high = (float(end) for end in wilson(int(hits.sum()), total))
+        each = ", ".join(f"{name} {hit}" for name, hit in zip(names, hits, strict=True))
+        note = f"{label}: {hits.sum()} of {total} right [{low:.3f} {high:.3f}], no replay; {each}"
+        share = hits / np.maximum(result.sum(axis=1), 1)
+        if label == "contracts alone":
+            panel.notes.append(note)
+        else:
+            panel.series.append(Series(label, share, names, style="bar", note=note))
     yield panel
     yield replays
     columns = "0 perceive, 1 age, 2 plan, 3 control, 4 move, 5 pair with it, 6 other"

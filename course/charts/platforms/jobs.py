@@ -3,7 +3,17 @@
 from collections.abc import Mapping
 
 from course.charts.platforms.record import READER
-from course.charts.platforms.table import ENGINES, TABLE, Rows, costs, errors, stored_rows
+from course.charts.platforms.table import (
+    ENGINES,
+    ON_THE_WAY,
+    TABLE,
+    Rows,
+    costs,
+    errors,
+    in_the_air,
+    path_errors,
+    stored_rows,
+)
 from course.platforms.choose import UNKNOWN, Fact, Need, choose
 from course.platforms.models import honesty
 
@@ -11,7 +21,8 @@ from course.platforms.models import honesty
 def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
     """Return what was measured of each engine with fair settings at 1 ms.
 
-    Error and cost of every scene.
+    Error and cost of every scene; of some, the largest error on the way and the share of the time
+    in the air as well.
 
     Beside them are the share of faulty models that it rejects or warns about, whether `make lab`
     installs it, and the rows that some job needs and nobody measured here.
@@ -20,13 +31,16 @@ def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
         rows: of `platforms_table`; None for the stored ones.
     """
     rows = stored_rows() if rows is None else rows
-    read = stored_rows("platform_readers")
+    read, paths = stored_rows("platform_readers"), stored_rows("platform_paths")
     result: dict[str, dict[str, Fact]] = {}
     for name in ENGINES:
         mine = result[name] = {}
         for scene in TABLE:
             mine[f"{scene} error"] = Fact(errors(rows, scene)[name])
             mine[f"cost of {scene}"] = Fact(costs(rows, scene)[name])
+        for scene in ON_THE_WAY:
+            mine[f"{scene} error on the way"] = Fact(path_errors(paths, scene)[name])
+            mine[f"{scene} in the air"] = Fact(in_the_air(paths, scene)[name])
         verdicts = {row[1]: row[3] for row in read if row[0] == READER.get(name, name)}
         mine["faults told"] = Fact(honesty(verdicts))
         mine["comes with make lab"] = Fact(name in ENGINES[:2], source="this course")
@@ -38,7 +52,11 @@ WORLDS, CAMERAS = Need("thousands of worlds on a GPU"), Need("photorealistic cam
 CERTIFICATE, ELEMENTS = Need("certificate of the contact model"), Need("finite elements")
 UNMEASURED = tuple(need.row for need in (WORLDS, CAMERAS, CERTIFICATE, ELEMENTS))
 HELD = [Need("grasp error", 1e-3, "at most")]
-TOUCHING = [*HELD, Need("brake error", 1e-2, "at most"), Need("tower error", 1e-3, "at most")]
+TOUCHING = [
+    *HELD,
+    Need("brake error on the way", 1e-2, "at most"),
+    Need("tower error", 1e-3, "at most"),
+]
 JOBS: Mapping[str, tuple[list[Need], str]] = {
     "RL training, for speed": (HELD, "cost of grasp"),
     "RL training, from images": ([*HELD, CAMERAS], "cost of grasp"),

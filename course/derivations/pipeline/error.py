@@ -141,7 +141,9 @@ def latency_is_not_age(result):
 @claim(
     "Behind an alpha-beta filter the place is less noisy than in the picture.",
     "Its variance is {formula} of the picture's. With {alpha:.2f} and {beta:.2f} that is "
-    "{calm:.2f}; a rate that is trusted too quickly, {beta_wild:.2f}, makes it {wild:.2f}.",
+    "{calm:.2f}; a rate that is trusted too quickly, {beta_wild:.2f}, makes it {wild:.2f}. Noise "
+    "that is alike in one picture and the next passes, and can be amplified: up to {alike:.2f} "
+    "here.",
     ask=(
         "The error of an alpha-beta filter is x' = (1 - a)(x + y) + a n, y' = y - b (x + y) + b n "
         "under white noise n of variance 1. The variance of x?",
@@ -168,10 +170,23 @@ def filter_calms(result):
     alpha, beta = result.input("alpha", 0.3), result.input("beta", 0.05)
     wild = result.input("beta_wild", 0.9)
 
-    def gain(alpha, beta):
-        """Return the same by SciPy, of the matrices as numbers."""
-        matrix = np.array([[1.0 - alpha, 1.0 - alpha], [-beta, 1.0 - beta]])
-        take = np.array([alpha, beta])
+    def gain(alpha, beta, memory=0.0):
+        """Return the same by SciPy, of the matrices as numbers; infinite where it is unstable.
+
+        Args:
+            alpha, beta: gains of place and rate.
+            memory: correlation of the noise in a picture with that in the one before.
+        """
+        matrix = np.array(
+            [
+                [1.0 - alpha, 1.0 - alpha, alpha * memory],
+                [-beta, 1.0 - beta, beta * memory],
+                [0.0, 0.0, memory],
+            ]
+        )
+        if np.abs(np.linalg.eigvals(matrix)).max() >= 1.0:
+            return np.inf
+        take = np.sqrt(1.0 - memory**2) * np.array([alpha, beta, 1.0])
         return float(solve_discrete_lyapunov(matrix, np.outer(take, take))[0, 0])
 
     calm = result.measure("calm", theory.filter_gain(alpha, beta))
@@ -179,11 +194,19 @@ def filter_calms(result):
     drawn = result.rng.uniform(0.05, 0.95, 30)
     inside, outside = ([gain(x, share * 2.0 * x) < 1.0 for x in drawn] for share in (0.97, 1.03))
     outside += [gain(1.0 + 0.3 * x, 1.0) < 1.0 for x in drawn]
+    # Chosen to break it: gains near every edge, noise that is alike in pictures that follow each
+    # other, as from a lamp that flickers or a detector with a habit, and a rate with a wrong sign.
+    inside += [gain(x, x * y) < 1.0 for x in (1e-3, 0.999) for y in (1e-3, 1.0, 1.999)]
+    coloured = [gain(x, 1.5 * x, 0.9) for x in drawn]
+    outside += [x < 1.0 for x in coloured]
+    outside += [gain(x, -0.1 * x) < 1.0 for x in drawn]
     both = [(theory.filter_gain(x, x), gain(x, x)) for x in drawn]
+    alike = result.measure("alike", max(coloured))
     result.statement = "By algebra, and with numbers on both sides of the condition."
     result.statement_holds(
         loud < 1.0,
-        only_if="the gain of the place is below 1 and that of the rate below twice it",
+        only_if="the noise is new in each picture, both gains are positive, that of the place is "
+        "below 1 and that of the rate below twice it",
         inside=inside,
         outside=outside,
     )
@@ -191,6 +214,7 @@ def filter_calms(result):
         not any(outside),
         all(abs(x / y - 1.0) < 1e-9 for x, y in both),
         calm < 0.3,
+        alike > 1.0,
         theory.filter_gain(1.2, 1.0) > 1.0,
     )
 

@@ -147,7 +147,9 @@ def damping_and_step(result):
     "Not because it is the largest: in the posture of the reach the limit is {reach:.1f} ms, "
     "stretched {stretched:.1f}. Motors with a limit hold what is unstable in a small circle: at "
     "{step:.0f} ms {share:.0%} of the runs still succeed, while the energy won rises from "
-    "{calm:.3f} to {wild:.3f} of the most there was.",
+    "{calm:.3f} to {wild:.3f} of the most there was. The limit is one for small motions about a "
+    "posture: at {below:.0%} of it, {far:.0%} of the arms that start {turn_rad:.1f} rad away do "
+    "not come back.",
 )
 def largest_step(result):
     from course.pipeline import Scenario, Settings, run_many, successes, theory
@@ -168,14 +170,33 @@ def largest_step(result):
     share = result.measure("share", successes(runs[1]).mean(), 0.2)
     q, kp, kd = drawn(result.rng)
     at = limits(q, kp, kd)
+    # Chosen to break it: gains of all sizes, steps nearer to the limit, and a start far away.
+    rng = result.rng
+    wide = q, 10.0 ** rng.uniform(0.0, 3.0, q.shape[1]), rng.uniform(0.0, 60.0, q.shape[1])
+    edge = limits(*wide)
+    many = np.stack([rng.uniform(-3.0, 3.0, 200), rng.uniform(0.0, 3.0, 200)])
+    gains = rng.uniform(10.0, 100.0, 200), rng.uniform(1.0, 10.0, 200)
+    below, turn = result.input("below", 0.97), result.input("turn_rad", 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        away = np.array([[0.5 * turn], [-turn]])
+        ends = swung(many, *gains, below * limits(many, *gains), 3000, away)[-50:] - many
+        lost = ~(np.abs(ends).max(axis=(0, 1)) < 1e-2)
+    far = result.measure("far", lost.mean(), 0.3)
     result.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
     result.statement_holds(
         bool(leaves(q, kp, kd, 0.9 * at).all()),
-        only_if="the step is above (sqrt(d^2 + 4 k) - d) / k in the posture that it is in",
-        inside=leaves(q, kp, kd, 1.03 * at).tolist(),
-        outside=leaves(q, kp, kd, 0.97 * at).tolist(),
+        only_if="the step is above (sqrt(d^2 + 4 k) - d) / k in the posture that it starts close "
+        "to",
+        inside=[*leaves(q, kp, kd, 1.03 * at).tolist(), *leaves(*wide, 1.01 * edge).tolist()],
+        outside=[*leaves(q, kp, kd, 0.97 * at).tolist(), *leaves(*wide, 0.99 * edge).tolist()],
     )
-    result.correction_holds(step > reach, share > 0.7, wild > 10.0 * max(calm, 1e-3))
+    result.correction_holds(
+        step > reach,
+        share > 0.7,
+        wild > 10.0 * max(calm, 1e-3),
+        far > 0.1,
+        not leaves(many, *gains, below * limits(many, *gains)).any(),
+    )
 
 
 @claim(
@@ -262,18 +283,25 @@ def swings_die(result):
     )
 
 
-def wanders(gain, late):
-    """Return whether look and move with late pictures gets worse and worse."""
-    past = [1.0] * (late + 1)
-    for _ in range(3000):
-        past.append(past[-1] - gain * past[-1 - late])
-    return abs(np.array(past[-40:])).max() > 1.0
+def wanders(gain, *late):
+    """Return whether look and move with late pictures does not get there.
+
+    Args:
+        gain: share of the error seen that is corrected.
+        late: frames by which pictures are late, in turn.
+    """
+    past = [1.0] * (max(late) + 1)
+    for i in range(20_000):
+        past.append(past[-1] - gain * past[-1 - late[i % len(late)]])
+        if abs(past[-1]) > 1e6:
+            return True
+    return abs(np.array(past[-40:])).max() > 0.5
 
 
 @claim(
     "A hand that corrects a part of the error that it sees, never more than all of it, gets there.",
-    "If each picture is fresh. When it is late by n frames the gain has to stay below {formula}: "
-    "{one:.2f} for one frame, {four:.2f} for four.",
+    "If each picture is fresh. When all are late by n frames the gain has to stay below {formula}: "
+    "{one:.2f} for one frame, {four:.2f} for four. Where the delay changes, the longest counts.",
     ask=(
         "Each frame a share g of the error is corrected that was seen n frames before. Up to "
         "which g does it settle?",
@@ -302,15 +330,26 @@ def look_and_move_limit(result):
         [not wanders(x * theory.look_limit(k), k) for k in late] for x in (0.98, 1.02)
     )
     exact = [float(result.formula.subs(n, k)) / theory.look_limit(k) for k in late]
+    # Chosen to break it: gains that are tiny, none, or of the wrong sign, and delays that change.
+    inside += [not wanders(0.02 * theory.look_limit(k), k) for k in late]
+    outside += [not wanders(x, k) for x in (0.0, -0.01) for k in late]
+    jumping = [not wanders(0.98 * theory.look_limit(k), k, k, k + 4, k + 4) for k in late]
+    longest = [not wanders(0.98 * theory.look_limit(k + 4), k, k, k + 4, k + 4) for k in late]
     result.statement = "The loop itself, 2 % to both sides of the limits of 0 to 8 late frames."
     result.statement_holds(
         not any(wanders(x, 4) for x in (0.2, 0.5, 1.0)),
         inside=inside,
-        outside=outside,
-        only_if="the gain is below 2 sin(pi / (2 (2 n + 1)))",
+        outside=outside + jumping,
+        only_if="all pictures are late by the same n frames and the gain is above 0 and below "
+        "2 sin(pi / (2 (2 n + 1)))",
     )
     result.correction_holds(
-        all(abs(x - 1.0) < 1e-9 for x in exact), not any(outside), four < 0.5, not wanders(0.9, 0)
+        all(abs(x - 1.0) < 1e-9 for x in exact),
+        not any(outside),
+        not all(jumping),
+        all(longest),
+        four < 0.5,
+        not wanders(0.9, 0),
     )
 
 
@@ -364,7 +403,9 @@ def look_and_move_noise(result):
     "With a clearance of two standard deviations at most one plan in forty touches the disc.",
     "That is for one that passes in a straight line: {wall:.1%}, as beside a wall. One that bends "
     "round the disc by an angle t has it near on more sides, which adds {formula}: at two standard "
-    "deviations it is {bent:.1%} for a quarter turn and {round:.1%} for a half.",
+    "deviations it is {bent:.1%} for a quarter turn and {round:.1%} for a half. Between two discs "
+    "it is {lane:.1%}, and what counts is the deviation across the path: noise that is correlated "
+    "by {together:.1f} makes it {slanted:.1%} on a diagonal.",
     ask=(
         "A disc was seen with noise s on each axis. What does a path add to the share that "
         "touches, if it bends round the disc by an angle t at the clearance b, over a straight "
@@ -396,7 +437,7 @@ def clearance_and_noise(result):
         result.measure(name, value)
     error = result.rng.standard_normal((2, 80_000))  # of the disc, in standard deviations
 
-    def touched(turn, radius=4.0):
+    def touched(turn, radius=4.0, error=error):
         """Return share of places at which a disc touches a path about it, an arc with straight
         ends.
         """
@@ -411,14 +452,32 @@ def clearance_and_noise(result):
     result.statement = "80,000 places of a disc that was seen with noise, and paths about it."
     straight = [touched(0.0, x) < 1.0 / 40.0 for x in result.rng.uniform(3.0, 20.0, 8)]
     sharp = [touched(x) < 1.0 / 40.0 for x in result.rng.uniform(0.4, np.pi, 8)]
+    # Chosen to break it: noise that is large along the path; on a diagonal of correlated axes,
+    # where it is large across; with a mean; and a second disc on the other side.
+    together = result.input("together", 0.8)
+    along = [touched(0.0, 4.0, error * [[1.0], [x]]) < 1.0 / 40.0 for x in (0.3, 2.0, 3.0)]
+    diagonal = error * np.sqrt([[1.0 + together], [1.0 - together]])
+    slanted = result.measure(
+        "slanted",
+        float(theory.collision_share(2.0, np.diag([1.0 + together, 1.0]), (1.0, 0.0))),
+    )
+    second = result.rng.standard_normal(80_000) > 2.0
+    lane = result.measure("lane", 1.0 - (1.0 - wall) ** 2)
+    both = float(np.mean(second | (error[0] > 2.0)))
+    biased = touched(0.0, 4.0, error + [[0.5], [0.0]])
+    worse = [touched(0.0, 4.0, diagonal), both, biased]
     result.statement_holds(
         all(straight) and all(sharp),
-        only_if="the path passes it straight",
-        inside=straight,
-        outside=sharp,
+        only_if="the path passes one disc straight, and the noise is normal, of mean 0 and of that "
+        "deviation across the path",
+        inside=straight + along,
+        outside=sharp + [x < 1.0 / 40.0 for x in worse],
     )
     result.correction_holds(
-        all(abs(touched(turn) / law[name] - 1.0) < 0.05 for name, turn in bends.items())
+        all(abs(touched(turn) / law[name] - 1.0) < 0.05 for name, turn in bends.items()),
+        abs(worse[0] / slanted - 1.0) < 0.05,
+        abs(both / lane - 1.0) < 0.05,
+        biased > 0.05,
     )
 
 
@@ -509,7 +568,8 @@ def overrun_ages(result):
     "Noise in the estimate makes the planner start again and again.",
     "Only one that jumps as far as the distance from which it is planned anew. Raw, a share "
     "{formula} of the pictures is that far off: at {sigma:.2f} m a run makes {raw:.0f} plans, "
-    "behind a filter {calm:.1f}.",
+    "behind a filter {calm:.1f}. A camera of {slow_hz:.0f} Hz leaves {few:.1f}, and a planner that "
+    "is not done before the next picture {late:.1f}: while it works nothing is planned anew.",
     ask=(
         "A plan was made for one noisy picture, s on each axis. Which share of the later ones is "
         "further than r from its goal?",
@@ -532,8 +592,8 @@ def raw_estimate_replans(result):
     scene, settings = Scenario(seconds=1.5), Settings()
     sigma = result.input("sigma", settings.noise)
 
-    def plans(noise, filtered, seeds=range(4)):
-        report = replace(settings, noise=float(noise), filtered=filtered)
+    def plans(noise, filtered, seeds=range(4), **changed):
+        report = replace(settings, noise=float(noise), filtered=filtered, **changed)
         return np.mean([len(record.plans) for record in run_many(scene, report, seeds)])
 
     raw = result.measure("raw", plans(sigma, False), 0.3)
@@ -542,14 +602,30 @@ def raw_estimate_replans(result):
     far = float(np.mean(jumps > settings.replan))
     law = float(result.formula.subs({r: settings.replan, s: sigma}))
     third, draws = settings.replan / 3.0, result.rng.uniform(0.0, 1.0, 8)
-    result.statement = "Runs of 1.5 s with raw and filtered estimates."
+    # Chosen to break it: much more noise and other cameras; few pictures; a planner that is slow.
+    hz = result.input("slow_hz", 4.0)
+    few = result.measure("few", plans(sigma, False, frame=1.0 / hz), 0.3)
+    late = result.measure("late", plans(sigma, False, check_cost=3e-3), 0.3)
+    wild = result.rng.uniform((1.5, 0.01, 0.05), (6.0, 0.03, 0.3), (4, 3)).tolist()
+    result.statement = "Runs of 1.5 s with raw and filtered estimates; six plans are 'again'."
     result.statement_holds(
         calm > 6.0,
-        only_if="they come raw, with a third of that distance on each axis or more",
-        inside=[bool(plans((1.15 + 0.5 * x) * third, False) > 6.0) for x in draws],
-        outside=[bool(plans((0.85 - 0.5 * x) * third, False) > 6.0) for x in draws],
+        only_if="they come raw, with a third of that distance on each axis or more, tens of times "
+        "a second, and a plan is ready before the next picture",
+        inside=[
+            *(bool(plans((1.15 + 0.5 * x) * third, False) > 6.0) for x in draws),
+            *(bool(plans(x * third, False, frame=T, latency=L) > 6.0) for x, T, L in wild),
+        ],
+        outside=[
+            *(bool(plans((0.85 - 0.5 * x) * third, False) > 6.0) for x in draws),
+            *(bool(plans(x * third, False, frame=1.0 / hz) > 6.0) for x, *_ in wild),
+            *(bool(plans(x * third, False, check_cost=3e-3) > 6.0) for x, *_ in wild),
+            *(bool(plans(x * third, True) > 6.0) for x, *_ in wild),
+        ],
     )
-    result.correction_holds(raw > 5.0 * calm, bool(abs(far / law - 1.0) < 0.05))
+    result.correction_holds(
+        raw > 5.0 * calm, bool(abs(far / law - 1.0) < 0.05), few < 6.0, late < 6.0
+    )
 
 
 @claim(

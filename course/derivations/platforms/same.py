@@ -120,9 +120,12 @@ def halving_halves(result):
     "Switch MuJoCo to RK4 and it gets more accurate.",
     "On a chain at {ms:.0f} ms, by {smooth:.1f} orders of magnitude. A block that brakes loses "
     "its speed to contact forces that change within a step: of {n:.0f} such runs RK4 was worse in "
-    "{worse:.0f}, each step at four times the forces.",
+    "{worse:.0f}, each step at four times the forces. RK4 is explicit, too: beyond a step of "
+    "{limit:.3f} over the fastest rate of the joints' damping the arm flies apart, where MuJoCo's "
+    "Euler, which takes damping implicitly, does not.",
 )
 def rk4_and_contact(result):
+    from course import kinematics
     from course.platforms import scenes
 
     def both(scene, dt):
@@ -139,14 +142,38 @@ def rk4_and_contact(result):
     touching = [both(scene, dt) for scene, dt in draws]
     worse = result.measure("worse", sum(b > a for a, b in touching), 0.4)
     free = [both(scenes.tumble(0.5), 1e-3 * dt) for dt in result.rng.uniform(0.5, 5.0, 8)]
-    result.statement = "Tumbles at random steps; blocks at random speeds, headings and steps."
+    # Real poles of RK4 are stable up to here: 1 + z + z^2 / 2 + z^3 / 6 + z^4 / 24 = 1.
+    (edge,) = (-x.real for x in np.roots([1 / 24, 1 / 6, 1 / 2, 1]) if abs(x.imag) < 1e-9)
+    limit = result.measure("limit", edge)
+    still = scenes.arm()
+    assert still.chain is not None and still.q0 is not None
+    mass = kinematics.mass_matrix(still.chain, still.q0)
+    fastest = 1.0 / float(np.linalg.eigvalsh(mass)[0])
+
+    def damped(share, dt):
+        """Return both errors of an arm whose fastest rate of damping is a share of the limit."""
+        return both(scenes.arm(0.16, damping=share * limit / (dt * fastest)), dt)
+
+    # Chosen to break it: nothing touches, but the joints are damped nearly and more than RK4 bears.
+    below, beyond = (
+        [damped(float(x), 1e-3 * float(dt)) for x, dt in result.rng.uniform(low, high, (4, 2))]
+        for low, high in (((0.3, 0.5), (0.85, 2.0)), ((1.2, 0.5), (4.0, 2.0)))
+    )
+    result.statement = (
+        "Tumbles and damped arms at random steps; blocks at random speeds, headings and steps."
+    )
     result.statement_holds(
         worse == 0,
-        only_if="nothing touches",
-        inside=[b < a for a, b in free],
-        outside=[b < a for a, b in touching],
+        only_if="nothing touches, and the step is below RK4's limit for the damping",
+        inside=[b < a for a, b in (*free, *below)],
+        outside=[b < a for a, b in (*touching, *beyond)],
     )
-    result.correction_holds(smooth > 3, worse >= 2, all(b < 1e-3 * a for a, b in free))
+    result.correction_holds(
+        smooth > 3,
+        worse >= 2,
+        all(b < 1e-3 * a for a, b in free),
+        all(a < 0.1 < b for a, b in beyond),
+    )
 
 
 @claim(

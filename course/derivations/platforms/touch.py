@@ -247,8 +247,9 @@ def creep_not_friction(result):
 
 @claim(
     "Two fingers hold a part from a certain force on, in every simulator.",
-    "From F0 = {formula} on, if a pad shares its load among its corners: MuJoCo's part sinks by "
-    "{mujoco:.2f} mm at {ratio:.1f} F0. PyBullet's has {corner:.0%} of a finger's force on one "
+    "From F0 = {formula} on, if a pad shares its load among its corners and friction hardly "
+    "creeps: MuJoCo's part sinks by {mujoco:.2f} mm at {ratio:.1f} F0 with fair settings, and by "
+    "{shipped:.1f} mm with its own. PyBullet's has {corner:.0%} of a finger's force on one "
     "corner, turns about it and sinks by {pybullet:.0f} mm.",
     ask=(
         "Two fingers squeeze a part of mass m with a force each. From which one on is it held?",
@@ -265,15 +266,15 @@ def creep_not_friction(result):
 def grasp_threshold(result):
     import sympy
 
-    from course.platforms import measures, prepared, scenes, theory
+    from course.platforms import AS_SHIPPED, FAIR, measures, prepared, scenes, theory
 
     m, g, mu, F = sympy.symbols("m g mu F", positive=True)
     result.formula = sympy.solve(sympy.Eq(2 * mu * F, m * g), F)[0]
     ratio = result.input("ratio", 1.3)
     mujoco, bullet = simulators(MUJOCO, PYBULLET)
 
-    def sinks(engine, share, friction=0.5):
-        return 1e3 * measures.squeezed(engine, share, 2e-3, friction=friction)[1]
+    def sinks(engine, share, friction=0.5, ms=2.0, settings=FAIR):
+        return 1e3 * measures.squeezed(engine, share, 1e-3 * ms, settings, friction)[1]
 
     def corner(engine):
         run = prepared(engine, scenes.grasp(ratio * theory.grasp_threshold()), 2e-3)
@@ -286,17 +287,23 @@ def grasp_threshold(result):
     deep = result.measure("pybullet", sinks(bullet, ratio), 0.5)
     held = result.measure("mujoco", sinks(mujoco, ratio), 0.05)
     share = result.measure("corner", corner(bullet), 0.2)
+    creeps = result.measure("shipped", sinks(mujoco, ratio, settings=AS_SHIPPED), 0.1)
     draws = result.rng.uniform((1.02, 0.3), (2.0, 1.0), (8, 2))
+    # Chosen to break it: just above the threshold, at any friction and step; and a soft friction.
+    close = result.rng.uniform((1.005, 0.1, 1.0), (1.02, 1.0, 5.0), (8, 3))
+    soft = [sinks(mujoco, float(x), float(y), settings=AS_SHIPPED) < 1.0 for x, y in draws]
     result.statement = "A part of 0.2 kg for 0.5 s, held if it sinks by less than a millimetre."
     result.statement_holds(
         max(deep, held) < 1.0,
-        only_if="pads share their load, as in MuJoCo",
-        inside=[sinks(mujoco, *map(float, x)) < 1.0 for x in draws],
-        outside=[sinks(bullet, *map(float, x)) < 1.0 for x in draws],
+        only_if="pads share their load and friction hardly creeps, as in MuJoCo with fair settings",
+        inside=[sinks(mujoco, *map(float, x)) < 1.0 for x in (*draws, *close)],
+        outside=[*(sinks(bullet, *map(float, x)) < 1.0 for x in draws), *soft],
     )
     result.correction_holds(
         all(sinks(mujoco, float(x), float(y)) > 1.0 for x, y in draws * [0.48, 1.0]),
         share > 0.6,
+        not any(soft),
+        creeps > 1.0,
         corner(mujoco) < 0.3,
         deep > 20.0 * held,
     )
@@ -437,10 +444,12 @@ def tower_by_engine(result):
 
 @claim(
     "PyBullet's contacts are less accurate than MuJoCo's.",
-    "In a grasp they are, by a factor of {grasp:.0f}. On a slope, under brakes, on a tower and at "
-    "a landing fair settings leave the two within a factor of {most:.1f}, and the slide gives "
-    "{slide:.2f}; as shipped MuJoCo's tower sinks {tower:.1f} times as far, and PyBullet's block "
-    "slides {brake:.0f} mm too far.",
+    "It depends on the scene, with fair settings too. After a landing PyBullet's error is "
+    "{landing:.1f} times MuJoCo's, in a grasp of {gentle_n:.0f} N {grasp:.0f} times and "
+    "in one of {firm_n:.0f} N {firm:.2f}; on a tower of five it is {high:.2f}, and a slide and "
+    "brakes are level. On its way MuJoCo's braking block errs {hops:.1f} times as much as "
+    "PyBullet's, because it hops. As shipped MuJoCo's tower of three sinks {tower:.1f} times as "
+    "far, and PyBullet's block slides {brake:.0f} mm too far.",
     needs=("PyBullet",),
 )
 def bullet_less_accurate(result):
@@ -448,25 +457,32 @@ def bullet_less_accurate(result):
 
     both = simulators(MUJOCO, PYBULLET)
 
-    def over(scene, options=FAIR):
-        mujoco, bullet = (measures.position_error(e, scene, 1e-3, options) for e in both)
+    def over(scene, options=FAIR, dt=1e-3):
+        mujoco, bullet = (measures.position_error(e, scene, dt, options) for e in both)
         return bullet / mujoco
 
-    slide = scenes.slope(0.5, 0.2)
-    kinds = (scenes.slope(), slide, scenes.brake(), scenes.tower(3), scenes.drop())
-    ratios = np.array([over(scene) for scene in kinds])
-    grasp = result.measure("grasp", over(scenes.grasp(3.0)), 0.5)
-    largest = result.measure("most", ratios.max(), 0.2)
-    level = result.measure("slide", over(slide), 0.1)
+    level = [over(scenes.slope(0.5, 0.2)), over(scenes.brake())]
+    landing = result.measure("landing", over(scenes.drop()), 0.2)
+    grasp = result.measure("grasp", over(scenes.grasp(result.input("gentle_n", 3.0))), 0.5)
+    firm = result.measure("firm", over(scenes.grasp(result.input("firm_n", 10.0))), 0.5)
+    high = result.measure("high", over(scenes.tower(5)), 0.3)
+    ways = [measures.path_error(engine, scenes.brake(), 1e-3).largest for engine in both]
+    hops = result.measure("hops", ways[0] / ways[1], 0.2)
     tower = result.measure("tower", 1.0 / over(scenes.tower(3), AS_SHIPPED), 0.2)
     brake = measures.position_error(both[1], scenes.brake(), 1e-3, AS_SHIPPED)
     result.measure("brake", 1e3 * brake, 0.02)
-    result.statement = "Errors of PyBullet over those of MuJoCo at 1 ms."
-    result.statement_holds(bool(np.all(ratios > 1.1)))
+    # Chosen to break "in a landing they are": other heights and steps.
+    drops = result.rng.uniform((0.01, 1.0), (0.4, 3.0), (6, 2)).tolist()
+    result.statement = "Errors at the end of PyBullet over those of MuJoCo at 1 ms."
+    result.statement_holds(min(landing, grasp, firm, high, *level) > 1.1)
     result.correction_holds(
+        all(over(scenes.drop(h), dt=1e-3 * ms) > 1.1 for h, ms in drops),
         grasp > 50.0,
-        1.0 / ratios.min() < largest < 6.0,
-        abs(level - 1.0) < 0.15,
+        landing > 2.0,
+        firm < 0.5,
+        high < 1.0,
+        all(abs(x - 1.0) < 0.15 for x in level),
+        hops > 3.0,
         tower > 1.5,
         brake > 0.1,
     )
