@@ -100,5 +100,5 @@ def test_when_all_fail_the_share_is_one_at_most_and_nan_is_named():
     always = cross_entropy(lambda x: np.ones(x.shape[1]), 3, rng)
     assert always.low <= always.share <= 1.0 and always.high <= 1.0
     for method in (lambda f: plain(f, 2, 50, rng), lambda f: cross_entropy(f, 2, rng)):
-        with pytest.raises(ValueError, match="severity is .NaN."):
+        with pytest.raises(ValueError, match=r"severity is .NaN."):
             method(lambda x: np.where(x[0] > 0.0, np.nan, 1.0))
