@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from course import charts
-from course.pipeline import theory
-from course.pipeline.blame import FAULTS
+from course.charts.pipeline import swaps
+from course.pipeline import Scenario, Settings, Stages, move, run_many, theory
+from course.pipeline.blame import FAULTS, contracts_alone
 
 
 def test_means_add_up_and_where_they_cancel_the_first_repair_hurts():
@@ -59,6 +60,19 @@ def test_the_gain_of_looking_again():
         np.testing.assert_allclose(series.y, series.expected, rtol=0.12)
 
 
+def test_without_the_true_target_nobody_finds_what_perception_did():
+    """What a robot's own record holds names a stage that broke its word, and no wrong place."""
+    named, *_ = charts.stored("whose_fault")
+    series = named["without the true target"]
+    blind = dict(zip(map(str, series.y), series.x, strict=True))
+    for fault in FAULTS:
+        assert blind[fault.name] == (0.0 if fault.stage == "perceive" else 1.0)
+    text = charts.read("whose_fault")
+    assert "contracts alone: 200 of 200" in text and "true target: 140 of 200" in text
+    few = contracts_alone(2, FAULTS[:1] + FAULTS[6:7])
+    assert few.tolist() == [[2, 2], [0, 2]]
+
+
 def test_contracts_first_are_right_more_often_and_need_fewer_replays():
     named, replays, *_ = charts.stored("whose_fault")
     assert [str(name) for name in named["contracts first"].y] == [f.name for f in FAULTS]
@@ -86,6 +100,18 @@ def test_the_narrow_proposal_deceives_and_the_wide_one_does_not():
     assert price["narrow proposal, true"].y[0] > 2.0 * price["narrow proposal, stated"].y[0]
     assert price["width kept, true"].y[0] < 1.5 * price["width kept, stated"].y[0]
     assert np.array(width["narrow proposal"].x).min() < 0.9 and len(ranks.series) == 2
+
+
+def test_our_own_motion_through_python_is_beside_the_library():
+    """The same function, called as a library is: the same motion, and the price of the call."""
+    motion, _, times = charts.build("pipeline_speed", steps=(4e-3, 2e-3), seeds=1, widths=(160,))
+    (ours, called, theirs) = motion.series
+    assert (ours.label, called.label, theirs.label) == ("ours", swaps.PYTHON, "MuJoCo moves")
+    np.testing.assert_allclose(called.y, ours.y, rtol=1e-9)
+    assert "our motion through Python" in times.series[0].y
+    pair = [Stages(move=step) for step in (move, swaps.through_python)]
+    one, other = (run_many(Scenario(), Settings(), [3], stages)[0] for stages in pair)
+    np.testing.assert_allclose(one.log, other.log, atol=1e-10)
 
 
 def test_both_physics_meet_and_ours_is_faster():

@@ -16,7 +16,7 @@ from course.measure.success import paired
 from course.measure.work_precision import machine
 from course.oracles import pipeline as libraries
 from course.perception import Camera
-from course.pipeline import Record, Scenario, Settings, Stages, errors, run_many, successes
+from course.pipeline import Record, Scenario, Settings, Stages, errors, move, run_many, successes
 from course.pipeline.drive import Q, V
 from course.pipeline.eye import Eye
 from course.pipeline.run import tip_of
@@ -24,6 +24,20 @@ from course.pipeline.run import tip_of
 Array = NDArray[np.float64]
 SMALL = Eye(bodies=False, camera=Camera.symmetric(320, 240, math.radians(62.0)), height=1.0)
 SEEN = Settings(frame=0.2, law="computed_torque", drift=(0.02, 0.02))
+
+
+def through_python(
+    q: Array, v: Array, tau: Array, dt: float, scenario: Scenario
+) -> tuple[Array, Array]:
+    """Return our own step, called as a library's is: from Python, once a step.
+
+    Another function than `move` itself, so the run is not compiled. It is the control of every
+    ratio of time: what it costs is the interface's price, not a library's.
+    """
+    return move(q, v, tau, dt, scenario)
+
+
+PYTHON = "ours, through Python"
 
 
 def settings_for(name: str) -> Settings:
@@ -68,7 +82,8 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
             ticks=(1, 2, 5, 10, 20, 50),
         ),
     ]
-    for row, (name, pair) in enumerate(libraries.swaps(SMALL).items()):
+    cases = libraries.swaps(SMALL) | {PYTHON: (Stages(move=through_python), Stages())}
+    for row, (name, pair) in enumerate(cases.items()):
         sees = pair[1].perceive is not Stages().perceive
         some = range(seeing if sees else seeds)
         (theirs, slow), (ours, fast) = (timed(settings_for(name), one, some) for one in pair)
@@ -197,7 +212,12 @@ def pipeline_speed(
     )
     quick: dict[str, float] = {}
     theirs = Stages(move=libraries.move)
-    for label, stages, key in (("ours", ours, "course"), ("MuJoCo moves", theirs, "MuJoCo")):
+    called = Stages(move=through_python)
+    for label, stages, key, style in (
+        ("ours", ours, "course", "-"),
+        (PYTHON, called, "course", "--"),
+        ("MuJoCo moves", theirs, "MuJoCo", "-"),
+    ):
 
         def motion(h: float, stages: Stages = stages) -> tuple[Array, float]:
             settings = replace(calm, physics=h, control=h)
@@ -214,7 +234,7 @@ def pipeline_speed(
             y.append(1e3 * float(np.abs(tip - fine).max()))
         quick[label] = 4.0 / (1e-3 * x[list(steps).index(2e-3)])
         message = ", ".join(f"{1e3 * h:g} ms {e:.2g} mm" for h, e in zip(steps, y, strict=True))
-        panel.series.append(Series(label, x, y, key, note=f"{label}: {message}"))
+        panel.series.append(Series(label, x, y, key, style, note=f"{label}: {message}"))
     yield panel
     panel = Panel(
         "Perception, and what it costs",
@@ -258,6 +278,7 @@ def pipeline_speed(
     yield panel
     names = {
         "ours": "whole pipeline",
+        PYTHON: "our motion through Python",
         "MuJoCo moves": "MuJoCo moves",
         "our camera": f"{max(widths)} pixels, 10 Hz",
         "MuJoCo's rays": "MuJoCo's rays",
