@@ -549,8 +549,9 @@ print_figures(
 # steps in one. For one cube more than half of a step is the call. A rate that is measured on a small scene through
 # Python is Python's.
 #
-# *What to pick*, on these scenes. Smooth motion: RK4, in whichever engine has it. Contact within a millimetre: MuJoCo,
-# elliptic, at the largest step that the tolerance allows. A patch that must carry a moment: Drake's hydroelastic, if
+# *What to pick*, on these scenes. Smooth motion with weak damping: RK4, in whichever engine has it. Contact at rest
+# within a millimetre: MuJoCo, elliptic, at the largest step that the tolerance allows. What slides, and has to stay on
+# the ground: PyBullet or Drake, since MuJoCo's hops. A patch that must carry a moment: Drake's hydroelastic, if
 # you can pay for it. And before the first step there is a price as well:
 
 # %% tags=["nbval-ignore-output"]

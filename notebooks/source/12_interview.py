@@ -91,8 +91,8 @@ plt.show()
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** First the answer, then its figure, then its limit; then stop. "Semi-implicit Euler; at the step of
-# this scene it errs by so much, and above twice the inverse frequency it explodes" takes ten seconds, and the next
-# question is one that you chose.
+# this scene it errs by so much, and above twice the inverse frequency, or less with damping, it explodes" takes ten
+# seconds, and the next question is one that you chose.
 #
 # </div>
 
@@ -195,7 +195,8 @@ print(
 #
 # Forward kinematics of three links, an RRT with checked edges, a PID that does not wind up, domain randomisation that
 # changes all that belongs together. Each is graded in a second or two, in the terminal (`drills start rrt`) or here;
-# the four cards at the top hold the key insight of each.
+# the four cards at the top hold the key insight of each. To rate your own cards here instead of in the terminal, call
+# `flashcards` from `drills.interview.panel` in a cell: it shows what is due and stores your ratings.
 
 # %%
 predict("when_again")

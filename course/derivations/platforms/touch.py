@@ -161,7 +161,9 @@ def pyramid_box(result):
     headings = result.rng.uniform(0.0, 0.25 * np.pi, 8)
     length, steered = stops(PYBULLET, headings, 1e-3, box)
     law = np.array([float(result.formula.subs({D: 1, phi: a})) for a in headings])
-    pyramid, _ = stops(MUJOCO, headings.clip(0.1), 1e-3, FAIR.using(cone="pyramidal"))
+    # Chosen to break it: headings all round, and near to every axis.
+    around = np.append(headings.clip(0.1), [1.2, 1.47, 1.67, 2.4, 3.04, -0.1, -2.0, -3.0])
+    pyramid, _ = stops(MUJOCO, around, 1e-3, FAIR.using(cone="pyramidal"))
     result.statement = "PyBullet's block at eight random headings up to 45 degrees beside the law."
     result.statement_holds(
         near[0] > 1.0,

@@ -113,7 +113,11 @@ def drake_guarantees(outcome):
     outcome.statement_holds(
         np.ptp(both) < 1e-4,
         only_if="the problem is convex",
-        inside=[np.ptp(costs(-b, t)) < 1e-4 for b, t in draws],
+        # Chosen to break it: convex problems that are flat at their minimum, and steep ones.
+        inside=[
+            *(np.ptp(costs(-b, t)) < 1e-4 for b, t in draws),
+            *(np.ptp(costs(b, t)) < 1e-4 for b, t in ((0.0, 0.0), (0.0, 1e-3), (-50.0, 5.0))),
+        ],
         outside=[np.ptp(costs(b, t)) < 1e-4 for b, t in draws],
     )
     outcome.correction_holds(both.max() - both.min() > 0.1)
@@ -185,7 +189,7 @@ def proof_never_falls(result):
             simulator.AdvanceTo(simulator.get_context().get_time() + 0.05)
             if abs(state.GetAtIndex(0)) > 3.0:
                 return False
-        return bool(abs(state.GetAtIndex(0)) < start)
+        return bool(abs(state.GetAtIndex(0)) < abs(start))
 
     system = plant(1.0)
     level = RegionOfAttraction(system, system.CreateDefaultContext())
@@ -198,7 +202,11 @@ def proof_never_falls(result):
     result.statement_holds(
         not missing,
         only_if="the model is right and the start is in the set that was proved",
-        inside=[stands(x * edge, 1.0) for x, _ in draws],
+        # Chosen to break it: starts on the other side, and next to the edge.
+        inside=[
+            *(stands(x * edge, 1.0) for x, _ in draws),
+            *(stands(x * edge, 1.0) for x in (-0.5, -0.98, 0.9999, -0.9999)),
+        ],
         outside=[stands(0.98 * edge, 1.02 + y) for _, y in draws],
     )
     result.correction_holds(abs(edge - 1.0) < 1e-3, missing, not stands(1.02 * edge, 1.0))
