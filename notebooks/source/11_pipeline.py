@@ -303,8 +303,8 @@ print_figures("swap_matrix", "Open3D", "MuJoCo", "OMPL", "Pinocchio", "all of", 
 # %% [markdown]
 # Success and error compare the libraries. The time does not: a stage that isn't ours is called from Python once a step,
 # with new objects for each call, and our own run is compiled as a whole. The row *ours, through Python* is the control.
-# It is our own motion, called the same way, and it costs as much as MuJoCo does there. A loop of MuJoCo in C takes about
-# as long as our compiled run.
+# It is our own motion, called the same way. Compare it with *MuJoCo moves* before you call either program fast. A loop
+# of MuJoCo in C takes about as long as our compiled run.
 #
 # ## 4 · Code
 #
@@ -408,8 +408,8 @@ print_figures(
 )
 
 # %% [markdown]
-# (*Ours, through Python* is our motion behind the door that MuJoCo's uses. The distance from it to *ours* is the price of
-# that door; only the distance from it to *MuJoCo moves* is between the two programs.)
+# (*Ours, through Python* is our motion behind the door that MuJoCo's uses. The distance from it to *ours* is the price
+# of that door; only the distance from it to *MuJoCo moves* is between the two programs.)
 
 # %% [markdown]
 # Are two numbers enough? Here they were measured from the pictures themselves, and the errors at the end compared as
