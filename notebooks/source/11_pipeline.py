@@ -55,7 +55,7 @@ from course.derivations import figure, show
 from course.pipeline import Scenario, Settings, Stages, theory
 from course.pipeline import blame as procedure
 from course.pipeline.blame import CASE, FAULTS, Fault, blame, contracts, injected
-from course.pipeline.rare import cross_entropy
+from course.pipeline.rare import cross_entropy, plain
 from course.pipeline.run import errors, run, run_many, successes
 from course.pipeline.scenario import repair
 from course.pipeline.stages import frames, perceive
@@ -964,6 +964,15 @@ for name, width in (("narrow", 0.0), ("width kept", 1.0)):
         print(f"{name:<11}{result.share:.1e}, says +- {result.error:.0e}; ", end="")
         message = f"effective {result.effective:.1f}, heaviest {result.heaviest:.2f}"
         print(f"{message}, least width {result.width.min():.2f}")
+
+# %% [markdown]
+# And a sample without any failure? A share of 0 with an error of 0 would be the surest wrong answer of all. Wilson's
+# interval says what such a sample leaves open:
+
+# %%
+for runs in (100, 1000, 10_000):
+    none = plain(lambda x: -np.ones(x.shape[1]), 6, runs, np.random.default_rng(0))
+    print(f"0 of {runs} runs failed: up to {none.high:.2%} of all may fail")
 
 # %%
 show("rare_and_sure")

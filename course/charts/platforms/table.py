@@ -176,7 +176,7 @@ def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> I
     for row in rows:
         report.append(
             f"{row[0]:<8} {row[1]:<9} {row[2]:<10} {row[4]:10.3e} {row[5]:<3} "
-            f"{row[7]:8.3g}  {row[8]}"
+            f"{row[7]:8.2g}  {row[8]}"
         )
     if set(scenes) == set(TABLE) and set(here()) == set(ENGINES):
         report += [sentence for sentence, holds in SENTENCES.items() if holds(rows)]
