@@ -55,7 +55,7 @@ from course.derivations import figure, show
 from course.pipeline import Scenario, Settings, Stages, theory
 from course.pipeline import blame as procedure
 from course.pipeline.blame import CASE, FAULTS, Fault, blame, contracts, injected
-from course.pipeline.rare import cross_entropy
+from course.pipeline.rare import cross_entropy, plain
 from course.pipeline.run import errors, run, run_many, successes
 from course.pipeline.scenario import repair
 from course.pipeline.stages import frames, perceive
@@ -303,8 +303,8 @@ print_figures("swap_matrix", "Open3D", "MuJoCo", "OMPL", "Pinocchio", "all of", 
 # %% [markdown]
 # Success and error compare the libraries. The time does not: a stage that isn't ours is called from Python once a step,
 # with new objects for each call, and our own run is compiled as a whole. The row *ours, through Python* is the control.
-# It is our own motion, called the same way, and it costs as much as MuJoCo does there. A loop of MuJoCo in C takes about
-# as long as our compiled run.
+# It is our own motion, called the same way. Compare it with *MuJoCo moves* before you call either program fast. A loop
+# of MuJoCo in C takes about as long as our compiled run.
 #
 # ## 4 · Code
 #
@@ -408,8 +408,8 @@ print_figures(
 )
 
 # %% [markdown]
-# (*Ours, through Python* is our motion behind the door that MuJoCo's uses. The distance from it to *ours* is the price of
-# that door; only the distance from it to *MuJoCo moves* is between the two programs.)
+# (*Ours, through Python* is our motion behind the door that MuJoCo's uses. The distance from it to *ours* is the price
+# of that door; only the distance from it to *MuJoCo moves* is between the two programs.)
 
 # %% [markdown]
 # Are two numbers enough? Here they were measured from the pictures themselves, and the errors at the end compared as
@@ -964,6 +964,15 @@ for name, width in (("narrow", 0.0), ("width kept", 1.0)):
         print(f"{name:<11}{result.share:.1e}, 95 % {result.low:.0e} to {result.high:.0e}; ", end="")
         message = f"effective {result.effective:.1f}, heaviest {result.heaviest:.2f}"
         print(f"{message}, least width {result.width.min():.2f}")
+
+# %% [markdown]
+# And a sample without any failure? A share of 0 with an error of 0 would be the surest wrong answer of all. Wilson's
+# interval says what such a sample leaves open:
+
+# %%
+for runs in (100, 1000, 10_000):
+    none = plain(lambda x: -np.ones(x.shape[1]), 6, runs, np.random.default_rng(0))
+    print(f"0 of {runs} runs failed: up to {none.high:.2%} of all may fail")
 
 # %%
 show("rare_and_sure")

@@ -18,7 +18,7 @@ from course.platforms.choose import UNKNOWN, Fact, Need, choose
 from course.platforms.models import honesty
 
 
-def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
+def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict[str, Fact]]:
     """Return what was measured of each engine with fair settings at 1 ms.
 
     Error and cost of every scene; of some, the largest error on the way and the share of the time
@@ -29,9 +29,11 @@ def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
 
     Args:
         rows: of `platforms_table`; None for the stored ones.
+        paths: of `platform_paths`, likewise.
     """
     rows = stored_rows() if rows is None else rows
-    read, paths = stored_rows("platform_readers"), stored_rows("platform_paths")
+    paths = stored_rows("platform_paths") if paths is None else paths
+    read = stored_rows("platform_readers")
     result: dict[str, dict[str, Fact]] = {}
     for name in ENGINES:
         mine = result[name] = {}
@@ -75,13 +77,13 @@ DOCUMENTED = {
 }
 
 
-def decide(job: str, rows: Rows | None = None) -> tuple[str, str]:
+def decide(job: str, rows: Rows | None = None, paths: Rows | None = None) -> tuple[str, str]:
     """Return the pick for a job, and the rows that decided it.
 
     Where none could, what is documented.
     """
     needs, by = JOBS[job]
-    result = choose(facts(rows), needs, by)
+    result = choose(facts(rows, paths), needs, by)
     if result.pick is None:
         row = next(row for row in result.deciding if row in DOCUMENTED)
         return "not measured here", f"{row}: unknown of all four. {DOCUMENTED[row]}"

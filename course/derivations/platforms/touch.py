@@ -395,8 +395,8 @@ def drake_hydroelastic(result):
     result.statement_holds(
         stays(2, AS_SHIPPED),
         only_if="the shapes were given hydroelastic properties",
-        inside=[stays(n, FAIR) for n in (1, 2)],
-        outside=[stays(2, AS_SHIPPED)],
+        inside=[stays(n, FAIR) for n in (1, 2, 3)],
+        outside=[stays(n, AS_SHIPPED) for n in (2, 3)],
         cases=True,
     )
     from pydrake.multibody.plant import MultibodyPlantConfig
