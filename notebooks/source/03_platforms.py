@@ -162,8 +162,8 @@ for label, engine, how in (
     ("MuJoCo fair", mujoco, FAIR),
 ):
     one = measures.path_error(engine, braking, 1e-3, how, moving=braking.duration / 1.5)
-    print(f"{label:<23} error at the end {1e3 * one.final:.2f} mm,", end=" ")
-    print(f"largest {1e3 * one.largest:.2f} mm; {one.airborne:.0%} of the way without contact")
+    print(f"{label:<22} at the end {1e3 * one.final:.2f} mm,", end=" ")
+    print(f"largest {1e3 * one.largest:.2f} mm; {one.airborne:.0%} of the way in the air")
 
 # %% [markdown]
 # A stiffer `solref` bought less sinking at rest with higher hops. The block still stops where it should, because the

@@ -623,9 +623,10 @@ print_figures("control_speed", "")
 # %% [markdown]
 # *What to pick.* A good model and a known load: computed torque, half a sample ahead; nothing else buys as much for a
 # microsecond. A load that changes: adapt. A torque limit that binds, or a cost that is not a distance from a path:
-# plan ahead, by a quadratic program while the model is linear enough, by samples when it is not. With the model wrong
-# as here, PD with gravity is ahead of computed torque in this chart, but not by its law: its spring at the elbow is
-# seven times as stiff. Compare laws at equal stiffness.
+# plan ahead, by a quadratic program while the model is linear enough, by samples when it is not.
+#
+# With the model wrong as here, PD with gravity is ahead of computed torque in this chart, but not by its law: its
+# spring at the elbow is seven times as stiff. Compare laws at equal stiffness.
 #
 # ## 7 · Debug: what a simulator hides
 #
