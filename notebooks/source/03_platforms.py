@@ -674,9 +674,11 @@ print(", ".join(f"MuJoCo {name}: {x:.3f} of m g / (2 mu)" for name, x in least.i
 # (A dot falls, an x is held.) Three of the four have a threshold, and not the same one. Our code and MuJoCo drop the
 # part just below Coulomb's force, MuJoCo already at 1.004 times it. Drake's patches hold down to 0.98 of it: the part
 # sinks by 12 mm in half a second, the patches tilt, and the reported forces leave the flat cone by 2 %. It counts as
-# held only because it moves evenly. PyBullet has no threshold at 1 ms: it holds a part, and drops
-# it again when squeezed harder. Not for want of iterations: its sweeps end with most of the force on one corner of a
-# finger. That meets Coulomb's law, as four corners share a load in many ways, but the part swings about that corner.
+# held only because it moves evenly.
+#
+# PyBullet has no threshold at 1 ms: it holds a part, and drops it again when squeezed harder. Not for want of
+# iterations: its sweeps end with most of the force on one corner of a finger. That meets Coulomb's law, as four corners
+# share a load in many ways, but the part swings about that corner.
 
 # %%
 show("grasp_threshold")

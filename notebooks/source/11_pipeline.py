@@ -555,7 +555,7 @@ print(f"minimal: {len(least.discs)} discs, target at {1e3 * np.hypot(*least.velo
 # ![Whom contracts, replays alone and the last error name, by fault](../docs/charts/whose_fault.png)
 
 # %%
-print_figures("whose_fault", "contracts", "without", "replays", "last")
+print_figures("whose_fault", "contracts", "without", "last")
 
 # %% [markdown]
 # Two of these use what no robot has. The contract of perception compares each picture with the *true* target, and a
