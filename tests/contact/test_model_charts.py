@@ -26,6 +26,7 @@ def test_every_sentence_of_the_table_holds(table: charts.Panel, sentence: str) -
     assert sentence in charts.read("contact_table")
 
 
+@pytest.mark.slow
 def test_a_sentence_fails_on_another_table(table: charts.Panel) -> None:
     """None of them is true of anything: errors handed round among the models break each."""
     rows = [list(row) for row in table.data]
@@ -36,6 +37,7 @@ def test_a_sentence_fails_on_another_table(table: charts.Panel) -> None:
     assert sum(broken) >= len(broken) - 1
 
 
+@pytest.mark.slow
 def test_the_table_has_every_model_and_mujocos_rows(table: charts.Panel) -> None:
     for scene in models.QUESTIONS:
         named = {row[1] for row in table.data if row[0] == scene}

@@ -9,6 +9,7 @@ from course.charts import build
 from course.charts.control import limits
 
 
+@pytest.mark.slow
 def test_delay_and_hold_are_theorys_and_the_simulator_hides_the_hold():
     late, steps = build("delay_limit", delays=5, steps=(1, 10))
     curve = late["the loop's matrix"]

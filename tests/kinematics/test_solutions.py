@@ -154,6 +154,7 @@ def test_a_null_space_step_solves_the_task_and_is_the_nearest_that_does(rng, m, 
 # --- inverse dynamics -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @examples(25)
 @given(rngs(), st.integers(1, 8), st.sampled_from([0.0, 9.81]))
 def test_torques_are_those_of_pinocchio_and_mujoco(rng, n, gravity):

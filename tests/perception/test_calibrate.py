@@ -15,6 +15,7 @@ from tests.budget import examples
 SEEDS = st.integers(0, 2**32 - 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [4, 8, 30])
 def test_the_error_at_a_target_is_as_predicted(count):
     """1,000 fits: within four standard errors of their root mean square, near and far."""

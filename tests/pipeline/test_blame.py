@@ -23,6 +23,7 @@ from course.pipeline.stages import perceive, plan_path
 SCENE, AGREED = CASE
 
 
+@pytest.mark.slow
 def test_without_a_fault_no_contract_is_broken_that_matters():
     records = [run(SCENE, AGREED, seed=seed) for seed in range(30)]
     assert np.mean([record.success for record in records]) > 0.9
