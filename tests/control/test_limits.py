@@ -69,6 +69,7 @@ def test_ripple_stays_in_its_bound_and_only_unequal_friction_hunts():
     assert max(still.y) == 0.0 and integral.y[0] < 0.1 and integral.y[1] > 5.0
 
 
+@pytest.mark.slow
 def test_the_rows_of_ziegler_and_nichols_and_what_to_do_instead():
     (panel,) = build("ziegler_nichols_rows", points=5)
     assert np.all(np.isfinite(panel["PID"].y)) and min(panel["PID"].y) > 0.5

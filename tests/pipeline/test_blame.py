@@ -55,6 +55,7 @@ def test_contracts_and_replays_name_the_stage_and_the_last_error_does_not():
     assert blind.sum() == 3 * len(FAULTS[6:])
 
 
+@pytest.mark.slow
 def test_two_faults_at_once_take_a_pair():
     moved, weak = FAULTS[0], next(f for f in FAULTS if f.name == "weak motor")
     both = Fault("both", "control", weak.settings, moved.disturb)

@@ -26,6 +26,8 @@ PNG = (
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJg"
     "gg=="
 )
+pytestmark = pytest.mark.slow  # Sphinx builds the whole site once.
+
 CHAPTER_PAGES = [Path(chapter.notebook).stem for chapter in CHAPTERS]
 
 

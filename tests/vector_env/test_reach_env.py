@@ -49,6 +49,7 @@ def spring_policy(observations: np.ndarray) -> np.ndarray:
 # --- one environment ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", IDS)
 def test_gymnasium_finds_nothing_wrong(name: str) -> None:
     warnings = check(gymnasium.make(name).unwrapped)
