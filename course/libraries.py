@@ -20,7 +20,7 @@ SYSTEM_PACKAGES = {
     "libglib-2.0.so.0": "libglib2.0-0",  # Drake
 }
 # What glibc's loader writes. It stops at the first library that it does not find.
-_NOT_FOUND = re.compile(r"(\S+\.so[.\d]*): cannot open shared object file")
+_NOT_FOUND = re.compile(r"([\w.+-]+\.so[.\d]*): cannot open shared object file")
 
 
 def missing_shared_library(error: BaseException) -> str:

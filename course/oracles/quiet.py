@@ -23,6 +23,9 @@ def quiet() -> Iterator[list[str]]:
         try:
             yield text
         finally:
+            # Python buffers a file, too, and would write what is left after the descriptors are
+            # restored, to the wrong place.
+            sys.stdout.flush(), sys.stderr.flush()
             flush(None)
             for copy, number in zip(retained, (1, 2), strict=True):
                 os.dup2(copy, number)

@@ -19,7 +19,7 @@ that the function raised an error: `exception` then holds the place of two i32, 
 and the length of its message (UTF-8). The state is not to be used any more.
 
 The custom section "sources" is a JSON object: `fingerprint` of what was compiled, and the
-versions of Numba, llvmlite and the linker.
+versions of Numba, llvmlite, Python and the linker.
 """
 
 import ast
@@ -213,6 +213,8 @@ def build(name: str) -> bytes:
         "fingerprint": fingerprint(made),
         "numba": numba.__version__,
         "llvmlite": llvmlite.__version__,
+        # Numba reads bytecode, which differs between versions of Python.
+        "python": f"{sys.version_info.major}.{sys.version_info.minor}",
         "linker": compiler.linker()[1],
     }
     module = compiler.with_custom(module, "sources", json.dumps(sources).encode())

@@ -43,7 +43,13 @@ def test_a_module_is_made_from_the_sources_as_they_are(name: str) -> None:
     assert set(compiler.imports(module)) <= compiler.MATHS
     has = {"memory", "__heap_base", *wasm.signatures(wasm.model(name))}
     assert hosted(name).exports.keys() == has
-    assert wasm.read_sources(module).keys() == {"fingerprint", "numba", "llvmlite", "linker"}
+    assert wasm.read_sources(module).keys() == {
+        "fingerprint",
+        "numba",
+        "llvmlite",
+        "python",
+        "linker",
+    }
     assert b".py" not in module  # no place on the machine that made it
 
 
@@ -116,7 +122,8 @@ def test_the_same_sources_give_the_same_bytes() -> None:
     report = wasm.read_sources(wasm.file_of(SMALL).read_bytes())
     here = {"numba": wasm.numba.__version__, "llvmlite": wasm.llvmlite.__version__}
     here["linker"] = compiler.linker()[1]
-    if {name: report[name] for name in here} != here:
+    here["python"] = f"{sys.version_info.major}.{sys.version_info.minor}"
+    if {name: report.get(name) for name in here} != here:
         pytest.skip(f"made with {report}, here is {here}")
     assert wasm.rebuilt(SMALL) == wasm.file_of(SMALL).read_bytes()
 
