@@ -97,7 +97,8 @@ def vector(
         name: of the argument.
         value: anything NumPy makes an array of.
         shapes: those that are allowed, None standing for any size; without one any shape is.
-        low, high: bounds of each number, both allowed.
+        low: smallest number that is allowed.
+        high: largest number that is allowed.
         unit: for the message.
 
     Returns:

@@ -154,11 +154,11 @@ def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]
 
 
 def loop(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
-    """Return `function`, to be called from code that runs as plain Python and may be compiled
-    itself.
+    """Return `function` for callers in plain Python and in compiled code alike.
 
     Args:
-        function, signature: as for `compiled`.
+        function: as for `compiled`.
+        signature: as for `compiled`.
 
     Returns:
         A function that is `compiled(function, signature)` where plain Python calls it, compiled at

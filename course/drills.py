@@ -70,9 +70,7 @@ def edge_is_free(a: Array, b: Array, discs: Array) -> bool:
 
 
 def steer(origin: Array, target: Array, step: float) -> Array:
-    """Return the target itself if it is within `step` of origin, else the point at `step` towards
-    it.
-    """
+    """Return the target if it is within `step` of origin, else the point at `step` towards it."""
     offset = target - origin
     distance = np.hypot(offset[0], offset[1])
     return target if distance <= step else origin + step / distance * offset
@@ -197,9 +195,12 @@ class PID:
         """Set the gains; u is the command's unit, y the measurement's.
 
         Args:
-            kp, ki, kd: gains [u/y], [u/(y s)], [u s/y], finite and not negative.
+            kp: proportional gain [u/y], finite and not negative.
+            ki: integral gain [u/(y s)], finite and not negative.
+            kd: derivative gain [u s/y], finite and not negative.
             dt: time from one update to the next [s], positive.
-            u_min, u_max: limits of the command [u], u_min < u_max; may be infinite.
+            u_min: lower limit of the command [u]; may be infinite.
+            u_max: upper limit of the command [u], above u_min; may be infinite.
             tau: time constant of the derivative's filter [s], not negative; 0 is no filter.
 
         Raises:

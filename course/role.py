@@ -145,9 +145,10 @@ def age(stages: Sequence[Stage]) -> Age:
 
 
 def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
-    """Return which of the samples that arrive at `times` (N,) a reader gets at each tick (M,), from
-    a queue: the oldest unread of the last `depth`, from an empty one the last again; -1: none
-    yet.
+    """Return which sample of a queue a reader gets at each tick, (M,); -1 where none has arrived.
+
+    Samples arrive at `times` (N,). A reader gets the oldest unread of the last `depth` samples, and
+    the last one again from an empty queue.
     """
     index = np.searchsorted(times, ticks, side="right") - 1
     last = np.int64(-1)
@@ -204,12 +205,13 @@ class Trace:
 def simulate(
     stages: Sequence[Stage], phases: Array | Sequence[float], seed: int = 0, seconds: float = 10.0
 ) -> Trace:
-    """Let a chain run, event by event; queues are empty at time 0, and fill.
+    """Simulate a chain event by event; queues are empty at time 0, and fill.
 
     Args:
         stages: as for `age`; ValueError as there, but for losses and jitter.
         phases: of each stage's first start, shares of its period, shape (n,).
-        seed, seconds: of jitter and losses; how long stages are started.
+        seed: of jitter and losses.
+        seconds: how long stages are started [s].
     """
     _links([replace(stage, lost=0.0, jitter=0.0) for stage in stages])
     phases = vector("phases", phases, (len(stages),))
@@ -289,7 +291,7 @@ class Cost(NamedTuple):
 
 
 def cost(age: Age | float, speed: float, acceleration: float = 0.0, bandwidth: float = 0.0) -> Cost:
-    """Return what an age, or one single age [s], does to a motion.
+    """Return what an age, or one single age [s], costs a motion.
 
     Errors in the mean (unstamped: rms), of what moves with a speed and acceleration [m/s, m/s^2],
     in a loop of some bandwidth [Hz].
@@ -362,8 +364,10 @@ def around(box: str, edges: Sequence[Edge] = STACK) -> tuple[list[Edge], list[Ed
 
 
 def missed(stages: Sequence[Stage], edges: Sequence[Edge] = STACK) -> list[str]:
-    """Return what flows from these stages with a hard deadline and may be lost, or come later than
-    a period of its edge after the one before, or after its start.
+    """Return the flows from these stages that may miss a hard deadline.
+
+    A flow may be lost, or come later than a period of its edge after the one before, or later than
+    that after its start.
     """
     chain = zip(stages, _links(stages), strict=True)
     return [

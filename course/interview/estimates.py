@@ -48,13 +48,15 @@ def workers(
     night_h: float,
     repeats: int = 1,
 ) -> int:
-    """Return workers that get through all scenarios in a night; one run is not divided.
+    """Return how many workers get through all scenarios in a night; one run is not divided.
 
     Args:
-        scenarios, repeats: how many, and runs of each.
-        scenario_s, start_s: simulated length of one, and real time to start it [s].
+        scenarios: number of scenarios.
+        scenario_s: simulated length of one run [s].
+        start_s: real time to start one run [s].
         times_real_time: simulated over real time of one worker.
-        night_h: how long they have [h].
+        night_h: length of the night [h].
+        repeats: runs of each scenario.
     """
     runs = count("scenarios", scenarios, 1) * count("repeats", repeats, 1)
     faster = positive("times_real_time", times_real_time)
@@ -66,9 +68,7 @@ def workers(
 
 
 def half_width(share: float, trials: int) -> float:
-    """Return half the width of Wilson's 95 % interval, when so large a share of the trials
-    worked.
-    """
+    """Return half the width of Wilson's 95 % interval for this share of successful trials."""
     from course.measure.success import wilson
 
     trials = count("trials", trials, 1)
@@ -77,9 +77,7 @@ def half_width(share: float, trials: int) -> float:
 
 
 def trials_for_width(share: float, half: float) -> int:
-    """Return least number of trials with which Wilson's 95 % interval is no wider than +-
-    `half`.
-    """
+    """Return the least number of trials whose Wilson 95 % interval is no wider than +- `half`."""
     finite("half", half, 0.01, 0.5)
     return next(n for n in itertools.count(1) if half_width(share, n) <= half)
 
@@ -124,9 +122,7 @@ def cycle_s(
 
 
 def computing_share(computing_s: float, **others: Any) -> float:
-    """Return share of `cycle_s`, with the same arguments, that is saved if computing takes no
-    time.
-    """
+    """Return the share of `cycle_s`, with the same arguments, saved if computing takes no time."""
     return computing_s / positive("cycle_s", cycle_s(computing_s=computing_s, **others))
 
 
@@ -151,8 +147,10 @@ def finger_error_mm(
     speed_m_per_s: float,
     delay_ms: float,
 ) -> float:
-    """Return error across the view from camera to finger, two standard deviations and the bias of
-    age.
+    """Return the error at the finger, across the camera's line of sight [mm].
+
+    The result adds two standard deviations of the random errors to the bias that the age of the
+    picture causes.
 
     A pixel is range / focal length wide, a milliradian of the hand-eye rotation as many millimetres
     as the range has metres, and what moves has gone on for the age of its picture.
@@ -185,7 +183,7 @@ def samples_h(samples: float, samples_per_s: float) -> float:
 
 
 def tracking_error_mm(speed_m_per_s: float, delay_ms: float) -> float:
-    """Return how far one lags behind what moves evenly.
+    """Return how far a measurement lags behind a target that moves at constant speed [mm].
 
     Metres a second by milliseconds is millimetres.
     """
@@ -212,9 +210,7 @@ def separation_m(
     braking_m_per_s2: float,
     uncertain_m: float,
 ) -> float:
-    """Return gap at which a robot has to begin to stop if a person walks on towards it
-    meanwhile.
-    """
+    """Return the gap at which a robot must begin to stop while a person walks on towards it."""
     robot = stopping_m(robot_m_per_s, reaction_s, braking_m_per_s2)
     stop_s = reaction_s + robot_m_per_s / braking_m_per_s2
     person = finite("person_m_per_s", person_m_per_s, 0.0) * stop_s

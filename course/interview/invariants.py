@@ -86,12 +86,17 @@ def round_trip_error(present: Mapped, back: Mapped, value: ArrayLike) -> float:
 def mirror_error(
     step: Mapped, mirror: Mapped, mirror_input: Mapped, state: ArrayLike, given: ArrayLike
 ) -> float:
-    """Return the mirrored state with the mirrored input moves as the mirror of the motion.
+    """Return how far the step violates mirror symmetry.
+
+    The invariant: the mirrored state with the mirrored input moves as the mirror image of the
+    motion.
 
     Args:
         step: (state, input) -> the next state.
-        mirror, mirror_input: the reflections of a state and of an input.
-        state, given: where to try it.
+        mirror: reflection of a state.
+        mirror_input: reflection of an input.
+        state: state at which the symmetry is tested.
+        given: input with which the symmetry is tested.
     """
     return gap(step(mirror(state), mirror_input(given)), mirror(step(state, given)))
 
@@ -120,7 +125,7 @@ def unit_error(
 
 
 def turn_error(function: Mapped, angle: float, turns: int = 1) -> float:
-    """Return a whole turn changes nothing that depends on an orientation.
+    """Return by how much a whole turn changes a value that depends on an orientation.
 
     Args:
         function: of an angle in radians.
@@ -131,7 +136,7 @@ def turn_error(function: Mapped, angle: float, turns: int = 1) -> float:
 
 
 def weight_error(forces: ArrayLike, masses: ArrayLike, gravity: float = 9.81) -> float:
-    """Return at rest the ground carries the weight; the error is a part of the weight.
+    """Return how far the ground's force at rest is from the weight, as a share of the weight.
 
     Args:
         forces: upwards, of the ground on the bodies, N.
@@ -143,7 +148,7 @@ def weight_error(forces: ArrayLike, masses: ArrayLike, gravity: float = 9.81) ->
 
 
 def fall_error(gained: float, seconds: float, gravity: float = 9.81) -> float:
-    """Return in free fall the speed gained is gravity times time, of any mass and at any step.
+    """Return how far the speed gained in free fall is from g t, as a share of g t.
 
     Args:
         gained: downwards, m/s.
@@ -155,7 +160,7 @@ def fall_error(gained: float, seconds: float, gravity: float = 9.81) -> float:
 
 
 def kept_error(series: ArrayLike) -> float:
-    """Return what nothing acts on is kept: momentum, energy; the error is a part of the first.
+    """Return how far a conserved quantity drifts, as a share of its first value.
 
     Args:
         series: shape (steps,) or (steps, components).
@@ -184,11 +189,12 @@ def refined_ratio(error: Callable[[float], float], step: float, parts: int = 4) 
 
 
 def ends_error(path: ArrayLike | None, start: ArrayLike, goal: ArrayLike) -> float:
-    """Return a path that is called solved begins at the start and ends at the goal.
+    """Return how far a path that is called solved misses the start or the goal.
 
     Args:
         path: shape (states, dim), or None for a planner that says that it found none.
-        start, goal: shape (dim,).
+        start: shape (dim,).
+        goal: shape (dim,).
     """
     if path is None:
         return 0.0
@@ -250,12 +256,16 @@ def forever_error(value: float, discount: float, reward: float = 1.0) -> float:
 
 
 def stored_error(before: ArrayLike, after: ArrayLike, lengths: Sequence[int]) -> float:
-    """Return a stored step never goes back in time.
+    """Return by how many steps a replay buffer violates the order or the count of its steps.
+
+    The invariant: a stored step never goes back in time, and the buffer holds as many steps as the
+    episodes have.
 
     And there are as many as the episodes have steps.
 
     Args:
-        before, after: the time within its episode at both ends of each stored step.
+        before: time within the episode at the start of each stored step.
+        after: time within the episode at the end of each stored step.
         lengths: of the episodes, in steps.
 
     Returns:

@@ -71,6 +71,7 @@ def rest_on_ground(masses: Array, wrong: bool) -> tuple[Array, Array]:
 
 
 def rest_evidence(wrong: bool, seed: int) -> float:
+    """Return how far the ground's reported force is from the weight, for five random bodies."""
     masses = np.random.default_rng(seed).uniform(0.1, 10.0, 5)
     return invariants.weight_error(rest_on_ground(masses, wrong)[1], masses)
 
@@ -96,6 +97,7 @@ def push_off(state: Array, pushes: Array, wrong: bool) -> Array:
 
 
 def push_evidence(wrong: bool, seed: int) -> float:
+    """Return how far a random push off the ground violates mirror symmetry."""
     rng = np.random.default_rng(seed)
     state, pushes = rng.normal(size=2), rng.uniform(1.0, 1.8, 2) * GRAVITY / 2.0
     step = partial(push_off, wrong=wrong)
@@ -110,7 +112,7 @@ CART, POLE, HALF = 1.0, 0.1, 0.5  # kg, kg, m
 
 
 def cart_pole(state: Array, step: float, velocity_first: bool, wrong: bool) -> Array:
-    """Return one step of (place, speed, angle, rate) without a force.
+    """Return one step of (position, speed, angle, rate) without a force.
 
     By either order of updates.
     """
@@ -170,6 +172,7 @@ def fall(mass: float, seconds: float, step: float, wrong: bool) -> float:
 
 
 def fall_evidence(wrong: bool, seed: int) -> float:
+    """Return how far a random free fall departs from gravity times time."""
     rng = np.random.default_rng(seed)
     seconds = float(rng.integers(1, 20))
     mass, step = float(rng.uniform(0.1, 100.0)), 1.0 / int(rng.integers(20, 200))
@@ -208,6 +211,7 @@ def write_rate(q: Array, world: Array, wrong: bool) -> Array:
 
 
 def write_evidence(wrong: bool, seed: int) -> float:
+    """Return how far a rate that was written differs from the rate that is read back."""
     q, rate = drawn(np.random.default_rng(seed))
     return invariants.write_read_error(
         partial(turned, q), lambda _, shown: write_rate(q, shown, wrong), rate
@@ -258,7 +262,7 @@ def quaternion_naive(wrong: bool, seed: int) -> float:
 
 
 def wheel(t: float, radius: float, rate: float, wrong: bool) -> tuple[Array, Array]:
-    """Return velocity of a point of a wheel that starts to turn.
+    """Return the velocity of a point of a wheel that starts to turn, and its stated acceleration.
 
     And what is called its acceleration.
     """
@@ -270,6 +274,7 @@ def wheel(t: float, radius: float, rate: float, wrong: bool) -> tuple[Array, Arr
 
 
 def wheel_evidence(wrong: bool, seed: int) -> float:
+    """Return how far the stated acceleration is from the derivative of the velocity."""
     radius, rate, t = np.random.default_rng(seed).uniform(0.5, 2.0, 3)
     return invariants.derivative_error(
         lambda s: wheel(s, radius, rate, wrong)[0], lambda s: wheel(s, radius, rate, wrong)[1], t
@@ -299,6 +304,7 @@ def align_pairs(seed: int) -> list[tuple[Array, Array]]:
 
 
 def align_evidence(wrong: bool, seed: int) -> float:
+    """Return how far the alignments of the random pairs are from rotations."""
     return max(invariants.rotation_error(align(*pair, wrong)) for pair in align_pairs(seed))
 
 
@@ -313,9 +319,7 @@ START, GOAL = np.array([0.1, 0.5]), np.array([0.9, 0.5])
 
 
 def plan(rng: np.random.Generator, closed: bool, wrong: bool) -> Array | None:
-    """Return a path through a wall at the middle of the unit square, or None where none was
-    found.
-    """
+    """Return a path through a wall at the middle of the unit square, or None if none was found."""
     nodes, parents = [START], [-1]
     for n in range(400):
         sample = GOAL if n % 10 == 0 else rng.uniform(0.0, 1.0, 2)
@@ -338,6 +342,7 @@ def plan(rng: np.random.Generator, closed: bool, wrong: bool) -> Array | None:
 
 
 def plan_evidence(wrong: bool, seed: int, closed: bool = True) -> float:
+    """Return how far a planned path misses its start or its goal."""
     path = plan(np.random.default_rng(seed), closed, wrong)
     return invariants.ends_error(path, START, GOAL)
 
@@ -402,6 +407,7 @@ def advantages(rewards: Array, values: Array, ends: Array, last: float, wrong: b
 
 
 def advantages_evidence(wrong: bool, seed: int) -> float:
+    """Return how far advantages of episodes in one batch differ from those of each alone."""
     rng = np.random.default_rng(seed)
     episodes = [tuple(rng.normal(size=(2, n))) for n in rng.integers(2, 10, 3)]
     return invariants.episodes_error(partial(advantages, wrong=wrong), episodes)
@@ -420,15 +426,14 @@ def learned_value(discount: float, limit: int, wrong: bool) -> float:
 
 
 def learned_evidence(wrong: bool, seed: int) -> float:
+    """Return how far a value learned under a time limit is from that of an endless task."""
     rng = np.random.default_rng(seed)
     discount, limit = float(rng.uniform(0.5, 0.95)), int(rng.integers(5, 20))
     return invariants.forever_error(learned_value(discount, limit, wrong), discount)
 
 
 def stored(lengths: Sequence[int], wrong: bool) -> tuple[Array, Array]:
-    """Return clocks before and after each stored step of an environment that resets in the next
-    step.
-    """
+    """Return clocks before and after each stored step of an environment with next-step reset."""
     steps, clock, ended = [], 0, False
     for length in lengths:
         while True:
@@ -443,6 +448,7 @@ def stored(lengths: Sequence[int], wrong: bool) -> tuple[Array, Array]:
 
 
 def stored_evidence(wrong: bool, seed: int) -> float:
+    """Return how many stored steps go back in time, are missing or are too many."""
     lengths = np.random.default_rng(seed).integers(1, 10, 4).tolist()
     return invariants.stored_error(*stored(lengths, wrong), lengths)
 
@@ -451,9 +457,7 @@ def stored_evidence(wrong: bool, seed: int) -> float:
 
 
 def decoded(layers: Array, x: Array, wrong: bool) -> Array:
-    """Return what a head reads of a stack of layers (7, n, n) that hands out every layer's
-    output.
-    """
+    """Return what a head reads from layers (7, n, n) of which each hands out its output."""
     outputs = []
     for layer in layers:
         x = x + np.tanh(layer @ x)

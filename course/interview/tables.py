@@ -120,8 +120,7 @@ def _filled_in(text: str) -> str:
 
 
 def cheat_sheet(plain: bool = False) -> Table:
-    """Return eight concepts, the thirty seconds of each ending with what was measured in this
-    course.
+    """Return eight concepts, each with a short summary and a result measured in this course.
 
     Args:
         plain: equations in letters of a keyboard, else as formulas of TeX.

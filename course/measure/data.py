@@ -59,9 +59,7 @@ def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
 
 
 def _fields_of(record: Panel | Series, *but: str) -> dict[str, Any]:
-    """Return the fields of a record, without some and without those that are as they are by
-    default.
-    """
+    """Return a record's fields that differ from their defaults, without the excluded ones."""
     return {
         f.name: getattr(record, f.name)
         for f in fields(record)

@@ -59,9 +59,10 @@ def spread(desired: ArrayLike, sizes: ArrayLike, low: float, high: float) -> Arr
     violators (Ayer et al., 1955).
 
     Args:
-        wanted: centres as they should be, shape (n,).
+        desired: centres as they should be, shape (n,).
         sizes: of the boxes, shape (n,).
-        low, high: bounds of the line.
+        low: lower bound of the line.
+        high: upper bound of the line.
     """
     desired, sizes = np.asarray(desired, dtype=float), np.asarray(sizes, dtype=float)
     order = np.argsort(desired, kind="stable")

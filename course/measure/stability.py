@@ -28,7 +28,8 @@ def limit(is_stable: Callable[[float], bool], low: float, high: float, rel: floa
 
     Args:
         is_stable: the question; must be yes at `low` and no at `high`, and turn once between.
-        low, high: the bracket, 0 <= low < high.
+        low: lower end of the bracket, at least 0.
+        high: upper end of the bracket, above `low`.
         rel: relative width at which to stop.
 
     Returns:
@@ -180,8 +181,7 @@ class Map:
         return self.values <= 1.0 + self.slack
 
     def boundary(self) -> Array:
-        """Return for every y the middle between the last x within the bound and the first one
-        beyond.
+        """Return for every y the midpoint between the last x within the bound and the first beyond.
 
         Shape (ny,); 0 where the first x is beyond already, infinity where every x is within.
         """
@@ -207,9 +207,11 @@ def stability_map(
 
     Args:
         f: (x, y) -> the quantity, such as the spectral radius of the step's matrix.
-        x_values, y_values: ascending.
+        x_values: ascending, shape (nx,).
+        y_values: ascending, shape (ny,).
         slack: how far above 1 counts as within the bound.
-        quantity, unit: what f gives.
+        quantity: name of what f returns.
+        unit: its unit.
 
     Returns:
         The `Map`; what is not finite becomes infinity.
@@ -230,12 +232,14 @@ def batch_map(
     slack: float = 1e-9,
     quantity: str = "growth per step",
 ) -> Map:
-    """Return the same for a linear step of one degree of freedom, all points of the grid as one
-    batch.
+    """Return the map of a linear step of one degree of freedom, the whole grid as one batch.
 
     Args:
         step: (q, v, x, y), each of shape (1, N) -> (q, v) after the step.
-        x_values, y_values, slack, quantity: as for `stability_map`.
+        x_values: as for `stability_map`.
+        y_values: as for `stability_map`.
+        slack: as for `stability_map`.
+        quantity: as for `stability_map`.
     """
     x, y = (grid.reshape(1, -1) for grid in np.meshgrid(x_values, y_values))
     one, zero = np.ones(x.shape), np.zeros(x.shape)

@@ -170,7 +170,8 @@ def paired(first: ArrayLike, second: ArrayLike, z: float = TWO_SIGMA) -> tuple[f
     for a difference of binomial proportions based on paired data, 2012).
 
     Args:
-        first, second: whether each trial worked, same shape (n,), in the same order.
+        first: whether each trial of the first method worked, shape (n,).
+        second: the same for the second method, in the same order.
         z: normal quantile of the confidence, 1.96 for 95 %.
 
     Returns:

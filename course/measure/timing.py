@@ -96,7 +96,7 @@ def interleaved(
         samplers: what is timed, see `calls` and `batches`.
         repeats: rounds that count, at least 1; each takes one sample of every sampler.
         sample: about how long one sample should take [s]; short calls are repeated inside it.
-        most: calls that one sample may hold.
+        at_most: calls that one sample may hold.
         patience: how many disturbed rounds may be taken again, as a multiple of `repeats`. When it
             is used up, the least disturbed rounds count.
         warm: whether each has been called before. Otherwise a first call, which may compile and

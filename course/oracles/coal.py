@@ -126,6 +126,7 @@ class Pair:
         Poses are made here, so this one is not for timing.
 
         Args:
-            pose_a, pose_b: shape (7, N).
+            pose_a: poses of the first shape, (7, N).
+            pose_b: poses of the second shape, (7, N).
         """
         return np.array(self.loop(transforms(pose_a), transforms(pose_b)))

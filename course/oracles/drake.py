@@ -78,6 +78,7 @@ class Drake(Engine):
     )
 
     def missing(self) -> str:
+        """Return why pydrake cannot be imported, or an empty text."""
         try:
             library()
         except ImportError as error:
@@ -85,6 +86,7 @@ class Drake(Engine):
         return ""
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> DrakeRun:
+        """Return a run of the scene in Drake."""
         return DrakeRun(self, scene, dt, settings)
 
 
@@ -198,10 +200,12 @@ class DrakeRun(Run):
     # --- running ------------------------------------------------------------------------------
 
     def advance(self, steps: int) -> None:
+        """Advance the simulator by this many steps of dt."""
         self._steps += steps
         self.simulator.AdvanceTo(self._steps * self.dt)
 
     def state(self) -> State:
+        """Return the state; the plant's order of joints is translated to the scene's."""
         plant, context = self.plant, self.context
         time = context.get_time()
         if self.scene.urdf:
@@ -217,6 +221,7 @@ class DrakeRun(Run):
         return State(time, q, v)
 
     def energy(self) -> float:
+        """Return kinetic plus potential energy [J], including the scene's constant forces."""
         plant, context = self.plant, self.context
         result = plant.CalcKineticEnergy(context) + plant.CalcPotentialEnergy(context)
         for body, part in zip(self.scene.bodies, self._bodies, strict=True):
@@ -225,6 +230,7 @@ class DrakeRun(Run):
         return float(result)
 
     def contacts(self) -> ContactReport:
+        """Return point contacts and the resultants of hydroelastic patches."""
         if not self._steps or not self._numbers:
             return NO_CONTACTS
         plant, rows = self.plant, []
@@ -254,6 +260,7 @@ class DrakeRun(Run):
         return reported(self.state(), bodies, point, normal, gap, force)
 
     def set_velocity(self, v: Array) -> None:
+        """Set joint rates, or each body's velocity (linear in the world, angular in the body)."""
         plant, context = self.plant, self.context
         if self.scene.urdf:
             rates = np.zeros(plant.num_velocities())
@@ -269,17 +276,21 @@ class DrakeRun(Run):
                 plant.SetFreeBodySpatialVelocity(context, part, speed)
 
     def set_torque(self, torque: Array) -> None:
+        """Set the joint torques that act from now on."""
         result = np.zeros(self.plant.num_velocities())
         result[self._at] = torque
         self.plant.get_applied_generalized_force_input_port().FixValue(self.context, result)
 
     def reset(self) -> None:
+        """Return to the state at time 0."""
         self.restore((self._first, 0))
 
     def save(self) -> Any:
+        """Return a copy of the context and the number of steps, for `restore`."""
         return self.simulator.get_context().Clone(), self._steps
 
     def restore(self, saved: Any) -> None:
+        """Continue from what `save` returned; the integrator starts again."""
         context, self._steps = saved
         self.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
         self.simulator.Initialize()

@@ -54,7 +54,8 @@ def wrapped(
 
     Args:
         env_fn: builds one with `reset(seed)`, `step(action)`, as Gymnasium's return.
-        observation_size, action_size: lengths of its vectors.
+        observation_size: length of an observation.
+        action_size: length of an action.
     """
     _gymnasium()
     import gymnasium

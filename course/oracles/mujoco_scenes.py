@@ -89,6 +89,7 @@ class MuJoCo(Engine):
     changes = CHANGES
 
     def missing(self) -> str:
+        """Return why MuJoCo cannot be imported, or an empty text."""
         try:
             library()
         except ImportError as error:
@@ -96,6 +97,7 @@ class MuJoCo(Engine):
         return ""
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
+        """Return a run of the scene in MuJoCo, its options checked."""
         positive("dt", dt, unit="s")
         return _Run(scene, dt, settings, settings.checked(self, OPTIONS))
 

@@ -80,7 +80,7 @@ def _ompl() -> tuple[Any, Any, Any]:
 
 
 def defaults(dim: int = 2) -> dict[str, Any]:
-    """Return what OMPL chooses where nothing is said, asked of itself on the unit cube.
+    """Return OMPL's default settings, read from OMPL itself on the unit cube.
 
     Returns:
         The planner it takes for a plain query, its longest edge and its resolution as shares of the
@@ -157,7 +157,8 @@ def solve(
 
     Args:
         bounds: rows low and high, shape (2, n).
-        start, goal: free states, shape (n,).
+        start: free state, shape (n,).
+        goal: free state, shape (n,).
         method: a key of `PLANNERS`. RRT* takes its neighbours by radius, as ours, and uses the
             whole budget; RRT joins the goal by a checked edge of at most a step.
         step: the longest edge, OMPL's `range`.
@@ -288,8 +289,7 @@ def solve(
 def roadmap(
     bounds: ArrayLike, milestones: int, seed: int, state: StateTest, edge: EdgeTest
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Return a roadmap by OMPL's PRM (Kavraki et al., 1996), which joins a state to its ten
-    nearest.
+    """Return a roadmap by OMPL's PRM (Kavraki et al., 1996) with ten nearest neighbours.
 
     Only grown: `solve` would expand it in turns that are limited by time, so that no two are alike.
 

@@ -170,13 +170,15 @@ class Arm:
         return np.asarray(a[self._back])
 
     def calls(self, what: str, q: Array, v: Array, x: Array) -> Callable[[], Array]:
-        """Return a function that asks about N states, one Python call of Pinocchio's own for each.
+        """Return a function that evaluates N states, with one Python call of Pinocchio's for each.
 
         It gives the last answer, in Pinocchio's order of joints.
 
         Args:
             what: "rnea" (x: accelerations), "aba" (x: torques) or "jacobian" of the tip.
-            q, v, x: shape (n, N); laid out beforehand as Pinocchio reads them.
+            q: angles, shape (n, N); laid out beforehand as Pinocchio reads them.
+            v: rates, likewise.
+            x: accelerations or torques, likewise.
         """
         library, model, data, tip = self._library, self.model, self.data, self._tip
         one_of("what", what, ("rnea", "aba", "jacobian"))
@@ -242,7 +244,7 @@ class Arm:
         at_most: int = 1000,
         tolerance: float = 1e-6,
     ) -> tuple[Array, bool, int]:
-        """Return the loop that Pinocchio's users write.
+        """Return the result of the inverse-kinematics loop that Pinocchio's users write.
 
         The log of the pose error, a share of its step.
 
@@ -254,7 +256,7 @@ class Arm:
             starts: shape (S, n), tried one after the other.
             limits: lower and upper, to which each step is clamped; None as in the example.
             rate: share of a step.
-            most: steps from each start.
+            at_most: steps from each start.
             tolerance: distance and angle that count as there [m, rad].
 
         Returns:

@@ -94,6 +94,7 @@ class PyBullet(Engine):
     )
 
     def missing(self) -> str:
+        """Return why PyBullet cannot be imported, or an empty text."""
         try:
             library()
         except ImportError as error:
@@ -101,6 +102,7 @@ class PyBullet(Engine):
         return ""
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> PyBulletRun:
+        """Return a run of the scene in PyBullet, in a client of its own."""
         return PyBulletRun(self, scene, dt, settings)
 
 
@@ -212,6 +214,7 @@ class PyBulletRun(Run):
     # --- running ------------------------------------------------------------------------------
 
     def advance(self, steps: int) -> None:
+        """Advance by this many steps of dt, applying forces and torques before each."""
         step, client, lib = self._lib.stepSimulation, self.client, self._lib
         turn, mode, turning = lib.setJointMotorControlArray, lib.TORQUE_CONTROL, self._torque.any()
         for _ in range(steps):
@@ -223,6 +226,7 @@ class PyBulletRun(Run):
         self._steps += steps
 
     def state(self) -> State:
+        """Return the state: joint angles of a URDF, or pose and velocity of each body."""
         time = self._steps * self.dt
         if self.scene.urdf:
             result = self._ask("getJointStates", self.bodies[0], self._links)
@@ -240,6 +244,7 @@ class PyBulletRun(Run):
         return State(time, q, v)
 
     def contacts(self) -> ContactReport:
+        """Return the contacts of the last step."""
         rows = self._ask("getContactPoints") if self._steps and not self.scene.urdf else ()
         if not rows:
             return NO_CONTACTS
@@ -253,6 +258,7 @@ class PyBulletRun(Run):
         return reported(self.state(), bodies, point, normal, gap, force)
 
     def set_velocity(self, v: Array) -> None:
+        """Set joint rates, or each body's velocity (linear in the world, angular in the body)."""
         if self.scene.urdf:
             return self._set_joints(self.state().q, v)
         q = self.state().q
@@ -269,9 +275,11 @@ class PyBulletRun(Run):
             self._ask("resetJointState", self.bodies[0], link, angle, rate)
 
     def set_torque(self, torque: Array) -> None:
+        """Set the joint torques that act from now on."""
         self._torque = np.array(torque)
 
     def reset(self) -> None:
+        """Return to the state at time 0."""
         start = self.scene.start
         if self.scene.urdf:
             self._set_joints(start.q, start.v)
@@ -287,13 +295,16 @@ class PyBulletRun(Run):
         self._steps = 0
 
     def save(self) -> Any:
+        """Return the handle of a state saved in memory and the number of steps, for `restore`."""
         return self._ask("saveState"), self._steps
 
     def restore(self, saved: Any) -> None:
+        """Continue from what `save` returned."""
         number, self._steps = saved
         self._ask("restoreState", stateId=number)
 
     def close(self) -> None:
+        """Disconnect the client; a second call does nothing."""
         if self.client >= 0:
             with quiet():
                 self._ask("disconnect")

@@ -44,6 +44,7 @@ class Row:
 
     @property
     def agree(self) -> bool:
+        """Return whether Cyclone DDS and the course reach the same verdict."""
         return self.cyclone == self.ours
 
 
@@ -119,11 +120,11 @@ def history(
     late: bool = False,
     kept_for_late: int | None = None,
 ) -> list[int]:
-    """Return the numbers that a reader finds when it looks for the first time after so many were
-    written.
+    """Return the numbers of the samples that a reader takes at its first call.
 
     Args:
-        offered, requested: of writer and reader.
+        offered: settings of the writer.
+        requested: settings of the reader.
         samples: written at once, numbered from 0.
         late: whether the reader comes after them.
         kept_for_late: depth of the durability service, see `cyclonedds.policies`.
@@ -296,8 +297,9 @@ def event_rows() -> list[Row]:
 
 
 def _two_writers(qos: QoS, strengths: tuple[int, ...], stamps: tuple[float, ...]) -> list[int]:
-    """Return what is left of samples 1, 2, ... of the writers of these strengths, stamped now +
-    stamp.
+    """Return which of the samples 1, 2, ... a reader gets from writers of these strengths.
+
+    Each sample is stamped with the present time plus its stamp [s].
     """
     exclusive = qos.ownership == "exclusive"
     with participant() as member:

@@ -54,12 +54,12 @@ def model(name: str) -> Model:
 
 
 def module(name: str) -> Path:
-    """Return where the compiled module of a simulation lies, or would."""
+    """Return the path of a simulation's compiled module, whether or not it exists."""
     return _HERE.joinpath(*name.split(".")).with_suffix(".wasm")
 
 
 def recording(name: str) -> Path:
-    """Return where the recording of a simulation is kept, beside its source.
+    """Return the path of a simulation's recording, beside its source.
 
     See `course.site.films`.
     """
@@ -129,7 +129,7 @@ def name_of(made: Model) -> str:
 
 
 def content(name: str) -> dict[str, Any]:
-    """Return what `panel` in live.js is handed: the declaration, and what the simulation runs on.
+    """Return what `panel` in live.js receives: the declaration, and the code or film to run.
 
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.

@@ -151,8 +151,9 @@ def _travel(sent, packets, size, controls, topic, seed):
 
 @register_jitable
 def shared(arrived, taking, depth, due):
-    """Return perception and the loop in one thread, whose ready set is filled again only when
-    empty.
+    """Return the schedule of perception and the loop in one thread.
+
+    The thread refills its ready set only when the set is empty, like the executor of ROS 2.
 
     Returns:
         taken, begun: pictures, by number, and when each is begun; starts: of the ticks, -1 if

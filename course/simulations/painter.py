@@ -176,9 +176,7 @@ def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
 
 
 def to_pixels(picture: Picture) -> NDArray[np.uint8]:
-    """Return the same picture as red, green and blue of each pixel, one dot each, (height, width,
-    3).
-    """
+    """Return the picture as red, green and blue of each pixel, shape (height, width, 3)."""
     page = _page(picture, 1.0)
     page.draw()
     return np.asarray(page.buffer_rgba())[..., :3].copy()

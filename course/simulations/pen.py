@@ -584,18 +584,14 @@ def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, 
 
 @register_jitable
 def chart(pen, rectangle, values, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5):
-    """Draw from now on draw in a rectangle with these values at its edges (`area`), and its
-    axes.
-    """
+    """Set the rectangle to draw in, with these values at its edges (`area`), and draw its axes."""
     area(pen, rectangle, values)
     axes(pen, x_label, y_label, heading, x_ticks, y_ticks)
 
 
 @register_jitable
 def gauge(pen, rectangle, high, value, colour, name, limit, mark):
-    """Draw a value as a bar on a scale from 0 to `high`, and a limit, marked with a word begun
-    last.
-    """
+    """Draw a value as a bar on a scale from 0 to `high`, and a limit with a marker's text."""
     chart(pen, rectangle, (0.0, high, 0.0, 1.0), name, 0, 0, 6, 0)
     box(pen, 0.0, value, 0.0, 1.0, colour)
     if limit < high:

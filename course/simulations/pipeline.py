@@ -398,9 +398,7 @@ def _scene(pen, state, t, now):
 
 
 def frame(pen, state, controls):
-    """Draw the scene, the error over time, its signed parts, the step and its limit, the
-    verdict.
-    """
+    """Draw the scene, the error and its signed parts over time, the step's limit and verdict."""
     report = state["report"]
     t = min(state["time"], SECONDS)
     now = int(t / SECONDS * SHOWN + 1e-9)

@@ -73,9 +73,7 @@ def policy(kind, gap, width, delay):
 
 
 def stability(arm, gains):
-    """Return the latest command at which each joint alone is stable [s], and the gain margin
-    there.
-    """
+    """Return the latest command at which each joint alone is stable [s], and the gain margin."""
     a, b, d, c1, c2, *_, torque, delay, _, _, _ = arm.columns()[:, 0].tolist()
     limit = gain = 99.0
     for k, (inertia, damping) in enumerate(((a + 2.0 * b * math.cos(START[1]), c1), (d, c2))):

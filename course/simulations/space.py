@@ -79,8 +79,7 @@ ORBIT: dict[str, Any] = {"drag": orbit, "grab": grab, "press": press, "live_drag
 
 @register_jitable
 def camera_view(pen, rectangle, controls, reach):
-    """Return from now on draw in a rectangle of the window that shows `reach` above and below the
-    origin.
+    """Set the rectangle to draw in; it shows `reach` above and below the origin.
 
     Returns:
         What the other functions call the eye: the camera's axes (right, up, towards it) as rows,
@@ -167,11 +166,14 @@ def faces(pen, eye, corners, index, fills, edge=draw.NONE, width=0.6, alpha=1.0)
     """Draw filled faces, the farthest first, each in the shade that its slope to the light gives.
 
     Args:
-        pen, eye: as everywhere.
+        pen: what the simulation draws with.
+        eye: the camera, from `camera_view`.
         corners: (3, N).
         index: the four corners of each face in turn, (F, 4); of a triangle one stands twice.
         fills: colour of each face, from `shades`, (F,).
-        edge, width, alpha: as for `pen.polygon`.
+        edge: as for `pen.polygon`.
+        width: as for `pen.polygon`.
+        alpha: as for `pen.polygon`.
     """
     axes, _ = eye
     x, y, depth = project(eye, corners)

@@ -41,6 +41,7 @@ class Page(SphinxPostTransform):
     formats = ("html",)
 
     def run(self, **_options: Any) -> None:
+        """Repair raw HTML, make tables scroll, and complete the attributes of images."""
         for raw in self.document.findall(nodes.raw):
             try:
                 text = in_html(raw.astext())

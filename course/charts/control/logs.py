@@ -64,7 +64,6 @@ def record(
     The truth is stepped by Runge-Kutta ten times finer than the log; Coulomb friction turns round
     within 1 mrad/s. The loop sees noisy angles; `noise` is one number or one for each joint.
     """
-
     names = ("inertia", "damping", "coulomb", "gravity", "constant", "limit", "delay")
     joints = np.array([[getattr(m, name) for m in models] for name in names], dtype=float)
     rng, T, N = np.random.default_rng(seed), round(seconds / dt), len(models)

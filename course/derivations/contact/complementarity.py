@@ -20,7 +20,6 @@ RIGID = ("lcp", "pgs", "coulomb", "convex")
 
 def _ball(gap, speed, dt):
     """Return one step of a ball of 1 kg at this gap [m] with this upward speed [m/s]."""
-
     from course.contact import scenes
 
     return scenes.ball_drop().problem(dt, np.array([gap]), np.array([speed]))

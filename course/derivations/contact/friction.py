@@ -20,7 +20,6 @@ RIGID = ("lcp", "pgs", "coulomb", "convex")
 
 def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
     """Return speed at which MuJoCo's block creeps down a slope that it should stick to [m/s]."""
-
     from course.oracles.mujoco import contact
 
     friction = (mu, 0.005, 0.0001)
@@ -397,7 +396,6 @@ def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
     """Return speed after a ball of 1 kg at 1 m/s hits a spring with a damper, without gravity
     [m/s]; NaN where it has not left after 60 / omega.
     """
-
     from course.contact.models import penalty_force
 
     omega = np.sqrt(stiffness)

@@ -24,7 +24,6 @@ def _row(rng, n):
 
 def _angle():
     """Return two plates that stand at right angles, where they are, and all of their corners."""
-
     from course import contact
 
     plates = [
@@ -188,7 +187,6 @@ def brute_force_pairs(result):
 
 def _exponent(crowd, sizes=(500, 4000)):
     """Return growth of the overlap tests with the number of boxes, sweeping along x."""
-
     from course import contact
 
     sweeps = [contact.SweepAndPrune(axis=0) for _ in sizes]
@@ -237,7 +235,6 @@ def _pile(geom, width, shape, count, seed=1):
 
     And pairs that touch, after so many bodies settled in a bin.
     """
-
     import mujoco
 
     from course import contact

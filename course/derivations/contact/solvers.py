@@ -16,7 +16,6 @@ SYMBOLS = {
 
 def _stack(**options):
     """Return four boxes in MuJoCo after 30 steps, the lowest pushed."""
-
     from course.oracles.mujoco import contact
 
     runner = contact.box(contact.Options(**options), (0.3, 0.0), 4)

@@ -18,7 +18,6 @@ SYMBOLS = {
 
 def _growth(kp, kd, *, dt=1.0, delay=0.0, rate="exact", inertia=1.0, damping=0.0, tau=0.0):
     """Return growth per sample of PD on a joint."""
-
     from course.control import sampled
 
     plant = sampled.held(*sampled.joint_system(inertia, damping), dt, delay)

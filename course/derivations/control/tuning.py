@@ -19,7 +19,6 @@ J, B = 0.5, 0.5  # the joint of the worked example [kg m^2, N m s/rad]
 
 def _step(gains, *, joint=None, delay=0.0, dt=1e-3, seconds=8.0, target=1.0, **more):
     """Return (record, metrics) of a step."""
-
     from course.control import Actuator, Encoder, Joint, run_joint, step_metrics
 
     run = run_joint(
@@ -36,7 +35,6 @@ def _overshoot(kp, ki, kd, **loop):
 
 def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
     """Return growth per sample of a set of gains on the joint."""
-
     from course.control import sampled
 
     plant = sampled.held(*sampled.joint_system(J, B), dt, delay)

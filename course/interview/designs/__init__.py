@@ -161,7 +161,6 @@ class Design:
 
     def markdown(self, figure: Figure) -> str:
         """Return the design for a page: everything behind the question is folded away."""
-
         rubric = "\n".join(f"| {item.asks} | {item.passage} ... |" for item in self.rubric)
         picture = base64.b64encode(svg(self).encode()).decode()
         parts = {

@@ -124,9 +124,7 @@ def later(change: Callable[[Machine], Machine]) -> Run:
 
 
 def logged(read: Callable[[Rows], Any]) -> Run:
-    """Return the probe that reads a log of the machine as it came, until the slide is nearly
-    lost.
-    """
+    """Return the probe that reads a log of the machine, until the slide is nearly lost."""
 
     def run(cause: str, seed: int) -> float:
         return float(read(simulate(machine(cause, seed), 900)))

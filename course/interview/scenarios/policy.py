@@ -56,9 +56,7 @@ def weights(cause: str | None = None, bandwidth: float = BANDWIDTH) -> Array:
 
 @cache
 def widest() -> float:
-    """Return the bandwidth [rad/s] that presses most keys on robots drawn from wide ranges of
-    all.
-    """
+    """Return the bandwidth [rad/s] that presses most keys on robots sampled from wide ranges."""
     rng = np.random.default_rng(0)
     target, width = rng.uniform(0.3, 1.0, 600), rng.uniform(0.01, 0.06, 600)
     wide = replace(
@@ -86,9 +84,7 @@ def repaired(cause: str, seed: int, repair: str | None) -> tuple[Robot, Array]:
 
 
 def keys(seed: int) -> Array:
-    """Return targets [rad], spread evenly over depths and over `WIDTHS` (a golden-ratio
-    sequence).
-    """
+    """Return targets [rad] spread evenly over depths and `WIDTHS`, a golden-ratio sequence."""
     first = np.random.default_rng([3, seed]).uniform()
     return 0.3 + 0.7 * ((first + np.arange(KEYS) * (np.sqrt(5.0) - 1.0) / 2.0) % 1.0)
 

@@ -116,8 +116,10 @@ def symptom(cause: str, seed: int, repair: str | None) -> float:
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Return the dearer of the force error that a sudden load makes, load / (1 + gain), and of
-    sag.
+    """Return the larger growth of two errors that a repair causes: force error and sag.
+
+    The force error is the one that a sudden load makes, load / (1 + gain); the sag is inversely
+    proportional to the stiffness.
     """
     one = machine(cause, seed)
     after = REPAIRS[repair](one)

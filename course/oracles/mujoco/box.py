@@ -301,8 +301,12 @@ def spatial_box(
         state: planar start (x, z, angle, vx, vz, omega), the angle anticlockwise as seen along y.
         tilt: turn out of the plane, about the box's own x axis [rad].
         dt: step [s].
-        restitution, friction, gravity, integrator, contact, contact_steps: as for
-            `box_drop`.
+        restitution: as for `box_drop`.
+        friction: as for `box_drop`.
+        gravity: as for `box_drop`.
+        integrator: as for `box_drop`.
+        contact: as for `box_drop`.
+        contact_steps: as for `box_drop`.
 
     Returns:
         A prepared `Runner`; q is the free joint's.

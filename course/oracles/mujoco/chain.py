@@ -101,8 +101,7 @@ def _check(model: Any) -> None:
 
 
 def chain(model: Any, tip: str | None = None) -> Chain:
-    """Return a MuJoCo model as a chain, its joints in MuJoCo's order, that of the tip moved to the
-    end.
+    """Return a MuJoCo model as a chain, its joints in MuJoCo's order with the tip's joint last.
 
     Bodies without a joint become part of the link that carries them. Friction and springs, motors,
     contacts: what a chain lacks and what would move it is refused; what only looks is left out.
@@ -227,7 +226,9 @@ def calls(chain: Chain, what: str, q: Array, v: Array, x: Array) -> Callable[[],
     Args:
         chain: the arm.
         what: "inverse" (x: accelerations), "forward" (x: torques) or "jacobian" of the tip.
-        q, v, x: shape (n, N).
+        q: angles, shape (n, N).
+        v: rates, shape (n, N).
+        x: accelerations or torques, shape (n, N).
     """
     mujoco, mj = library(), model(chain)
     one_of("what", what, ("inverse", "forward", "jacobian"))
@@ -274,7 +275,8 @@ def follow(
     Args:
         chain: the arm, whose model is right.
         motion: q, v and a of the middle of each sample, shape (3, n, T); it starts half before.
-        kp, kd: gains before the inertia, shape (n,).
+        kp: gains on the angles, multiplied by the inertia matrix, shape (n,).
+        kd: gains on the rates, likewise, shape (n,).
         dt: sample time [s].
         gravity: shape (3,) [m/s^2].
 
@@ -309,8 +311,7 @@ def follow(
 def rollouts(
     chain: Chain, plans: Array, dt: float, start: tuple[Array, Array], gravity: ArrayLike
 ) -> Callable[[], Array]:
-    """Return a function that takes K arms through plans of torques in `mujoco.batch`, on one
-    thread.
+    """Return a function that rolls out K plans of torques with `mujoco.batch`, on one thread.
 
     Args:
         chain: the arm; one without branches, as its joints are taken in MuJoCo's order.

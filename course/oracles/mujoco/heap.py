@@ -40,9 +40,7 @@ class Cost:
 
 
 def hull(points: int, seed: int = 0) -> Array:
-    """Return points on a sphere of `RADIUS`, evenly by a spiral and turned by chance, (points, 3)
-    [m].
-    """
+    """Return points on a sphere of `RADIUS`, a spiral turned at random, (points, 3) [m]."""
     n, rng = count("points", points, 4), np.random.default_rng(seed)
     z = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
     angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(n)

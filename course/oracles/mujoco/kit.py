@@ -196,7 +196,7 @@ def scene_xml(
         gravity: downwards along z [m/s^2].
         springs: whether springs and dampers act.
         touching: whether contacts and constraints do.
-        off: further flags to switch off.
+        gap: further flags to switch off.
         extra: what stands beside the world: pairs, actuators.
 
     Raises:

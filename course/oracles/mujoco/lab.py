@@ -195,8 +195,10 @@ def tuned(lab: Lab, margin: float = 1.2) -> Lab:
 
 
 def trials(lab: Lab, n: int, seed: int = 0) -> int:
-    """Return how many of n lifts hold a box that lies up to 15 mm off and weighs up to 5 % more or
-    less than `Lab.mass` says, under a servo that believes in the class's own.
+    """Return how many of n lifts hold a box whose position and mass are uncertain.
+
+    The box lies up to 15 mm off and weighs up to 5 % more or less than `Lab.mass` says, under a
+    servo that believes in the class's own value.
     """
     rng = np.random.default_rng(seed)
     draws = rng.uniform([-0.015, 0.95], [0.015, 1.05], (n, 2)).tolist()

@@ -25,8 +25,11 @@ def oscillator(
     """Return a mass on a spring and a damper: m x'' = -k x - c x', on one slide joint.
 
     Args:
-        mass, stiffness, damping: m [kg], k [N/m], c [N s/m].
-        q0, v0: start [m, m/s].
+        mass: m [kg].
+        stiffness: k [N/m].
+        damping: c [N s/m].
+        q0: position at the start [m].
+        v0: velocity at the start [m/s].
         dt: step [s].
         integrator: one of `MUJOCO_INTEGRATORS`.
         implicit_damping: False sets MuJoCo's eulerdamp flag to off: the damper is then explicit

@@ -53,7 +53,8 @@ def box_contacts(half_a: Array, half_b: Array, pose: Array) -> tuple[Array, Arra
     """Return contacts of two boxes.
 
     Args:
-        half_a, half_b: half sizes, shape (3,) [m].
+        half_a: half sizes of the first box, shape (3,) [m].
+        half_b: half sizes of the second box, shape (3,) [m].
         pose: of both, shape (7, 2).
 
     Returns:
@@ -83,7 +84,8 @@ def passes(
         speed: of the ball [m/s].
         dt: step [s].
         start: gap between ball and wall at the start [m].
-        radius, wall: of the ball, and the thickness of the wall [m].
+        radius: of the ball [m].
+        wall: thickness of the wall [m].
         speculative: whether contacts of the step ahead are looked for.
     """
     timeconst = 0.02  # s, MuJoCo's own

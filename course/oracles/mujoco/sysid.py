@@ -88,7 +88,8 @@ def prepared(
 
     Args:
         arm: only its lengths are read.
-        log, start: as for `course.sim_to_real.fit`.
+        log: as for `course.sim_to_real.fit`.
+        start: as for `course.sim_to_real.fit`.
         observe: "state" compares angles with the state, all alike; "sensor" with `sensordata` as
             the toolbox stamps and weighs it.
         threads: that MuJoCo may use.

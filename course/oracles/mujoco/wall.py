@@ -36,7 +36,8 @@ class Probe:
         """Create a probe at rest where it just touches.
 
         Args:
-            mass, damping: of the arm [kg, N s/m].
+            mass: of the arm [kg].
+            damping: of the arm [N s/m].
             stiffness: of the wall [N/m].
             dt: sample time [s].
             wall: "spring", which also pulls, or "contact", which does not.

@@ -45,7 +45,7 @@ STATE = Record(
 
 @register_jitable
 def jacobian(q):
-    """Return where elbow and tip are, (2,) each [m].
+    """Return the positions of elbow and tip, (2,) each [m], and the Jacobian.
 
     Rows x, y and angle of the Jacobian, (3, 2).
     """

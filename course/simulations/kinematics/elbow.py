@@ -61,9 +61,7 @@ def error_of(pose, goal):
 
 @register_jitable
 def still(J, last):
-    """Return the joint rates of length one that leave the tip still, (7,), on the side of the
-    last.
-    """
+    """Return the unit joint rates that leave the tip still, (7,), on the side of the last ones."""
     moving, U, direction = np.empty((6, 7)), np.empty((6, 6)), last.copy()
     decompose(J, moving, U)
     for _ in range(2):  # once more for the digits that the first time cancels
