@@ -475,8 +475,8 @@ print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]
 #
 # ## 2 · Design: three levels, three rates
 #
-# An arm is commanded on three levels, each at least as fast as the one above, as each loop must be quick compared with
-# what it closes around. (That all of it must run at a kilohertz is not so: what must, is what holds the torque.)
+# An arm is commanded on three levels, each several times as fast as the one above: an inner loop must be fast compared
+# with the loop that closes around it. (Not all of it has to run at a kilohertz, only the level that holds the torque.)
 
 # %%
 LEVELS = (

@@ -89,6 +89,7 @@ def test_what_mujoco_parses_becomes_a_chain(text) -> None:
 
 ROPE = '<tendon><fixed name="rope"><joint joint="wrist" coef="1"/></fixed></tendon>'
 LOOP = '<equality><joint name="loop" joint1="wrist" joint2="shoulder"/></equality>'
+SERVO = '<actuator><position name="servo" joint="shoulder" kp="30"/></actuator>'
 
 
 def _with(old: str, new: str) -> str:
@@ -116,6 +117,9 @@ def _with(old: str, new: str) -> str:
         (_with('<body pos="0.4 0 0"', '<body gravcomp="1" pos="0.4 0 0"'), "gravcomp"),
         (MJCF.format(extra=ROPE), "tendon 'rope'"),
         (MJCF.format(extra=LOOP), r"equality 'loop' \(joint\)"),
+        (MJCF.format(extra=SERVO), r"actuator 'servo'.*, allowed is an arm without actuators"),
+        (MJCF.format(extra='<option density="1000"/>'), "option density of the model is 1000"),
+        (MJCF.format(extra='<option viscosity="0.9"/>'), "option viscosity of the model is 0.9"),
         ("<mujoco><worldbody/></mujoco>", "without a joint"),
     ],
 )

@@ -79,6 +79,13 @@ def _check(model: Any) -> None:
         )
     if model.nflex:
         raise invalid("model", _named(model, "flex", 0), "an arm of rigid bodies")
+    if model.nu:
+        rule = "an arm without actuators: pass their torques to forward_dynamics"
+        raise invalid("model", _named(model, "actuator", 0), rule)
+    for name in ("density", "viscosity"):
+        if getattr(model.opt, name):
+            rule = "0: a chain moves through no fluid"
+            raise invalid(f"option {name} of the model", getattr(model.opt, name), rule)
     for i in np.flatnonzero(~np.isfinite(model.body_mass)).tolist():
         raise invalid(f"mass of {_named(model, 'body', i)}", model.body_mass[i], "finite [kg]")
     hinge, slide = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -98,13 +105,16 @@ def _check(model: Any) -> None:
     for i in range(model.nbody):
         if model.body_gravcomp[i]:
             raise invalid("model", f"{_named(model, 'body', i)} with gravcomp", "none")
+        if model.body_plugin[i] >= 0:
+            raise invalid("model", f"{_named(model, 'body', i)} with a plugin", "none")
 
 
 def chain(model: Any, tip: str | None = None) -> Chain:
     """Return a MuJoCo model as a chain, its joints in MuJoCo's order with the tip's joint last.
 
-    Bodies without a joint become part of the link that carries them. Friction and springs, motors,
-    contacts: what a chain lacks and what would move it is refused; what only looks is left out.
+    Bodies without a joint become part of the link that carries them. What a chain lacks and what
+    would move it is rejected: springs, dry friction, actuators, plugins of bodies, a fluid around
+    the arm. Geometry is omitted, and with it contacts.
 
     Args:
         model: an `MjModel`, such as `mujoco.MjModel.from_xml_path` reads from MJCF or URDF.
@@ -113,7 +123,8 @@ def chain(model: Any, tip: str | None = None) -> Chain:
 
     Raises:
         ValueError: for a joint that neither turns nor slides, two joints of a body, a spring, dry
-            friction, a tendon, a closed loop, a tip elsewhere: it names the one it found.
+            friction, a tendon, a closed loop, an actuator, a plugin, a density or viscosity that is
+            not 0, a tip elsewhere: it names the one it found.
     """
     _check(model)
     n = int(model.njnt)
