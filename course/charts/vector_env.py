@@ -164,8 +164,7 @@ BUSY_SIZES = (0, 4_000, 16_000, 64_000, 128_000, 256_000, 512_000, 1_024_000)
 def cost_of_processes(
     sizes: Sequence[int] = BUSY_SIZES, n: int = CROSSING_ENVS, repeats: int = 25
 ) -> dict[str, list[float]]:
-    """Return seconds per step of N environments, a loop's and processes', against an environment's
-    cost.
+    """Return seconds per step of N environments, in a loop and in processes, by their cost.
 
     Args:
         sizes: how much an environment computes in a step.
@@ -374,8 +373,7 @@ BY_HAND = np.array([[[0, -7.5, 0, -6.0, -0.5, 0], [0, 0, 0, -12.0, 0, -0.3]]])
 
 @chart
 def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Panel]:
-    """Chart what `course.vector_env.training` learns, over several seeds, beside a law written by
-    hand.
+    """Chart what `course.vector_env.training` learns over several seeds, next to a law by hand.
 
     Args:
         seeds: runs.
@@ -452,8 +450,11 @@ def arm_learned(
     """Chart the hard end: torques of an arm, copied from a written law, and learned from reward.
 
     Args:
-        number, rounds: of demonstrations in a round, and rounds of DAgger after the first.
-        seeds, judged: of training, and targets that judge; fit: steps of a training of the net.
+        number: demonstrations in a round.
+        rounds: of DAgger after the first.
+        seeds: of training.
+        judged: targets on which a policy is evaluated.
+        fit: steps of a training of the network.
         steps: of the arm, for PPO.
     """
     arm, largest = Arm(), number * (1 + rounds)

@@ -312,7 +312,7 @@ def claim(
     """Return decorator that registers a check as a claim; see the top of this file.
 
     Args:
-        heard: the claim as one hears it.
+        received: the claim as it is commonly stated.
         corrected: what is true, with fields for the figures.
         ask: what a learner can be asked for.
         source: where it can be read up.

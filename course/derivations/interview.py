@@ -322,9 +322,7 @@ def growing_energy(result):
         return rate > 0 and growth(step, dt / 2, damping) < 0.75 * rate
 
     def bouncing(dt, bounces):
-        """Return energy gained in so many elastic bounces of a ball that flies exactly, and in
-        flight alone, as shares.
-        """
+        """Return the shares of energy gained in elastic bounces, in all and in flight alone."""
         state, left, flown = np.array([1.0, 0.0]), bounces, 0.0
         pull = np.array([-9.81 * dt * dt / 2, -9.81 * dt])
 

@@ -35,9 +35,7 @@ def _ages(stages, rng, runs=200, per_run=5):
 
 
 def _at_read(period, phase, seconds=60.0, depth=1, camera=1 / 30):
-    """Return ages at which a reader with this period gets what a quick camera at 30 Hz gives
-    [s].
-    """
+    """Return the ages at which a reader with this period gets images of a 30 Hz camera [s]."""
     from course.role import Stage, simulate
 
     run = simulate(

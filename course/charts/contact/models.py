@@ -278,9 +278,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
 
 
 def leg_forces(dt: float = 2e-3) -> dict[str, Array]:
-    """Return what the legs of the table carry at the end by each model and MuJoCo solver, (4,)
-    [N].
-    """
+    """Return the force in each leg at the end, by contact model and MuJoCo solver, (4,) [N]."""
     question, (n, h) = QUESTIONS["legs"], _steps(dt)
     result = {name: _ours(name, question, dt).impulses[:, 0, -1] / h for name in OURS}
     for solver in mujoco_contact.SOLVERS:
@@ -330,8 +328,7 @@ def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
 
 
 def penalty_step(zeta: float, scheme: str, dt: float) -> Callable[[Array], Array]:
-    """Return one step (x, v) -> (x, v) of 1 kg in penalty contact with omega = 1, kept in by a
-    pull.
+    """Return one step (x, v) -> (x, v) of 1 kg pulled into a penalty contact with omega = 1.
 
     Args:
         zeta: damping ratio.
@@ -587,7 +584,7 @@ def stopped(
     """Return (way to the stop over Coulomb's, direction [degrees]) of a block sent off at an angle.
 
     Args:
-        who: one of our models, or "pyramidal" or "elliptic" for MuJoCo's cones.
+        name: one of our models, or "pyramidal" or "elliptic" for MuJoCo's cones.
         degrees: direction.
         dt: [s].
         speed: [m/s].
@@ -677,8 +674,9 @@ def contact_steering(
 
 
 def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> float:
-    """Return where a block of 1 kg is after 0.5 s when a finger of 1 kg is sent at it from 0.1 m
-    [m].
+    """Return where a block of 1 kg is 0.5 s after a finger of 1 kg is sent at it [m].
+
+    The finger starts at a distance of 0.1 m.
 
     Args:
         speed: of the finger [m/s]; below 0.2 it does not arrive.

@@ -238,17 +238,17 @@ def rate_estimates(samples: int = 40_000) -> Iterator[Panel]:
 def caught(
     theta: ArrayLike, speed: ArrayLike, share: float, gain: float = 30.0, linear: bool = False
 ) -> NDArray[np.bool_]:
-    """Return whether saturated feedback of the unstable mode catches an inverted pendulum as it
-    falls.
+    """Return whether saturated feedback of the unstable mode catches a falling inverted pendulum.
 
     In units of m g l and sqrt(l / g): theta'' = sin(theta) - u, |u| <= share, and
     u = gain (theta + theta'), which is what LQR tends to as torque gets dear.
 
     Args:
-        theta, speed: where it starts, arrays of one shape.
+        theta: angle at the start [rad], an array.
+        speed: rate at the start, an array of the same shape.
         share: largest torque over m g l.
         gain: above 1.
-        linear: theta for sin(theta).
+        linear: replaces sin(theta) with theta.
     """
     q, v = (np.array(x, dtype=float) for x in np.broadcast_arrays(theta, speed))
     h = min(0.02, 1.0 / gain)

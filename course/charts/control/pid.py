@@ -136,11 +136,13 @@ def rate_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
 
 @chart
 def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
-    """Chart where the sampled PID loop is stable, over sample time and gain, measured and in
-    theory.
+    """Chart where the sampled PID loop is stable, measured and in theory.
+
+    The axes are the sample time and the gain.
 
     Args:
-        nx, ny: points of the map.
+        nx: points of the map along the sample time.
+        ny: points of the map along the gain.
     """
     dt, gain = np.linspace(0.003, 0.065, nx), np.linspace(1.0, 30.0, ny)
     result = stability.stability_map(
@@ -207,8 +209,7 @@ def jammed(
     kind: type[PID] = PID,
     jam: float = JAM,
 ) -> tuple[Array, Array, Array]:
-    """Return times, angles and commands of a set-point step with the joint jammed from the start
-    on.
+    """Return times, angles and commands of a set-point step whose joint is jammed at the start.
 
     Args:
         loop: joint and controller.
@@ -248,7 +249,9 @@ def overshoot(
     """Return how far the joint goes past the set-point once it is free [rad].
 
     Args:
-        joint, kind, jam: as for `jammed`.
+        joint: as for `jammed`.
+        kind: as for `jammed`.
+        jam: as for `jammed`.
         **changes: fields of `Loop`; the controller keeps its gains.
     """
     loop = replace(LOOP, **changes)
@@ -311,9 +314,7 @@ def jam_scene() -> Scene:
 
 @chart
 def pid_windup() -> Iterator[Panel]:
-    """Chart a jam of two seconds with anti-windup and without, on the exact joint and on
-    MuJoCo's.
-    """
+    """Chart a jam of two seconds with and without anti-windup, on the exact joint and in MuJoCo."""
     left, right = (
         Panel(title, "time [s]", y, spans=[("x", 0.0, JAM, "jammed")], xlim=(0.0, 5.0))
         for title, y in (

@@ -33,7 +33,7 @@ def cost(x: Array, samples: int = 0, limit: float = WEAK, at_most: int = 1500) -
         x: place and speed at the start [m, m/s].
         samples: of the horizon of MPC; 0 for the clipped regulator.
         limit: of the force [N].
-        most: samples of the run.
+        at_most: samples of the run.
     """
     plan, last, total, sides = horizon(A, B, Q, R, samples) if samples else None, None, 0.0, set()
     for _ in range(at_most):
@@ -63,7 +63,8 @@ def mpc_where(
     Args:
         points: distances.
         samples: horizons.
-        repeats, clock: of the timing.
+        repeats: of the timing.
+        clock: of the timing.
     """
     far = np.geomspace(0.01, 10.0, points)
     clipped = [cost(np.array([x, 0.0])) for x in far]
@@ -168,7 +169,8 @@ def swing_up(
     """Chart how often MPPI swings a weak pendulum up: over its tries, and over how far it looks.
 
     Args:
-        samples, ahead: of both panels.
+        samples: numbers of sampled plans, of the first panel.
+        ahead: lengths of the horizon, of the second panel.
         seeds: runs of a point.
     """
     for title, words, values, fixed in (
@@ -219,7 +221,8 @@ def control_speed(
         samples: of each.
         sizes: states of a system, and unknowns of a box.
         systems: drawn in all for the residuals.
-        repeats, clock: of the timing.
+        repeats: of the timing.
+        clock: of the timing.
     """
     dt, start = 0.01, (np.array([0.3, 0.5]), np.array([0.1, -0.2]))
     rates: dict[str, list[float]] = {"course": [], "mujoco.batch": []}

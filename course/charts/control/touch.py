@@ -39,9 +39,7 @@ def force_edge(wall: float, delay: float = DELAY) -> float:
 def force_edge_mujoco(
     wall: float, delay: float, kind: str, substeps: int = 1, impedance: float = 0.9
 ) -> float:
-    """Return the same by runs in MuJoCo, pressed with a force so large that it never leaves the
-    wall.
-    """
+    """Return the stability limit measured in MuJoCo, with a force that keeps contact throughout."""
     whole, press = round(delay / DT), 20.0
     probe = mujoco.Probe(
         ARM.mass, ARM.damping, wall, DT, wall=kind, impedance=impedance, substeps=substeps
@@ -69,9 +67,7 @@ def force_edge_mujoco(
 
 
 def stiffest(wall: float, delay: float = DELAY, damping: float = 0.0) -> float:
-    """Return the largest stiffness of an impedance law that holds at a wall and at all gains
-    below.
-    """
+    """Return the largest stiffness of an impedance law up to which all are stable at a wall."""
     return largest(lambda K: growth(TouchLaw(K, damping), wall, delay), 1.0, 1e8)
 
 

@@ -84,6 +84,7 @@ class Along:
         return total[:4, :4], total[:4, 4:]
 
     def __call__(self, q: Array, v: Array, *_: Array) -> Array:
+        """Return the feedforward torque of the next sample plus the correction of the deviation."""
         self.k += 1
         return self.ahead[:, self.k - 1] + self.correct(
             self.k - 1, np.concatenate([q, v]) - self.aim[:, self.k - 1]
@@ -103,6 +104,7 @@ class PathLQR(Along):
             self.gains.insert(0, K)
 
     def correct(self, k: int, x: Array) -> Array:
+        """Return the state feedback of sample k."""
         return -self.gains[k] @ x
 
 
@@ -116,6 +118,7 @@ class PathMPC(Along):
         self.room = limit - np.abs(self.ahead)
 
     def correct(self, k: int, x: Array) -> Array:
+        """Return the first input of the plan from sample k, warm-started with the last plan."""
         self.last = mpc(self.plans[k], x, self.room[:, k], self.last)
         return self.last[0]
 
@@ -129,6 +132,7 @@ class PathMPPI(Along):
         self.piece = max(1, round(0.008 / dt))
 
     def correct(self, k: int, x: Array) -> Array:
+        """Return the correction at sample k by importance-weighted random plans."""
         end = k + 8 * self.piece
         aim, known = self.aim[:, k + 1 : end + 1].T, self.ahead[:, k:end].T
         state = np.split(x + self.aim[:, k], 2)
@@ -244,9 +248,7 @@ def _costs(
     repeats: int,
     clock: Callable[[], float],
 ) -> Panel:
-    """Return error against the time that a second of the loop takes, the arm's own motion
-    included.
-    """
+    """Return the error against the computing time per second, the simulated arm's included."""
     spent: dict[str, list[float]] = {}
     error = {name: errors["right", name] for name in LAWS}
     gains = np.full(2, KP), np.full(2, KD)

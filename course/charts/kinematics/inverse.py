@@ -67,9 +67,7 @@ def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
 
 
 def usual(chain: Chain, clamped: bool, starts: int, rate: float, at_most: int) -> Solve:
-    """Return Pinocchio's usual loop as a count of steps, infinite where it ends beyond the
-    limits.
-    """
+    """Return a method: Pinocchio's usual loop, with its steps, infinite beyond the limits."""
     arm, limits = Arm(chain), (chain.lower, chain.upper)
 
     def solve(target: Array, rng: np.random.Generator) -> float:
@@ -263,9 +261,7 @@ def solution_curve(lengths: Sequence[float], target: Array, count: int = 720) ->
 
 
 def covered(curve: Array, result: Array, near: float = 0.3) -> float:
-    """Return share of the curve (3, M) within `near` [rad] of a posture found (3, K), joint by
-    joint.
-    """
+    """Return the share of the curve (3, M) within `near` [rad] of a posture (3, K), per joint."""
     apart = np.abs(np.angle(np.exp(1j * (curve[:, :, None] - result[:, None]))))
     return float((apart.max(axis=0).min(axis=1) < near).mean())
 

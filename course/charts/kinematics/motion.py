@@ -33,8 +33,7 @@ POSTURE = np.array([0.4, -0.6, 0.3, -1.9, 0.5, 1.7, -0.8])  # of the 7-R arm [ra
 
 
 def placed(chain: Chain, q: Any, library: Any = np) -> Any:
-    """Return the tip of a serial arm of turning joints by matrices, (3,) [m], for any kind of
-    number.
+    """Return the tip of a serial arm of revolute joints by matrices, (3,) [m], for any number type.
 
     The course's own is compiled for real numbers. Here q (n,) may be real, complex, or a tensor of
     PyTorch, with the `library` whose `cos`, `sin` and `stack` fit it.

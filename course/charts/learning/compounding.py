@@ -34,8 +34,11 @@ def compounding(
     Where the square law holds, three plants.
 
     Args:
-        n: episodes; wrong: of 1,000 contexts, those whose action was copied wrongly.
-        points: of the map on each axis; growth: factor of an error from step to step;
+        n: episodes.
+        horizons: lengths of the episodes.
+        wrong: of 1,000 contexts, those whose action was copied wrongly.
+        points: of the map on each axis.
+        growth: factors of an error from step to step.
         circle: runs that are shown of circling.
     """
     table, rng, eps = np.arange(1000) < wrong, np.random.default_rng(11), wrong / 1000.0

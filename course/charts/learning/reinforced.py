@@ -282,8 +282,13 @@ def rewards(
     """Chart three rewards for one task, and what the sparse one owes to chance.
 
     Args:
-        tried: episodes of a policy that knows nothing, at each radius [m]; few, short: seeds and
-            steps of learning there.
+        steps: steps of learning.
+        seeds: runs of each reward.
+        points: number of points of a learning curve.
+        tried: episodes of an untrained policy, at each radius [m].
+        radii: radii of the goal [m].
+        few: seeds at each radius.
+        short: steps of learning at each radius.
     """
     panel = Panel(
         f"Three rewards, {seeds} seeds",
@@ -343,7 +348,11 @@ def step_epochs(
     """Step size against epochs: what is reached, and how far the policy moves in an iteration.
 
     Args:
-        solved: share of the optimum from which on a seed counts, in the text.
+        steps: steps of learning.
+        seeds: runs of each setting.
+        counts: epochs per batch.
+        rates: step sizes of the optimiser.
+        solved: share of the optimum above which a seed counts as solved, in the text.
     """
     reached = Panel(
         f"After {steps:,} steps, median of {seeds}",

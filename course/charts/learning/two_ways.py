@@ -44,7 +44,9 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
     """Chart six ways to copy 100 people who pass left or right: success, error, cost, mode shares.
 
     Args:
-        n: runs; held: demonstrations held out; repeats: of a timing.
+        n: runs.
+        held: demonstrations held out.
+        repeats: of a timing.
     """
     shown = learning.TwoWays().demonstrate(DEMONSTRATIONS, SEED)
     apart = learning.TwoWays().demonstrate(held, SEED + 77)
@@ -116,9 +118,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
 
 
 def gap(samples: Array, exact: Array) -> float:
-    """Return distance of a sample's quantiles from the exact ones, rms (Wasserstein's of order
-    2).
-    """
+    """Return the rms distance of a sample's quantiles from the exact ones (Wasserstein-2)."""
     return float(np.sqrt(np.mean((np.sort(samples.ravel()) - exact) ** 2)))
 
 
@@ -139,7 +139,10 @@ def samplers(
     """Chart what steps of a sampler buy: on an exact field, on a trained one, in driving.
 
     Args:
-        n: samples; runs: of two ways; fit: steps of the two nets; counts: calls of the field.
+        n: samples.
+        runs: runs of the task with two ways.
+        fit: training steps of the two networks.
+        counts: evaluations of the field.
     """
     modes = learning.Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.full(2, 0.3))
     share = (np.arange(n) + 0.5) / n
@@ -239,8 +242,10 @@ def commit_or_react(
     """Chart success over steps carried out without a look, and over noise; both ends explained.
 
     Args:
-        n: runs; fit: steps of the mixture that is fitted to disturbed demonstrations.
-        noises: deviations of what pushes in a step [m].
+        n: runs.
+        executed: how many actions of a chunk are executed.
+        fit: training steps of the mixture that is fitted to disturbed demonstrations.
+        noises: standard deviations of the disturbance in a step [m].
     """
     policy = learning.recorded("mixture")
     panel = Panel(

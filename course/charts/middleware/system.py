@@ -20,7 +20,9 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
     """Chart a loop of 1 kHz beside processes that always compute; and what a relative sleep does.
 
     Args:
-        periods: of each run; busy: processes beside it; quiet: periods of the runs without them.
+        periods: of each run.
+        busy: processes that compete for the cores.
+        quiet: periods of the runs without them.
     """
     panel = Panel(
         f"1 kHz beside {busy} busy processes",
@@ -72,7 +74,8 @@ def round_trips(
     """Chart there and back between two processes, by size; the unit is 64 B in a queue of threads.
 
     Args:
-        sizes: of the payload [bytes]; repeats: rounds of each.
+        sizes: of the payload [bytes].
+        repeats: rounds of each.
     """
     from course.oracles import cyclonedds, zenoh
 
@@ -132,7 +135,8 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
     """Chart how old the sample is that a slow reader takes: on the bus, on Cyclone DDS, by theory.
 
     Args:
-        depths: of the reader; rate: samples written for each that is taken.
+        depths: of the reader's queue.
+        rate: samples written for each that is taken.
     """
     from course.oracles import slow_reader
 
@@ -213,7 +217,9 @@ def late_or_lost(
     """Chart a servo follows commands over a lossy link: sent again and late, or lost and replaced.
 
     Args:
-        ways: delay of the link, one way [s]; loss: share of the packets; seconds: of each run.
+        paths: delay of the link in one direction [s].
+        loss: share of the packets that is lost.
+        seconds: of each run.
     """
     panel = Panel(
         f"{100 * loss:g} % of the commands are lost, one each 10 ms",
@@ -233,8 +239,7 @@ def late_or_lost(
 def added(
     delay: float, loss: float, reliability: str, seconds: float, period: float = 0.01
 ) -> float:
-    """Return rms distance of a servo over a lossy link from the same over one that loses nothing
-    [rad].
+    """Return the rms distance between a servo over a lossy link and one over a lossless link [rad].
 
     The command is a sine of 0.3 rad at 1 Hz; the servo (60 rad/s, critically damped) holds the
     newest command that it has.

@@ -35,7 +35,8 @@ def lost_fragments(messages: int = 4000, sent: int = 150) -> Iterator[Panel]:
     """Chart a message is lost with any of its packets; sent again, it takes rounds.
 
     Args:
-        messages: on the bus, at each size; sent: over a loopback socket.
+        messages: on the bus, at each size.
+        sent: over a loopback socket.
     """
     sizes = np.array([1, 10, 100, 627, 2000])
     lost = Panel(
@@ -122,7 +123,8 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
     """Chart which task sets are in time: three tests, and a scheduler that runs them.
 
     Args:
-        sets: random sets of each size and load; seconds: of a run.
+        sets: random sets of each size and load.
+        seconds: of a run.
     """
     rng, n = np.random.default_rng(10), 5
     loads = np.linspace(0.6, 1.0, 17)
@@ -259,7 +261,8 @@ def executor_waits(
     How long from event to end, and the bound.
 
     Args:
-        cameras: what the camera's callback computes [s]; phases: of its first event.
+        cameras: what the camera's callback computes [s].
+        phases: how many times of its first event are tried.
     """
     x = 1e3 * np.array(cameras)
     panel = Panel(

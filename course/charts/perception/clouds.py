@@ -228,9 +228,7 @@ def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
 
 
 def share_found(sigmas: float | None, refits: int, trials: int, n: int, at_most: int) -> float:
-    """Return share of runs whose plane has nine tenths of what the true plane has within the
-    tolerance.
-    """
+    """Return the share of runs whose plane has nine tenths of the true plane's inliers."""
     rng, result = np.random.default_rng(10), 0
     sigma = 1e-3 if sigmas else 0.0
     tolerance = sigma * sigmas if sigmas else 1e-9

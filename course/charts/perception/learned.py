@@ -52,9 +52,7 @@ def methods(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
 def laid(
     depth: Array, sensor: Sensor, path: Callable[[Array], Array]
 ) -> tuple[Array, float, float]:
-    """Return the pose that the picture agrees with most, the time from the picture on [s], see-
-    through.
-    """
+    """Return the best pose, the time from the image on [s], and the result of `see_through`."""
     begin, plane = time.process_time(), yaw_net.plane_of(TABLE)
     points = yaw_net.above_table(depth, EYE, sensor, plane)
     some = np.ascontiguousarray(points[:, :: max(1, points.shape[1] // 400)])

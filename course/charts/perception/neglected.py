@@ -124,9 +124,7 @@ def moving(shapes: Shapes, seed: int) -> Array:
 
 
 def change(view: Look) -> float:
-    """Return how far an effect moves the place that is found, root mean square over the pictures
-    [m].
-    """
+    """Return the rms shift of the estimated position that an effect causes over the images [m]."""
     far = []
     for seed, at in enumerate(zip(YAWS, ASIDE, strict=True)):
         pictures = (f(scene(*at), seed) for f in (plain, view))
@@ -136,9 +134,7 @@ def change(view: Look) -> float:
 
 
 def _without_turn() -> float:
-    """Return how far a corner of the part is off if it is laid down unturned, the least over the
-    yaws.
-    """
+    """Return the corner error of a part laid down without its turn, the least over the yaws."""
     reach = math.hypot(*BOX.sizes[:2, 0])
     return float(min(2.0 * reach * abs(math.sin(0.5 * min(yaw, math.pi - yaw))) for yaw in YAWS))
 

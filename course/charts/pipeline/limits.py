@@ -25,9 +25,7 @@ KP, STEP, WITNESS = 25.0, 4e-3, 3e-3  # N m/rad; s; of energy won, the contract 
 
 
 def stays(arm: TwoLink, q: Array, kp: float, kd: float, dt: float, steps: int = 1500) -> bool:
-    """Return whether the arm itself, 2 micro-radians beside q and with no limits, comes back to
-    q.
-    """
+    """Return whether the arm without limits returns to q from 2 microradians beside it."""
     place, v, scene = q + (1e-6, -2e-6), np.zeros(2), Scenario(arm=arm)
     for _ in range(steps):
         place, v = move(place, v, kp * (q - place) - kd * v, dt, scene)
@@ -51,7 +49,8 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
     """Chart the largest stable step over posture and damping, and what a run shows on both sides.
 
     Args:
-        points: of each axis of the map; tested: gains whose limit is found by stepping the arm.
+        points: of each axis of the map.
+        tested: gains whose limit is found by stepping the arm.
         seeds: runs of a step.
     """
     arm = Scenario().arm
@@ -216,8 +215,10 @@ def noise_and_filter(
     """Chart what a filter is worth, and what a planner's small step costs.
 
     Args:
-        sigmas: noise of a picture [m]; steps: of the planner [rad].
-        seeds: runs of a point; raw: of one without the filter, which plans again and again.
+        sigmas: noise of an image [m].
+        steps: of the planner [rad].
+        seeds: runs of a point.
+        raw: runs of a point without the filter, which replans again and again.
     """
     shown = [
         Panel("Success", "noise of a picture [mm]", "share", scale="log x", footer=machine(0.0)),

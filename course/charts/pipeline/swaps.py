@@ -62,7 +62,8 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
     """Chart a library in each place on the seeds of the course's own: success, error, and time.
 
     Args:
-        seeds: of what moves; seeing: of what takes pictures.
+        seeds: number of seeds for components that move the arm.
+        seeing: number of seeds for components that take images.
     """
     shown = [
         Panel(
@@ -134,7 +135,8 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
     """Chart errors at the end with pictures, and with the two numbers that were measured from them.
 
     Args:
-        seeds: of runs with pictures; drawn: of runs with bias and noise in their place.
+        seeds: of runs with images.
+        drawn: of runs in which bias and noise replace the images.
     """
     scenario, settings = Scenario(), replace(SEEN, frame=0.1)
     full = run_many(scenario, settings, range(seeds), Stages(perceive=SMALL))
@@ -199,8 +201,10 @@ def pipeline_speed(
     Times real time.
 
     Args:
-        steps: of the physics [s]; widths: of a picture [pixels]; seeds: runs of a picture's size.
-        rates: periods of the stand-in's pictures [s].
+        steps: of the physics [s].
+        seeds: runs of each image size.
+        widths: of an image [pixels].
+        rates: periods of the stand-in's images [s].
     """
     calm, ours = Settings(noise=0.0), Stages()
     panel = Panel(

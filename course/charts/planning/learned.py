@@ -217,7 +217,8 @@ def learned_planners(
         seeds: networks of each kind; planners get as many.
         worlds: held-out ones of each family.
         queries: held-out ones of the world that the diffusion knows.
-        sampler, diffusion: sizes of the training, worlds or paths and steps.
+        sampler: worlds and training steps of the sampler.
+        diffusion: paths and training steps of the diffusion model.
     """
     warm()
     nets, cost = timed(train_sampler, seeds, *sampler)

@@ -96,8 +96,7 @@ def hole(n: int, width: float, depth: float, bounded: int) -> World:
 
 
 def pair_joined(width: float, bounded: float) -> float:
-    """Return probability that a uniform pair on both sides of a thin wall sees each other through a
-    hole.
+    """Return the probability that a uniform pair on both sides of a thin wall is mutually visible.
 
     The crossing is at (1 - t) y + t y', where min(t, 1 - t) / max(t, 1 - t) is uniform on (0, 1):
     a trapezoidal density in each direction.
@@ -297,9 +296,7 @@ def thin_obstacles(
 
 
 def kept_at_points(h: Array, first: Array, second: Array, cap: Array, limit: Array) -> Array:
-    """Return squared speeds (m + 1,) of the fastest motion that keeps the limits where pieces
-    begin.
-    """
+    """Return squared speeds (m + 1,) of the fastest motion within the limits at the grid points."""
     x = cap.copy()
 
     def pushes(i: int, here: Array) -> tuple[Array, Array]:

@@ -377,9 +377,7 @@ def path_quality(
     budgets: Sequence[int] = (100, 300, 1000, 3000, 10_000),
     tolerance: float = 0.05,
 ) -> Iterator[Panel]:
-    """Chart length of a path over the exactly known shortest one against time, failures
-    infinite.
-    """
+    """Chart path length over the exact shortest one against time, with failures infinite."""
     planning.warm()
     for scene, best in exactly_known():
         panel = Panel(

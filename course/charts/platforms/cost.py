@@ -47,7 +47,10 @@ def platform_scaling(
     """Chart the cost of a step against the size of a scene, and what Python adds to it.
 
     Args:
-        scenes: some of `SIZES`; most: largest number of bodies; dt: step [s]; repeats: rounds.
+        scenes: some of `SIZES`.
+        at_most: largest number of bodies.
+        dt: step [s].
+        repeats: rounds.
     """
     for name in scenes:
         make, sizes, limits = SIZES[name]

@@ -38,7 +38,8 @@ def platform_braking(
     """Chart a block that is sent off along an axis stops short by mu g dt / v of its way.
 
     Args:
-        steps: [s]; finest: of those of our own code, where Python pays for each.
+        steps: [s].
+        finest: smallest step of our own code, which runs in Python [s].
     """
     panel = Panel(
         "Stopped short, fair",
@@ -109,7 +110,8 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
     """Chart where a braking block stops, and how far it is steered, over its heading.
 
     Args:
-        points: headings from 0 to 90 degrees; dt: step [s].
+        points: headings from 0 to 90 degrees.
+        dt: step [s].
     """
     far = Panel(
         "Length of the way",
@@ -153,9 +155,7 @@ SOFT: dict[str, Any] = {
 
 
 def law_of_creep(impratio: float, scene: Scene, dt: float) -> float:
-    """Return theory's speed of the first body [m/s], from the load and the gap that MuJoCo
-    reports.
-    """
+    """Return the theoretical creep speed of the first body [m/s], by MuJoCo's load and gap."""
     run = prepared(MuJoCo(), scene, dt, FAIR.using(impratio=impratio, **SOFT))
     run.run(round(0.4 / dt))
     report = run.contacts()
@@ -173,7 +173,8 @@ def platform_creep(
     """Chart how fast a block on a slope and a part between fingers move that should stick.
 
     Args:
-        ratios: MuJoCo's impratio; dt: step [s].
+        ratios: MuJoCo's impratio.
+        dt: step [s].
     """
     scenes = {
         "A block on a slope of 0.1": SCENES["rest"](0.1),
@@ -229,7 +230,9 @@ def platform_grasp(
     """Chart held or not, over the squeeze and the step: a threshold in three engines, none in one.
 
     Args:
-        ratios: squeeze over m g / (2 mu); steps: [s]; finest: of those of our own code.
+        ratios: squeeze over m g / (2 mu).
+        steps: [s].
+        finest: smallest step of our own code [s].
     """
     rows = {
         "own code": ("own code", FAIR), "MuJoCo, fair": ("MuJoCo", FAIR),
@@ -285,7 +288,9 @@ def platform_sag(
     """Chart how deep a tower sinks after a second, over its cubes.
 
     Args:
-        sizes: numbers of cubes; most: the largest number an engine is asked for; dt: step [s].
+        sizes: numbers of cubes.
+        at_most: the largest number of cubes for each engine.
+        dt: step [s].
     """
     rows = {
         "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED), "MuJoCo": ("MuJoCo", FAIR),

@@ -48,7 +48,8 @@ def platform_accuracy(
     All engines on a tumble, a chain and an arm, fair and as shipped.
 
     Args:
-        steps: the largest first [s]; share: of each scene's duration.
+        steps: the largest first [s].
+        share: of each scene's duration.
     """
     deviation: dict[str, list[list[float]]] = {}
     for name in ("tumble", "chain", "arm"):
@@ -161,7 +162,9 @@ def platform_precision(
     of MuJoCo's semi-implicit Euler at the largest step. All settings are fair.
 
     Args:
-        scenes: some of `QUESTIONS`; coarse: how many of the steps; repeats: timed rounds.
+        scenes: some of `QUESTIONS`.
+        coarse: how many of the steps.
+        repeats: timed rounds.
     """
     for name in scenes:
         make, schemes, steps = QUESTIONS[name]

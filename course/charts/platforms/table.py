@@ -163,7 +163,9 @@ def platforms_table(
     """Chart every scene by every engine, as shipped and fair, at one step: error, cost, verdict.
 
     Args:
-        scenes: some of `TABLE`; dt: step [s]; rounds: pairs of times of a motion.
+        scenes: some of `TABLE`.
+        dt: step [s].
+        rounds: pairs of times of a motion.
     """
     rows: list[list[Any]] = []
     for name in scenes:
@@ -273,7 +275,8 @@ def platform_paths(scenes: Sequence[str] = ON_THE_WAY, dt: float = 1e-3) -> Iter
     """Chart the largest error of a motion beside that at its end, and the time in the air.
 
     Args:
-        scenes: some of `TABLE`; dt: step [s].
+        scenes: some of `TABLE`.
+        dt: step [s].
     """
     rows = [
         path_row(engine, name, settings, dt)
@@ -342,7 +345,9 @@ def platform_effects(
     """Chart each change between as shipped and fair by itself: what it does to the error.
 
     Args:
-        engines: some of `ASKED`; most: scenes of each; dt: step [s].
+        engines: names of the engines to measure.
+        at_most: scenes of each.
+        dt: step [s].
     """
     panels, rows = [], []
     for name in engines:

@@ -26,8 +26,7 @@ TILT = np.radians(0.5)  # how level a release can be expected to be
 
 
 def apex(height: np.ndarray) -> float:
-    """Return first maximum after the first minimum [m], refined by a parabola through three
-    samples.
+    """Return the first maximum after the first minimum [m], refined by a parabola of three samples.
 
     Args:
         height: samples at equal distances in time, shape (n,) [m].

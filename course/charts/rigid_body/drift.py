@@ -116,7 +116,8 @@ def resonant_pattern(long: float = 0.3, short: float = 0.1) -> list[float]:
     Both far below the limit of 2.
 
     Args:
-        long, short: omega times the two steps.
+        long: omega times the longer step.
+        short: omega times the shorter step.
     """
     quarter = 0.5 * math.pi
     count = [round(quarter / (2.0 * math.asin(0.5 * h))) for h in (long, short)]
@@ -309,7 +310,7 @@ def quaternion_drift(
     """Chart length and attitude of a turning quaternion by three updates, and by RK4 in two forms.
 
     Args:
-        most: steps of the longest turn.
+        at_most: steps of the longest turn.
         points: how many lengths of turns.
         angles: turns per step [rad].
         counts: steps of the tumble over 20 s.

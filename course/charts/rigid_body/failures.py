@@ -172,7 +172,8 @@ def growth_map(method: str, omega_dt: Array, zeta: Array) -> Map:
 
     Args:
         method: a name in INTEGRATORS.
-        omega_dt, zeta: ascending values, shapes (nx,) and (ny,).
+        omega_dt: ascending values, shape (nx,).
+        zeta: ascending values, shape (ny,).
     """
 
     def step(q: Array, v: Array, x: Array, z: Array) -> tuple[Array, Array]:

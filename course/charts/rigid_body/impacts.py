@@ -161,7 +161,11 @@ def mujoco_through(
     """Return share of the phases in which MuJoCo's ball comes out on the far side of the wall.
 
     Args:
-        thickness, radius, speed, dt, one_step: as for `mujoco_wall`.
+        thickness: as for `mujoco_wall`.
+        radius: as for `mujoco_wall`.
+        speed: as for `mujoco_wall`.
+        dt: as for `mujoco_wall`.
+        one_step: as for `mujoco_wall`.
         phases: where in a step the ball reaches the wall, numbers from 0 to 1.
     """
     runner = mujoco_wall(thickness, radius, speed, dt, one_step)
@@ -202,7 +206,10 @@ def penetration_speed(
     """Return the speed above which MuJoCo's ball gets through the wall in some phase [m/s].
 
     Args:
-        thickness, radius, dt, one_step: as for `mujoco_wall`.
+        thickness: as for `mujoco_wall`.
+        radius: as for `mujoco_wall`.
+        dt: as for `mujoco_wall`.
+        one_step: as for `mujoco_wall`.
         phases: how many to try, evenly spread from one sample on the surface to the next.
     """
     spread = np.linspace(0.001, 0.999, phases)
@@ -228,8 +235,9 @@ def tunnelling(
 
     Args:
         ratios: travel per step over the effective thickness.
-        balls, swept, phases: how many balls are thrown at each: points checked once a step, points
-            whose impact is an event, MuJoCo's.
+        balls: how many balls are thrown at each ratio, points checked once a step.
+        swept: the same for points whose impact is an event.
+        phases: the same for MuJoCo's balls.
         steps: of MuJoCo, where the speed that gets through is sought [s].
         walls: (thickness, radius of the ball) [m].
     """

@@ -28,8 +28,10 @@ def break_it(
     """Chart a gripper whose model is wrong: force and friction, camera, time step.
 
     Args:
-        forces: over m (g + a) / (2 mu); offsets: of the camera [mm]; steps: of time [ms].
-        n: lifts of a success.
+        forces: over m (g + a) / (2 mu).
+        offsets: of the camera [mm].
+        steps: of time [ms].
+        n: lifts of a success rate.
     """
     panel = Panel(
         "Grip: slips below, knocked out above",

@@ -49,7 +49,8 @@ def what_finds_the_numbers(
     And over the time it takes, `mujoco.sysid` beside.
 
     Args:
-        noises: deviations of the angles [rad]; lengths: of the logs on the right [s].
+        noises: standard deviations of the angles [rad].
+        lengths: of the logs on the right [s].
         seeds: logs of a point; MuJoCo gets two.
     """
     panel = Panel(
@@ -111,7 +112,8 @@ def believed_error_bars(
     What it claims, how wrong it is, whether it is noticed.
 
     Args:
-        frictions: dry friction of joint 1, joint 2 has half [N m]; delays: of the command [s].
+        frictions: dry friction of joint 1, joint 2 has half [N m].
+        delays: of the command [s].
         seeds: logs of a point.
     """
     for title, x, unit, scale, changes in (

@@ -78,8 +78,9 @@ def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
 
 
 def from_log(twin: Twin, seconds: float, seed: int, without: Sequence[str] = ()) -> Array:
-    """Return columns of an arm (12, 1) as one log of the twin under two sines tells them, some left
-    0.
+    """Return columns of an arm (12, 1) identified from one log under two sines.
+
+    The columns named in `without` remain 0.
     """
     start = {name: 2.0 * logs.TRUTH[name] for name in "abd"} | {"c1": 0.1, "c2": 0.1, "f1": 0.3}
     start |= {"f2": 0.15, "delay": 0.005, "bias1": 0.0, "bias2": 0.0, "q1": 0.3, "q2": 1.2}
@@ -150,7 +151,10 @@ def robot_time(
     """Chart success on MuJoCo's twin over seconds of its time used: ranges, logs, fine-tuning.
 
     Args:
-        n: tasks; seeds: of logs and tuning; counts: of logs; rounds: of 96 episodes of fine-tuning.
+        n: tasks.
+        seeds: of logs and tuning.
+        counts: numbers of logs.
+        rounds: numbers of rounds of 96 episodes of fine-tuning.
     """
     twin, posed, record = Twin(), tasks(n, SEEN), recorded()["range"]
     panel = Panel(

@@ -242,7 +242,7 @@ def velocity_lcp_without_gap(result):
     height = result.input("height_m", 1.0)
 
     def stops(gap):
-        """Return whether the printed law, which has no gap.
+        """Return whether the printed law, which has no gap, and the step disagree with free fall.
 
         And the step disagree with free fall.
         """

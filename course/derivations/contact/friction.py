@@ -393,8 +393,9 @@ def default_friction(result):
 
 
 def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
-    """Return speed after a ball of 1 kg at 1 m/s hits a spring with a damper, without gravity
-    [m/s]; NaN where it has not left after 60 / omega.
+    """Return the speed of a ball of 1 kg after it hits a spring-damper at 1 m/s [m/s].
+
+    Gravity is neglected. The result is NaN if the ball has not left after 60 / omega.
     """
     from course.contact.models import penalty_force
 

@@ -38,8 +38,9 @@ def _text(values):
 
 
 def _depth_in_mesh(mesh, place):
-    """Return how deep a ball of 20 mm is in a mesh of MuJoCo's, 0 without contact [m], and how many
-    of the mesh's corners MuJoCo keeps.
+    """Return how deep a ball of 20 mm is in a MuJoCo mesh [m], and the mesh's number of vertices.
+
+    The depth is 0 without contact.
     """
     import mujoco
 
@@ -231,7 +232,7 @@ def sweep_and_prune_n_log_n(result):
 
 
 def _pile(geom, width, shape, count, seed=1):
-    """Return pairs of overlapping boxes.
+    """Return pairs of boxes that overlap and pairs that touch, after bodies settled in a bin.
 
     And pairs that touch, after so many bodies settled in a bin.
     """
@@ -373,9 +374,7 @@ def coal_is_the_truth(result):
     from course.oracles import coal
 
     def compared(a, b, qa, qb):
-        """Return distances by every feature, ours and Coal's with its own tolerances, over the
-        size.
-        """
+        """Return exact distances, our largest error over the size, and Coal's distances."""
         truth = contact.enumerated(a, qa, b, qb)
         error = np.abs(contact.distance(a, qa, b, qb).distance - truth).max() / (a.size + b.size)
         return truth, error, coal.Pair(a, b, None).distances(qa, qb)

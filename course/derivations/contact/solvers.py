@@ -38,7 +38,7 @@ def mujoco_is_convex_and_unique(result):
     from course.oracles.mujoco import contact
 
     def forces(made, solver, start=0.0):
-        """Return from a warm start of this acceleration."""
+        """Return the contact forces that a solver computes from this warm start."""
         made.model.opt.solver = ("PGS", "CG", "Newton").index(solver)
         made.model.opt.iterations = 3000
         made.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
@@ -241,7 +241,7 @@ def heavy_on_light_sinks(result):
     heavy = result.input("heavy", 100.0)
 
     def depths(mass, solver="Newton"):
-        """Return of the light one in the ground, of the heavy one in the light one [mm]."""
+        """Return how deep the light box is in the ground, and the heavy in the light [mm]."""
         options = contact.Options(condim=1, solver=solver, iterations=2000)
         q = -1e3 * contact.tower(options, [1.0, mass]).run(4000)[0]
         return q[0], q[1] - q[0]
@@ -294,7 +294,7 @@ def tower_sags(result):
     from course.oracles.mujoco import contact
 
     def depths(n, **options):
-        """Return of the top [m], and over that of its own contact and n (n + 1)/2."""
+        """Return how deep the top is [m], and that over n (n + 1)/2 times its own contact's."""
         q = contact.tower(contact.Options(condim=1, **options), [1.0] * n).run(6000)[0]
         return -q[-1], q[-1] / (q[-1] - q[-2]) / (n * (n + 1) / 2)
 

@@ -25,7 +25,7 @@ def mpc_beats_clipping(result):
     far, ahead = result.input("far_m", 4.0), result.input("ahead", 40)
 
     def saved(x):
-        """Return what MPC saves.
+        """Return what MPC saves, and whether the clipped law meets a limit after it was free of it.
 
         And whether the clipped law meets a limit after it was free of it.
         """

@@ -348,7 +348,7 @@ def critical_settles_fastest(result):
     band = result.input("band_percent", 2) / 100
 
     def settling(zeta):
-        """Return in units of 1/omega: J = 1, kp = 1."""
+        """Return the settling time in units of 1/omega, with J = 1 and kp = 1."""
         run = run_joint(
             Joint(1.0),
             Actuator(),

@@ -8,16 +8,14 @@ ARM = (1.0, 0.8)  # links of the usual listing [m]
 
 
 def planar_tip(lengths: Any, q: Any) -> np.ndarray:
-    """Return where the course puts the tip of a planar arm, (2,) or (2, N) [m]."""
+    """Return the tip of a planar arm by the course's kinematics, (2,) or (2, N) [m]."""
     from course.kinematics import planar, tip
 
     return tip(planar(lengths), q)[:2]
 
 
 def planar_jacobian(lengths: Any, q: Any) -> np.ndarray:
-    """Return the two rows of position of the course's Jacobian of a planar arm, (2, n) or (2, n,
-    N).
-    """
+    """Return the course's Jacobian of a planar arm's tip position, (2, n) or (2, n, N)."""
     from course.kinematics import jacobian, planar
 
     return jacobian(planar(lengths), q)[:2]

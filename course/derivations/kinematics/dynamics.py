@@ -101,7 +101,7 @@ def two_link_mass_matrix(result):
 def exact_accelerations(
     lengths: Any, masses: Any, q: Any, v: Any, tau: Any, gravity: float = 0.0
 ) -> np.ndarray:
-    """Return of planar rods under gravity along -y.
+    """Return the exact joint accelerations of planar rods under gravity along -y.
 
     From Lagrange's equations with 60 digits, (n,).
     """

@@ -77,7 +77,7 @@ def null_motion_leaves_the_tip(result):
     v, home = _null_vectors(jacobian(arm, q)), tip(arm, q)
 
     def sizes(h: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return how far [m] the tip is after a step, and after an IK step more."""
+        """Return the tip's error [m] after a step, and after another IK step."""
         moved = q + h * v
         inverse = np.linalg.pinv(np.moveaxis(jacobian(arm, moved), 2, 0))
         mended = moved + np.einsum("kij,jk->ik", inverse, pose_error(home, tip(arm, moved)))

@@ -25,13 +25,16 @@ SYMBOLS = {
 
 
 def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, share: float = 0.5):
-    """Return the usual listing.
+    """Return the result of the usual loop: damped steps, scaled by a share, until 0.1 mm is left.
 
     So many steps, each a share of the damped one, until 0.1 mm is left.
 
     Args:
         target: (2,) or (2, N) [m].
         start: joint angles, of the same shape.
+        damping: of the least-squares step.
+        steps: limit of the number of steps.
+        share: factor on each damped step.
 
     Returns:
         Joint angles, distance left [m] and steps taken; what was not reached took all of them.
@@ -251,7 +254,7 @@ def singular_start(result):
         return float(_listing([sum(ARM) - error, 0.0], [0.0, bend], value, steps)[1][0])
 
     def growth(bend: float, error: float, value: float) -> float:
-        """Return by how much one full damped step multiplies the bend of the elbow."""
+        """Return the factor by which one full damped step multiplies the bend of the elbow."""
         target = [sum(ARM) - error, 0.0]
         return float(_listing(target, [0.0, bend], value, 1, 1.0)[0][1, 0] / bend)
 

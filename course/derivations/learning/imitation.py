@@ -254,8 +254,9 @@ def dagger_needs_room(result):
     task = Circle()
 
     def costs(steps, seed):
-        """Return distance from the circle summed up to each of 160 steps, before and after two
-        rounds.
+        """Return distances from the circle summed up to each of 160 steps, before and after DAgger.
+
+        DAgger runs for two rounds.
         """
         rng = np.random.default_rng(seed)
         learn = partial(clone, seed=seed, width=32, steps=steps, rate=3e-3)

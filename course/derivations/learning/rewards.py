@@ -103,9 +103,7 @@ def next_row(result):
     from course.vector_env import PointReachVector
 
     def follows(mode):
-        """Return whether the row after one that the clock cut off holds the next place of
-        that way.
-        """
+        """Return whether the row after a truncated one holds this mode's next position."""
         envs = PointReachVector(8, max_steps=5, autoreset_mode=mode)
         before, late = envs.reset(seed=0)[0], np.zeros(8, bool)
         while not late.any():
@@ -235,9 +233,7 @@ def first_to_finish(result):
     result.formula = sympy.solve(sympy.Eq(x, p * (1 + x)), x)[0]  # one success, then as before
 
     def played(edge, N=128, clock=100, always=False):
-        """Return truth and reading of a policy that stands still if the goal is too far to the
-        left.
-        """
+        """Return true and estimated value of a policy that ignores goals too far left."""
 
         def act(observed):
             return np.where(observed[:, :1] > edge, plan(observed)[1], 0.0).astype(np.float32)
@@ -293,9 +289,7 @@ def own_normaliser(result):
     n = int(result.input("n", 4))
 
     def turned(episodes, shared, N=512):
-        """Return share of environments in which the way along x to a new goal has the wrong
-        sign.
-        """
+        """Return the share of environments whose path along x to a new goal has the wrong sign."""
         envs, rows = PointReachVector(N, autoreset_mode="SameStep"), []
         observed, _ = envs.reset(seed=0)
         for _ in range(100 * episodes):

@@ -15,9 +15,7 @@ SYMBOLS = {
 
 
 def lossy(reliability, packets, loss, messages, rate=float("inf")):
-    """Return a reader, its link and bus after messages of so many packets, all published at
-    once.
-    """
+    """Return a reader, its link and bus after messages of several packets, published at once."""
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
@@ -82,9 +80,7 @@ def picture_lost_like_packet(result):
 
 
 def forgets(packets, loss, messages=1000):
-    """Return whether a reliable writer of depth 1, whose reader asks too late, sends nothing
-    again.
-    """
+    """Return whether a reliable writer of depth 1 resends nothing to a late request."""
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS
 
@@ -181,9 +177,7 @@ def gigabit_is_enough(result):
         return float(result.formula.subs(dict(zip((w, h, c, f), of, strict=True))))
 
     def slope(size, wire, hz=30.0, seconds=10.0):
-        """Return by how much pictures get older in each second [s/s], their age when it
-        ends [s].
-        """
+        """Return the rate [s/s] at which images get older, and their age at the end [s]."""
         bus, observed = Bus(), list[tuple[float, float]]()
         out = bus.node("camera").writer("image", QoS(history="keep_all"))
         bus.node("eye").reader(
@@ -268,7 +262,10 @@ def newest(reliability, loss, repair, seconds=5.0):
     """Return age of the newest of 1,000 joint states a second, as seen at any time on the bus [ms].
 
     Args:
-        repair: how long after its time a state that was lost once is there [s].
+        reliability: setting of the writer and the reader.
+        loss: share of the packets that is lost.
+        repair: how long after its time a state that was lost once arrives [s].
+        seconds: length of the run [s].
     """
     from course.middleware.bus import Bus, Link
     from course.middleware.qos import QoS

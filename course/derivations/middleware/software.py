@@ -307,9 +307,7 @@ def seven_billion_on_board(result):
     result.formula = sympy.diff(n * b * (f * t / k), t)
 
     def read(layers, width, actions, a_pass):
-        """Return bytes of weights that a network reads for so many actions, counted matrix by
-        matrix.
-        """
+        """Return the bytes of weights that a network reads for its actions, counted by matrix."""
         weights = [np.zeros((width, width), np.float16) for _ in range(layers)]
         count, state = 0, np.zeros(width, np.float16)
         for _ in range(0, actions, a_pass):

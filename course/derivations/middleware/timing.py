@@ -51,8 +51,9 @@ def liu_layland_says_no(result):
     meet = result.measure("meet", np.isfinite(response_times(C, T)).all(axis=0).mean(), 0.15)
 
     def safe(share, other, ratios):
-        """Return whether two tasks are in time at all these ratios of periods, either the quicker
-        one.
+        """Return whether two tasks meet their deadlines at all these ratios of periods.
+
+        Both orders are tried: either task may have the shorter period.
         """
         pairs = [
             (np.array([share, other]), np.stack([np.ones_like(ratios), ratios])),
@@ -271,12 +272,15 @@ class Clock:
         self.ns, self.late = 1_000_000_000, late
 
     def now(self):
+        """Return the time [ns]."""
         return self.ns
 
     def sleep(self, seconds):
+        """Advance by a sleep [s] and its random lateness."""
         self.ns += round(1e9 * (seconds + self.late()))
 
     def work(self, seconds):
+        """Advance by the duration of some work [s]."""
         self.ns += round(1e9 * seconds)
 
 
@@ -418,7 +422,7 @@ def control_misses(callback, start, own=False, count=1):
         callback: what each takes.
         start: how long after a release of the loop they come.
         own: the loop has a thread and a group of its own.
-        many: how many.
+        count: how many such callbacks there are.
     """
     from course.middleware.executor import Work, respond
 
@@ -465,11 +469,13 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
     """Return callbacks of a node that ask a service each second, on the bus.
 
     Args:
-        own: the client has a group of its own; "reentrant": that of all is reentrant.
-        waits: the callback waits for the answer; else it returns, and goes on with the answer.
-        work: what the service takes [s].
+        threads: number of threads of the executor.
+        own: the client has a group of its own; "reentrant": the common group is reentrant.
+        waits: the callback waits for the answer; otherwise it returns and the answer continues it.
+        work: execution time of the service [s].
+        seconds: length of the run [s].
         apart: the node's other timer has a group of its own.
-        callers: how many such callbacks, the further ones in groups of their own.
+        callers: how many such callbacks there are, each further one in a group of its own.
 
     Returns:
         How many answers came, who is stuck, and how often another timer of the node ran that is
@@ -587,9 +593,10 @@ def burdened(periods, litter, pages=0, **requested):
     """Record of a loop that leaves objects in cycles and takes new memory each period.
 
     Args:
+        periods: length of the run.
         litter: how many objects.
         pages: how many pages of memory it writes to for the first time.
-        asked: of `course.middleware.loop.urgent`.
+        **requested: options of `course.middleware.loop.urgent`.
     """
     import gc
     import mmap

@@ -59,9 +59,7 @@ def voxels_remove_small_parts(result):
     counts = np.array([x.shape[1] for x in means])
 
     def stands(side):
-        """Return the highest mean over a cube on a table, seen from above, over the cube's
-        height.
-        """
+        """Return the largest mean height of a cube on a table, seen from above, over its height."""
         x, y = result.rng.uniform(-0.04, 0.04, (2, 6000))
         top = np.where(np.maximum(np.abs(x), np.abs(y)) < side / 2, 1.0, 0.0)
         origin = -1 - result.rng.uniform(0, 0.01, 3)

@@ -207,9 +207,7 @@ def dbscan_has_no_order(result):
         return open3d.Cloud(points).dbscan(1.0, 8)
 
     def moves(cluster):
-        """Return whether the point between two rows goes elsewhere in another order of the
-        points.
-        """
+        """Return whether the point between two rows changes cluster with the points' order."""
         ends = np.concatenate(([0.9, 0.93, 0.95], result.rng.uniform(1.05, 1.9, 9)))
         x = np.concatenate((-ends, ends * result.rng.uniform(0.99, 1.01), [0.0]))
         points, order = np.stack((x, 0 * x, 0 * x)), result.rng.permutation(25)

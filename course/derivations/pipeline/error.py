@@ -174,7 +174,8 @@ def filter_calms(result):
         """Return the same by SciPy, of the matrices as numbers; infinite where it is unstable.
 
         Args:
-            alpha, beta: gains of place and rate.
+            alpha: gain of the position.
+            beta: gain of the rate.
             memory: correlation of the noise in a picture with that in the one before.
         """
         matrix = np.array(

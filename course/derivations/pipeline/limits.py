@@ -30,9 +30,12 @@ def swung(q, kp, kd, dt, steps, offset):
     By semi-implicit Euler.
 
     Args:
-        q, offset: postures that they are held in, and how far beside they begin, (2, N) [rad].
-        kp, kd, dt: of each, (N,) or one for all.
-        steps: how many.
+        q: postures at which the arms are held, (2, N) [rad].
+        kp: stiffness, (N,) or one for all.
+        kd: damping, (N,) or one for all.
+        dt: step [s], (N,) or one for all.
+        steps: number of steps.
+        offset: deviations from q at the start, (2, N) [rad].
     """
     from course.kinematics.two_link import TwoLink, acceleration
 
@@ -438,9 +441,7 @@ def clearance_and_noise(result):
     error = result.rng.standard_normal((2, 80_000))  # of the disc, in standard deviations
 
     def touched(turn, radius=4.0, error=error):
-        """Return share of places at which a disc touches a path about it, an arc with straight
-        ends.
-        """
+        """Return the share of positions where a disc touches an arc with straight ends."""
         angles, far = np.linspace(-0.5, 0.5, 41) * turn, np.linspace(0.0, 7.0, 36)
         arc = (radius + 2.0) * np.exp(1j * angles)
         ends = [arc[i] + 1j * sign * far * np.exp(1j * angles[i]) for i, sign in ((0, -1), (-1, 1))]

@@ -115,9 +115,7 @@ def thin_wall_missed(result):
     angle = np.deg2rad(result.input("angle_deg", 30))
 
     def missed(width, count, turn=0.0):
-        """Return share of edges, twenty spacings long, that are passed though they cross
-        the wall.
-        """
+        """Return the share of edges of twenty spacings that pass though they cross the wall."""
 
         def valid(q):
             return not 0.0 <= q[0] <= width
@@ -207,9 +205,7 @@ def near_the_goal(result):
     result.measure("across", across, 0.05)
 
     def joined(low, high):
-        """Return whether all free states within so many clearances of a goal can be joined
-        to it.
-        """
+        """Return whether all free states within some clearances of a goal can be joined to it."""
         here = scenes.discs(int(result.rng.integers(1000))).world
         aim = scenes.free_state(here, result.rng)
         away = result.rng.uniform(low, high) * planning.clearance(here, aim)

@@ -179,9 +179,7 @@ def limits_keep_an_arm_from_itself(result):
     tests = [coal.Pair(shapes[i], shapes[j]) for i, j in pairs]
 
     def gaps(states):
-        """Return least distance of two capsules that are not neighbours, states (7, m) ->
-        (m,) [m].
-        """
+        """Return the least distance of two non-adjacent capsules, states (7, m) -> (m,) [m]."""
         at = np.concatenate((frames(arm, states), tip(arm, states)[:, None]), axis=1)
         poses = [
             coal.transforms(compose(at[:, row[0]], x)) for row, x in zip(HAND, places, strict=True)

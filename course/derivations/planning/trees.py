@@ -311,9 +311,7 @@ def passage_in_more_dimensions(result):
     width = result.input("width", 0.1)
 
     def observed(dim, narrow, share=width, pairs=400_000):
-        """Return share of random pairs whose segment crosses the middle of the wall in the
-        opening.
-        """
+        """Return the share of random pairs whose segment crosses the wall within the opening."""
         ends = result.rng.uniform(-0.5, 0.5, (2, dim, pairs))
         a, b = np.abs(ends[:, -1])
         cross = (ends[0, :-1] * b + ends[1, :-1] * a) / (a + b)

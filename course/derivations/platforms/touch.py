@@ -24,9 +24,7 @@ SYMBOLS = {
 
 
 def stops(name, headings, dt, settings=None):
-    """Return lengths over Coulomb's and turns [rad] of the braking block, fair by default, (n,)
-    each.
-    """
+    """Return stopping distances over Coulomb's and turns [rad] of the braking block, (n,) each."""
     from course.platforms import FAIR, measures, theory
 
     (engine,) = simulators(name)

@@ -13,9 +13,7 @@ SYMBOLS = {
 
 
 def _energies(problem: Any, method: str, dt: float, steps: int, every: int = 1) -> np.ndarray:
-    """Return energy after each record of a run of one of the chapter's problems, shape (records +
-    1,).
-    """
+    """Return the energies along a run of one of the chapter's problems, shape (records + 1,)."""
     from course.rigid_body import simulate
 
     system = problem.system
@@ -31,7 +29,8 @@ def _steps(method: str, system: Any, q: np.ndarray, v: np.ndarray, dt: Any, step
     Args:
         method: name of an integrator.
         system: (acceleration, params).
-        q, v: starts, shape (nq, N).
+        q: positions at the start, shape (nq, N).
+        v: velocities at the start, shape (nq, N).
         dt: one step for all, or one each, shape (N,).
         steps: number of steps.
     """

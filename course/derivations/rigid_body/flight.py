@@ -85,7 +85,8 @@ def drop(
         bounces: a ball stops after so many.
         dt: step [s], one for all or one each, as the next three.
         e: restitution.
-        height, speed: at the start, upwards [m, m/s].
+        height: at the start [m].
+        speed: at the start, upwards [m/s].
     """
     step, unit, g = step_of(method), GRAVITY * np.square(dt) / 981, 981.0
     q, v, unit, dt, e = np.broadcast_arrays(
@@ -132,8 +133,9 @@ def near(method: str, n: int = 500) -> Bounces:
 
 
 def _tied(run: Bounces) -> np.ndarray:
-    """Return whether a ball is exactly on the floor, not put there by the rule, before its last
-    bounce.
+    """Return whether the ball is exactly on the floor by chance before its last bounce.
+
+    Positions that the contact rule itself puts on the floor don't count.
     """
     remaining = np.cumsum(run.bounced, axis=0) < run.bounced.sum(axis=0)
     return ((run.q == 0) & ~run.bounced & remaining).any(axis=0)
@@ -527,13 +529,14 @@ def elastic_bounce_rule(result):
 
 
 def _rule_gain(method: str, rng: Any, e: Any = 1.0, share: Any = 1.0, n: int = 200) -> Any:
-    """Return one bounce of n random balls.
+    """Return the energy gained in one bounce of n random balls.
 
     Args:
         method: as for `drop`.
         rng: where step, depth and speed come from.
         e: restitution.
         share: speed of the impact over 2 g h / (1 - e^2); with e = 1 it is random.
+        n: number of balls.
 
     Returns:
         (energy the rule adds, that less m g v h with the speed v of the impact), shape (n,) [J].

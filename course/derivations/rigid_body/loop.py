@@ -545,16 +545,12 @@ def every_recording_identifies(result):
     times = np.linspace(0.0, 2.0, 60)
 
     def by_friction(velocity):
-        """Return derivative of the velocity after an impact by the coefficient of friction
-        [m/s].
-        """
+        """Return the derivative of the velocity after an impact by friction's coefficient."""
         scene = differentiable.Setup((0.0, 0.0), velocity)
         return np.abs(differentiable.jacobian((0.7, 0.3, 1.0), scene, [0.1])[2:, 0, 1]).max()
 
     def report(share):
-        """Return whether a thrown block tells both, whose slip is a share of what stops at the
-        impact.
-        """
+        """Return whether a thrown block shows both, its slip a share of what the impact stops."""
         e, friction, height = result.rng.uniform((0.3, 0.05, 0.2), (0.9, 0.8, 1.5))
         stopped = friction * (1 + e) * np.sqrt(2 * problems.STANDARD_GRAVITY * height)
         scene = differentiable.Setup((0.0, height), (share * stopped, 0.0))

@@ -146,9 +146,7 @@ def semi_implicit_stability_per_cost(result):
     result.measure("implicit_midpoint_radius_at_100", round(implicit, 9))
 
     def beaten(evaluations):
-        """Return whether a random explicit splitting is stable at all omega h up to 2 per
-        evaluation.
-        """
+        """Return whether a random explicit splitting is stable up to omega h = 2 per force."""
         kicks, drifts = result.rng.dirichlet(np.full(evaluations, 4.0), size=2)
         radii = []
         for x in np.linspace(0.05, 2.02, 400) * evaluations:
@@ -195,7 +193,7 @@ def semi_implicit_is_verlet(result):
     from course.rigid_body.integrators import simulate
 
     def run(amplitude, n, staggered):
-        """Return (error at the end, largest distance from Verlet's positions)"""
+        """Return the error at the end and the largest distance from Verlet's positions."""
         problem = problems.pendulum(amplitude)
         system, dt = problem.system, problem.duration / n
         before = 0.5 * dt * system.acceleration(system.q0, system.v0, system.params)

@@ -10,8 +10,9 @@ _WALL, _BALL = 0.01, 0.01
 
 
 def _thrown(speed, phase=0.5, dt=0.002, contact="", flags=""):
-    """Return (whether the ball comes out behind the wall, steps at which it was seen to touch,
-    deepest point [m]); `phase` is where in a step it reaches the wall.
+    """Return whether the ball passes the wall, its steps in contact and its deepest point [m].
+
+    `phase` is where in a step it reaches the wall.
     """
     import mujoco
 
@@ -108,8 +109,9 @@ def mujoco_contact_stiffness_limit(result):
     dt = 0.002
 
     def rest(solref, safe="enable", integrator="Euler"):
-        """Return (mean depth, range of the height) of a ball at rest over the last of two seconds
-        [m].
+        """Return the mean depth [m] and the range of height [m] of a ball at rest.
+
+        Both are taken over the last of two seconds.
         """
         model, data = small_model(
             f'<geom type="plane" size="1 1 1" solref="{solref}"/><body pos="0 0 .15">'

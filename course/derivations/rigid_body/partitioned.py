@@ -17,7 +17,8 @@ def _partitioned(positions: np.ndarray, velocities: np.ndarray, weights: np.ndar
     """Return matrix of one step of a pair of Runge-Kutta rules on q' = v, v' = -q, shape (2, 2).
 
     Args:
-        positions, velocities: the tables by which stages of q and of v are built, shape (s, s).
+        positions: table that builds the stages of q, shape (s, s).
+        velocities: table that builds the stages of v, shape (s, s).
         weights: of the stages, shape (s,).
         x: the step.
     """

@@ -217,8 +217,7 @@ def pointing_up_locks(result):
     up = quaternion.exp(np.array([0.0, -np.pi / 2, 0.0]))  # takes the body's x axis to z
 
     def locks(order: Any) -> bool:
-        """Return whether the order is singular at the attitude `up`, from its matrix of direction
-        cosines.
+        """Return whether the order is singular at the attitude `up`, by its direction cosines.
 
         An order a-b-c locks where its first axis, fixed in the world, and its last, fixed in the
         body, are parallel.

@@ -172,7 +172,7 @@ def set_const_compiles(result):
     from course.oracles.mujoco.randomize import recompiled, worst_constant
 
     def compared(damping, factor):
-        """Return (worst error of the constants, damping compiled over that kept)"""
+        """Return the worst error of the constants, and damping as compiled over that preserved."""
         factors = np.array([1.0, factor, factor])
         model = _scaled(_arm(damping), factors)
         truth = recompiled(_ARM.format(damping=damping), factors)

@@ -230,9 +230,7 @@ def step_penalty(result):
     result.formula = sympy.solve(sympy.Eq(gamma * p - p, -c), p)[0]
 
     def remaining(process):
-        """Return largest part of a unit penalty that the best potential, 0 at ends, does
-        not pay.
-        """
+        """Return the largest share of a unit penalty that no potential (0 at ends) compensates."""
         S, inner = len(process.terminal), np.count_nonzero(~process.terminal)
         pairs = [(s, n) for s, _, n in np.argwhere(process.transition > 0.0) if s < inner]
         rows = np.array([0.95 * np.eye(S)[n] - np.eye(S)[s] for s, n in pairs])[:, :inner]

@@ -41,7 +41,7 @@ def _asserted(kind, clock, seed):
 
 
 def _stepped(kind, environments, actions):
-    """Return (environments that were stepped, actions that were used)"""
+    """Return the environments that were stepped and the actions that were used."""
     envs = kind(lambda: _Clocked(100), environments)
     envs.reset(seed=0)
     results = envs.step(np.zeros((actions, 1)))
@@ -191,7 +191,7 @@ def vector_same_step_reset(result):
         return ArmReach(max_steps=1)
 
     def last_shown(seed=0, **mode):
-        """Return (whether the step that ends shows the last observation, next reward, mode)"""
+        """Return whether the last step shows its own observation, next reward, and mode."""
         envs = gymnasium.vector.SyncVectorEnv([build], **mode)
         envs.reset(seed=seed)
         single = build()
