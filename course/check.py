@@ -143,7 +143,7 @@ def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
 
 
 def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
-    """Return one of the values in `allowed`; anything else raises ValueError."""
+    """Return `value` if it is one of `allowed`, and raise ValueError otherwise."""
     known = list(allowed)
     if value not in known:
         raise invalid(name, value, f"one of {', '.join(map(repr, known))}")

@@ -211,7 +211,7 @@ _POINTER = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 
 
 def from_address(kind: Any) -> Callable[[Any], Any]:
-    """Return for compiled code: what makes a function or a generator again of its `address_of`.
+    """Return, in compiled code, the function or generator behind an `address_of`.
 
     Args:
         kind: `numba.types.FunctionType(signature)` or `numba.types.npy_rng`.

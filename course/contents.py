@@ -6,7 +6,7 @@ from course import CHAPTERS, DIMENSIONS
 
 
 def figures() -> str:
-    """Return how many chapters and simulations are planned and written, and from how many sides.
+    """Return a table of the numbers of chapters and simulations, planned and written, and of sides.
 
     Returns:
         A Markdown table of three figures.

@@ -52,7 +52,7 @@ class Form(Generic[T]):
 
 
 def load(path: Path | None, form: Form[T]) -> tuple[T, tuple[str, ...]]:
-    """Return what the file holds, and what to tell of it; a damaged file is put aside.
+    """Return the content of the file and a message; a damaged file is moved aside.
 
     Args:
         path: of the file, or None to keep nothing.

@@ -370,7 +370,7 @@ def _load() -> None:
 
 
 def claims(chapter: int | None = None) -> list[Claim]:
-    """Return all claims, or those of one chapter: by file, in the order in which they are written.
+    """Return all claims, or those of one chapter, by file and in the order of writing.
 
     Args:
         chapter: number of a chapter, or None for all.
@@ -403,7 +403,7 @@ def _get(id: str) -> Claim:
 
 
 def _faults(item: Claim, result: Result) -> list[str]:
-    """Return what is wrong with a claim, whatever is on record."""
+    """Return the faults of a claim, whatever its record says."""
     wrong = [*honest.constants(item.check), *result.problems()]
     for what, text in (("corrected statement", item.corrected), ("condition", result.condition)):
         for number in honest.typed_numbers(text):
@@ -592,7 +592,7 @@ def unmet(item: Claim) -> str:
 
 
 def _stated(check: Check) -> str:
-    """Return what a check says was computed or measured, as far as its source says it in words."""
+    """Return the texts in a check's source that state what was computed or measured."""
     for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(check)))):
         match node:
             case ast.Assign(

@@ -21,7 +21,7 @@ Result = tuple[Claim, Outcome | None, str]
 
 @functools.cache
 def _notebook(chapter: int) -> str:
-    """Return what the cells of the chapter's notebook hold; empty where that is still to come."""
+    """Return the text of the cells in the chapter's notebook, or nothing if it does not exist."""
     notebook = next(item.notebook for item in CHAPTERS if item.number == chapter)
     path = Path(course.__file__).parents[1] / notebook
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"] if path.exists() else ()
@@ -39,7 +39,7 @@ def _could_not_run(outcome: Outcome | None, error: str) -> bool:
 
 
 def _disagreements(outcome: Outcome | None, error: str) -> list[str]:
-    """Return what is wrong with a claim; a check that could not run here is not wrong."""
+    """Return the faults of a claim; a check that could not run here is not a fault."""
     if outcome is not None:
         return list(outcome.disagreements)
     return [] if _could_not_run(outcome, error) else [error]

@@ -156,7 +156,7 @@ def _returns_a_literal(function: Callable[..., Any]) -> bool:
 
 
 def constants(function: Callable[..., Any]) -> list[str]:
-    """Return what a check hands over without having computed it, one sentence each.
+    """Return the figures that a check reports without computing them, one sentence each.
 
     Args:
         function: a check.

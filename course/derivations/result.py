@@ -156,7 +156,7 @@ class Result:
         return Verdict.CONDITIONAL if retained else Verdict.FALSE
 
     def problems(self) -> list[str]:
-        """Return what is wrong with what was found, whatever is on record."""
+        """Return the faults of a result, whatever its record says."""
         wrong = list(self._wrong)
         if self.holds is None:
             wrong.append("the check did not say whether the claim holds (result.statement_holds)")

@@ -103,7 +103,7 @@ class Scene:
                 )
 
     def check(self) -> list[str]:
-        """Return what is wrong with the scene; an empty list when it fits its question.
+        """Return the faults of the scene's model; an empty list when it fits its question.
 
         Returns:
             "models too little: ..." for each effect left out whose error is not below the tolerance

@@ -91,7 +91,7 @@ def participant() -> Iterator[Any]:
 
 
 def read_back() -> dict[str, str]:
-    """Return what Cyclone says of its own settings once it runs.
+    """Return the settings that Cyclone reports once it runs, and its multicast groups.
 
     And how many multicast groups it joined.
 

@@ -119,7 +119,9 @@ def _depth_of(controls, topic):
 
 @register_jitable
 def seeing(controls):
-    """Return what perception takes for a picture [s].
+    """Return the execution time of perception for an image [s].
+
+    Perception gets the share of the processor that the load leaves.
 
     It gets the share of the processor that is left.
     """
@@ -128,7 +130,7 @@ def seeing(controls):
 
 @register_jitable
 def _travel(sent, packets, size, controls, topic, seed):
-    """Return when messages come that are sent at these times, (N,) [s]; -1 for a lost one."""
+    """Return the arrival times of messages sent at these times, (N,) [s]; -1 for a lost one."""
     came = np.full(sent.size, -1.0)
     if verdict(controls, topic):
         return came
@@ -278,7 +280,9 @@ def _report(controls, state, arrived, received, known, taken):
 
 @register_jitable
 def stamps(state, times):
-    """Return when the picture behind the command in force was taken [s], at these times (N,).
+    """Return, for these times (N,), when the image behind the current command was taken [s].
+
+    The value is -1 where there is none.
 
     -1: none.
     """
@@ -287,7 +291,9 @@ def stamps(state, times):
 
 
 def advance(state, controls, seconds):
-    """Advance the simulation: twenty times slower than the nodes.
+    """Advance the simulation, twenty times slower than the nodes.
+
+    At the end of the run it begins again.
 
     At the end of the run from its start again.
     """
@@ -297,7 +303,7 @@ def advance(state, controls, seconds):
 
 @register_jitable
 def bound(controls):
-    """Return how late a tick can be by the schedule [s]; -1 where nothing bounds it."""
+    """Return the largest lateness of a tick by the schedule [s]; -1 where it is unbounded."""
     kind, taking = controls["schedule"], seeing(controls)
     if kind == 0:
         return 0.0

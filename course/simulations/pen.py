@@ -528,7 +528,7 @@ def ticks(low, high, count):
 
 @register_jitable
 def tick_form(largest, power):
-    """Return how ticks up to the value `largest` are written so that they differ.
+    """Return the number format that keeps ticks up to `largest` apart, and its length in letters.
 
     And their letters.
     """

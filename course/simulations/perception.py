@@ -99,7 +99,9 @@ def _plane(z, points, cells, tolerance, linear, rng):
 
 
 def process_image(values, pieces):
-    """Return one picture and all that is made of it.
+    """Return the values and arrays that one image produces.
+
+    The arrays are points, kinds, told and found, as the state has them.
 
     Points, kinds, told and found, as the state has.
     """
@@ -192,7 +194,7 @@ def advance(state, controls, seconds):
 
 
 def spent():
-    """Return what the last picture has cost."""
+    """Return the computing times of the last image as a text."""
     return "one picture: " + ", ".join(f"{stage} {ms:.1f} ms" for stage, ms in MILLISECONDS.items())
 
 

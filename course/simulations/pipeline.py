@@ -125,7 +125,9 @@ def scenario_and_settings(values):
 
 
 def agreed(scenario, settings):
-    """Return what was promised at the interfaces.
+    """Return the settings that the interfaces specify.
+
+    These are the chapter's defaults, with this period of control.
 
     The chapter's defaults, at this period of control.
     """

@@ -87,7 +87,7 @@ def stability(arm, gains):
 
 @lru_cache(maxsize=64)
 def counted(kind, gap, width, delay):
-    """Return all of `told` but how the shown episode ended, on the same tasks for both arms."""
+    """Return all of `told` except how the shown episode ended; both arms get the same tasks."""
     gains, believed = policy(kind, gap, width, delay)
     report, arm = np.zeros(12), chapter.real(gap, delay)
     posed, fewer = chapter.tasks(COUNTED, SEED), chapter.tasks(SHARED, SEED)

@@ -43,7 +43,9 @@ def normal(seed, out):
 
 
 class Stream(NamedTuple):
-    """The numbers of a seed, one at a time, asked for as of a `numpy.random.Generator`.
+    """Random numbers of a seed, with the methods of a `numpy.random.Generator` that loops use.
+
+    A loop that is passed a stream therefore runs on either.
 
     So that a loop which is handed one runs on either.
     """

@@ -184,14 +184,14 @@ class _Read(html.parser.HTMLParser):
 
 
 def read(page: Path) -> _Read:
-    """Return what a page of HTML leads to and loads."""
+    """Return the addresses that an HTML page links to and loads."""
     result = _Read()
     result.feed(page.read_text(encoding="utf-8"))
     return result
 
 
 def broken(site: Path) -> list[str]:
-    """Return what on a site leads or loads from nowhere or from elsewhere, one sentence each."""
+    """Return the faults of a site's addresses, one sentence each: missing or on another host."""
     known = functools.cache(read)
     faults = []
     for page in sorted(site.rglob("*.html")):

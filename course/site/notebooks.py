@@ -73,7 +73,7 @@ def slug(text: str) -> str:
 
 
 def called(source: str) -> tuple[str, list[Any]]:
-    """Return the function that the last statement of a cell calls.
+    """Return the name of the function in a cell's last statement and its literal arguments.
 
     And its arguments that are literals.
     """

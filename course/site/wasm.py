@@ -61,7 +61,7 @@ LARGEST = 60_000
 
 
 def signatures(model: Model) -> dict[str, tuple[Any, ...]]:
-    """Return what the functions of a model take, as Numba's types, by name; those that it has."""
+    """Return the argument types of the model's functions for Numba, by name."""
     controls, state = numba.from_dtype(model.controls.dtype), numba.from_dtype(model.state.dtype)
     number, pen = types.float64, types.Array(types.float64, 1, "C")
     takes: dict[str, tuple[Any, ...]] = {
@@ -76,7 +76,7 @@ def signatures(model: Model) -> dict[str, tuple[Any, ...]]:
 
 
 def read_sources(module: bytes) -> dict[str, str]:
-    """Return what the section "sources" of a module says; nothing if there is none."""
+    """Return the content of a module's section "sources"; nothing if there is none."""
     return json.loads(compiler.custom(module, "sources") or b"{}")
 
 
@@ -200,6 +200,8 @@ def stale(name: str) -> bool:
 
 def build(name: str) -> bytes:
     """Return the module of a simulation, compiled in this process.
+
+    It imports no other simulation; see `compiler.compiled`.
 
     Which imports no other simulation; see `compiler.compiled`.
 

@@ -176,9 +176,8 @@ def what_a_log_tells(
 def learned_beside_adaptive(
     rounds: int = 6, seeds: int = 7, dt: float = 4e-3, outside: float = 1.6
 ) -> Iterator[Panel]:
-    """Chart a learned residual against the amount of data, next to an adaptive law.
-
-    Errors are shown inside and outside the motion that the residual was learned from.
+    """Chart a learned residual against data, inside and outside its motion, beside the adaptive
+    law.
 
     Args:
         rounds: of collecting and fitting.

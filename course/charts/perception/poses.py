@@ -46,7 +46,9 @@ def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Arra
 
 @chart(columns=2)
 def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
-    """Chart ICP's basin: beyond half its period, a prism ends in another of its equal poses."""
+    """Chart a prism turned by more than half of its period ends as the next one of its equal
+    poses.
+    """
     rng, degrees = np.random.default_rng(0), np.linspace(0.0, 70.0, turns)
     home = Panel(
         "A prism comes home from 180 / n",

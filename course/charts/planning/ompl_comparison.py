@@ -377,7 +377,9 @@ def path_quality(
     budgets: Sequence[int] = (100, 300, 1000, 3000, 10_000),
     tolerance: float = 0.05,
 ) -> Iterator[Panel]:
-    """Chart path length over the exact shortest one against time, with failures infinite."""
+    """Chart length of a path over the exactly known shortest one against time, failures
+    infinite.
+    """
     planning.warm()
     for scene, best in exactly_known():
         panel = Panel(

@@ -14,7 +14,7 @@ NOWHERE = np.empty((0, 2))
 
 
 def door_middle(seed: int) -> Array:
-    """Return of the door of a seed [m]."""
+    """Return the middle of the door for a seed [m]."""
     return np.array([WALL, np.random.default_rng([8, seed]).uniform(1.8, 2.3)])
 
 
@@ -59,13 +59,13 @@ def repaired(cause: str, seed: int, repair: str | None) -> Room:
 
 
 def failures(one: Room, seed: int, trials: int = TRIALS) -> float:
-    """Return of so many roadmaps, how many find no path."""
+    """Return how many of the trials' roadmaps find no path."""
     draws = np.random.default_rng([10, seed]).spawn(trials)
     return float(sum(not planner.solved(one, draw) for draw in draws))
 
 
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """Return of ten roadmaps, how many find no path."""
+    """Return how many of ten roadmaps find no path."""
     return failures(repaired(cause, seed, repair), seed)
 
 

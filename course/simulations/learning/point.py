@@ -64,7 +64,7 @@ STATE = Record(
 
 
 def judged(policy, envs):
-    """Return one episode each.
+    """Return one episode per environment and the paths in the goal's frame, (2, n, steps + 1).
 
     And the way that each point went as its goal sees it, (2, n, steps + 1).
     """
@@ -85,7 +85,7 @@ def judged(policy, envs):
 
 @lru_cache(maxsize=128)
 def learned(rate, epochs, seed, reward, left_out, first):
-    """Return all iterations.
+    """Return the results of all training iterations.
 
     What is told, the best return, ways, steps and successes of those shown.
     """

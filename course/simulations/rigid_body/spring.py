@@ -46,7 +46,9 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """Advance the simulation.
+    """Advance the simulation by as many whole steps as fit.
+
+    A method whose state has left the picture by far is no longer advanced.
 
     As many whole steps as fit, unless all has left the picture by far.
     """

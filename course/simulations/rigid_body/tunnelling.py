@@ -51,7 +51,9 @@ def shoot(controls, state, path):
 
 
 def initial(controls, state):
-    """Set up the first shot.
+    """Set up the first shot and count hits over a thousand phases of the step.
+
+    The state receives the share of phases in which the wall is detected.
 
     And of a thousand phases of the step, the share that finds the wall.
     """

@@ -51,7 +51,7 @@ def start(state, moments, omega):
 
 @register_jitable
 def whole_steps(state, seconds, step):
-    """Return how many steps fit into the time and what was owed; the rest is owed."""
+    """Return how many steps fit into the elapsed time; the remainder is carried over."""
     count = math.floor((state["owed"] + seconds) / step + 1e-9)
     state["owed"] = max(state["owed"] + seconds - count * step, 0.0)
     return count

@@ -47,7 +47,9 @@ STATE = Record(
 
 @register_jitable
 def predicted(controls):
-    """Return least, mean and greatest age [s], intervals of seeing and planning [s].
+    """Return least, mean and greatest age and the intervals of perception and planning [s].
+
+    The formula is that of `role.age`.
 
     As `role.age`.
     """
@@ -72,7 +74,7 @@ def _ticks(period, phase):
 
 @register_jitable
 def commands(controls, state, times):
-    """Return when the picture behind the command in force was taken, at these times, (N,) [s]."""
+    """Return, for these times (N,), when the image behind the current command was taken [s]."""
     period = 1.0 / controls["loop"]
     ticks = period * np.floor((times - LOOP) / period)
     done, count = state["done"][1, : state["jobs"][1]], state["jobs"][1]
