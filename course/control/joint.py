@@ -370,7 +370,8 @@ def step_metrics(
     """Return overshoot, settling and steady error of a step from q[0] to the target.
 
     Args:
-        times, q: shapes (n,) [s, rad].
+        times, q: when each angle was measured, increasing, and the angles; both of shape (n,), n
+            at least 1 [s, rad].
         target: [rad], not q[0].
         band: settled within this share of the step.
         rest: share of the record that must lie in the band at the end, before it counts.
@@ -378,6 +379,11 @@ def step_metrics(
     when, angle = vector("times", times, (None,)), np.asarray(q, dtype=float)
     if angle.shape != when.shape:
         raise invalid("q.shape", angle.shape, f"that of times, {when.shape}")
+    if when.size == 0:
+        raise invalid("times", times, "at least one sample")
+    if not (np.diff(when) > 0.0).all():
+        first = int(np.argmax(~(np.diff(when) > 0.0))) + 1
+        raise invalid(f"times[{first}]", when[first], f"later than times[{first - 1}]")
     step = finite("target", target) - float(angle[0])
     if step == 0.0:
         raise invalid("target", target, "an angle that is not the first one")

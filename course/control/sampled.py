@@ -478,6 +478,8 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
         ValueError: if there is none: without friction no gain holds, and some hold for ever.
     """
     plant = held(A, B, dt, delay)
+    if len(plant.now) < 2:
+        raise invalid("A.shape", np.shape(A), "that of a plant whose first states are q and v")
     _, _, flat, reals = _crossed(*_parts(plant, pid_law(1.0, dt=dt)))
     gain, w = min(
         ((-1.0 / x, f / dt) for x, f in zip(reals, flat, strict=True) if x < 0.0),

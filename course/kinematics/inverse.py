@@ -46,9 +46,9 @@ from course.rigid_body.quaternion import conjugate, log, product, rotate, unit_q
 Array = NDArray[np.float64]
 
 METHODS = ("transpose", "pseudo_inverse", "damped", "adaptive", "levenberg_marquardt")
-REASONS = ("solved", "unreachable", "singularity", "limit", "iterations")
+REASONS = ("solved", "unreachable", "stuck", "singularity", "limit", "iterations")
 _TRANSPOSE, _PSEUDO, _DAMPED, _ADAPTIVE, _MARQUARDT = range(5)
-_SOLVED, _UNREACHABLE, _SINGULAR, _LIMIT, _ITERATIONS = range(5)
+_SOLVED, _UNREACHABLE, _STUCK, _SINGULAR, _LIMIT, _ITERATIONS = range(6)
 
 _ZERO = 1e-12  # a singular value below this share of the largest is none
 _NEAR = 1e-3  # and below this one, where no step helps, the place counts as singular
@@ -238,7 +238,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
     Args:
         table, method, damping: the arm's, a number in METHODS, lambda.
         near, turn: tolerances [m, rad].
-        most: steps from each start.
+        at_most: steps from each start.
         rank: of the arm's Jacobian where it is not singular.
 
     Returns:
@@ -307,7 +307,8 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
             if distance <= near and angle <= turn:
                 reason = _SOLVED
             elif reason < 0:
-                reason = _UNREACHABLE
+                # No step helps. Why: a joint at its limit, a lost rank, or else a local minimum.
+                reason = _STUCK
                 if stops > 0:
                     reason = _LIMIT
                 else:
@@ -356,10 +357,11 @@ class IKResult:
     Attributes:
         q: the best posture found, within the limits, (n,) or (n, N).
         success: whether the tip is there, by forward kinematics at q.
-        reason: "solved"; "unreachable": the target is outside the arm's bounds, or no step helps
-            though the Jacobian has its full rank, which after few starts may be a local minimum;
-            "singularity": no step helps and the Jacobian has lost rank; "limit": no step helps and
-            a joint is held at its limit; "iterations": they ran out. That of the best posture.
+        reason: "solved"; "unreachable": the target is farther from the base than the arm can
+            stretch, or nearer than it can fold; "stuck": no step helps though the Jacobian has its
+            full rank, as at a local minimum, so another start may succeed; "singularity": no step
+            helps and the Jacobian has lost rank; "limit": no step helps and a joint is held at its
+            limit; "iterations": they ran out. That of the best posture.
         distance, angle: from the tip at q to the target [m, rad].
         iterations: steps of all starts together.
         starts: how many were used.
@@ -513,6 +515,7 @@ def ik(
         )
     q, report = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
     reason = report[0].astype(np.int64)
+    # Only a distance that no posture has is a proof that the target cannot be reached.
     low, far = chain.reach
     away = np.hypot.reduce(goal[:3] - chain.placement[:3, chain.path()[:1]], axis=0)
     outside = (away > far + near) | (away < low - near)

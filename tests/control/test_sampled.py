@@ -235,6 +235,8 @@ def test_a_hold_is_half_a_sample_of_delay(delay):
 def test_no_gain_holds_a_joint_without_friction():
     with pytest.raises(ValueError, match="that P holds up to some gain"):
         ultimate_gain(*joint_system(0.5), 0.001)
+    with pytest.raises(ValueError, match=r"A.shape is \(1, 1\)"):
+        ultimate_gain([[-1.0]], [1.0], 0.001)  # of first order: it has no q and v
     assert p_growth(1.0, 0.001, 0.0, joint_system(0.5)) > 1.0
 
 

@@ -165,6 +165,16 @@ def test_limits_that_cut_the_solution_set_leave_the_branch_that_is_inside(seed) 
         assert np.abs(turn).max() < 1e-6 / np.sin(min(q[1], np.pi - q[1])) * 10.0
 
 
+def test_a_pose_of_the_arm_is_never_called_unreachable() -> None:
+    """Each target is forward kinematics of a posture, and one start or no tolerance fails often."""
+    chain = panda()
+    target = tip(chain, kinematics.uniform_starts(chain, 400, np.random.default_rng(5)).T)
+    once = ik(chain, target, restarts=1, rng=0)
+    assert "stuck" in once.reason and "unreachable" not in once.reason
+    exact = ik(planar(LENGTHS), tip(planar(LENGTHS), [0.3, 0.9])[:3], tolerance=(0.0, 0.0))
+    assert exact.reason in {"solved", "stuck", "iterations"} and exact.distance < 1e-14
+
+
 def test_unreachable_and_near_singular_sets_of_the_seven_joint_arm() -> None:
     """None of the first is claimed, and each is told to be out of reach; of the second at least
     19 of 20 are solved, as many as far from singular."""

@@ -291,11 +291,11 @@ def residual_of_the_state(result):
 
 @claim(
     "Learning what a model lacks converges much faster than learning the whole torque.",
-    "Here it does: at most {near:.0f} rounds beside a model without payload and friction until "
-    "the error is below {bar:g} rad; without a model none of {draws:.0f} draws gets there in "
-    "{rounds:.0f} rounds, as its gains act through the model, so that the arm falls and never "
-    "shows the motion. That is what the model brings: once shown the motion, the whole torque "
-    "takes at most {shown:.0f}.",
+    "That depends on the model. Beside one without payload and friction it takes at most "
+    "{near:.0f} rounds until the error is below {bar:g} rad. Beside one with {light:.0%} of its "
+    "masses none of {draws:.0f} draws gets there in {rounds:.0f} rounds, and none does without a "
+    "model: the gains act through the model, so the arm falls and never shows the motion. Once "
+    "shown the motion by the better model, the whole torque takes at most {shown:.0f} rounds.",
 )
 def residual_learning_is_faster(result):
     from dataclasses import replace
@@ -308,18 +308,25 @@ def residual_learning_is_faster(result):
         result.input("rounds", 4),
     )
     empty = replace(tracking.WRONG, masses=(1e-6, 1e-6), damping=(0.0, 0.0))
+    light = result.input("light", 0.1)
+    masses = tracking.WRONG.masses
+    weak = replace(tracking.WRONG, masses=(light * masses[0], light * masses[1]))
 
     def needed(model, at_most=rounds, shown=None):
         return [tracking.rounds_until(bar, model, seed, at_most, shown) for seed in range(draws)]
 
-    near, alone = needed(tracking.WRONG), needed(empty)
+    near, far, alone = needed(tracking.WRONG), needed(weak), needed(empty)
     report = needed(empty, rounds + 1, tracking.WRONG)
     result.measure("near", np.max(near), 1e-6)
     result.measure("shown", np.max(report), 1e-6)
     result.statement = "Rounds of collecting and fitting, with each draw of the waves."
-    result.statement_holds(np.max(near) < np.min(alone))
+    result.statement_holds(max(np.max(near), np.max(far)) < np.min(alone))
     result.correction_holds(
-        np.isinf(alone).all(), np.isfinite(near).all(), np.max(report) <= rounds
+        np.max(near) < np.min(alone),
+        np.isinf(far).all(),
+        np.isinf(alone).all(),
+        np.isfinite(near).all(),
+        np.max(report) <= rounds,
     )
 
 
