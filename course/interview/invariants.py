@@ -261,8 +261,6 @@ def stored_error(before: ArrayLike, after: ArrayLike, lengths: Sequence[int]) ->
     The invariant: a stored step never goes back in time, and the buffer holds as many steps as the
     episodes have.
 
-    And there are as many as the episodes have steps.
-
     Args:
         before: time within the episode at the start of each stored step.
         after: time within the episode at the end of each stored step.

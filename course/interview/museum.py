@@ -114,7 +114,7 @@ CART, POLE, HALF = 1.0, 0.1, 0.5  # kg, kg, m
 def cart_pole(state: Array, step: float, velocity_first: bool, wrong: bool) -> Array:
     """Return one step of (position, speed, angle, rate) without a force.
 
-    By either order of updates.
+    The order of the updates is the right or the wrong one.
     """
     x, v, angle, rate = state
     sin, cos, total = np.sin(angle), np.cos(angle), CART + POLE
@@ -262,10 +262,7 @@ def quaternion_naive(wrong: bool, seed: int) -> float:
 
 
 def wheel(t: float, radius: float, rate: float, wrong: bool) -> tuple[Array, Array]:
-    """Return the velocity of a point of a wheel that starts to turn, and its stated acceleration.
-
-    And what is called its acceleration.
-    """
+    """Return the velocity of a point of a wheel that starts to turn, and its stated acceleration."""
     angle, turn, more = rate * t + t * t, rate + 2.0 * t, 2.0
     along = radius * np.array([-np.sin(angle), np.cos(angle)])
     inwards = -radius * np.array([np.cos(angle), np.sin(angle)])

@@ -93,8 +93,6 @@ def participant() -> Iterator[Any]:
 def read_back() -> dict[str, str]:
     """Return the settings that Cyclone reports once it runs, and its multicast groups.
 
-    And how many multicast groups it joined.
-
     Returns:
         By name: `domain`, `interfaces`, `multicast`, `peers`, `tag`, `address` of its own, and
         `groups`, the memberships of all interfaces that came with it. A child process asks.

@@ -246,7 +246,7 @@ class Arm:
     ) -> tuple[Array, bool, int]:
         """Return the result of the inverse-kinematics loop that Pinocchio's users write.
 
-        The log of the pose error, a share of its step.
+        Each iteration takes a share of the damped step for the logarithm of the pose error.
 
         As in the example of its documentation (Inverse kinematics, clik): damping 1e-12, a tenth of
         every step, a thousand steps.

@@ -30,6 +30,7 @@ export function paint(canvas, paper, at, wide) {
   const ratio = window.devicePixelRatio || 1;
   const columns = Math.round(wide * ratio);
   const rows = Math.round(high * ratio);
+  // Setting the size of a canvas clears it and its state, even where the size does not change.
   if (canvas.width !== columns || canvas.height !== rows) {
     canvas.width = columns;
     canvas.height = rows;
@@ -68,7 +69,8 @@ export function paint(canvas, paper, at, wide) {
     return words;
   };
 
-  // Shapes are cut off at the edges of their axes, words are not.
+  // Shapes are cut off at the edges of their axes, words are not. A clipping region can only shrink,
+  // so each new one begins from the saved state that has none.
   let [wanted, present] = [null, null];
   const cut = (rectangle) => {
     if (rectangle === present) return;
@@ -105,7 +107,7 @@ export function paint(canvas, paper, at, wide) {
       context.lineWidth = width * size;
       context.setLineDash(on ? [on * size, off * size] : []);
       context.beginPath();
-      let pen = false;
+      let pen = false; // NaN lifts the pen: the line is interrupted there
       for (let k = start + 5; k < end; k += 2) {
         const x = at[k];
         const y = at[k + 1];
@@ -138,6 +140,7 @@ export function paint(canvas, paper, at, wide) {
       const [x0, y0, x1, y1] = [px(ends[0]), py(ends[1]), px(ends[2]), py(ends[3])];
       const length = Math.hypot(x1 - x0, y1 - y0);
       if (length > 0) {
+        // The shaft ends at the base of the head, which is never longer than the arrow.
         const long = Math.min(head * size, length);
         const [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
         const [bx, by] = [x1 - ux * long, y1 - uy * long];
@@ -161,7 +164,8 @@ export function paint(canvas, paper, at, wide) {
       context.globalAlpha = alpha;
       context.save();
       context.translate(px(x) + right * size, py(y) - up * size);
-      context.rotate((-turn * Math.PI) / 180);
+      context.rotate((-turn * Math.PI) / 180); // y points down on a canvas
+      // Letters keep a legible height on a narrow picture and are condensed instead.
       const letter = Math.max(letters * size, Math.min(LETTERS, letters) * ratio);
       context.scale(Math.max((letters * size) / letter, NARROW), 1);
       context.font = `${bold ? "bold " : ""}${letter}px ${FONT}`;
@@ -238,6 +242,7 @@ export function view(place, paper, hear) {
       hear.pointer(...move);
       move = null;
     }
+    // Cleared after the tick: a picture shown in the tick is painted now, not requested again.
     hear.tick?.(now);
     requested = false;
     const readouts = frame && paint(canvas, paper, frame.numbers, wide);
@@ -261,6 +266,7 @@ export function view(place, paper, hear) {
   };
   canvas.addEventListener("pointerdown", (event) => {
     if (!frame || !wanted.pointer || event.button !== 0) return;
+    // With the pointer captured a drag continues, and ends, outside of the canvas.
     canvas.setPointerCapture(event.pointerId);
     canvas.focus();
     hear.pointer(...at("down", event));
@@ -301,7 +307,7 @@ export function view(place, paper, hear) {
     // Which events are wanted: those of the pointer, and these keys.
     listen(pointer, keys) {
       wanted = { pointer, keys };
-      canvas.style.touchAction = pointer ? "none" : "auto";
+      canvas.style.touchAction = pointer ? "none" : "auto"; // else a drag would scroll the page
       canvas.style.cursor = pointer ? "grab" : "default";
       if (keys.length) canvas.tabIndex = 0;
       else canvas.removeAttribute("tabindex");

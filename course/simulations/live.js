@@ -38,6 +38,7 @@ export async function compiled(told, code) {
   const { exports } = await WebAssembly.instantiate(module, { env: host });
   const { memory } = exports;
 
+  // A bump allocator: each array begins where the previous one ends, on a multiple of 16 bytes.
   let end = exports.__heap_base.value;
   const room = (bytes) => {
     const here = (end + 15) & -16;
@@ -52,7 +53,8 @@ export async function compiled(told, code) {
 
   let floats, wholes, words, numbers, bytes;
   const look = () => {
-    if (floats?.buffer === memory.buffer) return; // it has not grown
+    // Growing the memory detaches its ArrayBuffer, and every view of the old buffer becomes empty.
+    if (floats?.buffer === memory.buffer) return;
     floats = new Float64Array(memory.buffer);
     wholes = new BigInt64Array(memory.buffer);
     words = new BigUint64Array(memory.buffer);
@@ -68,6 +70,7 @@ export async function compiled(told, code) {
     const said = new TextDecoder().decode(bytes.subarray(data, data + size));
     throw new Error(said || `${name} ended with ${status}`);
   };
+  // The declaration stores records run-length encoded: a count and a word of 64 bits.
   const fill = (at, runs) => {
     let here = at / 8;
     for (const [count, word] of runs) words.fill(BigInt(word), here, (here += count));
@@ -110,6 +113,8 @@ export async function compiled(told, code) {
     press: (key) => moved("press", BigInt(key)),
     picture() {
       floats.set(told.pen.header, pen / 8);
+      // Numba passes a 1-D array as seven values: meminfo, parent, items, item size, data, shape and
+      // stride. The pen counts what it has written in its first number, the header included.
       call("frame", 0, 0, items, 8n, pen, items, 8n, state, controls);
       const count = floats[pen / 8] - shown;
       const from = pen / 8 + shown;
@@ -147,6 +152,8 @@ export async function recorded(told, presets) {
       let [at, before, picture] = [0, [], null];
       film = sizes.map((size) => {
         if (size === 0) return picture;
+        // The four bytes of all numbers lie in four planes, which gzip packs better than words. Each
+        // number is the difference from the previous picture.
         const steps = new Int32Array(size);
         for (let k = 0; k < size; k += 1) {
           let change = 0;
@@ -165,6 +172,7 @@ export async function recorded(told, presets) {
     },
     choose: start,
     advance: (seconds) => void (time += passing(seconds)),
+    // The small addend keeps n times STEP in picture n when its sum was rounded down.
     picture: () => film[Math.min(Math.floor(time / STEP + 1e-6), film.length - 1)],
   };
 }
@@ -305,6 +313,7 @@ export function panel(place, { declaration: told, wasm, pictures }) {
   };
   const tick = (now) => {
     if (!playing || !seen) return void (before = null);
+    // The first picture after a pause or out of sight only sets the clock.
     const passed = before === null ? 0 : (now - before) / 1000;
     before = now;
     act(() => {
@@ -427,7 +436,7 @@ export function panel(place, { declaration: told, wasm, pictures }) {
   let begun = false;
   const observer = new IntersectionObserver(
     (entries) => {
-      seen = entries[entries.length - 1].isIntersecting;
+      seen = entries[entries.length - 1].isIntersecting; // entries come oldest first
       if (seen && !begun) {
         begun = true;
         begin().catch(fail);

@@ -122,8 +122,6 @@ def seeing(controls):
     """Return the execution time of perception for an image [s].
 
     Perception gets the share of the processor that the load leaves.
-
-    It gets the share of the processor that is left.
     """
     return SEEING / (1.0 - 0.01 * controls["load"])
 
@@ -137,6 +135,7 @@ def _travel(sent, packets, size, controls, topic, seed):
     p, last, again = 1e-3 * controls["loss"], 0.0, reliable(controls, topic)
     for k in range(sent.size):
         remaining, now, bulk = packets, sent[k], size
+        # One round of the link for each pass: the lost packets are sent again, if it is reliable.
         while remaining > 0:
             now += bulk / RATE + DELAY
             dice = np.empty(remaining)
@@ -166,6 +165,7 @@ def shared(arrived, taking, depth, due):
     while True:
         waits = tick < due.size and due[tick] <= now
         came = last + 1 < arrived.size and arrived[last + 1] <= now
+        # Idle: jump to the next event, or end where there is none.
         if not waits and not came:
             after = due[tick] if tick < due.size else np.inf
             if last + 1 < arrived.size:
@@ -178,6 +178,8 @@ def shared(arrived, taking, depth, due):
             while tick < due.size and due[tick] <= now:  # one tick waits, those after it are lost
                 tick += 1
             now += LOOP
+        # Perception was ready too: it takes the oldest image that the queue still holds, and the ticks
+        # that become due meanwhile wait until the set is refilled.
         if came:
             newest = np.searchsorted(arrived, now, side="right") - 1
             last = max(last + 1, newest - depth + 1)
@@ -283,8 +285,6 @@ def stamps(state, times):
     """Return, for these times (N,), when the image behind the current command was taken [s].
 
     The value is -1 where there is none.
-
-    -1: none.
     """
     index = np.searchsorted(state["start"][: state["ticks"]] + LOOP, times, side="right") - 1
     return state["stamp"][np.maximum(index, 0)]
@@ -294,8 +294,6 @@ def advance(state, controls, seconds):
     """Advance the simulation, twenty times slower than the nodes.
 
     At the end of the run it begins again.
-
-    At the end of the run from its start again.
     """
     passed = state["time"] + PACE * seconds - SETTLED
     state["time"] = SETTLED + passed % (SPAN - SETTLED - 0.5)

@@ -507,6 +507,7 @@ def ticks(low, high, count):
         return 1.0, 0.0, 1.0, 0.0
     rough = span / count
     power = np.floor(np.log10(rough))
+    # The smallest of 1, 2, 5 and 10 times a power of ten that yields at most `count` intervals.
     factor = 10.0
     for smaller in (5.0, 2.0, 1.0):
         if tick(1.0, smaller, power) >= rough * (1.0 - 1e-9):
@@ -514,6 +515,7 @@ def ticks(low, high, count):
     if factor == 10.0:
         factor, power = 1.0, power + 1.0
     step = tick(1.0, factor, power)
+    # A double has 53 bits: beyond this ratio neighbouring ticks can't be told apart.
     if max(abs(low), abs(high)) > 1e15 * step:
         return 1.0, 0.0, 1.0, 0.0
     # The quotient is off by less than one; then each tick itself is compared with the edges.
@@ -528,10 +530,8 @@ def ticks(low, high, count):
 
 @register_jitable
 def tick_form(largest, power):
-    """Return the number format that keeps ticks up to `largest` apart, and its length in letters.
-
-    And their letters.
-    """
+    """Return the number format that keeps ticks up to `largest` apart, and its length in letters."""
+    # The bound keeps the logarithm finite where all ticks are zero.
     before = np.floor(np.log10(max(abs(largest), 1e-300)))
     if -9.0 <= power and before < 7.0:
         decimals = int(max(-power, 0.0))

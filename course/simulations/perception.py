@@ -102,8 +102,6 @@ def process_image(values, pieces):
     """Return the values and arrays that one image produces.
 
     The arrays are points, kinds, told and found, as the state has them.
-
-    Points, kinds, told and found, as the state has.
     """
     voxel, tolerance, eps, distance, noise, scale, *whole = values.tolist()
     least, window, by_pixels, linear, picture = map(int, whole)

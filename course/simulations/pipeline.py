@@ -128,8 +128,6 @@ def agreed(scenario, settings):
     """Return the settings that the interfaces specify.
 
     These are the chapter's defaults, with this period of control.
-
-    The chapter's defaults, at this period of control.
     """
     promised = chapter.Settings(kp=settings.kp, kd=settings.kd)
     return replace(promised, physics=settings.physics, control=settings.control)

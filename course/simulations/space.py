@@ -97,10 +97,11 @@ def camera_view(pen, rectangle, controls, reach):
 def project(eye, p):
     """Return where points are seen.
 
-    X and y in the values of the view, and depth, towards the camera.
+    The coordinates x and y are in the view's units; depth points towards the camera.
     """
     axes, far = eye
     depth = axes[2, 0] * p[0] + axes[2, 1] * p[1] + axes[2, 2] * p[2]
+    # Perspective by similar triangles; points near the camera or behind it would divide by zero.
     scale = far / np.maximum(far - depth, 0.1 * far)
     x = scale * (axes[0, 0] * p[0] + axes[0, 1] * p[1] + axes[0, 2] * p[2])
     y = scale * (axes[1, 0] * p[0] + axes[1, 1] * p[1] + axes[1, 2] * p[2])

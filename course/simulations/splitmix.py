@@ -24,6 +24,7 @@ def integers(seed, count):
     z = np.arange(1, count + 1).astype(np.uint64) * _GAMMA + seed
     if count > 0:
         seed[:] = z[count - 1 :]
+    # The finaliser of SplitMix64 (Steele, Lea and Flood, 2014): counters become mixed bits.
     z = (z ^ (z >> _30)) * _FIRST
     z = (z ^ (z >> _27)) * _SECOND
     return z ^ (z >> _31)
@@ -32,6 +33,7 @@ def integers(seed, count):
 @register_jitable
 def uniform(seed, out):
     """Fill `out` (N,) with numbers spread evenly over [0, 1)."""
+    # The upper 53 bits fill the mantissa of a double.
     out[:] = (integers(seed, out.size) >> _11) * 2.0**-53
 
 
@@ -39,6 +41,7 @@ def uniform(seed, out):
 def normal(seed, out):
     """Fill `out` (N,) with numbers of a standard normal distribution (Box and Muller, 1958)."""
     u = (integers(seed, 2 * out.size) >> _11) * 2.0**-53
+    # u is below 1 but may be 0, hence the logarithm of 1 - u.
     out[:] = np.sqrt(-2.0 * np.log(1.0 - u[::2])) * np.cos(2.0 * np.pi * u[1::2])
 
 
@@ -46,8 +49,6 @@ class Stream(NamedTuple):
     """Random numbers of a seed, with the methods of a `numpy.random.Generator` that loops use.
 
     A loop that is passed a stream therefore runs on either.
-
-    So that a loop which is handed one runs on either.
     """
 
     seed: NDArray[np.uint64]

@@ -29,6 +29,7 @@ function render({ model, el }) {
   });
 
   const take = (id, view) => {
+    // A view from Jupyter may begin at any byte; a Float64Array needs a multiple of eight: copy.
     picture.show(id, new Float64Array(rawOf(view).slice().buffer));
   };
   const receive = (content, buffers) => {

@@ -73,10 +73,7 @@ def slug(text: str) -> str:
 
 
 def called(source: str) -> tuple[str, list[Any]]:
-    """Return the name of the function in a cell's last statement and its literal arguments.
-
-    And its arguments that are literals.
-    """
+    """Return the name of the function in a cell's last statement and its literal arguments."""
     try:
         body = ast.parse(source).body
     except SyntaxError:  # of the notebook: %matplotlib

@@ -203,8 +203,6 @@ def build(name: str) -> bytes:
 
     It imports no other simulation; see `compiler.compiled`.
 
-    Which imports no other simulation; see `compiler.compiled`.
-
     Raises:
         RuntimeError: its functions can't be compiled, or the module is too large.
     """

@@ -232,10 +232,7 @@ def sweep_and_prune_n_log_n(result):
 
 
 def _pile(geom, width, shape, count, seed=1):
-    """Return pairs of boxes that overlap and pairs that touch, after bodies settled in a bin.
-
-    And pairs that touch, after so many bodies settled in a bin.
-    """
+    """Return pairs of boxes that overlap and pairs that touch, after bodies settled in a bin."""
     import mujoco
 
     from course import contact

@@ -25,10 +25,7 @@ def mpc_beats_clipping(result):
     far, ahead = result.input("far_m", 4.0), result.input("ahead", 40)
 
     def saved(x):
-        """Return what MPC saves, and whether the clipped law meets a limit after it was free of it.
-
-        And whether the clipped law meets a limit after it was free of it.
-        """
+        """Return what MPC saves, and whether the clipped law meets a limit after it was free of it."""
         gain = plans.cost(x, at_most=500)[0] / plans.cost(x, ahead, at_most=500)[0] - 1
         met = []
         for _ in range(500):

@@ -27,8 +27,6 @@ SYMBOLS = {
 def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, share: float = 0.5):
     """Return the result of the usual loop: damped steps, scaled by a share, until 0.1 mm is left.
 
-    So many steps, each a share of the damped one, until 0.1 mm is left.
-
     Args:
         target: (2,) or (2, N) [m].
         start: joint angles, of the same shape.

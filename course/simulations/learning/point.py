@@ -64,10 +64,7 @@ STATE = Record(
 
 
 def judged(policy, envs):
-    """Return one episode per environment and the paths in the goal's frame, (2, n, steps + 1).
-
-    And the way that each point went as its goal sees it, (2, n, steps + 1).
-    """
+    """Return one episode per environment and the paths in the goal's frame, (2, n, steps + 1)."""
     observed = []
 
     def act(observations):
@@ -87,7 +84,8 @@ def judged(policy, envs):
 def learned(rate, epochs, seed, reward, left_out, first):
     """Return the results of all training iterations.
 
-    What is told, the best return, ways, steps and successes of those shown.
+    They are the figures of `told`, the best return, and the paths, steps and successes of the
+    iterations that are shown.
     """
     settings = Settings(
         horizon=HORIZON,

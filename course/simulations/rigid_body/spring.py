@@ -49,8 +49,6 @@ def advance(state, controls, seconds):
     """Advance the simulation by as many whole steps as fit.
 
     A method whose state has left the picture by far is no longer advanced.
-
-    As many whole steps as fit, unless all has left the picture by far.
     """
     h, past, m = controls["omega_h"] / OMEGA, state["past"], state["matrix"]
     for _ in range(whole_steps(state, seconds, h)):

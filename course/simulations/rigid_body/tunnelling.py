@@ -54,8 +54,6 @@ def initial(controls, state):
     """Set up the first shot and count hits over a thousand phases of the step.
 
     The state receives the share of phases in which the wall is detected.
-
-    And of a thousand phases of the step, the share that finds the wall.
     """
     state["seed"][0] = controls["seed"]
     distance = 1e-3 * controls["timestep"] * controls["speed"]

@@ -52,6 +52,7 @@ def start(state, moments, omega):
 @register_jitable
 def whole_steps(state, seconds, step):
     """Return how many steps fit into the elapsed time; the remainder is carried over."""
+    # The small addend counts a step whose end rounding puts just after the elapsed time.
     count = math.floor((state["owed"] + seconds) / step + 1e-9)
     state["owed"] = max(state["owed"] + seconds - count * step, 0.0)
     return count

@@ -50,8 +50,6 @@ def predicted(controls):
     """Return least, mean and greatest age and the intervals of perception and planning [s].
 
     The formula is that of `role.age`.
-
-    As `role.age`.
     """
     see, given = 1e-3 * controls["seeing"], CAMERA
     if not controls["parallel"]:
