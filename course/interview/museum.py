@@ -262,7 +262,7 @@ def quaternion_naive(wrong: bool, seed: int) -> float:
 
 
 def wheel(t: float, radius: float, rate: float, wrong: bool) -> tuple[Array, Array]:
-    """Return the velocity of a point of a wheel that starts to turn, and its stated acceleration."""
+    """Return the velocity of a point of a wheel that starts to turn, and its acceleration."""
     angle, turn, more = rate * t + t * t, rate + 2.0 * t, 2.0
     along = radius * np.array([-np.sin(angle), np.cos(angle)])
     inwards = -radius * np.array([np.cos(angle), np.sin(angle)])

@@ -178,8 +178,8 @@ def shared(arrived, taking, depth, due):
             while tick < due.size and due[tick] <= now:  # one tick waits, those after it are lost
                 tick += 1
             now += LOOP
-        # Perception was ready too: it takes the oldest image that the queue still holds, and the ticks
-        # that become due meanwhile wait until the set is refilled.
+        # Perception was ready too: it takes the oldest image that the queue still holds. Ticks that
+        # become due meanwhile wait until the set is refilled.
         if came:
             newest = np.searchsorted(arrived, now, side="right") - 1
             last = max(last + 1, newest - depth + 1)

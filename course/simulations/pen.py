@@ -530,7 +530,7 @@ def ticks(low, high, count):
 
 @register_jitable
 def tick_form(largest, power):
-    """Return the number format that keeps ticks up to `largest` apart, and its length in letters."""
+    """Return the number format that keeps ticks up to `largest` apart, and its length."""
     # The bound keeps the logarithm finite where all ticks are zero.
     before = np.floor(np.log10(max(abs(largest), 1e-300)))
     if -9.0 <= power and before < 7.0:

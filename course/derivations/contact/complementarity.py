@@ -242,7 +242,7 @@ def velocity_lcp_without_gap(result):
     height = result.input("height_m", 1.0)
 
     def stops(gap):
-        """Return whether the printed law, which has no gap, and the step disagree with free fall."""
+        """Return whether the printed law, without a gap, and the step disagree with free fall."""
         problem = _ball(gap, -1.0, 1e-3)
         z = lemke(problem.delassus, problem.rows @ problem.free)[0]
         return abs(problem.after(z[:, None])[0]) < 1e-12

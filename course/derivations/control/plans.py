@@ -25,7 +25,7 @@ def mpc_beats_clipping(result):
     far, ahead = result.input("far_m", 4.0), result.input("ahead", 40)
 
     def saved(x):
-        """Return what MPC saves, and whether the clipped law meets a limit after it was free of it."""
+        """Return what MPC saves, and whether the clipped law saturates again after it was free."""
         gain = plans.cost(x, at_most=500)[0] / plans.cost(x, ahead, at_most=500)[0] - 1
         met = []
         for _ in range(500):

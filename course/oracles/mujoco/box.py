@@ -240,7 +240,7 @@ def _on_ground(
 def _contact_reference(
     contact: str, restitution: float, dt: float, integrator: str, contact_steps: float
 ) -> tuple[float, float]:
-    """Return stiffness and damping for solref's direct form, which MuJoCo scales by the impedance."""
+    """Return stiffness and damping for solref's direct form; MuJoCo scales by the impedance."""
     positive("dt", dt, unit="s")
     one_of("contact", contact, ("impulse", "spring"))
     if contact == "impulse":
