@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -110,13 +110,53 @@ def measure_rates(
     return rates
 
 
-def ratio(rates: Rates, name: str, others: Sequence[str], n: int = COMPARED_AT) -> float:
-    """Return best sample of one at N = n over the best sample of some others.
+class Ratio(NamedTuple):
+    """Median and quartiles of a ratio over pairs of samples that were taken one after the other."""
 
-    Other work on the machine slows long samples down more than short ones, so the medians of slow
-    contenders suffer more; the best of each is nearest to what it does alone.
+    median: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        median, low, high = (f"{float(f'{x:.2g}'):g}" for x in self)
+        return f"{median} times (quartiles {low} to {high})"
+
+
+def paired_ratio(
+    slow: Contender,
+    fast: Contender,
+    n: int = COMPARED_AT,
+    pairs: int = 25,
+    sample: float = 0.01,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Ratio:
+    """Return how many times as fast one contender steps as another, of interleaved pairs.
+
+    Both samples of a pair are taken within a few hundredths of a second, so that other work on the
+    machine slows both. A ratio of two best or two median samples compares different moments.
+
+    Args:
+        slow: whose time is the numerator.
+        fast: whose time is the denominator.
+        n: number of environments.
+        pairs: pairs of samples; each is a call of `course.measure.timing.interleaved`, which takes
+            a disturbed pair again.
+        sample: about the time of one sample [s].
+        clock: see `course.measure.timing.calls`.
     """
-    return min(rates[other][n].best for other in others if n in rates[other]) / rates[name][n].best
+    actions = np.random.default_rng(0).uniform(-1, 1, (n, 2)).astype(np.float32)
+    both = [slow.make(n), fast.make(n)]
+    for envs in both:
+        envs.reset(seed=0)
+    samplers = [calls(envs.step, actions, clock=clock) for envs in both]
+    ratios = []
+    for k in range(pairs):
+        first, second = interleaved(samplers, repeats=1, sample=sample, patience=3.0, warm=k > 0)
+        ratios.append(first.median / second.median)
+    for envs in both:
+        envs.close()
+    low, median, high = np.percentile(ratios, (25.0, 50.0, 75.0))
+    return Ratio(float(median), float(low), float(high))
 
 
 # --- accuracy beside speed ------------------------------------------------------------------------
@@ -287,13 +327,13 @@ def vector_env(
         )
         cells = dict(zip(row, (f"{value:.3g}" for value in speed), strict=True))
         left.notes.append(f"{name:<38}" + "".join(f"{cells.get(n, '-'):>10}" for n in sizes))
-    at, both = (COMPARED_AT if COMPARED_AT in sizes else sizes[-1]), (SYNC, ASYNC)
-    left.notes.append(
-        f"at N = {at}, best samples, beside the better of Gymnasium's two on the MuJoCo arm: "
-        f"mujoco.batch {ratio(rates, BATCH, both, at):.1f} times, closed form "
-        f"{ratio(rates, CLOSED, both, at):.0f} times; the closed form beside Gymnasium's loop over "
-        f"the closed form: {ratio(rates, CLOSED, [SYNC_CLOSED], at):.0f} times"
-    )
+    at = COMPARED_AT if COMPARED_AT in sizes else sizes[-1]
+    for fast, slow in ((BATCH, SYNC), (CLOSED, SYNC), (CLOSED, SYNC_CLOSED)):
+        times_as_fast = paired_ratio(CONTENDERS[slow], CONTENDERS[fast], at, repeats)
+        left.notes.append(
+            f"at N = {at}, median of {repeats} interleaved pairs: {fast} beside {slow}: "
+            f"{times_as_fast}"
+        )
     yield left
 
     turned = {

@@ -8,6 +8,7 @@ import pytest
 
 from course.charts import build, stored
 from course.charts import vector_env as chart
+from course.measure.timing import Timing
 from course.vector_env import ArmReach, ArmReachVector, training
 from tests.vector_env.test_vector_env import identical
 
@@ -16,11 +17,26 @@ pytestmark = pytest.mark.slow
 
 def test_batches_beat_gymnasiums_loop() -> None:
     """Aims are 5 and 100 at N = 256 on the clock; these are ratios of processor time, with room."""
-    names = (chart.CLOSED, chart.BATCH, chart.SYNC)
-    chosen = {name: chart.CONTENDERS[name] for name in names}
-    rates = chart.measure_rates(chosen, (64,), 5, 0.005, time.process_time)
-    assert chart.ratio(rates, chart.BATCH, (chart.SYNC,), 64) > 1.5
-    assert chart.ratio(rates, chart.CLOSED, (chart.SYNC,), 64) > 20.0
+    loop = chart.CONTENDERS[chart.SYNC]
+    for name, least in ((chart.BATCH, 1.5), (chart.CLOSED, 20.0)):
+        ratio = chart.paired_ratio(
+            loop, chart.CONTENDERS[name], 64, 5, sample=0.005, clock=time.process_time
+        )
+        assert ratio.low <= ratio.median <= ratio.high and ratio.median > least
+
+
+def test_a_ratio_is_the_median_of_its_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the machine slows from pair to pair, both samples of a pair are slowed alike."""
+    slowed = iter([1.0, 5.0, 2.0, 9.0, 3.0])
+
+    def timed(samplers, **settings):
+        factor = next(slowed)
+        return [Timing(x * factor, x * factor, x * factor, x * factor) for x in (8.0, 2.0)]
+
+    monkeypatch.setattr(chart, "interleaved", timed)
+    contender = chart.CONTENDERS[chart.CLOSED]
+    assert chart.paired_ratio(contender, contender, 1, 5) == (4.0, 4.0, 4.0)
+    assert str(chart.Ratio(123.4, 118.0, 131.0)) == "120 times (quartiles 120 to 130)"
 
 
 def test_runge_kutta_meets_the_tolerance_with_one_step_and_euler_needs_many() -> None:

@@ -204,22 +204,42 @@ def near_the_goal(result):
     across = np.mean([not planning.edge_free(wall.world, first, goal) for first in firsts])
     result.measure("across", across, 0.05)
 
-    def joined(low, high):
-        """Return whether all free states within some clearances of a goal can be joined to it."""
-        here = scenes.discs(int(result.rng.integers(1000))).world
-        aim = scenes.free_state(here, result.rng)
-        away = result.rng.uniform(low, high) * planning.clearance(here, aim)
-        turns = result.rng.uniform(0, 2 * np.pi, 100)
-        around = away * np.sqrt(result.rng.uniform(size=100)) * [np.cos(turns), np.sin(turns)]
-        free = [q for q in aim + around.T if planning.state_free(here, q)]
+    def all_joined(here, aim, radius):
+        """Return whether all free states in a ball around a goal have a free edge to it."""
+        turned = result.rng.standard_normal((100, aim.size))
+        turned *= radius / np.linalg.norm(turned, axis=1, keepdims=True)
+        around = aim + turned * result.rng.uniform(size=(100, 1)) ** (1.0 / aim.size)
+        around = np.clip(around, here.bounds[0], here.bounds[1])
+        free = [q for q in around if planning.state_free(here, q)]
         return all(planning.edge_free(here, q, aim) for q in free)
 
-    result.statement = "100 seeds each; random goals among discs, 100 states around each."
+    def among(here, low, high, per_metre=1.0):
+        """Return `all_joined` around a random goal, within so many of its clearances."""
+        aim = scenes.free_state(here, result.rng)
+        clear = per_metre * planning.clearance(here, aim)
+        return all_joined(here, aim, result.rng.uniform(low, high) * clear)
+
+    def discs():
+        return scenes.discs(int(result.rng.integers(1000))).world
+
+    # Chosen to break the condition: thin walls, a trap's sharp corners, and an arm, where metres of
+    # clearance are not radians of step. No point of four links of 1 m moves farther than
+    # sqrt(4^2 + 3^2 + 2^2 + 1^2) m for each radian that the posture moves.
+    corners = [scenes.gap(0.02, 0.01).world, wall.world, scenes.bug_trap().world]
+    arm, radians = scenes.arm().world, 1.0 / np.sqrt(30.0)
+    result.statement = (
+        "100 seeds each; random goals among discs, at walls, in a trap and of an arm, 100 states "
+        "around each."
+    )
     result.statement_holds(
         across == 0.0,
-        only_if="that node is joined to it, and the step is below the goal's clearance",
-        inside=[joined(0.5, 0.999) for _ in range(12)],
-        outside=[joined(1.2, 3.0) for _ in range(12)],
+        only_if="that node is joined to it, and every state within a step of the goal is free",
+        inside=[among(discs(), 0.5, 0.999) for _ in range(12)]
+        + [among(here, 0.9, 0.999) for here in corners for _ in range(6)]
+        + [among(arm, 0.9, 0.999, radians) for _ in range(8)],
+        outside=[among(discs(), 1.2, 3.0) for _ in range(12)]
+        + [among(here, 1.2, 3.0) for here in corners for _ in range(6)]
+        + [among(arm, 0.9, 0.999) for _ in range(8)],
     )
     verdicts = [
         planning.check_path(requested.world, end[:, None], end, requested.goal) for end in ends

@@ -84,26 +84,53 @@ def rrt_complete(result):
     ]
     walled = [plan(*ends, method=x, budget=5000).status for x in ("rrt", "rrt_connect", "prm")]
 
-    def solved(bias, at_most):
-        requested = scenes.gap(result.rng.uniform(0.05, 0.6), result.rng.uniform(0.05, 3.0))
-        ends, step = (requested.start, requested.goal), result.rng.uniform(0.3, 3)
-        tree = plan(
-            requested.world,
-            *ends,
+    def answered(scene, at_most, **options):
+        return plan(
+            scene.world,
+            scene.start,
+            scene.goal,
             method="rrt",
             budget=at_most,
             rng=result.rng,
-            step=step,
-            goal_bias=bias,
-        )
-        return tree.solved
+            **options,
+        ).solved
 
-    result.statement = "300 seeds through the slit; random gaps, steps and biases."
+    def solved(bias, at_most):
+        scene = scenes.gap(result.rng.uniform(0.05, 0.6), result.rng.uniform(0.05, 3.0))
+        return answered(scene, at_most, step=result.rng.uniform(0.3, 3), goal_bias=bias)
+
+    def turned():
+        """Return a thin wall with an opening, at any angle through the middle of the square."""
+        angle = result.rng.uniform(0.0, np.pi)
+        along, across = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        half = result.rng.uniform(0.2, 0.5)
+        walls = [
+            [5.0 + s * along + t * across for s, t in ((a, -0.1), (b, -0.1), (b, 0.1), (a, 0.1))]
+            for a, b in ((-9.0, -half), (half, 9.0))
+        ]
+        side = 2.0 * across + 1.5 * along
+        world = plane(scenes.SQUARE, polygons=walls)
+        return scenes.Scene("turned", world, 5.0 - side, 5.0 + side, 1.0)
+
+    # Chosen to break the condition: a trap in which nine targets of ten are the goal behind its
+    # back, walls at any angle, short and long steps, an arm, a sequence instead of random targets.
+    attacked = [
+        *(answered(scenes.bug_trap(), 300_000, step=x, goal_bias=0.9) for x in (0.3, 1.0, 10.0)),
+        *(answered(turned(), 300_000, step=x, goal_bias=0.5) for x in (0.1, 0.5, 3.0, 10.0)),
+        *(answered(scenes.arm(), 300_000, step=x, goal_bias=0.5) for x in (0.3, 1.0)),
+        answered(scenes.bug_trap(), 300_000, step=1.0, sampler="halton"),
+    ]
+    # Targets on the start's side of the wall only: the tree has no reason to look for the gap.
+    half_square = result.rng.uniform((0.0, 0.0), (4.0, 10.0), (500, 2)).T
+    one_sided = [answered(scenes.gap(0.05), 3000, step=0.5, sampler=half_square) for _ in range(4)]
+    result.statement = (
+        "300 seeds through the slit; random gaps, steps and biases; a trap, turned walls, an arm."
+    )
     result.statement_holds(
         solved(1.0, 5000),
         only_if="a path keeps clear, and targets come from everywhere: a goal bias below 1",
-        inside=[solved(bias, 300_000) for bias in result.rng.uniform(0.0, 0.8, 20)],
-        outside=[solved(1.0, 5000) for _ in range(16)] + by_line,
+        inside=[solved(bias, 300_000) for bias in result.rng.uniform(0.0, 0.8, 20)] + attacked,
+        outside=[solved(1.0, 5000) for _ in range(16)] + by_line + one_sided,
     )
     result.correction_holds(
         all(x.solved for x in runs("gap", "rrt", 300, slit, 0.5)),

@@ -298,6 +298,15 @@ def vector_processes_pay(result):
         """Time of a loop over that of processes, of which the slowest makes ceil(n / w) steps."""
         return n * cost / (np.ceil(n / w) * cost + waking)
 
+    def paying(costs, waking, w, free):
+        """Return whether w workers on `free` processors beat the loop, over any costs.
+
+        The workers take consecutive shares. They end with the slowest of them, and no sooner than
+        the free processors get through all of the work.
+        """
+        slowest = max(share.sum() for share in np.array_split(costs, w))
+        return costs.sum() > max(slowest, costs.sum() / min(free, w)) + waking
+
     def even(waking=wake, n=environments, w=workers):
         return predicted_crossing(0.0, waking, n, w, 0.0)
 
@@ -312,15 +321,31 @@ def vector_processes_pay(result):
         for w, k in zip(result.rng.integers(2, 9, 12), result.rng.integers(1, 9, 12), strict=True)
     ]
     beyond, short = result.rng.uniform(1.01, 3, 12), result.rng.uniform(0.3, 0.99, 12)
+    # Chosen to break the condition: a worker for each environment, many environments, barely paid.
+    attacks = [(200.0, 8, 8), (20.0, 64, 64), (500.0, 4096, 2), (0.1, 2, 2)]
+    # Outside: one environment takes nearly all the time; one processor is free for all workers.
+    uneven, crowded = [], []
+    for r_, n_, w_ in draws[:8]:
+        costs = np.full(n_, 3.0 * even(r_, n_, w_))
+        crowded.append(paying(costs, r_, w_, 1))
+        costs[1:] *= 1e-3
+        costs[0] = 3.0 * n_ * even(r_, n_, w_) - costs[1:].sum()
+        uneven.append(paying(costs, r_, w_, w_))
     result.statement_holds(
         ratio(0.2 * break_even) > 1.0,
-        only_if="one environment's step costs more than r / (N (1 - 1 / W)), and W divides N",
-        inside=[ratio(x * even(*d), *d) > 1 for x, d in zip(beyond, draws, strict=True)],
-        outside=[ratio(x * even(*d), *d) > 1 for x, d in zip(short, draws, strict=True)],
+        only_if="all environments cost the same, more than r / (N (1 - 1 / W)) a step, W divides "
+        "N, and W processors are free",
+        inside=[ratio(x * even(*d), *d) > 1 for x, d in zip(beyond, draws, strict=True)]
+        + [paying(np.full(d[1], 1.001 * even(*d)), d[0], d[2], d[2]) for d in attacks],
+        outside=[ratio(x * even(*d), *d) > 1 for x, d in zip(short, draws, strict=True)]
+        + uneven
+        + crowded,
     )
     values = [float(result.formula.subs({r: a, n: b, w: k})) for a, b, k in draws]
     result.correction_holds(
         set(each) == {environments // workers} and len(each) == workers,
         all(abs(even(*d) / value - 1) < 1e-12 for d, value in zip(draws, values, strict=True)),
         ratio(0.99 * break_even) < 1.0 < ratio(1.01 * break_even),
+        not any(uneven),
+        not any(crowded),
     )
