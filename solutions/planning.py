@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 
 def edge_is_free(a: np.ndarray, b: np.ndarray, discs: np.ndarray) -> bool:
-    """Return whether the segment from a to b, each (2,), touches no disc, rows (x, y, radius)
-    [m].
+    """Return whether the segment from a to b touches no disc.
+
+    The ends have shape (2,), the discs are rows (x, y, radius) [m].
     """
     along, to_centres = b - a, discs[:, :2] - a
     length_squared = max(float(along @ along), 1e-300)

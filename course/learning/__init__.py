@@ -1,5 +1,13 @@
 """Chapter 9: robot learning. Every method on the smallest task that shows its point.
 
+The chapter's algorithms, and the functions of their steps:
+
+- Generalised advantage estimation (Schulman et al., 2016): `gae`.
+- Proximal policy optimisation (Schulman et al., 2017): `ppo`, its clipped surrogate `objective`.
+- DAgger (Ross, Gordon and Bagnell, 2011): `dagger`.
+- DDIM (Song, Meng and Ermon, 2021): `mix` is the schedule, `denoise` the sampler.
+- Flow matching (Lipman et al., 2023): `flow_policy` trains the field, `integrate` solves it.
+
 The public names of the chapter; each lives in the file of its section. `PointReach`, the task on
 which PPO learns, is an environment like others: `course.vector_env`.
 """

@@ -230,12 +230,12 @@ def dagger(
     injected: float = 0.0,
     label_noise: float = 0.0,
 ) -> Iterator[Round]:
-    """Yield dataset aggregation (Ross, Gordon and Bagnell, A reduction of imitation learning,
-    2011).
+    """Yield the rounds of DAgger, dataset aggregation (Ross, Gordon and Bagnell, 2011).
 
     In the first round the expert drives, which is plain cloning. After that the learner drives, the
-    expert says what it would have done there, and all data so far are learned anew (their beta is
-    1, 0, 0, ...).
+    expert labels each state with its own action, and a policy is trained from scratch on all data
+    so far (the paper's beta is 1, 0, 0, ...). Source: A reduction of imitation learning and
+    structured prediction to no-regret online learning.
 
     Args:
         learn: states (n, d), labels (n, a) -> policy, such as `linear` or a `partial` of `clone`.

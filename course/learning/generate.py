@@ -58,8 +58,9 @@ def integrate(field: Field, noise: ArrayLike, steps: int, solver: str = "heun") 
 
 
 def mix(time: ArrayLike) -> tuple[Any, Any]:
-    """Return a and s of the diffusion, a^2 + s^2 = 1 (after the cosine of Nichol and Dhariwal,
-    2021).
+    """Return the diffusion's signal and noise scales a and s, with a^2 + s^2 = 1.
+
+    The schedule follows the cosine of Nichol and Dhariwal (2021).
     """
     angle = 0.5 * np.pi * np.asarray(time, dtype=float)
     return np.sin(angle), np.cos(angle)

@@ -112,10 +112,11 @@ def gae(
     discount: float = 0.99,
     trace: float = 0.95,
 ) -> Array:
-    """Return generalised advantages (Schulman et al., High-dimensional continuous control, 2016,
-    eq. 16).
+    """Return generalised advantage estimates (Schulman et al., 2016, eq. 16).
 
-    The discounted sum of the errors of the critic, as far as the episode goes.
+    Each is the sum of the critic's temporal-difference errors up to the end of the episode,
+    discounted by gamma lambda. Source: High-dimensional continuous control using generalized
+    advantage estimation.
 
     Args:
         rewards, values: of each step and of the observation before it, (T,) or (T, N).

@@ -151,9 +151,11 @@ class TwoWays:
         pause: int = 0,
         injected: float = 0.0,
     ) -> Runs:
-        """Return people who pass left or right, and may stop for a look a quarter of the way.
+        """Return demonstrations that pass left or right, with a pause after a quarter of the path.
 
         Args:
+            number: how many demonstrations.
+            seed: of the random numbers.
             left: chance that one passes left, at positive y.
             pause: steps without motion, after a quarter of the others.
             injected: deviation of noise that pushes the point off its way at each step [m]; the
@@ -179,10 +181,10 @@ class TwoWays:
         return Runs(pushed, distance[:, 1:] - pushed[:, :-1])
 
     def sides(self, states: ArrayLike) -> NDArray[np.int64]:
-        """Return +1 for each run (N, T + 1, 2) that passed left, -1 right, 0 if it hit or did not
-        arrive.
+        """Return +1 for each run that passed left, -1 right, 0 if it collided or did not arrive.
 
-        A way is the line through its points.
+        Args:
+            states: positions, shape (N, T + 1, 2); a path is the polyline through them.
         """
         path = vector("states", states, (None, None, 2))
         a, d = path[:, :-1] - [self.centre, 0.0], np.diff(path, axis=1)
@@ -202,13 +204,17 @@ class TwoWays:
 def context_costs(
     wrong: ArrayLike, steps: int, number: int, rng: np.random.Generator, *, recovers: bool
 ) -> Array:
-    """Return steps that a copied table spends wrong in each of some episodes.
+    """Return the number of wrong steps of a copied table in each of `number` episodes.
 
     Every step shows one of K contexts, drawn evenly. Without recovery the first wrong action is a
     fall: no demonstration shows what to do then, all later steps are wrong too.
 
     Args:
         wrong: whether the table's action is wrong in each context, shape (K,).
+        steps: length of an episode.
+        number: how many episodes.
+        rng: random numbers.
+        recovers: whether a right action is possible again after a wrong one.
 
     Returns:
         Cost of each episode, shape (number,).

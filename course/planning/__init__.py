@@ -14,6 +14,16 @@ The front door:
 
 A state is (n,), a path (n, k): one state a column. A seed gives one answer.
 
+The chapter's algorithms, and the functions of their steps:
+
+- RRT (LaValle, 1998): `trees._grow` samples with `_target`, finds `_near`, extends with `_steer`.
+- RRT-Connect (Kuffner and LaValle, 2000): `trees._connect`, one tree extends, the other connects.
+- RRT* (Karaman and Frazzoli, 2011) and informed RRT* (Gammell et al., 2014): `trees._grow`, which
+  chooses the parent and rewires the neighbours within the radius of `rrt_star`.
+- Lazy PRM (Bohlin and Kavraki, 2000): `roadmaps._search` runs A*, `_resolve` checks its path.
+- Conservative advancement (Mirtich, 1996): `capsules._freed` and `worlds._arm_reach` bound the
+  motion that is certainly free, `_edge` covers an edge with such bounds.
+
 A new world is a `World` with three plain functions over its two tables (top of `worlds.py`), and a
 judge of its edges in `check.JUDGES` under its kind, of other code (`check.prove` does the halving).
 A new method is a function (`problem.Query`) -> `Plan` in `problem.METHODS`. It takes what it needs

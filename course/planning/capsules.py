@@ -78,14 +78,15 @@ def _to_point(p, d, c):
 
 @register_jitable
 def _to_segment(p, d, c, e):
-    """Return distance of two segments, p along d and c along e.
+    """Return the distance of two segments, p along d and c along e.
 
-    Between the lines, else at an end.
+    The nearest points lie inside both segments, or one of them is an end (Ericson, Real-Time
+    Collision Detection, 2005, sec. 5.1.9).
     """
     w = scaled(p, c, -1.0)
     dd, ee, de, dw, ew = _dot(d, d), _dot(e, e), _dot(d, e), _dot(d, w), _dot(e, w)
     area = dd * ee - de * de
-    if area > 1e-12 * dd * ee:
+    if area > 1e-12 * dd * ee:  # for parallel segments the ends below suffice
         s, t = (de * ew - ee * dw) / area, (dd * ew - de * dw) / area
         if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
             w = scaled(scaled(w, d, s), e, -t)
@@ -102,9 +103,9 @@ def _over(x, half):
 
 @register_jitable
 def _pull(p, d, half, t):
-    """Return of the squared distance of p + t d from a box.
+    """Return the squared distance of p + t d from a box, half its slope and half its curvature.
 
-    Its value, half its slope, half its bend.
+    The slope and the curvature are the first and second derivative with respect to t.
     """
     square, slope, bend = 0.0, 0.0, 0.0
     for i in range(3):
@@ -118,10 +119,10 @@ def _pull(p, d, half, t):
 
 @register_jitable
 def _to_box(p, d, half):
-    """Return distance of a segment from a box about the origin, 0 where it goes through.
+    """Return the distance of a segment from a box about the origin, 0 where they overlap.
 
-    The square is convex along the segment and its slope is made of at most seven lines, so that
-    Newton, kept between two ends, hits the root.
+    The squared distance is convex along the segment and its slope is piecewise linear with at most
+    seven pieces. Newton's method, safeguarded by bisection, therefore ends at the exact root.
     """
     low, high = 0.0, 1.0
     square, slope, bend = _pull(p, d, half, low)
@@ -137,7 +138,7 @@ def _to_box(p, d, half):
             break
         low, high = (low, t) if slope > 0.0 else (t, high)
         last, t = t, t - slope / bend
-        if not low < t < high:
+        if not low < t < high:  # a Newton step that leaves the bracket: bisect instead
             t = 0.5 * (low + high)
         if abs(t - last) < 1e-15:
             break
@@ -146,9 +147,9 @@ def _to_box(p, d, half):
 
 @register_jitable
 def _gap(row, p, d, thick):
-    """Return distance of a capsule, a segment and its radius, from an obstacle.
+    """Return the signed distance of a capsule (a segment p, d and its radius) from an obstacle.
 
-    Least -radius in a box.
+    It is negative where they overlap, and for a box never below minus the radius.
     """
     centre, half = (row[CENTRE], row[CENTRE + 1], row[CENTRE + 2]), (row[HALF], row[5], row[6])
     if row[KIND] == POINT:
@@ -185,8 +186,10 @@ def _line(body, i, pose):
 
 @register_jitable
 def _speed(body, i, pose, p, d, rates):
-    """Return bound on the motion of the segment p, d of capsule i where the joints move by
-    `rates`.
+    """Bound how far a point of the segment p, d of capsule i moves when the joints move by `rates`.
+
+    The bound is the sum of |dq_k| rho_k over the joints below the capsule, with rho_k the larger
+    distance of the segment's two ends from axis k.
     """
     total, k = 0.0, min(int(body[i, FRAME]), rates.size - 1)
     while k >= 0:
@@ -202,8 +205,10 @@ def _speed(body, i, pose, p, d, rates):
 
 @register_jitable
 def _freed(obstacles, body, pose, rates, far):
-    """Return for what share of the motion `rates`, at most `far`, the arm stays free around the
-    posture `pose`; negative where it is free by less than `FLOOR`.
+    """Return the share of the motion `rates`, at most `far`, for which the arm surely is free.
+
+    This is the step of conservative advancement around the posture `pose`. It is negative where the
+    arm is free by less than `FLOOR`.
     """
     for i in range(body.shape[0] - 1, rates.size, -1):
         p, d = _line(body, i, pose)
@@ -216,11 +221,11 @@ def _freed(obstacles, body, pose, rates, far):
             row = obstacles[j]
             near = half + row[BALL] + max(far * bound, FLOOR)
             if (row[1] - x) ** 2 + (row[2] - y) ** 2 + (row[3] - z) ** 2 > near * near:
-                continue
+                continue  # broad phase: the bounding balls stay apart during the motion
             gap = _gap(row, p, d, thick)
             if gap < FLOOR:
                 return -1.0
-            if gap < far * bound:
+            if gap < far * bound:  # the cheap bound does not suffice: take the posture's own
                 if speed < 0.0:
                     speed = _speed(body, i, pose, p, d, rates)
                 far = min(far, (gap - 1e-9) / speed)
@@ -305,9 +310,9 @@ def capsule_arm(
     chain: Chain | None = None,
     capsules: Sequence[tuple[int, Any, Any, float]] = HAND,
 ) -> World:
-    """Return an arm of capsules in space, its edges proved.
+    """Return a world for an arm of capsules in space, whose edge checks are proofs.
 
-    Its states are joint positions in the limits.
+    Its states are joint positions within the limits.
 
     Args:
         obstacles: shapes of chapter 2 with their poses: spheres, capsules, boxes.
@@ -339,15 +344,15 @@ def capsule_arm(
 
 
 def sampled(world: World) -> World:
-    """Return the world with its edges only tried, every 0.01 rad.
+    """Return the world with edges that are only sampled, every 0.01 rad.
 
-    Fast to write, and can be wrong.
+    Such a check is simple to write, but it can miss a collision between two samples.
     """
     return replace(world, edge_free=_sampled)
 
 
 def with_sphere(world: World, centre: ArrayLike, radius: float = 0.08) -> World:
-    """Return the world and a sphere more [m]: what moves between two queries."""
+    """Return the world with an additional sphere [m], as an obstacle that moves between queries."""
     pose = np.append(vector("centre", centre, (3,), unit="m"), [1.0, 0.0, 0.0, 0.0])
     row = obstacle_rows([(shapes.sphere(radius), pose)])
     return replace(world, obstacles=np.vstack((world.obstacles, row)))
@@ -378,9 +383,7 @@ class Shelf:
     height: float
 
     def posture(self, bay: int, rng: np.random.Generator) -> Array | None:
-        """Return a free posture with the fingertip in a bay, (7,).
-
-        None where some draws found none.
+        """Return a free posture with the fingertip in a bay, (7,), or None after 20 failed samples.
 
         The hand points into the bay, up to 0.3 rad to the sides and up, its wide side level.
         """
@@ -411,10 +414,7 @@ class Shelf:
                 return start, goal
 
     def disturbed(self, rng: np.random.Generator, *postures: Array) -> World:
-        """Return the world with a ball of 8 cm before the bays.
-
-        Where these postures are still free.
-        """
+        """Return the world with a ball of 8 cm before the bays that leaves the postures free."""
         low, high = self.bays.min(axis=1), self.bays.max(axis=1)
         while True:
             spot = rng.uniform([FRONT - 0.15, low[1], low[2]], [FRONT, high[1], high[2]])
@@ -424,9 +424,7 @@ class Shelf:
 
 
 def shelf(name: str) -> Shelf:
-    """Return one of the two shelves, "open" or "tight", on the floor 0.5 m in front of the arm's
-    base.
-    """
+    """Return the "open" or the "tight" shelf, on the floor 0.5 m in front of the arm's base."""
     one_of("name", name, ("open", "tight"))
     rows, height, bottom = (2, 0.38, 0.2) if name == "open" else (3, 0.25, 0.12)
     columns, here = 2, np.array([1.0, 0.0, 0.0, 0.0])

@@ -105,9 +105,7 @@ def _alone(seed: int) -> Iterator[None]:
 
 
 def _fitted(net: Any, loss: Callable[[], Any], steps: int, rate: float) -> Any:
-    """Return the network after so many steps down a loss, the rate going up to its top and back to
-    0.
-    """
+    """Train a network for `steps` steps of Adam with a one-cycle learning rate, and return it."""
     import torch
 
     optimiser = torch.optim.Adam(net.parameters())
@@ -166,9 +164,7 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
 
 
 def drawn(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array:
-    """Return states from the colours that the sampler gives to a scene's picture, shape (2,
-    many).
-    """
+    """Return states sampled from the network's prediction for a scene's image, shape (2, count)."""
     import torch
 
     with _alone(0), torch.no_grad():
@@ -184,8 +180,9 @@ def drawn(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array
 
 
 def _alpha_bar() -> Array:
-    """Return share of a path's variance that is left after each step of noise (Nichol and
-    Dhariwal).
+    """Return the share of a path's variance that remains after each noising step, (STEPS,).
+
+    The schedule is that of Nichol and Dhariwal (2021).
     """
     turn = 0.5 * np.pi * (np.arange(1, STEPS + 1) / STEPS * 0.98 + 0.01)
     return np.cos(turn) ** 2

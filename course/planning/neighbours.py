@@ -1,10 +1,10 @@
-"""The nearest node of a tree that grows: by looking at all, or by a k-d tree.
+"""Nearest neighbours in a growing tree: by exhaustive search, or with a k-d tree.
 
-A k-d tree (Bentley, Comm. ACM 18, 1975) takes a node at a time and is not balanced again: nodes of
-a planner come from random targets, which does that. `links` holds a row a node: the two halves, the
-axis that splits it. Up to `brute_below(n)` nodes no k-d tree is built: there it would still look at
-one node in twenty to one in five (a test counts them), and a node in order costs several times less
-than one that is jumped to.
+Nodes are inserted into the k-d tree (Bentley, Comm. ACM 18, 1975) one at a time, without
+rebalancing: a planner's nodes come from random targets, which keeps the tree shallow. `links` holds
+one row per node: its two children and the axis along which it splits. Up to `brute_below(n)` nodes
+no k-d tree is built. It would still visit one node in twenty to one in five there (a test counts
+them), and visiting a node in memory order costs several times less than following a link.
 
 Everything here is for use inside compiled loops.
 """
@@ -32,9 +32,9 @@ def squared(a, b):
 
 @register_jitable
 def to_node(nodes, i, q):
-    """Return squared distance of node i from q, without a view of the row.
+    """Return the squared distance of node i from q.
 
-    Which costs more than this.
+    It indexes the array directly, as creating a view of the row would cost more than the sum.
     """
     total = 0.0
     for k in range(q.size):
@@ -44,7 +44,7 @@ def to_node(nodes, i, q):
 
 @register_jitable
 def _enter(nodes, links, i):
-    """Hang node i into the k-d tree of those before it; node 0 is its root."""
+    """Insert node i into the k-d tree of the nodes before it; node 0 is the root."""
     links[i, LEFT] = links[i, RIGHT] = -1
     links[i, AXIS] = 0
     at = 0
@@ -68,14 +68,16 @@ def _divisor(a, b):
 
 @register_jitable
 def entered(nodes, links, count, done):
-    """Bring the k-d tree up to date where there is to be one.
+    """Insert the new nodes into the k-d tree, unless exhaustive search is still faster.
 
     Args:
-        nodes, links: rows, `count` of them in use.
-        done: how many hang in the tree already.
+        nodes: states, one a row; the first `count` rows are in use.
+        links: rows of the k-d tree, written here.
+        count: number of nodes.
+        done: how many of them are in the k-d tree already.
 
     Returns:
-        How many hang in it now; 0 while looking at all is faster.
+        How many are in it now; 0 while exhaustive search is faster.
     """
     if count <= brute_below(nodes.shape[1]):
         return 0
@@ -94,12 +96,16 @@ def entered(nodes, links, count, done):
 
 @register_jitable
 def nearest(nodes, links, count, done, q, stack, gaps):
-    """Return the node nearest to q, the first of several.
+    """Return the index of the node nearest to q, the lowest one of several.
 
     Args:
-        nodes, links, count, done: as in `entered`.
+        nodes: see `entered`.
+        links: see `entered`.
+        count: see `entered`.
+        done: see `entered`; below `count` the search is exhaustive.
         q: a state.
-        stack, gaps: room for as many whole numbers and floats as there are nodes.
+        stack: room for as many integers as there are nodes.
+        gaps: room for as many floats: squared distances of q from the postponed half-spaces.
     """
     near, best = 0, np.inf
     if done < count:
@@ -111,12 +117,13 @@ def nearest(nodes, links, count, done, q, stack, gaps):
     stack[0], gaps[0], top = 0, 0.0, 1
     while top > 0:
         top -= 1
-        at = stack[top] if gaps[top] <= best else -1
+        at = stack[top] if gaps[top] <= best else -1  # prune: that half-space is too far away
         while at >= 0:
             square = to_node(nodes, at, q)
             if square < best or (square == best and at < near):
                 near, best = at, square
             across = q[links[at, AXIS]] - nodes[at, links[at, AXIS]]
+            # Descend on q's side; the other half-space waits on the stack.
             here, other = (LEFT, RIGHT) if across < 0.0 else (RIGHT, LEFT)
             if links[at, other] >= 0 and across * across <= best:
                 stack[top], gaps[top] = links[at, other], across * across
@@ -127,11 +134,17 @@ def nearest(nodes, links, count, done, q, stack, gaps):
 
 @register_jitable
 def within(nodes, links, count, done, q, radius, stack, result):
-    """Return all nodes within a radius of q, in no particular order.
+    """Fill `result` with all nodes within a radius of q, in no particular order.
 
     Args:
-        nodes, links, count, done, q, stack: as in `nearest`.
-        found: room for as many numbers as there are nodes; filled.
+        nodes: see `entered`.
+        links: see `entered`.
+        count: see `entered`.
+        done: see `nearest`.
+        q: a state.
+        radius: the largest distance.
+        stack: room for as many integers as there are nodes.
+        result: room for as many integers as there are nodes; filled.
 
     Returns:
         How many there are.

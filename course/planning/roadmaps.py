@@ -69,9 +69,9 @@ LIST = 10  # nodes of the roadmap that an end tries to be joined to by a straigh
 
 @register_jitable
 def _closest(nodes, count, q, desired, result, gaps):
-    """Return the `desired` nodes nearest to q of the first `count`, in order.
+    """Fill `result` with the `desired` nodes nearest to q among the first `count`; return how many.
 
-    How many there are.
+    They are in order of their distance. `gaps` receives the squared distances (insertion sort).
     """
     hits = 0
     for i in range(count):
@@ -89,7 +89,7 @@ def _closest(nodes, count, q, desired, result, gaps):
 
 @register_jitable
 def _part(parts, i):
-    """Return the node that stands for all that node i is joined to."""
+    """Return the representative of node i's connected component (union-find, path halving)."""
     while parts[i] != i:
         parts[i] = parts[parts[i]]
         i = parts[i]
@@ -181,17 +181,17 @@ def _search(
     came,
     counts,
 ):
-    """Return a* over what is free or may be, until a way is proved.
+    """Search with lazy A* until a path is proved free; return its last node, -1 without a path.
 
-    Its last node, -1 where there is none.
-
-    Node i is reached from outside at cost begins[i], and left at cost ends[i], both infinite for
-    most. `came` holds the edge by which each node was reached, -1 for one that begins.
+    A* (Hart, Nilsson and Raphael, 1968) runs over the edges that are free or unknown. The edges of
+    its best path are then checked, and the search runs again without those that are blocked. A path
+    enters the roadmap at node i with cost begins[i] and leaves it with cost ends[i], both infinite
+    for most nodes. `came` holds the edge through which each node was reached, -1 for a first node.
     """
     count = first.size - 1
     cost, chosen = np.empty(count), np.empty(count, np.int64)
     while True:
-        heap = [(0.0, 0)]
+        heap = [(0.0, 0)]  # an empty list would leave Numba without the type of its entries
         heap.pop()
         last, best = -1, np.inf
         for i in range(count):
@@ -217,6 +217,7 @@ def _search(
                     heapq.heappush(heap, (far + math.sqrt(squared(nodes[j], goal)), j))
         if last < 0:
             return -1
+        # Trace the path back to its first node, then check its edges.
         i, steps = last, 0
         while came[i] >= 0:
             chosen[steps] = came[i]

@@ -445,8 +445,9 @@ class Trajectory:
         return np.ascontiguousarray(np.hstack((ends, np.vstack((rows, rows[-1])))))
 
     def waypoints(self, spacing: float = 0.01) -> Array:
-        """Return states on the path at most `spacing` of arc length apart and every corner,
-        (n, k).
+        """Return states on the path at most `spacing` of arc length apart, (n, k).
+
+        The corners of the path are among them.
         """
         positive("spacing", spacing)
         pieces = [

@@ -92,9 +92,9 @@ def _near(nodes, links, counts, side, q, stack, gaps):
 
 @register_jitable
 def _steer(origin, target, step, out):
-    """Return the target if it is within a step of the origin, else the point a step towards it.
+    """Write the state at most a step from the origin towards the target into `out`.
 
-    How far that is from the origin.
+    Returns its distance from the origin.
     """
     distance = math.sqrt(squared(origin, target))
     if distance <= step:
@@ -107,7 +107,7 @@ def _steer(origin, target, step, out):
 
 @register_jitable
 def _move(parents, links, costs, nodes, i, parent, stack):
-    """Hang node i under another parent, and bring the costs below it up to date."""
+    """Rewire node i to another parent, and update the costs of all nodes below it."""
     old = parents[i]
     if links[old, CHILD] == i:
         links[old, CHILD] = links[i, SIBLING]
@@ -132,9 +132,10 @@ def _move(parents, links, costs, nodes, i, parent, stack):
 
 @register_jitable
 def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
-    """Return a state through which a path could be shorter than `best`.
+    """Sample a state through which a path could be shorter than `best` (Gammell et al., 2014).
 
-    In the ellipsoid whose foci are start and goal. False where the bounds leave none in some tries.
+    It is uniform in the ellipsoid whose foci are start and goal. Returns False where none of
+    `TRIES` samples is within the bounds.
     """
     across = 0.5 * math.sqrt(max(best * best - shortest * shortest, 0.0))
     ball = np.empty(out.size)
@@ -408,9 +409,10 @@ def _run(
     counts,
     samples,
 ):
-    """Return a chunk of either loop, the functions and the generator handed over as addresses.
+    """Run a chunk of either loop and return its exit code.
 
-    The roots are node 0 of each tree.
+    The world's functions and the random generator are passed as addresses. The root of each tree is
+    its node 0. After a solution `room` holds the nodes of the path of each tree.
     """
     if counts[NODES] == 0:
         counts[LAST] = counts[LAST + 1] = -1
@@ -476,10 +478,7 @@ def _kernel() -> Any:
 
 
 def _options(query: Query) -> tuple[Array, Array]:
-    """Return the numbers of a loop, from the caller's options, and the states of a list.
-
-    As rows.
-    """
+    """Return the loop's numbers from the caller's options, and the listed targets as rows."""
     world, options = query.world, query.options
     sampler = options.pop("sampler", "uniform")
     listed = np.empty((world.dim, 0))
@@ -556,10 +555,7 @@ def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
 
 
 def _arrays(sides: int, size: int, n: int) -> tuple[Any, ...]:
-    """Return nodes, parents, links, costs of each tree.
-
-    Room for stacks of whole numbers and of floats.
-    """
+    """Allocate nodes, parents, links and costs of each tree, and stacks of integers and floats."""
     return (
         np.empty((sides, size, n)),
         np.empty((sides, size), dtype=np.int64),
@@ -579,10 +575,11 @@ def _chain(parents: NDArray[np.int64], last: int) -> list[int]:
 
 
 def _frame(query: Query, numbers: Array, listed: Array) -> Array:
-    """Return Halton's shift.
+    """Return the rows that the samplers need, shape (n + 2 + listed, n).
 
-    And for the ellipsoid the centre and an orthogonal matrix whose first column leads from start to
-    goal: Householder's reflection of the first axis. Listed states come last.
+    Row 0 is the random shift of Halton's sequence. Row 1 is the centre of the informed ellipsoid,
+    and the next n rows are its axes: an orthogonal matrix whose first column points from start to
+    goal, computed as a Householder reflection of the first axis. Listed states come last.
     """
     n = query.world.dim
     frame = np.zeros((n + 2 + len(listed), n))
@@ -602,8 +599,7 @@ def _frame(query: Query, numbers: Array, listed: Array) -> Array:
 
 
 def rrt(query: Query) -> Plan:
-    """Return a tree from the start, until a node can be joined to the goal by an edge of at most a
-    step.
+    """Grow a tree from the start until an edge of at most a step joins a node to the goal.
 
     In a world of discs this is the drill's RRT: the same draws give the same tree.
     """
@@ -612,14 +608,15 @@ def rrt(query: Query) -> Plan:
 
 
 def rrt_star(query: Query) -> Plan:
-    """Return RRT that hangs each new node where its way is shortest.
+    """Grow a tree as RRT does, choose each new node's best parent and rewire its neighbours.
 
-    And then its neighbours under it where that is shorter: the best path's length never rises, and
-    falls towards the optimum.
+    The new node gets the parent through which its path is shortest, and becomes the parent of each
+    neighbour whose path it shortens. The best path's length never rises, and falls towards the
+    optimum.
 
     The neighbours are those within gamma (log m / m)^(1/n), at most a step, of m nodes, with gamma
     1.1 times the least that theorem 38 of Karaman and Frazzoli (2011) asks for, the whole box taken
-    as free. Its proof has a gap; what is proved is a radius that shrinks with 1 / (n + 1) in place
+    as free. Its proof has a gap; what is proved is a radius that shrinks with 1 / (n + 1) instead
     of 1 / n (Solovey et al., 2020). That this one converges too is measured.
     The informed one draws in the ellipsoid that can shorten the best path.
     """
@@ -635,7 +632,7 @@ def rrt_star(query: Query) -> Plan:
 
 
 def rrt_connect(query: Query) -> Plan:
-    """Return two trees, from the start and from the goal; there is no goal_bias."""
+    """Grow two trees, from the start and from the goal, until they meet; there is no goal bias."""
     numbers, listed = _options(query)
     root = query.goal_root()
     if root is None:

@@ -196,9 +196,10 @@ def _meets_disc(ax, ay, bx, by, x, y, radius):
 
 @register_jitable
 def segment_free(obstacles, ax, ay, bx, by):
-    """Return whether a segment touches no disc and no polygon (Ericson, Real-Time Collision
-    Detection, 2005, sec. 5.1.9 and 5.3.2): it crosses no side, and its beginning is inside of
-    none.
+    """Return whether a segment touches no disc and no polygon.
+
+    It crosses no side of a polygon, and its first point is inside none (Ericson, Real-Time
+    Collision Detection, 2005, sec. 5.1.9 and 5.3.2).
     """
     inside = False
     for i in range(obstacles.shape[0]):
@@ -263,6 +264,7 @@ def _plane_clearance(obstacles, body, q):
 
 @register_jitable
 def arm_gap(obstacles, body, q):
+    """Return the smallest distance between the arm's links at q and the obstacles [m]."""
     x, y, angle, least = 0.0, 0.0, 0.0, np.inf
     for i in range(body.shape[0]):
         angle += q[i]
@@ -274,8 +276,9 @@ def arm_gap(obstacles, body, q):
 
 @register_jitable
 def _arm_reach(obstacles, body, a, b, t):
-    """Return how far t may move either way from the state a + t (b - a) until something can be
-    touched; negative where less than FLOOR is free.
+    """Return how far t may move in both directions from a + t (b - a) before anything can touch.
+
+    It is negative where less than FLOOR is free.
 
     Link k turns at a constant rate w_k, the sum of the rates of the joints up to it, so no point of
     link i is faster than the sum of l_k |w_k| over k <= i.
@@ -340,6 +343,7 @@ class Asked:
         Asked.known.append(self)
 
     def __call__(self, q: Array) -> bool:
+        """Return what the user's function says of a state; after an exception always False."""
         if self.raised is not None:
             return False
         self.calls += 1

@@ -62,9 +62,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
         """
 
     def _final_info(self, finished: NDArray[np.bool_], terminations: Any) -> dict[str, Any]:
-        """Return entries of the last info of the episodes that just finished, arrays of num_envs
-        rows.
-        """
+        """Return the last infos of episodes that just finished, arrays of num_envs rows."""
         return {}
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:

@@ -43,7 +43,7 @@ def plan(paths: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[A
     Held for all of these steps it gets there; asked for anew at every step it is the best policy.
 
     Args:
-        ways: observations of `PointReach`, in metres: goal minus point and velocity, (n, 4).
+        paths: observations of `PointReach`, in metres: goal minus point and velocity, (n, 4).
         radius: of the disc [m].
         dt: step [s].
 

@@ -30,8 +30,7 @@ def features(observations: Array) -> Array:
 
 
 def play(policies: Array, seed: int, targets: int) -> Array:
-    """Return what policies collect in one episode from each of several starts, the same for all of
-    them.
+    """Return what each policy collects in one episode from each of the same starts.
 
     Args:
         policies: weights, (p, 2, 6): the action is weights @ features, cut at the torques' limits.
