@@ -597,7 +597,8 @@ figures(
 )
 
 # %% [markdown]
-# A number for each dimension from two on; *inf*: half of the runs or more ran out. So dimension is no excuse by itself.
+# Each row lists medians of 100 seeds for each dimension from two on, with quartiles; *inf* means that the budget ran out.
+# Where quartiles overlap, a smaller median says little. So dimension is no excuse by itself.
 # Count the directions in which your passage is narrow, and give up some of them: a posture before the slot.
 #
 # ### Debugging
