@@ -597,8 +597,7 @@ figures(
 )
 
 # %% [markdown]
-# Each row lists medians of 100 seeds for each dimension from two on, with quartiles; *inf*: the budget ran out.
-# Where quartiles overlap, a smaller median says little. So dimension is no excuse by itself.
+# A number for each dimension from two on; *inf*: half of the runs or more ran out. So dimension is no excuse by itself.
 # Count the directions in which your passage is narrow, and give up some of them: a posture before the slot.
 #
 # ### Debugging
