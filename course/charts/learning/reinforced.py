@@ -179,6 +179,79 @@ def learning_curves(
     yield by_time
 
 
+def soft_actor_critic(seed: int, steps: int, every: int, hidden: tuple[int, ...]) -> Trained:
+    """Return the learning curve of Stable-Baselines3's SAC in eight environments."""
+    envs = PointReachVector(8, "potential", autoreset_mode="SameStep")
+    curve = sb3.sac(envs, test, steps=steps, seed=seed, every=every, hidden=hidden)
+    return Trained(curve.steps.astype(float), curve.seconds, curve.scores, 0.0)
+
+
+def batched_ppo(settings: Settings, n: int, seed: int, steps: int, every: int) -> Trained:
+    """Return the learning curve of Stable-Baselines3's PPO in n environments."""
+    envs = PointReachVector(n, "potential", autoreset_mode="SameStep")
+    batches = max(1, every // (n * settings.horizon))
+    curve = sb3.ppo(envs, settings, test, steps=steps, seed=seed, every=batches)
+    return Trained(curve.steps.astype(float), curve.seconds, curve.scores, 0.0)
+
+
+@chart
+def off_policy(
+    seeds: int = 10,
+    steps: int = 7000,
+    small: int = 16_384,
+    large: int = 65_536,
+    every: int = 1000,
+    hidden: tuple[int, ...] = (64, 64),
+    solved: float = 0.5,
+) -> Iterator[Panel]:
+    """Chart SAC beside PPO, both of Stable-Baselines3, by environment steps: median and quartiles.
+
+    PPO runs with two sizes of batch, since a batch of 2,048 steps leaves it only three updates in
+    the steps that SAC takes.
+
+    Args:
+        seeds: runs of each method.
+        steps: environment steps of SAC.
+        small, large: environment steps of PPO with batches of 512 and of 2,048 steps.
+        every: environment steps between two points of a curve.
+        hidden: widths of the layers.
+        solved: share of the optimum for which the text gives the number of steps.
+    """
+    panel = Panel(
+        f"Off-policy beside on-policy, {seeds} seeds",
+        "environment steps",
+        SHARE,
+        scale="log x",
+        lines=[("y", 1.0, "optimum")],
+        ylim=(0.0, 1.05),
+        footer="median and quartiles; Stable-Baselines3",
+    )
+    usual = replace(SMALL, hidden=hidden)
+    methods: dict[str, tuple[Any, dict[str, Any]]] = {
+        "SAC": (soft_actor_critic, {"steps": steps, "every": every, "hidden": hidden}),
+        "PPO, batches of 512": (
+            batched_ppo,
+            {"settings": replace(usual, epochs=10), "n": 16, "steps": small, "every": every},
+        ),
+        "PPO, batches of 2,048": (
+            batched_ppo,
+            {"settings": usual, "n": 64, "steps": large, "every": 4 * every},
+        ),
+    }
+    for label, (method, how) in methods.items():
+        runs = sweep(method, jobs(seeds=seeds, **how))
+        scores = np.array([one.scores for one in runs])
+        low, middle, high = np.quantile(scores, [0.25, 0.5, 0.75], axis=0)
+        reached = runs[0].steps[middle >= solved]
+        when = f"{reached[0]:,.0f} steps" if reached.size else "not reached"
+        note = (
+            f"{label}: {middle[-1]:.2f} ({low[-1]:.2f} to {high[-1]:.2f}) after "
+            f"{runs[0].steps[-1]:,.0f} steps; median at {solved:g}: {when}"
+        )
+        panel.series.append(Series(label, runs[0].steps, middle, low=low, high=high, note=note))
+    yield panel
+
+
 LEFT_OUT: dict[str, dict[str, Any]] = {
     "as it is": {},
     "lambda 0": {"trace": 0.0},
