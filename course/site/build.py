@@ -52,7 +52,7 @@ def _contents() -> str:
 
 def _shown(page: notebooks.Page) -> dict[str, str]:
     """Return the cards of claims on a page, by id."""
-    result = {}
+    result: dict[str, str] = {}
     for cell in page.notebook.cells:
         for output in cell.get("outputs", ()):
             markdown = output.get("data", {}).get("text/markdown", "")
