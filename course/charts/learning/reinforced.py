@@ -135,7 +135,7 @@ def learning_curves(
         "ours, 16 wide": (trained, {"settings": SMALL, **same}),
         "ours, 64 wide": (trained, {"settings": wide, **same}),
         "Stable-Baselines3": (library, {"settings": wide, **same}),
-        "search, linear law": (searched, {"rounds": rounds}),
+        "search, linear policy": (searched, {"rounds": rounds}),
     }
     # In turns, seed by seed, so that other work on the machine is shared by all.
     turns = [
@@ -147,15 +147,15 @@ def learning_curves(
     ]
     runs = {label: [one[label] for one in turns] for label in methods}
     by_steps = Panel(
-        "By what it saw",
-        "steps of the environment",
+        "By environment steps",
+        "environment steps",
         SHARE,
         lines=[("y", 1.0, "optimum")],
         ylim=(0.0, 1.05),
     )
     by_time = Panel(
-        "By what it cost, one core",
-        "processor time, least of the seeds [s]",
+        "By processor time, one core",
+        "processor time, minimum over seeds [s]",
         SHARE,
         scale="log x",
         lines=[("y", 1.0, "optimum")],
@@ -253,27 +253,28 @@ def off_policy(
 
 
 LEFT_OUT: dict[str, dict[str, Any]] = {
-    "as it is": {},
+    "complete PPO": {},
     "lambda 0": {"trace": 0.0},
     "one epoch": {"epochs": 1},
     "discount 0.9": {"discount": 0.9},
-    "4 hidden": {"hidden": (4,)},
-    "rewards unscaled": {"scale_rewards": False},
+    "4 hidden units": {"hidden": (4,)},
+    "rewards not rescaled": {"scale_rewards": False},
     "no clip": {"clip": np.inf},
-    "advantages as they are": {"normalise_advantages": False},
-    "observations too": {"normalise_observations": False},
-    "gradient uncut": {"longest_gradient": np.inf},
-    "no annealing": {"anneal": False},
-    "clock is an end": {"bootstrap": False},
+    "advantages not normalised": {"normalise_advantages": False},
+    "observations not normalised": {"normalise_observations": False},
+    "gradient not limited": {"longest_gradient": np.inf},
+    "constant step size": {"anneal": False},
+    "time limit is an end": {"bootstrap": False},
 }
 # Where a detail matters: what the task or the settings are like there, and the detail left out.
 MATTERS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
-    "offset 10": ({"offset": 10.0}, {}, {"observations too": {"normalise_observations": False}}),
-    "step 0.01, 20 epochs": ({}, {"epochs": 20, "rate": 1e-2}, {"no clip": {"clip": np.inf}}),
-    "prize 10": ({"prize": 10.0}, {}, {"rewards unscaled": {"scale_rewards": False}}),
+    "observations near 10": ({"offset": 10.0}, {},
+                             {"observations not normalised": {"normalise_observations": False}}),
+    "step size 0.01, 20 epochs": ({}, {"epochs": 20, "rate": 1e-2}, {"no clip": {"clip": np.inf}}),
+    "prize of 10": ({"prize": 10.0}, {}, {"rewards not rescaled": {"scale_rewards": False}}),
     # To stay is worth 1.5 if nothing ends, 0.6 at most to who counts the clock; the prize about 1.
-    "paid to stay, 50 steps": ({"reward": "hover", "bonus": 0.015, "max_steps": 50}, {},
-                               {"clock is an end": {"bootstrap": False}}),
+    "paid for staying near": ({"reward": "hover", "bonus": 0.015, "max_steps": 50}, {},
+                               {"time limit is an end": {"bootstrap": False}}),
 }  # fmt: skip
 
 
@@ -299,7 +300,7 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
         for k, change in LEFT_OUT.items()
     }
     yield Panel(
-        f"The usual task, {seeds} seeds",
+        f"Usual task, one detail changed, {seeds} seeds",
         SHARE,
         xlim=(0.0, 1.8),
         series=[banded(usual, "left out on the usual task")],
@@ -310,7 +311,7 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
             how = replace(SMALL, **{**settings, **change})
             present[row] = sweep(trained, jobs(settings=how, **same, **task))
     yield Panel(
-        "Where each does matter",
+        "Tasks on which one detail matters",
         SHARE,
         xlim=(0.0, 1.8),
         series=[banded(present, "where it matters")],
@@ -364,15 +365,16 @@ def rewards(
         short: steps of learning at each radius.
     """
     panel = Panel(
-        f"Three rewards, {seeds} seeds",
-        "steps of the environment",
+        f"Rewards compared, {seeds} seeds",
+        "environment steps",
         SHARE,
         lines=[("y", 1.0, "optimum")],
         ylim=(0.0, 1.05),
     )
     kinds = {"potential": (SMALL, "potential"), "sparse": (SMALL, "sparse"),
              "minus distance": (SMALL, "distance"),
-             "the same unscaled": (replace(SMALL, scale_rewards=False), "distance")}  # fmt: skip
+             "the same, not rescaled": (
+                 replace(SMALL, scale_rewards=False), "distance")}  # fmt: skip
     for label, (settings, reward) in kinds.items():
         some = sweep(
             trained, jobs(settings=settings, reward=reward, steps=steps, points=points, seeds=seeds)
@@ -383,7 +385,7 @@ def rewards(
         panel.series.append(Series(label, some[0].steps, middle, low=low, high=high, note=message))
     yield panel
     panel = Panel(
-        "Sparse, by the size of the disc",
+        "Sparse reward, by the size of the disc",
         "radius [m]",
         "share",
         scale="log",
@@ -404,8 +406,14 @@ def rewards(
         for r, p, s in zip(radii, met, share, strict=True)
     )
     panel.series += [
-        Series("stumbles on it", radii, met, theory=stumbles, note=f"chance, by radius: {message}"),
-        Series(f"optimum, after {short:,}", radii, [s or np.nan for s in share]),
+        Series(
+            "random actions succeed",
+            radii,
+            met,
+            theory=stumbles,
+            note=f"chance, by radius: {message}",
+        ),
+        Series(f"learned, after {short:,}", radii, [s or np.nan for s in share]),
     ]
     yield panel
 
@@ -428,15 +436,15 @@ def step_epochs(
         solved: share of the optimum above which a seed counts as solved, in the text.
     """
     reached = Panel(
-        f"After {steps:,} steps, median of {seeds}",
+        f"After {steps:,} steps, median of {seeds} seeds",
         "step size of Adam",
         SHARE,
         scale="log x",
         ylim=(0.0, 1.05),
     )
     moved = Panel(
-        "Who gets far moves so far each time",
-        "divergence of an iteration",
+        "Result over divergence per iteration",
+        "KL divergence per iteration [nats]",
         SHARE,
         scale="log x",
         ylim=(0.0, 1.05),

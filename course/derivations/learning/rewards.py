@@ -45,9 +45,9 @@ def drawn(rng, cut=0.0, T=40):
     "unchanged.",
     "A constant times the derivative of the log-probability is zero on average, for a Gaussian "
     "policy because {formula} has mean zero. In {n:.0f} random one-step tasks the expected "
-    "gradient agrees with the exact derivative to {worst:.0e}, with and without a baseline. Only the noise "
-    "changes: with the expected return as the baseline, the standard deviation of one estimate is "
-    "{share:.0%} of that without, in the median.",
+    "gradient agrees with the exact derivative to {worst:.0e}, with and without a baseline. Only "
+    "the noise changes: with the expected return as the baseline, the standard deviation of one "
+    "estimate is {share:.0%} of that without, in the median.",
     ask=(
         "A policy samples an action u from a normal distribution with mean mu and standard "
         "deviation sigma. What is the derivative of the logarithm of its probability density "
