@@ -800,8 +800,8 @@ check(rrt_star)
 # %% [markdown]
 # ### A formula: what points miss
 #
-# Half a chord, its depth, the radius: a right triangle. Any equivalent form is right, and a wrong one is named. Change
-# the text.
+# Half a chord, its depth, the radius: a right triangle. Any equivalent form is right, and a wrong one is named.
+# <span class="kernel-only">Change the text.</span>
 
 # %%
 answer("edge_by_ten_points", "s^2/(8*r)")

@@ -393,8 +393,8 @@ for k, n in ((7, 10), (70, 100), (700, 1000)):
 predict("shaping_at_the_end")
 
 # %% [markdown]
-# *Prove it yourself*: what do the added terms of a way from $s_0$ to $s_{T+1}$ sum up to? Hints first, then change the
-# text below.
+# *Prove it yourself*: what do the added terms of a way from $s_0$ to $s_{T+1}$ sum up to? Look at the hints
+# first<span class="kernel-only">, then change the text below</span>.
 #
 # <details><summary>Hint 1</summary>Is what is added to $Q$ the same for all actions in a state? Then nothing
 # changes.</details>
