@@ -101,6 +101,7 @@ KEYS: dict[str, tuple[str, str]] = {
     "uniform grid": (GREEN, "D"),
     "GJK and EPA": (BLUE, "o"),
     "Coal": (VERMILION, "s"),
+    "Coal, poses in the loop": (AMBER, "P"),
     "Coal, one call for all": (VERMILION, "s"),
     "Coal, a call a pair": (AMBER, "P"),
     "Coal, default tolerance": (WINE, "p"),

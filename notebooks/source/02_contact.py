@@ -735,6 +735,14 @@ for mu in (1.0, 2.0):
 # %% [markdown]
 # The convex model has an answer here too, as it always has. It is not Coulomb's: below the limit it makes the rod hop.
 #
+# ### Thrown out of the ground
+#
+# A body that starts too deep has to come out. Rigid models take back a share of the depth in each step, 0.2 here. The
+# field calls this **Baumgarte stabilisation**. A fixed share per step is a speed of share times depth over step, so a
+# shorter step throws the body out faster. Our models cap that speed at 1 m/s (`max_recovery_speed`):
+#
+# ![How fast a ball that starts 1 cm deep leaves the ground, over the step](../docs/charts/contact_recovery.png)
+#
 # ### Debugging table
 #
 # <div class="alert alert-block alert-danger">
