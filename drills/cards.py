@@ -170,12 +170,11 @@ def _solution_text(solution: str) -> str:
 
 
 def definitions(path: Path, desired: list[str]) -> str:
-    """Return the named top-level definitions of a module, after the imports and names that they
-    use.
+    """Return the named definitions of a module, after the imports and names that they use.
 
     Args:
         path: a Python file.
-        wanted: names of functions, classes or assigned constants.
+        desired: names of functions, classes or assigned constants.
 
     Raises:
         ValueError: for a name that the file does not define.

@@ -80,8 +80,9 @@ def own_source(obj: Any) -> str:
 
 
 def _bare(obj: Any) -> Any:
-    """Return without the wrappers of a compiler, a cache, or another decorator that says what it
-    wraps.
+    """Return an object without the wrappers of a compiler, a cache, or another decorator.
+
+    A decorator counts as one if it says what it wraps.
     """
     visited: set[int] = set()
     while id(obj) not in visited and not isinstance(obj, type):

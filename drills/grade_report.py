@@ -145,5 +145,5 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """ "pass" or "fail"."""
+        """The word in the report, "pass" or "fail"."""
         return "pass" if self.passed else "fail"

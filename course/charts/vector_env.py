@@ -413,8 +413,9 @@ BY_HAND = np.array([[[0, -7.5, 0, -6.0, -0.5, 0], [0, 0, 0, -12.0, 0, -0.3]]])
 
 @chart
 def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Panel]:
-    """Chart what `course.vector_env.training` learns, over several seeds, beside a law written by
-    hand.
+    """Chart what `course.vector_env.training` learns, next to a law written by hand.
+
+    The training is repeated over several seeds.
 
     Args:
         seeds: runs.

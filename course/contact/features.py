@@ -91,8 +91,7 @@ def _segments(shape: Shape, q: Array) -> tuple[Array, Array]:
 
 
 def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Array:
-    """Return the signed distance of two boxes, capsules or spheres by trying every pair of
-    features.
+    """Return the signed distance of two boxes, capsules or spheres from all pairs of features.
 
     Apart, the nearest points are a corner and a shape, or two edges; in each other the separating
     axes give the depth. It takes 144 pairs of edges for two boxes, and no search.
@@ -174,7 +173,8 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
     Args:
         halves: of a and of b, shape (2, 3) [m].
         near: rows of `measure` for each pair, shape (12, N).
-        qa, qb: poses, shape (7, N).
+        qa: poses of a, shape (7, N).
+        qb: poses of b, shape (7, N).
         numbers: radius of a, of b, margin [m], dimensions.
         out: which pair, point, normal, distance, shape (8, 8 N).
 

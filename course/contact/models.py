@@ -53,7 +53,15 @@ def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
     up to the speed `slip`, and is Coulomb's beyond.
 
     Args:
-        friction: coefficients (d - 1,).
+        depth: penetration, positive while the bodies overlap [m].
+        u: velocity of the contact, first along the normal, positive apart, then the tangents, shape
+            (d,) [m/s].
+        stiffness: of the spring [N/m].
+        damping: of the damper [N s/m].
+        friction: coefficients, one for each tangent, shape (d - 1,).
+        slip: sliding speed at which friction reaches Coulomb's limit [m/s].
+        pull: allow a negative normal force while the bodies part.
+        force: output, shape (d,) [N].
     """
     force[:] = 0.0
     if depth <= 0.0:
@@ -84,9 +92,10 @@ def penalty(
     friction that holds creeps.
 
     Args:
+        problem: the contacts before the step.
         stiffness: [N/m].
         damping: [N s/m].
-        slip: speed from which friction is full [m/s].
+        slip: sliding speed at which friction reaches Coulomb's limit [m/s].
         pull: keep the damper's pull while the bodies part.
     """
     positive("stiffness", stiffness, unit="N/m")
@@ -193,7 +202,11 @@ def gauss_seidel(
     """Sweep over scaled contacts until no correction is above the tolerance [m/s].
 
     Args:
-        A, b, g, d, associated: as for `pgs_sweep`; g is changed in place.
+        A: scaled response of the contacts, as for `pgs_sweep`.
+        b: scaled free velocity, as for `pgs_sweep`.
+        g: scaled impulses; changed in place.
+        d: rows of a contact.
+        associated: as for `pgs_sweep`.
         sweeps: at most.
         tolerance: [m/s].
 
@@ -247,6 +260,7 @@ def pgs(
     """Return projected Gauss-Seidel: contact after contact, each as if the others were right.
 
     Args:
+        problem: the contacts and their response.
         sweeps: at most.
         tolerance: of the residual [m/s].
         start: impulses (n, d) to start from, such as those of the last step.
@@ -335,12 +349,14 @@ def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, b
 def lcp(
     problem: Problem, *, edges: int = 4, around: bool = False, tolerance: float = 1e-9
 ) -> Solution:
-    """Return Coulomb's law with a pyramid, exactly (Stewart and Trinkle 1996; Anitescu and Potra
-    1997).
+    """Solve Coulomb's law with a friction pyramid exactly, by Lemke's method.
+
+    The formulation is that of Stewart and Trinkle (1996) and of Anitescu and Potra (1997).
 
     Unknowns: normal impulse, share on each edge, and the slip that the edges have in common.
 
     Args:
+        problem: the contacts and their response.
         edges: of the pyramid where there are two tangents, an even number from 4 on; else each
             friction row has two.
         around: whether the pyramid stands around the cone instead of in it; with four edges
@@ -374,11 +390,17 @@ def lcp(
 
 
 def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple[Array, Array]:
-    """Return r (g - P(g - w / r)) for all contacts, (n d,) [m/s], and its derivative by g, (n d, n
-    d).
+    """Return the residual r (g - P(g - w / r)) of all contacts and its derivative by g.
+
+    The residual has shape (n d,) [m/s], its derivative (n d, n d). It is 0 exactly at a solution.
 
     Args:
-        A, b, g, d, associated: as for `pgs_sweep`; Coulomb's law takes w_n + |w_t| for w_n.
+        A: scaled response, as for `pgs_sweep`.
+        b: scaled free velocity, as for `pgs_sweep`.
+        g: scaled impulses, (n d,).
+        d: rows of a contact.
+        associated: true for the convex law; Coulomb's law replaces the normal velocity w_n by w_n +
+            |w_t| (De Saxce's correction).
     """
     w = A @ g + b
     value, slope = np.empty_like(g), np.empty_like(A)
@@ -481,6 +503,7 @@ def convex(
     """Return the associated law: the least change of the velocity that keeps it in the dual cones.
 
     Args:
+        problem: the contacts and their response.
         rounds: of sweeps and Newton steps, at most.
         tolerance: of the residual [m/s], and of the duality gap by the sum of normal impulses.
         start: impulses (n, d) to start from.
@@ -501,12 +524,14 @@ def convex(
 def coulomb(
     problem: Problem, *, rounds: int = 8, tolerance: float = 1e-9, start: ArrayLike | None = None
 ) -> Solution:
-    """Return Coulomb's law on the true cone (Alart and Curnier 1991, with De Saxce's one
-    projection).
+    """Solve Coulomb's law on the true cone with a semismooth Newton method.
+
+    The formulation is that of Alart and Curnier (1991), with De Saxce's single projection.
 
     Where the law has no solution there is none to find, and it says so.
 
     Args:
+        problem: the contacts and their response.
         rounds: of sweeps and Newton steps, at most.
         tolerance: of the residual [m/s].
         start: impulses (n, d) to start from.

@@ -347,10 +347,17 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
     bounds the depth from above, the nearest face from below.
 
     Args:
-        corner, beyond: of each face its corners, counter-clockwise from outside, and the faces
-            across the edges that begin there.
-        face, key: its normal and distance; the distance again, infinite once it is done with.
-        link, stack: work space.
+        va: vertices of core a, shape (3, n) [m].
+        vb: vertices of core b, shape (3, m) [m].
+        pair: relative pose, half sizes and radii of the two shapes, see `measure`.
+        s: vertices of the polytope and the indices of the core vertices behind them, one a row.
+        share: output, weights of the corners of the nearest face.
+        corner: corners of each face, counter-clockwise from outside.
+        beyond: neighbours of each face, across the edges that begin at its corners.
+        face: normal and distance of each face.
+        key: distance of each face again, infinite once it is done with, -inf once it is removed.
+        link: work space, the new face that begins at each vertex of the horizon.
+        stack: work space, the faces still to be visited.
 
     Returns:
         Depth, what it may be too large by, iterations, normal; in rows 0 to 2 of s the corners of
@@ -494,10 +501,13 @@ def measure(va, vb, halves, sizes, qa, qb, i, out, work):
     """Write column i of out: the distance of shape a at qa[:, i] from shape b at qb[:, i].
 
     Args:
-        va, vb: vertices of the cores, shapes (3, n) and (3, m) [m].
+        va: vertices of core a, shape (3, n) [m].
+        vb: vertices of core b, shape (3, m) [m].
         halves: half sizes of a, then of b, shape (6,) [m].
         sizes: radius of a, radius of b, the sum of both cores' sizes, 2.0 or 3.0 dimensions.
-        qa, qb: poses, shape (7, N).
+        qa: poses of a, shape (7, N).
+        qb: poses of b, shape (7, N).
+        i: the column.
         out: shape (12, N): distance, normal from a to b, points on a and on b, what the distance
             may be off by, and iterations.
         work: as `_distances` makes it.
@@ -656,8 +666,10 @@ def distance(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Distan
     """Return the signed distance of two shapes, with the nearest or deepest points.
 
     Args:
-        a, b: shapes of one dimension; one of them may be a plane.
-        pose_a, pose_b: their poses; single, or batches of one length.
+        a: first shape; may be a plane unless b is one.
+        b: second shape, of the same dimension.
+        pose_a: pose of a, or a batch of N.
+        pose_b: pose of b, or a batch of N.
 
     Returns:
         Arrays over the batch; plain shapes (), (dim,) where both poses are single.

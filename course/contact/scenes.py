@@ -77,8 +77,10 @@ class Scene:
 
 @dataclass(frozen=True)
 class Run:
-    """A motion: times (k,), q and v (nv, k), impulses (n, d, k - 1), the iterations of all steps,
-    how many were not solved, and the worst residual [m/s].
+    """Record of a motion.
+
+    It holds times (k,), q and v (nv, k), impulses (n, d, k - 1), the iterations of all steps, the
+    number of steps that were not solved, and the worst residual [m/s].
     """
 
     times: Array
@@ -122,7 +124,9 @@ def march(
     """Return `run` with "pgs" as one compiled loop, started each step from the last one's impulses.
 
     Args:
-        scene, dt, steps: as for `run`.
+        scene: as for `run`.
+        dt: as for `run`.
+        steps: as for `run`.
         sweeps: at most, a step.
         tolerance: of a sweep's largest correction [m/s].
 

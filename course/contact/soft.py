@@ -220,6 +220,7 @@ def soft(problem: Problem, *, tolerance: float = 1e-9, **options: Any) -> Soluti
     """Return MuJoCo's contact forces, held for the step, from the state before it.
 
     Args:
+        problem: the contacts and their response.
         tolerance: of the residual, the last change of the velocity [m/s].
         **options: fields of `Softness`.
     """

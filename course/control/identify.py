@@ -91,8 +91,9 @@ class _Windows:
         """Integrate a log over windows.
 
         Args:
-            log, window: as for `identify`.
-            longest: delay of a command that may be asked for [s].
+            log: as for `identify`.
+            window: as for `identify`.
+            longest: largest delay of a command that will be queried [s].
             rest: share of a window in which the joint may rest. None keeps the two fifths of the
                 windows that rest least, however much that is.
         """
@@ -164,8 +165,9 @@ def identify(
 
     Args:
         log: a motion that speeds up, slows down and turns round.
-        delay, constant: of the torque, known: the log alone can't tell a weak motor from a heavy
-            joint [s, 1].
+        delay: known delay of the torque [s].
+        constant: known ratio of torque to command: the log alone can't distinguish a weak motor
+            from a heavy joint.
         window: length of the bump; short ones let noise in, long ones are few [s].
 
     A joint at rest tells nothing: friction is then anything up to Coulomb's. So only windows in

@@ -314,9 +314,13 @@ def run_joint(
     """Return the joint under its controller, compiled: measure, command, wait, drive.
 
     Args:
-        joint, actuator, encoder, gains: the parts.
+        joint: inertia, friction and gravity of the joint.
+        actuator: the motor with its limits and its lag.
+        encoder: resolution and noise of the measured angle.
+        gains: of the PID law.
         setpoint: one number, or one for each sample, shape (n,) [rad].
-        dt, seconds: sample time and length of the run [s]; n = seconds / dt.
+        dt: sample time [s].
+        seconds: length of the run [s]; n = seconds / dt.
         start: (angle, speed, torque) [rad, rad/s, N m].
         extra: torque beside the motor's, a number or shape (n,) [N m]: a kick.
         blocked: whether the joint is jammed, for each sample or for all.
@@ -370,8 +374,8 @@ def step_metrics(
     """Return overshoot, settling and steady error of a step from q[0] to the target.
 
     Args:
-        times, q: when each angle was measured, increasing, and the angles; both of shape (n,), n
-            at least 1 [s, rad].
+        times: when each angle was measured, increasing, shape (n,) with n at least 1 [s].
+        q: the angles, shape (n,) [rad].
         target: [rad], not q[0].
         band: settled within this share of the step.
         rest: share of the record that must lie in the band at the end, before it counts.

@@ -113,9 +113,13 @@ def computed_torque(
 
     Args:
         chain: the model.
-        q, v: the state, shape (n,) or (n, N).
-        q_ref, v_ref, a_ref: the reference now; with `dt`, half a sample from now.
-        kp, kd: gains [1/s^2, 1/s], not multiplied with an inertia yet.
+        q: joint positions, shape (n,) or (n, N).
+        v: joint rates, same shape.
+        q_ref: reference positions now; with `dt`, half a sample from now.
+        v_ref: reference rates at that time.
+        a_ref: reference accelerations at that time.
+        kp: gain on the position error, before it is multiplied by the inertia [1/s^2].
+        kd: gain on the rate error, likewise [1/s].
         dt: sample time, or 0 for no preview [s].
         gravity: for a `Chain`, shape (3,) [m/s^2].
 
@@ -241,9 +245,11 @@ def impedance(
 
     Args:
         chain: the model.
-        q, v: the state, shape (n,) or (n, N).
-        target: place (3,) or pose (7,) of the tip; with N too [m].
-        stiffness, damping: of the task's rows [N/m, N s/m, N m/rad, ...].
+        q: joint positions, shape (n,) or (n, N).
+        v: joint rates, same shape.
+        target: position (3,) or pose (7,) of the tip; with N too [m].
+        stiffness: of the task's rows [N/m, N m/rad].
+        damping: of the task's rows [N s/m, N m s/rad].
         rate: the target's, a number or one for each row [m/s, rad/s].
         rows: of the twist that are the task.
         gravity: shape (3,) [m/s^2].
@@ -271,9 +277,12 @@ def admittance(
     What comes out is the reference of a stiff position loop inside, counted from the set-point.
 
     Args:
-        x, v: of the virtual body, any one shape [m, m/s].
+        x: position of the virtual body, any one shape [m].
+        v: its velocity, same shape [m/s].
         force: measured on the tip, same shape [N].
-        mass, damping, stiffness: [kg, N s/m, N/m].
+        mass: of the virtual body [kg].
+        damping: of the virtual body [N s/m].
+        stiffness: of the virtual body [N/m].
         dt: sample time [s].
 
     Returns:
@@ -309,9 +318,16 @@ def operational_space(
     the tip still in statics only.
 
     Args:
-        chain, q, v, target, rows, gravity: as for `impedance`.
-        rate, acceleration: the target's, numbers or one for each row.
-        kp, kd: gains [1/s^2, 1/s].
+        chain: as for `impedance`.
+        q: as for `impedance`.
+        v: as for `impedance`.
+        target: as for `impedance`.
+        rate: the target's velocity, a number or one for each row [m/s, rad/s].
+        acceleration: the target's acceleration, likewise.
+        kp: gain on the pose error [1/s^2].
+        kd: gain on the velocity error [1/s].
+        rows: as for `impedance`.
+        gravity: as for `impedance`.
         null: torques, a number, (n,) or (n, N) [N m].
 
     Raises:
@@ -364,10 +380,20 @@ def hybrid(
     exact with `force_gain` 0, and motion along it has no part in it (Khatib, 1987).
 
     Args:
-        chain, q, v, target, rate, acceleration, kp, kd, null, rows, gravity: as for
-            `operational_space`; `target`, `rate` and gains of motion in world axes.
-        force: what the tip shall push with, in the frame's axes, a number or (m,) [N].
-        measured: what it pushes with, likewise [N].
+        chain: as for `impedance`.
+        q: as for `impedance`.
+        v: as for `impedance`.
+        target: as for `operational_space`, in world axes.
+        rate: as for `operational_space`, in world axes.
+        acceleration: as for `operational_space`, in world axes.
+        kp: gain of motion in world axes [1/s^2].
+        kd: gain of motion in world axes [1/s].
+        null: as for `operational_space`.
+        rows: as for `impedance`.
+        gravity: as for `impedance`.
+        force: desired contact force of the tip on the surface, in the frame's axes, a number or
+            (m,) [N].
+        measured: measured contact force, likewise [N].
         frame: axes of the surface as columns, an orthogonal matrix, shape (m, m).
         forced: which of them are forced, shape (m,) of booleans.
         force_gain: of force - measured.

@@ -130,8 +130,9 @@ _riccati = loop(_regulate, numba.int64(MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, M
 
 
 def _share(W, shift):
-    """Return whether W + shift I, shift in units of its largest entry, is positive definite and W
-    symmetric: by Cholesky.
+    """Return whether W is symmetric and W + shift I is positive definite, by Cholesky.
+
+    The shift is in units of the largest entry of W.
     """
     n, L = W.shape[0], W.copy()
     size = np.abs(W).max()
@@ -182,8 +183,10 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
     Each pass doubles the horizon, so the error is squared (Chu, Fan, Lin and Wang, 2004).
 
     Args:
-        A, B: of the sampled system, shapes (n, n) and (n, m).
-        Q, R: weights, symmetric, (n, n) not negative and (m, m) positive.
+        A: state matrix of the sampled system, shape (n, n).
+        B: input matrix, shape (n, m).
+        Q: weight of the state, symmetric and not negative, shape (n, n).
+        R: weight of the input, symmetric and positive, shape (m, m).
 
     Raises:
         ValueError: for weights that are not so, (A, B) that can't be stabilised, and a mode that
@@ -221,8 +224,10 @@ def _why(A: Array, B: Array, Q: Array) -> ValueError:
 
 
 def weight(name: str, value: ArrayLike, n: int, shift: float) -> Array:
-    """Return a symmetric matrix (n, n) that is positive definite with this share of its largest
-    entry added to the diagonal: a little above 0 for semidefinite ones.
+    """Return a weight matrix (n, n), checked to be symmetric and positive (semi)definite.
+
+    With `shift`, a share of the largest entry, added to its diagonal it must be positive definite:
+    a shift a little above 0 admits semidefinite matrices.
     """
     W = np.ascontiguousarray(vector(name, value, (n, n)))
     if not _definite(W, shift):
@@ -342,7 +347,8 @@ def box_qp(
     Args:
         H: symmetric and positive definite, shape (n, n).
         g: shape (n,).
-        low, high: bounds, numbers or shape (n,); may be infinite.
+        low: lower bounds, a number or shape (n,); may be infinite.
+        high: upper bounds, likewise.
         start: a guess, such as the last sample's answer; near it one or two steps are enough.
 
     Raises:

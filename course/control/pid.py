@@ -196,13 +196,13 @@ def _finite(**values: float) -> None:
 
 
 def rates(y: ArrayLike, dt: float, rate: str = "filtered", tau: float = 0.0) -> Array:
-    """Return the rate that a controller makes of measurements y (n,), one for each, shape (n,)
-    [y/s].
+    """Return the rates that a controller computes from measurements y, shape (n,) [y/s].
 
     Args:
         y: measurements, one a sample.
         dt: sample time [s].
-        rate, tau: as for `Gains`; not "exact".
+        rate: as for `Gains`, except "exact".
+        tau: as for `Gains` [s].
     """
     values = vector("y", y, (None,))
     kind = float(RATES.index(one_of("rate", rate, RATES[:2])))

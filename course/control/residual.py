@@ -85,7 +85,8 @@ def fit(
     """Return weights of random waves by least squares.
 
     Args:
-        x, torque: inputs (3 n, K) and what shall come out of them, (n, K).
+        x: inputs, shape (3 n, K).
+        torque: the desired outputs, shape (n, K) [N m].
         rng: who draws the waves.
         features: how many.
         width: of their wave numbers, over one deviation of the inputs.

@@ -39,7 +39,9 @@ def joint_system(
     """Return inertia q'' + damping q' + stiffness q = torque as x' = A x + B u with x = (q, v).
 
     Args:
-        inertia, damping, stiffness: [kg m^2, N m s/rad, N m/rad], or [kg, N s/m, N/m].
+        inertia: [kg m^2], or a mass [kg].
+        damping: [N m s/rad], or [N s/m].
+        stiffness: [N m/rad], or [N/m].
         lag: time constant of the current loop [s]; above 0 the torque is a third state.
 
     Returns:
@@ -87,7 +89,8 @@ def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
     """Return a plant behind a zero-order hold whose command comes late, exactly.
 
     Args:
-        A, B: x' = A x + B u, shapes (n, n) and (n,).
+        A: matrix of x' = A x + B u, shape (n, n).
+        B: its input vector, shape (n,).
         dt: sample time [s].
         delay: of the command [s], any length; within a sample it switches once.
 
@@ -185,7 +188,9 @@ def pid_law(
     """Return P, PD or PID around an estimate of the rate, as `course.control.pid` runs it.
 
     Args:
-        kp, ki, kd: gains [u/y, u/(y s), u s/y].
+        kp: gain [u/y].
+        ki: gain [u/(y s)].
+        kd: gain [u s/y].
         dt: sample time [s].
         rate: "filtered", the backward difference behind a low-pass (a plain one with tau = 0);
             "observer", see `observer_gains`; "exact", v itself.
@@ -228,8 +233,9 @@ def _pid(kp, ki, kd, dt, rate, tau):
 
 
 def loop_matrix(plant: Held, law: Law) -> Array:
-    """Return the closed loop as one matrix over (x, commands under way, newest first, law's
-    state).
+    """Return the matrix of the closed loop over one sample.
+
+    Its state is x, the commands under way, newest first, and the law's own state.
     """
     return _closed(plant.transition, plant.now, plant.before, plant.whole, *law.matrices(plant))
 
@@ -442,9 +448,11 @@ def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0)
     """Return gain, phase and delay margin of a law on a plant, all of one sampled loop.
 
     Args:
-        A, B: the plant, see `joint_system`.
+        A: state matrix of the plant, see `joint_system`.
+        B: its input vector.
         law: with the gains as they are.
-        dt, delay: sample time, and the delay that there is already [s].
+        dt: sample time [s].
+        delay: the delay that the loop has already [s].
 
     Raises:
         ValueError: the law was made for another sample time.
@@ -471,8 +479,10 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
     """Return the gain at which P alone oscillates for ever, and the period of that [s].
 
     Args:
-        A, B: the plant, see `joint_system`.
-        dt, delay: of the loop [s].
+        A: state matrix of the plant, see `joint_system`.
+        B: its input vector.
+        dt: sample time [s].
+        delay: of the loop [s].
 
     Raises:
         ValueError: if there is none: without friction no gain holds, and some hold for ever.
@@ -501,7 +511,8 @@ def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float,
     a sample of lateness (Franklin, Powell and Workman, Digital Control, 1998, sec. 4.3).
 
     Args:
-        inertia, damping: both positive [kg m^2, N m s/rad].
+        inertia: positive [kg m^2].
+        damping: positive [N m s/rad].
         lateness: delay + dt / 2 [s], positive.
     """
     b = positive("damping", damping) / positive("inertia", inertia)
@@ -517,7 +528,8 @@ def pd_limit(kd: float, inertia: float, dt: float, rate: str = "exact") -> float
 
     Args:
         kd: [N m s/rad].
-        inertia, dt: [kg m^2, s].
+        inertia: of the joint [kg m^2].
+        dt: sample time [s].
         rate: "exact", v itself; "difference" of the last two angles; "late", v itself and the
             command a sample late.
     """
@@ -532,8 +544,9 @@ def pd_limit(kd: float, inertia: float, dt: float, rate: str = "exact") -> float
 
 
 def force_limit(damping: float, wall: float, lateness: float) -> float:
-    """Return largest gain of P on the force at a wall, while the delay is short beside the
-    oscillation.
+    """Return the largest stable gain of proportional force control at a wall.
+
+    It holds while the delay is short compared with the oscillation.
 
     Args:
         damping: of the arm [N s/m].

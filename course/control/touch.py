@@ -221,9 +221,11 @@ def run_touch(
     """Return the probe under its law, compiled.
 
     Args:
-        probe, law: the parts.
-        target: set-point of the place, a number or one for each sample, shape (n,) [m].
-        dt, seconds: sample time and length of the run [s]; n = seconds / dt.
+        probe: the pushed body, its wall and its sensor.
+        law: the law that is run.
+        target: set-point of the position, a number or one for each sample, shape (n,) [m].
+        dt: sample time [s].
+        seconds: length of the run [s]; n = seconds / dt.
         delay: of the command [s].
         start: (x, v) [m, m/s].
         surface: where the wall is, shape (n,) [m]; None for the probe's.

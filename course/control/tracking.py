@@ -206,7 +206,8 @@ def track(
             references are those half of that later.
         reference: `reference(times) -> (q_ref, v_ref, a_ref)`, each (n, T), or these three arrays,
             T being the number of samples. With an attribute `duration` it must last for the run.
-        dt, seconds: sample time and length of the run [s]; T = seconds / dt.
+        dt: sample time [s].
+        seconds: length of the run [s]; T = seconds / dt.
         substeps: steps of the integrator in a sample.
         state: (q, v) at the start, shape (n,) or (n, N); default: the reference's first.
         limit: of the torques, a number or shape (n,); infinite for none [N m].

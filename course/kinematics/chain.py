@@ -218,8 +218,9 @@ def _table(chain: Chain) -> Array:
 
 
 def planar(lengths: ArrayLike, masses: ArrayLike | None = None, damping: ArrayLike = 0.0) -> Chain:
-    """Return uniform rods in the x-y plane, each joint turning about z, the first one at the
-    origin.
+    """Return uniform rods in the x-y plane, each joint turning about z.
+
+    The first joint is at the origin.
 
     Args:
         lengths: of the links, shape (n,), positive [m].

@@ -378,7 +378,8 @@ def acceleration(q, v, params):
     """Return joint accelerations, for the integrators of chapter 1; shape of v [rad/s^2 or m/s^2].
 
     Args:
-        q, v: joint positions and rates, shape (n,) or (n, N).
+        q: joint positions, shape (n,) or (n, N).
+        v: joint rates, same shape.
         params: what `pack` returns.
     """
     n = q.shape[0]
@@ -431,7 +432,9 @@ def inverse_dynamics(
 
     Args:
         chain: the arm.
-        q, v, a: joint positions, rates and accelerations, shape (n,) or (n, N).
+        q: joint positions, shape (n,) or (n, N).
+        v: joint rates, same shape.
+        a: joint accelerations, same shape.
         wrench: what pulls at the tip, force over torque in world axes, (6,) or (6, N) [N, N m].
         gravity: in the world, shape (3,) [m/s^2].
 
@@ -496,8 +499,9 @@ def pack(chain: Chain, tau: ArrayLike = 0.0, gravity: ArrayLike = DOWNWARDS) -> 
 def energy(
     chain: Chain, q: ArrayLike, v: ArrayLike, *, gravity: ArrayLike = DOWNWARDS
 ) -> tuple[Any, Any, Any]:
-    """Return kinetic energy, potential energy (0 at the world's origin) and their sum [J], each
-    (N,).
+    """Return kinetic energy, potential energy and their sum [J], each of shape (N,).
+
+    The potential energy is 0 at the world's origin.
     """
     single, (q, v) = batch(chain, q=q, v=v)
     down = vector("gravity", gravity, (3,), unit="m/s^2")

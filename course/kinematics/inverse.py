@@ -57,10 +57,10 @@ _PATIENCE = 6  # steps of Levenberg-Marquardt that each win less than a tenth, u
 
 
 def pose_error(target: ArrayLike, pose: ArrayLike) -> Array:
-    """Return what is left to go from a pose to a target, (7,) or (7, N), in world axes, (6,) or (6,
-    N).
+    """Return the error of a pose, (7,) or (7, N), against a target, in world axes.
 
-    Position [m] over the shortest turn as a rotation vector [rad].
+    The result, shape (6,) or (6, N), is the difference of the positions [m] over the shortest
+    rotation from the pose to the target, as a rotation vector [rad].
     """
     t, p = (vector(s, x, (7,), (7, None)) for s, x in (("target", target), ("pose", pose)))
     turns = unit_quaternion(t[3:], "target[3:]"), unit_quaternion(p[3:], "pose[3:]")
@@ -168,7 +168,10 @@ def _length(A, i):
 
 @register_jitable
 def _marquardt(J, e, mu, K, y, dq):
-    """dq = J^T (J J^T + mu)^-1 e by Cholesky; K (m, m) and y (m,) are room."""
+    """Write the damped step J^T (J J^T + mu)^-1 e into dq, by Cholesky.
+
+    K (m, m) and y (m,) are work space. (Levenberg, 1944; Marquardt, 1963; Wampler, 1986.)
+    """
     m, n = J.shape
     for i in range(m):
         for j in range(i + 1):
@@ -236,8 +239,13 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
     """Run every start (N, S, n) until one succeeds, for N targets (7, N) or (3, N).
 
     Args:
-        table, method, damping: the arm's, a number in METHODS, lambda.
-        near, turn: tolerances [m, rad].
+        table: the arm as numbers.
+        target: poses of the tip, shape (7, N).
+        starts: postures to start from, shape (n, N, starts).
+        method: a number in METHODS.
+        damping: lambda of the damped least squares.
+        near: tolerance of the position [m].
+        turn: tolerance of the rotation [rad].
         at_most: steps from each start.
         rank: of the arm's Jacobian where it is not singular.
 
@@ -401,8 +409,9 @@ class Samples:
         return np.column_stack([poses[:3].T, self._scale * poses[3:].T])
 
     def nearest(self, target: Array, k: int) -> Array:
-        """Return the k postures whose poses, or positions, are nearest to N targets, shape (N, k,
-        n).
+        """Return the k stored postures nearest to each of N targets, shape (N, k, n).
+
+        Distance is measured between poses, or positions.
 
         In a table that is hardly larger than k a posture may come twice, as each rotation does.
         """
@@ -587,7 +596,8 @@ def null_space_step(
     takes it back.
 
     Args:
-        chain, q: the arm and its posture, shape (n,).
+        chain: the arm.
+        q: its posture, shape (n,).
         gradient: of an objective, shape (n,).
         length: of the step, Euclidean [rad]; negative to go down. None is made where the gradient
             has no part in the null space.

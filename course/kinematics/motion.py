@@ -272,7 +272,8 @@ def jacobian(
     """Return the geometric Jacobian, (6, n) or (6, n, N): the twist of a point is J v.
 
     Args:
-        chain, q: the arm and its joint positions, shape (n,) or (n, N) [rad or m].
+        chain: the arm.
+        q: its joint positions, shape (n,) or (n, N) [rad or m].
         point: given in the frame that it is fixed to, shape (3,) [m]; default: its origin.
         joint: whose link it is fixed to; default: the tool. Joints that do not move it have zeros.
 
@@ -299,8 +300,9 @@ def jacobian_rate(
 
 
 def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
-    """Return rates of the tip's position and of its yaw, pitch and roll (z, y, x), (6, n) or (6, n,
-    N).
+    """Return the Jacobian of the tip's position and its yaw, pitch and roll (z, y, x).
+
+    Its shape is (6, n) or (6, n, N).
 
     At a pitch of +-90 degrees they grow without bound: the angles lock there, not the arm.
     """
@@ -319,8 +321,9 @@ def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
 
 
 def singular_values(J: ArrayLike) -> Array:
-    """Return of a matrix (m, n) or a batch (m, n, N), the largest first, shape (min(m, n),) or with
-    N.
+    """Return the singular values of a matrix (m, n) or a batch (m, n, N), largest first.
+
+    The shape is (min(m, n),) or (min(m, n), N).
     """
     J = vector("J", J, (None, None), (None, None, None))
     return np.asarray(np.linalg.svd(J.T, compute_uv=False).T)

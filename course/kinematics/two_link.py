@@ -110,15 +110,18 @@ class TwoLink:
     def regressor(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, reference: ArrayLike | None = None
     ) -> Array:
-        """Return Y with torque = Y @ parameters, shape (2, 5) or (2, 5, N), 7 for 5 in an upright
-        plane.
+        """Return the regressor Y with torque = Y @ parameters.
+
+        Its shape is (2, 5) or (2, 5, N); in an upright plane it has 7 columns instead of 5.
 
         The arm's masses do not enter, so it may be asked of one whose masses nobody knows. With a
         reference velocity w it is that of M a + C(q, v) w + D w + G, where M' - 2 C is
         skew-symmetric: what the adaptive law of Slotine and Li (1987) needs.
 
         Args:
-            q, v, a: angles, rates and accelerations, shape (2,) or (2, N).
+            q: angles, shape (2,) or (2, N) [rad].
+            v: rates, same shape [rad/s].
+            a: accelerations, same shape [rad/s^2].
             reference: w, same shape; default: v, which gives the torque of the motion.
 
         Raises:

@@ -88,8 +88,9 @@ class Executor:
             self.bus.push(self.bus.ns, START, self._dispatch)
 
     def responses(self, name: str) -> NDArray[np.float64]:
-        """Return from event to end of all runs of the callbacks of this name that have
-        ended [s].
+        """Return the response times of all completed runs of the callbacks of this name [s].
+
+        A response time lasts from the event to the end of the callback.
         """
         runs = (run for run in self.log if run.callback.name == name and run.end)
         return 1e-9 * np.array([run.end - run.release for run in runs], float)
@@ -346,8 +347,11 @@ def respond(
     Arguments as for `bounds`.
 
     Args:
+        works: the callbacks.
+        order: which of several ready callbacks runs first.
+        threads: of the executor.
         phases: of each one's first event, shares of its period; all at once where there are none.
-        seconds: how long.
+        seconds: simulated time [s].
     """
     bus = Bus()
     executor = Executor(bus, threads, order)
@@ -380,7 +384,10 @@ def run_chain(
     Each stage a node, each queue a reader's keep-last cache, each loss a link's.
 
     Args:
-        stages, phases, seed, seconds: as for `course.role.simulate`, whose rules these are.
+        stages: as for `course.role.simulate`, whose rules these are.
+        phases: as for `course.role.simulate`.
+        seed: as for `course.role.simulate`.
+        seconds: simulated time [s].
 
     Returns:
         When each command came into force, and when its measurement was taken, for `Trace.age`.

@@ -265,7 +265,7 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
         fragments: of each, at least 1.
         loss: probability that a fragment is not sent, below 1.
         seed: of the coin.
-        most: rounds after which a message is given up.
+        at_most: rounds after which a message is given up.
     """
     count("messages", messages, 1), count("fragments", fragments, 1)
     finite("loss", loss, 0.0, 1.0 - 1e-6)

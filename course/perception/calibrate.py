@@ -62,8 +62,9 @@ class Calibration:
     points: Array
 
     def error_at(self, places: ArrayLike) -> Array:
-        """Return predicted root mean square error at places in the base, shape (3, M), as
-        (M,) [m].
+        """Return the predicted root mean square error at places in the base, shape (M,) [m].
+
+        The places have shape (3, M) [m].
         """
         return target_error(self.points, places, self.sigma)
 
@@ -75,7 +76,7 @@ def camera_to_base(observed: ArrayLike, touched: ArrayLike) -> Calibration:
     takes six, so that the mean square residual is (1 - 2 / N) times that of the noise.
 
     Args:
-        seen: in the camera's frame, shape (3, N) [m].
+        observed: the same points in the camera's frame, shape (3, N) [m].
         touched: in the base, shape (3, N) [m].
 
     Raises:
@@ -111,7 +112,8 @@ def hand_eye(A: ArrayLike, B: ArrayLike, tolerance: float = 0.02) -> HandEye:
     M = sum b a^T it is (M^T M)^(-1/2) M^T. Then (R_A - 1) x = R_X t_B - t_A by least squares.
 
     Args:
-        A, B: motions, shape (7, N), N at least 2.
+        A: motions to the left of X, shape (7, N), N at least 2.
+        B: the same motions to the right of X, same shape.
         tolerance: a singular value below this share of the largest counts as zero; the errors of
             the turns, over the turns, make one of that size out of nothing [1].
 

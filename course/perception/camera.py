@@ -199,6 +199,7 @@ def _slab(o, d, h, near, far):
 
 @register_jitable
 def through_plane(size, o, d):
+    """Return where a ray meets the plane z = 0 from above, twice; -inf if it never does."""
     t = -o[2] / d[2]
     t = t if d[2] < 0.0 else -math.inf
     return t, t
@@ -206,6 +207,7 @@ def through_plane(size, o, d):
 
 @register_jitable
 def through_box(size, o, d):
+    """Return where a ray enters and leaves a box, slab by slab (Kay and Kajiya, 1986)."""
     near, far = _slab(o[0], d[0], size[0], -math.inf, math.inf)
     near, far = _slab(o[1], d[1], size[1], near, far)
     return _slab(o[2], d[2], size[2], near, far)
@@ -446,7 +448,8 @@ def sense(depth: ArrayLike, camera: Camera, sensor: Sensor, rng: np.random.Gener
 
     Args:
         depth: shape (H, W), 0 where nothing is [m].
-        camera, sensor: whose picture it is.
+        camera: intrinsics of the image.
+        sensor: noise, resolution and range of the depth.
         rng: where the noise comes from.
 
     Returns:

@@ -31,9 +31,7 @@ _BITS = 21  # of a key for each index of a cell
 
 
 def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
-    """Return points from outside as contiguous floats (3, N), their least and largest
-    coordinates.
-    """
+    """Return a caller's points as contiguous floats (3, N), with their bounding box."""
     given = np.ascontiguousarray(points, dtype=float)
     if given.ndim == 2 and given.shape[0] == 3 and given.shape[1] >= least:
         low, high = given.min(axis=1), given.max(axis=1)
@@ -44,8 +42,9 @@ def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
 
 
 def _length(name: str, value: float, low: Array, high: Array) -> float:
-    """Return a length that is positive and not below the rounding of coordinates from low to
-    high.
+    """Return a length, checked to be positive and above the rounding of the coordinates.
+
+    The coordinates lie between low and high.
     """
     largest = float(np.maximum(np.abs(low), np.abs(high)).max())
     return finite(name, value, max(4.0 * np.finfo(float).eps * largest, POSITIVE), unit="m")
@@ -182,7 +181,8 @@ def radius_search(points: ArrayLike, queries: ArrayLike, radius: float) -> tuple
     """Return the points within a radius of each query, the border included.
 
     Args:
-        points, queries: shape (3, N) and (3, M) [m].
+        points: the cloud, shape (3, N) [m].
+        queries: centres of the balls, shape (3, M) [m].
         radius: [m].
 
     Returns:
@@ -486,7 +486,7 @@ def ransac_plane(
         tolerance: largest distance of a point that counts [m].
         rng: where the triples are drawn from.
         confidence: of having drawn three inliers; 1 for `at_most` draws always.
-        most: draws, at least 1.
+        at_most: limit on the number of draws, at least 1.
         refits: by least squares.
 
     Returns:

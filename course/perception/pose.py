@@ -72,6 +72,7 @@ class Estimate:
 
     @property
     def pose(self) -> Array:
+        """Position and unit quaternion in one array, shape (7,)."""
         return np.concatenate((self.p, from_matrix(self.R)))
 
 
@@ -98,7 +99,8 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
 
     Args:
         part: about its own origin.
-        a, b: poses, shape (7,).
+        a: pose, shape (7,).
+        b: pose, shape (7,).
 
     Returns:
         Distance of the origins [m] and least angle [rad].
@@ -140,8 +142,7 @@ def verdict(
 
 
 def see_through(depth: ArrayLike, camera: Camera, sensor: Sensor, shapes: Shapes) -> float:
-    """Return share of the measured pixels of posed shapes where the picture sees something behind
-    them.
+    """Return the share of the shapes' pixels at which the image shows something behind them.
 
     Behind means by more than 4 standard deviations of the depth and a millimetre. Pixels where
     something else is in front say nothing. 1 where the shapes are not in the picture.
@@ -246,7 +247,8 @@ def locate(
 
     Args:
         depth: shape (H, W) [m], 0 where there is no measurement.
-        camera, sensor: whose picture it is.
+        camera: intrinsics of the image.
+        sensor: noise and resolution of the depth.
         part: one shape, or several posed in the part's frame.
         table: (nx, ny, nz, d), towards the camera [m]; None to find the largest plane.
         standing: whether the part stands on the table with its z up, so that only place and turn
@@ -325,7 +327,11 @@ def pose_of(
 
     Args:
         z: the picture, shape (H, W) [m].
-        camera, sensor, part, standing, starts: as for `locate`.
+        camera: as for `locate`.
+        sensor: as for `locate`.
+        part: as for `locate`.
+        standing: as for `locate`.
+        starts: as for `locate`.
         cluster: its pixels, shape (H, W).
         table: the plane, shape (4,).
         on_table: points of it, (3, N), and the deviations of their depths, (N,) [m].
@@ -410,15 +416,18 @@ def pose_of(
 def stand_in(
     camera: Camera, sensor: Sensor, part: Shapes, places: ArrayLike, *, standing: bool = True
 ) -> tuple[Array, Array]:
-    """Return what `locate` will be off by, on the average and in its spread, without its pictures'
-    noise.
+    """Return the predicted bias and standard deviation of `locate`.
+
+    The bias is that of an image without noise.
 
     The spread is that of the exact picture's information. What averaging does not remove are the
     sensor's steps: of the error that they make without noise exp(-2 pi^2 (noise / step)^2) is
     left (Widrow and Kollar, Quantization Noise, 2008, ch. 4). A part that is alone in the picture.
 
     Args:
-        camera, sensor, part: as for `locate`.
+        camera: as for `locate`.
+        sensor: as for `locate`.
+        part: as for `locate`.
         places: poses in the camera's frame, shape (7, N).
         standing: whether the table is known, and with it height and tilts.
 

@@ -124,6 +124,7 @@ class Fit:
 
     @property
     def pose(self) -> Array:
+        """Position and unit quaternion in one array, shape (7,)."""
         return np.concatenate((self.p, from_matrix(self.R)))
 
     @property
@@ -178,7 +179,8 @@ def rigid_fit(
     the determinant of V U^T, keeps a mirror image out (Kabsch, 1978; Umeyama, 1991).
 
     Args:
-        source, target: shape (3, N), N at least 3 [m].
+        source: points, shape (3, N), N at least 3 [m].
+        target: their partners, same shape [m].
         weights: shape (N,), not negative; None for equal ones.
 
     Returns:
@@ -399,8 +401,7 @@ def _query(queries, points, axes, cuts, within, distance, index):
 
 @register_jitable
 def _onto(kind, s0, s1, s2, x, y, z):
-    """Return closest point of a solid's surface to (x, y, z), outward normal, how far it is from an
-    edge.
+    """Return the closest surface point, its outward normal and its distance from an edge.
 
     Beyond an edge the normal points from the edge to (x, y, z), and the last number is zero.
     """

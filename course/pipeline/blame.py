@@ -120,7 +120,8 @@ def gained(record: Record, kp: float, kd: float) -> float:
 
     Args:
         record: of a run whose arm is moved by torques.
-        kp, kd: of the law [N m/rad, N m s/rad].
+        kp: gain of the law [N m/rad].
+        kd: gain of the law [N m s/rad].
     """
     if len(record.log) < 3:
         return 0.0
@@ -292,7 +293,9 @@ def contracts_alone(
     """Return how many failing runs of each fault the first broken contract names, without a replay.
 
     Args:
-        desired, faults, case: as for `confusion`.
+        desired: as for `confusion`.
+        faults: as for `confusion`.
+        case: as for `confusion`.
 
     Returns:
         Shape (2, faults): with the true target, and with what a robot's own record holds.
@@ -319,8 +322,9 @@ def confusion(
     """Return so many failing runs of each fault, diagnosed without a look at it.
 
     Args:
-        wanted: failing runs of each, of at most eight times as many seeds.
-        faults, case: what befalls what.
+        desired: failing runs of each fault; at most eight times as many seeds are tried.
+        faults: the faults that are injected.
+        case: the scenario and settings that they are injected into.
         contracted: whether contracts are read first.
         truth: as for `contracts`.
 

@@ -29,15 +29,15 @@ Band = tuple[float, float, float]
 
 
 def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
-    """Return mean (2,) [m] and covariance (2, 2) [m^2] of the tip's error at the end, before any
-    run.
+    """Predict the mean (2,) [m] and covariance (2, 2) [m^2] of the tip's final error.
 
     Bias as it is; what a filter that is not settled makes of noise and speed; age times speed; the
     lag and the sag of the arm. A plan that is there in time, and a step that is stable, cost
     nothing once the arm stands.
 
     Args:
-        scenario, settings: with "pd", and pictures that overlap; what is ideal costs nothing.
+        scenario: the task.
+        settings: with "pd", and pictures that overlap; what is ideal costs nothing.
 
     Raises:
         ValueError: for another law or rule of overrun, and for a physics step at which the arm is
@@ -164,7 +164,8 @@ def budget(
     """Run every subset of repairs on the same seeds, 2^n runs a seed.
 
     Args:
-        scenario, settings: the case.
+        scenario: the task.
+        settings: with all its errors.
         seeds: at least two.
         parts: that are mended; the others stay as they are.
         stages: whose functions do it.

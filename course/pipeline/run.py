@@ -109,7 +109,8 @@ def run(
     """Return the whole pipeline, once, the same on every machine.
 
     Args:
-        scenario, settings: what is to be done, and how.
+        scenario: the task.
+        settings: periods, gains and errors of the stages.
         stages: whose functions do it.
         seed: of all random numbers; each stage has a stream of its own, so that two settings meet
             the same noise.

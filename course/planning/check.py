@@ -74,8 +74,9 @@ def check_path(
     Args:
         world: the world.
         path: states, one a column, shape (n, k), k from 1 on; None, as a plan may have, is wrong.
-        start, goal: what it has to begin and end with, exactly, if given: a state (n,), or for the
-            goal the corners of its box as rows, shape (2, n).
+        start: the state that it must begin with, exactly, shape (n,), if given.
+        goal: the state that it must end with, likewise, or the corners of the goal box as rows,
+            shape (2, n).
 
     Returns:
         The verdict: true where the path is right. In a world of kind "function" only the points
@@ -184,9 +185,11 @@ def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike)
     ends, or moves less than `RESOLVED`.
 
     Args:
-        a, b: ends of the edge, shape (n,).
-        gaps: states (n, m) -> how free each link is, shape (links, m) [m].
-        speeds: how far a point of each link moves at most from a to b, shape (links,) [m].
+        a: first end of the edge, shape (n,).
+        b: other end of the edge, shape (n,).
+        gaps: states (n, m) -> clearance of each link, shape (links, m) [m].
+        speeds: upper bound on the distance that a point of each link moves from a to b, shape
+            (links,) [m].
     """
     middles, half = np.array([0.5]), 0.5
     ends = np.array([0.0, 1.0])

@@ -61,10 +61,13 @@ def draw(kind, state_free, obstacles, body, bounds, spread, shift, counts, rng, 
 
     Args:
         kind: one of the numbers of `SAMPLERS`.
-        state_free, obstacles, body, bounds: the world.
+        state_free: the compiled check of a state.
+        obstacles: the obstacles that it reads.
+        body: the robot that it reads.
+        bounds: lowest and highest states, shape (2, n).
         spread: standard deviation of the partner of a Gaussian, the half bridge.
         shift: of Halton's sequence, shape (n,), from 0 to 1.
-        counts: see the top; DRAWN is the place in Halton's sequence.
+        counts: counters, see the top of the module; DRAWN is the position in Halton's sequence.
         rng: random numbers.
         out: a state, filled.
     """

@@ -172,7 +172,8 @@ def smooth(path: ArrayLike, free: Free, *, rounds: int = 3) -> Array:
     lengthens the path; its ends stay.
 
     Args:
-        path, free: as for `shortcut`.
+        path: as for `shortcut`.
+        free: as for `shortcut`.
         rounds: each doubles the number of edges.
     """
     path, free = _rows(path), _test(free)
@@ -322,7 +323,10 @@ def sequential_convex(
     penalty: the dual is a least-squares problem in a box.
 
     Args:
-        path, distance, margin, points: as for `covariant_gradient`.
+        path: as for `covariant_gradient`.
+        distance: as for `covariant_gradient`.
+        margin: as for `covariant_gradient`.
+        points: as for `covariant_gradient`.
         iterations: convex steps at most.
         penalty: of the hinges at first.
     """

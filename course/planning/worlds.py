@@ -484,7 +484,9 @@ def planar_arm(
     Args:
         lengths: of the links, shape (n,) [m], positive.
         radius: of the capsule around a link, a number or shape (n,) [m], from 0 on.
-        discs, boxes, polygons: as for `plane`.
+        discs: as for `plane`.
+        boxes: as for `plane`.
+        polygons: as for `plane`.
         bounds: lowest and highest joint angles, shape (2, n) [rad]; from -pi to pi without it.
 
     Raises:

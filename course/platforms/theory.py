@@ -25,7 +25,9 @@ def braking_distance(
     with the motion. The stop in the middle of a step adds less than mu g dt^2 / 8.
 
     Args:
-        speed, friction, gravity: at the start [m/s], coefficient, [m/s^2].
+        speed: at the start [m/s].
+        friction: Coulomb coefficient.
+        gravity: [m/s^2].
         dt: step [s]; 0 for the true distance.
     """
     positive("speed", speed, unit="m/s")
@@ -67,7 +69,9 @@ def stop(
     Args:
         heading: angles from the x axis, which is an axis of the section [rad], any shape.
         cone: one of `CONES`.
-        speed, friction, gravity: [m/s], coefficient, [m/s^2].
+        speed: at the start [m/s].
+        friction: Coulomb coefficient.
+        gravity: [m/s^2].
 
     Returns:
         Distance from the start [m] and direction of the place of rest less the heading [rad], each

@@ -71,8 +71,9 @@ def exact_seconds(value: Seconds, name: str = "seconds") -> Fraction:
 
 
 def interpolate_linearly(previous: Any, current: Any, alpha: float) -> Any:
-    """Return the state a fraction alpha of the way from `previous` to `current`, component by
-    component.
+    """Interpolate between `previous` and `current`, component by component.
+
+    The result lies a fraction alpha of the way from the first to the second.
 
     The error for a smooth motion is at most max |acceleration| * dt**2 / 8. It suits positions and
     velocities; a quaternion needs an interpolation along the sphere instead.
@@ -398,9 +399,7 @@ class FixedStepLoop:
 
 
 def _common_tick(times: Iterable[Fraction]) -> Fraction:
-    """Return the largest time of which all the given ones are whole multiples (zeros do not
-    count).
-    """
+    """Return the largest time that divides all given times (zeros do not count)."""
     numerator, denominator = 0, 1
     for time in times:
         scale = math.lcm(denominator, time.denominator)

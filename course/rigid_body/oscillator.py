@@ -40,12 +40,14 @@ METHODS = (
 
 @register_jitable
 def step_of(number, q, v, dt, params):
-    """Return one step of the oscillator by METHODS[number], which compiled code can't look up by
-    name.
+    """Return one step of the oscillator with METHODS[number].
+
+    Compiled code can't look a method up by name.
 
     Args:
         number: of the method.
-        q, v: position and velocity, shape (1,) or (1, N).
+        q: position, shape (1,) or (1, N).
+        v: velocity, same shape.
         dt: step [s].
         params: omega [rad/s] and zeta.
 

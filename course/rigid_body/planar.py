@@ -287,7 +287,8 @@ def box_parameters(
 
     Args:
         mass: [kg], positive.
-        width, height: extent along the body's own axes [m], positive.
+        width: extent along the body's own x axis [m], positive.
+        height: extent along the body's own y axis [m], positive.
         inertia: about the centre of mass [kg m^2], positive; that of a uniform box,
             m (w^2 + h^2) / 12, if left out.
         restitution: in [0, 1].
@@ -540,8 +541,9 @@ class PlanarBody:
         return float(self.state[5])
 
     def corners(self) -> Array:
-        """Return the corners in world axes, anticlockwise from the body's lower left, (2,
-        4) [m].
+        """Return the corners in world axes, shape (2, 4) [m].
+
+        They run anticlockwise from the body's lower left.
         """
         x, y, angle = self.state[:3]
         a = 0.5 * self.width * np.array([-1.0, 1.0, 1.0, -1.0])

@@ -72,8 +72,10 @@ def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
     whatever the friction. In a central impact (rx = 0 or ry = 0 or no friction) vn' = -e vn.
 
     Args:
-        vt, vn: velocity of the corner along and away from the ground, vn < 0 [m/s].
-        rx, ry: offset of the corner from the centre of mass [m].
+        vt: velocity of the corner along the ground [m/s].
+        vn: velocity of the corner away from the ground, negative [m/s].
+        rx: horizontal offset of the corner from the centre of mass [m].
+        ry: vertical offset of the corner from the centre of mass [m].
         inverse_mass: 1/mass [1/kg].
         inverse_inertia: 1/inertia about the centre of mass [1/(kg m^2)].
         restitution: e in [0, 1].
@@ -253,9 +255,14 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
     error is squared each time, and for a box that does not turn the first advance is exact.
 
     Args:
-        y, angle, vy, omega: height, angle and their rates [m, rad, m/s, rad/s].
-        ay, alpha: vertical and angular acceleration, constant [m/s^2, rad/s^2].
-        width, height: of the box [m].
+        y: height of the centre of mass [m].
+        angle: [rad].
+        vy: vertical velocity [m/s].
+        omega: angular velocity [rad/s].
+        ay: vertical acceleration, constant [m/s^2].
+        alpha: angular acceleration, constant [rad/s^2].
+        width: of the box [m].
+        height: of the box [m].
         horizon: how far to look [s].
         coefficient: c of the flight y + tau vy + c tau^2 ay.
 

@@ -386,7 +386,10 @@ def top_height_truth(
 
     Args:
         t: time [s].
-        inertia, weight, tilt, spin: as for `nutation_limits`.
+        inertia: as for `nutation_limits`.
+        weight: as for `nutation_limits`.
+        tilt: as for `nutation_limits`.
+        spin: as for `nutation_limits`.
 
     Returns:
         u1 + (u2 - u1) cd^2(p t | m), between the nutation limits.
@@ -480,7 +483,9 @@ def bounce_height(
 
     Args:
         t: time since the drop [s].
-        height, restitution, gravity: as for `bounce_times`.
+        height: as for `bounce_times`.
+        restitution: as for `bounce_times`.
+        gravity: as for `bounce_times`.
     """
     first = np.sqrt(2.0 * height / gravity)
     if t < first:
@@ -514,7 +519,8 @@ def frictionless_box(
     Args:
         t: time [s].
         state: start (x, y, angle, vx, vy, omega), shape (6,).
-        width, height: of a uniform box [m].
+        width: of the uniform box [m].
+        height: of the uniform box [m].
         restitution: e, between 0 and 1.
         gravity: [m/s^2].
 

@@ -195,8 +195,9 @@ class RigidBody:
         return float(kinetic), float(potential), float(kinetic + potential)
 
     def angular_momentum(self) -> Array:
-        """Return angular momentum about the centre of mass in the world frame, shape (3,) [kg
-        m^2/s].
+        """Return the angular momentum about the centre of mass, shape (3,) [kg m^2/s].
+
+        It is in the world frame.
         """
         return np.asarray(rotate(self.q[3:], np.asarray(self.inertia) @ self.v[3:]))
 

@@ -142,8 +142,9 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
 
 
 def _slope(run: Callable, x: Array, low: Array, high: Array, size: Array) -> Array:
-    """Return d simulated / d parameter by central differences in one rollout, shape (n, T + 1,
-    P).
+    """Return d simulated / d parameter by central differences, shape (n, T + 1, P).
+
+    All differences are taken in one batched rollout.
     """
     up, down = np.minimum(x + 6e-6 * size, high) - x, np.maximum(x - 6e-6 * size, low) - x
     both = run(x[:, None] + np.hstack([np.diag(up), np.diag(down)]))
@@ -157,10 +158,11 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
     samples than parameters are each a ValueError.
 
     Args:
-        simulate, log: all signals count alike.
+        simulate: parameters -> simulated signals, all of which count alike.
+        log: the measured signals and the commands.
         start: all that `simulate` wants, by name; what is not free stays.
         free: bounds of each parameter that is to be found.
-        steps: most that are tried.
+        steps: limit on the Gauss-Newton steps.
     """
     names, x, low, high, size, run = _prepared(simulate, log, start, free)
     desired, P = np.asarray(log.measured, dtype=float), len(names)
@@ -263,8 +265,10 @@ def excitation(
     free: Bounds,
     noise: float = 1e-3,
 ) -> dict[str, Visible]:
-    """Return what each of several logs would tell, the best conditioned one first, before anything
-    is measured: only their commands count, the parameters are those of `start`.
+    """Predict how well each of several logs would identify the parameters, the best one first.
+
+    Nothing needs to be measured: only the logs' commands count, and the parameters are those of
+    `start`.
     """
     report = {}
     for name, log in logs.items():

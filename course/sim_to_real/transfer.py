@@ -116,9 +116,12 @@ def trials(
     is McNemar's test (eq. 13.17 there): only those count where one succeeds and the other fails.
 
     Args:
-        first, second: the rates, not equal.
+        first: one success rate.
+        second: the other success rate, not equal.
         together: share of the same trials in which both succeed; None for trials of their own.
-        power: with which a difference is found, level: at which none is claimed, two-sided.
+        power: probability of detecting the difference.
+        level: two-sided significance level, the probability of claiming a difference where there is
+            none.
     """
     from scipy.special import ndtri
 

@@ -151,7 +151,9 @@ def improve(
         trial: (sets of gains (6, K), number of the round) -> their outcomes (K, E).
         rng: who draws the tries.
         start: gains to start from, positive.
-        rounds, samples, elites: of the search, see `course.control.cem`.
+        rounds: of the search, see `course.control.cem`.
+        samples: tries in a round.
+        elites: best tries of a round, to which the next one is fitted.
         spread: of the logarithm of a gain in the first round.
     """
     first = np.log(vector("start", start, (6,), low=1e-6) / GUESS)
@@ -237,7 +239,8 @@ def automatic(
         rounds: of the search; one fills a quarter of each buffer.
         buffer: episodes that decide.
         thresholds: shares of success, (lower, upper).
-        step, most: of a boundary, and its farthest place, in widths as of `around`.
+        step: by which a boundary moves, in widths as of `around`.
+        at_most: farthest position of a boundary, in the same unit.
     """
     low, high = vector("thresholds", thresholds, (2,), low=0.0, high=1.0).tolist()
     if low >= high:
@@ -287,9 +290,10 @@ def remake(kind: str, at: float, seed: int = 0) -> Array:
     """Return gains of the record, tuned anew, shape (6,).
 
     Args:
-        kind: "range" for arms drawn about the simulator's, with the width `at`; "known" for the
-            real arm of gap `at` and a delay of 10 ms, as if identified; "both" for a range of
-            width 0.4 about that.
+        kind: "range" for arms drawn about the simulator's; "known" for the real arm with a delay of
+            10 ms, as if identified; "both" for a range of width 0.4 about that.
+        at: width of the range, or gap of the real arm.
+        seed: of the training.
     """
     one_of("kind", kind, ("range", "known", "both"))
     centre = nominal() if kind == "range" else real(at, KNOWN_DELAY)

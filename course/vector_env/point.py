@@ -81,9 +81,11 @@ def optimum(
     bonus: either it pays to go at once, or to wait outside the disc until the last step.
 
     Args:
-        ways: first observations, points at rest, (n, 4) [m].
-        reward: one of these four; of "distance" the best has no closed form.
-        bonus, max_steps, disc: of the task; `radius` and `dt`.
+        paths: first observations, points at rest, shape (n, 4) [m].
+        reward: one of these four; the best return for "distance" has no closed form.
+        max_steps: time limit of the task.
+        bonus: reward at the goal.
+        **disc: `radius` and `dt` of the task.
     """
     least, _ = plan(paths, **disc)
     prize = DISCOUNT ** (least - 1.0)

@@ -120,7 +120,7 @@ def judge(entry: Entry, text: str) -> tuple[bool | None, str]:
 
     Args:
         entry: the card.
-        said: of a claim one of `VERDICTS`, of a formula the formula.
+        text: for a claim one of `VERDICTS`, for a formula the formula.
     """
     text = text.strip()
     if entry.kind == "formula" and text:

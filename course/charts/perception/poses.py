@@ -46,8 +46,9 @@ def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Arra
 
 @chart(columns=2)
 def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
-    """Chart a prism turned by more than half of its period ends as the next one of its equal
-    poses.
+    """Chart how ICP, started too far off, ends in the next of a prism's equal poses.
+
+    That happens once the prism is turned by more than half of its period.
     """
     rng, degrees = np.random.default_rng(0), np.linspace(0.0, 70.0, turns)
     home = Panel(

@@ -377,8 +377,9 @@ def path_quality(
     budgets: Sequence[int] = (100, 300, 1000, 3000, 10_000),
     tolerance: float = 0.05,
 ) -> Iterator[Panel]:
-    """Chart length of a path over the exactly known shortest one against time, failures
-    infinite.
+    """Chart the ratio of path length to the exact shortest length against time.
+
+    A failure counts as infinite length.
     """
     planning.warm()
     for scene, best in exactly_known():

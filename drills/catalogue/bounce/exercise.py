@@ -132,9 +132,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def _start_speed(a: Answer) -> bool:
-    """Return whether the one impact of a fall turns round the speed of the start, then or at the
-    end.
-    """
+    """Return whether the answer reverses the speed of the start instead of the impact's."""
     y, v, dt, e, gravity = (*a.case.args, 9.81)[:5]
     if a.case.label != "one impact" or v > -3.0:
         return False

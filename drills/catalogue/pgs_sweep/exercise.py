@@ -25,8 +25,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return np.asarray(A * (blocks + coupling * (1.0 - blocks)))
 
     def alone(normal: float, slip: float, mu: float, label: str, level: str = "core") -> Case:
-        """Return a contact whose step, before it is projected, is (normal, slip in some
-        direction).
+        """Return a contact whose impulse, before it is projected, is (normal, slip).
+
+        The slip points in a random direction.
         """
         A, turn = delassus(1), rng.uniform(-math.pi, math.pi)
         expected = np.array([normal, slip * math.cos(turn), slip * math.sin(turn)])

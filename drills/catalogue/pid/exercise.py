@@ -501,8 +501,9 @@ def _windup(attempt: Attempt) -> None:
 
 
 def _leaves_limit(attempt: Attempt) -> None:
-    """Check an integral that alone holds the command at its limit lets go when the error turns
-    round.
+    """Check that the integral leaves the limit when the error changes sign.
+
+    The integral alone holds the command at that limit.
     """
     for side in (1.0, -1.0):
         numbers = Numbers(ki=float(attempt.rng.uniform(9.0, 12.0)), kd=1.0, u_min=-5.0, u_max=5.0)

@@ -17,10 +17,12 @@ def build(xml, tuned):
 
 
 def fresh(model):
+    """Return new simulation data of a model."""
     return mujoco.MjData(model)
 
 
 def generator(seed):
+    """Return a generator that lives in the child and is passed by handle."""
     return np.random.default_rng(seed)
 
 
@@ -89,11 +91,13 @@ def observe(randomizer, observation, rng):
 
 
 def observe_often(randomizer, observation, rng, count):
+    """Return `count` noisy copies of one observation, copied before the next call."""
     handed = np.array(observation)
     return [copy.deepcopy(randomizer.observe(handed, rng)) for _ in range(count)]
 
 
 def timed(randomizer, data, rng, count):
+    """Randomise `count` times; the judge times the call."""
     for _ in range(count):
         randomizer.randomize(data, rng)
 

@@ -25,9 +25,7 @@ def length(path: Any) -> float:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return one corner, then zigzags among discs that lie beside the path, many of them in the
-    way.
-    """
+    """Return one corner, then zigzags among discs beside the path, many of them blocking it."""
 
     def zigzag(
         label: str,
