@@ -159,9 +159,9 @@ def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
 
 
 def free(ticks: Array, durations: Array) -> NDArray[np.bool_]:
-    """Return which ticks find the stage free, if those that do not are lost.
+    """Return which ticks find the stage free, if ticks that do not are lost.
 
-    Both shapes (M,) [s].
+    Both arrays have shape (M,) [s].
     """
     retained, until = np.zeros(ticks.size, np.bool_), -np.inf
     for k in range(ticks.size):

@@ -194,7 +194,7 @@ class Attempt:
 
     @property
     def failed(self) -> bool:
-        """Whether a check has failed so far."""
+        """True if a check has failed so far."""
         return any(not check.passed for check in self.report.checks)
 
     def call(self, *args: Any, **kwargs: Any) -> Any:

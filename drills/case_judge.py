@@ -378,10 +378,7 @@ def coarse(answers: Sequence[Answer]) -> str:
 
 
 def _coarse(got: Any, expected: Array) -> str | None:
-    """Return what made a value coarse; "" if something else is wrong with it.
-
-    None if it can't be told.
-    """
+    """Return what made a value coarse, "" if something else is wrong, None if unknown."""
     try:
         values = as_float64(got, expected.shape)
     except Mismatch:

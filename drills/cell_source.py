@@ -461,10 +461,7 @@ def _assignment(cell: _Cell, name: str) -> ast.stmt | None:
 
 
 def _literal(value: Any) -> str | None:
-    """Return a plain number, text or tuple of such as Python would write it.
-
-    None for anything else.
-    """
+    """Return Python source of a plain number, text or tuple of such, or None for anything else."""
     if isinstance(value, float):  # NumPy's float64 is one
         value = float(value)
         text = repr(value) if math.isfinite(value) else f"float({str(value)!r})"

@@ -248,7 +248,7 @@ def _is_simpler(failed: Check, report: Report) -> bool:
 def _entry_text(source: str, entry: str) -> str | None:
     """Return the graded definition without comments, layout and docstrings.
 
-    None if there is none.
+    It is None if the definition is missing.
     """
     try:
         with warnings.catch_warnings():

@@ -267,7 +267,7 @@ def predicted_by_size(data: Mapping[str, ArrayLike], n: int, workers: int) -> Ar
 def crossing(cost: ArrayLike, loop: ArrayLike, processes: ArrayLike) -> float | None:
     """Return where the ratio of two curves passes 1, interpolated in logarithms.
 
-    None if it never does.
+    It returns None if the ratio never does.
     """
     c = np.log(np.array(cost, dtype=float))
     gap = np.log(np.array(processes, dtype=float) / np.array(loop, dtype=float))

@@ -131,9 +131,9 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
 
 @register_jitable
 def _clip(polygon, n, c, sign, limit, other):
-    """Return the part of a polygon with sign * coordinate c up to a limit.
+    """Clip a polygon to sign * coordinate c <= limit and return how many corners remain.
 
-    How many corners it has.
+    (Sutherland and Hodgman, 1974.)
     """
     retained = 0
     near = 1e-10 * limit  # a corner on the line is cut once, and not a second time beside it

@@ -434,9 +434,7 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
 
 
 def defect(problem: Problem, impulses: ArrayLike, law: str = "coulomb") -> float:
-    """Return by how much impulses (n, d) miss one of the `LAWS` of the round cone [m/s].
-
-    0 if solved.
+    """Return the violation of one of the `LAWS` by impulses (n, d) [m/s], 0 if they solve it.
 
     r |g - P(g - w / r)|, the largest over the contacts, r the trace of the contact's block of A, P
     the projection on the cone (the natural map; Facchinei and Pang 2003, sec. 1.5). Coulomb's law
@@ -540,9 +538,9 @@ def coulomb(
 
 
 def duality_gap(problem: Problem, impulses: ArrayLike) -> tuple[float, float]:
-    """Return cost of the convex problem less the bound that its dual gives.
+    """Return the duality gap of the convex problem, for impulses in their cones.
 
-    For impulses in their cones.
+    It is the primal cost minus the bound that the dual gives.
 
     Returns:
         The gap f w [J], and by how much w is outside its cone [m/s]: only within it a bound.

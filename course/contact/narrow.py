@@ -123,7 +123,7 @@ def _support(d, va, vb, pair, out, k):
 
 @register_jitable
 def _edge(s, i, j):
-    """Return from row i of s to row j."""
+    """Return the vector from row i of s to row j."""
     return _added(_row(s, j), -1.0, _row(s, i))
 
 
@@ -647,10 +647,7 @@ def _from_plane(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
 
 
 def measured(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
-    """Return `distance` for poses in space that are checked.
-
-    The rows of `measure`, shape (12, N).
-    """
+    """Return the rows of `measure`, shape (12, N), for poses in space that are checked."""
     if a.name == "plane":
         return _from_plane(a, qa, b, qb)
     if b.name == "plane":

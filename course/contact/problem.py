@@ -89,7 +89,7 @@ class Problem:
     def moved(self, velocity: ArrayLike, free: ArrayLike, gap: ArrayLike) -> Problem:
         """Return the same bodies and contacts in another state.
 
-        What depends on M and J alone is kept.
+        Whatever depends on M and J alone is reused.
         """
         other = object.__new__(Problem)
         nv, n = self.mass.shape[0], self.gap.size

@@ -287,7 +287,7 @@ def tower(masses: Sequence[float]) -> Scene:
 
 
 def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 10.0) -> Scene:
-    """Return a stiff table on four legs: q = (height, roll, pitch).
+    """Return a stiff table on four legs, q = (height, roll, pitch).
 
     Its weight acts at the point `load`.
 
@@ -318,9 +318,9 @@ def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 1
 
 
 def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Scene:
-    """Return a glass of a mass [kg] between two fingers.
+    """Return a glass of a given mass [kg] between two fingers.
 
-    Q = (x of both fingers, x and z of the glass).
+    q holds x of both fingers, then x and z of the glass.
 
     The fingers of 50 g squeeze with a force each [N]; it is held from mu = m g / (2 squeeze) on.
     """

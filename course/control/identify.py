@@ -280,10 +280,7 @@ def diagnose(
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float, parts: int = 40) -> float:
-    """Return the lowest point of a function with several valleys.
-
-    A grid, then the golden section.
-    """
+    """Minimise a function with several valleys by a grid and then golden-section search."""
     points = [low + (high - low) * i / parts for i in range(parts + 1)]
     best = int(np.argmin([cost(x) for x in points]))
     a, b = points[max(best - 1, 0)], points[min(best + 1, parts)]

@@ -62,9 +62,9 @@ def pd_gravity(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """Return `pd`, and what holds the arm up where it is.
+    """Return the torques of `pd` plus gravity compensation.
 
-    At a still target it has no steady error.
+    At a target at rest it has no steady error.
     """
     here = np.asarray(q, dtype=float)
     zero = np.zeros(here.shape)
@@ -237,9 +237,9 @@ def impedance(
     rows: Sequence[int] = (0, 1, 2),
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """Return a spring and a damper from the tip to a target.
+    """Return the torques of a virtual spring and damper from the tip to a target.
 
-    And what holds the arm up (Hogan, 1985).
+    Gravity compensation is added (Hogan, 1985).
 
     The arm keeps its own inertia, so no force has to be measured.
 
@@ -443,7 +443,7 @@ def hybrid(
 def gain(name: str, value: ArrayLike, n: int) -> Array:
     """Return a gain as a matrix (n, n), from a number, one for each row, or a matrix.
 
-    None below 0.
+    No gain may be negative.
     """
     array = vector(name, value, (), (n,), (n, n))
     if array.ndim < 2:

@@ -274,9 +274,9 @@ def _newton(H, gradient, free, L, step):
 
 
 def _box(H, g, low, high, x, free):
-    """Return the minimiser into x, its free coordinates into `free`.
+    """Write the minimiser into x and which coordinates are free into `free`.
 
-    The iterations, -1 for a bad H.
+    It returns the iterations, or -1 if H is not positive definite.
     """
     n = x.size
     L, step, trial, gradient = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
@@ -342,7 +342,7 @@ def box_qp(
 ) -> BoxQP:
     """Minimise x^T H x / 2 + g^T x for low <= x <= high.
 
-    Projected Newton, an exact active set.
+    It is a projected Newton method with an exact active set.
 
     Args:
         H: symmetric and positive definite, shape (n, n).
@@ -387,9 +387,9 @@ class Horizon(NamedTuple):
 
 
 def horizon(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, samples: int) -> Horizon:
-    """Return the states eliminated.
+    """Return the quadratic program of model predictive control, with the states eliminated.
 
-    What comes after the last sample costs what it costs without limits.
+    The cost after the last sample is that of the unconstrained regulator.
 
     With that end the plan is the regulator's wherever no limit binds; arguments as for `lqr`.
     """

@@ -38,7 +38,7 @@ class Features:
 
 @dataclass(frozen=True)
 class Learned:
-    """Computed torque by a model and what was learned beside it (None at first), for `track`.
+    """Computed torque with a model and a learned residual (None at first), for `track`.
 
     The gains kp and kd stand before the inertia [1/s^2, 1/s].
     """
@@ -59,9 +59,7 @@ class Learned:
 
 
 def lacking(model: Arm, log: Record) -> tuple[Array, Array]:
-    """Return inputs (3 n, K) of a run's samples.
-
-    And the torques (n, K) that the model doesn't explain.
+    """Return a run's inputs (3 n, K) and the torques (n, K) that the model doesn't explain.
 
     Means and differences over a sample stand for its middle, which is of second order in the
     sample time. Samples after a run diverged are left out.

@@ -293,7 +293,7 @@ def growth_by_squares(matrix):
 def open_loop(plant: Held, law: Law, w: ArrayLike) -> NDArray[np.complex128]:
     """Return the loop's transfer function, opened at the command.
 
-    At angular frequencies w [rad/s].
+    It is evaluated at angular frequencies w [rad/s].
     """
     turns = np.ascontiguousarray(np.asarray(w, dtype=float) * plant.dt)
     return np.asarray(_open_loop(*_parts(plant, law), turns))
@@ -559,9 +559,9 @@ def force_limit(damping: float, wall: float, lateness: float) -> float:
 
 
 def passive_stiffness(damping: float, dt: float, delay: float = 0.0) -> float:
-    """Return largest stiffness that an arm shows at any wall by its own damping.
+    """Return the largest wall stiffness that an arm's own damping keeps passive.
 
-    2 b / (dt + 2 delay).
+    It is 2 b / (dt + 2 delay).
 
     Colgate and Schenkel, Passivity of a class of sampled-data systems, 1997, with the delay added
     to half a sample.

@@ -79,9 +79,9 @@ def cem(
     spread: ArrayLike = 1.0,
     limit: ArrayLike = np.inf,
 ) -> Sampled:
-    """Return the cross-entropy method (Rubinstein, 1999).
+    """Improve a plan with the cross-entropy method (Rubinstein, 1999).
 
-    Mean and spread of the best tries, in rounds.
+    In rounds, mean and spread are refitted to the best samples.
 
     Arguments as for `mppi`; `elites` of the tries count, in each of `rounds`.
     """
@@ -109,9 +109,9 @@ def predictive(
     spread: ArrayLike = 1.0,
     limit: ArrayLike = np.inf,
 ) -> Sampled:
-    """Return predictive sampling (Howell and others, 2022).
+    """Improve a plan with predictive sampling (Howell and others, 2022).
 
-    The best try, the old plan being one of them.
+    The result is the best sample, the old plan being one of them.
 
     So no plan is worse than the one before. Arguments as for `mppi`.
     """

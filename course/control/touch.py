@@ -131,9 +131,9 @@ def _swing(x, v, u, mass, damping, stiffness, t):
 
 @register_jitable
 def held_mass(mass, damping, stiffness, dt, rest):
-    """Return transition, now and before of `course.control.sampled.held`, of one mass on a spring.
+    """Return the transition matrices of one mass on a spring, as `course.control.sampled.held`.
 
-    For compiled code: a command comes `rest` late in the sample [s].
+    It is for compiled code: a command comes `rest` late in the sample [s].
     """
     transition, late = np.empty((2, 2)), dt - rest
     for k in range(2):

@@ -156,9 +156,9 @@ _rollouts_loop = loop(_rollouts, numba.void(MATRIX, CUBE, numba.float64, numba.i
 def rollouts(
     arm: TwoLink, plans: ArrayLike, dt: float, state: tuple[ArrayLike, ArrayLike], substeps: int = 1
 ) -> tuple[Array, Array]:
-    """Return where each of K plans of torques takes two links, compiled.
+    """Simulate K plans of torques of two links, compiled.
 
-    What `mppi` and its like judge.
+    `mppi` and the other samplers score these rollouts.
 
     Args:
         arm: as it is believed to be.
@@ -193,9 +193,9 @@ def track(
     limit: ArrayLike = np.inf,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Record:
-    """Return an arm under a sampled law: measure, command, hold.
+    """Simulate an arm under a sampled law: measure, command, hold.
 
-    Runge-Kutta of fourth order in between.
+    Between samples a fourth-order Runge-Kutta method integrates.
 
     Two links under a `JointLaw` with a two-link model run compiled; everything else calls the law
     from Python. A run that diverges ends in NaN.

@@ -127,10 +127,7 @@ def _symmetric(row, c, v):
 
 @register_jitable
 def _pull(table, q, k, pose, wrench):
-    """Return the wrench at the tip as force and moment on the last link, in its frame.
-
-    At its origin.
-    """
+    """Return the wrench at the tip as force and moment on the last link, at its frame's origin."""
     last = table.shape[0] - 2
     place(table, q, k, pose)
     back = -pose[last, 3], pose[last, 4], pose[last, 5], pose[last, 6]
@@ -477,9 +474,9 @@ def forward_dynamics(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """Return the accelerations that torques cause (articulated bodies).
+    """Return the joint accelerations under torques, by the articulated-body algorithm.
 
-    As for `inverse_dynamics`.
+    Arguments are those of `inverse_dynamics`, with torques for accelerations.
     """
     single, (q, v, tau) = batch(chain, q=q, v=v, tau=tau)
     a = kernels()[2](chain.table, q, v, tau, *_outside(wrench, gravity, q.shape[1]))

@@ -424,9 +424,9 @@ class Samples:
 
 
 def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
-    """Return postures drawn uniformly within the limits, shape (size, n).
+    """Return postures sampled uniformly within the limits, shape (size, n).
 
-    One turn for a joint without.
+    A joint without limits gets one turn.
 
     Raises:
         ValueError: for a slide without limits.
@@ -442,7 +442,7 @@ def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _rank(chain: Chain, rows: int) -> int:
-    """Return of the Jacobian where it is not singular: the largest of a few postures."""
+    """Return the generic rank of the Jacobian, the largest of a few random postures."""
     draws = np.random.default_rng(0).normal(size=(chain.n, 5))
     stack = jacobian(chain, draws)[:rows].transpose(2, 0, 1)
     return int(np.linalg.matrix_rank(stack, rtol=1e-9).max())
@@ -547,9 +547,9 @@ def elbow_height(chain: Chain, q: ArrayLike, joint: int = 3) -> tuple[float, Arr
 
 
 def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
-    """Return minus half the sum of squared distances from the middle, in half ranges.
+    """Return minus half the sum of squared distances from mid-range, and its gradient.
 
-    And its gradient.
+    Distances are in half ranges.
 
     Joints without limits, or without a range, do not count.
     """

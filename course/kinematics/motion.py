@@ -204,7 +204,7 @@ def _jacobian_rate(table, q, v, frame, point):
 
 @register_jitable
 def _velocity(pose, spin, speed, i, point):
-    """Return of a point of the world that link i carries along, a triple."""
+    """Return the velocity of a point of the world that link i carries along, a triple."""
     arm = scaled(point, three(pose, i, 0), -1.0)
     return add3(three(speed, i, 0), cross3(three(spin, i, 0), arm))
 
@@ -341,7 +341,7 @@ def manipulability(J: ArrayLike) -> Any:
 def condition_number(J: ArrayLike, length: float) -> Any:
     """Return largest over smallest singular value of a whole Jacobian, (6, n) or (6, n, N).
 
-    May be inf.
+    It is infinite at a singularity.
 
     Metres and radians have no common scale: without the length [m] by which the rows of velocity
     are divided it has no meaning. In millimetres (0.001) the same arm has another one.

@@ -69,9 +69,10 @@ class TwoLink:
 
     @property
     def parameters(self) -> Array:
-        """What the equations are linear in: a, b, d, c1, c2 [kg m^2, N m s/rad], shape (5,).
+        """The parameters in which the equations are linear: a, b, d, c1, c2, shape (5,).
 
-        In an upright plane w1 and w2 [kg m] follow, shape (7,).
+        Their units are kg m^2 and N m s/rad. In an upright plane w1 and w2 [kg m] follow, shape
+        (7,).
         """
         (m1, m2), (l1, l2), (i1, i2), p = self.masses, self.lengths, self.inertias, self.payload
         d = i2 + 0.25 * m2 * l2**2 + p * l2**2

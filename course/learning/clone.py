@@ -164,7 +164,7 @@ def clone(
 
 
 def nearest(states: ArrayLike, actions: ArrayLike) -> Policy:
-    """Return what was done in the nearest state of the data, of several the first.
+    """Return the action taken in the nearest state of the data, the first of several.
 
     Nothing is fitted.
     """
@@ -195,9 +195,9 @@ class Linear:
 
 
 def linear(states: ArrayLike, actions: ArrayLike) -> Linear:
-    """Return the least squares law of (n, d) and (n, a).
+    """Return the least-squares linear law of states (n, d) and actions (n, a).
 
-    The shortest where the data leave gains open.
+    Where the data leave gains undetermined it is the one of least norm.
     """
     x = vector("states", states, (None, None))
     y = vector("actions", actions, (len(x), None))

@@ -121,9 +121,9 @@ class Mixture:
         return self.means[part] + spread
 
     def expect(self, x: Array, a: float, s: float) -> tuple[Array, Array]:
-        """Return means of clean and noise given x = a clean + s noise, both (n, d) as x.
+        """Return the means of clean and noise given x = a clean + s noise, both (n, d) as x.
 
-        Not a = s = 0.
+        The scales a and s must not both be 0.
         """
         width = (a * self.deviations) ** 2 + s**2  # variance of x in each part
         deviation = x[:, None] - a * self.means

@@ -118,7 +118,7 @@ def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: 
 def flatten(*parts: Any) -> Any:
     """Return all weights of modules and parameters as one vector.
 
-    Which they are views of from now on.
+    The weights become views of that vector.
 
     Args:
         parts: modules, or parameters of no module.

@@ -383,7 +383,7 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
 
 
 def log_density(noise: Array, log_std: Array) -> Array:
-    """Return of actions so many standard deviations off (..., a), but for a constant, (..., 1)."""
+    """Return the log-density of actions (..., a) given in deviations, up to a constant, (..., 1)."""
     return -0.5 * (noise * noise).sum(axis=-1, keepdims=True) - log_std.sum()
 
 

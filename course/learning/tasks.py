@@ -301,7 +301,7 @@ class Regulator:
     def slow_mode(self) -> Array:
         """Return the direction in which the expert's loop decays most slowly.
 
-        Of length 1, shape (2,).
+        It is a unit vector, shape (2,).
         """
         values, vectors = np.linalg.eig(self.closed(self.K))
         return vectors[:, np.argmax(np.abs(values))].real

@@ -407,10 +407,7 @@ class Reader:
         return len(self._cache)
 
     def take(self) -> Sample | None:
-        """Return the oldest sample that is kept and has not expired.
-
-        Which then is no longer kept.
-        """
+        """Remove and return the oldest sample that is stored and has not expired."""
         while self._cache:
             sample = self._cache.popleft()[1]
             if sample.expires > self.bus.ns:

@@ -151,9 +151,9 @@ class Executor:
             self.blocked[run] = future
 
     def start(self) -> list[threading.Thread]:
-        """Return its threads, for as long as the bus runs in real time.
+        """Start its threads, and return them, for as long as the bus runs in real time.
 
-        What waits for an answer when it ends will never go on.
+        A callback that waits for an answer when it ends will never continue.
         """
         threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self.threads)]
         for thread in threads:
@@ -342,9 +342,9 @@ def respond(
     phases: Sequence[float] = (),
     seconds: float = 10.0,
 ) -> dict[str, NDArray[np.float64]]:
-    """Return response times on the bus [s] of callbacks that an executor runs.
+    """Simulate callbacks on the bus and return their response times [s].
 
-    Arguments as for `bounds`.
+    Arguments are those of `bounds`.
 
     Args:
         works: the callbacks.
@@ -379,9 +379,9 @@ def respond(
 def run_chain(
     stages: Sequence[Stage], phases: Sequence[float], seed: int = 0, seconds: float = 10.0
 ) -> Trace:
-    """Let chapter 0's chain run as nodes on the bus.
+    """Run chapter 0's chain as nodes on the bus.
 
-    Each stage a node, each queue a reader's keep-last cache, each loss a link's.
+    Each stage is a node, each queue a reader's keep-last cache, each loss a link's.
 
     Args:
         stages: as for `course.role.simulate`, whose rules these are.

@@ -273,7 +273,7 @@ def compute(seconds: float) -> None:
 
 @contextlib.contextmanager
 def crowd(busy: int, seconds: float) -> Iterator[None]:
-    """So many processes that compute, at most for so long [s]; none is left at the end."""
+    """Start processes that compute, at most for a given time [s]; none is left at the end."""
     spin = f"import time\nend = time.monotonic() + {seconds}\nwhile time.monotonic() < end: pass"
     children = [
         subprocess.Popen([sys.executable, "-S", "-c", spin]) for _ in range(count("busy", busy))

@@ -26,9 +26,9 @@ _TABLE = types.Array(numba.int64, 2, "C")
 
 
 def liu_layland(n: int) -> float:
-    """Return utilization up to which n tasks meet their deadlines whatever their periods.
+    """Return the utilization up to which n tasks meet their deadlines whatever their periods.
 
-    N (2^(1/n) - 1); ln 2 for many.
+    It is n (2^(1/n) - 1), and tends to ln 2 (Liu and Layland, 1973).
     """
     return count("n", n, 1) * (2.0 ** (1.0 / n) - 1.0)
 
@@ -40,9 +40,9 @@ def utilization(execution: ArrayLike, period: ArrayLike) -> Array:
 
 
 def hyperbolic(execution: ArrayLike, period: ArrayLike) -> NDArray[np.bool_]:
-    """Return whether the product of (C / T + 1) is at most 2.
+    """Return whether the product of (C / T + 1) is at most 2, the hyperbolic bound.
 
-    Which suffices as Liu and Layland's sum does, and is met by more sets.
+    Like Liu and Layland's bound it suffices, and more task sets meet it (Bini and Buttazzo, 2003).
     """
     C, T = _sets(execution, period)
     return np.asarray(np.prod(C / T + 1.0, axis=0) <= 2.0 + 1e-12)

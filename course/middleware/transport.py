@@ -163,9 +163,9 @@ class Ring:
         return True
 
     def take(self, patience: float = PATIENCE) -> memoryview | None:
-        """Return the oldest message where it lies, good until the next call.
+        """Return the oldest message in place, valid until the next call, or None.
 
-        None if none came [s].
+        A message is not copied; None means that none came in time [s].
         """
         if self.held:
             self.held.release()

@@ -79,9 +79,9 @@ def transforms(pose: ArrayLike) -> list[Any]:
 
 
 def parts(pose: ArrayLike) -> list[tuple[Array, Array]]:
-    """Return rotation matrix and place of each pose.
+    """Return the rotation matrix and position of each pose.
 
-    What a `Transform3s` is built from in a loop.
+    A `Transform3s` is built from these in a loop.
     """
     q = poses("pose", pose, 3)
     R = to_matrix(q[3:])
@@ -116,7 +116,7 @@ class Pair:
         return outcome
 
     def built_in_the_loop(self, a: list[tuple[Array, Array]], b: list[tuple[Array, Array]]) -> None:
-        """As `loop`, where each pose is made on the way, of what `parts` gives."""
+        """Run `loop` with each pose built inside it, from what `parts` returns."""
         make = _coal().Transform3s
         self.loop((make(*p) for p in a), (make(*q) for q in b))
 

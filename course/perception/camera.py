@@ -68,9 +68,7 @@ class Shapes:
         return replace(self, poses=np.reshape(np.asarray(pose, dtype=float), (7, -1)))
 
     def moved(self, pose: ArrayLike) -> Shapes:
-        """Return all of them.
-
-        Which stand in the frame of a pose (7,), in the frame that this is given in.
+        """Return all shapes, given in the frame of a pose (7,), in the frame of that pose.
 
         A camera at `pose` sees `shapes.moved(invert(pose))`.
         """
@@ -147,10 +145,7 @@ class Camera:
         return x, (np.arange(self.height, dtype=float) - self.cy) / self.fy
 
     def project(self, points: ArrayLike) -> Array:
-        """Return where points (3, N) in front of the camera [m] appear.
-
-        U and v, (2, N) [pixels].
-        """
+        """Return the pixel coordinates u and v, (2, N), of points (3, N) before the camera [m]."""
         x, y, z = vector("points", points, (3, None), unit="m")
         if not np.all(z > 0.0):
             raise invalid("points[2]", float(z.min()), "in front of the camera")
@@ -215,9 +210,9 @@ def through_box(size, o, d):
 
 @register_jitable
 def through_cylinder(size, o, d):
-    """Return half the chord from the distance of axis and ray.
+    """Return where a ray enters and leaves an upright cylinder.
 
-    Which does not cancel from far away.
+    Half the chord comes from the distance of axis and ray, which does not cancel from far away.
     """
     a = d[0] * d[0] + d[1] * d[1]
     t = (o[0] * d[0] + o[1] * d[1]) / a if a > 0.0 else 0.0
@@ -239,9 +234,9 @@ def through_sphere(size, o, d):
 
 
 def _caster(interval):
-    """Return one loop a kind.
+    """Return one compiled ray-casting loop for a kind of shape.
 
-    As a test of the kind for each pixel would keep it from doing several.
+    A test of the kind inside the loop would keep the compiler from vectorising it.
     """
 
     @register_jitable
@@ -276,9 +271,9 @@ _cast_plane, _cast_box, _cast_cylinder, _cast_sphere = map(
 
 @register_jitable
 def _window(half, R, p, x, y):
-    """Return columns and rows that may see a box of half lengths.
+    """Return the columns and rows of the image that may see a box of given half lengths.
 
-    All where it reaches behind the eye.
+    It returns all of them if the box reaches behind the camera.
     """
     left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
     for corner in range(8):

@@ -240,7 +240,7 @@ def _root(parent, i):
 def dbscan(points: ArrayLike, eps: float, least: int) -> tuple[Ids, NDArray[np.bool_]]:
     """Return clusters of dense points (Ester, Kriegel, Sander and Xu, 1996), exactly.
 
-    In O(N) memory.
+    It needs O(N) memory.
 
     Points in a cell of edge eps / sqrt(3) are all within eps of each other, so core points are
     joined cell by cell (Gunawan, 2013), and no neighbourhood is stored. A border point goes to the
@@ -270,9 +270,9 @@ def dbscan(points: ArrayLike, eps: float, least: int) -> tuple[Ids, NDArray[np.b
 
 @register_jitable
 def _near(keys, rows, fingers, c, near):
-    """Return the cells about cell c, itself among them; how many.
+    """Return the cells around cell c, itself included, and their number.
 
-    One finger a row of cells: the cells are asked in order, so that it only moves on.
+    Each row of cells has a cursor: cells are queried in order, so a cursor only advances.
     """
     result = 0
     for o in range(rows.size):

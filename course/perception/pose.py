@@ -126,10 +126,7 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
 def verdict(
     z: Array, camera: Camera, sensor: Sensor, shapes: Shapes, cluster: NDArray[np.bool_]
 ) -> tuple[float, float, float, NDArray[np.bool_]]:
-    """Return share looked through, share of visible pixels that agree, the same of both.
-
-    And the mask.
-    """
+    """Return share looked through, share of visible pixels that agree, both combined, and the mask."""
     exact, _ = render(shapes, camera)
     mask = exact > 0.0
     here = mask & (z > 0.0)
@@ -321,9 +318,9 @@ def pose_of(
     standing: bool = True,
     starts: int = 4,
 ) -> Estimate | None:
-    """Return the pose of one cluster that the picture agrees with most.
+    """Return the pose of a cluster with which the image agrees most.
 
-    None where no start gets hold.
+    It returns None if no start converges.
 
     Args:
         z: the picture, shape (H, W) [m].

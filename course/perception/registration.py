@@ -129,7 +129,7 @@ class Fit:
 
     @property
     def covariance(self) -> Array:
-        """Of the six directions, (6, 6); infinite on the diagonal where nothing is known."""
+        """Covariance of the six directions, (6, 6); infinite on the diagonal where unknown."""
         return known(self.information, self.free)[0]
 
     @property
@@ -349,9 +349,9 @@ def _build(points, order, axes, cuts):
 
 @register_jitable
 def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
-    """Return row of the nearest point within sqrt(best) of q, else `index`.
+    """Return the row of the nearest point within sqrt(best) of q, and the squared distance.
 
-    And the squared distance.
+    If there is none the row is `index`.
 
     A branch is left aside when its cuts alone are farther off than the best (Arya and Mount, 1993).
     """

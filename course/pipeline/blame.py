@@ -110,9 +110,7 @@ def _gaps(scenario: Scenario, waypoints: np.ndarray) -> np.ndarray:
 
 
 def gained(record: Record, kp: float, kd: float) -> float:
-    """Return energy that arm and spring won in steps in which nothing brought it.
-
-    Of the most they had.
+    """Return energy that appeared without a source, over the most that arm and spring had.
 
     With PD, W = v^T M v / 2 + kp e^2 / 2 rises by no more than what is brought: by the moving
     reference kp e . dr, and by torques that are not those of the law, such as at their limit,
@@ -190,9 +188,9 @@ def last_error(record: Record) -> str:
 
 
 def minimal(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Scenario:
-    """Return the plainest scenario that still fails.
+    """Return the simplest scenario that still fails.
 
-    Fewer discs, a level table, a target that stands.
+    It has fewer discs, a level table, and a target at rest.
 
     Args:
         scenario: one that fails.
@@ -259,9 +257,9 @@ CASE = (
 def injected(
     fault: Fault, seed: int, case: tuple[Scenario, Settings] = CASE
 ) -> Callable[..., Record]:
-    """Return replays of a run that a fault befalls: stages to make ideal -> record.
+    """Return replays of a run with an injected fault: stages to make ideal -> record.
 
-    None for the run.
+    None stands for the run itself.
     """
     scenario, settings = case
 

@@ -108,9 +108,9 @@ class Budget:
         return math.sqrt(square), math.sqrt(float(mean @ mean + np.trace(covariance)))
 
     def gap(self) -> tuple[Array, Array]:
-        """Sum of the parts' means, each alone, minus the mean of the whole.
+        """Return the sum of the sources' mean errors minus the mean of the whole, (2,) [m].
 
-        And its standard error run by run; each (2,) [m].
+        The second result is its standard error run by run, (2,) [m].
         """
         rest = (len(self.parts) - 1) * self.errors[self.only()]
         parts = sum((self.errors[self.only(part)] for part in self.parts), -rest)
@@ -123,9 +123,7 @@ class Budget:
         return {some: float(np.mean(x if runs is None else x[runs])) for some, x in each.items()}
 
     def shares(self, repeats: int = 200, seed: int = 0) -> dict[str, Band]:
-        """Return share of the mean squared error that each part owns.
-
-        And both ends of its 95 % [m^2].
+        """Return each source's share of the mean squared error, and its 95 % interval [m^2].
 
         Args:
             repeats: of the bootstrap over runs.

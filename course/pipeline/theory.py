@@ -46,9 +46,7 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
 def settling(
     pictures: int, period: float, ratio: float, drift: float, retain: float = 0.0
 ) -> tuple[float, float]:
-    """Return a Kalman filter that is not yet settled.
-
-    What a target's speed and noise do to its place.
+    """Return the effect of a target's speed and noise on a Kalman filter that has not settled.
 
     It starts at its first picture and believes in a speed around 0, so that it has to be taught
     every speed: at first it stays behind.
@@ -97,9 +95,7 @@ def tip_jacobian(arm: TwoLink, q: ArrayLike) -> Array:
 
 
 def lag(arm: TwoLink, q: ArrayLike, kp: float, kd: float, velocity: ArrayLike) -> Array:
-    """Return how far the tip stays behind a reference that moves.
-
-    -(kd + c) / kp times its velocity.
+    """Return how far the tip lags behind a moving reference, -(kd + c) / kp times its velocity.
 
     At a steady rate the spring has to pay for all damping: kp e = (kd + c) v in each joint. The
     torques of acceleration are left out: they grow with the square of the speed.

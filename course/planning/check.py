@@ -45,7 +45,7 @@ RESOLVED = 1e-8  # m; an arm that moves less between two states looked at is not
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a path is one.
+    """Result of validating a path.
 
     Attributes:
         free: it is, from start to goal.
@@ -136,10 +136,7 @@ def _to_segments(p: Any, a: Any, b: Any) -> Any:
 
 
 def _depth(p: Any, ring: Any) -> Array:
-    """Return how deep points are in a polygon, negative outside.
-
-    By winding number, for any p (m,).
-    """
+    """Return how deep points (m,) are in a polygon, by winding number; negative outside."""
     ends = np.roll(ring, -1)
     away = _to_segments(p[:, None], ring, ends).min(axis=1)
     with np.errstate(all="ignore"):
@@ -148,10 +145,7 @@ def _depth(p: Any, ring: Any) -> Array:
 
 
 def _pieces(a: complex, b: complex, ring: Any) -> Array:
-    """Return middles of the pieces into which the lines of a polygon's sides cut a segment.
-
-    In 0 to 1.
-    """
+    """Return the middles, from 0 to 1, of the pieces that a polygon's sides cut a segment into."""
     along, sides = b - a, np.roll(ring, -1) - ring
     with np.errstate(all="ignore"):
         met = ((ring - a) * np.conj(sides)).imag / (along * np.conj(sides)).imag
@@ -211,9 +205,9 @@ def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike)
 
 
 def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
-    """Return distance of two sets of segments in the plane, 0 where they cross.
+    """Return the distance of two sets of segments in the plane, 0 where they cross.
 
-    Arrays that broadcast.
+    The arrays broadcast.
     """
     apart = np.minimum(
         np.minimum(_to_segments(p, u, v), _to_segments(q, u, v)),

@@ -452,9 +452,9 @@ def adapted(roadmap: Roadmap, world: World) -> Roadmap:
 
 
 def revalidated(roadmap: Roadmap, world: World) -> tuple[Roadmap, int]:
-    """Return the roadmap in a world with other obstacles, all its edges asked.
+    """Return the roadmap in a world with other obstacles, and how many edges were checked.
 
-    How many that were.
+    All its edges are checked again.
     """
     now, counts = adapted(roadmap, world), np.zeros(16, dtype=np.int64)
     _kernel(_resolve)(
@@ -623,10 +623,7 @@ def prm(query: Query) -> Plan:
 
 
 def _outside(roadmap: Roadmap, tree: Array, parents: Ints, hooks: Ints) -> tuple[Array, Any]:
-    """Return what it costs to come to each node of the roadmap from an end, (m,).
-
-    By which tree's node.
-    """
+    """Return the cost from an end to each node of the roadmap, (m,), and through which tree node."""
     costs, through = np.full(len(roadmap.nodes), np.inf), {}
     for i, node in hooks.tolist():
         chain = np.vstack((roadmap.nodes[node], tree[_chain(parents, i)]))

@@ -147,10 +147,7 @@ def shortcut(
 
 
 def _fewer(path: Array, free: Callable[[Array, Array], bool]) -> Array:
-    """Return the path without the waypoints between whose neighbours an edge is free.
-
-    In one pass.
-    """
+    """Remove waypoints whose neighbours are joined by a free edge, in one pass."""
     i = 1
     while i < len(path) - 1:
         trial = np.delete(path, i, axis=0)
@@ -213,10 +210,7 @@ class Optimised(NamedTuple):
 
 
 def _prepared(path: ArrayLike, points: int) -> tuple[Array, Array, Array]:
-    """Return the path in equal steps, the matrix of squared steps of its inner states.
-
-    And its ends.
-    """
+    """Return the path in equal steps, the quadratic form of its squared steps, and its ends."""
     path = _rows(path)
     N = count("points", points, 1)
     stations = _stations(path)
@@ -229,9 +223,9 @@ def _prepared(path: ArrayLike, points: int) -> tuple[Array, Array, Array]:
 
 
 def _between(states: int, pieces: int) -> Array:
-    """Return the matrix that takes states to places on their edges.
+    """Return the matrix that maps states to points on their edges.
 
-    So many on each, ends included.
+    Each edge has the given number of points, ends included.
     """
     places = np.arange(pieces * (states - 1) + 1) / pieces
     return np.maximum(1.0 - np.abs(places[:, None] - np.arange(states)), 0.0)
@@ -314,7 +308,7 @@ def sequential_convex(
 ) -> Optimised:
     """Return the smoothest path nearby that keeps a margin.
 
-    By convex steps with hinge costs (TrajOpt).
+    It takes convex steps with hinge costs (TrajOpt; Schulman and others, 2014).
 
     Each step minimises smoothness + penalty * sum of max(0, margin - linearised distance) over the
     waypoints and the middles of edges, held near the last one; a step that does not bring what it
@@ -386,9 +380,7 @@ class Limits(NamedTuple):
 
 
 def trapezoid(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> tuple[Any, Any]:
-    """Return duration and highest speed of the fastest motion from rest to rest.
-
-    For each joint alone.
+    """Return duration and peak speed of the fastest motion from rest to rest, joint by joint.
 
     A trapezoid of the rate where there is room to reach the limit, else a triangle.
     """
@@ -427,7 +419,7 @@ class Trajectory:
     def __call__(self, t: ArrayLike) -> Array:
         """Return state, rate and acceleration at times (...), shape (3, n, ...).
 
-        At rest outside.
+        Before and after the motion it is at rest.
         """
         t = np.asarray(t, dtype=float)
         flat = np.clip(t.ravel(), 0.0, self.duration)
@@ -532,9 +524,7 @@ def _curve(path: Array, blend: float, free: Any, grid: int) -> tuple[Array, ...]
 
 @register_jitable
 def _pushes(x, K, h, first, second, limit):
-    """Return range of the acceleration u along a piece that begins with squared speed x.
-
-    And its slopes.
+    """Return the range of the acceleration u, and its slopes, for a piece with squared speed x.
 
     The squared speed is x + 2 u s, the tangent first + second s: acceleration of a joint is linear
     in s, so that both ends of the piece speak for all of it.

@@ -94,7 +94,7 @@ def _near(nodes, links, counts, side, q, stack, gaps):
 def _steer(origin, target, step, out):
     """Write the state at most a step from the origin towards the target into `out`.
 
-    Returns its distance from the origin.
+    It returns the distance of that state from the origin.
     """
     distance = math.sqrt(squared(origin, target))
     if distance <= step:

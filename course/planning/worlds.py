@@ -180,7 +180,7 @@ def _point_to_segment(x, y, ax, ay, bx, by):
 def _meets_disc(ax, ay, bx, by, x, y, radius):
     """Return whether a segment touches a disc.
 
-    |a + t (b - a) - centre|^2 - r^2, a quadratic in t.
+    |a + t (b - a) - centre|^2 - r^2 is a quadratic in t.
     """
     dx, dy, fx, fy = bx - ax, by - ay, ax - x, ay - y
     square, slope = dx * dx + dy * dy, fx * dx + fy * dy

@@ -119,10 +119,7 @@ class Drift:
 def energy_drift(
     engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR, samples: int = 100
 ) -> Drift:
-    """Return the energy that the engine reports, at so many equal times.
-
-    Drift and oscillation apart.
-    """
+    """Return drift and oscillation of the energy that the engine reports at equal times."""
     run = prepared(engine, scene, dt, settings)
     every = max(1, round(scene.duration / dt / count("samples", samples, 2)))
     energies = [run.energy()]

@@ -52,9 +52,9 @@ def stop(
     friction: float = 0.5,
     gravity: float = GRAVITY,
 ) -> tuple[Array, Array]:
-    """Return where a block comes to rest that is sent off on level ground.
+    """Return where a block that slides on level ground comes to rest.
 
-    By the section of its cone.
+    It depends on the cross-section of its friction cone.
 
     Friction is the force of its section that takes out most power. With D = v^2 / (2 mu g):
 

@@ -51,7 +51,7 @@ def _is_tensor(value: Any) -> bool:
 def _number(value: Any) -> float:
     """Return the plain number of a float or a tensor.
 
-    For decisions, through which no gradient flows.
+    Decisions use it, as no gradient flows through them.
     """
     return float(value.detach()) if _is_tensor(value) else float(value)
 
@@ -495,7 +495,7 @@ class Recovery:
 
     @property
     def fits(self) -> bool:
-        """Whether the residual is what the stated noise explains (below 2 per degree)."""
+        """True if the stated noise explains the residual (below 2 per degree of freedom)."""
         return self.chi_squared_per_degree < 2.0
 
     def __str__(self) -> str:
@@ -644,9 +644,9 @@ class DropGradients(NamedTuple):
 def naive_drop_gradients(
     height: float, restitution: float, dt: float, duration: float, clamp: bool = True
 ) -> DropGradients:
-    """Return what automatic differentiation makes of `naive_drop`.
+    """Return the gradients that automatic differentiation computes for `naive_drop`.
 
-    The exact derivative of the wrong map.
+    They are the exact derivative of the wrong map.
 
     Args:
         height: at time 0 [m].

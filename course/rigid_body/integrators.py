@@ -68,7 +68,7 @@ def retract(q, u):
 def bracket(q, a, b):
     """Return how far two small moves a and b from q fail to commute.
 
-    exp(a) exp(b) against the reverse.
+    It compares exp(a) exp(b) with exp(b) exp(a).
 
     Args:
         q: base point, shape (nq,) or (nq, N); only its size matters.
@@ -391,9 +391,9 @@ def advance(q, v, step, acceleration, dt, steps, params):
 
 
 def advance_recorded(q, v, step, acceleration, dt, records, every, params):
-    """Return `records` times `every` steps.
+    """Take `records` times `every` steps and record states.
 
-    States before the first and after each `every` steps.
+    The states before the first and after each `every` steps are recorded.
     """
     qs = np.empty((records + 1,) + q.shape)
     vs = np.empty((records + 1,) + v.shape)

@@ -93,9 +93,9 @@ def stepper(
 
 
 def _entries(method: str, x: Any, zeta: Any) -> tuple[Any, ...]:
-    """Return (a, b, c, d) of one step on (q, v / omega).
+    """Return the entries (a, b, c, d) of one step's matrix on (q, v / omega).
 
-    X = omega dt and zeta in any arithmetic.
+    x = omega dt and zeta may be in any arithmetic.
     """
     if method == "semi_implicit_euler":
         # v1 = v + x (-q - 2 zeta v), q1 = q + x v1

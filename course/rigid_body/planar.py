@@ -184,9 +184,9 @@ def _advance(
 def _step_boxes(
     out, counts, state, parameters, forces, gx, gy, dt, steps, coefficient, resolve, ground, limit
 ):
-    """Return `steps` steps of every box, one box after the other.
+    """Take `steps` steps of every box, one box after the other.
 
-    The first bad box or -1 comes back.
+    It returns the first box that failed, or -1.
     """
     each = parameters.shape[1] > 1 or forces.shape[1] > 1
     for j in range(state.shape[1]):
@@ -532,7 +532,7 @@ class PlanarBody:
 
     @property
     def velocity(self) -> Array:
-        """Of the centre of mass, (2,) [m/s]."""
+        """Velocity of the centre of mass, (2,) [m/s]."""
         return self.state[3:5].copy()
 
     @property

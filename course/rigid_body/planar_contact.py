@@ -33,10 +33,7 @@ CLEAR, HIT, UNFINISHED = 0, 1, 2
 
 @register_jitable
 def flight(position, velocity, acceleration, tau, coefficient):
-    """Return a coordinate after the time tau of constant acceleration.
-
-    As an integrator moves it.
-    """
+    """Return a coordinate after the time tau of constant acceleration, as an integrator moves it."""
     return position + tau * velocity + coefficient * tau * tau * acceleration
 
 
@@ -229,9 +226,9 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
 
 @register_jitable
 def _safe_time(gap, rate, bound, horizon):
-    """Return the earliest time at which gap + rate t - bound t^2/2 can be zero.
+    """Return the earliest time at which gap + rate t - bound t^2 / 2 can be zero.
 
-    Horizon if later.
+    It returns the horizon if that is later.
     """
     # Even the fastest fall allowed by the bound stays above the ground.
     if gap + horizon * (rate - 0.5 * bound * horizon) > 0.0:

@@ -215,9 +215,9 @@ def angular_momentum(q: Array, v: Array, params: Array) -> Array:
 
 
 def _incomplete_pi(n: float, u: float, m: float) -> float:
-    """Return integral of 1 / (1 - n sn^2) from 0 to u.
+    """Return the integral of 1 / (1 - n sn^2) from 0 to u.
 
-    By Carlson's symmetric forms (DLMF 19.25).
+    It is computed from Carlson's symmetric forms (DLMF 19.25).
     """
     from scipy.special import ellipj, ellipk, elliprf, elliprj
 
@@ -407,9 +407,9 @@ def top_height_truth(
 
 @register_jitable
 def double_pendulum_acceleration(q, v, params):
-    """Return two point masses on massless rods; q holds both angles from the vertical [rad].
+    """Return angular accelerations of two point masses on massless rods.
 
-    params = (m1, m2 [kg], l1, l2 [m], g [m/s^2]).
+    q holds both angles from the vertical [rad]; params = (m1, m2 [kg], l1, l2 [m], g [m/s^2]).
     """
     m1, m2, l1, l2, g = params[0], params[1], params[2], params[3], params[4]
     difference = q[0] - q[1]

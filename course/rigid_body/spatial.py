@@ -20,9 +20,9 @@ DOWNWARDS = (0.0, 0.0, -STANDARD_GRAVITY)  # m/s^2
 
 @register_jitable
 def free_flight_acceleration(q, v, params):
-    """Return bodies in free flight, in principal axes.
+    """Return accelerations of bodies in free flight, in principal axes.
 
-    Params = (gx, gy, gz [m/s^2], I1, I2, I3 [kg m^2]).
+    params = (gx, gy, gz [m/s^2], I1, I2, I3 [kg m^2]).
 
     Args:
         q: positions, shape (7,) or (7, N).

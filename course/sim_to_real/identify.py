@@ -110,7 +110,10 @@ class Fit(Visible):
     reason: str
 
     def half_width(self, level: float = 0.95) -> Array:
-        """Return of the interval that holds a parameter in this share of logs, shape (P,)."""
+        """Return half the width of the intervals that hold the parameters in this share of logs.
+
+        The shape is (P,).
+        """
         from scipy.special import stdtrit
 
         quantile = stdtrit(self.residual.size - len(self.names), 0.5 * (1.0 + level))
@@ -118,9 +121,9 @@ class Fit(Visible):
 
 
 def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> tuple:
-    """Return names, values, bounds and sizes of what is free.
+    """Return names, values, bounds and sizes of the free parameters, and the simulator.
 
-    And the simulation of points (P, K).
+    The simulator takes points (P, K).
     """
     names = tuple(one_of("free", name, start) for name in free)
     low, high = np.array([free[name] for name in names], dtype=float).reshape(-1, 2).T

@@ -87,7 +87,7 @@ def value_iteration(
 ) -> Solution:
     """Solve a process with value iteration, then evaluate its policy exactly.
 
-    (Bellman; Puterman, 1994.)
+    The method is Bellman's (Puterman, Markov Decision Processes, 1994).
 
     Each sweep multiplies the error by gamma at best, so the number of sweeps is proportional to
     1 / (1 - gamma): hundreds of thousands at 0.9999. `policy_iteration` needs a few solves.

@@ -90,11 +90,10 @@ class Ranges:
 
 
 def around(centre: Plants, width: float) -> Ranges:
-    """Return ranges about one arm.
+    """Return parameter ranges around one arm.
 
-    Of width 1 they reach as far to both sides as gap 1 moves an arm.
-
-    What cannot be negative stops at 0.
+    With width 1 they reach as far to both sides as gap 1 moves an arm. A parameter that cannot be
+    negative stops at 0.
 
     Args:
         centre: one arm, `nominal()` or an identified one.
@@ -117,9 +116,9 @@ def only(plants: Plants | Array) -> Sampler:
 
 
 def cost(outcome: Outcome) -> Array:
-    """Return what the search lowers, for each set of gains.
+    """Return the cost that the search minimises, for each set of gains.
 
-    Failures, and time outside the target.
+    It counts failures, and time outside the target.
     """
     return 2.0 - outcome.rate - np.mean(outcome.inside, axis=-1) / SECONDS
 
@@ -224,9 +223,7 @@ def automatic(
     step: float = 0.1,
     at_most: float = 2.0,
 ) -> Automatic:
-    """Return automatic domain randomisation (OpenAI, arXiv 1910.07113, sec. 5).
-
-    Ranges as wide as pays.
+    """Widen the ranges with automatic domain randomisation (OpenAI, arXiv 1910.07113, sec. 5).
 
     Each boundary of each parameter has a buffer of its own with the outcomes of episodes in which
     that parameter stands on it and the others are drawn. Once it is full its mean decides: above

@@ -72,9 +72,9 @@ def optimum(
     max_steps: int = MAX_STEPS,
     **disc: float,
 ) -> Array:
-    """Return the most that an episode can be worth at its start.
+    """Return the highest return that an episode can have, from its start.
 
-    With a prize of 1, discounted by 0.99.
+    The prize is 1, discounted by 0.99.
 
     "sparse": 0.99^(least steps - 1). "potential" adds the first distance, whatever is done. "once"
     adds the bonus. With "hover" an end put off by a step loses 1 - 0.99 of the prize and wins a

@@ -27,7 +27,7 @@ SYMBOLS = {
 def drawn(rng, cut=0.0, T=40):
     """Return rewards, values, value after each step, ends and cuts of a run.
 
-    The next row's values.
+    The value after a step is that of the next row.
     """
     rewards, values, later = rng.normal(size=(3, T))
     ended, late = rng.random((2, T)) < [[0.1], [cut]]

@@ -18,7 +18,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
     """Return one contact on each part of the cone, then several that are coupled."""
 
     def delassus(n: int, coupling: float = 1.0) -> Array:
-        """Return of n contacts on bodies that share coordinates."""
+        """Return the Delassus matrix of n contacts on bodies that share coordinates."""
         J = rng.normal(size=(3 * n, 3 * n + 2))
         A = J @ J.T / 3.0 + 0.2 * np.eye(3 * n)
         blocks = np.kron(np.eye(n), np.ones((3, 3)))

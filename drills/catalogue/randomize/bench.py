@@ -75,7 +75,7 @@ def draw_setting(rng: np.random.Generator) -> Setting:
 def _scene(rng: np.random.Generator, floor: float) -> str:
     """Return a sled, a box, a puck with a contact pair of its own, and an arm.
 
-    With drawn numbers.
+    Their parameters are random.
     """
     sled, box, link, hand = (f"{value:.6f}" for value in rng.uniform(0.4, 2.5, size=4))
     slide, shoulder = (f"{value:.6f}" for value in rng.uniform(0.3, 0.9, size=2))

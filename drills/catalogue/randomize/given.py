@@ -9,7 +9,7 @@ import numpy as np
 def build(xml, tuned):
     """Return a model in which somebody has set one constant by hand.
 
-    `tuned` times the compiled one.
+    It is `tuned` times the compiled one.
     """
     model = mujoco.MjModel.from_xml_string(xml)
     model.dof_invweight0[:] *= tuned
@@ -53,10 +53,7 @@ def computed(data):
 
 
 def draw(randomizer, model, data, rng, count, actions):
-    """Return many draws.
-
-    What was written, and what `delay` gives back for the actions after each.
-    """
+    """Return the arrays that were written, and the delayed actions after each write."""
     names = "geom_friction", "pair_friction", "body_mass", "body_inertia", "dof_damping"
     written: dict[str, list[np.ndarray]] = {name: [] for name in names}
     sent = []

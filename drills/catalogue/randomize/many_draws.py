@@ -143,7 +143,7 @@ def defaults(bench: Bench, seed: int) -> None:
 
 
 def distributions(bench: Bench, first: Arrays, seed: int, how: str = "") -> None:
-    """Whether many draws are spread as asked, and each body and joint has its own."""
+    """Check that draws have the right distribution, independent for each body and joint."""
     attempt, setting = bench.attempt, bench.setting
     actions = [np.full(bench.default.nu, float(k)) for k in range(1, 8)]
     drawn = bench.draw(DRAWS, seed, actions)

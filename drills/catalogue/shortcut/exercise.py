@@ -20,7 +20,7 @@ EVERYWHERE = np.array([[-99.0, -99.0], [99.0, 99.0]])
 
 
 def length(path: Any) -> float:
-    """Return of all edges together."""
+    """Return the total length of all edges."""
     return float(np.hypot(*np.diff(np.asarray(path, dtype=float), axis=0).T).sum())
 
 
