@@ -494,7 +494,7 @@ class DomainRandomizer:
         return self._waiting.popleft()
 
     def observe(self, observation: ArrayLike, rng: np.random.Generator) -> Array:
-        """Return the observation with fresh noise on each component, in a new array of its shape."""
+        """Return a copy of the observation with fresh noise on each component."""
         observation = np.asarray(observation, dtype=float)
         return observation + rng.normal(0.0, self.noise, size=observation.shape)
 

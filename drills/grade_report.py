@@ -121,7 +121,7 @@ class Report:
         self.checks.sort(key=lambda check: places.get(check.part, (len(LEVELS), 0)))
 
     def tally(self) -> list[tuple[str, int, int]]:
-        """Return for each level that was begun how many of its cases hold, and how many were run."""
+        """Return for each level that was begun how many cases hold, and how many were run."""
         failed = {check.part for check in self.checks if not check.passed}
         rows: list[tuple[str, int, int]] = []
         for level in LEVELS:

@@ -136,7 +136,7 @@ def cheat_sheet(plain: bool = False) -> Table:
 
 
 def classical_or_learned() -> Table:
-    """Return five components, and where the learned one overtook the classical one in this course."""
+    """Return five components, and where the learned one overtook the classical one."""
     keys = ("name", "classical", "learned", "when")
     parts = data("cheat_sheet")["component"]
     rows = tuple(tuple(_filled_in(part[key]) for key in keys) for part in parts)

@@ -383,7 +383,7 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
 
 
 def log_density(noise: Array, log_std: Array) -> Array:
-    """Return the log-density of actions (..., a) given in deviations, up to a constant, (..., 1)."""
+    """Return the log-density, (..., 1), of actions in deviations (..., a), up to a constant."""
     return -0.5 * (noise * noise).sum(axis=-1, keepdims=True) - log_std.sum()
 
 

@@ -126,7 +126,7 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
 def verdict(
     z: Array, camera: Camera, sensor: Sensor, shapes: Shapes, cluster: NDArray[np.bool_]
 ) -> tuple[float, float, float, NDArray[np.bool_]]:
-    """Return share looked through, share of visible pixels that agree, both combined, and the mask."""
+    """Return the share looked through, the share that agrees, both combined, and the mask."""
     exact, _ = render(shapes, camera)
     mask = exact > 0.0
     here = mask & (z > 0.0)

@@ -623,7 +623,7 @@ def prm(query: Query) -> Plan:
 
 
 def _outside(roadmap: Roadmap, tree: Array, parents: Ints, hooks: Ints) -> tuple[Array, Any]:
-    """Return the cost from an end to each node of the roadmap, (m,), and through which tree node."""
+    """Return the cost from an end to each roadmap node, (m,), and through which tree node."""
     costs, through = np.full(len(roadmap.nodes), np.inf), {}
     for i, node in hooks.tolist():
         chain = np.vstack((roadmap.nodes[node], tree[_chain(parents, i)]))

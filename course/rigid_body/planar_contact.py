@@ -33,7 +33,7 @@ CLEAR, HIT, UNFINISHED = 0, 1, 2
 
 @register_jitable
 def flight(position, velocity, acceleration, tau, coefficient):
-    """Return a coordinate after the time tau of constant acceleration, as an integrator moves it."""
+    """Return a coordinate after constant acceleration for tau, as an integrator moves it."""
     return position + tau * velocity + coefficient * tau * tau * acceleration
 
 

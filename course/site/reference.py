@@ -102,7 +102,7 @@ def _symbols(chapter: Chapter) -> dict[str, str]:
 
 
 def glossary(anchors: Anchors) -> str:
-    """Return the glossary page: terms with where they are defined, and symbols with their meaning."""
+    """Return the glossary: terms with where they are defined, symbols with their meaning."""
     parts = [
         "# Words and symbols",
         "Each word is defined where its link leads. A symbol means what its chapter says; names "

@@ -102,7 +102,7 @@ def small_parts(
     sizes: Sequence[float] = (0.006, 0.008, 0.01, 0.012, 0.016, 0.02, 0.03, 0.04),
     pictures: int = 8,
 ) -> Iterator[Panel]:
-    """Chart cubes on a table from depth image to cluster: which stage loses them, and what helps."""
+    """Chart which stage between depth image and cluster loses small cubes, and what helps."""
     rng = np.random.default_rng(7)
     runs = {
         name: [[chain(size, rng, **cure) for _ in range(pictures)] for size in sizes]

@@ -102,7 +102,7 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
 def laid_again(
     part: perception.Shapes, yaw: float, tilt: float, window: int, rays: bool, runs: int
 ) -> tuple[float, Array]:
-    """Return the normalised squared error per known direction, and ratios of spread to prediction."""
+    """Return the normalised squared error per known direction, and spread over prediction."""
     rng = np.random.default_rng(1)
     turn = product(exp(np.array([math.pi - tilt, 0.0, 0.0])), exp(np.array([0.0, 0.0, yaw])))
     pose = np.array([0.02 if yaw else 0.0, 0.03 if tilt else 0.0, 0.7, *turn])

@@ -84,7 +84,7 @@ def checks(scene: Scene, seed: int, **options: Any) -> float:
 
 
 def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Success]:
-    """Return the checks that each sampler needs in held-out scenes, with a seed for each network."""
+    """Return the checks that each sampler needs in held-out scenes, a seed for each network."""
 
     def listed(scene: Scene, seed: int, propose: Callable[..., Array], *first: Any) -> float:
         states = propose(*first, scene, STATES, np.random.default_rng(seed))

@@ -33,7 +33,7 @@ def banded(label: str, x: Sequence[float], rates: Sequence[float], n: int, key: 
 
 @chart
 def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
-    """Chart success on n tasks over the gap and over the width of the tuning range, with the twin."""
+    """Chart success on n tasks over the gap and the width of the tuning range, with the twin."""
     record, posed = recorded(), tasks(n, SEEN)
     panel = Panel("The real arm, 10 ms late", "gap", "success")
     for label, kind, k in (

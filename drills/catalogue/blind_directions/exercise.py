@@ -24,7 +24,7 @@ def clear(args: tuple[Any, ...]) -> bool:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return surfaces whose blind motions are known, about the origin, then in any pose and size."""
+    """Return surfaces with known blind motions, about the origin, then in any pose and size."""
 
     def surface(kind: str, n: int) -> tuple[Array, Array]:
         """Return points and normals of a surface of size one about its frame's origin."""
