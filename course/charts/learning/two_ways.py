@@ -213,7 +213,7 @@ def samplers(
 
 
 def switches_and_mismatch(policy: Any, executed: int, n: int, noise: float) -> tuple[float, float]:
-    """Return how often a run changes sides before the obstacle, and chunks' distance off plan [m]."""
+    """Return how often a run changes sides before the obstacle, and its distance off plan [m]."""
     task, rng, step = learning.TwoWays(noise), np.random.default_rng(41), 0
     state, sides, deviation = task.starts(n, rng), [], []
     while step < task.steps // 2:
