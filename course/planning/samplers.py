@@ -40,6 +40,7 @@ def uniform(low, high, rng, out):
 def _halton(index, bounds, shift, out):
     """Term `index` of Halton's sequence, each coordinate shifted around the unit interval."""
     for i in range(out.size):
+        # Radical inverse in base p: mirror the digits of the index behind the point.
         value, digit, k = shift[i], 1.0, index
         while k > 0:
             digit /= PRIMES[i]
@@ -79,6 +80,8 @@ def draw(kind, state_free, obstacles, body, bounds, spread, shift, counts, rng, 
     if kind == UNIFORM:
         return
     other = np.empty(out.size)
+    # Gaussian sampling keeps a free state next to a blocked one, the bridge test the free middle of
+    # two blocked ones, obstacle sampling the surface between them.
     for _ in range(TRIES):
         counts[STATE_CHECKS] += 2
         free = state_free(obstacles, body, out)
