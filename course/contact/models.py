@@ -72,6 +72,7 @@ def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
     speed = 0.0
     for j in range(1, u.size):
         speed += (friction[j - 1] * u[j]) ** 2
+    # Regularised friction: below the slip speed it grows linearly. The last bound keeps 0 / 0 away.
     if u.size > 1:
         speed = max(math.sqrt(speed), slip * friction[0], 1e-300)
     for j in range(1, u.size):
@@ -124,6 +125,8 @@ def project(g):
     if t <= -g[0]:  # in the polar cone: the apex is nearest
         g[:] = 0.0
         return
+    # Between cone and polar cone the nearest point is on the cone's side, 45 degrees in scaled
+    # rows.
     side = 0.5 * (g[0] + t)
     for j in range(1, g.size):
         g[j] *= side / t
@@ -154,20 +157,26 @@ def pgs_sweep(A, g, w, d, associated):
             whole = max(whole, row)
             if j > 0:
                 side = max(side, row - abs(A[i + j, i]))
+        # Convex law: normal and friction rows take one gradient step together, then are projected.
         if associated:
             for j in range(d):
                 new[j] = g[i + j] - w[i + j] / whole
             project(new)
         else:
+            # Coulomb's law: first the normal impulse (Signorini), then friction with the new bound.
             new[0] = max(0.0, g[i] - w[i] / A[i, i])
             moved, length = new[0] - g[i], 0.0
             for j in range(1, d):
+                # The change of the normal impulse has already moved the slip: Gauss-Seidel uses it
+                # at once.
                 slide = w[i + j] + A[i + j, i] * moved
                 new[j] = g[i + j] - (slide / side if side > 0.0 else 0.0)
                 length += new[j] ** 2
+            # Project the friction on the disc |g_t| <= g_n.
             if length > new[0] ** 2:
                 for j in range(1, d):
                     new[j] *= new[0] / math.sqrt(length)
+        # Update all velocities for the change, so that the next contact sees it.
         for j in range(d):
             change = new[j] - g[i + j]
             if change != 0.0:
@@ -318,22 +327,27 @@ def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, b
     # which ties are broken (lexicographically), so that it cannot cycle.
     table = np.hstack((np.eye(n), -M, -np.ones((n, 1)), q[:, None], np.eye(n)))
     basis = np.arange(n)
+    # The artificial variable enters at the row that is most infeasible, which makes all feasible.
     entering, row = 2 * n, int(np.argmin(q))
     small = 1e-12 * max(1.0, float(np.max(np.abs(M))))
     taken, leaving = 0, -1
     while taken < pivots:
         taken += 1
         leaving = int(basis[row])
+        # Pivot: solve the row for the entering variable and eliminate it from the others.
         table[row] /= table[row, entering]
         others = np.arange(n) != row
         table[others] -= np.outer(table[others, entering], table[row])
         basis[row] = entering
         if leaving == 2 * n:
             break
+        # Complementarity: the partner of the variable that has left enters next.
         entering = leaving + n if leaving < n else leaving - n
         can = np.flatnonzero(table[:, entering] > small)
+        # No ratio bounds the entering variable: a secondary ray, Lemke's method fails.
         if not can.size:
             break
+        # Ratio test, with lexicographic ties.
         ratios = table[can, 2 * n + 1 :] / table[can, entering][:, None]
         least = ratios[:, 0] <= np.min(ratios[:, 0]) + 1e-14 * np.max(np.abs(q))
         tied = can[least]
@@ -409,10 +423,12 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
         change = A[here].copy()
         raised = w[here].copy()
         if not associated and d > 1:
+            # De Saxce's correction turns Coulomb's law into a complementarity over cones.
             slip = math.sqrt(w[i + 1 : i + d] @ w[i + 1 : i + d])
             raised[0] += slip
             if slip > 0.0:
                 change[0] += w[i + 1 : i + d] / slip @ A[i + 1 : i + d]
+        # Any r > 0 has the same zeros; the trace of the block puts both terms on one scale.
         r = float(np.trace(A[here, here]))
         y = g[here] - raised / r
         t = math.sqrt(y[1:] @ y[1:])
@@ -468,6 +484,7 @@ def _round_cone(
     g = in_scaled_rows(problem, start)
     taken, best, best_g = 0, math.inf, g
     for attempt in range(rounds):
+        # Semismooth Newton with a backtracking line search on the norm of the residual.
         value, slope = natural_map(A, b, g, d, associated)
         for _ in range(30):
             size = float(np.max(np.abs(value)))
@@ -476,11 +493,13 @@ def _round_cone(
             if size <= 0.01 * tolerance:
                 break
             taken += 1
+            # Least squares: at a kink, or with redundant contacts, the slope may be singular.
             step = np.linalg.lstsq(slope, -value, rcond=1e-13)[0]
             share, fell = 1.0, False
             while share > 1e-3 and not fell:
                 near = g + share * step
                 value_near, slope_near = natural_map(A, b, near, d, associated)
+                # Armijo's condition with a tenth of the predicted decrease.
                 goal = (1.0 - 0.1 * share) * np.linalg.norm(value)
                 fell = bool(np.linalg.norm(value_near) < goal)
                 share *= 0.5
@@ -489,6 +508,7 @@ def _round_cone(
             g, value, slope = near, value_near, slope_near
         if best <= tolerance:
             break
+        # Newton is stuck: sweeps move it to another piece, twice as many each time.
         g = best_g.copy()
         sweeps = 20 * 2**attempt
         taken += gauss_seidel(A, b, g, d, associated=associated, sweeps=sweeps, tolerance=1e-15)

@@ -163,8 +163,11 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
     g, b, free = np.zeros(m), np.zeros(m), np.zeros(nv)
     taken = 0
     for _ in range(steps):
+        # Free velocity: gravity and other forces, without contact.
         for j in range(nv):
             free[j] = v[j] + dt * acceleration[j]
+        # Contact velocity without contact, in scaled rows, minus the least speed (Stewart and
+        # Trinkle).
         for i in range(m):
             b[i] = 0.0
             before, gap = 0.0, distance[i // d]
@@ -175,6 +178,7 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
             if i % d == 0:
                 b[i] -= least_speed(gap, b[i], before, dt, restitution, recovery, fastest)
         taken += sweep_until(A, b, g, d, False, sweeps, tolerance)
+        # Semi-implicit Euler: the new velocity moves the position.
         for j in range(nv):
             v[j] = free[j]
             for i in range(m):

@@ -131,6 +131,8 @@ def time_of_impact(
         rows[:, now] = measured(a, at[0], b, at[1])
         advances[now] += 1
         normal, far = rows[1:4, now], rows[0, now]
+        # An upper bound on the approach speed: relative velocity along the normal, plus what
+        # turning adds.
         closing = np.sum((va - vb)[:3, now] * normal, axis=0)
         for v, size in ((va, size_a), (vb, size_b)):
             closing += size * np.linalg.norm(np.cross(v[3:, now], normal, axis=0), axis=0)
