@@ -83,6 +83,8 @@ def decompose(J, A, U):
             A[i, c] = J[i, c]
         for c in range(m):
             U[i, c] = 1.0 if i == c else 0.0
+    # One-sided Jacobi (Hestenes, 1958): rotate pairs of rows until all are at right angles. It is
+    # accurate to rounding for small singular values too.
     for _ in range(30):
         turned = False
         for i in range(m - 1):
@@ -95,6 +97,7 @@ def decompose(J, A, U):
                 if abs(both) <= 1e-15 * np.sqrt(a * b) + 1e-290:
                     continue
                 turned = True
+                # The rotation with the smaller angle, by the stable root of the quadratic.
                 half = (b - a) / (2.0 * both)
                 tangent = (1.0 if half >= 0.0 else -1.0) / (abs(half) + np.hypot(1.0, half))
                 cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
@@ -148,6 +151,7 @@ def step(J, e, method, damping, A, U, dq):
         largest = max(largest, _length(A, i))
     for i in range(m):
         s = _length(A, i)
+        # Directions of rank zero are skipped by all methods: no division by rounding noise.
         if s <= _ZERO * largest:
             continue
         desired = 0.0
@@ -174,6 +178,7 @@ def _marquardt(J, e, mu, K, y, dq):
     """
     m, n = J.shape
     for i in range(m):
+        # Cholesky factor row by row; forward substitution goes along.
         for j in range(i + 1):
             total = mu if i == j else 0.0
             for c in range(n):
@@ -185,6 +190,7 @@ def _marquardt(J, e, mu, K, y, dq):
         for c in range(i):
             total -= K[i, c] * y[c]
         y[i] = total / K[i, i]
+    # Back substitution, then dq = J^T y.
     for back in range(m):
         i = m - 1 - back
         for c in range(i + 1, m):
@@ -271,16 +277,19 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
             for _ in range(at_most):
                 if distance <= near and angle <= turn:
                     break
+                # The Jacobian changes only where a step was accepted.
                 if fresh:
                     columns(table, pose, n, point_of(pose, n, np.zeros(3)), J3, 0)
                     for i in range(m):
                         for c in range(n):
                             J[i, c] = J3[i, c, 0]
+                    # Joints that a limit holds are taken out, as in an active-set method.
                     stops = _held(table, J, e, q, held)
                 if method == _MARQUARDT:
                     _marquardt(J, e, mu, K, y, dq)
                 else:
                     step(J, e, method, damping, A, U, dq)
+                # Project the step on the joint limits.
                 moved = 0.0
                 for c in range(n):
                     trial[c, 0] = q[c, 0] + (0.0 if held[c] else dq[c])
@@ -290,6 +299,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
                 if not moved > _STILL:  # nor where a step is NaN
                     reason = -1
                     break
+                # Levenberg-Marquardt accepts only what lowers the error, and adapts its damping.
                 missing, angled = _miss(table, trial, target, k, pose, e)
                 new = missing * missing + angled * angled
                 if method == _MARQUARDT:
@@ -312,6 +322,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
                 distance, angle, cost = missing, angled, new
                 if reason < 0:
                     break
+            # Classify the outcome.
             if distance <= near and angle <= turn:
                 reason = _SOLVED
             elif reason < 0:
@@ -328,6 +339,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
                         retained += 1 if _length(A, i) > _NEAR * largest else 0
                     if retained < rank:
                         reason = _SINGULAR
+            # Of several starts report the one with the smallest error.
             if begun == 1 or cost < best or reason == _SOLVED:
                 best = cost
                 for c in range(n):
@@ -564,17 +576,17 @@ def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
 def disc_distance(
     chain: Chain, q: ArrayLike, centre: ArrayLike, radius: float
 ) -> tuple[float, Array]:
-    """Return how far the arm.
+    """Return the arm's signed distance from a disc in the x-y plane [m], and its gradient (n,).
 
-    As lines from joint to joint to tip, keeps off a disc in the x-y plane [m].
-
-    Negative where a line cuts it. The gradient (n,) jumps where another line becomes the nearest.
+    The arm is the lines from joint to joint to tip. The distance is negative where a line cuts the
+    disc. The gradient jumps where another line becomes the nearest.
     """
     middle = vector("centre", centre, (2,), unit="m")
     finite("radius", radius, 0.0, unit="m")
     joints, pose = chain.path(), frames(chain, vector("q", q, (chain.n,)))
     points = np.column_stack([pose[:3, joints], tip(chain, q)[:3]])
     lines = np.diff(points, axis=1)
+    # Nearest point of each link's segment to the axis of the disc.
     square = np.maximum(np.sum(lines[:2] ** 2, axis=0), 1e-300)
     share = np.clip(np.sum((middle[:, None] - points[:2, :-1]) * lines[:2], axis=0) / square, 0, 1)
     nearest = points[:, :-1] + share * lines
@@ -605,6 +617,7 @@ def null_space_step(
     """
     (q,) = (vector("q", q, (chain.n,)),)
     count("rows", rows, 1, 6)
+    # Project the gradient on the null space, and make the step as long as asked.
     slope = null_space(jacobian(chain, q)[:rows]) @ vector("gradient", gradient, (chain.n,))
     size = float(np.linalg.norm(slope))
     if size <= 1e-12 * float(np.linalg.norm(gradient)):

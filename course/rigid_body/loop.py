@@ -297,11 +297,13 @@ class FixedStepLoop:
         before = Advance(**vars(self.totals))
         frame = Fraction(real_seconds)
         lost = Fraction(0)
+        # Time that a slow frame would ask to catch up beyond `max_frame` is dropped, and reported.
         if self._bound is not None and frame > self._bound:
             lost = frame - self._bound
             frame -= lost
             self._dropped += lost
             self.totals.dropped = float(self._dropped)
+        # The accumulator: real time granted to the simulation so far, as an exact fraction.
         self._granted += frame
 
         available = int(self._granted // self._tick)
@@ -318,6 +320,7 @@ class FixedStepLoop:
         if lost:
             self._note("dropped", available, math.nan)
 
+        # What remains in the accumulator is a share of a step; a renderer interpolates by it.
         step = Fraction(self.physics_dt)
         totals.alpha = float((self._granted - totals.steps * step) / step)
         return Advance(
@@ -347,6 +350,7 @@ class FixedStepLoop:
         if start >= self._next_control:
             self._control(start, now)
 
+        # Commands that have arrived by now replace the held one (zero-order hold).
         while self._commands_under_way and self._commands_under_way[0][0] <= start:
             _, self._command, self._command_sensed_at = self._commands_under_way.popleft()
         force = self._command
@@ -390,6 +394,7 @@ class FixedStepLoop:
         self._next_picture += self._render_ticks
         self.totals.pictures += 1
         newest = self.totals.steps * self._dt_ticks
+        # A picture is one step behind, between two known states, so that nothing is extrapolated.
         shown = self._seconds(max(due - self._dt_ticks, 0))
         if self.phases.render is not None:
             alpha = (due - newest) / self._dt_ticks
@@ -443,6 +448,7 @@ def run(
         total.pictures += done.pictures
         total.dropped += done.dropped
         total.alpha = done.alpha
+        # Read the clock again: the time that the steps took is not waited for a second time.
         wait = min(loop.seconds_to_next - (clock() - last), seconds - (clock() - start))
         if wait > 0:
             sleep(wait)

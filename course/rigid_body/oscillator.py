@@ -113,6 +113,7 @@ def _entries(method: str, x: Any, zeta: Any) -> tuple[Any, ...]:
         common = 1 + zeta * x + quarter
         turn = x / common
         return (1 + zeta * x - quarter) / common, turn, -turn, (1 - zeta * x - quarter) / common
+    # Runge-Kutta with as many stages as its order: partial sums of exp(x G).
     total: tuple[Any, ...] = (1, 0, 0, 1)
     term = total
     for k in range(1, _DEGREES[method] + 1):
@@ -156,6 +157,7 @@ def limit(method: str, zeta: float) -> float:
     if method == "implicit_midpoint":
         return math.inf
     a, b, c, d = _entries(method, Polynomial([0.0, 1.0]), zeta)
+    # Jury's conditions: both eigenvalues lie inside the unit circle while all three are positive.
     trace, determinant = a + d, a * d - b * c
     conditions = (1.0 - determinant, 1.0 + determinant + trace, 1.0 + determinant - trace)
     return min(_first_negative(condition) for condition in conditions)
@@ -190,6 +192,7 @@ def _first_negative(condition: Polynomial) -> float:
     roots = reduced.roots()
     real = np.sort(roots.real[np.abs(roots.imag) <= 1e-7 * np.abs(roots)])
     for root in real[real > 0.0]:
+        # A touching root does not change the sign; only a crossing is the limit.
         if reduced(root * (1.0 + 1e-5)) < 0.0:
             return float(root)
     return math.inf

@@ -83,6 +83,7 @@ def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
     """
     if vn >= 0.0:
         return 0.0, 0.0
+    # Inverse mass of the corner: normal, tangential and coupling entries of the Delassus matrix.
     wtt = inverse_mass + inverse_inertia * ry * ry
     wnn = inverse_mass + inverse_inertia * rx * rx
     wnt = -inverse_inertia * rx * ry
@@ -104,6 +105,7 @@ def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
         slowing = wnt + wtt * k1
         if vt * slowing < 0.0:
             stop = -vt / slowing
+    # Compression stores work, restitution gives back e^2 of it (Stronge's energetic restitution).
     end_speed = -restitution * vn
     if a1 > 0.0 and -vn <= a1 * stop:  # compression ends while it still slides
         end = (end_speed - vn) / a1
@@ -195,6 +197,7 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
     if vy + omega * rx1 >= 0.0 and vy + omega * rx2 >= 0.0:
         return vx, vy, omega, 0
     # Both carry: the face stays down, if neither corner has to pull.
+    # Total normal impulse, then its split between the corners by the moment about the centre.
     pn = -vy / inverse_mass
     if pn > 0.0:
         pt = -vx / inverse_mass
@@ -268,11 +271,13 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
         SEARCH_LIMIT evaluations, a time up to which nothing hits and UNFINISHED.
     """
     radius = 0.5 * math.sqrt(width * width + height * height)
+    # Upper bound on the downward acceleration of any corner.
     fastest = abs(omega) + 2.0 * coefficient * abs(alpha) * horizon
     bound = radius * (fastest * fastest + 2.0 * coefficient * abs(alpha))
     bound = max(bound - 2.0 * coefficient * ay, 0.0)
     touch = IMPACT_TOLERANCE * radius
     tau = 0.0
+    # Conservative advancement with that bound, so no impact can be skipped.
     for _ in range(SEARCH_LIMIT):
         remaining = horizon - tau
         centre = flight(y, vy, ay, tau, coefficient)
@@ -497,6 +502,7 @@ def sustain(
         if second:
             rx, ry = rx2, ry2
         # The corner is to be at rest, or slide, where it will be after it has turned.
+        # Centripetal acceleration of the corner, over what is left of the step.
         turned = remaining * omega * omega
         vt = free_x - free_omega * ry - turned * rx
         vn = free_y + free_omega * rx - turned * ry

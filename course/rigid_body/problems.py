@@ -126,6 +126,7 @@ def oscillator(
     )
     damped = omega * np.sqrt(1.0 - zeta**2)
 
+    # Closed form of the underdamped oscillator.
     def truth(t: float) -> tuple[Array, Array]:
         decay = x0 * np.exp(-zeta * omega * t)
         c, s = np.cos(damped * t), np.sin(damped * t)
@@ -168,6 +169,7 @@ def pendulum(
         duration: length of the run [s].
     """
     rate = np.sqrt(gravity / length)
+    # Modulus of the elliptic functions; the pendulum starts at rest at its amplitude.
     k = np.sin(0.5 * amplitude)
     system = System(
         "pendulum",
@@ -222,6 +224,7 @@ def _incomplete_pi(n: float, u: float, m: float) -> float:
     from scipy.special import ellipj, ellipk, elliprf, elliprj
 
     quarter = ellipk(m)
+    # Whole periods are taken off first: Carlson's forms hold for a quarter period.
     turns = np.round(u / (2.0 * quarter))
     sn, cn, _, _ = ellipj(u - 2.0 * quarter * turns, m)
 
@@ -261,6 +264,7 @@ def tumble(
     if not (w1 > 0.0 and w3 > 0.0 and square > two_t * i2):
         raise invalid("rates", rates, "two positive numbers with L^2 > 2 T I2")
     momentum = np.sqrt(square)
+    # Closed form by Jacobi's elliptic functions (Landau and Lifshitz, Mechanics, sec. 37).
     pace = np.sqrt((i3 - i2) * (square - two_t * i1) / (i1 * i2 * i3))
     m = (i2 - i1) * (two_t * i3 - square) / ((i3 - i2) * (square - two_t * i1))
     w2 = np.sqrt((two_t * i3 - square) / (i2 * (i3 - i2)))
@@ -278,6 +282,8 @@ def tumble(
             t / i3 + (two_t - square / i3) / (d * pace) * _incomplete_pi(-beta, u, m)
         )
         body = np.array([i1, i2, i3]) * v / momentum
+        # Attitude: the angular momentum is fixed in space; its direction in the body gives two
+        # angles, the integral above the third.
         tilt = np.arctan2(np.hypot(body[0], body[1]), body[2])
         z = np.array([0.0, 0.0, 1.0])
         q = quaternion.product(
@@ -396,6 +402,7 @@ def top_height_truth(
     """
     from scipy.special import ellipj
 
+    # The nutation is a cubic's motion between two roots, an elliptic function again.
     u1, u2, u3 = nutation_limits(inertia, weight, tilt, spin)
     pace = 0.5 * np.sqrt(2.0 * weight / inertia[0] * (u3 - u1))
     _, cn, dn, _ = ellipj(pace * t, (u2 - u1) / (u3 - u1))
@@ -542,6 +549,7 @@ def frictionless_box(
     def corner_height(s: float, corner: int) -> float:
         return float(heights(np.array([s]))[0, corner])
 
+    # Event to event: sample the corners' heights, bracket the first crossing, refine it with Brent.
     remaining, struck = t, -1
     while True:
         times = np.append(np.arange(0.0, remaining, 1e-4), remaining)
@@ -561,6 +569,7 @@ def frictionless_box(
         remaining -= flight
         if not crossings.size:
             return np.array([x, y, angle, vx, vy, omega])
+        # Newton's law at the corner: the lever reduces its effective mass.
         lever = arm * np.cos(angle + corners[struck])
         normal = vy + omega * lever
         impulse = -(1.0 + restitution) * normal / (1.0 + lever**2 / moment)
