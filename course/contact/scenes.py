@@ -230,7 +230,7 @@ def block(
 ) -> Scene:
     """Return a block on an incline, which slides and does not turn.
 
-    Q = (along the slope, across, off it).
+    q = (along the slope, across, off it).
 
     The slope has an angle [rad], down along x; the velocity is along it and across [m/s].
     """
@@ -345,7 +345,7 @@ def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Sce
 
 
 def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) -> Scene:
-    """Return painleve's rod: 1 kg, 2 m, its end on the ground; q = (x, z, angle) of the middle.
+    """Return Painleve's rod: 1 kg, 2 m, its end on the ground; q = (x, z, angle) of the middle.
 
     The end is below the middle and to the right of it, and slides to the right. Where
     mu > (1 + 3 cos^2) / (3 sin cos) a normal force, with the friction that it makes, turns the end

@@ -130,6 +130,8 @@ def computed_torque(
     q = vector("q", q, (None,), (None, None))
     v, a = like("v", v, q), like("a_ref", a_ref, q)
     if half:
+        # Preview: the torque is held for a sample, so it is computed for the state half of it
+        # ahead.
         q, v = q + half * v + 0.5 * half**2 * a, v + half * a
     return needed(chain, q, v, a + pd(q, v, q_ref, v_ref, kp, kd), gravity)
 
@@ -208,9 +210,11 @@ class Adaptive:
         q = vector("q", q, (2,))
         e = like("q_ref", q_ref, q) - q
         rate = like("v_ref", v_ref, q) - like("v", v, q)
+        # Sliding variable s and reference velocity w of Slotine and Li (1987).
         s = rate + self._slope * e
         w = like("v_ref", v_ref, q) + self._slope * e
         Y = self.arm.regressor(q, v, like("a_ref", a_ref, q) + self._slope * rate, w)
+        # The parameters enter linearly, so the gradient of the error is the regressor's transpose.
         return Y @ self.estimate + self._damping @ s, self._rate * (Y.T @ s), s
 
     def __call__(
@@ -218,6 +222,7 @@ class Adaptive:
     ) -> Array:
         """Return the torques for this sample, shape (2,); the estimate then takes its step."""
         tau, change, _ = self.parts(q, v, q_ref, v_ref, a_ref)
+        # Euler step of the adaptation, kept within the bounds (projection).
         self.estimate = np.clip(self.estimate + self._dt * change, *self._bounds)
         return tau
 
@@ -259,6 +264,7 @@ def impedance(
     """
     J, e, speed = _task(chain, q, v, target, rows)
     K, B = gain("stiffness", stiffness, len(rows)), gain("damping", damping, len(rows))
+    # Force in the task space; the transposed Jacobian turns it into joint torques.
     force = K @ e + B @ (like("rate", rate, speed) - speed)
     return _transposed(J, force) + chain_bias(chain, q, np.zeros(np.shape(q)), gravity=gravity)
 
@@ -411,10 +417,12 @@ def hybrid(
         raise invalid("forced", forced, f"{m} booleans")
     J, e, speed = _task(chain, q, v, target, rows)
     n, q, v = chain.n, np.asarray(q, dtype=float), np.asarray(v, dtype=float)
+    # Operational-space inertia (Khatib, 1987): the inverse of J M^-1 J^T.
     M = np.moveaxis(mass_matrix(chain, q).reshape(n, n, -1), 2, 0)
     jac = np.moveaxis(J.reshape(m, n, -1), 2, 0)
     spread = np.linalg.solve(M, jac.transpose(0, 2, 1))  # M^-1 J^T
     mobility = jac @ spread
+    # Near a singularity that matrix has no inverse, and forces would grow without bound.
     sizes = np.linalg.eigvalsh(mobility)
     if (sizes[:, 0] < 1e-6 * sizes[:, -1]).any():
         worst = float((sizes[:, 0] / sizes[:, -1]).min())
@@ -422,6 +430,8 @@ def hybrid(
     drift = _columns(np.asarray(jacobian_rate(chain, q, v))[list(rows)], v)
     desired = like("acceleration", acceleration, e) + gain("kp", kp, m) @ e
     desired = desired + gain("kd", kd, m) @ (like("rate", rate, e) - speed)
+    # Selection matrices in the frame of the surface: motion along some axes, force along the
+    # others.
     moving = R @ np.diag(~chosen) @ R.T
     push = like("force", force, e)
     push = push + finite("force_gain", force_gain, 0.0) * (push - like("measured", measured, e))

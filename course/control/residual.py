@@ -96,11 +96,13 @@ def fit(
     x = vector("x", x, (None, None))
     torque = vector("torque", torque, (None, x.shape[1]))
     F, scale = count("features", features, 1), x.std(axis=1)
+    # Random Fourier features (Rahimi and Recht, 2007).
     if not (scale > 0.0).all():
         raise invalid("x.std(axis=1)", scale, "inputs that all vary")
     W = positive("width", width) * rng.standard_normal((F, len(x)))
     result = Features(W, rng.uniform(0.0, 2.0 * np.pi, F), scale, np.zeros((len(torque), F)))
     Z = result.waves(x)
+    # Ridge regression by its normal equations.
     normal = Z @ Z.T + positive("ridge", ridge) * x.shape[1] * np.eye(F)
     return replace(result, weights=np.linalg.solve(normal, Z @ torque.T).T)
 
@@ -119,6 +121,7 @@ def learn(
     """
     laws, observed = [law], []
     for _ in range(count("rounds", rounds, 1)):
+        # DAgger for models: each round adds data of the motion that the last law makes.
         observed.append(lacking(law.model, collect(laws[-1])))
         x, torque = (np.concatenate(parts, axis=1) for parts in zip(*observed, strict=True))
         laws.append(replace(law, extra=fit(x, torque, rng, **settings)))

@@ -78,6 +78,8 @@ def _driven(A: Array, B: Array, seconds: float) -> System:
     """Return the state's transition over a time, and what a command held meanwhile adds."""
     from scipy.linalg import expm
 
+    # Van Loan (1978): the exponential of the block matrix holds both the transition and its
+    # integral.
     n = B.size
     block = np.zeros((n + 1, n + 1))
     block[:n, :n], block[:n, n] = A * seconds, B * seconds
@@ -99,6 +101,7 @@ def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
     """
     A = vector("A", A, (len(np.atleast_1d(A)),) * 2)
     B = vector("B", B, (A.shape[0],))
+    # A delay is whole samples and a part; within a sample the command switches once.
     whole, rest = split_delay(delay, dt)
     first, late = _driven(A, B, rest)
     second, now = _driven(A, B, dt - rest)
@@ -243,12 +246,14 @@ def loop_matrix(plant: Held, law: Law) -> Array:
 @register_jitable
 def _closed(transition, now, before, whole, A, B, C, D):
     """Return `loop_matrix` of the parts of plant and law."""
+    # State: x, the commands under way, the law's state.
     n, waiting, m = now.size, whole + int(np.any(before != 0.0)), C.size
     F = np.zeros((n + waiting + m, n + waiting + m))
     F[:n, :n] = transition
     fed = np.zeros(n + waiting)  # how the command of this sample enters
     if waiting:
         fed[n] = 1.0
+        # Commands move up the queue by one each sample.
         F[n + 1 : n + waiting, n : n + waiting - 1] = np.eye(waiting - 1)
         if whole:
             F[:n, n + whole - 1] += now
@@ -273,6 +278,7 @@ def growth_by_squares(matrix):
 
     Gelfand's formula, |F^n|^(1/n) with n = 2^44, which takes 44 squares of the matrix.
     """
+    # Spectral radius by repeated squaring: |F^(2^k)|^(1 / 2^k), scaled to avoid overflow.
     F, square, total, n = matrix.copy(), np.empty(matrix.shape), 0.0, matrix.shape[0]
     for half in range(45):
         size = np.max(np.abs(F))
@@ -326,6 +332,7 @@ def _solve(M, b):
 @register_jitable
 def _response(transition, now, before, whole, A, B, C, D, turn):
     """Return the opened loop where the frequency turns by so much a sample [rad]."""
+    # The whole samples of the delay turn the phase; the part is in `now` and `before`.
     z, late = complex(math.cos(turn), math.sin(turn)), -turn * whole
     x = (now + before / z) * complex(math.cos(late), math.sin(late))
     _solve(z * np.eye(now.size) - transition, x)
@@ -393,6 +400,7 @@ def _gain_crossover(transition, now, before, whole, A, B, C, D):
     flat[0] = math.pi  # half the sample rate: there it is always real
     reals[0] = _response(transition, now, before, whole, A, B, C, D, math.pi).real
     sizes, real = 0, 1
+    # Both kinds of crossing: sign changes between grid points, bisected.
     for size in (False, True):
         for k in range(_TURNS.size - 1):
             side = _above(values[k], size)
@@ -425,6 +433,7 @@ _crossed = loop(_gain_crossover, types.UniTuple(VECTOR, 4)(*_PARTS))
 def _margins(at, lags, reals, dt):
     """Return the four of `Margins` from what was found."""
     gain, lower, phase, delay = math.inf, 0.0, math.inf, math.inf
+    # Gain margins from real-axis crossings, phase and delay margins from unit-circle crossings.
     for value in reals:
         if -1.0 <= value < 0.0:
             gain = min(gain, -1.0 / value)
@@ -466,6 +475,7 @@ def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0)
     result = crossings(held(A, B, dt, delay), law)
     if result.delay == math.inf:
         return result
+    # The delay margin is refined by the eigenvalues, as a loop may be stable again later.
     step = result.delay / 8.0
     last = next((k for k in range(1, 40) if not holds(k * step)), 40) * step
     low, high = last - step, last
@@ -490,6 +500,7 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
     plant = held(A, B, dt, delay)
     if len(plant.now) < 2:
         raise invalid("A.shape", np.shape(A), "that of a plant whose first states are q and v")
+    # P alone oscillates where the loop's phase is -180 degrees: a real, negative response.
     _, _, flat, reals = _crossed(*_parts(plant, pid_law(1.0, dt=dt)))
     gain, w = min(
         ((-1.0 / x, f / dt) for x, f in zip(reals, flat, strict=True) if x < 0.0),
@@ -517,6 +528,7 @@ def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float,
     """
     b = positive("damping", damping) / positive("inertia", inertia)
     low, high = 0.0, 0.5 * math.pi / positive("lateness", lateness, unit="s")
+    # The phase condition w tan(w late) = b is monotone in w: bisection.
     for _ in range(80):
         w = 0.5 * (low + high)
         low, high = (w, high) if w * math.tan(w * lateness) < b else (low, w)

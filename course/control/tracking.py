@@ -81,6 +81,7 @@ def two_link_torque(arm, i, q1, q2, v1, v2, a1, a2):
 @register_jitable
 def _held(body, q, v, h, steps):
     """Return states of two-link arms, columns of `body`, after steps of h under their torques."""
+    # Classical Runge-Kutta for all arms at once; the torque is held.
     for _ in range(steps):
         a1 = two_link_acceleration(q, v, body)
         s2 = v + 0.5 * h * a1
@@ -112,6 +113,7 @@ def _track(kind, model, arm, gains, half, references, dt, substeps, limit, q, v,
         for i in range(q.shape[2]):
             r = references[k, :, i]
             q1, q2, v1, v2 = q[k, 0, i], q[k, 1, i], v[k, 0, i], v[k, 1, i]
+            # Computed torque previews the state by half a sample.
             if kind == 3:
                 q1 += half * v1 + 0.5 * half * half * r[4]
                 q2 += half * v2 + 0.5 * half * half * r[5]

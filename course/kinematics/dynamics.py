@@ -566,7 +566,7 @@ def linearise(
     gravity: ArrayLike = DOWNWARDS,
     step: float = 6e-6,
 ) -> tuple[Array, Array]:
-    """Return a and B of the small motion about a state: d/dt (dq, dv) = A (dq, dv) + B dtau.
+    """Return A and B of the small motion about a state: d/dt (dq, dv) = A (dq, dv) + B dtau.
 
     Central differences of `forward_dynamics` at q, v, tau, shape (n,), all in one batch. The
     default step [rad, m, rad/s, ..., N m], the cube root of the rounding unit, leaves about 1e-10

@@ -126,7 +126,7 @@ def gain(s, method, damping):
 def step(J, e, method, damping, A, U, dq):
     """One step of a method (its number in METHODS) but Levenberg-Marquardt into dq (n,).
 
-    J (m, n) is the Jacobian, e (m,) the error; A (m, n) and U (m, m) are room.
+    J (m, n) is the Jacobian, e (m,) the error; A (m, n) and U (m, m) are work space.
     """
     m, n = J.shape
     dq[:] = 0.0

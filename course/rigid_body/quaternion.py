@@ -159,7 +159,7 @@ def cross(a: Array, b: Array) -> Array:
 
 @register_jitable
 def product(p: Array, q: Array) -> Array:
-    """Return hamilton's product p q: the rotation q, followed by p.
+    """Return Hamilton's product p q: the rotation q, followed by p.
 
     Args:
         p: quaternions, shape (4,) or (4, N), of any length.
