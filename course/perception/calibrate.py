@@ -124,10 +124,13 @@ def hand_eye(A: ArrayLike, B: ArrayLike, tolerance: float = 0.02) -> HandEye:
     if a.shape != b.shape or a.shape[1] < 2:
         raise invalid("A.shape", a.shape, f"two motions or more, as many as in B, {b.shape}")
     turns = [log(unit_quaternion(x[3:], f"{name}[3:]")) for name, x in (("A", a), ("B", b))]
+    # The rotation vectors are vectors that R turns into each other: Kabsch's fit of directions.
     U, s, V = np.linalg.svd(turns[0] @ turns[1].T)
     if s[0] <= 1e-12:
         raise invalid("A", a, "motions that turn")
+    # The determinant keeps it a proper rotation.
     R = U @ np.diag((1.0, 1.0, np.linalg.det(U @ V))) @ V
+    # With R known the translation is linear: (R_A - 1) x = R t_B - t_A for all motions.
     rows = np.concatenate(np.moveaxis(to_matrix(a[3:]), 2, 0) - np.eye(3))
     right = (R @ b[:3] - a[:3]).T.ravel()
     x, _, rank, singular = np.linalg.lstsq(rows, right, rcond=tolerance)

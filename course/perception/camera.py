@@ -215,6 +215,7 @@ def through_cylinder(size, o, d):
     Half the chord comes from the distance of axis and ray, which does not cancel from far away.
     """
     a = d[0] * d[0] + d[1] * d[1]
+    # The ray's point nearest to the axis, then half the chord from there.
     t = (o[0] * d[0] + o[1] * d[1]) / a if a > 0.0 else 0.0
     x, y = o[0] - t * d[0], o[1] - t * d[1]
     remaining = size[0] * size[0] - x * x - y * y
@@ -249,6 +250,7 @@ def _caster(interval):
             -(a[2] * p[0] + b[2] * p[1] + c[2] * p[2]),
         )
         left, right, top, bottom = window
+        # Only columns and rows of the window can see the shape.
         x = x[left:right]
         for v in range(top, bottom):
             row = (b[0] * y[v] + c[0], b[1] * y[v] + c[1], b[2] * y[v] + c[2])
@@ -257,6 +259,7 @@ def _caster(interval):
                 d = (a[0] * x[u] + row[0], a[1] * x[u] + row[1], a[2] * x[u] + row[2])
                 near, far = interval(size, o, d)
                 t = near if near > 0.0 else far  # from inside a shape its far side is seen
+                # Depth buffer: keep the nearest hit, without a branch.
                 nearer = (near <= far) & (t > 0.0) & (t < nearest[u])
                 nearest[u] = t if nearer else nearest[u]
                 owner[u] = number if nearer else owner[u]
@@ -281,6 +284,7 @@ def _window(half, R, p, x, y):
         t = half[1] if corner & 2 else -half[1]
         w = half[2] if corner & 4 else -half[2]
         z = p[2] + R[2][0] * s + R[2][1] * t + R[2][2] * w
+        # A corner behind the camera projects to nowhere: the whole picture is searched.
         if not z > 0.0:
             return 0, x.size, 0, y.size
         a = (p[0] + R[0][0] * s + R[0][1] * t + R[0][2] * w) / z
@@ -420,6 +424,8 @@ def incidence(depth: Array, camera: Camera) -> Array:
     x, y = camera.rays()
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse, slopes = 1.0 / depth, []
+        # In a pinhole picture the inverse depth of a plane is linear in the pixel, so differences
+        # of it are the plane's slopes. At an edge the smaller of the two differences is taken.
         for axis, f in ((1, camera.fx), (0, camera.fy)):
             across = f * np.diff(inverse, axis=axis)
             across[~np.isfinite(across)] = np.inf
@@ -459,12 +465,14 @@ def sense(depth: ArrayLike, camera: Camera, sensor: Sensor, rng: np.random.Gener
     if sensor.grazing < 0.5 * math.pi:
         observed &= incidence(exact, camera) <= sensor.grazing
     disparity = reach / np.where(observed, exact, 1.0)
+    # Noise acts on the disparity, before it is rounded to the sensor's steps.
     if sensor.noise:
         disparity += sensor.noise * _shared_noise(exact.shape, sensor.window, rng)
     if sensor.step:
         disparity = np.rint(disparity / sensor.step) * sensor.step
     observed &= disparity > 0.0
     measured = reach / np.where(observed, disparity, 1.0)
+    # The depth is stored in units, such as millimetres.
     if sensor.unit:
         measured = np.rint(measured / sensor.unit) * sensor.unit
     observed &= (measured >= sensor.near) & (measured <= sensor.far)

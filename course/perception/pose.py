@@ -114,6 +114,7 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
         axis = rotate(turn, np.array([0.0, 0.0, 1.0]))
         return shift, math.atan2(math.hypot(axis[0], axis[1]), abs(axis[2]))
     if kind == "box":
+        # Rotations of the cube that map the box onto itself are its symmetries.
         half = part.sizes[:, 0]
         same = np.abs(np.abs(_CUBE) @ half - half).max(axis=1) < 1e-9 * half.max()
         turn = product(_TURNS[:, same], turn)  # as far as the turn followed by it
@@ -131,6 +132,8 @@ def verdict(
     mask = exact > 0.0
     here = mask & (z > 0.0)
     deviation = z[here] - exact[here]
+    # A pixel disagrees if it is off by more than the noise allows: farther means that the sensor
+    # looks through the supposed part, nearer that something hides it.
     allowed = _SIGMAS * sensor.sigma(exact[here], camera) + 1e-3
     through, hidden = np.count_nonzero(deviation > allowed), np.count_nonzero(deviation < -allowed)
     agree, both = deviation.size - through - hidden, np.count_nonzero(cluster & ~mask)
@@ -196,6 +199,7 @@ def standing_at(part: Shapes, points: Array, table: Array, yaws: Array) -> list[
     for yaw in yaws:
         q = exp(np.array([0.0, 0.0, yaw]))
         inside = rotate(conjugate(q), flat)
+        # Percentiles instead of extremes: a few stray points do not move the box.
         middle = np.percentile(inside, (2.0, 98.0), axis=1).mean(axis=0) - 0.5 * (low + high)
         middle[2] = -low[2]
         turn = product(up, q)
@@ -224,6 +228,7 @@ def _of_table(points: Array, sigma: Array, table: Array, pose: Array) -> Array:
     """Return what the table tells about a part that stands on it: height and two tilts, (6, 6)."""
     x, y, _ = rotate(conjugate(pose[3:]), points - pose[:3, None])
     slope = np.abs(table[:3] @ points) / points[2]
+    # Jacobian of the height above the table by the six directions, divided by its deviation.
     J = np.stack((0.0 * x, 0.0 * x, np.ones_like(x), y, -x, 0.0 * x)) / (sigma * slope)
     return J @ J.T
 
@@ -266,6 +271,7 @@ def locate(
     count("starts", starts, 1)
     points, pixels = back_project(z, camera)
     sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
+    # Find the table, unless it is known.
     if table is None:
         rng = np.random.default_rng(seed)
         some = points[:, rng.integers(0, points.shape[1], min(2000, points.shape[1]))]
@@ -274,6 +280,7 @@ def locate(
         plane = vector("table", table, (4,))
         if abs(np.linalg.norm(plane[:3]) - 1.0) > 1e-6:
             raise invalid("table", plane, "a normal of unit length, and a distance")
+    # Refine it by all points near it, then classify what is above.
     for _ in range(2 if table is None else 1):
         slope = np.abs(plane[:3] @ points) / points[2]
         height = (plane[:3] @ points + plane[3]) / (sigma * slope + 1e-3 / _SIGMAS)
@@ -284,6 +291,7 @@ def locate(
             plane = inverse_depth_plane(z, camera, mask.reshape(z.shape))
     above = np.zeros(z.size)
     above[pixels[height > _SIGMAS]] = points[2, height > _SIGMAS]
+    # Segment what is above the table: connected pixels of similar depth.
     if not above.any():
         return []
     step = 0.01 + 6.0 * float(np.median(sigma))
@@ -365,6 +373,7 @@ def pose_of(
             tried.append((verdict(z, camera, sensor, part.moved(fit.pose), cluster), fit))
         tried.sort(key=lambda one: -one[0][2])
 
+    # Coarse registration from all starts, ranked by how well the whole picture agrees.
     lay(poses)
     if not tried:
         return None
@@ -376,11 +385,13 @@ def pose_of(
     (_, _, score, mask), first = tried[0]
     # All that the pose covers, also what is too near the table to be told from it.
     covered, _ = back_project(np.where(mask | cluster, z, 0.0), camera)
+    # Fine registration of all covered points from the best start.
     spread = np.maximum(sensor.sigma(covered[2], camera), 1e-7)
     fit = icp(covered, part, first.pose, gate=last, sigma=spread, free=free)
     if not np.isfinite(fit.residual):
         return None
     through, agree, score, mask = verdict(z, camera, sensor, part.moved(fit.pose), cluster)
+    # A different pose that explains the picture about as well makes the answer ambiguous.
     rival = any(
         other[2] > tried[0][0][2] - _RIVAL
         and other[0] <= _SEES_THROUGH
@@ -390,6 +401,7 @@ def pose_of(
     also = _of_table(*on_table, table, fit.pose) if standing else np.zeros((6, 6))
     if set(part.kinds) == {"sphere"}:  # it touches the table in a point, whatever its turn
         also[3:], also[:, 3:] = 0.0, 0.0
+    # Neighbouring pixels of a stereo window share their noise: fewer independent points.
     covariance, unobserved = known((fit.information + also) / sensor.window**2)
     left_over, blind = score < 1.0 - _SEES_THROUGH, {"x", "y", "z"} & set(unobserved)
     status = "ambiguous" if rival or left_over or blind else "found"
