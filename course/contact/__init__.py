@@ -18,8 +18,8 @@ The chapter's algorithms, and the functions of their steps:
   reduces the simplex.
 - EPA (van den Bergen, 2001): `narrow._grow` makes the first tetrahedron, `narrow._epa` expands the
   polytope: closest face, support, horizon, fan of faces.
-- Clipped face manifolds: `features._box_contacts`, with `_facing` for the reference face and `_clip`
-  (Sutherland and Hodgman, 1974).
+- Clipped face manifolds (Sutherland and Hodgman, 1974): `features._box_contacts`, with `_facing`
+  for the reference face and `_clip`.
 - Projected Gauss-Seidel (Moreau, 1999; Jean, 1999): `models.pgs_sweep` visits the contacts,
   `project` is the cone, `sweep_until` the loop.
 - Semismooth Newton on the natural map (Alart and Curnier, 1991): `models.natural_map`, and the line

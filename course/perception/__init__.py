@@ -6,7 +6,8 @@ looks along z, y is down. Points are columns, shape (3, N) [m]. A pose is
 
 The chapter's algorithms, and the functions of their steps:
 
-- RANSAC (Fischler and Bolles, 1981): `cloud._ransac` samples, counts and stops; `fit_plane` refits.
+- RANSAC (Fischler and Bolles, 1981): `cloud._ransac` samples, counts and stops, `fit_plane`
+  refits.
 - DBSCAN (Ester, Kriegel, Sander and Xu, 1996): `cloud._dbscan`: core points, joined cells, border
   points; `_near` lists the neighbouring cells.
 - ICP (Besl and McKay, 1992; Chen and Medioni, 1992): `registration._icp` matches with `_nearest` or
