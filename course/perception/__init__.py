@@ -12,7 +12,8 @@ The chapter's algorithms, and the functions of their steps:
   points; `_near` lists the neighbouring cells.
 - ICP (Besl and McKay, 1992; Chen and Medioni, 1992): `registration._icp` matches with `_nearest` or
   `_onto`, and moves with `_rotation` (point to point) or `_solve` (point to plane).
-- Absolute orientation (Kabsch, 1978; Umeyama, 1991): `registration.rigid_fit`, its core `_rotation`.
+- Absolute orientation (Kabsch, 1978; Umeyama, 1991): `registration.rigid_fit`, whose core is
+  `_rotation`.
 - Hand-eye calibration (Park and Martin, 1994): `calibrate.hand_eye`.
 """
 
