@@ -275,7 +275,7 @@ class Outcome:
 
     @property
     def agrees(self) -> bool:
-        """Whether the check holds, and says the same as the record."""
+        """True if the check holds and agrees with the record."""
         return not self.disagreements
 
     @property
