@@ -8,7 +8,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from tests.notebooks.test_browser import CHAPTER, jupyter_lab, open_page, run_notebook
+from tests.notebooks.test_browser import CHAPTER, jupyter_lab, open_page, run_all_cells
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -43,7 +43,7 @@ def test_a_card_remembers_its_first_answer(tmp_path: Path, monkeypatch: pytest.M
             }"""
         )
         page.evaluate("() => window.jupyterapp.shell.activateById(window.panel.id)")
-        run_notebook(page)
+        run_all_cells(page)
         card = page.locator("#claim-top_condition").first
         card.wait_for()
         page.locator(".jp-Notebook .widget-html-content").first.wait_for()  # the badges
