@@ -2,8 +2,8 @@
 # # 9 · Robot learning
 #
 # *A point learns to reach a disc, starting from random pushes. Which reward teaches it best? Guess first, then watch it
-# learn.* About {open minutes} minutes of reading and experimenting; the fold-outs add {folded minutes} minutes and the
-# exercises {exercise minutes} minutes.
+# learn.* About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
+# {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -88,17 +88,8 @@ def last(chart, panel=0):
 # axis, and holds it for 50 ms. The episode ends successfully when the point enters a disc of 5 cm radius around the goal.
 # Otherwise it ends after 100 steps.
 #
-# How fast can it be? After $k$ steps, a point at rest can be anywhere in a square around its start. The half-width of
-# that square is $\Delta t^2\,k(k+1)/2$, with $\Delta t = 50$ ms. So we increase $k$ until the square touches the disc:
-# that $k$ is the least number of steps. Success pays a prize of 1, and each step of delay multiplies it by the
-# **discount** $\gamma = 0.99$. The optimal return is therefore $0.99^{\,k-1}$.
-#
-# **A worked example.** A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches
-# $0.0025 \cdot 27 \cdot 28/2 = 0.945$ m, 5.5 cm short of the goal and just outside the disc. In 28 steps it reaches
-# 1.015 m. So 28 steps are needed, and the optimum is $0.99^{27} = 0.76$.
-#
-# The two plots compare the optimal policy with one that was written by hand: a PD law, which has one gain on the
-# remaining distance and one on the velocity.
+# The plots show six runs each of two policies: the fastest that is possible, and one that was written by hand. The
+# written one is a PD law, with one gain on the remaining distance and one on the velocity.
 
 # %% tags=["hide-code"]
 envs = PointReachVector(64, "sparse", autoreset_mode="SameStep")
@@ -132,6 +123,18 @@ for axis, (name, act) in zip(axes, (("optimal", fastest), ("PD law", written)), 
     _ = axis.set(title=f"six starts, {name}", aspect="equal", xlabel="x from the goal [m]")
 _ = axes[0].set_ylabel("y from the goal [m]")
 plt.show()
+
+# %% [markdown]
+# How fast can it be? After $k$ steps, a point at rest can be anywhere in a square around its start. The half-width of
+# that square is $\Delta t^2\,k(k+1)/2$, with $\Delta t = 50$ ms. So we increase $k$ until the square touches the disc:
+# that $k$ is the least number of steps. Success pays a prize of 1, and each step of delay multiplies it by the
+# **discount** $\gamma = 0.99$. The optimal return is therefore $0.99^{\,k-1}$.
+#
+# **A worked example.** A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches
+# $0.0025 \cdot 27 \cdot 28/2 = 0.945$ m, 5.5 cm short of the goal and just outside the disc. In 28 steps it reaches
+# 1.015 m. So 28 steps are needed, and the optimum is $0.99^{27} = 0.76$.
+#
+# The table compares both policies on 64 starts:
 
 # %% tags=["hide-code"]
 table(*rows)
@@ -588,7 +591,8 @@ more_claims("perfect_fit", "dagger_needs_room", "diffusion_mends_drift")
 # Data with several distinct right answers for one state are called **multimodal**, and each answer is a *mode*. Cloning
 # as in section 3 minimises the squared error. For demonstrations at $+w$ (a share $p$ of them) and at $-w$, the
 # prediction $x$ with the smallest mean squared error is found by setting the derivative of
-# $p\,(x-w)^2 + (1-p)\,(x+w)^2$ to zero. Try to solve it; replace the wrong answer below by yours:
+# $p\,(x-w)^2 + (1-p)\,(x+w)^2$ to zero. Solve it on paper
+# first.<span class="kernel-only"> Then replace the wrong answer in this cell by yours:</span>
 
 # %%
 answer("cloning_averages", "0*w")
@@ -889,8 +893,7 @@ table(
 # from zero, a large step size, a prize of 10. The last one is paid for staying near the goal; there, a learner that takes
 # the time limit for an end overrates the prize.
 #
-# Normalising observations has a trap of its own in vectorised environments, where each environment could keep its own
-# statistics. The fold-out has the numbers.
+# Normalising has a trap in vectorised environments, where each one could keep its own statistics:
 
 # %%
 more_claims("own_normaliser")
@@ -898,9 +901,9 @@ more_claims("own_normaliser")
 # %% [markdown]
 # ### Many seeds, many machines
 #
-# Two runs of the same learner with different seeds can differ more than two methods do. So every curve of this chapter
-# has a band over several seeds. `sweep` runs one function with many arguments, here in this process. Its argument
-# `executor` accepts any pool, also that of a cluster, and the results do not depend on where a job ran.
+# Two seeds of one learner can differ more than two methods do, so the curves of this chapter have a band over several
+# seeds. `sweep` runs a function with many arguments. Its argument `executor` accepts any pool, also that of a cluster; the
+# results do not depend on where a job ran.
 
 
 # %% tags=["show-code"]
@@ -929,9 +932,9 @@ table(("gain", "seed", "mean return"),
 # epoch with "Trying to backward through the graph a second time": the old log-probabilities still belong to the
 # computation graph, and have to be detached.
 #
-# Even then it is an update and not yet a training loop. Nothing acts in the environment, nothing computes advantages,
-# there is no critic, and a reward of 10 inside the disc is paid at every step there. The missing parts are the ones where
-# errors hide. In this course the loop is a generator: it yields after each iteration, so you can plot, stop or save.
+# Even then it is an update and not a training loop. Nothing acts, nothing computes advantages, there is no critic, and
+# the reward of 10 inside the disc is paid at every step there. The missing parts are the ones where errors hide. Our loop
+# is a generator that yields after each iteration, so you can plot, stop or save.
 
 # %% tags=["show-code"]
 small = Settings(epochs=5, rate=3e-3, hidden=(16, 16))
@@ -949,7 +952,7 @@ print("mean actions for 64 observations:", report.policy(train.reset(seed=5)[0])
 source(learning.objective, "free = ratio")
 
 # %% [markdown]
-# Invalid input is rejected with the name of the argument. Open the cell in JupyterLab to try your own:
+# Invalid input is rejected with the name of the argument and the rule:
 
 # %% tags=["show-code"]
 for attempt in (
@@ -1354,6 +1357,8 @@ def missed(executor, how):
     return np.sum(1.0 - np.cumprod(1.0 - wrong))
 
 
+noises = (0.0, 0.01, 0.02, 0.03, 0.05)
+figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
 rows = [("executed", "two routes: pass", "with disturbances of 50 mm", "regulator: lost",
          "trained with disturbances: lost", "memory task: wrong of 40")]  # fmt: skip
 for name, executor, how in (
@@ -1364,12 +1369,18 @@ for name, executor, how in (
     ("each step, delayed by 3", Delayed, 3),
 ):
     rates = []
-    for noise in (0.0, 0.05):
+    for noise in noises:
         disturbed, rng = TwoWays(noise=noise), np.random.default_rng(7)
         ran = roll(disturbed, executor(mixture, how), disturbed.starts(600, rng), 16, rng)
         rates.append(np.mean(disturbed.sides(ran.states) != 0))
-    rows.append((name, *(f"{x:.0%}" for x in rates), f"{lost(0.0, executor, how):.0%}",
+    _ = axis.plot([1000 * x for x in noises], rates, ".-", label=name)
+    rows.append((name, f"{rates[0]:.0%}", f"{rates[-1]:.0%}", f"{lost(0.0, executor, how):.0%}",
                  f"{lost(0.01, executor, how):.0%}", f"{missed(executor, how):.0f}"))  # fmt: skip
+_ = axis.set(xlabel="disturbance per step [mm]", ylabel="two routes: share that passes")
+_ = axis.legend(fontsize=7)
+plt.show()
+
+# %% tags=["hide-code"]
 table(*rows)
 
 # %% [markdown]
