@@ -220,7 +220,8 @@ show("baseline_is_free")
 # ### Credit assignment: advantages and GAE
 #
 # An episode of the point has dozens of actions and one prize at its end. Which of the actions deserve the credit? To
-# answer that, PPO trains a second network besides the policy. This **critic** estimates the value $V(s)$, the return to
+# answer that, PPO (proximal policy optimisation, the algorithm in the simulation above) trains a second network besides
+# the policy. This **critic** estimates the value $V(s)$, the return to
 # expect from state $s$. After one step you can check its estimate against what actually happened. The difference is the
 # **temporal-difference error**
 #
@@ -284,7 +285,7 @@ source(learning.gae, "errors = r")
 #
 # It starts at 1. A ratio of 1.5 means that the action is now one and a half times as likely as when it was sampled.
 # Maximising the average of $\rho A$ would follow the gradient, but nothing would stop it: for a positive advantage, a
-# larger ratio is always better. PPO (proximal policy optimisation) maximises the **clipped objective** instead:
+# larger ratio is always better. PPO maximises the **clipped objective** instead:
 #
 # $$L = \mathbb{E}\big[\min\big(\rho A,\ \mathrm{clip}(\rho,\,1-\varepsilon,\,1+\varepsilon)\,A\big)\big] .$$
 #
@@ -361,8 +362,8 @@ table(*rows)
 
 # %% [markdown]
 # At equal environment steps SAC is far ahead; PPO needs many times as many to catch up. On a real robot or in a slow
-# simulator that decides. In a fast simulator it does not: SAC makes one gradient step for each environment step, PPO a
-# few for each thousand. You will often read that "PPO dominates robot learning". That is true where environment steps
+# simulator that decides. In a fast simulator it does not: SAC makes one gradient step for each environment step, PPO
+# about ten for each thousand. You will often read that "PPO dominates robot learning". That is true where environment steps
 # are nearly free, as in simulators on a GPU.
 
 # %%
@@ -397,7 +398,8 @@ show("sparse_chance")
 # Let a path have the distances 3, 2, 1, 0, and take $\gamma = 1$. The potential pays $1 + 1 + 1 = 3$, and it pays 3 on
 # every other path from the same start: the differences telescope to $\Phi(\text{end}) - \Phi(\text{start})$. Minus the
 # distance pays $-(2 + 1 + 0) = -3$ on this path and another sum on another path. It rewards being near *on the way*, and
-# that is a different task. (For the potential to be safe it must be zero at every end, as chapter 8 showed.)
+# that is a different task. (For the potential to be safe it must be zero wherever the episode terminates,
+# as chapter 8 showed.)
 #
 # ![Share of the optimum over training for each reward, and the sparse reward by size of the disc](../docs/charts/rewards.png)
 
@@ -462,7 +464,8 @@ more_claims("minus_distance", "no_time_penalty", "two_gains")
 # ### Behaviour cloning, and how its errors grow
 #
 # Often somebody can do a task but nobody can write a reward for it. **Behaviour cloning** is the simplest answer: record
-# the states and actions of an expert, and fit a function from states to actions, by regression. Nothing else is needed,
+# the states and actions of an expert, and fit a function from states to actions, by regression. The recorded action is
+# called the *label* of its state. Nothing else is needed,
 # neither a simulator nor a reward.
 #
 # Its weakness is that regression assumes test data like the training data. A cloned policy creates its own test data. A
@@ -599,14 +602,21 @@ answer("cloning_averages", "0*w")
 
 # %% [markdown]
 # For two equally frequent sides the result is the middle, which is the obstacle. This is **mode averaging**: the
-# prediction lies between the modes, where nobody was. The simulation has a policy for every method of this section.
-# *The mean* is the one that was trained with the squared error.
+# prediction lies between the modes, where nobody was.
+#
+# The simulation shows a hundred runs of a policy that was trained on such demonstrations. A run has 16 steps. The policy
+# predicts them in *chunks*: eight actions at once, then the next eight. *The mean* is the policy that was trained with the
+# squared error. The other policies are explained below; look at their runs first.
 
 # %% [markdown]
 # ![Two routes around a disc](attachment:learning.two_ways.png)
 
 # %%
 simulation("two_ways")
+
+# %% [markdown]
+# There are three numbers by which you could choose among these policies: the training loss; the error on **held-out
+# demonstrations**, which were not used for training; and the success of actual runs.
 
 # %%
 predict("left_or_right")
@@ -664,8 +674,7 @@ plt.show()
 table(*rows)
 
 # %% [markdown]
-# The chart below adds the error on **held-out demonstrations**, which were not used for training. It ranks the policies
-# upside down. The mean has the smallest error, because it is never far from either side, and it fails nearly always. A
+# The chart below adds the error on held-out demonstrations. It ranks the policies upside down. The mean has the smallest error, because it is never far from either side, and it fails nearly always. A
 # policy that samples left or right is, half of the time, on the other side than the demonstration it is compared with.
 #
 # ![Success over held-out error and over computing time; the share that passes left](../docs/charts/many_ways.png)
@@ -811,8 +820,10 @@ predict("length_of_a_chunk")
 # %% [markdown]
 # ![Success over executed steps and over disturbances; changes of side and drift explain both ends](../docs/charts/commit_or_react.png)
 #
-# The upper two panels show the best compromise at two executed steps once there are disturbances. The lower two explain
-# the ends: observing often changes sides more often, observing rarely lets the drift grow with $\sqrt{k}$. So "a fixed
+# The first panel shows the best compromise at two executed steps once there are disturbances. The second one compares
+# remedies. Under strong disturbances the best one by far is other data: a policy trained on disturbed demonstrations. The
+# lower panels explain the two ends: observing often changes sides more often, observing rarely lets the drift grow with
+# $\sqrt{k}$. So "a fixed
 # chunk limits reactivity" is true of the steps that are *executed*. The planned length may be longer.
 #
 # **Temporal ensembling** is a third option, from ACT. The policy predicts a chunk at every step, and the executed action
@@ -888,8 +899,9 @@ table(
 # ![PPO without each of its details on the usual task, and tasks on which a detail matters](../docs/charts/details_that_matter.png)
 #
 # On the usual task four changes break the learner: $\lambda = 0$, a discount of 0.9 (it values only about ten steps
-# ahead), a single epoch per batch, and only four hidden units. Without normalised observations it loses a sixth of its
-# result, and some seeds lose half. No other detail costs a tenth. Each of those has its own task, though: observations far
+# ahead), a single epoch per batch, and only four hidden units. Without normalised observations (rescaled to mean 0 and standard deviation 1)
+# it loses a sixth of its
+# result, and the worst seeds lose nearly half. No other detail costs a tenth. Some of those have a task of their own, though: observations far
 # from zero, a large step size, a prize of 10. The last one is paid for staying near the goal; there, a learner that takes
 # the time limit for an end overrates the prize.
 #
@@ -978,7 +990,7 @@ simulation("point")
 # ## 7 · Speed against accuracy
 #
 # The chart compares our PPO with the PPO of Stable-Baselines3, in the same environments with the same settings, and with
-# a cross-entropy search over a linear policy of eight numbers. The left panel counts environment steps, the right panel
+# a search over a linear policy of eight numbers (the cross-entropy method of chapter 6). The left panel counts environment steps, the right panel
 # processor time.
 #
 # ![Share of the optimum over environment steps and over processor time](../docs/charts/learning_curves.png)
@@ -993,8 +1005,8 @@ table(("method", "share of the optimum", "interval", "processor time [s]"),
 
 # %% [markdown]
 # With the same network, ours and the library learn equally well from the same steps, within their intervals. They differ
-# in what a step costs. The search is the fastest by far but stops early, because nobody told it that the best law is a PD
-# law. *What to choose?* For a point: two gains of the right form, which the claims of section 2 find with fewer steps than
+# in what a step costs. The search is the fastest by far but ends lower, because it has to find the structure of a PD law by
+# itself. *What to choose?* For a point: two gains of the right form, which the claims of section 2 find with fewer steps than
 # any of these. Where nobody knows the form: PPO, ours or the library's.
 #
 # Where does the time go, when networks are this small? A natural guess is the arithmetic of the gradient. Count the
