@@ -301,6 +301,8 @@ class Run:
         now = int(self.timetable.arrived[k])
         start = self.log[progress["now"], REFERENCE:SENT].copy()
         goal = self._aim["made"].copy()
+        # A generator of its own for each plan: its random numbers do not depend on what came
+        # before.
         rng = np.random.default_rng([self.seed, 2, len(self.plans)])
         tries = 3 if "plan" in settings.ideal else 1  # by chance a way is three times as long
         result = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
@@ -313,6 +315,7 @@ class Run:
         if path.motion is not None:
             if not np.isfinite(path.motion.table).all():
                 self.wrong = "plan: a path that is not finite"
+            # The path must continue the reference without a jump.
             elif np.abs(path.motion.table[0, 4:6] - start).max() > 1e-9:
                 self.wrong = "plan: a path that does not begin where the arm should be"
         progress["due"] = due = now + round(1e6 * settings.check_cost * path.checks)
@@ -335,6 +338,7 @@ class Run:
         when = 1e-6 * step_of(self.settings) * np.arange(len(log))
         target = np.asarray(scenario.target)[:, None] + np.outer(scenario.velocity, when)
         away = tip_of(scenario.arm, log[:, Q:V].T) - target
+        # Success needs the tip within the tolerance from some time on until the end.
         far = np.flatnonzero(~(np.hypot(*away) <= scenario.tolerance))
         reason, least = self.wrong, float(np.min(log[:, GAP]))
         error = away[:, -1] if not reason else np.full(2, np.nan)
