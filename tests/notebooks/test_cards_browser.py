@@ -65,11 +65,11 @@ def test_a_card_remembers_its_first_answer(tmp_path: Path, monkeypatch: pytest.M
         assert answer(wrong, 1) == {"rigid_body.top_condition": {"answer": "False", "right": False}}
         assert explanation.is_visible()
         answer(right, 1)
-        asked = page.locator("#card-energy_of_a_fall details.answer").first
-        kept = answer(asked, 2)
-        assert kept["rigid_body.top_condition"]["right"] is False  # the first answer counts
-        assert set(kept) == {"rigid_body.top_condition", "rigid_body.energy_of_a_fall"}
-        number = sum(bool(one["right"]) for one in kept.values())
+        prompt = page.locator("#card-energy_of_a_fall details.answer").first
+        stored = answer(prompt, 2)
+        assert stored["rigid_body.top_condition"]["right"] is False  # the first answer counts
+        assert set(stored) == {"rigid_body.top_condition", "rigid_body.energy_of_a_fall"}
+        number = sum(bool(one["right"]) for one in stored.values())
         page.get_by_text(f"Cards: {number} of 2 answered right at the first try.").wait_for()
         fold = page.locator("details.more-claims")
         assert not page.locator("#claim-planar_state").is_visible()
