@@ -274,7 +274,7 @@ class Run:
             progress["wrong"] = by.WRONGS.index("perceive: another frame")
 
     def to(self, seconds: float) -> bool:
-        """Return on to a time of the run [s], at most to its end; whether all is well."""
+        """Advance to a time of the run [s], at most to its end; return whether all is well."""
         progress = self._progress
         self._drive_settings["end"] = microseconds(min(seconds, self.scenario.seconds))
         while not self.wrong:

@@ -182,7 +182,7 @@ def _world(lengths: tuple[float, float], radius: float, discs: Discs) -> World:
 
 
 def microseconds(seconds: float) -> int:
-    """Return on the clock of a run."""
+    """Return a time in s on the clock of a run, in integer microseconds."""
     return round(1e6 * seconds)
 
 

@@ -328,7 +328,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         self.timeout = timeout
         start: Any = multiprocessing.get_context(context)
         observation, action = self.single_observation_space, self.single_action_space
-        # One block of shared memory for all arrays: workers write rows, and no message carries them.
+        # One block of shared memory for all arrays: workers write rows, no message carries them.
         memory = start.RawArray("b", _Shared(observation, action, num_envs, None).size)
         self._shared = _Shared(observation, action, num_envs, memory)
         self._processes: list[Any] = []
