@@ -336,7 +336,7 @@ class Ticks(Shown):
 
     Attributes:
         boxes: the check boxes by number of the section.
-        left: the label that says what is left.
+        status: the label that says what remains to be read.
     """
 
     def __init__(self, chapter: int, parts: list[Section]) -> None:

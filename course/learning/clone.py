@@ -28,7 +28,8 @@ class Policy:
     """A policy out of data, which it knows normalised.
 
     Attributes:
-        seen, done: normalisers of states and of flattened actions.
+        inputs: normaliser of states.
+        done: normaliser of flattened actions.
         shape: of one action, (a,) or (H, a).
         draw: normalised states (N, d), generator -> normalised actions, flattened (N, ...); kinds
             that can be told how to draw hand it something else than the generator.
@@ -76,7 +77,7 @@ def fitted(policy: Policy, net: Any, loss: Callable[[Any], Any], rows: int, **ho
     """Return the policy once its network is fitted (`fit` has the other arguments).
 
     Raises:
-        Diverged: its `kept` is the policy with the last good weights.
+        Diverged: its `policy` is the policy with the last good weights.
     """
     began = time.process_time()
     policy.net = net

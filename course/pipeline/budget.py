@@ -87,7 +87,7 @@ class Budget:
     Attributes:
         parts: of `STAGES`.
         errors: mended -> shape (2, N) [m].
-        told: mended -> mean (2,) and covariance (2, 2) as predicted.
+        moments: mended -> mean (2,) and covariance (2, 2) as predicted.
     """
 
     parts: tuple[str, ...]
@@ -190,7 +190,7 @@ class Compared(NamedTuple):
     """The second setting against the first on the same seeds.
 
     Attributes:
-        worked: whether each run was a success, shape (2, N), as `course.measure.success.paired`
+        succeeded: whether each run was a success, shape (2, N), as `course.measure.success.paired`
             takes them.
         square: difference of the mean squared errors, and its 95 % [m^2].
         saved: how many times as many runs it takes on seeds of their own, for the squares.

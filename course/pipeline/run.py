@@ -37,9 +37,9 @@ class Record:
         time: from when on the tip stayed within the tolerance [s]; infinity without success.
         log: a row each physics step, columns as in `drive`, shape (steps + 1, 11).
         timetable: of the camera, as it was.
-        seen: a row each frame, columns as in `drive`, shape (N, 14).
+        sightings: a row each frame, columns as in `drive`, shape (N, 14).
         plans: what came from the planner, in order; value a `Path`.
-        asked: when each was asked for [us].
+        plan_requests: when each plan was requested [us].
     """
 
     scenario: Scenario
@@ -167,7 +167,7 @@ class Run:
     """A run that can be stopped on its way; arguments are those of `run`.
 
     Attributes:
-        log, seen, timetable, plans, asked: as in a `Record`, as far as it has come.
+        log, sightings, timetable, plans, plan_requests: as in a `Record`, as far as it has come.
         wrong: what stopped it, or nothing.
     """
 
