@@ -94,8 +94,8 @@ class Tracker:
             of a turn [rad/s^2].
         speed: the same of the first rates [m/s, rad/s].
         period: of the turn, after which the part looks the same [rad]: pi for a box.
-        gate: square of the normalised innovation above which a measurement is rejected; None for what
-            is exceeded once in a thousand times, infinite for no gate.
+        gate: square of the normalised innovation above which a measurement is rejected; None for
+            what is exceeded once in a thousand times, infinite for no gate.
         patience: rejections in a row after which the track restarts; 0 for never, which locks the
             filter out for good once the part did what it deems impossible.
         gains: alpha and beta to use always, instead of the best for what is known.
