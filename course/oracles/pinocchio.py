@@ -95,11 +95,11 @@ def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
     """
     pinocchio = _pinocchio()
 
-    # Pinocchio numbers joints depth first; `order` maps between that and the chain's numbers.
     def place(pose: Array) -> Any:
         return pinocchio.SE3(pinocchio.Quaternion(*pose[3:]).matrix(), pose[:3])
 
     result, ids = pinocchio.Model(), {-1: 0}
+    # Pinocchio numbers joints depth first; the names keep the chain's numbers.
     for i in _depth_first(chain):
         kind = pinocchio.JointModelPZ() if chain.slides[i] else pinocchio.JointModelRZ()
         before = ids[int(chain.parent[i])]
@@ -208,7 +208,7 @@ class Arm:
         """
         rnea, aba = self._library.rnea, self._library.aba
         model, data, damping, half = self.model, self.data, self._damping, 0.5 * dt
-        # The reference starts half a sample earlier, as the law previews half a sample.
+        # The references are half a sample ahead of the state: the start goes back by that.
         q0 = motion[0, :, 0] - half * motion[1, :, 0] + 0.5 * half**2 * motion[2, :, 0]
         start = q0, motion[1, :, 0] - half * motion[2, :, 0]
 

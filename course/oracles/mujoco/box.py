@@ -259,9 +259,9 @@ def _contact_reference(
         # One explicit stage turns a damper of (1 + e) / dt into an impulse with restitution e.
         return 0.0, (1.0 + restitution) / dt
     positive("contact_steps", contact_steps)
+    # The bounce falls with damping: bisection for the damping ratio.
     low, high = 0.0, 1.0
     while spring_restitution(high) > restitution and high < 64.0:
-        # The bounce falls with damping: bisection for the damping ratio.
         high *= 2.0
     for _ in range(60):
         middle = 0.5 * (low + high)
