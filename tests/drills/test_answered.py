@@ -58,7 +58,7 @@ def test_badges_hear_the_page_and_keep_the_answer(
     badges = notebook.badges(1)
     data = badges._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in data and "Cards:" not in data["text/html"]
-    listener = answered.Listener(badges._reading, badges._keep)
+    listener = answered.Listener(badges._reading, badges._store)
     listener._heard(listener, {"card": "claim-top_condition", "answer": 0}, [])
     listener._heard(listener, {"card": "claim-quaternion_has_no_lock", "answer": 0}, [])
     listener._heard(listener, {"card": "of somebody else", "answer": 0}, [])
