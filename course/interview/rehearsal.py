@@ -58,7 +58,7 @@ class Entry:
         seconds: spent on it.
         answer, answered: what was said, and whether that is all.
         marks: of `MARKS`, one for each line of the rubric.
-        weakest, follow_up, reply: the line marked lowest, the follow-up on it, and what was said.
+        weakest, asked, reply: the line marked lowest, the follow-up on it, and what was said.
         attempts: verdict and sentence of each grading of a drill.
         score: the share of all marks.
         read: what to read.
@@ -75,7 +75,7 @@ class Entry:
     answered: bool = False
     marks: list[str] = field(default_factory=list)
     weakest: str = ""
-    follow_up: str = ""
+    asked: str = ""
     reply: str = ""
     attempts: list[dict[str, str]] = field(default_factory=list)
     score: float = 0.0
@@ -240,8 +240,8 @@ def markdown(interview: Interview) -> str:
         lines.append(f"| {one.part} | {one.chapter} | {spent} | {one.title} |")
     for one in interview.items:
         lines.append(f"\n## {one.title}\n\n{one.answer}")
-        if one.follow_up:
-            lines.append(f"Weakest: {one.weakest}\n\n**{one.follow_up}**\n\n{one.reply}")
+        if one.asked:
+            lines.append(f"Weakest: {one.weakest}\n\n**{one.asked}**\n\n{one.reply}")
         lines += [f"* {attempt['verdict']}: {attempt['sentence']}" for attempt in one.attempts]
         lines += [f"\nRead {one.read}."] * bool(one.read)
     due = [f"* {key}" for key in interview.cards_due] or ["None."]

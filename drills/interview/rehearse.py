@@ -203,8 +203,8 @@ class Talk:
             self.book_time(entry)
         entry.score = rehearsal.share(entry.marks)
         requested = rehearsal.follow_up(item, entry.marks)
-        entry.weakest, entry.follow_up = (item.fill(text, figure) for text in requested)
-        self.ask(entry.follow_up)
+        entry.weakest, entry.asked = (item.fill(text, figure) for text in requested)
+        self.ask(entry.asked)
         self.take(entry, "reply")
         self.show(f"---\n\n{item.fill(item.answer, figure)}")
 

@@ -59,10 +59,10 @@ def test_badges_hear_the_page_and_keep_the_answer(
     data = badges._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in data and "Cards:" not in data["text/html"]
     listener = answered.Listener(badges._reading, badges._store)
-    listener._heard(listener, {"card": "claim-top_condition", "answer": 0}, [])
-    listener._heard(listener, {"card": "claim-quaternion_has_no_lock", "answer": 0}, [])
-    listener._heard(listener, {"card": "of somebody else", "answer": 0}, [])
-    listener._heard(listener, "nonsense", [])
+    listener._on_message(listener, {"card": "claim-top_condition", "answer": 0}, [])
+    listener._on_message(listener, {"card": "claim-quaternion_has_no_lock", "answer": 0}, [])
+    listener._on_message(listener, {"card": "of somebody else", "answer": 0}, [])
+    listener._on_message(listener, "nonsense", [])
     assert listener.score == "Cards: 1 of 2 answered right at the first try."
     stored = json.loads(file.read_text())["chapters"]["1"]["cards"]
     assert stored["rigid_body.top_condition"] == {"answer": "True", "right": False}
