@@ -66,11 +66,11 @@ def test_a_card_remembers_its_first_answer(tmp_path: Path, monkeypatch: pytest.M
         assert explanation.is_visible()
         card.get_by_text("(your first answer)").wait_for()
         answer(right, 1)
-        asked = page.locator("#card-energy_of_a_fall details.answer").first
-        kept = answer(asked, 2)
-        assert kept["rigid_body.top_condition"]["right"] is False  # the first answer counts
-        assert set(kept) == {"rigid_body.top_condition", "rigid_body.energy_of_a_fall"}
-        number = sum(bool(one["right"]) for one in kept.values())
+        prompt = page.locator("#card-energy_of_a_fall details.answer").first
+        stored = answer(prompt, 2)
+        assert stored["rigid_body.top_condition"]["right"] is False  # the first answer counts
+        assert set(stored) == {"rigid_body.top_condition", "rigid_body.energy_of_a_fall"}
+        number = sum(bool(one["right"]) for one in stored.values())
         page.get_by_text(f"Cards: {number} of 2 answered right at the first try.").wait_for()
         assert page.get_by_text("(your first answer)").count() == 2
         fold = page.locator("details.more-claims")
