@@ -212,7 +212,8 @@ def off_policy(
     Args:
         seeds: runs of each method.
         steps: environment steps of SAC.
-        small, large: environment steps of PPO with batches of 512 and of 2,048 steps.
+        small: environment steps of PPO with batches of 512 steps.
+        large: environment steps of PPO with batches of 2,048 steps.
         every: environment steps between two points of a curve.
         hidden: widths of the layers.
         solved: share of the optimum for which the text gives the number of steps.
