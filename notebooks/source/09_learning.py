@@ -53,12 +53,12 @@ from course.vector_env.point import optimum, plan
 BLUE, ORANGE, GREY, GREEN = "#0072b2", "#d55e00", "#7f7f7f", "#009e73"
 
 
-def source(function, begin=""):
-    """Return a function as it stands in its module, from the line that begins so, as Markdown."""
+def source(function, begin):
+    """Return the body of a function as it stands in its module, from the line that begins so."""
     lines = inspect.getsource(function).splitlines()
-    first = next((k for k, line in enumerate(lines) if line.lstrip().startswith(begin)), 0)
-    shown = lines if not begin else [lines[0], "    ...", *lines[first:]]
-    return Markdown("```python\n" + "\n".join(shown) + "\n```")
+    first = next(k for k, line in enumerate(lines) if line.lstrip().startswith(begin))
+    head = f"def {function.__name__}({', '.join(inspect.signature(function).parameters)}):"
+    return Markdown("\n".join(["```python", head, *lines[first:], "```"]))
 
 
 def table(*rows):
@@ -269,7 +269,8 @@ show("lambda_mixes")
 # and $V(s_{t+1})$ counts as 0. If a time limit **truncated** it, the state that was reached still has a value, and the
 # critic's estimate $V(s_{t+1})$ stands in for the rewards that were cut off. Using an estimate in place of rewards that
 # were not observed is called **bootstrapping**. At both ends the sum over later errors stops, because the next row of
-# the batch belongs to another episode. The whole algorithm is a loop backwards in time:
+# the batch belongs to another episode. The whole algorithm is a loop backwards in time (`r` and `v` are rewards and values,
+# `after` holds $V(s_{t+1})$, `over` and `late` mark the two kinds of end, and `decay` is $\lambda$):
 
 # %% tags=["hide-code"]
 source(learning.gae, "errors = r")
@@ -750,10 +751,11 @@ answer("one_euler_step", "z + h*m")
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
 # DDPM, the original sampler, also adds fresh noise at each step. (Papers on diffusion often count time the other way
-# round.) Both samplers are a few lines:
+# round.) Both samplers are a few lines. (`TABLEAUS` holds the
+# coefficients of Euler, Heun and the fourth-order Runge-Kutta method; `a` and `s` are $\alpha$ and $\sigma$.)
 
 # %% tags=["hide-code"]
-source(learning.integrate, "x, h =")
+source(learning.integrate, "rows, ends")
 
 # %% tags=["hide-code"]
 source(learning.denoise, "a, s = mix")
