@@ -268,7 +268,9 @@ show("lambda_mixes")
 # Two kinds of ends need care. If an episode **terminated**, say because the disc was reached, nothing comes after it,
 # and $V(s_{t+1})$ counts as 0. If a time limit **truncated** it, the state that was reached still has a value, and the
 # critic's estimate $V(s_{t+1})$ stands in for the rewards that were cut off. Using an estimate in place of rewards that
-# were not observed is called **bootstrapping**. At both ends the sum over later errors stops, because the next row of
+# were not observed is called **bootstrapping**.
+#
+# At both ends the sum over later errors stops, because the next row of
 # the batch belongs to another episode. The whole algorithm is a loop backwards in time (`r` and `v` are rewards and values,
 # `after` holds $V(s_{t+1})$, `over` and `late` mark the two kinds of end, and `decay` is $\lambda$):
 
