@@ -270,8 +270,7 @@ show("lambda_mixes")
 # critic's estimate $V(s_{t+1})$ stands in for the rewards that were cut off. Using an estimate in place of rewards that
 # were not observed is called **bootstrapping**.
 #
-# At both ends the sum over later errors stops, because the next row of
-# the batch belongs to another episode. The whole algorithm is a loop backwards in time (`r` and `v` are rewards and values,
+# At both ends the sum over later errors stops, because the next row of the batch belongs to another episode. The whole algorithm is a loop backwards in time (`r` and `v` are rewards and values,
 # `after` holds $V(s_{t+1})$, `over` and `late` mark the two kinds of end, and `decay` is $\lambda$):
 
 # %% tags=["hide-code"]
@@ -336,7 +335,8 @@ show("clip_keeps")
 #
 # **Key insight.** The clip does not hold the policy in place. It only removes the incentive to go further. How far an
 # iteration moves the policy is decided by the number of epochs (passes over the batch) and the step size. So measure
-# it: section 8 maps the Kullback-Leibler divergence, a distance between the old and the new action distribution.
+# it: section 8 maps the Kullback-Leibler divergence, a measure of how different two distributions are, here the old and the
+# new distribution of actions.
 #
 # </div>
 #
@@ -349,7 +349,8 @@ show("clip_keeps")
 #
 # The price is more gradient steps for each environment step, and a critic that learns from its own estimates and may
 # diverge. The gain is fewer environment steps. The chart shows both methods from the same library on the same task, as
-# a share of the exact optimum.
+# a share of the exact optimum. PPO appears with two batch sizes: large batches suit it better, but leave it only three
+# updates in the steps that SAC takes.
 #
 # ![SAC and PPO: share of the optimum over environment steps](../docs/charts/off_policy.png)
 
@@ -364,7 +365,7 @@ for one in off.series:
 table(*rows)
 
 # %% [markdown]
-# At equal environment steps SAC is far ahead; PPO needs many times as many to catch up. On a real robot or in a slow
+# At equal environment steps SAC is far ahead; PPO needs several times as many to catch up. On a real robot or in a slow
 # simulator that decides. In a fast simulator it does not: SAC makes one gradient step for each environment step, PPO
 # about ten for each thousand. You will often read that "PPO dominates robot learning". That is true where environment steps
 # are nearly free, as in simulators on a GPU.
