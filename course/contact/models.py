@@ -348,7 +348,7 @@ def lcp(
         tolerance: of the residual [m/s].
     """
     if count("edges", edges, 4) % 2:
-        raise invalid("edges", edges, "an even number from 4 on")
+        raise invalid("edges", edges, "an even number of at least 4")
     n, d, _ = problem.jacobian.shape
     faces = _edges(d, edges, around) if d > 1 else np.zeros((0, 0))
     m = len(faces)

@@ -369,7 +369,7 @@ def test_a_figure_has_a_name_of_its_own(name):
 
 @pytest.mark.parametrize("tolerance", [-1e-6, 0.6, float("nan")])
 def test_a_tolerance_leaves_something_to_say(tolerance):
-    with pytest.raises(ValueError, match="allowed is 0 to"):
+    with pytest.raises(ValueError, match="must be 0 to"):
         derivations.Result("odd_sum").measure("of_three", 9, tolerance)
 
 

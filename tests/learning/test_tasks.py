@@ -78,7 +78,7 @@ def test_bad_demonstrations_are_refused_by_name():
     ):
         with pytest.raises(ValueError, match=report):
             runs(bad_states, bad_actions)
-    with pytest.raises(ValueError, match="length is 17, allowed is a whole number from 1 to 16"):
+    with pytest.raises(ValueError, match=r"length must be an integer from 1 to 16.*, got 17"):
         windows(shown, 17)
     with pytest.raises(ValueError, match="demonstrations is 1"):
         windows(Runs(shown.states[:1], shown.actions[:1]), 4)

@@ -130,7 +130,7 @@ NONE, ALL = np.zeros(2, dtype=bool), np.ones(2, dtype=bool)
     ("call", "message"),
     [
         (lambda: Process(0.9 * P2, 0.0 * P2, 0.9, NONE), r"sum of transition\[0, 0\] is 0.9"),
-        (lambda: Process(P2, P2, 0.9, ALL), r"reward\[0\] is 1.0, allowed is 0"),
+        (lambda: Process(P2, P2, 0.9, ALL), r"reward\[0\] must be 0.*, got 1.0"),
         (lambda: Process(P2[::-1], 0.0 * P2, 0.9, ALL), r"transition\[0\] is"),
         (lambda: Process(P2, P2, 1.0, NONE), "gamma is 1.0"),
         (lambda: Process(P2, P2[:1], 0.9, NONE), "reward.shape"),

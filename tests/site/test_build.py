@@ -392,7 +392,7 @@ def test_a_simulation_that_is_neither_compiled_nor_recorded(tmp_path: Path, monk
     made = {"01_rigid_body": notebooks.page(path)}
     monkeypatch.setattr(declaration, "module", lambda name: tmp_path / "nothing.wasm")
     monkeypatch.setattr(reference, "claims", lambda *_: "")  # not asked here
-    with pytest.raises(build.Unbuildable, match=r"^rigid_body.top: .* allowed is one with a .wasm"):
+    with pytest.raises(build.Unbuildable, match=r"^rigid_body.top: .* must be one with a .wasm"):
         build.write_sources(tmp_path, made)
 
 
