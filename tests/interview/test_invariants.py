@@ -185,12 +185,12 @@ def test_for_ever_and_idle_parameters(discount: float, wrong: float) -> None:
     [
         (lambda: invariants.gap([1.0], [1.0, 2.0]), "other.shape is"),
         (lambda: invariants.rotation_error([1.0]), "matrix.shape is"),
-        (lambda: invariants.derivative_error(abs, abs, 1.0, step=0.0), "step is 0.0"),
+        (lambda: invariants.derivative_error(abs, abs, 1.0, step=0.0), r"step must be .*, got 0.0"),
         (lambda: invariants.unit_error(abs, [1.0], [], 1.0), r"factors must be 1 factors.*, got 0"),
         (lambda: invariants.weight_error([1.0], [0.0]), "masses"),
-        (lambda: invariants.fall_error(1.0, 0.0), "seconds is 0.0"),
-        (lambda: invariants.refined_ratio(abs, 1.0, parts=1), "parts is 1"),
-        (lambda: invariants.forever_error(1.0, 1.0), "discount is 1.0"),
+        (lambda: invariants.fall_error(1.0, 0.0), r"seconds must be .*, got 0.0"),
+        (lambda: invariants.refined_ratio(abs, 1.0, parts=1), r"parts must be .*, got 1"),
+        (lambda: invariants.forever_error(1.0, 1.0), r"discount must be .*, got 1.0"),
     ],
 )
 def test_bad_input_is_named(call, message: str) -> None:

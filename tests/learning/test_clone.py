@@ -194,7 +194,7 @@ def test_bad_data_are_refused_by_name():
         for make in (partial(clone, seed=0), nearest):
             with pytest.raises(ValueError, match=report):
                 make(states, actions)
-    with pytest.raises(ValueError, match="head is 'median'"):
+    with pytest.raises(ValueError, match=r"head must be .*, got 'median'"):
         clone(x, y, 0, head="median")
 
     requested = iter(range(100))
@@ -203,7 +203,7 @@ def test_bad_data_are_refused_by_name():
         return states[:, :1] * (np.nan if next(requested) > 40 else -5.0)
 
     observed, rng = [], np.random.default_rng(0)
-    with pytest.raises(ValueError, match=r"label of round 1\[0, 0\] is nan"):
+    with pytest.raises(ValueError, match=r"label of round 1\[0, 0\] must be .*, got nan"):
         observed += list(dagger(REGULATOR, broken, linear, REGULATOR.starts, 40, rng))
     requested, laps = iter(range(100)), dagger(REGULATOR, broken, linear, REGULATOR.starts, 40, rng)
     retained = next(laps).policy

@@ -80,9 +80,9 @@ def test_bad_demonstrations_are_refused_by_name():
             runs(bad_states, bad_actions)
     with pytest.raises(ValueError, match=r"length must be an integer from 1 to 16.*, got 17"):
         windows(shown, 17)
-    with pytest.raises(ValueError, match="demonstrations is 1"):
+    with pytest.raises(ValueError, match=r"demonstrations must be .*, got 1"):
         windows(Runs(shown.states[:1], shown.actions[:1]), 4)
-    with pytest.raises(ValueError, match=r"action at step 2\[0, 0\] is nan"):
+    with pytest.raises(ValueError, match=r"action at step 2\[0, 0\] must be .*, got nan"):
         text = iter([0.0, 0.0, np.nan])
         rng = np.random.default_rng(0)
         roll(WAYS, lambda states, rng: np.full((1, 2), next(text)), np.zeros((1, 2)), 5, rng)

@@ -140,7 +140,7 @@ def test_needs_that_say_nothing_are_refused() -> None:
     for limit, sense in wrong:
         with pytest.raises(ValueError, match="limit is"):
             Need("error", limit, sense)
-    with pytest.raises(ValueError, match="sense is 'below'"):
+    with pytest.raises(ValueError, match=r"sense must be .*, got 'below'"):
         Need("error", 0.1, "below")
     twice = [Need("error", 0.1, "at most"), Need("error", 0.2, "at most")]
     with pytest.raises(ValueError, match="each row and sense once"):

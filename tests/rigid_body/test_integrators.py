@@ -242,5 +242,5 @@ def test_wrong_input_is_named(change: dict, word: str) -> None:
 def test_a_system_checks_its_shapes() -> None:
     with pytest.raises(ValueError, match=r"q0.shape, v0.shape"):
         System("x", problems.pendulum_acceleration, np.ones(1), np.zeros(3), np.zeros(1))
-    with pytest.raises(ValueError, match=r"params\[0\] is nan"):
+    with pytest.raises(ValueError, match=r"params\[0\] must be .*, got nan"):
         System("x", problems.pendulum_acceleration, np.array([np.nan]), np.zeros(1), np.zeros(1))

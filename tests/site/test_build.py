@@ -317,7 +317,7 @@ def test_mathml_says_what_the_formula_says() -> None:
 
 @pytest.mark.parametrize("tex", [r"\nonsense x", r"\frac{1}", "x^", "{a", "a}", r"\left( a"])
 def test_a_formula_that_does_not_convert_is_refused(tex: str) -> None:
-    with pytest.raises(ValueError, match=r"^formula is '"):
+    with pytest.raises(ValueError, match=r"^formula must be .*, got '"):
         formulas.mathml(tex)
 
 
@@ -451,7 +451,7 @@ def test_a_page_with_a_wrong_formula_or_link_is_named(tmp_path: Path) -> None:
 
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("kept")
-    with pytest.raises(ValueError, match=r"^target is "):
+    with pytest.raises(ValueError, match=r"^target must be"):
         build.build(tmp_path, work=tmp_path / "work")
     assert (tmp_path / "mine.txt").read_text() == "kept"
 
