@@ -72,13 +72,13 @@ class Question:
             if not getattr(self, name):
                 refuse(name, "a text that is not empty")
         for text, result in (
-            ("typed", typed_numbers(self._texts())),
-            ("filled by nothing", unfilled(self._texts())),
+            ("a number that is typed", typed_numbers(self._texts())),
+            ("a field that nothing fills", unfilled(self._texts())),
         ):
             if result:
                 raise ValueError(
                     f"{self.name}: {', '.join(result)} must be a field such as "
-                    f"{{claim.figure:.3g}}, got a number that is {text}"
+                    f"{{claim.figure:.3g}}, got {text}"
                 )
 
     def fields(self) -> list[tuple[str, str]]:
@@ -146,7 +146,8 @@ def line_of(text: str, message: str) -> int:
     """Return the line of a file that a refusal is about, by the key or the words it begins with."""
     if report := re.search(r"\(at line (\d+), column", message):  # of TOML, counted without the +++
         return int(report[1]) + 1
-    what = re.split(r", | is ", message)[0].removeprefix("part ")
+    named = re.search(r"; (.+) is (?:unknown|missing)$|^a follow-up must be .*, got (.+)$", message)
+    what = next(filter(None, named.groups())) if named else re.split(r", | must ", message)[0]
     lines = [
         re.match(rf"{re.escape(what)}\s*=|## {re.escape(what)}$", row) for row in text.splitlines()
     ]
@@ -168,7 +169,7 @@ def _read(path: Path, text: str) -> Question:
     pieces = text.split("+++\n")
     if len(pieces) != 3 or pieces[0].strip():
         raise ValueError(
-            f"a question must have its head between two lines +++, got {len(pieces) - 1} of them"
+            f"+++ must be two lines, with the head between them, got {len(pieces) - 1}"
         )
     head = tomllib.loads(pieces[1])
     parts = re.split(r"^## (.+)\n", pieces[2], flags=re.M)[1:]

@@ -453,7 +453,7 @@ def test_a_reference_of_another_length_is_refused():
         with pytest.raises(ValueError, match=r"^reference\.duration must be .*, got 0\.5"):
             track(ARM, law, Lasting(), 1e-3, seconds)
     for seconds in (0.09, 0.11):
-        with pytest.raises(ValueError, match=r"^q_ref\.shape is"):
+        with pytest.raises(ValueError, match=r"^q_ref\.shape must be"):
             track(ARM, law, sweep(times), 1e-3, seconds)
 
 

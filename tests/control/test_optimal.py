@@ -236,4 +236,4 @@ BAD = {
 def test_bad_input_is_named(name):
     with pytest.raises(ValueError) as caught:
         BAD[name]()
-    assert str(caught.value).startswith((f"{name.strip()} is", f"{name}[", f"{name}.shape"))
+    assert str(caught.value).startswith((f"{name.strip()} must be", f"{name}[", f"{name}.shape"))

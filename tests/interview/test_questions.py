@@ -117,8 +117,16 @@ def test_a_field_is_filled_with_a_figure(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("{limit.value:.1f} ms", "6.3 ms", "one.md, line 12: 6.3 is typed"),
-        ("{limit.value:.1f} ms", "{limit} ms", r"line 12: \{limit\} is filled by nothing"),
+        (
+            "{limit.value:.1f} ms",
+            "6.3 ms",
+            r"one.md, line 12: 6.3 must be .*, got a number that is typed",
+        ),
+        (
+            "{limit.value:.1f} ms",
+            "{limit} ms",
+            r"line 12: \{limit\} must be .*, got a field that nothing fills",
+        ),
         ("{limit.value:.1f} ms", "{limit.value ms", r"line 12: \{limit.value ms"),
         ("chapter = 1", "chapter = 77", "line 3: chapter must be from 0 to 12, got 77"),
         (
@@ -129,14 +137,14 @@ def test_a_field_is_filled_with_a_figure(tmp_path) -> None:
         ("probes =", "colour =", "line 7: the head must have title, chapter.*; colour is unknown"),
         ('["And then?"]', '["no_such"]', r"line 8: a follow-up must be a question.*, got no_such"),
         ("level = 1", "level = ", r"line 5: Invalid value \(at line 4"),
-        ("sqrt2", "cdot 1.41", "1.41 is typed"),
-        ("Something.", "At 90 percent.", "90 is typed"),
+        ("sqrt2", "cdot 1.41", r"1.41 must be .*typed"),
+        ("Something.", "At 90 percent.", r"90 must be .*typed"),
         ("level = 1", "level = 4", r"level must be 1, 2 or 3.*, got 4"),
-        ('"concept"', '"riddle"', "kind is 'riddle'"),
-        ("minutes = 3", "minutes = 0", "minutes is 0"),
-        ('["Something."]', "[]", "rubric is"),
+        ('"concept"', '"riddle"', r"kind must be .*, got 'riddle'"),
+        ("minutes = 3", "minutes = 0", r"minutes must be .*, got 0"),
+        ('["Something."]', "[]", "rubric must be"),
         ("## In full", "## At length", r"line 14: parts must be In a m.*; At length is unknown"),
-        ("+++\ntitle", "title", "line 9: a question must have its head between two"),
+        ("+++\ntitle", "title", "line 9: [+]{3} must be two lines"),
     ],
 )
 def test_a_faulty_question_is_refused(tmp_path, old: str, new: str, text: str) -> None:

@@ -117,7 +117,7 @@ def _with(old: str, new: str) -> str:
         (_with('<body pos="0.4 0 0"', '<body gravcomp="1" pos="0.4 0 0"'), "gravcomp"),
         (MJCF.format(extra=ROPE), "tendon 'rope'"),
         (MJCF.format(extra=LOOP), r"equality 'loop' \(joint\)"),
-        (MJCF.format(extra=SERVO), r"actuator 'servo'.*, must be an arm without actuators"),
+        (MJCF.format(extra=SERVO), r"must be an arm without actuators.*actuator 'servo'"),
         (MJCF.format(extra='<option density="1000"/>'), "option density of the model is 1000"),
         (MJCF.format(extra='<option viscosity="0.9"/>'), "option viscosity of the model is 0.9"),
         ("<mujoco><worldbody/></mujoco>", "without a joint"),

@@ -184,8 +184,8 @@ def test_a_loss_without_end_stops_and_keeps_the_last_good_weights():
 def test_bad_data_are_refused_by_name():
     x, y = np.random.default_rng(0).standard_normal((2, 20, 2))
     for states, actions, report in (
-        (x[:0], y[:0], "demonstrated steps is 0"),
-        (x[:1], y[:1], "demonstrated steps is 1"),
+        (x[:0], y[:0], r"demonstrated steps must be .*, got 0"),
+        (x[:1], y[:1], r"demonstrated steps must be .*, got 1"),
         (x, y[:-1], r"actions.shape is \(19, 2\)"),
         (x * np.nan, y, r"states\[0, 0\] is nan"),
         (x * [1.0, 0.0], y, r"variance of states\[:, 1\] is 0.0, allowed .* leave it out"),

@@ -71,7 +71,7 @@ def test_a_band_is_the_middle_half_and_holds_the_truth_as_often_as_it_says():
 @pytest.mark.parametrize(
     ("call", "report"),
     [
-        (lambda envs: evaluate(lambda s: s[:, :1], envs), r"policy\(observations\).shape is"),
+        (lambda envs: evaluate(lambda s: s[:, :1], envs), r"policy\(observations\).shape must be"),
         (lambda envs: evaluate(lambda s: s[:, :2] * np.nan, envs), "action of environment 0 at st"),
         (lambda envs: evaluate(best, envs, discount=1.5), r"discount must be .*, got 1.5"),
         (lambda envs: first_finished(best, envs, 0), r"episodes must be .*, got 0"),

@@ -122,7 +122,7 @@ def test_a_column_that_never_changes_is_refused_and_far_ones_are_cut():
 @pytest.mark.parametrize(
     ("call", "report"),
     [
-        (lambda: network([3], 0), "sizes is"),
+        (lambda: network([3], 0), "sizes must be"),
         (lambda: network([3, 0], 0), r"sizes must be .*, got 0"),
         (lambda: network([3, 1], -1), r"seed must be .*, got -1"),
         (lambda: network([3, 1], 0, activation="sin"), r"activation must be .*, got 'sin'"),

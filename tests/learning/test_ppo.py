@@ -371,7 +371,7 @@ def discrete() -> Any:
         ),
         (
             lambda: next(ppo(points(1), replace(SMALL, horizon=1, minibatches=1), steps=1)),
-            r"horizon \* environments is 1",
+            r"horizon \* environments must be .*, got 1",
         ),
     ],
 )

@@ -153,7 +153,7 @@ def test_the_floor_of_the_reference_is_shown_where_errors_reach_it():
 
 
 def test_a_wrong_reference_is_refused():
-    with pytest.raises(ValueError, match="reference_check is"):
+    with pytest.raises(ValueError, match="reference_check must be"):
         measure([_decay(4)], TRUTH, reference_check=[TRUTH[0] + 1e-6], repeats=1)
     # Good enough for a tolerance of 1e-3 all the same, and then it says how good it is.
     chart = measure(

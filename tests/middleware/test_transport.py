@@ -144,7 +144,7 @@ def test_the_formulas_are_those_of_the_textbook():
     ("call", "report"),
     [
         (lambda: transport.Ring(0, 8), r"slots must be .*, got 0"),
-        (lambda: transport.lossy(1, 1, 1.0, seed=0), "loss is 1.0"),
+        (lambda: transport.lossy(1, 1, 1.0, seed=0), r"loss must be .*, got 1.0"),
         (lambda: transport.lossy(0, 1, 0.1, seed=0), r"messages must be .*, got 0"),
         (lambda: transport.stream(0, 480, 3, 30.0), r"width must be .*, got 0"),
         (lambda: cyclonedds.echo(8, "sure").__enter__(), r"reliability must be .*, got 'sure'"),

@@ -138,7 +138,7 @@ def test_needs_that_say_nothing_are_refused() -> None:
     ]
     wrong += [(None, "at least"), ([1.0], "at most"), ("yes", "is")]
     for limit, sense in wrong:
-        with pytest.raises(ValueError, match="limit is"):
+        with pytest.raises(ValueError, match="limit must be"):
             Need("error", limit, sense)
     with pytest.raises(ValueError, match=r"sense must be .*, got 'below'"):
         Need("error", 0.1, "below")

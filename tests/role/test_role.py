@@ -323,9 +323,18 @@ def test_the_graph_is_whole_and_its_loops_run_through_the_robot():
             lambda: age([Stage("a", 0.15, 0.1, 1, "pipelined", 0.06)]),
             r"jitter up to a must be .*, got 0.06",
         ),
-        (lambda: age([Stage("a", 0.05, 0.1, jitter=0.05), Stage("b", 1e-3, 0.104, 4)]), "to b is"),
-        (lambda: age([Stage("a", 0.05, 0.1), Stage("b", 0.2, None, 3, "queue", 0.1)]), "of b is"),
-        (lambda: age([Stage("a", 0.05, 0.1), Stage("b", 0.09, None, 1, "queue", 0.05)]), "of b is"),
+        (
+            lambda: age([Stage("a", 0.05, 0.1, jitter=0.05), Stage("b", 1e-3, 0.104, 4)]),
+            "to b must be",
+        ),
+        (
+            lambda: age([Stage("a", 0.05, 0.1), Stage("b", 0.2, None, 3, "queue", 0.1)]),
+            "of b must be",
+        ),
+        (
+            lambda: age([Stage("a", 0.05, 0.1), Stage("b", 0.09, None, 1, "queue", 0.05)]),
+            "of b must be",
+        ),
         (lambda: simulate(CHAIN, [0.0, 0.0]), "phases"),
         (lambda: simulate(CHAIN, [0.0] * 3, seconds=0.0), "seconds"),
         (lambda: cost(-1.0, 1.0), "age"),

@@ -167,7 +167,7 @@ def test_an_arm_that_diverges_says_so():
     [
         (lambda: Plants(mass=-1.0), r"mass must be .*, got -1.0"),
         (lambda: Plants(delay=-1e-3), r"delay must be .*, got -0.001"),
-        (lambda: Plants(mass=np.ones(3), torque=np.ones(2)), "torque.shape is"),
+        (lambda: Plants(mass=np.ones(3), torque=np.ones(2)), "torque.shape must be"),
         (lambda: real(3.0), r"gap must be .*, got 3.0"),
         (lambda: real(0.0, -0.01), r"delay must be .*, got -0.01"),
         (

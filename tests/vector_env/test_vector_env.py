@@ -425,7 +425,7 @@ def test_more_wrong_construction() -> None:
     with pytest.raises(ValueError, match="new environment at every call"):
         VectorizedEnv(lambda: one, 2)
     turns = iter([Counter(), Nested()])
-    with pytest.raises(ValueError, match="environment 1 is"):
+    with pytest.raises(ValueError, match="environment 1 must be"):
         VectorizedEnv(lambda: next(turns), 2)
     with pytest.raises(
         ValueError, match=r"autoreset_mode must be one of 'NextStep', 'SameStep', 'D.*, got 'Never'"
