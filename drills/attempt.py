@@ -222,7 +222,7 @@ class Attempt:
         Args:
             name: what is compared, in a few words.
             got: what came back.
-            expected: the right values; their shape is the shape asked for.
+            expected: the right values; theirs is the required shape.
             tolerance: largest error of a component that is right.
             unit: of the values.
             why: the reason of the tolerance.

@@ -70,10 +70,10 @@ class Answer:
     """What came back for a case, value by value.
 
     Attributes:
-        case: what was asked.
+        case: the call.
         got: what came back, as it was.
         call: the call, as `describe_call` writes it.
-        parts: the values that came back; none if they are not as many as asked for.
+        parts: the values that came back; none if their number is wrong.
         truth: the right values.
         right: which of the values are right.
     """
@@ -115,7 +115,7 @@ def judge_of(
         explain: names the slip that the answers show, or returns "". It sees all of them, wrong and
             right, also where the run was stopped between two.
         first: checks of an answer before its values are compared.
-        last: checks after all cases, unless an answer was not of the form asked for.
+        last: checks after all cases, unless an answer had the wrong form.
         then: level and label of what `last` looks at.
         timed: what is timed; the first case when None.
     """

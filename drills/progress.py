@@ -27,7 +27,7 @@ class Record:
         state: one of `STATES`.
         attempts: gradings so far; an untouched starter is none.
         first, last, solved: when it was first and last graded, and first right; ISO 8601, UTC.
-        hints: how many steps of the hint ladder were asked for.
+        hints: how many steps of the hint ladder were requested.
         gave_up: whether the solution was shown before the first pass.
         best: for each cost that a right answer had, the lowest value, and its unit.
     """

@@ -116,7 +116,7 @@ class Record:
         torque: of the motor at these times, shape (..., n + 1) [N m].
         command: what was sent at the first n of them, shape (..., n) [N m].
         measured: the angle that the law saw, shape (..., n) [rad].
-        setpoint: what was wanted, shape (..., n) [rad].
+        setpoint: desired angles, shape (..., n) [rad].
     """
 
     times: Array

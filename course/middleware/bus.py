@@ -217,7 +217,7 @@ class Bus:
 
     Attributes:
         ns: now, since the start [ns].
-        events: what the ends were told, in order.
+        events: all events of the ends, in order.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -710,7 +710,7 @@ class ActionClient:
     """Sends goals to the server of an action.
 
     Args:
-        feedback: called with a goal's key and what its server says on the way.
+        feedback: called with a goal's key and the server's messages while it runs.
     """
 
     def __init__(self, node: Node, name: str, feedback: Callable | None = None) -> None:

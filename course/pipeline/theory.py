@@ -53,7 +53,7 @@ def settling(
     every speed: at first it stays behind.
 
     Args:
-        pictures: that it has seen.
+        pictures: number of images that it has processed.
         period: between them [s].
         ratio: of the speeds that it believes in to the noise, standard deviations [1/s].
         drift: the same of accelerations [1/s^2].

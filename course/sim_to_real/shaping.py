@@ -95,7 +95,7 @@ def value_iteration(
     Args:
         process: any.
         tolerance: of the value at the end, relative to its size.
-        max_sweeps: after so many without reaching the tolerance a ValueError is raised.
+        max_sweeps: limit on the sweeps, after which a ValueError is raised.
     """
     value, sweeps = np.zeros(process.transition.shape[0]), 0
     positive("tolerance", tolerance)
