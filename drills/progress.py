@@ -106,7 +106,7 @@ def change(path: Path | None, name: str, edit: Callable[[Record], None]) -> Load
 
 
 def change_chapter(path: Path | None, number: int, edit: Callable[[Reading], None]) -> Loaded:
-    """Return the same for the record of a chapter.
+    """Change the record of a chapter in place, and store it, as `change` does for an exercise.
 
     Raises:
         kept.Problem: if the file can't be written; it is then as it was.

@@ -222,7 +222,7 @@ def run_touch(
     start: ArrayLike = (0.0, 0.0),
     surface: ArrayLike | None = None,
 ) -> Record:
-    """Return the probe under its law, compiled.
+    """Run the probe under its law, compiled.
 
     Args:
         probe: the pushed body, its wall and its sensor.

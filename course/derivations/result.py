@@ -75,7 +75,7 @@ class Result:
         return value
 
     def measure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
-        """Return a figure that came out.
+        """Record a figure that came out, and return it.
 
         Args:
             name: ends in the unit where there is one; the texts may quote it as `{name:.3g}`.

@@ -158,7 +158,7 @@ def draw(
     last: Collection[str],
     seed: int,
 ) -> list[Item]:
-    """Return one item for each part that the minutes allow.
+    """Draw one item for each part that the minutes allow.
 
     Of those that fit, one that is weak or due is `WEIGHT` times as likely as another one: with m
     of them among n, one of them comes with probability m WEIGHT / (m WEIGHT + n - m). While not

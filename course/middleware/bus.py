@@ -726,7 +726,7 @@ class ActionClient:
         node.reader(f"{name}/feedback", news)
 
     def send(self, goal: Any) -> tuple[Any, Future]:
-        """Return its key, and the answer (status, result), which comes when the goal has ended."""
+        """Send a goal; return its key and a future of (status, result), set once it has ended."""
         self._sent += 1
         key, answer = (self, self._sent), Future()
         accepted = self._goal.call((key, goal))

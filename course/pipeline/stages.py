@@ -252,7 +252,7 @@ def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Se
 
 
 def move(q: Array, v: Array, tau: Array, dt: float, scenario: Scenario) -> tuple[Array, Array]:
-    """Return state after a step [s] under a torque (2,): semi-implicit Euler."""
+    """Return the state after a step [s] under a torque (2,): semi-implicit Euler."""
     body, row = scenario.plant.column(), np.concatenate((q, v))[None]
     body[TORQUES, 0] = tau
     step(row, 0, dt, body)

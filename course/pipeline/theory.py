@@ -155,7 +155,7 @@ def _pulls(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> tuple[Array, Arr
 
 
 def step_limit(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> float:
-    """Return largest stable step of semi-implicit Euler with PD at every step [s].
+    """Return the largest stable step of semi-implicit Euler with PD at every step [s].
 
     With m the largest eigenvalue of the inverse inertia, k = kp m and d = (kd + c) m it is
     (sqrt(d^2 + 4 k) - d) / k: -1 becomes an eigenvalue. With other damping in each joint it is the

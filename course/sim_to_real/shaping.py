@@ -203,7 +203,7 @@ def grid(n: int, gamma: float = 0.95, pay: float = 1.0, step: float = 0.0) -> Pr
 
 
 def _learn(P, R, ends, numbers, draws, optimal, q):
-    """Return Q-learning from state 0; returns the steps until the greedy walk is optimal, or -1."""
+    """Run Q-learning from state 0; return the steps until the greedy walk is optimal, or -1."""
     gamma, rate, chance = numbers[0], numbers[1], numbers[2]
     S, A = q.shape
     state, limit = 0, draws.shape[0]
