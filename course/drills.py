@@ -228,7 +228,7 @@ class PID:
         """Return the command for the sample that begins now.
 
         Args:
-            setpoint: wanted value [y].
+            setpoint: desired value [y].
             measurement: value now [y].
 
         Returns:

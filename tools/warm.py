@@ -79,7 +79,7 @@ def warm(names: list[str], jobs: int = 1) -> Iterator[Warmed]:
 
 
 def start_in_background(names: list[str]) -> subprocess.Popen[bytes]:
-    """Return a process of its own that warms these topics, or all, at the lowest priority."""
+    """Start a process that warms these topics, or all, at the lowest priority."""
     return subprocess.Popen(
         [sys.executable, "-m", "tools.warm", "--gently", *names],
         cwd=ROOT,

@@ -140,7 +140,7 @@ def pgs_sweep(A, g, w, d, associated):
     Args:
         A: of the scaled rows, shape (n d, n d); compliance, if there is some, on its diagonal.
         g: impulses in scaled rows, (n d,), changed in place.
-        w: A g + b, with b the velocity without contact; kept up to date.
+        w: A g + b, with b the velocity without contact; updated in place.
         d: rows of a contact.
         associated: whether the contact is one block, projected on its cone (the convex law).
             Otherwise the normal comes first and friction is cut back to it (Coulomb's law).

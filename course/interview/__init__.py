@@ -31,14 +31,14 @@ class Question:
 
     Attributes:
         name: of its file.
-        title: the question, as it is asked.
+        title: the wording of the question.
         chapter: number of the chapter it belongs to.
         kind: one of `KINDS`.
         level: 1 to 3, a key of `LEVELS`.
         minutes: how long the conversation about it takes.
         probes: what the interviewer wants to find out.
-        follow_ups: what is asked next; in the file also the name of another question.
-        rubric: what an answer says, from the least to the most.
+        follow_ups: the next questions; in the file also the name of another question.
+        rubric: the content of an answer, from the weakest to the best.
         minute, full: the answers, Markdown with fields that are not filled yet.
     """
 

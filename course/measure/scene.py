@@ -56,7 +56,7 @@ class LeftOut(_Item):
         error: callable (or number): the change in the answer when a model that has the effect is
             asked the same question; not negative, in `unit`.
         unit: the tolerance's unit.
-        saves: cost of the model with it over the cost of the scene (2 means twice as dear).
+        saves: cost of the model with it over the cost of the scene (2 means twice as expensive).
         against: which model has it, for the table.
     """
 

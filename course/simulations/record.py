@@ -29,7 +29,7 @@ class Field:
         unit: as shown.
         decimals: as shown.
         choices: what a menu shows; the field is the number of the choice, from 0.
-        live: a change acts on the running state; else the experiment starts anew.
+        live: a change acts on the running state; else the experiment restarts.
         shape: of an array.
     """
 
