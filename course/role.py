@@ -62,7 +62,7 @@ class Stage:
             self.interval(self.period)
 
     def interval(self, period: float, early: float = 0.0) -> float:
-        """Time between results [s] if starts come once a period, or `early` by up to so much.
+        """Return the interval of results [s] if starts come once a period, or up to `early` sooner.
 
         ValueError if that is overload, and there is no rule for it.
         """

@@ -109,7 +109,7 @@ def trials_for_gate(gate_share: float, true_share: float, power: float = 0.8) ->
 
 
 def motion_s(legs_m: ArrayLike, top_m_per_s: float, rise_m_per_s2: float) -> float:
-    """Time of straight legs, each from rest to rest: a trapezoid of speed, or a triangle."""
+    """Return the time of straight legs, each from rest to rest by a trapezoid of speed."""
     from course.planning.trajectory import trapezoid
 
     top, rise = positive("top_m_per_s", top_m_per_s), positive("rise_m_per_s2", rise_m_per_s2)
@@ -119,7 +119,7 @@ def motion_s(legs_m: ArrayLike, top_m_per_s: float, rise_m_per_s2: float) -> flo
 def cycle_s(
     legs_m: ArrayLike, top_m_per_s: float, rise_m_per_s2: float, still_s: float, computing_s: float
 ) -> float:
-    """Time of one pick: the legs, what the arm stands still for, and computing while it waits."""
+    """Return the time of one pick: its legs, standing still, and computing while the arm waits."""
     waits = finite("still_s", still_s, 0.0) + finite("computing_s", computing_s, 0.0)
     return motion_s(legs_m, top_m_per_s, rise_m_per_s2) + waits
 
@@ -171,7 +171,7 @@ def grip_force_n(
     safety: float = 2.0,
     fingers: int = 2,
 ) -> float:
-    """Force of each finger on a load that is lifted and carried by friction alone.
+    """Return the force of each finger on a load that is lifted and carried by friction alone.
 
     Upwards is the worst direction of the acceleration. The fingers press across it.
     """

@@ -149,14 +149,14 @@ def successes(records: Sequence[Record]) -> NDArray[np.bool_]:
 
 
 def tip_of(arm: TwoLink, q: Array) -> Array:
-    """Place of the tip (2, ...) [m] of joint angles (2, ...)."""
+    """Return the place of the tip (2, ...) [m] for joint angles (2, ...)."""
     (l1, l2), both = arm.lengths, q[0] + q[1]
     x, y = l1 * np.cos(q[0]) + l2 * np.cos(both), l1 * np.sin(q[0]) + l2 * np.sin(both)
     return np.stack((x, y))
 
 
 def step_of(settings: Settings) -> int:
-    """Step of the physics [us]; a quarter of a millisecond where it is ideal."""
+    """Return the step of the physics [us]; at most a quarter of a millisecond where it is ideal."""
     return (
         min(250, microseconds(settings.physics))
         if "move" in settings.ideal
@@ -295,12 +295,12 @@ class Run:
         return not self.wrong
 
     def retarget(self, place: tuple[float, float]) -> None:
-        """From now on the target stands at a place [m]; what was seen and done stays as it was."""
+        """Put the target to a place [m] from now on; what was seen and done stays as it was."""
         self.scenario = replace(self.scenario, target=place, velocity=(0.0, 0.0))
         self._drive_settings["target"], self._drive_settings["velocity"] = self.scenario.target, 0.0
 
     def _ask(self) -> None:
-        """A plan from where the reference is, and when it will be ready."""
+        """Ask for a plan from where the reference is, and note when it will be ready."""
         progress, settings = self._progress, self._settings
         k = self._order[progress["arrived"] - 1]
         now = int(self.timetable.arrived[k])
@@ -330,7 +330,7 @@ class Run:
         self.plans.append(Crossing(path, None, "joints", int(self.sightings[k, by.WHEN]), due))
 
     def _take(self) -> None:
-        """The plan that was waited for comes into force, if there is one."""
+        """Put the plan that was waited for into force, if there is one."""
         progress, aim, path = self._progress, self._aim, self._pending
         if path.motion is not None:
             progress["planned"], progress["interval"], progress["origin"] = 1, 0, progress["due"]

@@ -139,7 +139,7 @@ def circle(radius, points=73):
 
 @register_jitable
 def sheet(pen, eye, p, fill, edge=draw.NONE, width=1.0, alpha=0.2):
-    """One polygon through points (3, N), filled; they need not lie in a plane."""
+    """Draw one filled polygon through points (3, N), which need not lie in a plane."""
     x, y, _ = project(eye, p)
     draw.polygon(pen, fill, edge, width, alpha)
     draw.points(pen, x, y)
