@@ -88,7 +88,7 @@ class Result:
         """
         self._name(name)
         if not 0 <= tolerance <= 0.5:  # beyond it a figure says nothing
-            raise ValueError(f"tolerance of {name} is {tolerance}, allowed is 0 to 0.5")
+            raise ValueError(f"tolerance of {name} must be from 0 to 0.5, got {tolerance}")
         text = isinstance(value, str)
         self.figures[name] = value if text else float(value)
         self.tolerances[name] = 0.0 if text else tolerance

@@ -64,7 +64,9 @@ def workers(
     # The small factor keeps a whole number of runs from being rounded down by one.
     turns = math.floor(3600.0 * positive("night_h", night_h) / each * (1.0 + 2e-12))
     if turns < 1:
-        raise invalid("night_h", night_h, f"{each / 3600.0:.3g} on, which one scenario takes [h]")
+        raise invalid(
+            "night_h", night_h, f"{each / 3600.0:.3g} or more, as one scenario takes that long [h]"
+        )
     return math.ceil(runs / turns)
 
 

@@ -43,7 +43,7 @@ class _Item:
         if self._measured is None:
             value = float(self.error() if callable(self.error) else self.error)
             if not (value >= 0.0):  # also NaN: a measurement that failed is no measurement
-                raise invalid(f"error of {self.what!r}", value, "a number from 0 on")
+                raise invalid(f"error of {self.what!r}", value, "a non-negative number")
             self._measured = value
         return self._measured
 

@@ -149,7 +149,7 @@ def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
     chosen = vector("policy", policy, (S,), (S, A), low=0.0)
     if chosen.ndim == 1:
         if np.any(chosen != np.round(chosen)) or chosen.max() >= A:
-            raise invalid("policy", chosen, f"whole numbers from 0 to {A - 1}")
+            raise invalid("policy", chosen, f"integers from 0 to {A - 1}")
         chosen = np.eye(A)[chosen.astype(int)]
     elif np.abs(chosen.sum(axis=1) - 1.0).max() > 1e-9:
         raise invalid("policy", chosen, "rows that sum to 1")

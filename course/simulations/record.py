@@ -79,7 +79,7 @@ class Field:
         else:
             good = finite(name, value, self.low, self.high, unit=self.unit)
         if kind is not np.float64 and np.any(good != np.floor(good)):
-            raise invalid(name, value, "a whole number")
+            raise invalid(name, value, "an integer")
         return np.asarray(value, kind)
 
 

@@ -112,7 +112,7 @@ class Design:
     def __post_init__(self) -> None:
         def held(holds: bool, name: str, value: object, allowed: str) -> None:
             if not holds:
-                raise ValueError(f"{self.name}: {name} is {value!r}, allowed is {allowed}")
+                raise ValueError(f"{self.name}: {name} must be {allowed}, got {value!r}")
 
         flows = {arrow.what: arrow for arrow in self.arrows}
         for arrow in self.arrows:
