@@ -77,7 +77,9 @@ def compounding(
         law = share * T * (T + 1.0) / 2.0
         return (law / float(learning.expected_cost(share, T, recovers=False)) - 1.0) / ALLOWED
 
-    grid = stability_map(over, count, rates, quantity=f"excess of the square law, divided by {ALLOWED:g}")
+    grid = stability_map(
+        over, count, rates, quantity=f"excess of the square law, divided by {ALLOWED:g}"
+    )
     line = 3.0 * ALLOWED / count
     edge = grid.boundary() * rates
     observed = edge[np.isfinite(edge) & (edge > 0.0) & (rates < 0.03)]
