@@ -171,13 +171,12 @@ _WAYS, _ITERATION, _PERCENT_OF, _RETURN, _OPTIMUM, _TRUE, _FIRST = word(
     "one episode per start",
     "first to finish",
 )
-_STEPS, _GOOD, _READ, _WORTH, _BEST, _OF, _KL, _STD = word(
+_STEPS, _GOOD, _READ, _WORTH, _BEST, _KL, _STD = word(
     "environment steps",
     "success",
     "first to finish",
     "return",
     "optimum",
-    "share of the largest prize",
     "divergence",
     "action spread",
 )
@@ -248,7 +247,6 @@ def frame(pen, state, controls):
     )
     draw.reading(pen, _WORTH, report[now, RETURN], 2)
     draw.reading(pen, _BEST, state["best"], 2, 0, _NONE if controls["reward"] == DISTANCE else 0)
-    draw.reading(pen, _OF, 100.0 * report[now, SHARE], 0, _PERCENT)
     draw.reading(pen, _KL, report[now, MOVED], 3)
     draw.reading(pen, _STD, report[now, SPREAD], 2)
 
