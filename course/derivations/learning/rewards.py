@@ -92,8 +92,8 @@ def baseline_is_free(result):
 
 
 @claim(
-    "Generalised advantage estimation is a weighted mean of all n-step advantage estimates, "
-    "with weights (1 - lambda) lambda^(n-1).",
+    "Generalised advantage estimation is a weighted mean of all n-step advantage estimates, whose "
+    "weights fall by the factor lambda from one n to the next; the longest estimate gets the rest.",
     "The same number is easier to compute from the critic's one-step errors d0, d1 and so on: "
     "it is their sum, with one more factor of gamma lambda for each step ahead. With three "
     "steps left it is {formula}. Both computations agree to {worst:.0e}, also where episodes "
