@@ -194,7 +194,7 @@ def rounds_until(
     return float(good[0]) if good.size else np.inf
 
 
-def springs(model: TwoLink, kp: float, kd: float) -> tuple[tuple[Array, Array], ...]:
+def springs(model: TwoLink, kp: float, kd: float) -> tuple[Array, Array]:
     """Return gains of PD that are as stiff at the joints as computed torque is by this model.
 
     Computed torque multiplies kp and kd by the mass matrix; its diagonal in the middle of the
