@@ -71,4 +71,4 @@ def test_laws_are_compared_at_equal_stiffness() -> None:
         for push in (np.zeros(2), np.array([0.0, 1e-3]))
     ]
     assert (torque[1] - torque[0])[1] == pytest.approx(1e-3 * stiff[1], rel=1e-6)
-    assert damp / stiff == pytest.approx(20.0 / 800.0)
+    assert np.divide(damp, stiff) == pytest.approx(20.0 / 800.0)

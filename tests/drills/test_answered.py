@@ -42,6 +42,7 @@ def test_the_first_answer_counts() -> None:
         "rigid_body.top_condition": {"answer": "Only under a condition", "right": True},
     }
     assert answered.score(reading) == "Cards: 1 of 2 answered right at the first try."
+    assert answered.given(reading) == {"claim-renormalising_repairs": 0, "claim-top_condition": 2}
 
 
 @pytest.mark.parametrize(("card", "answer"), [("claim-none", 0), ("claim-top_condition", 3)])
@@ -56,6 +57,7 @@ def test_badges_hear_the_page_and_keep_the_answer(
     file = tmp_path / "progress.json"
     monkeypatch.setenv("DRILLS_PROGRESS", str(file))
     badges = notebook.badges(1)
+    assert isinstance(badges, notebook.Badges)
     data = badges._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in data and "Cards:" not in data["text/html"]
     listener = answered.Listener(badges._reading, badges._keep)

@@ -307,6 +307,8 @@ def test_the_time_is_that_of_the_text_the_cards_and_the_charts() -> None:
     # 2 min of words, two cards of 30 s, two charts of 45 s; folded: 1 min of words, two claims.
     assert form.reading(cells) == {"open": 2 + 1 + 2, "folded": 1 + 1}
     assert form.reading(cells[:2]) == {"open": 3, "folded": 1}
+    assert form.open_minutes("code", "simulation()") == 0.75
+    assert form.open_minutes("code", 'x = 1\nshow("y")') == 0.5
 
 
 def test_a_field_that_nobody_filled_is_found() -> None:
