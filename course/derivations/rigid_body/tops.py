@@ -449,11 +449,13 @@ def principal_axis_is_stable(result):
     bodies = [_moments(result.rng) for _ in range(10)]
     result.statement_holds(
         middle[4000] < 1e-6,
-        only_if="its moment is the largest or the smallest and no other axis has the same, or all "
-        "three are the same",
+        only_if="its moment is the largest or the smallest and no other axis has nearly the same, "
+        "or all three are the same",
         inside=[aside(body, axis).max() < 1e-6 for body in bodies for axis in (0, 2)]
         + [aside(np.full(3, body[0]), 1).max() < 1e-6 for body in bodies[:3]],
-        outside=[aside(body, 1).max() < 1e-6 for body in bodies],
+        outside=[aside(body, 1).max() < 1e-6 for body in bodies]
+        # Chosen to break it: moments that nearly agree; a disturbance grows 1/sqrt(gap)-fold.
+        + [aside([1.0, 1.0 + gap, 2.0], 0, 200.0).max() < 1e-6 for gap in (1e-4, 1e-3, 3e-3)],
     )
     result.correction_holds(
         abs(rate / float(theory) - 1) < 2e-3,
