@@ -74,8 +74,8 @@ def _answers() -> dict[str, tuple[int, str, tuple[tuple[str, bool], ...]]]:
     for topic, number in numbers.items():
         if not (cards.FOLDER / f"{topic}.toml").is_file():
             continue
-        for name, asked in cards.predictions(topic).items():
-            options = tuple((option.label, option.right) for option in asked.options)
+        for name, card in cards.predictions(topic).items():
+            options = tuple((option.label, option.right) for option in card.options)
             result[f"card-{name}"] = (number, f"{topic}.{name}", options)
     for file in records.files():
         topic = file.partition(".")[0]
@@ -138,16 +138,16 @@ class Listener(anywidget.AnyWidget):
     given = traitlets.Dict().tag(sync=True)
     score = traitlets.Unicode().tag(sync=True)
 
-    def __init__(self, reading: Reading, keep: Callable[[str, int], Reading]) -> None:
-        """Show the score of `reading`; `keep` stores an answer and returns the new record."""
+    def __init__(self, reading: Reading, store: Callable[[str, int], Reading]) -> None:
+        """Show the score of `reading`; `store` saves an answer and returns the new record."""
         super().__init__(given=given(reading), score=score(reading))
-        self._keep = keep
-        self.on_msg(self._heard)
+        self._store = store
+        self.on_msg(self._on_message)
 
-    def _heard(self, _widget: Any, content: Any, _buffers: Any) -> None:
+    def _on_message(self, _widget: Any, content: Any, _buffers: Any) -> None:
         try:
             card, answer = str(content["card"]), int(content["answer"])
-            reading = self._keep(card, answer)
+            reading = self._store(card, answer)
             self.given, self.score = given(reading), score(reading)
         except (KeyError, TypeError, ValueError):
             return  # a card that somebody else has put on the page

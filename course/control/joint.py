@@ -116,7 +116,7 @@ class Record:
         torque: of the motor at these times, shape (..., n + 1) [N m].
         command: what was sent at the first n of them, shape (..., n) [N m].
         measured: the angle that the law saw, shape (..., n) [rad].
-        setpoint: what was wanted, shape (..., n) [rad].
+        setpoint: desired angles, shape (..., n) [rad].
     """
 
     times: Array
@@ -182,7 +182,7 @@ def _speed(v, steady, fading, a, c, t):
 
 @register_jitable
 def _stop(v, steady, fading, side, a, c, t):
-    """Return when a speed of the given side (1 or -1) first reaches 0 within t.
+    """Return when a speed of the given sign (1 or -1) first reaches 0 within t.
 
     It returns t + 1 if the speed does not.
     """
@@ -251,7 +251,7 @@ def _advance(q, v, u, inertia, a, load, coulomb, static, c, target, rest, whole)
 
 
 def _run(joint, drive, numbers, start, setpoint, extra, blocked, noise, out):
-    """The loop; rows of `out` are q, v, torque, command and measurement.
+    """Run the loop; rows of `out` are q, v, torque, command and measurement.
 
     `joint` is (inertia, damping, load, coulomb, static), `drive` (limit, rate, 1 / lag, whole
     samples of delay, the rest of one, encoder line).
@@ -324,7 +324,7 @@ def run_joint(
     extra: ArrayLike = 0.0,
     blocked: ArrayLike = False,
 ) -> Record:
-    """Return the joint under its controller, compiled: measure, command, wait, drive.
+    """Run the joint under its controller, compiled: measure, command, wait, drive.
 
     Args:
         joint: inertia, friction and gravity of the joint.

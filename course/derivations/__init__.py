@@ -191,7 +191,7 @@ class Claim:
             more precisely.
         source: where that can be read up, or "".
         check: settles the claim by filling what it is handed.
-        formula: what a learner can be asked for, or None.
+        formula: the formula that a learner can be asked for, or None.
         needs: what the check needs beyond what `make setup` installs; names in `NEEDS`.
     """
 
@@ -320,7 +320,7 @@ def claim(
     Args:
         received: the claim as it is commonly stated.
         corrected: what is true, with fields for the figures.
-        ask: what a learner can be asked for.
+        ask: the formula that a learner can be asked for.
         source: where it can be read up.
         needs: what the check needs beyond what `make setup` installs; names in `NEEDS`.
         registry: where to put it; default: the claims of the course.
@@ -616,8 +616,8 @@ def unplaced(topic: str = "", folder: Path | None = None) -> list[str]:
         raise ValueError(f"folder must have the notebooks' sources, got {folder}")
     placed = {id for text in texts for id in placed_in(text)}
     placed |= {id for name in known for id in gate(name)}
-    wanted = (item for item in everything if topic in ("", item.file.partition(".")[0]))
-    return [item.id for item in wanted if item.id not in placed]
+    selected = (item for item in everything if topic in ("", item.file.partition(".")[0]))
+    return [item.id for item in selected if item.id not in placed]
 
 
 def placed_in(source: str) -> list[str]:

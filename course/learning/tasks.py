@@ -52,7 +52,7 @@ def runs(states: Sequence[ArrayLike], actions: Sequence[ArrayLike]) -> Runs:
             vector(f"{name}[{k}]", run, np.shape(each[0]))
     table = Runs(np.array(states, dtype=float), np.array(actions, dtype=float))
     if table.states.shape[1] != table.actions.shape[1] + 1 or not table.actions.size:
-        raise invalid("steps", table.actions.shape[1], "one less than states, from 1 on")
+        raise invalid("steps", table.actions.shape[1], "one fewer than the states, and at least 1")
     return table
 
 
@@ -336,7 +336,7 @@ class Circle:
     dt: float = 0.1
 
     def starts(self, number: int, rng: np.random.Generator) -> Array:
-        """Return on the circle and along it, a little off, shape (number, 4)."""
+        """Return states on the circle and along it, a little off, shape (number, 4)."""
         place, turn, far = rng.standard_normal((3, count("number", number, 1)))
         place *= np.pi
         heading, r = place + 0.5 * np.pi + 0.05 * turn, 1.0 + 0.05 * far

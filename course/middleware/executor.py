@@ -74,12 +74,12 @@ class Executor:
         bus.executors.append(self)
 
     def add(self, callback: Callback) -> None:
-        """From now on this is one of its callbacks."""
+        """Add a callback to those that this executor runs."""
         self.callbacks.append(callback)
         self.callbacks.sort(key=lambda c: KINDS.index(c.kind))
 
     def ready(self, callback: Callback | None = None) -> None:
-        """An event came: look for something to run, after all else that comes at this time."""
+        """Look for something to run after an event, once all else at this time has come."""
         if self.bus.real:
             with self.bus.lock:
                 self.bus.changed.notify_all()
@@ -119,10 +119,13 @@ class Executor:
             for c in self.callbacks
             if c.oldest() is not None and (c.group.reentrant or not self.holder(c.group))
         ]
+        # FIFO: the callback whose event has waited longest.
         if self.order == "fifo" or not waiting:
             return min(waiting, key=lambda c: c.oldest() or 0, default=None)
         if self.order == "timers first" and waiting[0].kind == "timer":
             return waiting[0]
+        # Ready set: collect all ready callbacks, run each once, then collect again (Casini et al.,
+        # 2019).
         if not any(c in waiting for c in self._ready):
             self._ready = [c for c in self.callbacks if c.oldest() is not None]
         picked = next(c for c in self._ready if c in waiting)
@@ -215,6 +218,7 @@ def deadlocks(bus: Bus) -> list[str]:
         return "a thread, all held by " + ", ".join(_name(r.callback) for r in executor.running)
 
     while True:
+        # Remove runs that can proceed until none is left; what remains waits for itself.
         free = [run for run, future in stuck.items() if not any(map(hindrance, future.needs))]
         if not free:
             break
@@ -288,6 +292,7 @@ def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) ->
         return result
     for group in groups.values():
         S = sum(w.execution for w in group)
+        # Busy period of the group: the least fixed point of its own demand.
         busy = _least(S, 0.0, group, lambda w, x: math.ceil(x / w.period - 1e-9))
         result |= {w.name: busy for w in group}
     return result
@@ -319,7 +324,7 @@ def _single(works: Sequence[Work], order: str) -> dict[str, float]:
 
 
 def _start(base: float, late: float, before: Sequence[Work]) -> float:
-    """Return least x that holds `base` and all runs of what goes before in [-late, x]."""
+    """Return the least x that holds `base` and all runs of what goes before in [-late, x]."""
     return _least(base, base, before, lambda w, x: math.floor((x + late) / w.period + 1e-9) + 1)
 
 
@@ -413,7 +418,7 @@ LOSSY = QoS("best_effort", depth=1)
 
 
 def _stage(bus: Bus, stages: Sequence[Stage], k: int, phase: float) -> None:
-    """One stage as a node: it reads topic k, and writes to topic k + 1 when a capture was made."""
+    """Make a stage a node: it reads topic k, and writes to topic k + 1 when a capture was made."""
     stage, until, newest = stages[k], 0, -math.inf
     waits = stage.period or stage.overload == "queue"
     node = bus.node(stage.name, Executor(bus) if stage.overload == "queue" else None)

@@ -103,7 +103,7 @@ def _burden() -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Granted:
-    """What the system has given, read back from it; `refused` says of the rest why not.
+    """What the system has given, read back from it; `denied` says why the rest was not.
 
     Attributes:
         scheduler: "other" or "fifo".
@@ -112,7 +112,7 @@ class Granted:
         cores: on which this process may run.
         locked: whether its memory stays in memory.
         quiet: whether the garbage collector is off, and what there was is left alone.
-        refused: by what was asked for, the system's reason.
+        denied: the system's reason, by what was requested.
     """
 
     scheduler: str
@@ -216,8 +216,8 @@ class Tried:
     """One row of the table: what was asked for, what was granted, what came of it.
 
     Attributes:
-        name: what was asked for.
-        granted: as the system says.
+        name: the requested policy.
+        granted: the policy in force, read back from the system.
         record: of the loop.
         quantiles: lateness of half, of 99 % and of all of the periods that ran [s].
     """

@@ -63,7 +63,7 @@ def library() -> ModuleType:
     """Return cyclonedds, confined to this machine. A child process shares the domain of its parent.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     if "<Tag>course-" not in os.environ.get("CYCLONEDDS_URI", ""):
         me = os.getpid()
@@ -78,7 +78,7 @@ def library() -> ModuleType:
 
 @contextlib.contextmanager
 def participant() -> Iterator[Any]:
-    """A participant in this process's domain; its threads and sockets end with it."""
+    """Open a participant in this process's domain; its threads and sockets end with it."""
     library()
     from cyclonedds.domain import DomainParticipant
 
@@ -276,7 +276,7 @@ class Wire:
         member: participant.
         size, kind: of the payload, see `payload_type`.
         qos: of all ends.
-        ways: the names of the two topics, see `names`.
+        paths: the names of the two topics, see `names`.
     """
 
     def __init__(

@@ -29,7 +29,7 @@ THICK = 0.03  # half the height of a link, and how far it is above the discs [m]
 def find(
     depth: Array, camera: Camera, sensor: Sensor, part: Shapes, table: Array
 ) -> tuple[Array, Array]:
-    """Place of the part in the picture's plane (2,) and its covariance (2, 2), by `locate` [m]."""
+    """Return the part's place in the picture's plane (2,) and its covariance (2, 2) [m, m^2]."""
     result = [
         one
         for one in locate(depth, camera, sensor, part, table=table, starts=1)
@@ -105,7 +105,7 @@ class Eye:
     def __call__(
         self, sight: Sight, scenario: Scenario, settings: Settings
     ) -> tuple[Array, Array, str, int]:
-        """Return as `perceive`.
+        """Return what `perceive` returns, from a rendered depth image.
 
         The noise is the sensor's, so that of the settings has no part in it.
         """

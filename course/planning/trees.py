@@ -70,7 +70,7 @@ STEP, BIAS, SAMPLER, MIX, SPREAD, STAR, INFORMED, SHORTEST = range(8)
 
 @register_jitable
 def _add(nodes, parents, links, costs, counts, side, state, parent, cost):
-    """Return a new node, hung under its parent; its number."""
+    """Add a node under its parent and return its number."""
     i = counts[NODES + side]
     counts[NODES + side] += 1
     nodes[side, i] = state
@@ -168,7 +168,7 @@ def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
 
 @register_jitable
 def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, out):
-    """A state from the sampler, or for the share that is not mixed in, from everywhere.
+    """Draw a state from the sampler, or for the share that is not mixed in, from everywhere.
 
     Listed states are the last rows of the frame; after them comes uniform too.
     """

@@ -126,14 +126,14 @@ def test_the_first_screen_moves_and_asks(name: str) -> None:
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_the_open_prose_is_bounded(name: str) -> None:
-    least, most = limits(name).prose
-    assert least <= form.open_words(BUILT[name].cells) <= most
+    least, longest = limits(name).prose
+    assert least <= form.open_words(BUILT[name].cells) <= longest
 
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_no_screen_is_without_a_picture_a_question_or_a_control(name: str) -> None:
-    most = limits(name).stretch
-    assert [one for one in form.stretches(BUILT[name].cells) if one[0] > most] == []
+    longest = limits(name).stretch
+    assert [one for one in form.stretches(BUILT[name].cells) if one[0] > longest] == []
 
 
 @pytest.mark.parametrize("name", WRITTEN)

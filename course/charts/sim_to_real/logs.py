@@ -47,7 +47,7 @@ def record(
     dt: float = DT,
     **changed: float,
 ) -> Log:
-    """Return a log of the arm, from rest, with some parameters changed.
+    """Record a log of the arm, from rest, with some parameters changed.
 
     `changed` names rows of `plants.ROWS`.
     """
@@ -85,7 +85,7 @@ def episode(
 
 
 def rods(parameters: Mapping[str, Array], log: Log) -> Array:
-    """Return as `arm`, of six numbers for the five that show.
+    """Simulate `arm` from six parameters, of which five combinations show.
 
     Mass m and inertia I about the centre of each link [kg, kg m^2], c1 and c2.
     """

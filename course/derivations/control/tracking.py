@@ -204,7 +204,7 @@ def adaptive_sum_can_only_fall(result):
 
     largest = [0.0]  # |Y|^2 of the last run that was watched for it
 
-    def run(off, hz, seconds=1.0, bounds=None, at=0.0, watch=False):
+    def run(offset, hz, seconds=1.0, bounds=None, at=0.0, watch=False):
         """Return the largest and the last sum over the first, and the error at the end [mrad].
 
         The run begins `at` a time of the motion [s].
@@ -228,7 +228,7 @@ def adaptive_sum_can_only_fall(result):
             sums.append(s @ tracking.ARM.mass_matrix(q) @ s / 2 + wrong @ wrong / (2 * 5.0))
             return step(q, v, q_ref, v_ref, a_ref)
 
-        start = np.asarray(q)[:, 0] + off, np.asarray(v)[:, 0]
+        start = np.asarray(q)[:, 0] + offset, np.asarray(v)[:, 0]
         done = track(tracking.ARM, watched, motion, 1.0 / hz, seconds, 10, start)
         error = 1e3 * np.abs(done.q[:, -2] - done.setpoint[:, -1]).max()
         return max(sums) / sums[0], sums[-1] / sums[0], error
@@ -241,30 +241,30 @@ def adaptive_sum_can_only_fall(result):
     grown = result.measure("coarse", run(far, coarse)[0], 0.1)
     fallen = result.measure("fine", run(far, fine)[1], 0.1)
     box = np.array([[0.5], [2.0]]) * truth
-    kept = [run(off, hz, 5.0, box) for off in (near, far) for hz in (slow, coarse)]
-    result.measure("kept_mrad", max(end for _, _, end in kept), 0.2)
+    bounded = [run(offset, hz, 5.0, box) for offset in (near, far) for hz in (slow, coarse)]
+    result.measure("kept_mrad", max(end for _, _, end in bounded), 0.2)
     lost = run(near, slow, 5.0)[2]
     result.statement = (
         "The sum on the chart's arm and motion; the estimate starts as the truth, so it is the "
         "error of the motion alone at first."
     )
 
-    def falls(off, ratio, at=0.0):
+    def falls(offset, ratio, at=0.0):
         """Return whether the sum never grows, at a ratio of dt rate |Y|^2 and the damping.
 
         |Y| is the largest on the way, from a run at 4 kHz.
         """
-        run(off, 4e3, 0.3, at=at, watch=True)
-        return run(off, 5.0 * largest[0] / (2.5 * ratio), 0.3, at=at)[0] <= 1.0 + 1e-9
+        run(offset, 4e3, 0.3, at=at, watch=True)
+        return run(offset, 5.0 * largest[0] / (2.5 * ratio), 0.3, at=at)[0] <= 1.0 + 1e-9
 
-    def falls_by_its_start(off, at, ratio=0.05):
+    def falls_by_its_start(offset, at, ratio=0.05):
         """Return the same, with |Y| taken where the motion starts."""
         q, v, a = (np.asarray(x)[:, 0] for x in tracking.motion(np.array([at])))
-        Y = tracking.ARM.regressor(q + off, v, a, v - 10.0 * off)
+        Y = tracking.ARM.regressor(q + offset, v, a, v - 10.0 * offset)
         hz = 5.0 * np.linalg.norm(Y, 2) ** 2 / (2.5 * ratio)
-        return run(off, hz, 0.3, at=at)[0] <= 1.0 + 1e-9
+        return run(offset, hz, 0.3, at=at)[0] <= 1.0 + 1e-9
 
-    offs = result.rng.uniform(0.25, 0.4, (2, 8))
+    offsets = result.rng.uniform(0.25, 0.4, (2, 8))
     small, large = result.rng.uniform(0.04, 0.08, 8), result.rng.uniform(0.2, 0.8, 8)
     # Starts on either side, anywhere on the motion: |Y| may be larger later than at the start.
     sides, times = result.rng.uniform(-0.4, 0.4, (3, 2)), result.rng.uniform(0.0, 6.0, 3)
@@ -272,14 +272,14 @@ def adaptive_sum_can_only_fall(result):
         grown <= 1.0,
         only_if="dt rate |Y|^2 stays below a tenth of the damping all the way, not at the start "
         "alone",
-        inside=[falls(off, x) for off, x in zip(offs[0], small, strict=True)]
+        inside=[falls(offset, x) for offset, x in zip(offsets[0], small, strict=True)]
         + [falls(side, 0.08, at) for side, at in zip(sides, times, strict=True)]
         + [falls(np.array([-0.33, -0.33]), 0.09, 4.1)],
-        outside=[falls(off, x) for off, x in zip(offs[1], large, strict=True)]
+        outside=[falls(offset, x) for offset, x in zip(offsets[1], large, strict=True)]
         + [falls_by_its_start(np.array([-0.33, -0.33]), 4.1)],
     )
     result.correction_holds(
-        grown > 1.5, fallen < 1.0, not lost < 1e3, all(end < 100.0 for _, _, end in kept)
+        grown > 1.5, fallen < 1.0, not lost < 1e3, all(end < 100.0 for _, _, end in bounded)
     )
 
 
