@@ -357,8 +357,8 @@ show("semi_implicit_unconditional")
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** There is no good step in milliseconds. There is $h < 2/\omega_{\max}$, and the stiffest spring in
-# the model decides.
+# **Key insight.** There is no good step in milliseconds. For semi-implicit Euler there is $h < 2/\omega_{\max}$: the
+# fastest oscillation in the model decides, and a contact that opens and closes needs a smaller step.
 #
 # </div>
 

@@ -313,7 +313,7 @@ show("damping_is_free")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** The dangerous place is not the singularity but its neighbourhood. Damping bounds the step there by
-# $1/(2\lambda)$, and pays with error everywhere.
+# $1/(2\lambda)$ times the error, and leaves a share of the error everywhere.
 #
 # </div>
 #
