@@ -103,6 +103,8 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
         raise Unbuildable(faults)
     moving = reference.moving({name: page.simulations for name, page in made.items()})
     added = {"moving": f"## What moves on this site\n\n{moving}", "contents": _contents()}
+    scores = nbformat.v4.new_markdown_cell(reference.scores(made), id="scores")
+    made["index"].notebook.cells.insert(1, scores)
     for id, text in added.items():
         made["index"].notebook.cells.append(nbformat.v4.new_markdown_cell(text, id=id))
     for name, page in made.items():
@@ -120,6 +122,7 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
             (pictures / file).write_bytes(png)
     static = folder / "_static"
     shutil.copy(HERE / "course.css", static)
+    shutil.copy(HERE / "page.js", static)
     (static / "live.js").write_text(declaration.script(), encoding="utf-8")
 
 
