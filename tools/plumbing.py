@@ -7,7 +7,7 @@ removes it from the site (the tag `remove-input`). The decision is made by the c
 - **hidden**: every statement is an import, a call of a display function (`DISPLAY`, or a helper of
   this notebook that only displays), or reads and prepares a stored text for one; or at least half
   of the cell's lines draw with Matplotlib;
-- **typed into**: the cell calls `answer` or `checkpoint`, or has a comment "change me". A learner
+- **typed into**: the cell calls `answer` or `checkpoint`, or says "change me". A learner
   edits it in JupyterLab, so it stays open there; on the site, where nothing can be run, it is
   removed;
 - **shown**: everything else: algorithms, calls whose use is taught, exercises.
@@ -151,7 +151,7 @@ def kind(source: str, tags: Sequence[str] = (), known: frozenset[str] = frozense
     calls = {name for statement in body for name in _calls(statement)}
     if not body or "check" in calls:
         return SHOWN
-    if calls & _TYPED or "# change me" in source:
+    if calls & _TYPED or "change me" in source.lower():
         return TYPED_INTO
     display = DISPLAY | known
     teaches = any(isinstance(one, ast.Assign) for one in body) and not calls & (display | {"read"})

@@ -7,6 +7,7 @@ import pytest
 
 from course import cards, derivations
 from course.cards.formula import tex
+from tools import form
 
 TOPICS = sorted(path.stem for path in cards.FOLDER.glob("*.toml"))
 
@@ -165,11 +166,54 @@ def test_the_file_of_a_chapter_is_whole(topic):
     assert len(set(labels)) > 1, "the right answer always stands at the same place"
 
 
+# Chapters whose questions are being rewritten; empty when they have landed.
+AWAITED = {"contact", "learning"}
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_the_shape_of_the_answers_does_not_give_the_right_one_away(topic):
+    """Neither a length that is its own, nor a figure or a formula that only it has."""
+    if topic in AWAITED:
+        return
+    longest = shortest = 0
+    asked = cards.predictions(topic)
+    for name, question in asked.items():
+        labels = {option.label for option in question.options}
+        (right,) = (option.label for option in question.options if option.right)
+        wrong = labels - {right}
+        lengths = [len(label) for label in wrong]
+        assert 0.6 * min(lengths) <= len(right) <= 1.5 * max(lengths), (name, right)
+        for mark in (r"[$`*_]", r"[0-9{]"):
+            bare = {re.sub(r"\$.*?\$", "$", label) for label in wrong}
+            if re.search(mark, re.sub(r"\$.*?\$", "$", right)):
+                assert any(re.search(mark, label) for label in bare), (name, right)
+        longest += len(right) > max(lengths)
+        shortest += len(right) < min(lengths)
+    assert max(longest, shortest) <= 0.67 * len(asked), (longest, shortest, len(asked))
+
+
+def test_a_claim_s_answers_differ_in_nothing_but_one_word():
+    text = derivations.show("top_condition")._repr_markdown_()
+    bodies = re.findall(r'<details class="answer"[^>]*><summary>.*?</summary>\n\n(.*?)\n\n</', text)
+    assert sorted(bodies) == ["**No.**", "**No.**", "**Right.**"]
+
+
+def test_a_question_and_a_claim_have_different_names():
+    """So that a page can remember a card by its name."""
+    asked = {name for topic in TOPICS for name in cards.predictions(topic)}
+    assert len(asked) == sum(len(cards.predictions(topic)) for topic in TOPICS)
+    assert not asked & {claim.id for claim in derivations.claims()}
+
+
 @pytest.mark.parametrize("topic", TOPICS)
 def test_no_card_shows_an_unfilled_field(topic):
     shown = [cards.predict(name) for name in cards.predictions(topic)]
-    for card in [*shown, cards.interview(topic), cards.checkpoint(topic)]:
-        assert not re.search(r"\{[a-z]\w*\.[a-z]", card.markdown + repr(card))
+    shown += [cards.interview(topic), cards.checkpoint(topic)]
+    texts = [card.markdown for card in shown] + [repr(card) for card in shown]
+    for claim in derivations.claims():
+        if claim.file.partition(".")[0] == topic:
+            texts.append(derivations.more_claims(claim.id).markdown)
+    assert [form.unfilled(text) for text in texts if form.unfilled(text)] == []
 
 
 def test_fields_are_filled_wherever_a_question_has_them(monkeypatch):
@@ -235,6 +279,7 @@ def test_the_checkpoint_opens_when_all_is_right():
     for name in right:
         closed = cards.checkpoint("rigid_body", **(right | {name: "omega"}))
         assert "gate closed" in repr(closed) and f"{len(right) - 1} of {len(right)}" in repr(closed)
+        assert "not right" in repr(closed) and "**Not right.**" in closed.markdown  # not "open"
     blank = cards.checkpoint("rigid_body")
     assert f"0 of {len(right)} right" in repr(blank)
     for name, expression in right.items():
