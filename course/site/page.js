@@ -14,11 +14,14 @@
 
   let fallback = {}; // where nothing may be stored, answers last as long as the page
   const answers = () => {
+    let stored = fallback;
     try {
-      return JSON.parse(localStorage.getItem(KEY) ?? "{}");
+      stored = JSON.parse(localStorage.getItem(KEY)) ?? fallback;
     } catch {
-      return fallback;
+      // Nothing may be stored here, or somebody else stored something.
     }
+    const good = ([, given]) => Array.isArray(given) && typeof given[0] === "string";
+    return Object.fromEntries(Object.entries(stored).filter(good));
   };
   const store = (all) => {
     fallback = all;
@@ -139,12 +142,13 @@
   // A link to the picture, so that it has the focus and opens without this script too.
   function enlarges(image) {
     const link = make("a", { className: "course-enlarge", href: image.src, title: "Enlarge" });
-    image.replaceWith(link);
-    link.append(image);
+    const whole = image.parentElement.tagName === "PICTURE" ? image.parentElement : image;
+    whole.replaceWith(link);
+    link.append(whole);
     link.addEventListener("click", (event) => {
       if (event.ctrlKey || event.metaKey || event.shiftKey) return;
       event.preventDefault();
-      picture.src = image.dataset.large || image.src;
+      picture.src = image.currentSrc || image.src;
       picture.alt = image.alt;
       large.showModal();
     });

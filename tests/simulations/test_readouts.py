@@ -89,3 +89,22 @@ def test_a_recorded_note_takes_the_place_of_the_live_one(monkeypatch: Any) -> No
     assert [each["note"] for each in live] == [
         preset.note for preset in told.model("contact.touch").presets.values()
     ]
+
+
+# A click chooses the nearest of several things: both coordinates count, and nothing is dragged.
+CHOSEN_BY_A_CLICK = {"role.stack", "middleware", "interview"}
+
+
+@pytest.mark.parametrize("name", [n for n in told.names() if told.model(n).drag is not None])
+def test_whoever_lets_a_finger_scroll_drags_nothing_up_or_down(name: str) -> None:
+    model = told.model(name)
+    if model.upright or name in CHOSEN_BY_A_CLICK:
+        return
+    xmin, xmax, ymin, ymax = model.paper.window
+    for x in np.linspace(xmin, xmax, 9):
+        controls = []
+        for y in np.linspace(ymin, ymax, 5):
+            run = Experiment(model)
+            model.drag(run.controls, run.state, x, y)
+            controls.append(run.controls.tobytes())
+        assert len(set(controls)) == 1, x
