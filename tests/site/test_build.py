@@ -58,11 +58,15 @@ def test_plumbing_is_not_on_a_page(site: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES])
 def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
-    """Headings, code, what was printed and every table of figures, in order."""
+    """Headings, the code that teaches, what was printed and every table of figures, in order.
+
+    Code that only fetches, shows or draws is not on it, nor what makes sense only with a kernel.
+    """
     notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
     page = soup(site / f"{name}.html").article
     assert page is not None
     whole, at = letters(page.get_text()), 0
+    assert not page.select(".kernel-only") and "runthecells" not in whole
     for number, cell in enumerate(notebook.cells):
         expected = []
         if (

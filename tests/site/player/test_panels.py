@@ -252,27 +252,23 @@ def test_dark_colours_keep_their_contrast(browser: Any, tmp_path: Path) -> None:
     page.context.close()
 
 
-# The numbers of a swipe: from, to.
-SWIPES = {"up": ((190, 260), (190, 60)), "across": ((120, 200), (260, 205))}
+# How far a finger moves [pixels].
+SWIPES = {"up": (0.0, -165.0), "across": (140.0, 3.0)}
 
 
 def swipe(page: Any, way: str) -> None:
-    """A finger goes down on the picture and moves; as a telephone reports it."""
-    box = page.locator("canvas").bounding_box()
-    (x0, y0), (x1, y1) = SWIPES[way]
-    y0, y1 = (y0 - 260 + box["y"] + box["height"] - 10, y1 - 260 + box["y"] + box["height"] - 10)
+    """A finger goes down near the lower left of the picture, moves and leaves, as on a telephone."""
+    box, (right, down) = page.locator("canvas").bounding_box(), SWIPES[way]
+    x, y = box["x"] + 0.3 * box["width"], box["y"] + box["height"] - 10.0
     session = page.context.new_cdp_session(page)
-    session.send(
-        "Input.synthesizeScrollGesture" if way == "up" else "Input.dispatchTouchEvent",
-        {"x": x0, "y": y0, "yDistance": y1 - y0, "speed": 800, "gestureSourceType": "touch"}
-        if way == "up"
-        else {"type": "touchStart", "touchPoints": [{"x": x0, "y": y0}]},
-    )
-    if way == "across":
-        for k in range(1, 9):
-            at = {"x": x0 + (x1 - x0) * k / 8, "y": y0}
-            session.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [at]})
-        session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    def touch(kind: str, *points: dict[str, float]) -> None:
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": list(points)})
+
+    touch("touchStart", {"x": x, "y": y})
+    for k in range(1, 12):
+        touch("touchMove", {"x": x + right * k / 11, "y": y + down * k / 11})
+    touch("touchEnd")
     page.evaluate(FRAME)
 
 
