@@ -389,7 +389,7 @@ def draw(
         height: of a row [inches]; 0 for what suits the number of columns.
         share_y: one y axis for a row.
         also: labels of the curves that are switched on, see `Panel.shown`.
-        narrow: one panel below the other, half as wide, for a telephone.
+        narrow: one panel below the other, half as wide, for a phone.
         figure: an empty figure to draw on; None for a new one of pyplot's.
     """
     import matplotlib as mpl

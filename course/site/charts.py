@@ -1,7 +1,7 @@
-"""The charts of a page as a telephone shows them: one panel below the other, as SVG.
+"""The charts of a page as a phone shows them: one panel below the other, as SVG.
 
-A wide picture (`docs/charts/NAME.png`) shrinks to half on a telephone, and its letters with it. So
-each chart is drawn once more from its data (`course/charts/data`), as narrow as a telephone. What
+A wide picture (`docs/charts/NAME.png`) shrinks to half on a phone, and its letters with it. So
+each chart is drawn once more from its data (`course/charts/data`), as narrow as a phone. What
 was drawn stays in `CACHE`, under a name that depends on all that it was drawn from.
 """
 

@@ -63,7 +63,7 @@ class Page(SphinxPostTransform):
         for image in list(self.document.findall(nodes.image)):
             image["loading"] = "lazy"
             if chart := _CHART.fullmatch(image["uri"]):
-                # On a telephone the narrow one, which `course.site.charts` draws.
+                # On a phone the narrow one, which `course.site.charts` draws.
                 image.parent.insert(image.parent.index(image), _raw(_NARROW.format(chart[1])))
                 image.parent.insert(image.parent.index(image) + 1, _raw("</picture>"))
             if not image.get("alt"):

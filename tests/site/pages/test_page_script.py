@@ -146,7 +146,7 @@ def test_a_picture_is_enlarged_and_closed_with_the_keyboard(page: Any) -> None:
     page.keyboard.press("Enter")
     assert dialog.is_visible() and dialog.locator("img").get_attribute("alt") == "a chart"
     wide = dialog.locator("img").evaluate("e => e.getBoundingClientRect().width")
-    assert wide >= 640, "as wide as its letters want, on a telephone too"
+    assert wide >= 640, "as wide as its letters want, on a phone too"
     assert page.evaluate("document.activeElement.textContent") == "Close"
     page.keyboard.press("Escape")
     assert not dialog.is_visible()
