@@ -79,6 +79,17 @@ def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
         force[j] = -max(force[0], 0.0) * friction[j - 1] ** 2 * u[j] / speed
 
 
+@register_jitable
+def penalty_step_limit(zeta):
+    """Return the largest stable omega dt of a spring and damper with the damping ratio zeta.
+
+    The step is semi-implicit, with the damper taken from the old velocity; omega is the natural
+    frequency. The step's matrix has the determinant 1 - 2 zeta omega dt and the trace
+    2 - 2 zeta omega dt - (omega dt)^2; an eigenvalue reaches -1 where trace + determinant = -1.
+    """
+    return 2.0 * (math.sqrt(1.0 + zeta**2) - zeta)
+
+
 def penalty(
     problem: Problem,
     *,
@@ -140,7 +151,7 @@ def pgs_sweep(A, g, w, d, associated):
     Args:
         A: of the scaled rows, shape (n d, n d); compliance, if there is some, on its diagonal.
         g: impulses in scaled rows, (n d,), changed in place.
-        w: A g + b, with b the velocity without contact; kept up to date.
+        w: A g + b, with b the velocity without contact; updated in place.
         d: rows of a contact.
         associated: whether the contact is one block, projected on its cone (the convex law).
             Otherwise the normal comes first and friction is cut back to it (Coulomb's law).
@@ -378,7 +389,7 @@ def lcp(
         tolerance: of the residual [m/s].
     """
     if count("edges", edges, 4) % 2:
-        raise invalid("edges", edges, "an even number from 4 on")
+        raise invalid("edges", edges, "an even number of at least 4")
     n, d, _ = problem.jacobian.shape
     faces = _edges(d, edges, around) if d > 1 else np.zeros((0, 0))
     m = len(faces)
