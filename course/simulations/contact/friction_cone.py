@@ -271,18 +271,6 @@ READOUTS = {
 
 PAPER = draw.Paper(TITLE, word, colour)
 
-# What each number below the picture means.
-READOUTS = {
-    "normal force": "Force of the floor on the block, perpendicular to the floor.",
-    "friction force": "Force of the floor on the block, along the floor.",
-    "limit μ × normal": "Largest friction force that Coulomb's law allows.",
-    "limit of pyramid": (
-        "Largest friction force that the pyramid allows in the direction of the pull."
-    ),
-    "acceleration": "Acceleration of the block along the floor.",
-    "contact": "Whether the block sticks to the floor or slides on it.",
-}
-
 MODEL = Model(
     TITLE,
     PAPER,

@@ -201,19 +201,6 @@ READOUTS = {
 
 PAPER = draw.Paper(TITLE, word, colour)
 
-# What each number below the picture means.
-READOUTS = {
-    "gap": "Distance between the ball and the floor with the rigid contact.",
-    "contact force": "Force of the floor on the ball with the rigid contact.",
-    "gap × force": (
-        "Product of gap and force with the rigid contact. Complementarity says that it is zero."
-    ),
-    "gap, penalty": "Distance with the penalty spring. A negative gap is an overlap.",
-    "gap × force, penalty": (
-        "Product of gap and force with the penalty spring. It is not zero where the spring pushes."
-    ),
-}
-
 MODEL = Model(
     TITLE,
     PAPER,
