@@ -106,9 +106,11 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
     if faults:
         raise Unbuildable(faults)
     moving = reference.moving({name: page.simulations for name, page in made.items()})
-    added = {"moving": f"## What moves on this site\n\n{moving}", "contents": _contents()}
-    scores = nbformat.v4.new_markdown_cell(reference.scores(made), id="scores")
-    made["index"].notebook.cells.insert(1, scores)
+    added = {
+        "scores": reference.scores(made),
+        "moving": f"## What moves on this site\n\n{moving}",
+        "contents": _contents(),
+    }
     for id, text in added.items():
         made["index"].notebook.cells.append(nbformat.v4.new_markdown_cell(text, id=id))
     for name, page in made.items():

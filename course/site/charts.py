@@ -54,6 +54,7 @@ def svg(name: str) -> str:
     # Without a salt of its own each file would have other ids.
     with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": name}):
         drawn = figure.draw(charts.stored(name), narrow=True, figure=Figure(layout="constrained"))
+        drawn.set_layout_engine("none")  # it has been laid out; a second time costs as much again
         buffer = io.StringIO()
         drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()

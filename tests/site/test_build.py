@@ -124,6 +124,22 @@ def test_pictures_and_simulations_of_a_page_are_those_of_its_notebook(
     )
 
 
+def test_a_phone_gets_the_narrow_picture_of_each_chart(site: Path) -> None:
+    shown = 0
+    for page in sorted(site.glob("*.html")):
+        for image in soup(page).select("article img"):
+            name = Path(unquote(str(image["src"]))).stem
+            if name not in charts.CHARTS:
+                continue
+            assert image.parent.name == "picture", (page.name, name)
+            source = image.parent.source
+            assert source["srcset"] == f"_static/charts/{name}.svg"
+            assert "max-width" in source["media"]
+            assert (site / source["srcset"]).read_text("utf-8").lstrip().startswith("<?xml")
+            shown += 1
+    assert shown > 200
+
+
 def test_what_a_preset_was_chosen_for_starts_with_it(site: Path) -> None:
     places = soup(site / "02_contact.html").select(".course-live")
     assert [place.get("data-preset") for place in places] == [
