@@ -1,5 +1,6 @@
 """The narrow charts of a phone: what they show, and when they are drawn anew."""
 
+import itertools
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,7 +23,7 @@ def test_panels_stand_below_each_other_and_no_word_leaves_the_picture(name: str)
     made.draw_without_rendering()
     places = [ax.get_window_extent() for ax in made.axes[: len(panels)]]
     assert len(places) == len(panels)
-    for above, below in zip(places, places[1:], strict=False):
+    for above, below in itertools.pairwise(places):
         assert below.y1 < above.y0, "one below the other"
     page = made.bbox
     for ax in made.axes:
