@@ -103,7 +103,7 @@ def _rollouts(arm, plans, dt, substeps, q, v):
 
 
 def _track(kind, model, arm, gains, half, references, dt, substeps, limit, q, v, tau):
-    """The loop over two links; `q` and `v` (T + 1, 2, N) hold the start, `tau` (T, 2, N) nothing.
+    """Run the loop of two links; `q` and `v` (T + 1, 2, N) hold the start, `tau` (T, 2, N) nothing.
 
     `model` and `arm` are columns (13, N), `gains` kp over kd (4, 2), `references` (T, 6, N).
     """

@@ -544,7 +544,7 @@ def _looks(panel: Panel) -> dict[int, tuple[str, str]]:
 
 
 def _draw_marks(ax: Axes, panel: Panel, words: Words) -> None:
-    """Lines across and grey regions, with their names beside the axes."""
+    """Draw lines across and grey regions, with their names beside the axes."""
     for axis, low, high, name in panel.spans:
         (ax.axvspan if axis == "x" else ax.axhspan)(low, high, color="0.91", zorder=0)
         if name and panel.legend and axis == "x":
@@ -708,7 +708,7 @@ def theory_line(series: Series, points: int, logarithmic: bool) -> tuple[Array, 
 
 
 def _few_labels(ax: Axes) -> None:
-    """On a short axis matplotlib labels most minor ticks, one over the other: 2 and 5 do."""
+    """Label only the minor ticks 2 and 5 of a short axis, where matplotlib's would overlap."""
     from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 
     low, high = ax.get_xlim()

@@ -74,12 +74,12 @@ class Executor:
         bus.executors.append(self)
 
     def add(self, callback: Callback) -> None:
-        """From now on this is one of its callbacks."""
+        """Add a callback to those that this executor runs."""
         self.callbacks.append(callback)
         self.callbacks.sort(key=lambda c: KINDS.index(c.kind))
 
     def ready(self, callback: Callback | None = None) -> None:
-        """An event came: look for something to run, after all else that comes at this time."""
+        """Look for something to run after an event, once all else at this time has come."""
         if self.bus.real:
             with self.bus.lock:
                 self.bus.changed.notify_all()
@@ -418,7 +418,7 @@ LOSSY = QoS("best_effort", depth=1)
 
 
 def _stage(bus: Bus, stages: Sequence[Stage], k: int, phase: float) -> None:
-    """One stage as a node: it reads topic k, and writes to topic k + 1 when a capture was made."""
+    """Make a stage a node: it reads topic k, and writes to topic k + 1 when a capture was made."""
     stage, until, newest = stages[k], 0, -math.inf
     waits = stage.period or stage.overload == "queue"
     node = bus.node(stage.name, Executor(bus) if stage.overload == "queue" else None)

@@ -171,7 +171,7 @@ def initial(controls, state):
 
 @register_jitable
 def rate(state, k, rating):
-    """A card is rated now."""
+    """Rate a card now."""
     if state["reviews"][k] == 0:
         known, hard = first(rating)
     else:

@@ -264,7 +264,7 @@ def _jobs(state, stage, begun, taking, born):
 
 @register_jitable
 def _report(controls, state, arrived, received, known, taken):
-    """What the ends are told, and the mean age of commands."""
+    """Write what the ends are told, and the mean age of commands."""
     topic, came = controls["topic"], arrived
     if topic > 0:
         came = received if topic == 1 else known

@@ -295,7 +295,7 @@ def frame(pen, state, controls):
 
 @register_jitable
 def _put(controls, state, x, y, yaw):
-    """The picked part goes to a place, and a new picture is taken."""
+    """Move the picked part to a place, and take a new picture."""
     p = controls["pieces"][controls["pick"]]
     p[4], p[5] = min(max(x, _VIEW[0]), _VIEW[1]), min(max(y, _VIEW[2]), _VIEW[3])
     p[6] = (yaw + math.pi) % (2.0 * math.pi) - math.pi

@@ -237,7 +237,7 @@ def computed(values, moves):
 
 @register_jitable
 def _fill(state):
-    """All that is computed into the state."""
+    """Write all that is computed into the state."""
     values, moves = state["values"].copy(), state["moves"][:, : int(state["moved"])].copy()
     with objmode(
         report="float64[:]",

@@ -134,7 +134,7 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
 
 @contextmanager
 def scripts(names: Iterable[str]) -> Iterator[Iterator[tuple[str, str]]]:
-    """The script of each simulation, (name, text), made beside whatever else is done meanwhile.
+    """Return each simulation's script, (name, text), made in parallel with the other work.
 
     Args:
         names: of the simulations.

@@ -77,7 +77,7 @@ class Page(SphinxPostTransform):
 def _scripts(
     app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: nodes.document
 ) -> None:
-    """The simulations of a page, what runs them, and what every page does."""
+    """Add the simulations of a page, what runs them, and what every page does."""
     app.add_js_file("page.js", loading_method="defer", priority=910)
     for name in dict.fromkeys(app.config.course_simulations.get(page, ())):
         app.add_js_file(f"simulations/{name}.js", loading_method="defer")

@@ -105,9 +105,9 @@ def test_a_pick_is_the_cheapest_within_the_tolerance(monkeypatch, tmp_path, step
         ("chart.made/0/a line/x@10", "a y between 0 and 9"),
         ("chart.lost/0", r"chart must be .*, got 'lost'"),
         ("chart.made/0/a line/y@b", r"place of .* must be .*, got 'b'"),
-        ("estimate.lost", "estimate is 'lost'"),
+        ("estimate.lost", r"estimate must be .*, got 'lost'"),
         ("estimate.rays.colour", r"input of rays must be one of robots.*, got 'colour'"),
-        ("no_such_claim.x", "id is 'no_such_claim'"),
+        ("no_such_claim.x", r"id must be .*, got 'no_such_claim'"),
         ("trials_to_tell.x", r"name must be .*, got 'x'"),
     ],
 )

@@ -118,8 +118,14 @@ def _with(old: str, new: str) -> str:
         (MJCF.format(extra=ROPE), "tendon 'rope'"),
         (MJCF.format(extra=LOOP), r"equality 'loop' \(joint\)"),
         (MJCF.format(extra=SERVO), r"must be an arm without actuators.*actuator 'servo'"),
-        (MJCF.format(extra='<option density="1000"/>'), "option density of the model is 1000"),
-        (MJCF.format(extra='<option viscosity="0.9"/>'), "option viscosity of the model is 0.9"),
+        (
+            MJCF.format(extra='<option density="1000"/>'),
+            r"option density of the model must be .*, got 1000",
+        ),
+        (
+            MJCF.format(extra='<option viscosity="0.9"/>'),
+            r"option viscosity of the model must be .*, got 0.9",
+        ),
         ("<mujoco><worldbody/></mujoco>", "without a joint"),
     ],
 )

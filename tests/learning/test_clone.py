@@ -187,8 +187,12 @@ def test_bad_data_are_refused_by_name():
         (x[:0], y[:0], r"demonstrated steps must be .*, got 0"),
         (x[:1], y[:1], r"demonstrated steps must be .*, got 1"),
         (x, y[:-1], r"actions.shape must be .*, got \(19, 2\)"),
-        (x * np.nan, y, r"states\[0, 0\] is nan"),
-        (x * [1.0, 0.0], y, r"variance of states\[:, 1\] is 0.0, allowed .* leave it out"),
+        (x * np.nan, y, r"states\[0, 0\] must be .*, got nan"),
+        (
+            x * [1.0, 0.0],
+            y,
+            r"variance of states\[:, 1\] must be .*leave it out",
+        ),
         (x, 0.0 * y, r"variance of actions\[:, 0\]"),
     ):
         for make in (partial(clone, seed=0), nearest):

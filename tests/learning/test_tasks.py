@@ -73,8 +73,12 @@ def test_bad_demonstrations_are_refused_by_name():
         (states, actions[:2], "as many of both"),
         ([*states[:2], states[2][:-1]], actions, r"states\[2\].shape must be .*, got \(16, 2\)"),
         (states, [*actions[:2], actions[2][:-1]], r"actions\[2\].shape must be .*, got \(15, 2\)"),
-        ([s[:-1] for s in states], actions, "one less than states"),
-        (states, [actions[0], actions[1] * np.nan, actions[2]], r"actions\[1\]\[0, 0\] is nan"),
+        ([s[:-1] for s in states], actions, "one fewer than the states"),
+        (
+            states,
+            [actions[0], actions[1] * np.nan, actions[2]],
+            r"actions\[1\]\[0, 0\] must be .*, got nan",
+        ),
     ):
         with pytest.raises(ValueError, match=report):
             runs(bad_states, bad_actions)

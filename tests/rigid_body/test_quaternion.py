@@ -636,7 +636,7 @@ def test_unit_quaternion_returns_a_checked_copy():
         ([1.0, 0.01, 0.0, 0.0], r"start must be .*\(here 1\.00005"),
         (
             np.array([[1.0, 1.0], [0, 1], [0, 0], [0, 0]]),
-            r"start\[:, 1\] is \[1\.0, 1\.0, 0\.0, 0\.0\]",
+            r"start\[:, 1\] must be .*, got \[1\.0, 1\.0, 0\.0, 0\.0\]",
         ),
         ("north", r"start must be an array of real numbers.*, got 'north'"),
         ([1j, 0, 0, 0], r"real numbers"),

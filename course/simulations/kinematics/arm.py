@@ -103,7 +103,7 @@ def damping_of(controls, state):
 
 @register_jitable
 def follow(controls, state):
-    """One step; whether it was taken: Levenberg and Marquardt take none that is worse."""
+    """Take one step; return whether it was taken, as Levenberg-Marquardt refuses a worse one."""
     q, method = state["q"], controls["method"]
     _, tip, rows = jacobian(q)
     e, size = aim(controls, tip)

@@ -120,7 +120,7 @@ def _length(state):
 
 @register_jitable
 def _up(state, side, node):
-    """The way from a node up to its root goes behind the path; that to the start is turned."""
+    """Append the path from a node up to its root; the one to the start is reversed."""
     path, first = state["path"], state["corners"]
     while node >= 0:
         path[state["corners"]] = state["nodes"][side, node]

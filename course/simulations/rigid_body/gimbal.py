@@ -21,12 +21,12 @@ STATE = Record(time=Field(0.0, unit="s"))
 
 
 def initial(controls, state):
-    """Time zero; the rings stand where the sliders are."""
+    """Begin at time zero, with the rings where the sliders are."""
     state["time"] = 0.0
 
 
 def advance(state, controls, seconds):
-    """Time passes."""
+    """Advance the time."""
     state["time"] += seconds
 
 

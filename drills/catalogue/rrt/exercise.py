@@ -298,7 +298,7 @@ def _report_generator(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
 
 
 def _report_cost(attempt: Attempt, world: World) -> None:
-    """Time of the longest run, here and there, with the same random numbers."""
+    """Time the longest run, here and there, with the same random numbers."""
     seed = int(attempt.rng.integers(1 << 31))
     child, reference = attempt.learner.child, attempt.reference
     rng = child.given_new("generator", seed)
