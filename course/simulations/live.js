@@ -25,7 +25,7 @@ export function allowed(input, value) {
 }
 
 const passing = (seconds) => {
-  if (!(seconds >= 0)) throw new RangeError(`seconds is ${seconds}, allowed is a number from 0 on`);
+  if (!(seconds >= 0)) throw new RangeError(`seconds must be a non-negative number, got ${seconds}`);
   return Math.min(seconds, LONGEST);
 };
 
