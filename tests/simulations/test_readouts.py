@@ -32,8 +32,9 @@ def first_pictures(name: str) -> list[draw.Picture]:
 
 
 def shown(model: Model) -> set[str]:
-    """The names of all numbers that a model shows: each preset, each control at both ends."""
-    settings = [{name: end} for name, field in model.controls.panel() for end in field.ends]
+    """The names of all numbers that a model shows: each preset, each choice and each switch."""
+    chosen = [(name, f) for name, f in model.controls.panel() if f.choices or f.switch]
+    settings = [{name: end} for name, field in chosen for end in field.ends]
     names: set[str] = set()
     for values in [dict(preset.values) for preset in model.presets.values()] + settings:
         names |= set(Experiment(model, **values).picture().numbers)
@@ -101,10 +102,11 @@ def test_whoever_lets_a_finger_scroll_drags_nothing_up_or_down(name: str) -> Non
     if model.upright or name in CHOSEN_BY_A_CLICK:
         return
     xmin, xmax, ymin, ymax = model.paper.window
+    run = Experiment(model)
     for x in np.linspace(xmin, xmax, 9):
         controls = []
         for y in np.linspace(ymin, ymax, 5):
-            run = Experiment(model)
-            model.drag(run.controls, run.state, x, y)
-            controls.append(run.controls.tobytes())
+            made, state = run.controls.copy(), run.state.copy()
+            model.drag(made, state, x, y)
+            controls.append(made.tobytes())
         assert len(set(controls)) == 1, x
