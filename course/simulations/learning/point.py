@@ -275,6 +275,9 @@ PRESETS = {
         "is. The first policy pushes at random. After fifty thousand steps more than nine "
         "starts in ten arrive, in the median of ten seeds; some seeds need longer. Drag along a "
         "chart to see an iteration again.",
+        "Paid for each step that comes nearer, by a potential that leaves the best policy "
+        "unchanged. The first policy pushes at random. After fifty thousand steps more than nine "
+        "starts in ten arrive, in the median of ten seeds; some seeds need longer.",
     ),
     "The disc alone": Preset(
         {"reward": SPARSE},
@@ -313,6 +316,9 @@ PRESETS = {
         "The potential changes by a few hundredths in a step. From rewards so small most of ten "
         "seeds learn nothing, and one or two learn the whole task (try seed 1). A single seed "
         "says little about a method.",
+        "The potential changes by a few hundredths in a step. From rewards so small most of ten "
+        "seeds learn nothing, and one or two learn the whole task. A single seed says little "
+        "about a method.",
     ),
     "Hovering": Preset(
         {"reward": HOVER},
@@ -329,6 +335,21 @@ PRESETS = {
     ),
 }
 
+# What each number below the picture means.
+READOUTS = {
+    "steps so far": "Environment steps used for training so far.",
+    "success": "Evaluation episodes that reach the disc, with a 95 % confidence interval.",
+    "first to finish": (
+        "Success rate counted over the first 64 episodes to finish. It is biased: failures take "
+        "longer."
+    ),
+    "return": "Mean return of the evaluation episodes.",
+    "optimum": "Return of the best possible policy for this reward.",
+    "of the prize": "Mean discounted prize earned, as a fraction of the most that can be earned.",
+    "divergence": "Mean KL divergence between the policy before and after this iteration.",
+    "action spread": "Standard deviation of the policy's actions: how much it explores.",
+}
+
 MODEL = Model(
     TITLE,
     draw.Paper(TITLE, word, colour, room=30_000),
@@ -340,4 +361,6 @@ MODEL = Model(
     frame,
     drag,
     live_drag=True,
+    readouts=READOUTS,
+    upright=False,
 )
