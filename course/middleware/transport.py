@@ -159,6 +159,7 @@ class Ring:
         if not self.free.acquire(timeout=patience):
             return False
         at = self._advance("put")
+        # Length first, so that messages shorter than the slot can be told apart.
         struct.pack_into("!I", self.room, at, len(payload))
         self.room[at + 4 : at + 4 + len(payload)] = payload
         self.full.release()
@@ -286,6 +287,7 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
         for _ in range(messages):
             desired = list(range(fragments))
             for turn in itertools.count(1):
+                # The loss is drawn before sending, as the loopback itself loses nothing.
                 selected = rng.random(len(desired)) >= loss
                 have = set()
                 for number in itertools.compress(desired, selected):

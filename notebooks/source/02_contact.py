@@ -1012,7 +1012,8 @@ show("penalty_is_differentiable")
 # **Interview tip.** *Penalty or constraint?* Say first what is asked of the contact. "Penalty: a spring, nothing to
 # solve, smooth force; it sinks in, its friction creeps, and $h < 2(\sqrt{1+\zeta^2}-\zeta)/\omega$. Constraint: no
 # depth, sticks exactly, has no step limit of its own; it needs a solver, and the sweeps of Gauss-Seidel grow with the
-# mass ratio (Newton's steps do not). Its gradients are zero before touch and ordinary numbers behind it. MuJoCo is in between: constraints with softness, convex, unique, and it
+# mass ratio (Newton's steps do not). Its gradients are zero before touch and ordinary numbers behind it. MuJoCo
+# is in between: constraints with softness, convex, unique, and it
 # creeps. For a grasp I take the true cone and print the residual."
 #
 # </div>

@@ -311,6 +311,23 @@ PRESETS = {
         "constraint looks ahead and stays, though the hand is beyond."),
 }  # fmt: skip
 
+# What each number below the picture means.
+READOUTS = {
+    "depth": "Penetration: first with the penalty model, then with the constraint.",
+    "normal force": (
+        "Contact force perpendicular to the surface: first the penalty model, then the constraint."
+    ),
+    "tangential force": (
+        "Friction force along the surface: first the penalty model, then the constraint."
+    ),
+    "normal": "Components of the unit normal at the contact of the constraint model.",
+    "contact": "Apart, sticking or sliding: first the penalty model, then the constraint.",
+    "ω h (penalty)": (
+        "Natural frequency of the penalty spring times the step size. Semi-implicit Euler is "
+        "unstable above 2."
+    ),
+}
+
 MODEL = Model(
     TITLE,
     draw.Paper(TITLE, word, colour),
@@ -323,4 +340,5 @@ MODEL = Model(
     drag,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
 )
