@@ -216,15 +216,15 @@ def adaptive_sum_can_only_fall(result):
 
         q, v, _ = motion(np.zeros(1))
         sums, step = [], law.__call__
-        largest[:] = 0.0, 0.0
+        largest[:] = [0.0, 0.0]
 
         def watched(q, v, q_ref, v_ref, a_ref):
             _, _, s = law.parts(q, v, q_ref, v_ref, a_ref)
             if watch:
                 aimed = v_ref + 10.0 * (q_ref - q)
                 Y = tracking.ARM.regressor(q, v, a_ref + 10.0 * (v_ref - v), aimed)
-                size = np.linalg.norm(Y, 2) ** 2
-                largest[:] = max(largest[0], size), largest[1] or size
+                size = float(np.linalg.norm(Y, 2)) ** 2
+                largest[:] = [max(largest[0], size), largest[1] or size]
             wrong = law.estimate - truth
             sums.append(s @ tracking.ARM.mass_matrix(q) @ s / 2 + wrong @ wrong / (2 * 5.0))
             return step(q, v, q_ref, v_ref, a_ref)
