@@ -1426,7 +1426,8 @@ predict("what_a_drop_tells")
 # %% [markdown]
 # **Recordings that say nothing.** A gradient can only find what the motion depends on. A drop without
 # tilt and without spin carries no information about friction or mass, and a block that sticks tells only a *bound* on
-# the friction, however long you record it and however good the optimiser is. The singular values of the Jacobian say so before you start:
+# the friction, however long you record it and however good the optimiser is. The singular values of the Jacobian say so
+# before you start:
 
 # %%
 for label, poor in (
