@@ -622,10 +622,10 @@ simulation("arm")
 predict("one_call_or_a_batch")
 
 # %% [markdown]
-# The 7-R arm, random states, one core, called from Python; Pinocchio (Carpentier and others 2019) is what
-# professionals use for rigid-body algorithms, MuJoCo you know from chapter 1. Our batch is one call. Pinocchio is called
-# once a state and, for torques and accelerations, once for the whole batch (`rneaInParallel` and `abaInParallel`, on
-# one thread). MuJoCo is called once a state:
+# The 7-R arm, random states, one core, called from Python; Pinocchio (Carpentier and others 2019) is what professionals
+# use for rigid-body algorithms, MuJoCo you know from chapter 1. Our batch is one call. Pinocchio is called once a state
+# and, for torques and accelerations, once for the whole batch (`rneaInParallel` and `abaInParallel`, on one thread).
+# MuJoCo is called once a state:
 #
 # ![States a second against the size of the batch](../docs/charts/arm_throughput.png)
 

@@ -738,8 +738,8 @@ show("vibration_needs_softness")
 # band; friction compensation from the reference's speed</td></tr>
 # <tr><td>torque noise at rest</td> <td>encoder lines times Kd</td> <td>count lines</td> <td>filter; observer; sample
 # slower</td></tr>
-# <tr><td>error like the acceleration</td> <td>inertia or torque constant; on a sine, gravity too</td> <td>`diagnose`</td> <td>identify,
-# payload</td></tr>
+# <tr><td>error like the acceleration</td> <td>inertia or torque constant; on a sine, gravity too</td>
+# <td>`diagnose`</td> <td>identify, payload</td></tr>
 # <tr><td>fine in the simulator, swings on the robot</td> <td>the simulator's hold, or a delay of the target only</td>
 # <td>ten steps a sample, the loop outside</td> <td>tune with the true lateness</td></tr>
 # </table>
