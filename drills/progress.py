@@ -51,12 +51,14 @@ class Reading:
         read: numbers of the sections that the learner has marked as read, in order.
         checkpoint: when its checkpoint was passed first.
         tried: state of what is no exercise, by kind and name: "derivation/deep_queue".
+        cards: the first answer to a card and whether it was right, by name: "contact.gentle_pull".
     """
 
     opened: str = ""
     read: list[int] = field(default_factory=list)
     checkpoint: str = ""
     tried: dict[str, str] = field(default_factory=dict)
+    cards: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -201,6 +203,8 @@ def _reading(entry: Any) -> Reading:
         and isinstance(reading.tried, dict)
         and all(key.isprintable() for key in reading.tried)
         and all(state in (ATTEMPTED, SOLVED) for state in reading.tried.values())
+        and isinstance(reading.cards, dict)
+        and all(name.isprintable() and _is_answer(card) for name, card in reading.cards.items())
     )
     if not sane:
         raise Damaged
@@ -225,6 +229,16 @@ def _record(entry: Any) -> Record:
     if not sane:
         raise Damaged
     return record
+
+
+def _is_answer(entry: Any) -> bool:
+    return (
+        isinstance(entry, dict)
+        and set(entry) == {"answer", "right"}
+        and isinstance(entry["answer"], str)
+        and entry["answer"].isprintable()
+        and isinstance(entry["right"], bool)
+    )
 
 
 def _is_cost(entry: Any) -> bool:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from course.charts import chart
 from course.kinematics.two_link import TwoLink
 from course.learning import Settings, clone, dagger, evaluate, ppo, roll
 from course.measure.figure import Panel, Series
-from course.measure.timing import Timing, calls, interleaved
+from course.measure.timing import Ratio, Timing, calls, interleaved, pairwise_ratios
 from course.measure.work_precision import machine
 from course.oracles.gymnasium import async_vector_env, sync_vector_env
 from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
@@ -110,18 +110,6 @@ def measure_rates(
     return rates
 
 
-class Ratio(NamedTuple):
-    """Median and quartiles of a ratio over pairs of samples that were taken one after the other."""
-
-    median: float
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        median, low, high = (f"{float(f'{x:.2g}'):g}" for x in self)
-        return f"{median} times (quartiles {low} to {high})"
-
-
 def paired_ratio(
     slow: Contender,
     fast: Contender,
@@ -149,14 +137,10 @@ def paired_ratio(
     for envs in both:
         envs.reset(seed=0)
     samplers = [calls(envs.step, actions, clock=clock) for envs in both]
-    ratios = []
-    for k in range(pairs):
-        first, second = interleaved(samplers, repeats=1, sample=sample, patience=3.0, warm=k > 0)
-        ratios.append(first.median / second.median)
+    (ratio,) = pairwise_ratios(samplers[::-1], pairs=pairs, sample=sample)
     for envs in both:
         envs.close()
-    low, median, high = np.percentile(ratios, (25.0, 50.0, 75.0))
-    return Ratio(float(median), float(low), float(high))
+    return ratio
 
 
 # --- accuracy beside speed ------------------------------------------------------------------------

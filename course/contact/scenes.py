@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from course.check import POSITIVE, count, finite, positive, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.models import solve, sweep_until
-from course.contact.problem import Problem, Solution, least_speed
+from course.contact.problem import MAX_RECOVERY_SPEED, Problem, Solution, least_speed
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81  # m/s^2
@@ -37,6 +37,8 @@ class Scene:
         friction: (n, d - 1).
         q, v: state at the start, (nv,).
         restitution: Newton's coefficient.
+        recovery, max_recovery_speed: share of a penetration that a step takes back, and the speed
+            that it may use for it [m/s], as in `Problem`.
     """
 
     mass: Array
@@ -47,6 +49,8 @@ class Scene:
     q: Array
     v: Array
     restitution: float = 0.0
+    recovery: float = 0.2
+    max_recovery_speed: float = MAX_RECOVERY_SPEED
 
     @functools.cached_property
     def _first(self) -> Problem:
@@ -59,6 +63,8 @@ class Scene:
             self.friction,
             1.0,
             self.restitution,
+            self.recovery,
+            self.max_recovery_speed,
         )
 
     @functools.cached_property

@@ -89,6 +89,9 @@ KEYS: dict[str, tuple[str, str]] = {
     "MuJoCo CG, pyramidal": (WINE, "^"),
     "MuJoCo PGS, pyramidal": (BROWN, "^"),
     "MuJoCo Newton, elliptic, discrete": (GREY, "h"),
+    "MuJoCo Newton, hardened": (BROWN, "o"),
+    "recovery, speed capped": (BLUE, "o"),
+    "recovery, no cap": (VERMILION, "s"),
     "MuJoCo, refsafe": (PURPLE, "X"),
     "MuJoCo, refsafe off": (BROWN, "d"),
     # contact geometry
@@ -99,6 +102,8 @@ KEYS: dict[str, tuple[str, str]] = {
     "GJK and EPA": (BLUE, "o"),
     "Coal": (VERMILION, "s"),
     "Coal, poses in the loop": (AMBER, "P"),
+    "Coal, one call for all": (VERMILION, "s"),
+    "Coal, a call a pair": (AMBER, "P"),
     "Coal, default tolerance": (WINE, "p"),
     "every feature": (GREY, "*"),
     "advanced to the impact": (GREEN, "^"),

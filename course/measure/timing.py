@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -134,6 +134,42 @@ def interleaved(
         Timing(float(median[i]), float(low[i]), float(high[i]), float(best[i]), n, busy)
         for i, n in enumerate(counts)
     ]
+
+
+class Ratio(NamedTuple):
+    """Median and quartiles of a ratio over pairs of samples that were taken one after the other."""
+
+    median: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        median, low, high = (f"{float(f'{x:.2g}'):g}" for x in self)
+        return f"{median} times (quartiles {low} to {high})"
+
+
+def pairwise_ratios(
+    samplers: Sequence[Sampler], *, pairs: int = 15, sample: float = 1e-3, patience: float = 3.0
+) -> list[Ratio]:
+    """Return the time of each later sampler over that of the first, of interleaved rounds.
+
+    The samples of a round are taken within a few hundredths of a second, so that other work on the
+    machine slows all of them. A ratio of two medians compares different moments.
+
+    Args:
+        samplers: the first is the denominator.
+        pairs: rounds.
+        sample: about the time of one sample [s].
+        patience: how often a disturbed round may be taken again.
+    """
+    rows = []
+    for k in range(count("pairs", pairs, 1)):
+        first, *others = interleaved(
+            samplers, repeats=1, sample=sample, patience=patience, warm=k > 0
+        )
+        rows.append([other.median / first.median for other in others])
+    low, median, high = np.percentile(rows, [25.0, 50.0, 75.0], axis=0)
+    return [Ratio(*map(float, row)) for row in zip(median, low, high, strict=True)]
 
 
 def core_share() -> float:

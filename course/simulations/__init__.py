@@ -23,6 +23,8 @@ SIMULATIONS = (
     "rigid_body.top",
     "rigid_body.tunnelling",
     "contact.touch",
+    "contact.friction_cone",
+    "contact.half_axes",
     "platforms",
     "kinematics.arm",
     "kinematics.elbow",

@@ -16,7 +16,9 @@ from course.simulations import declaration
 from course.site import notebooks
 
 Anchors = Mapping[str, set[str]]  # page -> what it can be entered at
-_RIGHT = re.compile(r"\*\*Right\. (.*?)\*\* (.*?)\n\n</details>", re.S)
+_WHY = re.compile(
+    r'<details class="why"><summary>[^<]*</summary>\n\n\*\*(.*?)\*\* (.*?)\n\n<details>', re.S
+)
 
 
 def page_of(chapter: Chapter) -> str:
@@ -41,8 +43,8 @@ def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, s
     Of its card, or from the record.
     """
     if claim.id in shown:
-        if not (report := _RIGHT.search(shown[claim.id])):
-            raise invalid(f"card of {claim.id}", shown[claim.id][:80], "one with a right answer")
+        if not (report := _WHY.search(shown[claim.id])):
+            raise invalid(f"card of {claim.id}", shown[claim.id][:80], "one with an explanation")
         return report[1], report[2]
     outcome = derivations.recorded(claim.id, claim.file)
     return cards.tex(derivations.Block(outcome).verdict), cards.tex(outcome.corrected)

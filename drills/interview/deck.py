@@ -158,7 +158,7 @@ def _claim(entry: Entry, tex: Callable[[str], str]) -> Sides:
     claim = shown.outcome.claim
     source = f"\n\n{claim.source}" if claim.source else ""
     return Sides(
-        f"One hears: “{tex(claim.claim)}”",
+        f"Common claim: “{tex(claim.claim)}”",
         f"**{tex(shown.verdict)}** {tex(shown.outcome.corrected)}{source}",
     )
 

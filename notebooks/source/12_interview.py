@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 12 · The interview
 #
-# *Everything that the eleven chapters before measured, asked back. Answer aloud, then turn the card.* {open minutes}
-# minutes to read and answer, {folded minutes} minutes more for what is folded away, {exercise minutes} minutes of
-# exercises; and as many evenings of cards as you have.
+# *Everything that the eleven chapters before measured, asked back. Answer aloud, then turn the card.* About
+# {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
+# {exercise minutes}. Add as many evenings of cards as you have.
 
 # %%
 from course.cards import predict

@@ -172,7 +172,11 @@ def test_every_claim_card_question_word_and_chart_is_there(site: Path) -> None:
 
 def test_the_verdicts_are_those_on_record(site: Path) -> None:
     """Each claim's verdict, read in the record itself."""
-    words = {"holds": "It is true.", "false": "It is false.", "holds only if": "It holds only if"}
+    words = {
+        "holds": "It is true.",
+        "false": "It is false.",
+        "holds only if": "It is true only if",
+    }
     places = {tag["id"]: tag for tag in soup(site / "claims.html").select(".course-claim")}
     for claim in derivations.claims():
         verdict = derivations.records.load(claim.file)[claim.id]["verdict"]
