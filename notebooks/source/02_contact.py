@@ -100,8 +100,9 @@ for kind, name in names.items():
     in_cells = contact.uniform_grid(boxes)[1]
     print(f"{name:<17} {pairs.shape[1]:7d} {every:10d} {sweep.tests:10d} {in_cells:7d}   {same}")
 # %% [markdown]
-# The sort itself is cheap, because the order hardly changes between two steps. The overlap tests are what grows. The
-# exponents at the ends of the curves are measured; MuJoCo's own broad phase ran on the same boxes:
+# Sorting is cheap; the overlap tests are what grows. Keeping the boxes sorted from one step to the next saves less than
+# you might expect: when every box moves by 1 % of its size, the swaps that restore the order grow about as fast as the
+# tests (dashed). The exponents in the chart are measured, and MuJoCo's own broad phase ran on the same boxes:
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -153,7 +154,7 @@ show("epa_gives_the_contact")
 # %% [markdown]
 # In code, all of this is one call. A shape in this course is a **core and a radius**: a sphere is a point with a
 # radius, a capsule a segment with a radius. GJK and EPA then only ever work on polytopes, which have finitely many
-# corners, so both end exactly and need no tolerance.
+# corners, so both end exactly (up to rounding) and need no tolerance.
 # %% tags=["show-code"]
 triangle = contact.points([[0.0, 1.0, 0.3], [0.0, 0.2, 0.9]])
 brick = contact.box([0.5, 0.3])  # half sides [m]
@@ -443,11 +444,12 @@ print("A =", step.delassus.tolist(), "1/kg")
 print("J v_f =", (step.rows @ step.free).round(4).tolist(), "m/s")
 print("p =", solve("lcp", step).impulses[:, 0].round(4).tolist(), "N s")
 # %% [markdown]
-# To find non-negative $p$ with $Ap + q \ge 0$ and $p \perp Ap + q$ is an **LCP**, a linear complementarity problem. Its
-# unknowns are complementary, and everything else is linear. **Restitution** fits in as well: where a contact closes at
-# the speed $u_n^-$, demand that it opens at $e\,u_n^-$ or more, with the coefficient $e$ between 0 (no bounce) and 1.
+# The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f + \phi/h$),
+# find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. Everything in it is linear except the complementarity.
+# **Restitution** fits in as well: where a contact closes at the speed $u_n^-$, demand that it opens at $e\,u_n^-$ or
+# more, with a coefficient $e$ between 0 (no bounce) and 1.
 #
-# Try it on a contact that is about to close. The block touches and approaches at velocity $v < 0$:
+# Practise with one body that touches the floor while it still approaches it:
 # %%
 answer("velocity_lcp_without_gap", "-m*a")
 # %% [markdown]
@@ -548,7 +550,7 @@ for sweep in range(1, 9):
 # Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now contact 2
 # notices that its lower block no longer falls, and pushes: $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower block
 # down again, but contact 1 will only find out in the next sweep. In this stack the error shrinks by a factor of $2/3$ per
-# sweep.
+# sweep. The simulation starts with a mass ratio of 4; at 2 it shows the numbers above:
 # %%
 simulation("sweeps")
 # %% [markdown]
@@ -615,9 +617,9 @@ for dt in (1e-2, 1e-3, 1e-4):
 # $(1-\beta)^n\,\delta$.
 #
 # **ERP and CFM** are ODE's two parameters, and many engines have adopted them. **ERP** (error reduction parameter) is
-# the share $\beta$. **CFM** (constraint force mixing) is a compliance that is added to the diagonal of $A$: a contact
-# under the force $f$ may move by CFM $\cdot f$. Together they are a spring $k$ and a damper $b$, integrated implicitly
-# and therefore stable at every step:
+# the share $\beta$. **CFM** (constraint force mixing) softens the constraint: under the force $f$, the contact may give
+# way at the velocity CFM $\cdot f$. In the equations it is a number added to the diagonal of $A$. Together, ERP and CFM
+# are a spring $k$ and a damper $b$, integrated implicitly and therefore stable at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -674,9 +676,10 @@ show("mujoco_is_convex_and_unique")
 # %% [markdown]
 # ### MuJoCo's soft contact: solref, solimp, impratio, condim
 #
-# In MuJoCo, each contact has several rows, one per direction. Each row is a spring and a damper that *want* a reference
-# acceleration, and a force that gives in if it cannot have it. With the row's velocity $u$, its residual $r$ (the gap for
-# a normal row, 0 for friction) and its actual acceleration $a$:
+# In MuJoCo, each contact has several **rows**, one per direction. Each row has a reference acceleration
+# $a_{\text{ref}}$, the one that a spring and a damper would cause, and a compliance $R$, which says how far the actual
+# acceleration $a$ gives way under the force $f$. With the row's velocity $u$ and its position error $r$ (the gap for a
+# normal row, always 0 for friction):
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R} \ \text{ within the cone}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
@@ -750,8 +753,8 @@ for label, changed in (
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
-# Both effects belong to the default settings. A smaller time constant, a harder solimp or a larger impratio reduces them
-# a great deal; section 6 measures by how much.
+# Both effects belong to the default settings. A smaller time constant, a harder solimp and a larger impratio reduce them
+# a great deal. Section 6 compares the defaults with such a **hardened** contact.
 # %%
 more_claims(
     "default_tolerance",
@@ -777,7 +780,7 @@ more_claims(
 # %%
 predict("push_that_starts_too_slow")
 # %% [markdown]
-# ![Derivatives through a contact, computed in five ways](../docs/charts/contact_gradients.png)
+# ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
 #
 # Two remedies make a contact felt before touch. **Randomised smoothing** averages over runs with noise on the parameter
 # and needs only function values. An **interior-point** relaxation lets force times gap be a small number instead of zero,
