@@ -54,7 +54,7 @@ def positive(name: str, value: Any, *, unit: str = "") -> float:
 
 
 def count(name: str, value: Any, least: int = 0, at_most: int | None = None) -> int:
-    """Return a whole number from `least` to `at_most`, both allowed.
+    """Return an integer from `least` to `at_most`, both allowed.
 
     Anything else raises ValueError.
     """
@@ -143,7 +143,7 @@ def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
 
 
 def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
-    """Return `value` if it is one of `allowed`, and raise ValueError otherwise."""
+    """Return `value` if it is one of `allowed`; anything else raises ValueError."""
     known = list(allowed)
     if value not in known:
         raise invalid(name, value, f"one of {', '.join(map(repr, known))}")

@@ -57,7 +57,7 @@ GOAL_BIAS = 0.1  # the share of samples that are the goal itself
 def edge_is_free(a: Array, b: Array, discs: Array) -> bool:
     """Return whether the segment from a to b touches no disc.
 
-    Its nearest point to each centre decides.
+    The point of the segment nearest to each centre decides.
 
     Points tried along the edge instead would let through discs that fit between two of them.
     """
@@ -494,10 +494,7 @@ class DomainRandomizer:
         return self._waiting.popleft()
 
     def observe(self, observation: ArrayLike, rng: np.random.Generator) -> Array:
-        """Return the observation with fresh noise on each component.
-
-        In a new array of its shape.
-        """
+        """Return a copy of the observation with fresh noise on each component."""
         observation = np.asarray(observation, dtype=float)
         return observation + rng.normal(0.0, self.noise, size=observation.shape)
 

@@ -4,6 +4,12 @@
 force. *Reaction time* looks ahead: from an event to the first command that rests on a measurement
 taken after it. The sum of periods and executions bounds both: A. Davare and others, Period
 optimization, DAC 2007; M. Duerr and others, End-to-end timing analysis, ACM TECS 18, 2019.
+
+The chapter's algorithms, and the functions of their steps:
+
+- Data age of a chain in closed form (Davare et al., 2007): `age`, link by link in `_links`.
+- The chain event by event: `simulate`, with `read` for queues and `serve` for stages that are busy.
+- Greedy improvement of a chain: `spend` ranks single changes by the time that they save per core.
 """
 
 import math
@@ -21,13 +27,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stage:
-    """Turns one sample into the next. execution.
+    """A stage that turns one sample into the next.
 
-    C, from start to result [s]. period: T of its clock [s]; None: it starts when a sample arrives.
-    depth: of the queue it reads, which keeps the last so many; 1: the newest value. overload: of a
-    start while it is busy. "": refused, with an execution above the period; "skip": lost; "queue":
-    the sample waits (on arrival); "pipelined": another worker. jitter: executions are spread evenly
-    over C - jitter to C + jitter [s]. lost: share of results that never arrive.
+    Attributes:
+        execution: C, from start to result [s].
+        period: T of its clock [s]; None: it starts when a sample arrives.
+        depth: length of the keep-last queue that it reads; 1 holds the newest value only.
+        overload: what becomes of a start while it is busy. "": an execution above the period is
+            rejected; "skip": the start is lost; "queue": the sample waits (on arrival);
+            "pipelined": another worker takes it.
+        jitter: executions are spread evenly over C - jitter to C + jitter [s].
+        lost: share of results that never arrive.
     """
 
     name: str
@@ -159,9 +169,9 @@ def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
 
 
 def free(ticks: Array, durations: Array) -> NDArray[np.bool_]:
-    """Return which ticks find the stage free, if those that do not are lost.
+    """Return which ticks find the stage free, if ticks that do not are lost.
 
-    Both shapes (M,) [s].
+    Both arrays have shape (M,) [s].
     """
     retained, until = np.zeros(ticks.size, np.bool_), -np.inf
     for k in range(ticks.size):

@@ -112,8 +112,8 @@ def judge_of(
             names when empty.
         nearest: for a value of which several are right, from what came back and the worked
             answer's value: the right one to compare with. Only the first value is asked about.
-        told: the slip that the answers show, or "". It sees all of them, wrong and right, also
-            where the run was stopped between two.
+        explain: names the slip that the answers show, or returns "". It sees all of them, wrong and
+            right, also where the run was stopped between two.
         first: checks of an answer before its values are compared.
         last: checks after all cases, unless an answer was not of the form asked for.
         then: level and label of what `last` looks at.
@@ -241,8 +241,9 @@ def repeat_calls(
 
 
 def largest_error(got: Any, wrong: Any) -> float:
-    """Return the largest error of a value against another, infinite where it is none of that
-    shape.
+    """Return the largest error of one value against another.
+
+    It is infinite for values of different shapes.
     """
     wrong = np.asarray(wrong, dtype=float)
     try:
@@ -377,10 +378,7 @@ def coarse(answers: Sequence[Answer]) -> str:
 
 
 def _coarse(got: Any, expected: Array) -> str | None:
-    """Return what made a value coarse; "" if something else is wrong with it.
-
-    None if it can't be told.
-    """
+    """Return what made a value coarse, "" if something else is wrong, None if unknown."""
     try:
         values = as_float64(got, expected.shape)
     except Mismatch:

@@ -307,10 +307,7 @@ def merge(
 
 
 def _followed(base: Sequence[Cell], new: Sequence[Cell]) -> tuple[dict[int, int], dict[int, int]]:
-    """Return where the cells of the base that are unchanged went.
-
-    And after which cell the others were.
-    """
+    """Return where the unchanged cells of the base went, and after which cell the others were."""
     before, now = [_key(cell) for cell in base], [_key(cell) for cell in new]
     matcher = difflib.SequenceMatcher(None, before, now, autojunk=False)
     same: dict[int, int] = {}
@@ -324,9 +321,9 @@ def _followed(base: Sequence[Cell], new: Sequence[Cell]) -> tuple[dict[int, int]
 
 
 def _origins(base: Sequence[Cell], mine: Sequence[Cell]) -> list[int | None]:
-    """Return for each cell of the copy the one of the base that it is or was.
+    """Return for each cell of the copy the base cell that it is or was.
 
-    None for an added one.
+    An added cell has None.
     """
     by_id = {cell["id"]: index for index, cell in enumerate(base)}
     result: list[int | None] = [by_id.pop(cell.get("id"), None) for cell in mine]

@@ -97,7 +97,7 @@ def slips(**table: Sequence[str]) -> tuple[Slip, ...]:
 def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
     """Return the worked answer in single precision and rounded.
 
-    Which `drills.case_judge.coarse` names.
+    `drills.case_judge.coarse` names these slips.
 
     Args:
         entry: the function's name.

@@ -143,9 +143,7 @@ def _note_compiling(attempt: Attempt) -> None:
 
 
 def is_starter(card: Card, source: str) -> bool:
-    """Return whether the graded definition is still that of the starter, comments and layout
-    aside.
-    """
+    """Return whether the graded definition is still the starter's, up to comments and layout."""
     if len(source) > PARSED:
         return False
     theirs, ours = _entry_text(source, card.entry), _entry_text(card.starter(), card.entry)
@@ -241,9 +239,7 @@ def printed(output: str, start: float, end: float) -> str:
 
 
 def _is_simpler(failed: Check, report: Report) -> bool:
-    """Return whether a check failed at a level below that of the case at which the run was
-    stopped.
-    """
+    """Return whether a check failed at a lower level than the case that stopped the run."""
     stopped = [report.parts[i].level for i in report.begun - report.ended]
     level = report.parts[failed.part].level if failed.part >= 0 else LEVELS[-1]
     return any(LEVELS.index(level) < LEVELS.index(later) for later in stopped)
@@ -252,7 +248,7 @@ def _is_simpler(failed: Check, report: Report) -> bool:
 def _entry_text(source: str, entry: str) -> str | None:
     """Return the graded definition without comments, layout and docstrings.
 
-    None if there is none.
+    It is None if the definition is missing.
     """
     try:
         with warnings.catch_warnings():

@@ -152,7 +152,7 @@ class Commands(click.Group):
     """The group of commands; it turns every way to end into an exit code and a sentence."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return in the order in which they were written, which is the order of their use."""
+        """Return the commands in the order in which they are defined, the order of use."""
         return list(self.commands)
 
     def resolve_command(

@@ -138,8 +138,9 @@ def _examples(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
 
 
 def example_result(card: Card, exercise: Exercise, text: str) -> Any:
-    """Return what the worked answer gives for a public example, an expression as one would type
-    it.
+    """Return the worked answer's result for a public example.
+
+    The example is an expression as a learner would type it.
     """
     module = InProcess(card.solution_text(), exercise.given)
     return module.evaluate(text)

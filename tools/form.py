@@ -89,7 +89,7 @@ def stretches(cells: Sequence[NotebookNode]) -> Iterator[tuple[int, str]]:
 def first_screen(cells: Sequence[NotebookNode]) -> int:
     """Return the words before both a simulation and a question are reached.
 
-    All if one is missing.
+    It returns all words if one of the two is missing.
     """
     count, missing = 0, {"question", "simulation"}
     for stretch, kind in stretches(cells):
@@ -108,7 +108,7 @@ def open_words(cells: Sequence[NotebookNode]) -> int:
 def printed(cell: NotebookNode) -> Iterator[str]:
     """Yield the texts that outputs of a cell show as they are.
 
-    Printed, or in an open block of code.
+    They are printed, or in an open block of code.
     """
     for output in cell.get("outputs", []):
         data = output.get("data", {})

@@ -140,9 +140,9 @@ def films(text: str) -> dict[str, dict[str, str]]:
 
 
 def smaller(png: str) -> str:
-    """Return a picture in 256 colours of its own.
+    """Return a picture in a palette of 256 colours.
 
-    Which is plenty for a chart and a third of the size.
+    That is plenty for a chart, and a third of the size.
 
     Args:
         png: in base64.
@@ -237,7 +237,7 @@ def build(source: Path) -> Path:
 def check(source: Path) -> list[str]:
     """Return what is wrong with the notebook of `source`.
 
-    Nothing if it was built from it and ran through.
+    Nothing is wrong if it was built from that source and ran through.
 
     The outputs themselves aren't compared here: nbval does that by running the notebook again.
 

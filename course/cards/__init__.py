@@ -217,9 +217,9 @@ def checkpoint(topic: str, **answers: str) -> Gate:
         text = answers.get(name, "").strip()
         result = answer(name, text) if text else None
         right += bool(result)
-        state = result._repr_markdown_() if result else "Open."
+        state = result.verdict() if result is not None else "Open."
         lines.append(f"1. {tex(formula(name).prompt())} (`{name}`)  \n   {state}")
-        plain.append(f"{name}: {result if result else 'open'}")
+        plain.append(f"{name}: {'open' if result is None else result}")
     is_open = right == len(desired)
     verdict = f"{right} of {len(desired)} right: gate {'cleared' if is_open else 'closed'}"
     text = "\n".join([*plain, verdict])

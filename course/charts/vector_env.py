@@ -251,7 +251,7 @@ def predicted_by_size(data: Mapping[str, ArrayLike], n: int, workers: int) -> Ar
 def crossing(cost: ArrayLike, loop: ArrayLike, processes: ArrayLike) -> float | None:
     """Return where the ratio of two curves passes 1, interpolated in logarithms.
 
-    None if it never does.
+    It returns None if the ratio never does.
     """
     c = np.log(np.array(cost, dtype=float))
     gap = np.log(np.array(processes, dtype=float) / np.array(loop, dtype=float))
@@ -397,8 +397,9 @@ BY_HAND = np.array([[[0, -7.5, 0, -6.0, -0.5, 0], [0, 0, 0, -12.0, 0, -0.3]]])
 
 @chart
 def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Panel]:
-    """Chart what `course.vector_env.training` learns, over several seeds, beside a law written by
-    hand.
+    """Chart what `course.vector_env.training` learns, next to a law written by hand.
+
+    The training is repeated over several seeds.
 
     Args:
         seeds: runs.

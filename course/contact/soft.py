@@ -60,6 +60,7 @@ class Softness:
 
     def impedance(self, r: Array) -> Array:
         """Return d at the residual r = gap - margin [m], shape (n,)."""
+        # MuJoCo's impedance: a sigmoid of two powers between d_min and d_max over the width.
         low, high, width, middle, power = np.asarray(self.solimp, dtype=float).tolist()
         low, high = np.clip((low, high), _LEAST, _MOST).tolist()
         middle, power = float(np.clip(middle, _LEAST, _MOST)), max(1.0, power)
@@ -74,8 +75,10 @@ class Softness:
         """Return (k [1/s^2], b [1/s]) of the reference acceleration."""
         first, second = np.asarray(solref, dtype=float).tolist()
         largest = float(np.clip(np.asarray(self.solimp, dtype=float)[1], _LEAST, _MOST))
+        # Negative solref holds stiffness and damping directly; positive is (time constant, ratio).
         if first <= 0.0:
             return -first / largest**2, -second / largest
+        # refsafe: a time constant below two steps would make the explicit reference unstable.
         time = max(first, 2.0 * dt) if self.refsafe else first
         return 1.0 / max(_TINY, (largest * time * second) ** 2), 2.0 / max(_TINY, largest * time)
 
@@ -110,6 +113,7 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
     split = softness.cone == "pyramidal" and d > 1
     m = 2 * (d - 1) if split else d
     frame = np.zeros((touching.size, m, d))  # contact frame -> rows
+    # Pyramidal cone: each edge is normal plus or minus mu times a tangent, a row of its own.
     if split:
         frame[:, :, 0] = 1.0
         for j in range(d - 1):
@@ -123,6 +127,7 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
     else:
         translation = vector("weight", softness.weight, (n, 2), low=0.0)[touching, 0]
         first = translation * (1.0 + mu[:, 0] ** 2) if split else translation
+    # Regularisation R: a row with impedance d takes the share d of the force of a rigid one.
     R = np.maximum(_TINY, (1.0 - impedance) / impedance * first)[:, None] * np.ones(m)
     speed = J @ problem.velocity
     reference = -b * speed - (k * impedance * r)[:, None]
@@ -152,6 +157,7 @@ def _forces(rows: Rows, x: Array, elliptic: bool, impratio: float) -> tuple[Arra
         scale = np.concatenate(([mu], rows.mu[c]))
         N, *U = (scale * x[here]).tolist()
         T = math.hypot(*U)
+        # The three zones of the elliptic cone (Todorov, 2014): free, sticking, sliding.
         if N >= mu * T:  # leaves the cone's dual: no force
             continue
         if mu * N + T <= 0.0:  # sticks: every row a spring
@@ -191,6 +197,7 @@ def soft_forces(
         f, H = _forces(rows, J @ a - rows.reference, elliptic, softness.impratio)
         return M @ (a - free) - J.T @ f, f, H
 
+    # Newton on the convex cost of the accelerations, from the unconstrained ones.
     a = free
     g, f, H = slope(a)
     small = 1e-16 * (1.0 + float(np.max(np.abs(problem.free))))
@@ -220,6 +227,7 @@ def soft(problem: Problem, *, tolerance: float = 1e-9, **options: Any) -> Soluti
     """Return MuJoCo's contact forces, held for the step, from the state before it.
 
     Args:
+        problem: the contacts and their response.
         tolerance: of the residual, the last change of the velocity [m/s].
         **options: fields of `Softness`.
     """

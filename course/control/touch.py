@@ -46,7 +46,7 @@ class Probe:
         finite("surface", self.surface, unit="m")
 
     def system(self) -> System:
-        """Return a and B while it touches, the surface at 0."""
+        """Return A and B while it touches, the surface at 0."""
         return joint_system(self.mass, self.damping + self.wall_damping, self.wall)
 
 
@@ -115,6 +115,7 @@ def _swing(x, v, u, mass, damping, stiffness, t):
         once = -math.expm1(-2.0 * a * t) / (2.0 * a)
         final = u / damping
         return x + final * t + (v - final) * once, final + (v - final) * (1.0 - 2.0 * a * once)
+    # Underdamped, critically damped and overdamped: one formula, with cos, 1 or cosh.
     rest = u / stiffness
     w = math.sqrt(abs(square))
     decay = math.exp(-a * t)
@@ -131,9 +132,9 @@ def _swing(x, v, u, mass, damping, stiffness, t):
 
 @register_jitable
 def held_mass(mass, damping, stiffness, dt, rest):
-    """Return transition, now and before of `course.control.sampled.held`, of one mass on a spring.
+    """Return the transition matrices of one mass on a spring, as `course.control.sampled.held`.
 
-    For compiled code: a command comes `rest` late in the sample [s].
+    It is for compiled code: a command comes `rest` late in the sample [s].
     """
     transition, late = np.empty((2, 2)), dt - rest
     for k in range(2):
@@ -148,6 +149,7 @@ def held_mass(mass, damping, stiffness, dt, rest):
 def _onwards(x, v, u, probe, t):
     """Place and speed after t, through touching and leaving; once each way in a sample at most."""
     mass, damping, wall, wall_damping, surface = probe[0], probe[1], probe[2], probe[3], probe[4]
+    # At a touch or a release the stiffness changes: the motion is cut there by bisection.
     for _ in range(4):
         touching = x > surface or (x == surface and v > 0.0)
         stiff = wall if touching else 0.0
@@ -182,6 +184,8 @@ def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
         out[0, k], out[1, k], out[2, k] = x, v, force
         if k == target.size:
             break
+        # Admittance: the virtual body moves the set-point, by semi-implicit Euler with implicit
+        # damping.
         if mass > 0.0:
             speed = (speed + dt / mass * (desired - force - hold * moved)) / (
                 1.0 + dt * give / mass
@@ -221,9 +225,11 @@ def run_touch(
     """Return the probe under its law, compiled.
 
     Args:
-        probe, law: the parts.
-        target: set-point of the place, a number or one for each sample, shape (n,) [m].
-        dt, seconds: sample time and length of the run [s]; n = seconds / dt.
+        probe: the pushed body, its wall and its sensor.
+        law: the law that is run.
+        target: set-point of the position, a number or one for each sample, shape (n,) [m].
+        dt: sample time [s].
+        seconds: length of the run [s]; n = seconds / dt.
         delay: of the command [s].
         start: (x, v) [m, m/s].
         surface: where the wall is, shape (n,) [m]; None for the probe's.

@@ -68,7 +68,7 @@ import pkgutil
 import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -275,7 +275,7 @@ class Outcome:
 
     @property
     def agrees(self) -> bool:
-        """Whether the check holds, and says the same as the record."""
+        """True if the check holds and agrees with the record."""
         return not self.disagreements
 
     @property
@@ -720,7 +720,10 @@ def answer(id: str, text: str) -> Answer:
     Raises:
         ValueError: for an unknown id, one without a formula, or a text that is not a str.
     """
-    return answer_formula(formula(id), text)
+    asked = formula(id)
+    result = answer_formula(asked, text)
+    prompt = "" if asked.prompt() in result.message else asked.prompt()
+    return replace(result, asked=prompt, typed=text)
 
 
 def formula(id: str) -> Formula:

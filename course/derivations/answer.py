@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from course.cards import markup
+
 MAX_LENGTH = 200
 MAX_DEPTH = 25
 _DIGITS = 50
@@ -89,11 +91,15 @@ class Answer:
         message: what to tell the learner.
         counterexample: None, or {"values": symbol -> number, "yours": number or None where it is
             not defined, "ours": number}.
+        asked: the question, and in which symbols; "" where that stands elsewhere.
+        typed: the learner's formula as it was typed.
     """
 
     correct: bool
     message: str
     counterexample: dict[str, Any] | None = None
+    asked: str = ""
+    typed: str = ""
 
     def __bool__(self) -> bool:
         return self.correct
@@ -102,6 +108,14 @@ class Answer:
         return f"{'right' if self.correct else 'not right'}: {self.message}"
 
     def _repr_markdown_(self) -> str:
+        # A page shows the answer without the cell that it was typed in.
+        asked = [markup.tex(self.asked)] if self.asked else []
+        typed = self.typed.replace("`", "'").strip()
+        given = [f"Your answer: `{typed}`"] if typed and "\n" not in typed else []
+        return "  \n".join([*asked, *given, self.verdict()])
+
+    def verdict(self) -> str:
+        """Return whether it is right and why, without the question; Markdown."""
         if self.correct:
             return self.message.replace("Right", "**Right**", 1)
         # The message may quote what was typed: shown as code, it can't become markup.

@@ -542,9 +542,9 @@ def computing_and_cycle(result):
     far, fast, hard = 0.6, 1.0, result.input("acceleration", 2)
 
     def taken(limit):
-        """Time from rest to rest by small steps.
+        """Return the time from rest to rest [s], by small steps.
 
-        As fast as it may and braking as late as it may [s].
+        The motion is as fast as allowed and brakes as late as possible.
         """
         place, rate, now, dt = 0.0, 0.0, 0.0, 1e-5
         while place < far - 1e-7 and now < 10:

@@ -109,7 +109,7 @@ class Result:
         outside: Iterable[Any] = (),
         cases: bool = False,
     ) -> None:
-        """Whether the claim holds as it is heard; called once.
+        """Record whether the claim holds as it is stated; call it once.
 
         Args:
             holds: the claim in general.

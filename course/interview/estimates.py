@@ -31,9 +31,9 @@ GRAVITY_M_PER_S2 = 9.81
 def readings_per_s(
     robots: int, sensors_each: int, readings_each: float, hertz: float, times_real_time: float = 1.0
 ) -> float:
-    """Return readings to compute each second for a fleet.
+    """Return the readings to process each second for a fleet.
 
-    Rays of scanners, or frames with one each.
+    They are rays of scanners, or frames with one each.
     """
     sensors = count("robots", robots, 1) * count("sensors_each", sensors_each, 1)
     each = positive("readings_each", readings_each) * positive("hertz", hertz)
@@ -127,9 +127,9 @@ def computing_share(computing_s: float, **others: Any) -> float:
 
 
 def error_mm(spreads_mm: ArrayLike, biases_mm: ArrayLike, spreads_counted: float = 2.0) -> float:
-    """Return error to one side along an axis.
+    """Return the error to one side along an axis.
 
-    Biases add up, independent standard deviations in squares.
+    Biases add up linearly, independent standard deviations in squares.
 
     With two of them counted 2.3 % of all errors are larger on that side.
     """
@@ -220,9 +220,9 @@ def separation_m(
 def contact_force_n(
     speed_m_per_s: float, stiffness_n_per_m: float, robot_kg: float, body_kg: float = math.inf
 ) -> float:
-    """Return peak force of two masses that meet through a spring.
+    """Return the peak force of two masses that meet through a spring.
 
-    V sqrt(k m), m their reduced mass.
+    It is V sqrt(k m), with m their reduced mass.
 
     The robot's is its effective mass at the contact; the body's is infinite where it is clamped.
     """

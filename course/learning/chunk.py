@@ -61,9 +61,12 @@ def chunk_policy(
     from a standard normal distribution, from which they are drawn when there is no action to see.
 
     Args:
-        states, actions: (n, d), and (n, a) or chunks (n, H, a).
-        seed, width: of weights, codes and batches; of the two hidden layers of each.
-        latent, zero: numbers in a code, and whether it is 0 instead of drawn.
+        states: shape (n, d).
+        actions: shape (n, a), or chunks (n, H, a).
+        seed: of weights, codes and batches.
+        width: of the two hidden layers of each network.
+        latent: dimension of a code.
+        zero: whether the code is 0 instead of sampled when the policy acts.
         beta: weight of the divergence; as it grows the code says less, and the policy is the mean.
         how: `steps`, `batch`, `rate` and `clip` of `fit`.
     """

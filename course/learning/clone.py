@@ -116,9 +116,12 @@ def clone(
     networks, 1994), both fitted by likelihood. No deviation is below 0.02 of the data's.
 
     Args:
-        states, actions: (n, d), and (n, a) or chunks (n, H, a).
+        states: shape (n, d).
+        actions: shape (n, a), or chunks (n, H, a).
         seed: of weights and batches.
-        modes, width: of the mixture, and of the two hidden layers.
+        head: what the network predicts: "mean", "gaussian" or "mixture".
+        modes: components of the mixture.
+        width: of the two hidden layers.
         how: `steps`, `batch`, `rate` and `clip` of `fit`.
     """
     policy, x, y = prepared(states, actions)
@@ -161,7 +164,7 @@ def clone(
 
 
 def nearest(states: ArrayLike, actions: ArrayLike) -> Policy:
-    """Return what was done in the nearest state of the data, of several the first.
+    """Return the action taken in the nearest state of the data, the first of several.
 
     Nothing is fitted.
     """
@@ -192,9 +195,9 @@ class Linear:
 
 
 def linear(states: ArrayLike, actions: ArrayLike) -> Linear:
-    """Return the least squares law of (n, d) and (n, a).
+    """Return the least-squares linear law of states (n, d) and actions (n, a).
 
-    The shortest where the data leave gains open.
+    Where the data leave gains undetermined it is the one of least norm.
     """
     x = vector("states", states, (None, None))
     y = vector("actions", actions, (len(x), None))
@@ -240,7 +243,12 @@ def dagger(
     Args:
         learn: states (n, d), labels (n, a) -> policy, such as `linear` or a `partial` of `clone`.
         starts: how many, generator -> states, as the tasks have it.
-        steps, number, rounds: of a run, runs in a round, rounds after the first.
+        task: the dynamics.
+        expert: states (n, d) -> actions (n, a), the labels.
+        steps: of a run.
+        number: runs in a round.
+        rounds: rounds after the first.
+        rng: source of the starts and of the noise.
         injected: noise on the expert's actions in the first round, which its labels don't have.
         label_noise: deviation of what is written down; the expert does what it means.
 

@@ -78,6 +78,7 @@ def denoise(
         steps: calls of `clean`. With a single one the answer is the mean, as of a flow.
         eta: 0 for DDIM, where only the start is drawn; 1 for the ancestral sampling of DDPM (Ho,
             Jain and Abbeel, 2020), which draws at each step but the last.
+        rng: source of the noise that is drawn while denoising.
     """
     x = vector("noise", noise, (None, None))
     share = finite("eta", eta, 0.0, 1.0)
@@ -120,9 +121,9 @@ class Mixture:
         return self.means[part] + spread
 
     def expect(self, x: Array, a: float, s: float) -> tuple[Array, Array]:
-        """Return means of clean and noise given x = a clean + s noise, both (n, d) as x.
+        """Return the means of clean and noise given x = a clean + s noise, both (n, d) as x.
 
-        Not a = s = 0.
+        The scales a and s must not both be 0.
         """
         width = (a * self.deviations) ** 2 + s**2  # variance of x in each part
         deviation = x[:, None] - a * self.means
@@ -232,9 +233,12 @@ def flow_policy(
     the field of a normal distribution, so that what is only noise needs not be learned.
 
     Args:
-        states, actions: (n, d), and (n, a) or chunks (n, H, a).
-        seed, width: of weights, noise and batches; of the two hidden layers.
-        solver, sampled: how actions are drawn: "euler", "heun" or "rk4", in how many steps.
+        states: shape (n, d).
+        actions: shape (n, a), or chunks (n, H, a).
+        seed: of weights, noise and batches.
+        width: of the two hidden layers.
+        solver: how actions are integrated: "euler", "heun" or "rk4".
+        sampled: steps of that solver.
         how: `steps`, `batch`, `rate` and `clip` of `fit`.
     """
     return _generative(states, actions, seed, True, width, solver, sampled, how)

@@ -118,7 +118,7 @@ def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: 
 def flatten(*parts: Any) -> Any:
     """Return all weights of modules and parameters as one vector.
 
-    Which they are views of from now on.
+    The weights become views of that vector.
 
     Args:
         parts: modules, or parameters of no module.
@@ -198,7 +198,9 @@ def fit(
         loss: indices of some rows, a tensor (batch,) -> their mean loss, a scalar tensor.
         rows: how many there are.
         seed: of the rows that are picked, with repetition.
-        steps, batch, rate: of Adam.
+        steps: of Adam.
+        batch: rows in a step.
+        rate: learning rate of Adam.
         clip: the longest gradient that is used as it is; a longer one is cut to this length.
 
     Returns:

@@ -119,11 +119,14 @@ def gae(
     advantage estimation.
 
     Args:
-        rewards, values: of each step and of the observation before it, (T,) or (T, N).
+        rewards: reward of each step, (T,) or (T, N).
+        values: value of the observation before each step, same shape.
         following: value of the observation after it: of a last one the episode's own, not that of
             the next one's start. Not used after a termination.
-        terminated, truncated: how the episode ended with this step.
-        discount, trace: gamma and lambda, each from 0 to 1.
+        terminated: whether the episode ended in a terminal state with this step.
+        truncated: whether a time limit cut the episode off after this step.
+        discount: gamma, from 0 to 1.
+        trace: lambda, from 0 to 1.
 
     Returns:
         The advantages; with `values` added they are the critic's targets.
@@ -380,7 +383,7 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
 
 
 def log_density(noise: Array, log_std: Array) -> Array:
-    """Return of actions so many standard deviations off (..., a), but for a constant, (..., 1)."""
+    """Return the log-density, (..., 1), of actions in deviations (..., a), up to a constant."""
     return -0.5 * (noise * noise).sum(axis=-1, keepdims=True) - log_std.sum()
 
 

@@ -87,10 +87,13 @@ def roll(
     """Let a policy drive; what is recorded are its own actions, without what was injected.
 
     Args:
+        task: the dynamics.
         act: states (N, d), generator -> actions (N, a). What remembers (an executor of chunks)
             has `reset()`, called before the first step.
         starts: states, (N, d).
         injected: deviation of noise on each action (DART; Laskey et al., CoRL 2017).
+        steps: of a run.
+        rng: source of the noise.
 
     Raises:
         ValueError: for an action that is not finite, with its step.
@@ -298,7 +301,7 @@ class Regulator:
     def slow_mode(self) -> Array:
         """Return the direction in which the expert's loop decays most slowly.
 
-        Of length 1, shape (2,).
+        It is a unit vector, shape (2,).
         """
         values, vectors = np.linalg.eig(self.closed(self.K))
         return vectors[:, np.argmax(np.abs(values))].real

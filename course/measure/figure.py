@@ -263,7 +263,7 @@ class Series:
 
     @property
     def counts(self) -> bool:
-        """Whether it is a curve of its own, not a theory, a mark or the rest of one."""
+        """True if it is a curve of its own, not a theory, a mark or the rest of one."""
         return bool(self.label) and self.key not in ("theory", "theory on a map", "chosen")
 
     @property
@@ -333,7 +333,7 @@ class Panel:
 
     @property
     def drawn(self) -> bool:
-        """Whether there is something to draw."""
+        """True if there is something to draw."""
         return bool(self.series) or self.grid is not None
 
     def shown(self, also: Sequence[str] = ()) -> list[Series]:

@@ -242,9 +242,7 @@ def arrange(figure: Figure, every: Sequence[Words]) -> None:
 
 
 def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
-    """Return what the lines and markers of axes cover.
-
-    As points on the axes [pixels], shape (n, 2).
+    """Return points covered by the lines and markers of axes, shape (n, 2) [pixels].
 
     Args:
         ax: the axes, whose place is known.

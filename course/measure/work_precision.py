@@ -309,9 +309,9 @@ class WorkPrecision:
         return cls(**data)
 
     def shown(self) -> list[str]:
-        """Return names of the six curves that are drawn.
+        """Return the names of the six curves that are drawn.
 
-        Yours, the picks, and the first that matter.
+        They are ours, the picks, and the first others that matter.
         """
         yours = [curve.name for curve in self.curves if curve.style == "yours"]
         picks = [self.pick(by=by) for by in ("time", "count") if self.tolerance is not None]

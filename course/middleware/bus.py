@@ -162,9 +162,11 @@ def drive(
     """Let a generator run on the bus's time up to its end.
 
     Args:
+        bus: the bus on whose clock it waits.
+        steps: the generator that is run.
         finish: called with what it returned.
-        blocked: told which answer it waits for, and None when it goes on.
-        value: what its last wish became.
+        blocked: called with the answer that it waits for, and with None when it continues.
+        value: the result of its last wait.
     """
     while True:
         try:
@@ -405,10 +407,7 @@ class Reader:
         return len(self._cache)
 
     def take(self) -> Sample | None:
-        """Return the oldest sample that is kept and has not expired.
-
-        Which then is no longer kept.
-        """
+        """Remove and return the oldest sample that is stored and has not expired."""
         while self._cache:
             sample = self._cache.popleft()[1]
             if sample.expires > self.bus.ns:
@@ -551,9 +550,13 @@ class Node:
         """Return a reader of a topic.
 
         Args:
+            topic: name of the topic.
+            kind: type of its messages.
             function: called with each sample, once the executor comes to it; without one, samples
                 are taken by hand.
-            link: the way to it; the default takes no time and loses nothing.
+            qos: requested quality of service.
+            link: network path to the reader; the default takes no time and loses nothing.
+            group: callback group that it belongs to.
             on_event: called with each of its events.
         """
         with self.bus.lock:
@@ -624,6 +627,7 @@ class Node:
         """Serve an action: goals are accepted as they come, and run beside the callbacks.
 
         Args:
+            name: name of the action.
             execute: goal -> generator that computes, calls `goal.feedback`, looks at
                 `goal.status`, and returns the result.
         """

@@ -88,8 +88,9 @@ class Executor:
             self.bus.push(self.bus.ns, START, self._dispatch)
 
     def responses(self, name: str) -> NDArray[np.float64]:
-        """Return from event to end of all runs of the callbacks of this name that have
-        ended [s].
+        """Return the response times of all completed runs of the callbacks of this name [s].
+
+        A response time lasts from the event to the end of the callback.
         """
         runs = (run for run in self.log if run.callback.name == name and run.end)
         return 1e-9 * np.array([run.end - run.release for run in runs], float)
@@ -150,9 +151,9 @@ class Executor:
             self.blocked[run] = future
 
     def start(self) -> list[threading.Thread]:
-        """Return its threads, for as long as the bus runs in real time.
+        """Start its threads, and return them, for as long as the bus runs in real time.
 
-        What waits for an answer when it ends will never go on.
+        A callback that waits for an answer when it ends will never continue.
         """
         threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self.threads)]
         for thread in threads:
@@ -341,13 +342,16 @@ def respond(
     phases: Sequence[float] = (),
     seconds: float = 10.0,
 ) -> dict[str, NDArray[np.float64]]:
-    """Return response times on the bus [s] of callbacks that an executor runs.
+    """Simulate callbacks on the bus and return their response times [s].
 
-    Arguments as for `bounds`.
+    Arguments are those of `bounds`.
 
     Args:
+        works: the callbacks.
+        order: which of several ready callbacks runs first.
+        threads: of the executor.
         phases: of each one's first event, shares of its period; all at once where there are none.
-        seconds: how long.
+        seconds: simulated time [s].
     """
     bus = Bus()
     executor = Executor(bus, threads, order)
@@ -375,12 +379,15 @@ def respond(
 def run_chain(
     stages: Sequence[Stage], phases: Sequence[float], seed: int = 0, seconds: float = 10.0
 ) -> Trace:
-    """Let chapter 0's chain run as nodes on the bus.
+    """Run chapter 0's chain as nodes on the bus.
 
-    Each stage a node, each queue a reader's keep-last cache, each loss a link's.
+    Each stage is a node, each queue a reader's keep-last cache, each loss a link's.
 
     Args:
-        stages, phases, seed, seconds: as for `course.role.simulate`, whose rules these are.
+        stages: as for `course.role.simulate`, whose rules these are.
+        phases: as for `course.role.simulate`.
+        seed: as for `course.role.simulate`.
+        seconds: simulated time [s].
 
     Returns:
         When each command came into force, and when its measurement was taken, for `Trace.age`.

@@ -127,9 +127,8 @@ def nodes(text: str) -> list[Node]:
 def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
     """Return the quality of service that parameters set.
 
-    By topic and end ("publisher", "subscription").
-
-    What they do not name stays as by default.
+    They name topic and end ("publisher", "subscription"); a policy that they do not name keeps its
+    default.
 
     Raises:
         ValueError: a name is none that ROS 2 knows, or a value is none of its policy.
@@ -159,10 +158,7 @@ def to_be_allowed(parameters: Mapping[str, Any]) -> set[str]:
 
 
 def silent(listed: list[Node]) -> dict[str, tuple[str, ...]]:
-    """Return the topics on which two nodes of a file do not hear each other.
-
-    With the failing policies.
-    """
+    """Return the topics on which two nodes of a file do not match, with the failing policies."""
     ends = [overrides(node.parameters) for node in listed]
     written = {t: qos for one in ends for (t, end), qos in one.items() if end == "publisher"}
     result = {

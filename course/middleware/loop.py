@@ -66,7 +66,8 @@ def run(
         periods: how many releases there are, at least 1; that is when the loop ends.
         relative: sleep for a period after each work instead, as loops are often written. Then each
             call is made, `periods` in all.
-        now, sleep: the clock [ns] and what waits [s].
+        now: the clock [ns].
+        sleep: function that waits for a time [s].
 
     Returns:
         What was run when.
@@ -242,8 +243,7 @@ def among_busy(
     periods: int = 1500,
     work: float = 1e-4,
 ) -> list[Tried]:
-    """Return a loop that computes for `work` [s] in each period, beside processes that always
-    compute.
+    """Run a loop that computes for `work` [s] in each period while other processes compute.
 
     Args:
         names: rows of `ASKED`, each a run of its own.
@@ -273,7 +273,7 @@ def compute(seconds: float) -> None:
 
 @contextlib.contextmanager
 def crowd(busy: int, seconds: float) -> Iterator[None]:
-    """So many processes that compute, at most for so long [s]; none is left at the end."""
+    """Start processes that compute, at most for a given time [s]; none is left at the end."""
     spin = f"import time\nend = time.monotonic() + {seconds}\nwhile time.monotonic() < end: pass"
     children = [
         subprocess.Popen([sys.executable, "-S", "-c", spin]) for _ in range(count("busy", busy))

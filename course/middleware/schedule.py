@@ -26,9 +26,9 @@ _TABLE = types.Array(numba.int64, 2, "C")
 
 
 def liu_layland(n: int) -> float:
-    """Return utilization up to which n tasks meet their deadlines whatever their periods.
+    """Return the utilization up to which n tasks meet their deadlines whatever their periods.
 
-    N (2^(1/n) - 1); ln 2 for many.
+    It is n (2^(1/n) - 1), and tends to ln 2 (Liu and Layland, 1973).
     """
     return count("n", n, 1) * (2.0 ** (1.0 / n) - 1.0)
 
@@ -40,9 +40,9 @@ def utilization(execution: ArrayLike, period: ArrayLike) -> Array:
 
 
 def hyperbolic(execution: ArrayLike, period: ArrayLike) -> NDArray[np.bool_]:
-    """Return whether the product of (C / T + 1) is at most 2.
+    """Return whether the product of (C / T + 1) is at most 2, the hyperbolic bound.
 
-    Which suffices as Liu and Layland's sum does, and is met by more sets.
+    Like Liu and Layland's bound it suffices, and more task sets meet it (Bini and Buttazzo, 2003).
     """
     C, T = _sets(execution, period)
     return np.asarray(np.prod(C / T + 1.0, axis=0) <= 2.0 + 1e-12)
@@ -57,7 +57,8 @@ def response_times(
     (Audsley 1993); exact where all can be released at once.
 
     Args:
-        execution, period: C and T [s].
+        execution: worst execution times C, highest priority first [s].
+        period: periods T, same shape [s].
         blocking: B, longest wait for tasks below [s].
         jitter: J, by which a release may be late after its arrival [s].
 
@@ -85,8 +86,9 @@ def _analyse(C, T, B, J):
 
 
 def breakdown(execution: ArrayLike, period: ArrayLike) -> Array:
-    """Return utilization at which a set just meets its deadlines when all executions grow in
-    proportion.
+    """Return the utilization at which a growing task set just meets its deadlines.
+
+    All executions grow in proportion.
 
     Task i may grow to t / (sum of ceil(t / T) C) times its size at the best t, a multiple of its
     period or of one above (Lehoczky, Sha and Ding 1989); the least of all tasks counts.
@@ -163,15 +165,17 @@ def run(
     """Let a preemptive scheduler of fixed priorities run task sets, from event to event.
 
     Args:
-        execution, period: C and T [s].
-        seconds: how long.
+        execution: C of each task, highest priority first [s].
+        period: T of each task [s].
+        seconds: simulated time [s].
         phase: of the first arrival [s].
         jitter: by which the first job, and no other, is released late [s].
-        before, section, lock: after `before` seconds of its own execution a job takes lock number
-            `lock` for `section` seconds of it; below 0 for none.
-        protocol: "none": a holder keeps its priority. "inheritance": it runs in the place of the
-            highest task that waits for it. "ceiling": it has the priority of the highest task that
-            uses its lock, from the taking on.
+        before: own execution time after which a job takes its lock [s].
+        section: execution time for which it holds the lock [s].
+        lock: number of the lock, below 0 for none.
+        protocol: "none": a holder keeps its priority. "inheritance": it runs with the priority of
+            the highest task that waits for it. "ceiling": once it holds the lock it has the
+            priority of the highest task that uses that lock.
     """
     C, T = _sets(execution, period)
     rest = [_like(n, v, C) for n, v in (("phase", phase), ("jitter", jitter), ("before", before),

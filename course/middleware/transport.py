@@ -163,9 +163,9 @@ class Ring:
         return True
 
     def take(self, patience: float = PATIENCE) -> memoryview | None:
-        """Return the oldest message where it lies, good until the next call.
+        """Return the oldest message in place, valid until the next call, or None.
 
-        None if none came [s].
+        A message is not copied; None means that none came in time [s].
         """
         if self.held:
             self.held.release()
@@ -265,7 +265,7 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
         fragments: of each, at least 1.
         loss: probability that a fragment is not sent, below 1.
         seed: of the coin.
-        most: rounds after which a message is given up.
+        at_most: rounds after which a message is given up.
     """
     count("messages", messages, 1), count("fragments", fragments, 1)
     finite("loss", loss, 0.0, 1.0 - 1e-6)

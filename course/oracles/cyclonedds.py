@@ -203,9 +203,9 @@ class Topic:
 
 
 def take(reader: Any) -> list[int]:
-    """Return the numbers that wait in a reader, taken out.
+    """Take the numbers that wait in a reader.
 
-    What says that a writer went is left out.
+    Notices that a writer has left are skipped.
     """
     return [s.number for s in reader.take(1000) if hasattr(s, "number")]
 
@@ -333,7 +333,7 @@ def buffered(least: int | None = None, at_most: int | None = None) -> Iterator[N
 
 
 def answered(size: int, trips: int, reliability: str, patience: float = 0.5) -> int:
-    """Return of so many trips of one message, how many came back in time [s]; see `echo`."""
+    """Count the round trips of one message that came back in time [s]; see `echo`."""
     result = 0
     with echo(size, reliability, patience=patience) as trip:
         payload = memoryview(bytes(size))

@@ -84,10 +84,7 @@ class Rays:
         return self._scene.cast_rays(self._rays, nthreads=1)
 
     def picture(self) -> tuple[Array, Ids]:
-        """Return depth, 0 where nothing is, and the number of the shape, -1 where none is.
-
-        (H, W).
-        """
+        """Return depth, 0 without a hit, and the number of the shape, -1 without a hit; (H, W)."""
         result = self.cast()
         depth, ids = result["t_hit"].numpy().astype(float), result["geometry_ids"].numpy()
         hit = np.isfinite(depth)

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 def _model(radius: float, spacing: float = 0.004) -> open3d.Cloud:
     """Return the upper half of a ball about the origin, as points with normals.
 
-    It looks along -z.
+    The camera looks along -z.
     """
     n = round(2.0 * math.pi * radius**2 / spacing**2)
     height, turn = (np.arange(n) + 0.5) / n, math.pi * (1.0 + math.sqrt(5.0)) * np.arange(n)

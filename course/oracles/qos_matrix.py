@@ -51,7 +51,7 @@ class Row:
 def pairs() -> list[tuple[str, QoS, QoS]]:
     """Return every pair of values of every policy with a request.
 
-    And three in which several fail.
+    Three pairs follow in which several policies fail.
     """
     values: dict[str, tuple[Any, ...]] = {
         **ORDERS,

@@ -27,9 +27,9 @@ class Queue:
 def queue_ages(
     depth: int, each: int, takes: int, reliability: str = "reliable", *, newest: bool = False
 ) -> Queue:
-    """Return a reader takes one sample after every so many that are written, in one process.
+    """Return the ages of samples that a slow reader takes, in one process.
 
-    In turn.
+    It takes one sample after every few that are written, in turn.
 
     No clock is involved: the age of a sample is the number of those that were written after it.
     Once the queue is full, the oldest of `depth` samples is (depth - 1) periods old.

@@ -21,9 +21,9 @@ _GATES = (10.83, 13.82, 16.27)
 
 
 def steady_gains(index: float) -> tuple[float, float]:
-    """Return gains of place and rate that the filter settles at.
+    """Return the steady-state gains of position and rate.
 
-    From the tracking index (Kalata, 1984).
+    They follow from the tracking index (Kalata, 1984).
 
     Args:
         index: acceleration T^2 / sigma, for a picture every T seconds.

@@ -110,9 +110,7 @@ def _gaps(scenario: Scenario, waypoints: np.ndarray) -> np.ndarray:
 
 
 def gained(record: Record, kp: float, kd: float) -> float:
-    """Return energy that arm and spring won in steps in which nothing brought it.
-
-    Of the most they had.
+    """Return energy that appeared without a source, over the most that arm and spring had.
 
     With PD, W = v^T M v / 2 + kp e^2 / 2 rises by no more than what is brought: by the moving
     reference kp e . dr, and by torques that are not those of the law, such as at their limit,
@@ -120,7 +118,8 @@ def gained(record: Record, kp: float, kd: float) -> float:
 
     Args:
         record: of a run whose arm is moved by torques.
-        kp, kd: of the law [N m/rad, N m s/rad].
+        kp: gain of the law [N m/rad].
+        kd: gain of the law [N m s/rad].
     """
     if len(record.log) < 3:
         return 0.0
@@ -189,9 +188,9 @@ def last_error(record: Record) -> str:
 
 
 def minimal(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Scenario:
-    """Return the plainest scenario that still fails.
+    """Return the simplest scenario that still fails.
 
-    Fewer discs, a level table, a target that stands.
+    It has fewer discs, a level table, and a target at rest.
 
     Args:
         scenario: one that fails.
@@ -258,9 +257,9 @@ CASE = (
 def injected(
     fault: Fault, seed: int, case: tuple[Scenario, Settings] = CASE
 ) -> Callable[..., Record]:
-    """Return replays of a run that a fault befalls: stages to make ideal -> record.
+    """Return replays of a run with an injected fault: stages to make ideal -> record.
 
-    None for the run.
+    None stands for the run itself.
     """
     scenario, settings = case
 
@@ -292,7 +291,9 @@ def contracts_alone(
     """Return how many failing runs of each fault the first broken contract names, without a replay.
 
     Args:
-        desired, faults, case: as for `confusion`.
+        desired: as for `confusion`.
+        faults: as for `confusion`.
+        case: as for `confusion`.
 
     Returns:
         Shape (2, faults): with the true target, and with what a robot's own record holds.
@@ -319,8 +320,9 @@ def confusion(
     """Return so many failing runs of each fault, diagnosed without a look at it.
 
     Args:
-        wanted: failing runs of each, of at most eight times as many seeds.
-        faults, case: what befalls what.
+        desired: failing runs of each fault; at most eight times as many seeds are tried.
+        faults: the faults that are injected.
+        case: the scenario and settings that they are injected into.
         contracted: whether contracts are read first.
         truth: as for `contracts`.
 

@@ -29,15 +29,15 @@ Band = tuple[float, float, float]
 
 
 def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
-    """Return mean (2,) [m] and covariance (2, 2) [m^2] of the tip's error at the end, before any
-    run.
+    """Predict the mean (2,) [m] and covariance (2, 2) [m^2] of the tip's final error.
 
     Bias as it is; what a filter that is not settled makes of noise and speed; age times speed; the
     lag and the sag of the arm. A plan that is there in time, and a step that is stable, cost
     nothing once the arm stands.
 
     Args:
-        scenario, settings: with "pd", and pictures that overlap; what is ideal costs nothing.
+        scenario: the task.
+        settings: with "pd", and pictures that overlap; what is ideal costs nothing.
 
     Raises:
         ValueError: for another law or rule of overrun, and for a physics step at which the arm is
@@ -108,9 +108,9 @@ class Budget:
         return math.sqrt(square), math.sqrt(float(mean @ mean + np.trace(covariance)))
 
     def gap(self) -> tuple[Array, Array]:
-        """Sum of the parts' means, each alone, minus the mean of the whole.
+        """Return the sum of the sources' mean errors minus the mean of the whole, (2,) [m].
 
-        And its standard error run by run; each (2,) [m].
+        The second result is its standard error run by run, (2,) [m].
         """
         rest = (len(self.parts) - 1) * self.errors[self.only()]
         parts = sum((self.errors[self.only(part)] for part in self.parts), -rest)
@@ -123,9 +123,7 @@ class Budget:
         return {some: float(np.mean(x if runs is None else x[runs])) for some, x in each.items()}
 
     def shares(self, repeats: int = 200, seed: int = 0) -> dict[str, Band]:
-        """Return share of the mean squared error that each part owns.
-
-        And both ends of its 95 % [m^2].
+        """Return each source's share of the mean squared error, and its 95 % interval [m^2].
 
         Args:
             repeats: of the bootstrap over runs.
@@ -164,7 +162,8 @@ def budget(
     """Run every subset of repairs on the same seeds, 2^n runs a seed.
 
     Args:
-        scenario, settings: the case.
+        scenario: the task.
+        settings: with all its errors.
         seeds: at least two.
         parts: that are mended; the others stay as they are.
         stages: whose functions do it.

@@ -229,6 +229,7 @@ def advance(law, step, last, progress, aim, settings, table, log, body, model, o
 
 
 def between(last, progress, aim, settings, table, log, body, model, obstacles, links):
+    """Advance the physics with this module's control law and integrator up to step `last`."""
     advance(law, step, last, progress, aim, settings, table, log, body, model, obstacles, links)
 
 

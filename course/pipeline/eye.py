@@ -73,8 +73,9 @@ class Eye:
         return np.array([0.0, 0.0, -1.0, self.height])
 
     def _pose(self, x: float, y: float, z: float, turn: float) -> Array:
-        """Return in the camera's frame, whose x is the base's and whose y and z are turned
-        round.
+        """Return a pose in the camera's frame.
+
+        The camera's x is the base's; its y and z are turned round.
         """
         (u, v), half = self.middle, 0.5 * turn
         place = (x - u, v - y, self.height - z)

@@ -67,7 +67,8 @@ def _estimate(weights: Array, runs: int, unbiased: int, mean: Array, width: Arra
         runs: severities evaluated in all.
         unbiased: runs among them that were sampled as the world samples them. Only they say how
             rare a failure is that no run has met.
-        mean, width: of the proposal.
+        mean: of the proposal.
+        width: of the proposal, standard deviations.
     """
     n, total, square = weights.size, float(weights.sum()), float(np.sum(weights**2))
     share = min(total / n, 1.0)  # weights are noisy: their mean may exceed 1
@@ -117,7 +118,8 @@ def cross_entropy(
         severity: disturbances (size, N) -> how bad each run was, above 0 a failure.
         size: how many disturbances.
         rng: all random numbers.
-        rounds, each: of the search, and runs in one.
+        rounds: of the search.
+        each: runs in a round of the search.
         last: runs that are counted.
         elite: share of a round that the proposal is fitted to, by weight.
         least: width below which no disturbance's proposal may fall.

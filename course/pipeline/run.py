@@ -57,7 +57,7 @@ class Record:
 
     @property
     def success(self) -> bool:
-        """Whether the tip was there in time, and nothing was touched."""
+        """True if the tip was there in time and nothing was touched."""
         return not self.reason
 
     @property
@@ -67,12 +67,12 @@ class Record:
 
     @property
     def step(self) -> int:
-        """Of the physics [us]."""
+        """Physics time step [us]."""
         return step_of(self.settings)
 
     @property
     def times(self) -> Array:
-        """Of the rows of the log [s]."""
+        """Times of the rows of the log [s]."""
         return np.asarray(1e-6 * self.step * np.arange(len(self.log)))
 
     @property
@@ -109,7 +109,8 @@ def run(
     """Return the whole pipeline, once, the same on every machine.
 
     Args:
-        scenario, settings: what is to be done, and how.
+        scenario: the task.
+        settings: periods, gains and errors of the stages.
         stages: whose functions do it.
         seed: of all random numbers; each stage has a stream of its own, so that two settings meet
             the same noise.
@@ -137,7 +138,7 @@ def run_many(
 
 
 def errors(records: Sequence[Record]) -> Array:
-    """Return of the tip at the end, shape (2, N) [m]; NaN where a run did not get that far."""
+    """Return the final error of the tip, (2, N) [m]; NaN where a run did not get that far."""
     return np.stack([record.error for record in records], axis=1)
 
 
@@ -225,9 +226,9 @@ class Run:
         self._drive, self._ours = self._stages()
 
     def _stages(self) -> tuple[Any, tuple[Any, Any]]:
-        """Return the driver and what it calls.
+        """Return the driver and the functions that it calls.
 
-        Compiled, or of a learner's or library's functions.
+        They are compiled, or a learner's or a library's.
         """
         drive, *ours = by.kernels()
         stages, scenario, settings = self.stages, self.scenario, self._settings

@@ -189,7 +189,9 @@ def plan_path(
     Args:
         start: posture (2,) [rad].
         goal: place of the tip (2,) [m]; out of reach, the nearest place in reach.
-        scenario, settings, rng: random numbers are drawn from `rng` only.
+        scenario: the task.
+        settings: of the planner.
+        rng: the only source of random numbers.
         search: who finds the waypoints; another one may be a library's.
     """
     world, status = scenario.world(), "goal in collision"
@@ -232,9 +234,11 @@ def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Se
     """Return torques (2,) of a law of chapter 6 [N m].
 
     Args:
-        q, v: the state, shape (2,).
+        q: joint angles, shape (2,) [rad].
+        v: joint rates, shape (2,) [rad/s].
         desired: angles, rates and accelerations of the reference, shape (3, 2).
-        scenario, settings: the law, its gains, and the arm that it believes in.
+        scenario: the arm.
+        settings: the law, its gains, and the arm that it believes in.
     """
     numbers = np.zeros((), SETTINGS)[()]
     numbers["law"] = LAWS.index(settings.law)

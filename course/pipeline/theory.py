@@ -30,7 +30,9 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
     2 alpha)) (Kalata, The tracking index, 1984).
 
     Args:
-        alpha, beta: gains, stable while both are positive and 2 alpha + beta < 4; 1 and 0 for none.
+        alpha: gain on the position, stable while both are positive and 2 alpha + beta < 4; 1 for no
+            filter.
+        beta: gain on the rate; 0 for no filter.
         ahead: periods that the estimate is carried forward at its own rate.
     """
     a, b = positive("alpha", alpha), finite("beta", beta, 0.0)
@@ -44,9 +46,7 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
 def settling(
     pictures: int, period: float, ratio: float, drift: float, retain: float = 0.0
 ) -> tuple[float, float]:
-    """Return a Kalman filter that is not yet settled.
-
-    What a target's speed and noise do to its place.
+    """Return the effect of a target's speed and noise on a Kalman filter that has not settled.
 
     It starts at its first picture and believes in a speed around 0, so that it has to be taught
     every speed: at first it stays behind.
@@ -56,7 +56,7 @@ def settling(
         period: between them [s].
         ratio: of the speeds that it believes in to the noise, standard deviations [1/s].
         drift: the same of accelerations [1/s^2].
-        keep: share of itself that the arm keeps from picture to picture, as in `low_pass`.
+        retain: fraction of its state that the arm retains from image to image, as in `low_pass`.
 
     Returns:
         Mean error for each unit of speed [s], and variance over that of a picture, of the place;
@@ -95,9 +95,7 @@ def tip_jacobian(arm: TwoLink, q: ArrayLike) -> Array:
 
 
 def lag(arm: TwoLink, q: ArrayLike, kp: float, kd: float, velocity: ArrayLike) -> Array:
-    """Return how far the tip stays behind a reference that moves.
-
-    -(kd + c) / kp times its velocity.
+    """Return how far the tip lags behind a moving reference, -(kd + c) / kp times its velocity.
 
     At a steady rate the spring has to pay for all damping: kp e = (kd + c) v in each joint. The
     torques of acceleration are left out: they grow with the square of the speed.
@@ -105,7 +103,8 @@ def lag(arm: TwoLink, q: ArrayLike, kp: float, kd: float, velocity: ArrayLike) -
     Args:
         arm: c is its damping.
         q: posture, shape (2,), not stretched.
-        kp, kd: [N m/rad, N m s/rad].
+        kp: stiffness of the law [N m/rad].
+        kd: damping of the law [N m s/rad].
         velocity: of the reference's tip, shape (2,) [m/s].
     """
     J, u = tip_jacobian(arm, q), vector("velocity", velocity, (2,), unit="m/s")
@@ -160,7 +159,10 @@ def step_limit(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> float:
     least h for which 4 M - 2 h (kd + c) - h^2 kp is singular, which is what is solved here.
 
     Args:
-        arm, q, kp, kd: linearised at rest in q.
+        arm: linearised at rest in q.
+        q: posture, shape (2,) [rad].
+        kp: stiffness of the law [N m/rad].
+        kd: damping of the law [N m s/rad].
     """
     K, D = _pulls(arm, q, kp, kd)
     # 1 / h is an eigenvalue: 4 (1 / h)^2 - 2 D (1 / h) - K = 0.
@@ -172,7 +174,10 @@ def growth(arm: TwoLink, q: ArrayLike, kp: float, kd: float, dt: float, held: in
     """Return growth a control period near rest in q: the largest eigenvalue's size; stable below 1.
 
     Args:
-        arm, q, kp, kd: as for `step_limit`.
+        arm: as for `step_limit`.
+        q: as for `step_limit`.
+        kp: as for `step_limit`.
+        kd: as for `step_limit`.
         dt: physics step [s].
         held: steps for which a torque is held.
     """

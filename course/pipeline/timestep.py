@@ -48,8 +48,8 @@ def chain(
     """Return the task at a step; the last two states are the goal, and an end without it.
 
     Args:
-        way: the task.
-        dt: step [s]; the way takes a whole number of them.
+        path: the task.
+        dt: step [s]; the path takes an integer number of them.
         gamma: discount a step; by default exp(-dt / horizon).
         per_step: factor from a cost a second to one a step; by default the discounted time of a
             step, horizon (1 - gamma), which is dt for a short one.

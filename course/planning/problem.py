@@ -104,7 +104,7 @@ class Plan:
 
     @property
     def solved(self) -> bool:
-        """Whether there is a path."""
+        """True if there is a path."""
         return self.path is not None
 
 
@@ -141,7 +141,7 @@ class Query:
 
     @functools.cached_property
     def one_goal(self) -> bool:
-        """Whether the goal is a single state."""
+        """True if the goal is a single state."""
         low, high = self.goal.tolist()
         return bool(low == high)
 
@@ -286,9 +286,9 @@ def _nothing() -> None:
 
 
 def _state(name: str, value: ArrayLike, world: World) -> tuple[Array, bool]:
-    """Return a state from outside, and whether it is in bounds.
+    """Return a caller's state, and whether it is in bounds.
 
-    One that is needs no slower look.
+    A state in bounds skips the slower check.
     """
     if isinstance(value, np.ndarray) and value.shape == (world.dim,) and value.dtype == float:
         if world.within(value):

@@ -37,7 +37,7 @@ def contact_frame(normal: Array) -> Array:
 def free_velocity(scene: Scene, state: State, dt: float) -> Array:
     """Return velocities after a step without contact, (6, N).
 
-    Gravity, constant forces, the gyro term.
+    They include gravity, constant forces and the gyroscopic term.
     """
     mass = np.array([body.mass for body in scene.bodies])
     moments = np.array([body.moments for body in scene.bodies]).T

@@ -62,7 +62,10 @@ def path_error(
     end does not see the hops.
 
     Args:
-        engine, scene, dt, settings: what runs.
+        engine: the simulator that runs the scene.
+        scene: the scene.
+        dt: step [s].
+        settings: of the simulator.
         samples: equal times at which a scene without contact is compared with its truth; with
             contact it is compared after each step.
         moving: time [s] up to which steps count for `airborne`, such as until a block should rest.
@@ -116,10 +119,7 @@ class Drift:
 def energy_drift(
     engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR, samples: int = 100
 ) -> Drift:
-    """Return the energy that the engine reports, at so many equal times.
-
-    Drift and oscillation apart.
-    """
+    """Return drift and oscillation of the energy that the engine reports at equal times."""
     run = prepared(engine, scene, dt, settings)
     every = max(1, round(scene.duration / dt / count("samples", samples, 2)))
     energies = [run.energy()]
@@ -175,8 +175,9 @@ def judged(
 
 
 def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> float:
-    """Return how fast the first body moves that should rest, over the second half of the run
-    [m/s].
+    """Return how fast the first body, which should rest, moves [m/s].
+
+    The speed is averaged over the second half of the run.
     """
     run = prepared(engine, scene, dt, settings)
     half = max(1, round(0.5 * scene.duration / dt))
@@ -191,9 +192,7 @@ def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) ->
 def largest_step(
     engine: Engine, scene: Scene, steps: Iterable[float], settings: Settings = FAIR
 ) -> float:
-    """Return the largest of some steps [s] that is within the tolerance with all smaller ones, or
-    0.
-    """
+    """Return the largest step [s] up to which every tried step meets the tolerance, or 0."""
     best = 0.0
     for dt in sorted(steps):
         if position_error(engine, scene, dt, settings) > scene.tolerance:
@@ -276,8 +275,9 @@ def stop(
 def squeezed(
     engine: Engine, ratio: float, dt: float, settings: Settings = FAIR, friction: float = 0.5
 ) -> tuple[bool, float]:
-    """Return whether two fingers hold the part at a share of m g / (2 mu), and how far it sinks
-    [m].
+    """Return whether two fingers hold the part, and how far it sinks [m].
+
+    They press with a share of the force m g / (2 mu) that friction needs.
 
     What slips is fast and gains speed: over 0.02 m/s in the last third of 0.5 s, and 0.005 g over
     the last two. What creeps moves evenly, and a part that turns about a corner comes to rest:
@@ -383,14 +383,17 @@ def reach(
     damping: float = 0.5,
     modelled: float | None = None,
 ) -> Reach:
-    """Return a reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a
-    step.
+    """Run a reach of the 7-R arm under computed torque, once a step.
+
+    The law uses chapter 4's model of the arm.
 
     The model knows all that the URDF text says, so that an engine fails by what it leaves out or
     adds: a damping that is not read, a motor that holds a joint.
 
     Args:
-        engine, dt, settings: what runs the arm.
+        engine: the simulator that runs the arm.
+        dt: step [s].
+        settings: of the simulator.
         duration: of the reach [s].
         damping: of each joint, in the text and in the model [N m s/rad].
         modelled: the model's own, where the two differ.

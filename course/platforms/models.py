@@ -194,7 +194,7 @@ class Reading:
 def possible(facts: dict[str, Any]) -> bool:
     """Return whether the loaded model can be an arm.
 
-    Every moving link a body, every number finite.
+    Every moving link must be a body, and every number finite.
     """
     for name in ("masses", "moments", "places", "axes", "damping"):
         if not np.isfinite(np.array(facts[name], dtype=float)).all():

@@ -98,7 +98,7 @@ class Scene:
 
     @property
     def unit(self) -> str:
-        """Of `error`."""
+        """Unit of `error`."""
         return "m" if self.judge == "place" else "rad"
 
     @property
@@ -159,7 +159,7 @@ class Scene:
 def urdf(chain: Chain, name: str = "arm") -> str:
     """Return the URDF text of an arm without branches.
 
-    Links `base`, `link0`, ... and joints `joint0`, ...
+    Its links are `base`, `link0`, ... and its joints `joint0`, ...
 
     Every number is written with all its digits. URDF knows no armature, and a tool is no part of
     it; a joint without limits is continuous.

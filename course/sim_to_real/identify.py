@@ -110,7 +110,10 @@ class Fit(Visible):
     reason: str
 
     def half_width(self, level: float = 0.95) -> Array:
-        """Return of the interval that holds a parameter in this share of logs, shape (P,)."""
+        """Return half the width of the intervals that hold the parameters in this share of logs.
+
+        The shape is (P,).
+        """
         from scipy.special import stdtrit
 
         quantile = stdtrit(self.residual.size - len(self.names), 0.5 * (1.0 + level))
@@ -118,9 +121,9 @@ class Fit(Visible):
 
 
 def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> tuple:
-    """Return names, values, bounds and sizes of what is free.
+    """Return names, values, bounds and sizes of the free parameters, and the simulator.
 
-    And the simulation of points (P, K).
+    The simulator takes points (P, K).
     """
     names = tuple(one_of("free", name, start) for name in free)
     low, high = np.array([free[name] for name in names], dtype=float).reshape(-1, 2).T
@@ -142,8 +145,9 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
 
 
 def _slope(run: Callable, x: Array, low: Array, high: Array, size: Array) -> Array:
-    """Return d simulated / d parameter by central differences in one rollout, shape (n, T + 1,
-    P).
+    """Return d simulated / d parameter by central differences, shape (n, T + 1, P).
+
+    All differences are taken in one batched rollout.
     """
     up, down = np.minimum(x + 6e-6 * size, high) - x, np.maximum(x - 6e-6 * size, low) - x
     both = run(x[:, None] + np.hstack([np.diag(up), np.diag(down)]))
@@ -157,10 +161,11 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
     samples than parameters are each a ValueError.
 
     Args:
-        simulate, log: all signals count alike.
+        simulate: parameters -> simulated signals, all of which count alike.
+        log: the measured signals and the commands.
         start: all that `simulate` wants, by name; what is not free stays.
         free: bounds of each parameter that is to be found.
-        steps: most that are tried.
+        steps: limit on the Gauss-Newton steps.
     """
     names, x, low, high, size, run = _prepared(simulate, log, start, free)
     desired, P = np.asarray(log.measured, dtype=float), len(names)
@@ -263,8 +268,10 @@ def excitation(
     free: Bounds,
     noise: float = 1e-3,
 ) -> dict[str, Visible]:
-    """Return what each of several logs would tell, the best conditioned one first, before anything
-    is measured: only their commands count, the parameters are those of `start`.
+    """Predict how well each of several logs would identify the parameters, the best one first.
+
+    Nothing needs to be measured: only the logs' commands count, and the parameters are those of
+    `start`.
     """
     report = {}
     for name, log in logs.items():

@@ -21,7 +21,7 @@ CUBE = numba.types.Array(numba.float64, 3, "C")
 
 @register_jitable
 def _accelerations(arm, i, q2, v1, v2, u1, u2, s1, s2):
-    """Return of both joints, and the torque that friction would need to hold each [rad/s^2, N m].
+    """Return both joint accelerations, and the friction torques that would hold the joints.
 
     A side s is 1 or -1 for a joint that slides there, 0 for one that is held. This is
     `two_link.acceleration` for one arm, with the forces kept apart for the joints that are held.

@@ -85,8 +85,9 @@ class Solution:
 def value_iteration(
     process: Process, tolerance: float = 1e-12, *, max_sweeps: int = 50_000
 ) -> Solution:
-    """Return bellman's iteration, then the exact value of the policy that it found (Puterman,
-    1994).
+    """Solve a process with value iteration, then evaluate its policy exactly.
+
+    The method is Bellman's (Puterman, Markov Decision Processes, 1994).
 
     Each sweep multiplies the error by gamma at best, so the number of sweeps is proportional to
     1 / (1 - gamma): hundreds of thousands at 0.9999. `policy_iteration` needs a few solves.
@@ -237,8 +238,9 @@ def learning_steps(
     rate: float = 0.5,
     chance: float = 0.1,
 ) -> float:
-    """Return steps of Q-learning (Watkins, 1989) until its greedy walk from state 0 is a shortest
-    one.
+    """Return how many steps Q-learning (Watkins, 1989) needs to find a shortest walk.
+
+    It has found one when its greedy walk from state 0 is shortest.
 
     Shaped by phi it does what it does unshaped with values that start at phi (Wiewiora, 2003): so a
     potential that is too high makes it try everything, one that is too low nothing new.
@@ -248,8 +250,9 @@ def learning_steps(
         rng: of the exploration.
         optimal: length of a shortest walk.
         start: of Q, a number or one for each state (S,).
-        most: steps after which it is given up.
-        rate, chance: of learning, and of a random action.
+        at_most: steps after which it is given up.
+        rate: learning rate.
+        chance: probability of a random action.
 
     Returns:
         Steps; infinite if they were not enough.

@@ -54,9 +54,9 @@ def subsets(names: Iterable[str]) -> list[Subset]:
 
 
 def attribution(value: Mapping[Subset, float]) -> dict[str, tuple[float, float, float]]:
-    """Return what each part adds to a value.
+    """Return what each change adds to a value.
 
-    Alone, on average over all orders, and as the last one.
+    It may be made alone, in the average over all orders, or last.
 
     The average is Shapley's (A value for n-person games, 1953): the only split that adds up to the
     whole change and treats parts alike that do the same. Where alone and last have other signs, no
@@ -116,9 +116,12 @@ def trials(
     is McNemar's test (eq. 13.17 there): only those count where one succeeds and the other fails.
 
     Args:
-        first, second: the rates, not equal.
+        first: one success rate.
+        second: the other success rate, not equal.
         together: share of the same trials in which both succeed; None for trials of their own.
-        power: with which a difference is found, level: at which none is claimed, two-sided.
+        power: probability of detecting the difference.
+        level: two-sided significance level, the probability of claiming a difference where there is
+            none.
     """
     from scipy.special import ndtri
 
@@ -142,9 +145,7 @@ def trials(
 
 
 def transfer_bound(gamma: float, eps: float, reward: float = 1.0) -> float:
-    """Return how much a policy's value may differ between two processes.
-
-    Gamma eps R / (1 - gamma)^2.
+    """Return gamma eps R / (1 - gamma)^2, a bound on a policy's value difference in two processes.
 
     With rewards in [0, R] no value is above R / (1 - gamma), so an expectation over the next state
     differs by eps R / (1 - gamma) at most, at every step anew (the simulation lemma: Kearns and

@@ -293,7 +293,7 @@ def stamps(state, times):
 def advance(state, controls, seconds):
     """Advance the simulation, twenty times slower than the nodes.
 
-    At the end of the run it begins again.
+    At the end of the run it starts again.
     """
     passed = state["time"] + PACE * seconds - SETTLED
     state["time"] = SETTLED + passed % (SPAN - SETTLED - 0.5)

@@ -461,9 +461,9 @@ def reading(pen, name, value, form, unit=0, instead=0):
 
 @register_jitable
 def remember(history, count, now):
-    """Return room for one more sample of a history (rows, N), whose row 0 is the time.
+    """Make room for one more sample of a history (rows, N), whose row 0 is the time.
 
-    Where it is full the older half is forgotten.
+    When it is full the older half is dropped.
 
     Returns:
         How many samples there are now; the last one has its time, the other rows are to be filled.

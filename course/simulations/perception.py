@@ -68,10 +68,7 @@ MILLISECONDS: dict[str, float] = {}  # of each stage of the last picture
 
 
 def scene(pieces, distance):
-    """Return table and parts before the camera; the parts about their origins; poses.
-
-    The table's pose.
-    """
+    """Return table and parts before the camera, the parts about their origins, and all poses."""
     table = np.array([0.0, 0.0, distance, *exp(np.array([math.pi - TILT, 0.0, 0.0]))])
     parts, poses = [], []
     for kind, a, b, c, x, y, yaw in pieces[pieces[:, 0] != NOTHING]:
@@ -306,9 +303,9 @@ def _put(controls, state, x, y, yaw):
 
 
 def grab(controls, state, x, y):
-    """Handle a press of the pointer: the picked part's knob is in hand, or a part.
+    """Handle a press of the pointer: grab the picked part's knob, or a part.
 
-    On the bare table a thin one begins.
+    A press on the bare table starts a thin one.
     """
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
     state["held"], pieces, vacant = 0, controls["pieces"], -1

@@ -46,7 +46,7 @@ class Field:
 
     @property
     def switch(self) -> bool:
-        """Whether it is on or off."""
+        """True for a boolean field."""
         return isinstance(self.default, bool)
 
     @property

@@ -222,10 +222,7 @@ def box(*sides: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 def lathe(
     profile: list[tuple[float, float]], sides: int = 24
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return a profile of (radius, height) turned about the z axis.
-
-    Corners (3, N), faces (F, 4).
-    """
+    """Turn a profile of (radius, height) about the z axis: corners (3, N), faces (F, 4)."""
     radius, height = np.array(profile).T
     angle = 2.0 * np.pi * np.arange(sides) / sides
     corners = np.array(

@@ -38,9 +38,9 @@ def _link(chapter: Chapter, anchor: str, anchors: Anchors, text: str) -> str:
 
 
 def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, str]:
-    """Return the verdict on a claim and what is true, as Markdown.
+    """Return the verdict on a claim and the correct statement, as Markdown.
 
-    Of its card, or from the record.
+    They come from its card, or from the record.
     """
     if claim.id in shown:
         if not (report := _WHY.search(shown[claim.id])):
@@ -104,10 +104,7 @@ def _symbols(chapter: Chapter) -> dict[str, str]:
 
 
 def glossary(anchors: Anchors) -> str:
-    """Return the page of words, each with where it is defined, and of symbols.
-
-    With what they mean.
-    """
+    """Return the glossary: terms with where they are defined, symbols with their meaning."""
     parts = [
         "# Words and symbols",
         "Each word is defined where its link leads. A symbol means what its chapter says; names "
@@ -169,9 +166,7 @@ def predictions(anchors: Anchors) -> str:
 
 
 def moving(pages: Mapping[str, Sequence[str]]) -> str:
-    """Return which simulations of the site move, and which show what was recorded.
-
-    A Markdown table.
+    """Return a Markdown table of the simulations that move and those that show a recording.
 
     Args:
         pages: page -> the simulations on it.

@@ -107,9 +107,7 @@ class AutoresettingVectorEnv(VectorEnv):
     def _plan_reset(
         self, seed: Any, options: dict[str, Any] | None
     ) -> tuple[NDArray[np.intp], list[int | None], dict[str, Any] | None]:
-        """Return which environments to reset, the seed of each of all.
-
-        And the options left for them.
+        """Return which environments to reset, the seed of each, and the remaining options.
 
         As in Gymnasium: an int s seeds environment i with s + i, and options["reset_mask"] picks
         the environments.

@@ -72,18 +72,20 @@ def optimum(
     max_steps: int = MAX_STEPS,
     **disc: float,
 ) -> Array:
-    """Return the most that an episode can be worth at its start.
+    """Return the highest return that an episode can have, from its start.
 
-    With a prize of 1, discounted by 0.99.
+    The prize is 1, discounted by 0.99.
 
     "sparse": 0.99^(least steps - 1). "potential" adds the first distance, whatever is done. "once"
     adds the bonus. With "hover" an end put off by a step loses 1 - 0.99 of the prize and wins a
     bonus: either it pays to go at once, or to wait outside the disc until the last step.
 
     Args:
-        ways: first observations, points at rest, (n, 4) [m].
-        reward: one of these four; of "distance" the best has no closed form.
-        bonus, max_steps, disc: of the task; `radius` and `dt`.
+        paths: first observations, points at rest, shape (n, 4) [m].
+        reward: one of these four; the best return for "distance" has no closed form.
+        max_steps: time limit of the task.
+        bonus: reward at the goal.
+        **disc: `radius` and `dt` of the task.
     """
     least, _ = plan(paths, **disc)
     prize = DISCOUNT ** (least - 1.0)

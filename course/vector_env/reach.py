@@ -49,7 +49,7 @@ REACH_FAR, REACH_NEAR = 0.95, 0.05  # m/m and m: how far the targets keep off th
 def table(arms: TwoLink | Sequence[TwoLink], num_envs: int) -> Array:
     """Return the parameters of `num_envs` arms, shape (13, num_envs).
 
-    One arm for all, or one each.
+    Give one arm for all, or one for each.
     """
     each = [arms] * num_envs if isinstance(arms, TwoLink) else list(arms)
     if len(each) != num_envs or not all(isinstance(arm, TwoLink) for arm in each):

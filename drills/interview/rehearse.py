@@ -284,9 +284,7 @@ class Talk:
 
 
 def to_read(entry: Entry) -> str:
-    """Return the section of its chapter that is nearest to the weakest line, "" after a good
-    answer.
-    """
+    """Return the chapter section nearest to the weakest line, or "" after a good answer."""
     chapter = next(chapter for chapter in CHAPTERS if chapter.number == entry.chapter)
     path = notebook_of(chapter)
     if entry.score >= rehearsal.WEAK or not path.is_file():

@@ -73,9 +73,9 @@ class Answers:
         )
 
     def asking(self, number: int) -> Any:
-        """Return a function that stays in the grader.
+        """Return a stand-in for a function that stays in the grader.
 
-        A call goes there and waits for the answer.
+        A call is sent there and waits for the answer.
         """
 
         def function(*args: Any) -> Any:

@@ -807,9 +807,7 @@ card("hybrid")
 
 # %%
 def hybrid_torque(J, frame, forced, error, velocity, force, wanted, gains):
-    """Return joint torques that press along some axes of a surface and follow a place along the
-    others.
-    """
+    """Return joint torques that press along some axes of a surface and move along the others."""
     # Impedance along all axes: no force is controlled.
     return np.asarray(J).T @ (gains[0] * np.asarray(error) - gains[1] * np.asarray(velocity))
 

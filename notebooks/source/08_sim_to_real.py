@@ -973,9 +973,7 @@ card("output_error")
 
 # %%
 def output_error(q, tau, dt, start, guess):
-    """Return inertia and damping of a joint with the smallest squared error of its simulated
-    angles.
-    """
+    """Return inertia and damping of a joint that minimise the squared error of simulated angles."""
     # By differences of the angles.
     rate = np.gradient(q, dt)
     return np.linalg.lstsq(np.column_stack((np.gradient(rate, dt), rate)), tau, rcond=None)[0]

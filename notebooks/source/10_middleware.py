@@ -1070,8 +1070,7 @@ card("keep_last")
 
 # %%
 def keep_last(stamps, arrivals, reads, depth, lifespan):
-    """Return what a reader takes out of a cache that keeps the last messages, none longer than they
-    live.
+    """Return what a reader takes out of a cache of the last messages with a lifespan.
 
     Args:
         stamps: when each message was written, shape (n,) [s].

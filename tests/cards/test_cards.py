@@ -279,6 +279,7 @@ def test_the_checkpoint_opens_when_all_is_right():
     for name in right:
         closed = cards.checkpoint("rigid_body", **(right | {name: "omega"}))
         assert "gate closed" in repr(closed) and f"{len(right) - 1} of {len(right)}" in repr(closed)
+        assert "not right" in repr(closed) and "**Not right.**" in closed.markdown  # not "open"
     blank = cards.checkpoint("rigid_body")
     assert f"0 of {len(right)} right" in repr(blank)
     for name, expression in right.items():

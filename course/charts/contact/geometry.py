@@ -309,10 +309,7 @@ def in_mujoco(dt: float, speed: float, phase: float, speculative: bool = False) 
 def tunnelling_limit(
     steps: Sequence[float] = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2), grid: int = 54, phases: int = 4
 ) -> Iterator[Panel]:
-    """Chart the least speed at which a ball comes through a wall, by step.
-
-    Two limits, and two cures.
-    """
+    """Chart the least speed at which a ball passes through a wall, by step, with two cures."""
     speeds = np.geomspace(1.0, 400.0, grid)
     soft = math.e * REACH / (DMAX * TIMECONST)
     panel = Panel(

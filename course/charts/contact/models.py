@@ -491,9 +491,9 @@ def contact_penalty_limit(
 
 
 def cube_limit(springs: int = 2, stiffness: float = 1e4) -> float:
-    """Return largest stable step of a square of 1 kg on springs under its corners.
+    """Return the largest stable step [s] of a square of 1 kg on springs under its corners.
 
-    By bisection [s].
+    The step is found by bisection.
 
     Two of them turn it with omega^2 = 2 k a^2 / (2 m a^2 / 3) = 3 k / m, faster than they lift it;
     one is under its middle.
@@ -798,9 +798,9 @@ def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> f
 
 
 def rebound(start: float, dt: float = 0.02) -> float:
-    """Return where a ball is after 1 s that flies at 1 m/s at a wall and bounces, without loss.
+    """Return where a ball is that flies at a wall at 1 m/s and bounces without loss [m].
 
-    At the end of the step that reaches it [m]; `start` is its distance from the wall.
+    It is evaluated at the end of the step that reaches 1 s; `start` is its distance from the wall.
     """
     x, v = -start, 1.0
     for _ in range(round(1.0 / dt)):
@@ -818,9 +818,9 @@ def slope(f: Callable[[float], float], x: float, width: float) -> float:
 def smoothed_slope(
     f: Callable[[float], float], x: float, width: float, rng: np.random.Generator, draws: int = 100
 ) -> float:
-    """Return derivative of the mean of f over Gaussian perturbations.
+    """Return the derivative of the mean of f over Gaussian perturbations.
 
-    From values alone (in pairs).
+    It is estimated from pairs of values alone.
     """
     e = rng.standard_normal(draws)
     values = [(f(x + width * z) - f(x - width * z)) * z / (2.0 * width) for z in e]

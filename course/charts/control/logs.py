@@ -176,8 +176,7 @@ def what_a_log_tells(
 def learned_beside_adaptive(
     rounds: int = 6, seeds: int = 7, dt: float = 4e-3, outside: float = 1.6
 ) -> Iterator[Panel]:
-    """Chart a learned residual against data, inside and outside its motion, beside the adaptive
-    law.
+    """Chart a learned residual inside and outside its training motion, next to the adaptive law.
 
     Args:
         rounds: of collecting and fitting.

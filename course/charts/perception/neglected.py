@@ -93,9 +93,9 @@ def with_shadow(shapes: Shapes, seed: int) -> Array:
 
 
 def striped(shapes: Shapes, seed: int) -> Array:
-    """Return colour: every other 32 columns reflect little.
+    """Return a colour image whose every other 32 columns reflect little.
 
-    And the noise there is DARK times as much.
+    The noise there is DARK times as large.
     """
     exact = render(shapes, EYE)[0]
     rng = np.random.default_rng(seed)

@@ -349,10 +349,7 @@ def both_ways(path: Array, limits: Array, blend: float, grid: int) -> Array:
 
 @chart(columns=2)
 def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15) -> Iterator[Panel]:
-    """Chart a 7-joint motion past rounded corners.
-
-    Acceleration between grid points, and its duration.
-    """
+    """Chart acceleration between grid points, and duration, of a 7-joint motion past corners."""
     rng = np.random.default_rng(0)
     limits = np.array([[2.2] * 4 + [2.6] * 3, [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]])
     some = [rng.uniform(-1.5, 1.5, (7, 5)) for _ in range(paths)]

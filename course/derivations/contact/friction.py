@@ -297,9 +297,9 @@ def friction_has_a_step_limit(result):
         return np.abs(v[0] + radius * v[2]).max() / slip
 
     def remaining(mu, slip, share):
-        """Return speed over slip speed after 400 steps of this share of the limit.
+        """Return speed over slip speed after 400 steps, friction being this share of its limit.
 
-        Step, spring's [s].
+        The step and the spring's period are in s.
         """
         dt = share * 2 * slip / (mu * scenes.GRAVITY)
         stiffness = 0.02 / dt**2  # its own limit is 14 of these steps

@@ -27,7 +27,7 @@ SYMBOLS = {
 def swung(q, kp, kd, dt, steps, offset):
     """Return angles (steps, 2, N) of N arms under PD from an offset at rest.
 
-    By semi-implicit Euler.
+    They are integrated by semi-implicit Euler.
 
     Args:
         q: postures at which the arms are held, (2, N) [rad].
@@ -265,7 +265,7 @@ def swings_die(result):
     soft, stiff = result.input("soft", 25.0), result.input("stiff", 250.0)
 
     def rate(kp):
-        """Return of decay, from the largest swings of the first and of the last third [1/s]."""
+        """Return the rate of decay from the largest swings of first and last third [1/s]."""
         dt = 0.02 / np.sqrt(kp * value[0])
         away = 1e-5 * shapes[:, :1]
         observed = swung(np.array(bent)[:, None], kp, 0.0, dt, 3000, away)[:, :, 0] - bent

@@ -124,10 +124,7 @@ def worked_example(method: str) -> Bounces:
 
 @functools.cache
 def near(method: str, n: int = 500) -> Bounces:
-    """Return ten bounces from starts near the worked example's.
-
-    Up to 1 mm and one step's speed off.
-    """
+    """Return ten bounces from starts up to 1 mm and one step's speed from the worked example's."""
     heights, speeds = np.random.default_rng(10).uniform(-1, 1, (2, n)) * [[1e-3], [GRAVITY * STEP]]
     return drop(method, height=HEIGHT + heights, speed=speeds)
 

@@ -201,10 +201,7 @@ def contact_seen_is_contact_stopped(result):
     constant = result.input("time_constant_ms", 20) / 1000
 
     def passes(speed):
-        """Return whether the ball gets through in some phase.
-
-        And the fewest steps it is seen to touch.
-        """
+        """Return whether the ball passes through in some phase, and the fewest steps it touches."""
         through, touched, _ = zip(*(_thrown(speed, phase) for phase in _PHASES), strict=True)
         return any(through), min(touched)
 
@@ -294,10 +291,7 @@ def penetration_limit_catches(result):
     import mujoco
 
     def observed(speed, contact="", flags="", dt=0.002, phase=0.5):
-        """Return whether a plate of 1 cm touches a wall of 1 cm at any step.
-
-        And stays before it.
-        """
+        """Return whether a plate of 1 cm touches a wall of 1 cm at any step and stays before it."""
         model, data = small_model(
             f'<geom type="box" size=".005 1 1" {contact}/><body>'
             '<joint type="slide" axis="1 0 0"/>'

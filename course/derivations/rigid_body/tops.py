@@ -37,10 +37,7 @@ def _spin(moments: Any, omega: Any, seconds: float, steps: int = 1000) -> Any:
 
 
 def _wander(q: np.ndarray, omega: np.ndarray) -> float:
-    """Return largest angle between a body's axis of rotation at the start and later.
-
-    In space [deg].
-    """
+    """Return the largest angle in space of a body's axis of rotation from its start [deg]."""
     from course.rigid_body import quaternion
 
     axis = quaternion.rotate(q.T, omega.T)
@@ -57,10 +54,7 @@ def _without_term(moments: Any, omega: Any, seconds: float) -> float:
 
 
 def _top_run(inertia: Any, spin: float, tilt: float, duration: float, dt: float = 5e-4) -> Any:
-    """Return cosines of the tilt along a run of a top with m g l = 1 N m, the run.
-
-    And the system.
-    """
+    """Run a top with m g l = 1 N m; return the cosines of its tilt, the run and the system."""
     from course.rigid_body import problems, simulate
 
     system = problems.heavy_top(inertia, 1.0, tilt, spin, duration).system

@@ -220,10 +220,7 @@ def one_sample_late(result):
     truth = np.array(list(TRUTH.values()))
 
     def moved(**changed):
-        """Return errors, over the true values and over the error bars, growth.
-
-        And how late it says.
-        """
+        """Return errors over the true values and the error bars, growth, and the stated delay."""
         log, right, _ = fitted(**changed)
         shifted = np.column_stack([log.measured[:, 0], log.measured[:, :-1]])
         stamped = Log(log.times, shifted, log.command)

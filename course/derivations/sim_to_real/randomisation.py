@@ -110,7 +110,7 @@ def mass_without_set_const(result):
         return free(factor, recompute, 500.0)
 
     def depth(factor, recompute):
-        """Return of the sled at rest [m]."""
+        """Return how deep the sled rests in the floor [m]."""
         data = mujoco.MjData(model := _scaled(_sled(0.5, 0.5), factor, recompute=recompute))
         mujoco.mj_step(model, data, nstep=1500)
         return data.contact.dist.min()
@@ -249,10 +249,7 @@ def mass_and_period(result):
 
 
 def _drawn(model, draws, rng, **ranges):
-    """Return arrays of a model over draws of the course's randomiser.
-
-    (masses, damping, friction).
-    """
+    """Return (masses, damping, friction) of a model over samples of the course's randomiser."""
     import mujoco
 
     from course.drills import DomainRandomizer

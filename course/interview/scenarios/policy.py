@@ -156,7 +156,7 @@ def recorded() -> tuple[Array, Array]:
 def replayed(first: int, last: int) -> Callable[[str, int], float]:
     """Return the probe that replays the torques.
 
-    Root mean square of the angles' difference [mrad].
+    Its figure is the root mean square difference of the angles [mrad].
     """
 
     def run(cause: str, seed: int) -> float:

@@ -120,7 +120,7 @@ def batch_boxes(
 ) -> BatchRunner:
     """Return N planar boxes in `mujoco.batch`.
 
-    `box_drop` with q0 and v0 (3, N), and its keywords in box.
+    It is `box_drop` with q0 and v0 (3, N), and its keywords in box.
 
     `threads` counts the caller's own; 0 takes one a core.
     """

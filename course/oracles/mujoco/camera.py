@@ -21,10 +21,7 @@ NEAR, FAR = 0.01, 10.0  # planes between which OpenGL draws [m]
 
 
 def scene(shapes: Shapes, camera: Camera) -> str:
-    """Return the model's text, with a camera of MuJoCo, which looks along -z with y up.
-
-    At the origin.
-    """
+    """Return the model's text, with a camera at the origin that looks along -z with y up."""
 
     def words(values: Array) -> str:
         return " ".join(f"{value:.17g}" for value in values)
@@ -76,10 +73,7 @@ class Rays:
         )
 
     def picture(self) -> tuple[Array, NDArray[np.int64]]:
-        """Return depth, 0 where nothing is, and the number of the shape, -1 where none is.
-
-        (H, W).
-        """
+        """Return depth, 0 without a hit, and the number of the shape, -1 without a hit; (H, W)."""
         self.cast()
         depth = np.where(self._ids < 0, 0.0, self._depth)
         return depth.reshape(self._shape), self._ids.astype(np.int64).reshape(self._shape)

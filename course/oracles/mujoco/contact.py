@@ -114,7 +114,7 @@ _FLOOR = '<geom type="plane" size="9 9 1"/>'
 def _ball(joint: str = "") -> str:
     """Return a ball of 1 kg, 0.1 m and 0.005 kg m^2 on three slides above the floor.
 
-    With a joint more.
+    One more joint can be added.
     """
     return (
         f'{_FLOOR}<body pos="0 0 0.1">{_SLIDES}{joint}<inertial pos="0 0 0" mass="1" '
@@ -142,7 +142,7 @@ def spinning_disc(options: Options, spin: float = 10.0) -> Runner:
 def tower(options: Options, masses: Sequence[float]) -> Runner:
     """Return balls of 0.1 m on top of each other, each on one vertical slide.
 
-    The lowest first [kg].
+    Masses start with the lowest [kg].
     """
     body = _FLOOR + "".join(
         f'<body pos="0 0 {0.1 + 0.2 * i:.17g}"><joint type="slide" axis="0 0 1"/>'
@@ -177,7 +177,7 @@ def table(options: Options, load: Sequence[float] = (0.0, 0.0), side: float = 1.
 def pinch(options: Options, squeeze: float = 5.0, mass: float = 0.2) -> Runner:
     """Return a glass between two fingers of 50 g that press with `squeeze` [N].
 
-    Q as in the scene.
+    q is that of the scene.
     """
 
     def finger(x: float) -> str:
@@ -246,7 +246,7 @@ class ContactState:
 def contact_state(runner: Runner) -> ContactState | None:
     """Return the contacts of the present state (`mj_forward` is called).
 
-    None where nothing touches.
+    It returns None where nothing touches.
 
     Raises:
         ValueError: for a model with other constraints, or contacts of several kinds.

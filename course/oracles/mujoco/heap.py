@@ -51,7 +51,7 @@ def hull(points: int, seed: int = 0) -> Array:
 
 
 class Heap:
-    """So many bodies of one shape that were dropped into a pen.
+    """Bodies of one shape that were dropped into a pen.
 
     Args:
         points: of a hull; 0 for spheres, 1 for boxes that just hold one.

@@ -46,7 +46,7 @@ def _swung(
 def cases(rng: np.random.Generator) -> list[Case]:
     """Return joints with and without friction and weight.
 
-    From rest and moving, noise of 0 to 0.1 mrad.
+    They start from rest and moving, with noise of 0 to 0.1 mrad.
     """
 
     def log(

@@ -46,8 +46,9 @@ ROUNDED = float(np.finfo(float).eps)  # the least error that the chart shows
 
 
 def judge(attempt: Attempt) -> None:
-    """Check one draw in every detail, then repetition, restoring, distributions, delay and
-    noise.
+    """Check one draw in every detail, then what must be true of many.
+
+    That is repetition, restoring, distributions, delay and noise.
     """
     try:
         _judge(attempt)

@@ -209,10 +209,7 @@ def friction_slip(bench: Bench, arrays: Arrays) -> str:
 
 
 def contact_frictions(model: Any) -> dict[str, float]:
-    """Return sliding coefficient of each contact: sled, box and puck on the floor.
-
-    The box on the puck.
-    """
+    """Check the friction of contacts, that of the box on the puck included."""
     import mujoco
 
     result: dict[str, float] = {}

@@ -20,10 +20,7 @@ G = 9.81
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return holding, speeding up, coasting.
-
-    Cases in which one term stands alone, then all of them.
-    """
+    """Return cases in which one term stands alone, then all of them."""
 
     def moving(
         n: int,

@@ -4,6 +4,7 @@ import numpy as np
 
 
 def generator(seed):
+    """Return a generator that the child owns, so that draws are counted there."""
     return np.random.default_rng(seed)
 
 

@@ -237,10 +237,7 @@ def _time(attempt: Attempt) -> None:
 
 
 def walked(attempt: Attempt) -> Plan:
-    """Return mean reward of the walk without actions, which is 0.
-
-    From more and more environments.
-    """
+    """Check walks of more and more environments."""
     from course.oracles.gymnasium import sync_vector_env, wrapped
 
     steps = 20

@@ -37,6 +37,7 @@ class Field:
         return Field(self.kind, self.numbers, self.shape)
 
     def __call__(self, place: Any) -> Array:
+        """Return the acceleration at a position and count the call, after checking its shape."""
         self.calls += 1
         q = numbers_of(place, "the position")
         if q.shape != self.shape:

@@ -12,11 +12,13 @@ class Field:
         self.calls = 0
 
     def __call__(self, q):
+        """Return the acceleration at q and count the call."""
         self.calls += 1
         return acceleration(self.kind, self.numbers, q)
 
 
 def acceleration(kind, numbers, q):
+    """Return the acceleration at q for unit mass, one of four force fields."""
     q = np.array(q, dtype=float)
     if kind == "spring":
         return -numbers[0] * q - numbers[1] * q**3
@@ -28,6 +30,7 @@ def acceleration(kind, numbers, q):
 
 
 def field(kind, numbers):
+    """Return a force field that counts its evaluations."""
     return Field(kind, numbers)
 
 

@@ -57,10 +57,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def arrived(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Check whether the hand has the orientation asked for.
-
-    The check that the program's author made.
-    """
+    """Run the check that the program's author made."""
     try:
         q = as_float64(parts[0], (3,))
     except Mismatch:
