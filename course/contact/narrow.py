@@ -22,6 +22,7 @@ from course.contact.shapes import Array, Shape, corners_in_space, poses
 from course.rigid_body.quaternion import to_matrix
 
 _EPS = 2.0**-52
+_ALL = 1 << 30  # iterations of GJK: as many as it takes
 _STUCK = 4  # iterations in a row that bring neither bound of the distance nearer
 # Vertices that a growing polytope may have, and more for each corner of the shapes: where both are
 # round and nearly concentric, it needs many. Its faces are fewer than twice as many.
@@ -234,8 +235,10 @@ def _known(s, n):
 
 
 @register_jitable
-def _gjk(va, vb, pair, s, share):
+def _gjk(va, vb, pair, s, share, most=_ALL):
     """Return the point of the set of differences nearest to the origin, as shares of rows of s.
+
+    After `most` iterations it stops, so that a picture can show each of them.
 
     Returns:
         How many rows of s hold it, 5 where the origin is inside; its distance, and a lower bound of
@@ -252,7 +255,7 @@ def _gjk(va, vb, pair, s, share):
     square = dot(x, x)
     low, last, rounding = -math.inf, math.inf, 4.0 * _EPS * pair[_SIZE]
     iterations, stuck = 0, 0
-    while square > 100.0 * rounding * rounding:  # below, they touch
+    while iterations < most and square > 100.0 * rounding * rounding:  # below, they touch
         iterations += 1
         # support: the point of the Minkowski difference farthest towards the origin.
         _support((-x[0], -x[1], -x[2]), va, vb, pair, s, n)

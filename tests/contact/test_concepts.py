@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from course import contact
 from course.contact import scenes
 from course.simulations import pen as draw
-from course.simulations.contact import friction_cone, half_axes
+from course.simulations.contact import friction_cone, half_axes, simplex, stopping_distance, sweeps
 from course.simulations.model import Experiment
 from tests.budget import examples
 
@@ -153,3 +153,225 @@ def test_the_hand_goes_down_and_up_by_itself_and_visits_both_half_axes():
     gaps, forces = np.array(pairs).T
     assert gaps.max() > 0.8 * half_axes.GAP and forces.max() > 0.8 * half_axes.PRESS
     assert np.all(gaps * forces == 0.0)
+
+
+# --- sweeps of projected Gauss-Seidel -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [0.25, 1.0, 4.0, 20.0])
+def test_the_stack_is_the_chapters_tower(ratio):
+    controls = sweeps.CONTROLS.new(ratio=ratio)
+    problem = scenes.tower([sweeps.LOWER, ratio * sweeps.LOWER]).problem(sweeps.STEP)
+    A, b = sweeps.delassus(controls)
+    assert np.allclose(A, problem.delassus, rtol=1e-12)
+    assert np.allclose(b, problem.offset, rtol=0.0, atol=1e-12)
+    impulses = contact.solve("lcp", problem).impulses[:, 0]
+    assert np.allclose(sweeps.solution(controls), impulses, rtol=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.25, 1.0, 4.0, 20.0])
+@pytest.mark.parametrize("order", [0, 1])
+def test_the_error_falls_by_the_largest_eigenvalue_of_a_sweep(ratio, order):
+    run = Experiment(sweeps.MODEL, ratio=ratio, order=order)
+    A, _ = sweeps.delassus(run.controls)
+    # The masses m and r m: A = [[1, -1], [-1, 1 + 1 / r]] / m, so the factor is r / (1 + r).
+    assert sweeps.contraction(A) == pytest.approx(ratio / (1.0 + ratio), rel=1e-12)
+    visited = A[::-1, ::-1] if order else A
+    iteration = -np.linalg.solve(np.tril(visited), np.triu(visited, 1))
+    largest = np.abs(np.linalg.eigvals(iteration)).max()
+    run.advance(5 * sweeps._PACE)
+    error = run.state["error"][: run.state["sweeps"] + 1]
+    assert run.state["sweeps"] == 5
+    assert np.allclose(error[2:] / error[1:-1], largest, rtol=1e-8)
+    assert number(run, "factor, measured") == number(run, "factor, predicted")
+
+
+def test_sweeps_end_at_the_exact_impulses_and_none_follows_the_last():
+    run = Experiment(sweeps.MODEL, ratio=0.5)
+    run.advance(100.0)
+    assert run.state["sweeps"] == sweeps.LAST
+    run.press("ArrowRight")
+    assert run.state["sweeps"] == sweeps.LAST
+    assert np.allclose(run.state["impulse"], sweeps.solution(run.controls), rtol=1e-12)
+    assert np.abs(run.state["velocity"]).max() < 1e-12
+
+
+def test_a_key_makes_one_sweep_and_the_velocities_are_those_of_the_impulses():
+    run = Experiment(sweeps.MODEL, order=1)
+    for k in range(1, 4):
+        run.press("ArrowRight")
+        A, b = sweeps.delassus(run.controls)
+        assert run.state["sweeps"] == k
+        assert np.allclose(run.state["velocity"], A @ run.state["impulse"] + b, atol=1e-14)
+
+
+# --- stopping distances ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pyramid", [stopping_distance.INSIDE, stopping_distance.AROUND])
+@pytest.mark.parametrize("angle", [0.0, 17.0, 45.0, 80.0, -100.0, 160.0])
+def test_a_pyramids_block_goes_where_the_solver_takes_it(pyramid, angle):
+    """Steps of the linear complementarity problem err by the order of the step."""
+    values = {"pyramid": pyramid, "direction": angle, "speed": 1.0, "friction": 0.5}
+    controls, around = stopping_distance.CONTROLS.new(**values), pyramid == stopping_distance.AROUND
+    direction, dt = math.radians(angle), 0.002
+    start = (math.cos(direction), math.sin(direction))
+    run = scenes.run(scenes.block(0.0, 0.5, start), "lcp", dt, 160, edges=4, around=around)
+    assert np.abs(run.v[:2, -1]).max() < 1e-9  # it has stopped
+    for k in (0, 40, 80, 160):
+        here = stopping_distance.pyramid_position(controls, direction, k * dt)
+        assert np.allclose(run.q[:2, k], here, rtol=0.0, atol=2.0 * dt), (k, here)
+    assert np.allclose(run.q[:2, -1], stopping_distance.stop(controls, direction), atol=2.0 * dt)
+
+
+def test_the_cones_block_stops_where_the_solver_stops_it():
+    controls = stopping_distance.CONTROLS.new(speed=1.0, friction=0.5)
+    run = scenes.run(scenes.block(0.0, 0.5, (0.6, 0.8)), "coulomb", 0.002, 120)
+    far = stopping_distance.cone_distance(controls, math.inf)
+    assert far == pytest.approx(1.0 / (2.0 * 0.5 * stopping_distance.GRAVITY), rel=1e-12)
+    assert np.allclose(run.q[:2, -1], (0.6 * far, 0.8 * far), atol=0.004)
+
+
+@examples(40)
+@given(st.floats(-180.0, 180.0), st.floats(0.5, 4.0), st.floats(0.1, 1.0))
+def test_stops_form_a_square_outside_the_circle_and_a_diamond_inside_it(angle, speed, friction):
+    """With v^2 = vx^2 + vy^2 the integrals are (v^2, 2 vx vy) and (vx^2, vy^2), over 2 mu g."""
+    for pyramid in (stopping_distance.INSIDE, stopping_distance.AROUND):
+        values = {"pyramid": pyramid, "direction": angle, "speed": speed, "friction": friction}
+        run = Experiment(stopping_distance.MODEL, **values)
+        x, y = map(abs, stopping_distance.stop(run.controls, math.radians(angle)))
+        far = speed**2 / (2.0 * friction * stopping_distance.GRAVITY)
+        twice = math.sin(2.0 * math.radians(angle)) ** 2
+        if pyramid == stopping_distance.INSIDE:
+            assert max(x, y) == pytest.approx(far, rel=1e-9)
+            ratio = math.sqrt(1.0 + twice)
+        else:
+            assert x + y == pytest.approx(far, rel=1e-9)
+            ratio = math.sqrt(1.0 - 0.5 * twice)
+        assert math.hypot(x, y) / far == pytest.approx(ratio, rel=1e-9)
+        assert number(run, "pyramid / cone") == pytest.approx(ratio, abs=6e-4)
+
+
+def test_a_drag_launches_towards_the_pointer_from_the_start():
+    run = Experiment(stopping_distance.MODEL)
+    run.advance(0.3)
+    place = stopping_distance._SCENE, stopping_distance._view(run.controls)
+    run.drag(*at_values(*place, -0.3, 0.3))
+    assert run.controls["direction"] == pytest.approx(135.0) and run.state["time"] == 0.0
+    run.press("ArrowLeft")
+    assert run.controls["direction"] == pytest.approx(136.0)
+
+
+# --- GJK and EPA ----------------------------------------------------------------------------------
+
+
+def posed(rng, **values):
+    """A random pose of B, mostly near A, and the vertices of B."""
+    shape = int(rng.integers(3))
+    values = {
+        "shape": shape,
+        "turn": rng.uniform(-180.0, 180.0),
+        "position": rng.uniform(-simplex._REACH, simplex._REACH, 2),
+    } | values
+    return simplex.CONTROLS.new(**values), simplex.B_SHAPES[values["shape"]]
+
+
+def test_the_result_is_the_distance_or_the_depth_of_the_chapter():
+    rng = np.random.default_rng(8)
+    a, signs = contact.points(simplex.A_SHAPE[:2]), set()
+    for _ in range(400):
+        controls, vb = posed(rng)
+        pose = np.append(controls["position"], math.radians(controls["turn"]))
+        truth = contact.distance(a, np.zeros(3), contact.points(vb[:2]), pose)
+        result = simplex.result(controls, vb)
+        assert result[0] == pytest.approx(float(truth.distance), abs=1e-12)
+        assert np.allclose(result[3:] - result[1:3], truth.distance * truth.normal, atol=1e-9)
+        signs.add(float(np.sign(result[0])))
+    assert signs == {-1.0, 1.0}
+
+
+def test_concentric_and_touching_shapes_have_a_depth_too():
+    """The origin then lies on GJK's first edge, or on the boundary of the difference."""
+    a = contact.points(simplex.A_SHAPE[:2])
+    for shape, vb in enumerate(simplex.B_SHAPES):
+        for turn in (-180.0, -90.0, 0.0, 90.0):
+            for position in ((0.0, 0.0), (0.2, 0.0), (0.0, -0.3)):
+                controls = simplex.CONTROLS.new(shape=shape, turn=turn, position=position)
+                pose = np.append(position, math.radians(turn))
+                truth = contact.distance(a, np.zeros(3), contact.points(vb[:2]), pose)
+                assert simplex.result(controls, vb)[0] == pytest.approx(truth.distance, abs=1e-12)
+
+
+def test_the_nearest_point_comes_nearer_with_every_iteration_and_the_bound_holds():
+    rng = np.random.default_rng(9)
+    for _ in range(60):
+        controls, vb = posed(rng)
+        pair = simplex.pair_of(controls, vb)
+        iterations, expansions = simplex.counts(controls, vb)
+        steps = [simplex.gjk(vb, pair, k) for k in range(iterations + 1)]
+        cores = np.array([each[3] for each in steps])
+        assert np.all(np.diff(cores) <= 1e-12) and steps[-1][5] == iterations
+        if expansions < 0:
+            assert max(each[4] for each in steps[1:]) <= cores[-1] + 1e-12
+            s, share, n = steps[-1][:3]
+            assert np.linalg.norm(simplex.nearest(s, share, n)[:2]) == pytest.approx(cores[-1])
+
+
+def test_epas_polygon_is_convex_grows_and_holds_the_origin():
+    rng = np.random.default_rng(10)
+    grown = 0
+    for _ in range(60):
+        controls, vb = posed(rng, position=rng.uniform(-0.3, 0.3, 2))
+        pair = simplex.pair_of(controls, vb)
+        s, _, n = simplex.gjk(vb, pair, 1000)[:3]
+        expansions = simplex.counts(controls, vb)[1]
+        assert expansions >= 0
+        areas = []
+        for k in range(expansions + 1):
+            polygon, count, made, ended = simplex.epa(vb, pair, s, n, k)
+            assert made == k and ended == (k == expansions)
+            x, y = polygon[:count, 0], polygon[:count, 1]
+            turns = x * np.roll(y, -1) - y * np.roll(x, -1)
+            assert turns.min() > -1e-12  # the origin is on the inner side of every edge
+            areas.append(0.5 * turns.sum())
+        assert np.all(np.diff(areas) > 0.0)
+        grown += expansions > 1
+    assert grown > 20
+
+
+def test_the_outline_is_the_hull_of_all_differences():
+    from scipy.spatial import ConvexHull
+
+    rng = np.random.default_rng(11)
+    for _ in range(30):
+        controls, vb = posed(rng)
+        pair = simplex.pair_of(controls, vb)
+        x, y = simplex.outline(pair, vb)
+        b = np.array(simplex._turned(pair, vb))
+        every = (simplex.A_SHAPE[:2, :, None] - b[:, None, :]).reshape(2, -1).T
+        hull = ConvexHull(every)
+        assert 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) == pytest.approx(hull.volume)
+        assert np.all(hull.equations[:, :2] @ np.array([x, y]) + hull.equations[:, 2:] < 1e-12)
+
+
+def test_no_pair_of_shapes_needs_more_steps_than_the_slider_has():
+    rng = np.random.default_rng(12)
+    for _ in range(300):
+        controls, vb = posed(rng)
+        assert sum(simplex.counts(controls, vb)) + 1 <= simplex.LAST
+    run = Experiment(simplex.MODEL)
+    assert run.picture().numbers["signed distance"] == "not yet"
+    run.advance(100.0)
+    assert run.picture().numbers["algorithm"] == "done"
+    assert number(run, "signed distance") == number(run, "upper bound")
+    run.choose("Overlapping: GJK, then EPA")
+    run.advance(100.0)
+    assert number(run, "signed distance") == -number(run, "lower bound") < 0.0
+
+
+def test_a_drag_in_either_picture_moves_b():
+    run = Experiment(simplex.MODEL)
+    run.drag(*at_values(simplex._LEFT, simplex._LEFT_VIEW, -0.6, 0.5))
+    assert run.controls["position"] == pytest.approx((-0.6, 0.5))
+    run.drag(*at_values(simplex._RIGHT, simplex._RIGHT_VIEW, -0.6, 0.5))
+    assert run.controls["position"] == pytest.approx((0.6, -0.5))
