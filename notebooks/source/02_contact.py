@@ -50,7 +50,12 @@ from course.charts.contact import models as charts
 from course.contact import broad, scenes, solve
 from course.contact.models import penalty_force
 from course.contact.soft import soft_forces
-from course.contact.stabilization import erp_cfm, split_impulse_steps, xpbd_steps
+from course.contact.stabilization import (
+    erp_cfm,
+    solve_erp_cfm,
+    split_impulse_steps,
+    xpbd_steps,
+)
 from course.derivations import more_claims, show
 from course.oracles.mujoco import contact as mujoco_contact
 from course.oracles.mujoco.contact import Options, contact_state
@@ -123,7 +128,7 @@ more_claims(
 # Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference**
 # $A \ominus B$. If the shapes share a point, that point minus itself is zero, so the set contains the origin. If they
 # are apart, the distance from the origin to the set equals the distance of the shapes. A problem about two shapes has
-# become a problem about one set and one point.
+# become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), solves it.
 # %%
 show("gjk_minkowski")
 # %% [markdown]
@@ -131,8 +136,7 @@ show("gjk_minkowski")
 # given direction; for a box it is a corner. The Minkowski difference has a support function too: the support point of
 # $A$ in the direction $s$ minus the support point of $B$ in the direction $-s$.
 #
-# **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), needs nothing else. It keeps a **simplex**, at most
-# three support points in the plane and four in space:
+# GJK needs nothing else. It keeps a **simplex**, at most three support points in the plane and four in space:
 #
 # 1. Find the point of the simplex that is nearest to the origin.
 # 2. Ask for the support point in the direction from there towards the origin, and add it to the simplex.
@@ -195,9 +199,9 @@ predict("smaller_step_at_a_wall")
 simulation("touch", "Tunnelling")
 # %% [markdown]
 # A shorter step cures the first kind of tunnelling, and so does computing the **time of impact**: the moment at which
-# two moving shapes first touch. For two balls that is the root of a quadratic. For other convex shapes, **conservative
-# advancement** (Mirtich 1996) repeatedly advances time by the current distance divided by an upper bound on the
-# approach speed. Within that time the shapes cannot meet, so no impact is skipped, however long the step is.
+# two moving shapes first touch. For two balls that is the root of a quadratic. For other convex shapes there is
+# **conservative advancement** (Mirtich 1996). It repeatedly advances time by the current distance divided by an upper
+# bound on the approach speed. Within that time the shapes cannot meet, so no impact is skipped, however long the step.
 #
 # The second kind does not depend on the step at all. You need a stiffer contact or a thicker wall. In this chart the
 # sloping line is the geometric limit $(2r+w)/h$, the level one is the limit of MuJoCo's default softness:
@@ -425,6 +429,35 @@ answer("potential_of_contact", "k*c")
 # Without contact the block would fall at 9.81 m/s² · 10 ms = 0.0981 m/s. The gap is 0, so the normal condition is
 # $0 \le p_n \perp p_n - 0.0981 \ge 0$, and $p_n = 0.0981$ N s. Divided by the step that is 9.81 N: the weight.
 #
+# %% tags=["hide-code"]
+import matplotlib.pyplot as plt
+
+figure_, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
+left.plot([-1.4, 1.4], [0, 0], color="0.3", lw=3)
+for low, mass, colour in ((0.0, "1 kg", "tab:blue"), (1.0, "2 kg", "tab:orange")):
+    left.add_patch(plt.Rectangle((-0.6, low + 0.06), 1.2, 0.88, color=colour, alpha=0.3))
+    left.text(0.0, low + 0.5, mass, ha="center", va="center")
+for x, start, end, text in (
+    (-0.85, 0.0, 0.6, "$p_1$ on the lower block"),
+    (0.85, 1.0, 1.6, "$p_2$ on the upper block"),
+    (0.85, 1.0, 0.4, "$-p_2$ on the lower block"),
+):
+    left.annotate(
+        "", (x, end), (x, start), arrowprops={"arrowstyle": "-|>", "color": "0.2", "lw": 2}
+    )
+    side = {"ha": "right", "x": x - 0.1} if x < 0 else {"ha": "left", "x": x + 0.1}
+    left.text(y=0.5 * (start + end), s=text, va="center", **side)
+left.set(xlim=(-2.9, 2.9), ylim=(-0.1, 2.2), title="the impulses at the two contacts")
+left.axis("off")
+delassus = scenes.tower([1.0, 2.0]).problem(dt=0.01).delassus
+right.imshow(delassus, cmap="RdBu_r", vmin=-2, vmax=2)
+for (row, column), value in np.ndenumerate(delassus):
+    right.text(column, row, f"{value:g}", ha="center", va="center", fontsize=14)
+right.set_xticks([0, 1], ["impulse 1", "impulse 2"])
+right.set_yticks([0, 1], ["velocity 1", "velocity 2"])
+right.set(title="Delassus matrix $A$ [1/kg]")
+plt.show()
+# %% [markdown]
 # **Worked example: a stack of two.** A block of 2 kg lies on top of the block of 1 kg. We look at vertical motion only:
 # $v = (v_1, v_2)$, lower block first. Contact 1 is between floor and lower block, contact 2 between the blocks. A
 # contact's velocity is that of the upper body minus that of the lower one:
@@ -645,6 +678,39 @@ for substeps, iterations in ((1, 20), (4, 5), (20, 1)):
     depth = max(-(heavy.jacobian[:, 0] @ q).min() for q, _ in run)
     print(f"{substeps:4d} sub-steps with {iterations:2d} iterations each: {1e3 * depth:6.2f} mm")
 # %% [markdown]
+# All of these methods on one scene. A ball starts at rest, 1 cm deep in the ground; the step is 1 ms:
+# %% tags=["hide-code"]
+dt, steps = 1e-3, 120
+times, deep = 1e3 * dt * np.arange(steps + 1), scenes.ball_drop(-0.01)
+q, v, spring = deep.q, deep.v, [deep.q[0]]
+for _ in range(steps):
+    v = solve_erp_cfm(deep.problem(dt, q, v), *erp_cfm(1e4, 200.0, dt)).velocity
+    q = q + dt * v
+    spring.append(q[0])
+heights = {
+    "Baumgarte, speed not bounded": scenes.run(
+        replace(deep, max_recovery_speed=math.inf), "lcp", dt, steps
+    ).q[0],
+    "Baumgarte, at most 1 m/s": scenes.run(deep, "lcp", dt, steps).q[0],
+    "split impulse": [
+        deep.q[0], *(q[0] for q, _ in split_impulse_steps(deep, dt, steps, model="lcp"))
+    ],
+    "ERP and CFM of 10 kN/m, 200 N s/m": spring,
+}  # fmt: skip
+figure_, axes = plt.subplots(figsize=(8, 3.4), layout="constrained")
+for name, height in heights.items():
+    _ = axes.plot(times, 1e3 * np.array(height), label=name)
+_ = axes.axhline(0.0, color="0.3", lw=1)
+_ = axes.set(xlabel="time [ms]", ylabel="height above the ground [mm]", ylim=(-12, 60))
+_ = axes.legend(loc="upper left")
+plt.show()
+print("highest point within 0.12 s [mm]:")
+for name, height in heights.items():
+    print(f"{name:<34} {1e3 * max(height):6.1f}")
+# %% [markdown]
+# Only the split impulse gets the ball out without throwing it into the air. The spring does throw it, as a real spring
+# would.
+#
 # How well-known engines do it (sources read in November 2026):
 #
 # | engine | solver | penetration and softness | source |
@@ -653,7 +719,7 @@ for substeps, iterations in ((1, 20), (4, 5), (20, 1)):
 # | ODE | LCP by pivots (`dWorldStep`) or sweeps (`dWorldQuickStep`) | ERP 0.2, CFM 1e-10 (double precision); speed bound optional | ODE manual, World |
 # | PhysX 5 | PGS, or TGS, whose iterations are sub-steps; Isaac Lab chooses TGS | speed bound per body (`setMaxDepenetrationVelocity`) | `PxSceneDesc.h`, `PxImmediateMode.h`; Isaac Lab, PhysX configuration |
 # | Box2D 3 | sweeps in sub-steps, usually 4 | contact spring of 30 Hz and damping ratio 10; at most 3 m/s | `types.c`; Catto, *Solver2D*, 2024 |
-# | MuJoCo 4 | convex, on accelerations: Newton, CG or PGS | `solref` and `solimp`, explained below | MuJoCo documentation, Computation |
+# | MuJoCo 4 | convex, on accelerations: Newton, CG or PGS | a spring and damper per contact, explained below | MuJoCo documentation, Computation |
 # | Drake | convex, on velocities: "lagged" with the SAP solver | compliant point or hydroelastic contact | `multibody_plant_config.h`; Castro et al. 2022 |
 #
 # ### Friction made convex
@@ -794,7 +860,22 @@ more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # ## 3 · Design: contact in the simulation loop
 #
 # All of the above runs once per physics step, usually every 0.5 to 5 ms:
-#
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(figsize=(9, 1.5), layout="constrained")
+stages = ("broad phase", "filters", "narrow phase", "constraints", "solver", "integration")
+passed = ("boxes", "pairs", "pairs", "contacts", "A, J v_f", "impulses", "new state")
+box = {"boxstyle": "round,pad=0.4", "fc": "#cfe3f2", "ec": "0.3"}
+for k, stage in enumerate(stages):
+    _ = axes.text(2.0 * k, 0.0, stage, ha="center", va="center", bbox=box, fontsize=9)
+for k, text in enumerate(passed):
+    at = 2.0 * k - 1.0
+    arrow = {"arrowstyle": "-|>", "color": "0.3"}
+    _ = axes.annotate("", (at + 0.22, 0.0), (at - 0.22, 0.0), arrowprops=arrow)
+    _ = axes.text(at, 0.55, text, ha="center", fontsize=8)
+_ = axes.set(xlim=(-1.4, 11.4), ylim=(-0.7, 0.9))
+_ = axes.axis("off")
+plt.show()
+# %% [markdown]
 # | stage | input | output | cost |
 # |---|---|---|---|
 # | broad phase | bounding boxes, the sorted order of the last step | pairs whose boxes overlap | grows faster than $N$; use a grid for many equal bodies |
@@ -1264,12 +1345,12 @@ for how in ("rigid", "randomised"):
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring. There is
-# nothing to solve, and the force is continuous. But bodies sink in, friction creeps, and the step must stay below
-# $2(\sqrt{1+\zeta^2}-\zeta)/\omega$. A constraint keeps bodies apart and sticks exactly. It has no step limit of its
-# own, but removing a deep overlap needs a bounded speed. It needs a solver: Gauss-Seidel gets slow for heavy on light,
-# Newton does not. Gradients are zero before touch and ordinary after it. MuJoCo is in between: convex, one answer, soft,
-# so it creeps; impratio and solref reduce that. For a grasp I use the true cone and print the residual."
+# **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing to
+# solve, a continuous force. But bodies sink in, friction creeps, and the step must stay below
+# $2(\sqrt{1+\zeta^2}-\zeta)/\omega$. A constraint keeps bodies apart and sticks exactly. It has no step limit of its own,
+# but removing a deep overlap needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is
+# not. MuJoCo is in between: convex, one answer, soft, so it creeps; impratio and solref reduce that. Gradients are zero
+# before touch and ordinary after it."
 #
 # </div>
 #
