@@ -94,7 +94,13 @@ def solve_erp_cfm(
 
 
 def split_impulse_steps(
-    scene: Scene, dt: float, steps: int, *, model: str = "pgs", recovery: float = 0.2, **options: Any
+    scene: Scene,
+    dt: float,
+    steps: int,
+    *,
+    model: str = "pgs",
+    recovery: float = 0.2,
+    **options: Any,
 ) -> Iterator[tuple[Array, Array]]:
     """Yield (q, v) after each step, with penetration taken back by a split impulse.
 
