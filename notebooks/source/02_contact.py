@@ -21,7 +21,7 @@ simulation("touch")
 # %% [markdown]
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
-# approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces to rounding. You need chapter 1,
+# approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces up to rounding. You need chapter 1,
 # matrices, and Python with NumPy.
 #
 # ## How this chapter works
@@ -145,20 +145,20 @@ show("gjk_minkowski")
 #    nearest point gives the distance and the normal).
 #
 # For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found. It takes
-# the face nearest to the origin, asks for the support point beyond it, and splits the face there. When a face cannot be
-# pushed out any further, its distance from the origin is the depth and its normal is the contact normal. Step through
-# both:
+# the face nearest to the origin, asks for the support point in the direction of its normal, and replaces the face by
+# faces through that point. When the nearest face cannot be pushed out any further, its distance from the origin is the
+# depth and its normal is the contact normal. Step through both:
 # %%
 simulation("simplex")
 # %% [markdown]
-# EPA finds the *shortest* way out. Think of a ball that is pressed into a wall. While less than half of the way is
-# covered, the shortest way out is back. Is the answer still the one you want after that?
+# EPA finds the *shortest* way out. Think of a ball that is pressed into a wall. As long as its centre has not passed the
+# middle of the wall, the shortest way out is back the way it came. What does EPA return after that?
 # %%
 show("epa_gives_the_contact")
 # %% [markdown]
 # In code, all of this is one call. A shape in this course is a **core and a radius**: a sphere is a point with a
-# radius, a capsule a segment with a radius. GJK and EPA then only ever work on polytopes, which have finitely many
-# corners, so both end exactly (up to rounding) and need no tolerance.
+# radius, a capsule a segment with a radius. GJK and EPA then only ever work on **polytopes**, solids with flat faces.
+# These have finitely many corners, so both algorithms end exactly (up to rounding) and need no tolerance.
 # %% tags=["show-code"]
 triangle = contact.points([[0.0, 1.0, 0.3], [0.0, 0.2, 0.9]])
 brick = contact.box([0.5, 0.3])  # half sides [m]
@@ -729,14 +729,14 @@ for name, height in heights.items():
 # problem would have exactly one answer and reliable solvers.
 #
 # The **convex relaxation** (Anitescu 2006) changes the law slightly to get there. It asks that a contact that slides at
-# the speed $u_t$ also separates at $u_n = \mu\,u_t$. Then the new velocity is the one closest to the free velocity $v_f$,
-# measured by kinetic energy, among all velocities that satisfy $u_n \ge \mu\lVert u_t\rVert$ at every contact. That
-# problem is convex, and the impulses are its multipliers.
+# the speed $u_t$ also separates at $u_n = \mu\,u_t$. Then the new velocity is the one closest to the free velocity $v_f$
+# among all velocities that satisfy $u_n \ge \mu\lVert u_t\rVert$ at every contact. The distance is measured by the
+# kinetic energy of the difference. This problem is convex, and the impulses are its multipliers.
 # %%
 predict("block_that_hops")
 # %% [markdown]
-# MuJoCo's contact model is of this family, with softness added. It has to be checked whether "unique" survives in
-# software:
+# MuJoCo's contact model belongs to this family, with softness added. A convex problem has one minimum. Does the software
+# find it?
 # %%
 show("mujoco_is_convex_and_unique")
 # %% [markdown]
