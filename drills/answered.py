@@ -34,7 +34,24 @@ function render({ model, el }) {
   const toggled = (event) => {
     if (event.target.matches?.(ANSWER) && event.target.open) report(event.target)
   }
-  const score = () => { el.textContent = model.get("score") }
+  // Cards are drawn at any time: each is marked once, when it is there.
+  const mark = () => {
+    for (const [id, place] of Object.entries(model.get("given"))) {
+      const answer = page.querySelector(`[id="${id}"]`)?.querySelectorAll(ANSWER)[place]
+      const summary = answer?.querySelector("summary")
+      if (!summary || summary.querySelector(".given")) continue
+      const note = document.createElement("span")
+      note.className = "given"
+      note.textContent = " (your first answer)"
+      summary.append(note)
+    }
+  }
+  const drawn = new MutationObserver(mark)
+  drawn.observe(page, { childList: true, subtree: true })
+  const score = () => {
+    el.textContent = model.get("score")
+    mark()
+  }
   page.addEventListener("toggle", toggled, true)  // such events don't bubble
   page.querySelectorAll(`${ANSWER}[open]`).forEach(report)
   model.on("change:score", score)
@@ -42,6 +59,7 @@ function render({ model, el }) {
   return () => {
     page.removeEventListener("toggle", toggled, true)
     model.off("change:score", score)
+    drawn.disconnect()
   }
 }
 export default { render }
@@ -56,8 +74,8 @@ def _answers() -> dict[str, tuple[int, str, tuple[tuple[str, bool], ...]]]:
     for topic, number in numbers.items():
         if not (cards.FOLDER / f"{topic}.toml").is_file():
             continue
-        for name, asked in cards.predictions(topic).items():
-            options = tuple((option.label, option.right) for option in asked.options)
+        for name, card in cards.predictions(topic).items():
+            options = tuple((option.label, option.right) for option in card.options)
             result[f"card-{name}"] = (number, f"{topic}.{name}", options)
     for file in records.files():
         topic = file.partition(".")[0]
@@ -98,25 +116,38 @@ def score(reading: Reading) -> str:
     return f"Cards: {right} of {count} answered right at the first try."
 
 
+def given(reading: Reading) -> dict[str, int]:
+    """Return for the id of each card that was answered which answer was the first."""
+    result = {}
+    for at, (_, name, options) in _answers().items():
+        labels = [label for label, _ in options]
+        if name in reading.cards and reading.cards[name]["answer"] in labels:
+            result[at] = labels.index(reading.cards[name]["answer"])
+    return result
+
+
 class Listener(anywidget.AnyWidget):
     """Hear which answers are opened in the notebook that shows this, and show the score.
 
     Attributes:
         score: the sentence below the badges.
+        given: id of a card -> number of the answer that was given first; the page marks it.
     """
 
     _esm = _SCRIPT
+    given = traitlets.Dict().tag(sync=True)
     score = traitlets.Unicode().tag(sync=True)
 
-    def __init__(self, reading: Reading, keep: Callable[[str, int], Reading]) -> None:
-        """Show the score of `reading`; `keep` stores an answer and returns the new record."""
-        super().__init__(score=score(reading))
-        self._keep = keep
-        self.on_msg(self._heard)
+    def __init__(self, reading: Reading, store: Callable[[str, int], Reading]) -> None:
+        """Show the score of `reading`; `store` saves an answer and returns the new record."""
+        super().__init__(given=given(reading), score=score(reading))
+        self._store = store
+        self.on_msg(self._on_message)
 
-    def _heard(self, _widget: Any, content: Any, _buffers: Any) -> None:
+    def _on_message(self, _widget: Any, content: Any, _buffers: Any) -> None:
         try:
             card, answer = str(content["card"]), int(content["answer"])
-            self.score = score(self._keep(card, answer))
+            reading = self._store(card, answer)
+            self.given, self.score = given(reading), score(reading)
         except (KeyError, TypeError, ValueError):
             return  # a card that somebody else has put on the page

@@ -154,7 +154,7 @@ class Attempt:
         shown: the slip that the answers show, whichever check has failed; or "".
         in_part: a sentence on what is right where the rest is wrong, or "".
         factor: a sentence on the factor that all values have too much, or "".
-        heard: for each case that was begun, how much had been printed before it and after it.
+        output_ranges: for each case that was begun, the length of the output before and after it.
     """
 
     def __init__(self, card: Card, child: Place, report: Report, given: str = "") -> None:

@@ -164,7 +164,7 @@ class Copy:
         path: of the copy.
         state: "made", "as it was", "brought up to date", "open" (left as it was, as JupyterLab has
             it open), or "set aside" (what was there has another name, and a new copy is made).
-        kept: how many of the learner's cells the course had changed as well; both are there.
+        preserved: how many of the learner's cells the course had changed as well; both are there.
         aside: where the learner's file went that could not be brought up to date.
     """
 

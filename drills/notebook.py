@@ -212,14 +212,14 @@ class Badges(Shown):
     def __init__(self, chapter: int, text: str, html: str, reading: progress.Reading) -> None:
         from drills import answered
 
-        def keep(card: str, answer: int) -> progress.Reading:
+        def store(card: str, answer: int) -> progress.Reading:
             return _noted(chapter, lambda r: answered.note(r, card, answer)).reading(chapter)
 
         score = answered.score(reading)
         super().__init__(
             "\n".join(filter(None, [text, score])), f"{html}<p>{score}</p>" if score else html
         )
-        self._html, self._reading, self._keep = html, reading, keep
+        self._html, self._reading, self._store = html, reading, store
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
         import ipywidgets
@@ -227,7 +227,7 @@ class Badges(Shown):
         from drills import answered
 
         view = ipywidgets.VBox(
-            [ipywidgets.HTML(self._html), answered.Listener(self._reading, self._keep)]
+            [ipywidgets.HTML(self._html), answered.Listener(self._reading, self._store)]
         )
         return {**view._repr_mimebundle_(), **super()._repr_mimebundle_()}
 
@@ -336,7 +336,7 @@ class Ticks(Shown):
 
     Attributes:
         boxes: the check boxes by number of the section.
-        left: the label that says what is left.
+        status: the label that says what remains to be read.
     """
 
     def __init__(self, chapter: int, parts: list[Section]) -> None:

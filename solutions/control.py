@@ -183,7 +183,7 @@ def inertia_from_log(q: ArrayLike, tau: ArrayLike, dt: float) -> float:
     q, tau = np.asarray(q, dtype=float), np.asarray(tau, dtype=float)
 
     def integral(y: np.ndarray) -> np.ndarray:
-        """Return from the first sample on, by the trapezoidal rule."""
+        """Return the integral from the first sample, by the trapezoidal rule."""
         return np.concatenate(([0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))))
 
     pushed = np.concatenate(([0.0], np.cumsum(dt * tau[:-1])))  # a held torque's own integral

@@ -15,6 +15,7 @@ names the answer.
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -60,6 +61,11 @@ class Answer:
     body: str
 
 
+def _plain(label: str) -> str:
+    """Return a label without the marks of a formula or of emphasis, for an attribute."""
+    return re.sub(r"[$*`]", "", label)
+
+
 def card(
     name: str, head: str, question: str, answers: Sequence[Answer] = (), why: str = "", at: str = ""
 ) -> str:
@@ -77,7 +83,7 @@ def card(
     parts = [f'<div class="card" id="{at}" data-card="{name}" style="{_STYLE}">', lead]
     for answer in answers:
         parts.append(
-            f'<details class="answer" data-answer="{html.escape(answer.label)}" '
+            f'<details class="answer" data-answer="{html.escape(_plain(answer.label))}" '
             f'data-right="{"yes" if answer.right else "no"}"><summary>{answer.label}</summary>'
             f"\n\n{answer.body}\n\n</details>"
         )

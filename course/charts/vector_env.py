@@ -38,7 +38,7 @@ class Contender:
     Attributes:
         make: N -> vector environment.
         key: row of `course.measure.figure.KEYS`.
-        most: the largest N it is asked for.
+        max_envs: the largest N that is measured.
         style: line style.
         extra: not among the six curves that are shown.
     """

@@ -121,8 +121,8 @@ class _Windows:
         noise = float(np.std(np.diff(log.q, 4))) / math.sqrt(70.0)
         resting = np.abs(moved) < 5.0 * noise
         still = sliding_window_view(resting, n + 1)[starts] @ bump
-        most = max(0.01 * bump.sum(), np.quantile(still, 0.4))
-        starts = starts[still <= (most if rest is None else rest * bump.sum())]
+        calmest = max(0.01 * bump.sum(), np.quantile(still, 0.4))
+        starts = starts[still <= (calmest if rest is None else rest * bump.sum())]
         self.count = len(starts)
         rows = [
             sliding_window_view(x, n + 1)[starts] for x in (log.q, np.sign(moved), np.cos(log.q))
@@ -187,9 +187,9 @@ def identify(
     delay = finite("delay", delay, 0.0, unit="s")
     windows = _Windows(log, window, delay, rest=_REST)
     if windows.count < _FEWEST:
-        seen = f"one that moves through {windows.count} windows only, and rests in the others"
+        actual = f"one that moves through {windows.count} windows only, and rests in the others"
         allowed = f"a motion that goes on for {_FEWEST} windows or more: an excitation, not a step"
-        raise invalid("log", seen, allowed)
+        raise invalid("log", actual, allowed)
     # Unit columns: their condition number says whether the log separates the four terms.
     scale = np.linalg.norm(windows.columns, axis=0)
     if not (scale > 0.0).all() or np.linalg.cond(windows.columns / scale) > _WORST:
@@ -213,9 +213,9 @@ def identify(
             break
         for name, number, sigma in zip(LINEAR, value, deviation, strict=True):
             if name in ("damping", "coulomb") and number < -3.0 * sigma:
-                seen = f"one that wants a {name} of {number:.2g} +- {sigma:.2g}"
+                actual = f"one that wants a {name} of {number:.2g} +- {sigma:.2g}"
                 raise invalid(
-                    "log", seen, "a motion with more variety, of the joint's own commands"
+                    "log", actual, "a motion with more variety, of the joint's own commands"
                 )
         free &= ~below
     result = dict(zip(LINEAR, value.tolist(), strict=True))

@@ -306,7 +306,7 @@ def open_loop(plant: Held, law: Law, w: ArrayLike) -> NDArray[np.complex128]:
 
 
 def _parts(plant: Held, law: Law) -> tuple[Any, ...]:
-    """Return both as compiled code takes them."""
+    """Return plant and law in the form that compiled code takes."""
     arrays = plant.transition, plant.now, plant.before, *law.matrices(plant)
     transition, now, before, *rest = map(np.ascontiguousarray, arrays)
     return transition, now, before, plant.whole, *rest

@@ -616,8 +616,8 @@ def unplaced(topic: str = "", folder: Path | None = None) -> list[str]:
         raise ValueError(f"folder must have the notebooks' sources, got {folder}")
     placed = {id for text in texts for id in placed_in(text)}
     placed |= {id for name in known for id in gate(name)}
-    wanted = (item for item in everything if topic in ("", item.file.partition(".")[0]))
-    return [item.id for item in wanted if item.id not in placed]
+    selected = (item for item in everything if topic in ("", item.file.partition(".")[0]))
+    return [item.id for item in selected if item.id not in placed]
 
 
 def placed_in(source: str) -> list[str]:

@@ -55,7 +55,7 @@ class Formula:
         expression: the right answer, in the syntax that learners use.
         symbols: name -> Symbol.
         also: further names a learner may use -> their meaning as an expression in `symbols`.
-        left: names that may stand alone on one side of a relation, as in `dt < ...`.
+        left_sides: names that may stand alone on one side of a relation, as in `dt < ...`.
         relation: "=" for a value, "<" for an upper limit (then `dt < ...` is right and
             `dt > ...` is wrong), ">" for a lower one.
         tolerance: relative; 0 asks for the exact form, more admits a rounded number.

@@ -19,7 +19,7 @@ class Verdict(Enum):
 
 
 def _fact(where: str, value: Any) -> bool:
-    """Return a fact is true or false; a number or an array that happens to be truthy is neither."""
+    """Return a truth value; reject a number or an array that merely happens to be truthy."""
     if type(value).__name__ not in ("bool", "bool_", "BooleanTrue", "BooleanFalse"):
         raise ValueError(f"{where} got {value!r}; a fact is a bool")
     return bool(value)

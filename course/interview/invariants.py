@@ -33,7 +33,7 @@ def gap(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def rotation_error(matrix: ArrayLike) -> float:
-    """Return a rotation keeps lengths and handedness.
+    """Return by how much a matrix fails to keep lengths and handedness.
 
     Its columns are orthonormal, its determinant is 1.
 
@@ -49,7 +49,7 @@ def rotation_error(matrix: ArrayLike) -> float:
 
 
 def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: float = 1e-5) -> float:
-    """Return a derivative is the limit of differences.
+    """Return the difference of a derivative from the limit of difference quotients.
 
     The error is relative where they are above 1.
 
@@ -68,7 +68,7 @@ def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: flo
 
 
 def write_read_error(read: Mapped, write: Mapped, state: ArrayLike) -> float:
-    """Return writing what was read changes nothing.
+    """Return how much a state changes when what was read from it is written back.
 
     Args:
         read: state -> what is shown of it.
@@ -79,7 +79,10 @@ def write_read_error(read: Mapped, write: Mapped, state: ArrayLike) -> float:
 
 
 def round_trip_error(present: Mapped, back: Mapped, value: ArrayLike) -> float:
-    """Return going there and back changes nothing. Two wrong maps that are inverses pass it too."""
+    """Return how far a value is from itself after a map and its inverse.
+
+    Two wrong maps that are inverses of each other pass it too.
+    """
     return gap(back(present(value)), value)
 
 
@@ -104,7 +107,7 @@ def mirror_error(
 def unit_error(
     formula: Mapped, values: Sequence[float], factors: Sequence[float], factor: float
 ) -> float:
-    """Return other units, the same quantity.
+    """Return how far results in other units are from the same quantity.
 
     The inputs times their factors give the result times its own.
 
@@ -205,7 +208,7 @@ def ends_error(path: ArrayLike | None, start: ArrayLike, goal: ArrayLike) -> flo
 
 
 def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> float:
-    """Return the cost of a node is the length of its path from the root.
+    """Return how far the costs of nodes differ from the lengths of their paths from the root.
 
     Args:
         points: shape (nodes, dim).
@@ -227,7 +230,7 @@ def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> f
 
 
 def episodes_error(advantages: Advantages, episodes: Sequence[tuple[Array, Array]]) -> float:
-    """Return episodes that have ended do not know of each other.
+    """Return how much an episode that has ended affects the next one's advantages.
 
     In one buffer each is as it is alone.
 
@@ -243,7 +246,7 @@ def episodes_error(advantages: Advantages, episodes: Sequence[tuple[Array, Array
 
 
 def forever_error(value: float, discount: float, reward: float = 1.0) -> float:
-    """Return a reward for ever is worth reward / (1 - discount); the error is a part of that.
+    """Return the relative error of an endless reward's value, reward / (1 - discount).
 
     Args:
         value: that was learned.
@@ -274,7 +277,7 @@ def stored_error(before: ArrayLike, after: ArrayLike, lengths: Sequence[int]) ->
 
 
 def idle_parameters(gradients: Mapping[str, ArrayLike]) -> list[str]:
-    """Return every parameter has a gradient.
+    """Return the parameters that have no gradient.
 
     The names of those with none anywhere, or not a finite one.
 

@@ -27,10 +27,10 @@ class Exhibit:
 
     Attributes:
         name: short, unique.
-        threads: where it was told, as "owner/repository#number".
+        threads: where it was reported, as "owner/repository#number".
         years: of the threads.
-        found: what the thread says, in our words.
-        said: what the maintainers said or did, as far as it was looked up.
+        finding: what the thread says, in our words.
+        report: what the maintainers said or did, as far as it could be looked up.
         open: what could not be looked up, empty if nothing.
         live: where a library that is used here still behaves so, empty if nowhere.
         invariant: name of the function in `invariants` that catches it.

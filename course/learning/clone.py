@@ -28,7 +28,8 @@ class Policy:
     """A policy out of data, which it knows normalised.
 
     Attributes:
-        seen, done: normalisers of states and of flattened actions.
+        inputs: normaliser of states.
+        done: normaliser of flattened actions.
         shape: of one action, (a,) or (H, a).
         draw: normalised states (N, d), generator -> normalised actions, flattened (N, ...); kinds
             that can be told how to draw hand it something else than the generator.
@@ -76,7 +77,7 @@ def fitted(policy: Policy, net: Any, loss: Callable[[Any], Any], rows: int, **ho
     """Return the policy once its network is fitted (`fit` has the other arguments).
 
     Raises:
-        Diverged: its `kept` is the policy with the last good weights.
+        Diverged: its `policy` is the policy with the last good weights.
     """
     began = time.process_time()
     policy.net = net
@@ -136,6 +137,7 @@ def clone(
     def parts(out: Any) -> tuple[Any, Any, Any]:
         """Return logarithms of weights (n, m), means and deviations (n, m, size)."""
         means, raw = out[:, modes:].reshape(-1, modes, 2, size).unbind(2)
+        # Softplus keeps deviations positive, the floor keeps the likelihood bounded.
         deviations = torch.nn.functional.softplus(raw) + LEAST
         return torch.log_softmax(out[:, :modes], 1), means, deviations
 
@@ -144,6 +146,7 @@ def clone(
         if not modes:
             return (out - desired[pick]).square().mean()
         weight, mean, deviation = parts(out)
+        # Negative log-likelihood of the mixture, up to a constant, by a stable log-sum-exp.
         difference = (desired[pick][:, None] - mean) / deviation
         return (
             -torch.logsumexp(weight - (0.5 * difference**2 + deviation.log()).sum(2), 1).mean()
@@ -155,6 +158,7 @@ def clone(
         if not modes:
             return out
         weight, mean, deviation = (np.asarray(p) for p in parts(torch.from_numpy(out)))
+        # The Gumbel-max trick samples a component from the log-weights.
         which = np.argmax(weight + rng.gumbel(size=weight.shape), axis=1)
         row = np.arange(len(rows))
         return mean[row, which] + deviation[row, which] * rng.standard_normal((len(rows), size))
@@ -203,6 +207,7 @@ def linear(states: ArrayLike, actions: ArrayLike) -> Linear:
     y = vector("actions", actions, (len(x), None))
     if len(x) < 2:
         raise invalid("demonstrated steps", len(x), "two or more")
+    # Least squares by the singular value decomposition, without directions that the data lack.
     left, sizes, right = np.linalg.svd(x, full_matrices=False)
     rank = int(np.sum(sizes > 1e-10 * sizes[0]))
     solved = right[:rank].T @ ((left[:, :rank].T @ y) / sizes[:rank, None])
@@ -262,11 +267,14 @@ def dagger(
     states, labels = np.zeros((0, 0)), np.zeros((0, 0))
     driver = expert
     for turn in range(rounds + 1):
+        # The expert drives the first round, the learner all others.
         noise = 0.0 if turn else injected
         ran = roll(task, driver, starts(number, rng), steps, rng, injected=noise)
+        # Every state that was visited is labelled by the expert, whoever drove.
         met = ran.states[:, :-1].reshape(number * steps, -1)
         message = vector(f"label of round {turn}", expert(met, rng), (len(met), None))
         report = message + label_noise * rng.standard_normal(message.shape)
+        # Aggregate: the policy is fitted to all rounds together.
         states = np.concatenate((states, met)) if turn else met
         labels = np.concatenate((labels, report)) if turn else report
         driver = learn(states, labels)

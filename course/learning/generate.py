@@ -83,10 +83,13 @@ def denoise(
     x = vector("noise", noise, (None, None))
     share = finite("eta", eta, 0.0, 1.0)
     a, s = mix(np.linspace(0.0, 1.0, count("steps", steps, 1) + 1))
+    # No noise is left at the end of the last step.
     s[-1] = 0.0
     for k in range(steps):
+        # The network predicts the clean action; the noise that goes with it follows from x.
         mean = clean(x, k / steps)
         remaining = (x - a[k] * mean) / s[k]
+        # DDPM's share of fresh noise (DDIM, eq. 16); with eta = 0 the step is deterministic.
         drawn = share * s[k + 1] / s[k] * math.sqrt(1.0 - (a[k] / a[k + 1]) ** 2)
         x = a[k + 1] * mean + math.sqrt(s[k + 1] ** 2 - drawn**2) * remaining
         if drawn:
@@ -126,6 +129,7 @@ class Mixture:
         The scales a and s must not both be 0.
         """
         width = (a * self.deviations) ** 2 + s**2  # variance of x in each part
+        # Posterior of the component given x, by log-weights; then the linear-Gaussian mean in each.
         deviation = x[:, None] - a * self.means
         report = np.log(self.weights + 1e-300) - 0.5 * (
             np.sum(deviation**2, axis=2) / width + self.means.shape[1] * np.log(width)
@@ -191,6 +195,7 @@ def _generative(
 
     def mean(sample: Any, time: Any, rows: Any) -> Any:
         """Return the answer for normal data, which is known, and what the network adds to it."""
+        # The clock as sines and cosines, and a skip connection: the network learns the rest only.
         turn = 2.0 * math.pi * time
         clock = (time, turn.sin(), turn.cos(), (2.0 * turn).sin(), (2.0 * turn).cos())
         skip = (2.0 * time - 1.0) / ((1.0 - time) ** 2 + time**2) if flow else 0.0
@@ -199,8 +204,11 @@ def _generative(
     def loss(pick: Any) -> Any:
         clean = desired[pick]
         noise = randn(clean.shape)
+        # Uniform times in (0, 1): normal numbers through their own distribution function.
         time = torch.special.ndtr(randn((len(clean), 1)))  # even in (0, 1)
         a, s = (time, 1.0 - time) if flow else ((w := 0.5 * math.pi * time).sin(), w.cos())
+        # The target: velocity of the straight path, or the velocity form of the diffusion
+        # (v-prediction).
         rate = clean - noise if flow else s * clean - a * noise
         return (mean(a * clean + s * noise, time, inputs[pick]) - rate).square().mean()
 

@@ -336,7 +336,7 @@ class Circle:
     dt: float = 0.1
 
     def starts(self, number: int, rng: np.random.Generator) -> Array:
-        """Return on the circle and along it, a little off, shape (number, 4)."""
+        """Return states on the circle and along it, a little off, shape (number, 4)."""
         place, turn, far = rng.standard_normal((3, count("number", number, 1)))
         place *= np.pi
         heading, r = place + 0.5 * np.pi + 0.05 * turn, 1.0 + 0.05 * far

@@ -129,6 +129,7 @@ def _read(path: str | Path, owner: str) -> dict[str, Any]:
 def _write(path: str | Path, owner: str, done: Mapping[str, Any]) -> None:
     """The whole file at once: whoever is interrupted here leaves the one that was there."""
     beside = Path(f"{path}.{os.getpid()}")
+    # Write a neighbour and rename it: a rename is atomic.
     beside.write_bytes(pickle.dumps((owner, done)))
     os.replace(beside, path)
 

@@ -117,6 +117,7 @@ def interleaved(
             sampler(1)
     counts = [_calls_in(sampler, sample, at_most) for sampler in samplers]
     rounds: list[tuple[float, list[float]]] = []  # (share of a core, seconds of a call each)
+    # Probe how much of a core this process gets, between rounds: disturbed rounds are repeated.
     before = core_share()
     allowed = repeats + math.floor(patience * repeats)
     while len(rounds) < allowed and sum(s >= _UNDISTURBED for s, _ in rounds) < repeats:
@@ -124,6 +125,7 @@ def interleaved(
         after = core_share()
         rounds.append((min(before, after), seconds))
         before = after
+    # Prefer undisturbed rounds; a stable sort keeps the others in order.
     rounds.sort(key=lambda row: min(row[0], _UNDISTURBED), reverse=True)  # stable: the early ones
     counted = rounds[:repeats]
     busy = sum(s < _UNDISTURBED for s, _ in counted) / repeats
@@ -182,6 +184,7 @@ def core_share() -> float:
 
 def _calls_in(sampler: Sampler, sample: float, at_most: int) -> int:
     """Return how many calls fill a sample, tried with more and more of them."""
+    # Grow the number of calls by at least 2 and at most 100 times, as the first timings are noisy.
     n = 1
     while (took := sampler(n)) < 0.5 * sample and n < at_most:
         desired = n * sample / max(took, 1e-9)

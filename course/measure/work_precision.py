@@ -184,6 +184,7 @@ class WorkPrecision:
         whose local slopes agree within 0.05 of each other, or else 0.15; among equally long ones
         that with the smallest spread. NaN with fewer than two usable points.
         """
+        # Errors near the reference's own uncertainty say nothing about the method.
         floor = 10.0 * self.reference_uncertainty
         usable = [p for p in self.curve(name).valid_points() if p.error > floor]
         x = np.log([p.parameter for p in usable])
@@ -191,6 +192,7 @@ class WorkPrecision:
         if x.size < 2:
             return math.nan
         slopes = np.diff(y) / np.diff(x)
+        # The longest window of slopes that agree, within 0.05 if there is one, else within 0.15.
         for allowed in (0.05, 0.15):
             best = (0, -math.inf, 0)
             for i in range(slopes.size):

@@ -175,9 +175,11 @@ def drive(
             if finish:
                 finish(stop.value)
             return
+        # The generator asks for time: resume it after a wait on the bus.
         if not isinstance(wish, Future):
             bus.after(wish, drive, bus, steps, finish, blocked)
             return
+        # It asks for an answer: resume it once the answer is there.
         if not wish.done:
 
             def resume(answer: Any) -> None:
@@ -245,6 +247,7 @@ class Bus:
         if self.real:
             self.lock.acquire()
         self._pushed += 1
+        # Time and rank in one key; the counter keeps the order of events with equal keys.
         heapq.heappush(self._heap, (4 * ns + rank, self._pushed, call, given))
         if self.real:
             self.changed.notify_all()
@@ -276,6 +279,7 @@ class Bus:
         with self.lock:
             while (now := self.tick()) <= end >> 2:
                 first = self._heap[0][0] if self._heap else NEVER
+                # In real time: sleep until the next event, or until somebody adds an earlier one.
                 if first >> 2 > now:
                     self.changed.wait(1e-9 * (min(first, end + 4) - 4 * now) / 4)
                     continue
@@ -323,6 +327,7 @@ class _Watch:
 
     def _check(self) -> None:
         bus = self._end.bus
+        # Each message moves the deadline; the check runs at the old one and finds out.
         if bus.ns >= self._due:
             self._due += self._period
             self._armed = self._again
@@ -436,6 +441,7 @@ class Reader:
         if sample.expires <= self.bus.ns:
             self.expired += 1
             return
+        # Keep-last: a full cache drops its oldest sample.
         if len(self._cache) >= self._capacity:
             self._cache.popleft()
             self.dropped += 1
@@ -467,10 +473,12 @@ class _Match:
         """Send so many packets of a sample, 0 for all, and those that are lost again."""
         bus, link = self.bus, self.link
         arrival, size, lost = bus.ns, sample.size, 0
+        # Each fragment is lost independently; a message is complete when all have arrived.
         if link.loss:
             n = packets or link.fragments(size)
             draw = bus.rng.random() < link.loss if n == 1 else bus.rng.binomial(n, link.loss)
             lost = int(draw)
+        # The wire is shared: a message begins when the one before it has been sent.
         if link.rate < math.inf:
             size = min(size, packets * link.fragment) if packets else size
             arrival = max(arrival, bus.wires.get(link, 0)) + nanoseconds(size / link.rate)
@@ -480,6 +488,7 @@ class _Match:
             arrival += nanoseconds(link.delay + late)
         if not lost:
             bus.push(arrival, ARRIVAL, self._arrived, sample.number, sample)
+        # Reliable: the reader's negative acknowledgement asks for the missing fragments again.
         elif self.reliable:
             self.reader.rounds += 1
             requested = arrival + nanoseconds(link.nack + link.delay)
@@ -492,6 +501,7 @@ class _Match:
         number, writer = sample.number, self.writer
         if writer.dead:
             return
+        # Only a sample that is still in the writer's history can be sent again.
         if number > writer.number - writer.qos.history_depth and sample.expires > self.bus.ns:
             self.send(sample, packets)
         else:
@@ -502,6 +512,7 @@ class _Match:
         """All of a sample is there, or it is known to be gone."""
         if self._manual:
             self.lease.touch()
+        # Reliable readers get samples in order: early ones wait. Best effort drops late ones.
         if number != self._next or self._early:
             if self.reliable:  # nothing is handed on before what it follows
                 self._early[number] = sample

@@ -119,10 +119,13 @@ class Executor:
             for c in self.callbacks
             if c.oldest() is not None and (c.group.reentrant or not self.holder(c.group))
         ]
+        # FIFO: the callback whose event has waited longest.
         if self.order == "fifo" or not waiting:
             return min(waiting, key=lambda c: c.oldest() or 0, default=None)
         if self.order == "timers first" and waiting[0].kind == "timer":
             return waiting[0]
+        # Ready set: collect all ready callbacks, run each once, then collect again (Casini et al.,
+        # 2019).
         if not any(c in waiting for c in self._ready):
             self._ready = [c for c in self.callbacks if c.oldest() is not None]
         picked = next(c for c in self._ready if c in waiting)
@@ -215,6 +218,7 @@ def deadlocks(bus: Bus) -> list[str]:
         return "a thread, all held by " + ", ".join(_name(r.callback) for r in executor.running)
 
     while True:
+        # Remove runs that can proceed until none is left; what remains waits for itself.
         free = [run for run, future in stuck.items() if not any(map(hindrance, future.needs))]
         if not free:
             break
@@ -288,6 +292,7 @@ def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) ->
         return result
     for group in groups.values():
         S = sum(w.execution for w in group)
+        # Busy period of the group: the least fixed point of its own demand.
         busy = _least(S, 0.0, group, lambda w, x: math.ceil(x / w.period - 1e-9))
         result |= {w.name: busy for w in group}
     return result

@@ -28,10 +28,10 @@ class Inversion:
     """What was measured.
 
     Attributes:
-        wait: of the high process for the lock [s]; NaN where the system refused.
+        wait: of the high process for the lock [s]; NaN where the system denied it.
         theory: the same, if nobody else had the core [s].
         order: who was done when, first to last.
-        refused: why nothing was measured, or "".
+        denied: why nothing was measured, or "".
     """
 
     wait: float

@@ -103,7 +103,7 @@ def _burden() -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Granted:
-    """What the system has given, read back from it; `refused` says of the rest why not.
+    """What the system has given, read back from it; `denied` says why the rest was not.
 
     Attributes:
         scheduler: "other" or "fifo".
@@ -112,7 +112,7 @@ class Granted:
         cores: on which this process may run.
         locked: whether its memory stays in memory.
         quiet: whether the garbage collector is off, and what there was is left alone.
-        refused: by what was asked for, the system's reason.
+        denied: the system's reason, by what was requested.
     """
 
     scheduler: str

@@ -77,9 +77,11 @@ def _analyse(C, T, B, J):
     for s in range(C.shape[1]):
         for i in range(C.shape[0]):
             w, more = 0, C[i, s] + B[i, s]
+            # Fixed-point iteration from below: it reaches the least solution, the response time.
             while w < more <= T[i, s] - J[i, s]:
                 w, more = more, C[i, s] + B[i, s]
                 for j in range(i):
+                    # Releases of task j in a window w with jitter: ceil((w + J) / T), in integers.
                     more += -((-w - J[j, s]) // T[j, s]) * C[j, s]
             result[i, s] = more + J[i, s] if more <= T[i, s] - J[i, s] else LATE
     return result
@@ -105,6 +107,8 @@ def _scale(C, T):
         for i in range(C.shape[0]):
             best = 0.0
             for j in range(i + 1):
+                # Scheduling points: the time demand changes only at multiples of the periods of
+                # higher tasks (Lehoczky, Sha and Ding, 1989).
                 for k in range(1, T[i, s] // T[j, s] + 1):
                     t, load = k * T[j, s], 0
                     for m in range(i + 1):
@@ -130,6 +134,7 @@ def blocking(section: ArrayLike, lock: ArrayLike, protocol: str) -> Array:
     for i in range(S.size):
         below = [j for j in range(i + 1, S.size) if L[j] >= 0 and L[j] in L[: i + 1] and S[j] > 0.0]
         if protocol == "none" and below not in ([], [1]):
+            # A task of middle priority can then preempt the holder for as long as it likes.
             result[i] = np.inf
         elif protocol == "inheritance":
             locks = {int(L[j]) for j in below}
@@ -206,6 +211,8 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
         holds[:], done[:], job[:], t = False, 0, 0, 0
         while t < end:
             # Who runs: the first that is released and has what it wants, or whoever holds that.
+            # The running job is the one with the highest current priority; `place` is that
+            # priority.
             picked, rank, until = -1, n, end
             for i in range(n):
                 release = phase[i, s] + (job[i] * T[i, s] if job[i] else jitter[i, s])
@@ -213,11 +220,13 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
                     until = min(until, release)
                     continue
                 runs, place = i, i
+                # Ceiling: the holder has the priority of the highest task that uses the lock.
                 if holds[i]:
                     for j in range(i if protocol == 2 else 0):
                         if lock[j] == lock[i] and place == i:
                             place = j
                 elif section[i, s] and done[i] == before[i, s]:
+                    # Blocked: with inheritance the holder runs in the place of the blocked task.
                     for j in range(n):
                         if holds[j] and lock[j] == lock[i]:
                             runs = j if protocol == 1 else -1
@@ -226,6 +235,7 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
             if picked < 0:
                 t = until
                 continue
+            # Run it until it takes or releases its lock, ends, or a release preempts it.
             i, finish = picked, before[picked, s] + section[picked, s]
             if section[i, s] and done[i] == before[i, s]:
                 holds[i] = True
@@ -261,6 +271,7 @@ def random_sets(
     schedulability tests, 2005); periods evenly in the logarithm from 10 ms to `ratio` times that,
     sorted.
     """
+    # UUniFast (Bini and Buttazzo, 2005): uniform over all shares with this sum.
     n, remaining = count("n", n, 1), np.full(count("sets", sets, 1), positive("load", load))
     share = np.empty((n, sets))
     for i in range(n - 1):

@@ -111,6 +111,7 @@ def _receive(end: socket.socket) -> bytearray:
     def exactly(size: int) -> bytearray:
         buffer = bytearray(size)
         view, have = memoryview(buffer), 0
+        # A stream may deliver a message in pieces.
         while have < size:
             got = end.recv_into(view[have:])
             if not got:
@@ -154,6 +155,7 @@ class Ring:
     def put(self, payload: bytes | memoryview, patience: float = PATIENCE) -> bool:
         """Copy a message into the next slot; False if none became free in time [s]."""
         count("the payload's size", len(payload), 0, self.size)
+        # Two semaphores count free and full slots, so writer and reader need no lock.
         if not self.free.acquire(timeout=patience):
             return False
         at = self._advance("put")
@@ -167,6 +169,7 @@ class Ring:
 
         A message is not copied; None means that none came in time [s].
         """
+        # The slot that the reader looked at is free again from now on.
         if self.held:
             self.held.release()
             self.free.release()

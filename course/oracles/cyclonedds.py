@@ -276,7 +276,7 @@ class Wire:
         member: participant.
         size, kind: of the payload, see `payload_type`.
         qos: of all ends.
-        ways: the names of the two topics, see `names`.
+        paths: the names of the two topics, see `names`.
     """
 
     def __init__(

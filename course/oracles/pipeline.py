@@ -103,7 +103,7 @@ def _search(
 def plan(
     start: Array, goal: Array, scenario: Scenario, settings: Settings, rng: np.random.Generator
 ) -> Path:
-    """Return as `course.pipeline.plan_path`, the waypoints by OMPL's RRT-Connect."""
+    """Plan like `course.pipeline.plan_path`, with waypoints from OMPL's RRT-Connect."""
     return plan_path(start, goal, scenario, settings, rng, _search)
 
 

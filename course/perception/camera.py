@@ -68,7 +68,7 @@ class Shapes:
         return replace(self, poses=np.reshape(np.asarray(pose, dtype=float), (7, -1)))
 
     def moved(self, pose: ArrayLike) -> Shapes:
-        """Return all shapes, given in the frame of a pose (7,), in the frame of that pose.
+        """Return all shapes, given in the frame of a pose (7,), in that pose's parent frame.
 
         A camera at `pose` sees `shapes.moved(invert(pose))`.
         """
@@ -93,7 +93,7 @@ def shape(kind: str, *size: float, pose: ArrayLike = STILL) -> Shapes:
 
 
 def together(shapes: Sequence[Shapes]) -> Shapes:
-    """Return all of them as one."""
+    """Return several collections of shapes as one."""
     return Shapes(
         tuple(kind for some in shapes for kind in some.kinds),
         np.hstack([np.zeros((3, 0)), *(some.sizes for some in shapes)]),
@@ -131,7 +131,7 @@ class Camera:
 
     @classmethod
     def symmetric(cls, width: int, height: int, view: float) -> Camera:
-        """Return with square pixels and the axis in the middle.
+        """Return a camera with square pixels and the axis in the middle.
 
         `view` is from left to right [rad].
         """
@@ -225,7 +225,11 @@ def through_cylinder(size, o, d):
 
 @register_jitable
 def through_sphere(size, o, d):
-    """Return as of a cylinder (Haines et al., Precision Improvements for Ray/Sphere, 2019)."""
+    """Return where a ray enters and leaves a sphere.
+
+    As for the cylinder, half the chord comes from the distance of centre and ray (Haines et al.,
+    Precision Improvements for Ray/Sphere, 2019).
+    """
     a = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     t = (o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / a
     x, y, z = o[0] - t * d[0], o[1] - t * d[1], o[2] - t * d[2]

@@ -94,9 +94,9 @@ class Tracker:
             of a turn [rad/s^2].
         speed: the same of the first rates [m/s, rad/s].
         period: of the turn, after which the part looks the same [rad]: pi for a box.
-        gate: square of the normalised innovation from which a measurement is refused; None for what
-            is exceeded once in a thousand times, infinite for no gate.
-        patience: refusals in a row after which the track starts anew; 0 for never, which locks the
+        gate: square of the normalised innovation above which a measurement is rejected; None for
+            what is exceeded once in a thousand times, infinite for no gate.
+        patience: rejections in a row after which the track restarts; 0 for never, which locks the
             filter out for good once the part did what it deems impossible.
         gains: alpha and beta to use always, instead of the best for what is known.
 
@@ -104,7 +104,7 @@ class Tracker:
         state: (x, y, yaw, and their rates) at `stamp`, (6,).
         covariance: of the state, (6, 6).
         stamp: of the last picture taken in [s], minus infinity before the first.
-        refused: measurements in a row that were refused.
+        rejected: measurements in a row that were rejected.
     """
 
     def __init__(
@@ -158,7 +158,7 @@ class Tracker:
             covariance: of z, (3, 3); infinite on the diagonal for what was not seen.
 
         Returns:
-            Whether it was taken; not if the gate refused it.
+            Whether it was taken; not if the gate rejected it.
 
         Raises:
             ValueError: for a picture older than the last one, a NaN, or a first measurement that

@@ -47,16 +47,20 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
     """
     result, scenario = [], record.scenario
     log, pictures = record.log, record.pictures
+    # A stage that handed over something impossible has stopped the run.
     if record.reason.split(":")[0] in ("perceive", "plan", "control", "move"):
         stage, what = record.reason.split(": ")
         result.append(Broken("age" if "stamp" in what else stage, what))
     late, period = microseconds(agreed.latency), microseconds(agreed.frame)
     arrived = np.array([p.arrived for p in pictures] + [microseconds(scenario.seconds)])
+    # Contracts of time: the age of an image, and the gap between two.
     ages = np.array([p.arrived - p.captured for p in pictures])
     if ages.size and ages.max() > late + period // 2:
         result.append(Broken("age", "pictures are older than was agreed"))
     if np.diff(arrived, prepend=late).max() > 3 * period:
         result.append(Broken("age", "pictures do not arrive"))
+    # Contracts of perception: the stated covariance, and with the truth known the errors
+    # themselves.
     if len(pictures) > 1:
         each = np.sqrt([np.diag(np.asarray(p.covariance)) for p in pictures])
         if np.median(each) > 1.5 * max(agreed.noise, LEAST):
@@ -64,11 +68,13 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
     if truth and len(pictures) > 1:
         true = np.array([scenario.at(1e-6 * p.captured) for p in pictures])
         z = (np.array([p.value for p in pictures]) - true - agreed.bias) / each
+        # The mean of n independent errors has the deviation 1 / sqrt(n).
         if np.abs(z.mean(axis=0)).max() * np.sqrt(len(z)) > SURE:
             result.append(Broken("perceive", "errors do not agree with the bias"))
         if np.abs(z).max() > SURE + 1.0:
             result.append(Broken("perceive", "errors do not agree with the covariance"))
     known = {one.captured: one.value for one in record.estimates}
+    # Contracts of planning: a path in time, clear of the discs, and ending at the goal.
     for requested, crossing in zip(record.plan_requests, record.plans, strict=False):
         path = crossing.value
         if path.motion is None:
@@ -85,6 +91,8 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
             if goal is not None and two_link_ik(scenario.arm.lengths, goal).reached:
                 if np.hypot(*(end - goal)) > SLACK:
                     result.append(Broken("plan", "its path does not end at the goal"))
+    # Contracts of control and physics: the torque of the law, bounded rates, no energy from
+    # nowhere.
     rows = slice(0, -1, max(1, microseconds(agreed.control) // record.step))
     e, v, sent = (log[rows, some] for some in (slice(4, 6), slice(2, 4), slice(6, 8)))
     largest = np.minimum(scenario.arm.torques, agreed.actuator.limit)
@@ -105,6 +113,7 @@ def _gaps(scenario: Scenario, waypoints: np.ndarray) -> np.ndarray:
     count = 2 + int(lengths.sum() / 0.05)
     along = np.concatenate(([0.0], np.cumsum(lengths)))
     at = np.sort(np.concatenate((np.linspace(0.0, along[-1], count), along)))
+    # Both equal spacing and every waypoint, so that no corner is cut off.
     places = np.stack([np.interp(at, along, row) for row in waypoints])
     return np.array([clearance(scenario.world(), q) for q in places.T])
 
@@ -128,6 +137,7 @@ def gained(record: Record, kp: float, kd: float) -> float:
     r = np.hstack([r[:, :-1], r[:, -2:-1]])  # the last row has no command of its own
     W = 0.5 * np.einsum("in,ijn,jn->n", v, record.scenario.arm.mass_matrix(q), v)
     W += 0.5 * kp * np.sum((r - q) ** 2, axis=0)
+    # Work of the moving reference on the spring, and of every torque that is not the PD law's.
     brought = kp * np.sum(((r - q)[:, 1:] + (r - q)[:, :-1]) * np.diff(r), axis=0) / 2.0
     brought += np.sum((sent + kd * v - kp * (r - q))[:, :-1] * np.diff(q), axis=0)
     return float(np.sum(np.maximum(np.diff(W) - brought, 0.0)) / max(float(W.max()), 1e-12))
@@ -196,6 +206,7 @@ def minimal(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Scenario:
         scenario: one that fails.
         fails: whether a scenario does.
     """
+    # One simplification at a time, as in delta debugging; recursion until none still fails.
     fewer = combinations(scenario.discs, max(len(scenario.discs) - 1, 0))
     simpler = [replace(scenario, discs=some) for some in fewer]
     still = replace(scenario, velocity=(0.0, 0.0))

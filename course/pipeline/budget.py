@@ -46,6 +46,7 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
     one_of("law", settings.law, ("pd",))
     one_of("overrun", settings.overrun, ("pipelined",))
     u, ideal, T = np.array(scenario.velocity), settings.ideal, settings.frame
+    # The posture that the plan ends in: the branch nearer to the start.
     q = np.asarray(two_link_ik(scenario.arm.lengths, scenario.at(scenario.seconds)).q)
     error = np.abs((q - np.array(scenario.start)[:, None] + math.pi) % (2.0 * math.pi) - math.pi)
     q = q[:, int(np.argmin(np.hypot(*error)))]
@@ -55,6 +56,7 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
             allowed = f"less than {limit:.3g} s, the stability limit in the posture of the reach"
             raise invalid("physics", settings.physics, allowed)
     late = 0.0 if "age" in ideal else settings.latency
+    # The arm is a low-pass filter with this time constant.
     slow = (settings.kd + float(np.mean(scenario.arm.damping))) / settings.kp
     selected = 0.0 if "control" in ideal else math.exp(-T / slow)
     mean, variance, pictures = np.zeros(2), 0.0, 1 + int((scenario.seconds - late) / T)
@@ -85,7 +87,7 @@ class Budget:
     Attributes:
         parts: of `STAGES`.
         errors: mended -> shape (2, N) [m].
-        told: mended -> mean (2,) and covariance (2, 2) as predicted.
+        moments: mended -> mean (2,) and covariance (2, 2) as predicted.
     """
 
     parts: tuple[str, ...]
@@ -112,6 +114,7 @@ class Budget:
 
         The second result is its standard error run by run, (2,) [m].
         """
+        # If the error were linear in its sources, the sum of each alone would be the whole.
         rest = (len(self.parts) - 1) * self.errors[self.only()]
         parts = sum((self.errors[self.only(part)] for part in self.parts), -rest)
         error = parts - self.errors[frozenset()]
@@ -131,6 +134,7 @@ class Budget:
         """
         rng, n = np.random.default_rng(seed), self.errors[frozenset()].shape[1]
         owned = attribution(self.squares())
+        # Bootstrap over runs: the same resampled seeds for all subsets.
         drawn = [attribution(self.squares(some)) for some in rng.integers(0, n, (repeats, n))]
         result = {}
         for part in self.parts:
@@ -186,7 +190,7 @@ class Compared(NamedTuple):
     """The second setting against the first on the same seeds.
 
     Attributes:
-        worked: whether each run was a success, shape (2, N), as `course.measure.success.paired`
+        succeeded: whether each run was a success, shape (2, N), as `course.measure.success.paired`
             takes them.
         square: difference of the mean squared errors, and its 95 % [m^2].
         saved: how many times as many runs it takes on seeds of their own, for the squares.
@@ -208,6 +212,7 @@ def compare(
     records = [run_many(scenario, some, seeds, stages or Stages()) for some in (first, second)]
     a, b = (np.sum(errors(one) ** 2, axis=0) for one in records)
     middle, half = float(np.mean(b - a)), NORMAL * float(np.std(b - a)) / math.sqrt(a.size)
+    # Ratio of variances: how many times fewer runs the paired comparison needs.
     own = float(np.var(a) + np.var(b)) / max(float(np.var(b - a)), 1e-300)
     return Compared(
         np.stack([successes(one) for one in records]), (middle, middle - half, middle + half), own

@@ -105,7 +105,7 @@ class Eye:
     def __call__(
         self, sight: Sight, scenario: Scenario, settings: Settings
     ) -> tuple[Array, Array, str, int]:
-        """Return as `perceive`.
+        """Return what `perceive` returns, from a rendered depth image.
 
         The noise is the sensor's, so that of the settings has no part in it.
         """

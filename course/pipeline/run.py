@@ -37,9 +37,9 @@ class Record:
         time: from when on the tip stayed within the tolerance [s]; infinity without success.
         log: a row each physics step, columns as in `drive`, shape (steps + 1, 11).
         timetable: of the camera, as it was.
-        seen: a row each frame, columns as in `drive`, shape (N, 14).
+        sightings: a row each frame, columns as in `drive`, shape (N, 14).
         plans: what came from the planner, in order; value a `Path`.
-        asked: when each was asked for [us].
+        plan_requests: when each plan was requested [us].
     """
 
     scenario: Scenario
@@ -167,7 +167,7 @@ class Run:
     """A run that can be stopped on its way; arguments are those of `run`.
 
     Attributes:
-        log, seen, timetable, plans, asked: as in a `Record`, as far as it has come.
+        log, sightings, timetable, plans, plan_requests: as in a `Record`, as far as it has come.
         wrong: what stopped it, or nothing.
     """
 
@@ -274,7 +274,7 @@ class Run:
             progress["wrong"] = by.WRONGS.index("perceive: another frame")
 
     def to(self, seconds: float) -> bool:
-        """Return on to a time of the run [s], at most to its end; whether all is well."""
+        """Advance to a time of the run [s], at most to its end; return whether all is well."""
         progress = self._progress
         self._drive_settings["end"] = microseconds(min(seconds, self.scenario.seconds))
         while not self.wrong:
@@ -301,6 +301,8 @@ class Run:
         now = int(self.timetable.arrived[k])
         start = self.log[progress["now"], REFERENCE:SENT].copy()
         goal = self._aim["made"].copy()
+        # A generator of its own for each plan: its random numbers do not depend on what came
+        # before.
         rng = np.random.default_rng([self.seed, 2, len(self.plans)])
         tries = 3 if "plan" in settings.ideal else 1  # by chance a way is three times as long
         result = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
@@ -313,6 +315,7 @@ class Run:
         if path.motion is not None:
             if not np.isfinite(path.motion.table).all():
                 self.wrong = "plan: a path that is not finite"
+            # The path must continue the reference without a jump.
             elif np.abs(path.motion.table[0, 4:6] - start).max() > 1e-9:
                 self.wrong = "plan: a path that does not begin where the arm should be"
         progress["due"] = due = now + round(1e6 * settings.check_cost * path.checks)
@@ -335,6 +338,7 @@ class Run:
         when = 1e-6 * step_of(self.settings) * np.arange(len(log))
         target = np.asarray(scenario.target)[:, None] + np.outer(scenario.velocity, when)
         away = tip_of(scenario.arm, log[:, Q:V].T) - target
+        # Success needs the tip within the tolerance from some time on until the end.
         far = np.flatnonzero(~(np.hypot(*away) <= scenario.tolerance))
         reason, least = self.wrong, float(np.min(log[:, GAP]))
         error = away[:, -1] if not reason else np.full(2, np.nan)

@@ -126,6 +126,7 @@ def frames(settings: Settings, seconds: float, seed: int) -> Frames:
     if settings.lost > 0.0:
         retained &= np.random.default_rng([seed, 1]).random(taken.size) >= settings.lost
     arrived = taken + late
+    # What the camera does while it is busy: drop the image, delay the capture, or queue it.
     if settings.overrun == "drop":
         retained &= free(taken.astype(float), np.full(taken.size, float(late)))
     elif settings.overrun == "block":
@@ -203,6 +204,7 @@ def plan_path(
         np.linalg.norm(postures - start[:, None], axis=0), kind="stable"
     ).tolist():
         other = postures[:, side]
+        # A margin that start or goal does not have cannot be asked of the path.
         room = 0.5 * min(here, clearance(world, other))
         if room <= 0.0:
             continue
@@ -215,6 +217,7 @@ def plan_path(
             return bool(test(wide.obstacles, wide.body, a, b))
 
         paths: list[Array] = []
+        # RRT-Connect sometimes returns a detour: a few searches, and the shortest of them.
         for _ in range(TRIES):
             waypoints, checks, status = search(wide, start, other, settings, rng)
             requested[0] += checks

@@ -36,6 +36,7 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
         ahead: periods that the estimate is carried forward at its own rate.
     """
     a, b = positive("alpha", alpha), finite("beta", beta, 0.0)
+    # Stability of the alpha-beta filter (Kalata, 1984).
     t, room = finite("ahead", ahead, 0.0), 4.0 - b - 2.0 * a
     if room <= 0.0:
         raise invalid("2 alpha + beta", 2.0 * a + b, "a number below 4")
@@ -66,6 +67,8 @@ def settling(
     F, Q = np.array([[1.0, T], [0.0, 1.0]]), drift**2 * np.outer((T * T / 2, T), (T * T / 2, T))
     P, mean, C = np.diag([1.0, ratio**2]), np.array([0.0, -1.0, 0.0]), np.diag([1.0, 0.0, 1.0])
     A, take = np.diag([0.0, 0.0, retain]), 1.0 - retain
+    # Kalman recursion for a target of constant velocity; (mean, C) follow the true error, with the
+    # arm's low-pass as a third state.
     for _ in range(count("pictures", pictures, 1) - 1):
         P = F @ P @ F.T + Q
         k = P[:, 0] / (P[0, 0] + 1.0)
@@ -183,6 +186,7 @@ def growth(arm: TwoLink, q: ArrayLike, kp: float, kd: float, dt: float, held: in
     """
     h, n = positive("dt", dt, unit="s"), count("held", held, 1)
     inverse = np.linalg.inv(arm.mass_matrix(vector("q", q, (2,))))
+    # Damping acts on the velocity of the step's start, the spring of the law on the held sample.
     damped, zero = np.eye(2) - h * inverse @ np.diag(arm.damping), np.zeros((2, 2))
     free = np.block([[np.eye(2), h * damped], [zero, damped]])
     push = np.vstack([h * h * inverse, h * inverse])
@@ -244,6 +248,7 @@ def look_noise(gain: float, frames: int) -> float:
     From P = A P A^T + B B^T, solved as linear equations; gain / (2 - gain) for fresh pictures.
     ValueError beyond `look_limit`.
     """
+    # Stationary covariance: the Lyapunov equation X = A X A^T + B B^T as a linear system.
     A, n = look_matrix(gain, frames), frames + 1
     if not 0.0 < gain < look_limit(frames):
         raise invalid("gain", gain, f"a number above 0 and below {look_limit(frames):g}")

@@ -55,6 +55,7 @@ def chain(
             step, horizon (1 - gamma), which is dt for a short one.
     """
     n = count("seconds / dt", round(path.seconds / positive("dt", dt, unit="s")), 1)
+    # The discount and the cost of a step that belong to the same continuous horizon.
     selected = math.exp(-dt / path.horizon) if gamma is None else finite("gamma", gamma, 0.0, 1.0)
     paid = path.horizon * -math.expm1(-dt / path.horizon) if per_step is None else per_step
     P, R = np.zeros((n + 2, 3, n + 2)), np.zeros((n + 2, 3, n + 2))

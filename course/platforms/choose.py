@@ -181,6 +181,7 @@ def _turn(table: Table, needs: Sequence[Need], by: str, pick: str | None) -> Tur
             if not fact.known or isinstance(fact.value, bool):
                 continue
             assert fact.value is not None
+            # The exact value, and the nearest number beyond it: the pick can change on either side.
             for value in (fact.value, _beyond(fact.value, need.sense)):
                 tried = [*needs[:i], replace(need, limit=value), *needs[i + 1 :]]
                 ranking, _ = _ranked(table, tried, by)

@@ -82,6 +82,7 @@ def path_error(
             final = scene.error(run.state(), taken * dt)
             largest = max(largest, final)
             if free and taken <= counted:
+                # A body is airborne if no contact presses on it.
                 report = run.contacts()
                 held = report.bodies[:, report.normal_force > 0.0]
                 airborne += not all(np.any(held == i) for i in free)
@@ -128,6 +129,7 @@ def energy_drift(
         energies.append(run.energy())
     run.close()
     times, result = np.arange(samples + 1) * every * dt, np.array(energies)
+    # A straight line is the drift; the deviation from it is the oscillation of a symplectic method.
     rate, start = np.polyfit(times, result, 1)
     swing = np.max(np.abs(result - start - rate * times))
     return Drift(float(rate), float(swing), float(result[-1] - result[0]))
@@ -164,6 +166,7 @@ def judged(
     run.close()
     if not report.gap.size:
         raise invalid("steps", steps, "a number after which something touches")
+    # Recompute the step with chapter 2's equations and compare its velocities with the engine's.
     step = step_of(scene, before, free_velocity(scene, before, dt), report, dt)
     impulses = step.impulses(report.force)
     reached = step.spread(step.problem.after(impulses))
@@ -222,6 +225,7 @@ def repeatability(
     """Return whether a run can be repeated bit by bit: 0 where all bits are equal."""
     first, second = (engine.build(scene, dt, settings) for _ in range(2))
     half = count("steps", steps, 2) // 2
+    # The same half run three times: continued, from the saved state, and from a new build.
     first.run(half)
     saved = first.save()
     first.run(half)
@@ -268,6 +272,7 @@ def stop(
     run.run(round(scene.duration / dt))
     x, y = run.state().q[:2, 0] - start
     run.close()
+    # The difference of two angles, wrapped to -pi to pi.
     turn = (math.atan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi
     return Stop(math.hypot(x, y), turn)
 
@@ -292,6 +297,7 @@ def squeezed(
         run.run(third)
         heights.append(run.state().q[2, 0])
     run.close()
+    # Slipping accelerates; creeping moves evenly.
     first, last = -np.diff(heights) / (third * dt)
     held = last <= 0.02 or last - first <= 0.005 * GRAVITY * third * dt
     return bool(held), float(-heights[-1])
@@ -316,6 +322,7 @@ def grasp_limit(
         return 0.0
     if not held(high):
         return math.inf
+    # Bisection assumes that a part held at one squeeze is held at any larger one.
     for _ in range(count("rounds", rounds, 1)):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if held(middle) else (middle, high)
@@ -405,6 +412,7 @@ def reach(
     run = prepared(engine, scene, positive("dt", dt, unit="s"), settings)
     now = run.state()
     for _ in range(round(duration / dt)):
+        # Computed torque with critical damping: acceleration w^2 e - 2 w v.
         desired = PACE * (PACE * (goal - now.q) - 2.0 * now.v)
         run.set_torque(
             kinematics.inverse_dynamics(chain, now.q, now.v, desired, gravity=scene.gravity)

@@ -177,9 +177,9 @@ class Reading:
     """What a reader did with a text.
 
     Attributes:
-        refused: its words, else "".
+        rejection: its error message, else "".
         crashed: whether it took the process with it.
-        said: what it printed that it doesn't print about the sound model.
+        messages: what it printed that it doesn't print about the sound model.
         facts: of the model as loaded; empty where there is none. "masses" [kg] and "moments"
             (3 each [kg m^2]) of the links that move, "places" of joints, "axes", "limits" (two
             each), "damping", "friction", "dof", "mimic".

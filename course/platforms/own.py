@@ -149,6 +149,7 @@ class Touching(Run):
         pose = self.q
         if scene.ground:
             pose = np.column_stack((np.array([0.0, 0, 0, 1, 0, 0, 0]), self.q))
+        # Speculative contacts: within the travel of a step anything may touch.
         travel = float(np.max(np.abs(free[:3]))) * dt
         result = contact.contacts(self.shapes, pose, NEAR + 2.0 * travel)
         bodies, nothing = result.bodies - int(scene.ground), np.zeros_like(result.point)
@@ -156,14 +157,17 @@ class Touching(Run):
             bodies, result.point, result.normal, result.distance, nothing, nothing
         )
         v, force, memory = free.copy(), nothing.copy(), {}
+        # Project the free velocity of a guided body on its guide.
         for i, body in enumerate(scene.bodies):
             if body.guide is not None:
                 v[:, i] = freedom(body) @ (freedom(body).T @ free[:, i])
+        # Islands: bodies that touch, directly or through others, are solved together.
         for members in self._groups(bodies):
             ours = np.flatnonzero(np.isin(bodies[1], members))
             if not ours.size:
                 continue
             step = step_of(scene, before, free, report.only(ours), dt, members, self.recovery)
+            # Warm start: the impulses of the last step, if the same bodies touch in the same order.
             key = tuple(bodies[:, ours].ravel())
             start = {"start": self.memory.get(key)} if self.model in WARM else {}
             done = contact.solve(self.model, step.problem, **start)
@@ -171,6 +175,7 @@ class Touching(Run):
             v[:, members] = step.spread(done.velocity)
         now = State(0.0, self.q, v)
         self.last = reported(now, bodies, result.point, result.normal, result.distance, force)
+        # Positions follow the new velocities (semi-implicit Euler on the group).
         self.q, self.v, self.memory = retract(self.q, dt * v), v, memory
 
     def _groups(self, pairs: Any) -> list[list[int]]:
@@ -182,6 +187,7 @@ class Touching(Run):
                 i = of[i]
             return i
 
+        # Union-find; the ground, index -1, does not join islands.
         for i, j in pairs.T:
             if i >= 0:
                 low, high = sorted((root(i), root(j)))

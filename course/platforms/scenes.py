@@ -272,7 +272,7 @@ def box(
 
 
 def tumble(duration: float = 5.0, tolerance: float = 1e-2) -> Scene:
-    """Return a body with three different moments turns freely.
+    """Return a freely turning body with three different moments of inertia.
 
     The truth is chapter 1's closed form.
     """
@@ -301,7 +301,7 @@ def _unmoved(bodies: Sequence[Body], shift: Callable[[float], ArrayLike] | None 
 
 
 def drop(height: float = 0.1, duration: float = 1.0, tolerance: float = 1e-3) -> Scene:
-    """Return a cube of 1 kg falls flat from a height above the ground [m] and stays there."""
+    """Return a cube of 1 kg that falls flat from a height above the ground [m] and stays there."""
     finite("height", height, 0.0, unit="m")
     cube = box("cube", (HALF,) * 3, 1.0, (0.0, 0.0, HALF + height))
 
@@ -354,7 +354,7 @@ def _block(velocity: Sequence[float] = (0.0,) * 6) -> Body:
 def brake(
     heading: float = 0.0, speed: float = 2.0, friction: float = 0.5, tolerance: float = 1e-2
 ) -> Scene:
-    """Return a flat block is sent off on level ground at a heading from the x axis [rad] and stops.
+    """Return a flat block that is launched on level ground at a heading [rad] and stops.
 
     By Coulomb's law after speed^2 / (2 mu g) [m], along its heading.
     """

@@ -52,6 +52,8 @@ class Log:
         vector("command", self.command, (None, t.size - 1))
         positive("times[-1] - times[0]", t[-1] - t[0], unit="s")
         sent = t if self.sent is None else vector("sent", self.sent, (t.size - 1,), unit="s")
+        # Even spacing, and commands on the clock of the measurements: else a delay would look like
+        # physics.
         apart, other = np.diff(t) - np.median(np.diff(t)), sent[: t.size - 1] - t[:-1]
         for name, values, deviation in (("times", t[1:], apart), ("sent", sent, other)):
             i = int(np.argmax(np.abs(deviation)))
@@ -130,6 +132,7 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
     if not (names and (low < high).all()):
         raise invalid("free", dict(free), "a lower bound below the upper one for each")
     x = np.array([finite(f"start[{n!r}]", start[n], *free[n]) for n in names])
+    # The size of a parameter, for steps and scaling.
     wide = np.where(np.isfinite(high - low), high - low, 1.0)
 
     def run(points: Array) -> Array:
@@ -149,6 +152,7 @@ def _slope(run: Callable, x: Array, low: Array, high: Array, size: Array) -> Arr
 
     All differences are taken in one batched rollout.
     """
+    # Central differences, one-sided at a bound; all of them in one batched rollout.
     up, down = np.minimum(x + 6e-6 * size, high) - x, np.maximum(x - 6e-6 * size, low) - x
     both = run(x[:, None] + np.hstack([np.diag(up), np.diag(down)]))
     return np.asarray((both[..., : x.size] - both[..., x.size :]) / (up - down))
@@ -174,6 +178,7 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
 
     def tried(point: Array) -> tuple[Array, float, Array]:
         # Forward differences, away from a bound; their error, about 1e-8, moves no answer.
+        # Forward differences suffice for the search; the final slope is central.
         h = np.where(point + 1e-7 * size > high, -1e-7, 1e-7) * size
         result = run(point[:, None] + np.hstack([np.zeros((P, 1)), np.diag(h)]))
         r = (desired - result[..., 0]).ravel()
@@ -189,12 +194,14 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
         A, g = J.T @ J, J.T @ r
         # Marquardt's scaling; what does not show stays where it is.
         A += np.diag(damping * np.maximum(np.diag(A), 1e-12 * np.trace(A) + 1e-300))
+        # Active set: parameters that are pushed against a bound do not move.
         held = ((x <= low) & (g < 0.0)) | ((x >= high) & (g > 0.0))  # pushed against its bound
         A[held], A[:, held], A[held, held], g[held] = 0.0, 0.0, 1.0, 0.0
         point = np.clip(x + size * np.linalg.solve(A, g), low, high)
         if np.max(np.abs(point - x) / size) < 1e-6:
             against = [] if damping < 1.0 else ["no step goes down, as small as it is"]
         now = tried(point)
+        # Levenberg-Marquardt: accept a step that lowers the cost and trust it more, else less.
         if now[1] < cost:
             x, (r, cost, J), damping = point, now, 0.1 * damping
         else:
@@ -244,6 +251,7 @@ def scan(
     cost = np.array([result.noise**2 for result in tries])
     best = int(np.argmin(cost))
     if not 0 < best < given.size - 1:
+        # Parabola through the best value and its neighbours.
         raise invalid("values", given, f"some on both sides of {given[best]:g}, which is the best")
     near = slice(best - 1, best + 2)
     bend, slope, _ = np.polyfit(given[near] - given[best], cost[near], 2)
@@ -284,11 +292,13 @@ def excitation(
 def _visible(
     names: tuple[str, ...], slope: Array, noise: float, size: Array, inside: NDArray[np.bool_]
 ) -> Visible:
-    """Return `inside` says which parameters are not at a bound; of the others nothing is known."""
+    """Return what a slope shows of the parameters that are `inside`, which is not at a bound."""
     which = np.flatnonzero(inside)
     J = slope.reshape(-1, size.size)[:, which] * (size[which] / max(noise, 1e-15))
+    # QR first: the triangle has the singular values of the tall matrix.
     _, s, V = np.linalg.svd(np.linalg.qr(J, "r"))  # the triangle has the same values, and is small
     s = np.pad(s, (0, which.size - s.size))
+    # A direction shows if one relative unit of it moves the log by more than the noise.
     shows = s > max(1.0, 1e-8 * s.max(initial=0.0))
     root = V[shows].T / s[shows] * size[which][:, None]
     covariance = np.full((size.size, size.size), np.inf)
@@ -329,6 +339,7 @@ def whiteness(residual: Array) -> float:
     n, T = residual.shape
     lags = np.arange(1, min(LAGS, T - 1) + 1)
     power = np.maximum(np.sum(residual**2, axis=1), 1e-300)
+    # Ljung and Box's statistic (1978) of the autocorrelations, chi-squared for white noise.
     share = np.array([np.sum(residual[:, k:] * residual[:, :-k], axis=1) for k in lags]) / power
     Q = T * (T + 2.0) * np.sum(share**2 / (T - lags)[:, None])
     return float(gammaincc(0.5 * n * lags.size, 0.5 * Q))
@@ -339,6 +350,8 @@ def late(result: Fit, log: Log) -> tuple[float, float]:
 
     The residual against the rate of the simulated signals, what the parameters explain taken out.
     """
+    # To first order a delay adds rate times delay to the residual; what the parameters can explain
+    # is projected out.
     rate = -np.gradient(log.measured - result.residual, log.dt, axis=1).ravel()
     others = result.slope.reshape(rate.size, -1)
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)

@@ -107,6 +107,8 @@ def value_iteration(
         following = process.backup(value).max(axis=1)
         change, value, sweeps = np.abs(following - value).max(), following, sweeps + 1
         small = tolerance * max(1.0, float(np.abs(value).max()))
+        # Contraction: the distance from the fixed point is at most gamma / (1 - gamma) times the
+        # change.
         if change * process.gamma <= small * (1.0 - process.gamma):
             break
     policy = process.backup(value).argmax(axis=1)
@@ -129,6 +131,7 @@ def policy_iteration(process: Process) -> Solution:
     while True:
         value = evaluate_policy(process, policy)
         q, solves = process.backup(value), solves + 1
+        # Only a strict improvement changes the policy, so rounding cannot make it alternate.
         better = q.max(axis=1) > q[rows, policy] + 1e-12 * np.abs(q).max()
         if not better.any() or value.sum() <= before:
             return Solution(value, q, q.argmax(axis=1), solves)
@@ -152,6 +155,7 @@ def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
         raise invalid("policy", chosen, "rows that sum to 1")
     P = np.einsum("ij,ijk->ik", chosen, process.transition)
     r = np.einsum("ij,ijk,ijk->i", chosen, process.transition, process.reward)
+    # Value of a policy: (I - gamma P) v = r.
     return np.asarray(np.linalg.solve(np.eye(S) - process.gamma * P, r))
 
 
@@ -166,6 +170,7 @@ def shaped(process: Process, phi: ArrayLike, *, free_end: bool = False) -> Proce
     """
     potential = vector("phi", phi, process.terminal.shape).copy()
     if not free_end:
+        # The potential of a terminal state is 0, else shaping changes the best policy.
         potential[process.terminal] = 0.0
     added = process.gamma * potential[None, None] - potential[:, None, None]
     added = np.where(process.terminal[:, None, None], 0.0, added)
@@ -204,12 +209,15 @@ def _learn(P, R, ends, numbers, draws, optimal, q):
     state, limit = 0, draws.shape[0]
     for k in range(limit):
         action = int(draws[k, 1] * A)
+        # Epsilon-greedy action.
         if draws[k, 0] >= chance:
             action = int(np.argmax(q[state]))
+        # Sample the successor from its distribution.
         following, rest = 0, draws[k, 2]
         while following < S - 1 and rest >= P[state, action, following]:
             rest -= P[state, action, following]
             following += 1
+        # The temporal-difference target has no future after a terminal state.
         ahead = 0.0 if ends[following] > 0.0 else gamma * np.max(q[following])
         q[state, action] += rate * (R[state, action, following] + ahead - q[state, action])
         state = following

@@ -77,6 +77,7 @@ def attribution(value: Mapping[Subset, float]) -> dict[str, tuple[float, float, 
     for part in sorted(whole):
         average = 0.0
         for some in subsets(sorted(whole - {part})):
+            # Shapley's weight: the share of orders in which exactly `some` come before this part.
             weight = math.factorial(len(some)) * math.factorial(n - len(some) - 1)
             average += weight / math.factorial(n) * (value[some | {part}] - value[some])
         alone, last = value[frozenset({part})] - value[empty], value[whole] - value[whole - {part}]
@@ -130,11 +131,13 @@ def trials(
         raise invalid("second", second, f"a rate other than the first, {first}")
     a = float(ndtri(1.0 - 0.5 * finite("level", level, 1e-9, 0.5)))
     b, d = float(ndtri(finite("power", power, 0.5, 1.0 - 1e-9))), abs(p - q)
+    # Sample size for two proportions, two-sided (Fleiss, Levin and Paik, 2003).
     if together is None:
         middle = 0.5 * (p + q)
         own = p * (1.0 - p) + q * (1.0 - q)
         root = a * math.sqrt(2.0 * middle * (1.0 - middle)) + b * math.sqrt(own)
     else:
+        # Paired trials: only discordant ones count (McNemar, 1947).
         both = finite("together", together, max(0.0, p + q - 1.0), min(p, q))
         apart = p + q - 2.0 * both
         root = a * math.sqrt(apart) + b * math.sqrt(apart - d * d)

@@ -98,12 +98,12 @@ def slider(
 
 
 def menu(label: str, choices: tuple[str, ...], default: int = 0, live: bool = False) -> Field:
-    """Return one of several, on the panel."""
+    """Return a field with one of several choices, a menu on the panel."""
     return Field(default, label, choices=choices, live=live)
 
 
 def switch(label: str, default: bool, live: bool = False) -> Field:
-    """Return on or off, on the panel."""
+    """Return a field that is on or off, a switch on the panel."""
     return Field(default, label, live=live)
 
 

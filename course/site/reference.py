@@ -60,7 +60,7 @@ def claims(anchors: Anchors, shown: Mapping[str, str]) -> str:
     everything = derivations.claims()
     parts = [
         "# The claims",
-        f"{len(everything)} statements as one hears them, each with its verdict and what is true "
+        f"{len(everything)} common statements, each with its verdict and what is true "
         "instead. Each is settled by a check: `python -m course.derivations --id NAME` runs it.",
     ]
     for chapter in CHAPTERS:

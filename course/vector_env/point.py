@@ -55,6 +55,7 @@ def plan(paths: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[A
     remaining, k = np.arange(len(distance)), 0
     while remaining.size:
         k += 1
+        # Reachable set after k steps of semi-implicit Euler: a square of this half width.
         half = 0.5 * dt * dt * k * (k + 1)
         desired = distance[remaining] - dt * k * speed[remaining]
         aimed = np.clip(desired, -half, half)
@@ -121,6 +122,7 @@ def _move_points(p, v, goal, steps, actions, numbers):
     terminated, truncated = np.empty(n, np.bool_), np.empty(n, np.bool_)
     for i in range(n):
         before = np.sqrt((goal[0, i] - p[0, i]) ** 2 + (goal[1, i] - p[1, i]) ** 2)
+        # Semi-implicit Euler; the action is clipped to -1 to 1 on each axis.
         for j in range(2):
             v[j, i] += dt * min(1.0, max(-1.0, np.float64(actions[i, j])))
             p[j, i] += dt * v[j, i]
@@ -151,6 +153,7 @@ def _start_points(draws, ids, p, v, goal, steps, numbers):
             p[j, i], v[j, i] = 2.0 * draws[k, j] - 1.0, 0.0
             goal[j, i] = 2.0 * draws[k, 2 + j] - 1.0
         if numbers[3] >= 3.0:
+            # Uniform in the ring between the disc's radius and NEAR.
             inner = numbers[1] ** 2
             length = np.sqrt(inner + draws[k, 2] * (NEAR**2 - inner))
             goal[0, i] = p[0, i] + length * np.cos(2.0 * np.pi * draws[k, 3])

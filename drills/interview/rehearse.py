@@ -74,7 +74,7 @@ class Talk:
 
     Attributes:
         session: where it writes, and the work folder.
-        hear: the next line that is typed; EOFError at the end.
+        read_line: returns the next line that is typed; EOFError at the end.
         clock: the time, aware.
         editor: whether an editor can be opened.
     """

@@ -38,7 +38,7 @@ class Round:
 
     Attributes:
         session: where it writes, and the work folder.
-        hear: the next line that is typed; EOFError at the end.
+        read_line: returns the next line that is typed; EOFError at the end.
         clock: the time, aware.
         rated: what was rated, for the JSON.
     """

@@ -78,7 +78,7 @@ def drop_capabilities() -> str:
 
 
 def settle(parent: int, hidden: bool) -> str:
-    """Return no new privileges, death with the grader, and no inspection by others.
+    """Forbid new privileges and inspection by others, and die with the grader.
 
     Args:
         parent: the grader's process.

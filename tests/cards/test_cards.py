@@ -124,8 +124,8 @@ def test_claims_that_no_notebook_shows_are_listed(tmp_path):
     ]
     missing = derivations.unplaced("rigid_body", tmp_path)
     everything = [item.id for item in derivations.claims(1)]
-    asked = {*placed, "semi_implicit_limit", *cards.gate("rigid_body")}
-    assert missing == [id for id in everything if id not in asked]
+    claims = {*placed, "semi_implicit_limit", *cards.gate("rigid_body")}
+    assert missing == [id for id in everything if id not in claims]
     assert "quaternion_has_no_lock" in missing
     with pytest.raises(ValueError, match="topic must be one of"):
         derivations.unplaced("cooking")
@@ -176,8 +176,8 @@ def test_the_shape_of_the_answers_does_not_give_the_right_one_away(topic):
     if topic in AWAITED:
         return
     longest = shortest = 0
-    asked = cards.predictions(topic)
-    for name, question in asked.items():
+    claims = cards.predictions(topic)
+    for name, question in claims.items():
         labels = {option.label for option in question.options}
         (right,) = (option.label for option in question.options if option.right)
         wrong = labels - {right}
@@ -189,7 +189,7 @@ def test_the_shape_of_the_answers_does_not_give_the_right_one_away(topic):
                 assert any(re.search(mark, label) for label in bare), (name, right)
         longest += len(right) > max(lengths)
         shortest += len(right) < min(lengths)
-    assert max(longest, shortest) <= 0.67 * len(asked), (longest, shortest, len(asked))
+    assert max(longest, shortest) <= 0.67 * len(claims), (longest, shortest, len(claims))
 
 
 def test_a_claim_s_answers_differ_in_nothing_but_one_word():
@@ -200,9 +200,9 @@ def test_a_claim_s_answers_differ_in_nothing_but_one_word():
 
 def test_a_question_and_a_claim_have_different_names():
     """So that a page can remember a card by its name."""
-    asked = {name for topic in TOPICS for name in cards.predictions(topic)}
-    assert len(asked) == sum(len(cards.predictions(topic)) for topic in TOPICS)
-    assert not asked & {claim.id for claim in derivations.claims()}
+    claims = {name for topic in TOPICS for name in cards.predictions(topic)}
+    assert len(claims) == sum(len(cards.predictions(topic)) for topic in TOPICS)
+    assert not claims & {claim.id for claim in derivations.claims()}
 
 
 @pytest.mark.parametrize("topic", TOPICS)

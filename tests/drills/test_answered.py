@@ -16,8 +16,8 @@ def test_every_card_of_the_course_is_known_by_its_id_and_has_one_right_answer() 
         number, name, options = known[f"claim-{claim.id}"]
         assert (number, name) == (claim.chapter, f"{claim.file.partition('.')[0]}.{claim.id}")
         assert sum(right for _, right in options) == 1
-    for name, asked in cards.predictions("contact").items():
-        assert known[f"card-{name}"][2] == tuple((o.label, o.right) for o in asked.options)
+    for name, card in cards.predictions("contact").items():
+        assert known[f"card-{name}"][2] == tuple((o.label, o.right) for o in card.options)
 
 
 def test_the_right_answer_is_the_one_that_the_card_calls_right() -> None:
@@ -42,6 +42,7 @@ def test_the_first_answer_counts() -> None:
         "rigid_body.top_condition": {"answer": "Only under a condition", "right": True},
     }
     assert answered.score(reading) == "Cards: 1 of 2 answered right at the first try."
+    assert answered.given(reading) == {"claim-renormalising_repairs": 0, "claim-top_condition": 2}
 
 
 @pytest.mark.parametrize(("card", "answer"), [("claim-none", 0), ("claim-top_condition", 3)])
@@ -56,18 +57,19 @@ def test_badges_hear_the_page_and_keep_the_answer(
     file = tmp_path / "progress.json"
     monkeypatch.setenv("DRILLS_PROGRESS", str(file))
     badges = notebook.badges(1)
+    assert isinstance(badges, notebook.Badges)
     data = badges._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in data and "Cards:" not in data["text/html"]
-    listener = answered.Listener(badges._reading, badges._keep)
-    listener._heard(listener, {"card": "claim-top_condition", "answer": 0}, [])
-    listener._heard(listener, {"card": "claim-quaternion_has_no_lock", "answer": 0}, [])
-    listener._heard(listener, {"card": "of somebody else", "answer": 0}, [])
-    listener._heard(listener, "nonsense", [])
+    listener = answered.Listener(badges._reading, badges._store)
+    listener._on_message(listener, {"card": "claim-top_condition", "answer": 0}, [])
+    listener._on_message(listener, {"card": "claim-quaternion_has_no_lock", "answer": 0}, [])
+    listener._on_message(listener, {"card": "of somebody else", "answer": 0}, [])
+    listener._on_message(listener, "nonsense", [])
     assert listener.score == "Cards: 1 of 2 answered right at the first try."
-    kept = json.loads(file.read_text())["chapters"]["1"]["cards"]
-    assert kept["rigid_body.top_condition"] == {"answer": "True", "right": False}
+    stored = json.loads(file.read_text())["chapters"]["1"]["cards"]
+    assert stored["rigid_body.top_condition"] == {"answer": "True", "right": False}
     assert "1 of 2 answered right" in notebook.badges(1)._repr_mimebundle_()["text/html"]
-    assert progress.load(file).reading(1).cards == kept
+    assert progress.load(file).reading(1).cards == stored
 
 
 def test_nothing_is_heard_or_shown_where_no_progress_is_kept(

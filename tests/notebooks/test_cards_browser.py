@@ -8,7 +8,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from tests.notebooks.test_browser import CHAPTER, jupyter_lab, open_page, run_notebook
+from tests.notebooks.test_browser import CHAPTER, jupyter_lab, open_page, run_all_cells
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -43,7 +43,7 @@ def test_a_card_remembers_its_first_answer(tmp_path: Path, monkeypatch: pytest.M
             }"""
         )
         page.evaluate("() => window.jupyterapp.shell.activateById(window.panel.id)")
-        run_notebook(page)
+        run_all_cells(page)
         card = page.locator("#claim-top_condition").first
         card.wait_for()
         page.locator(".jp-Notebook .widget-html-content").first.wait_for()  # the badges
@@ -64,13 +64,15 @@ def test_a_card_remembers_its_first_answer(tmp_path: Path, monkeypatch: pytest.M
         wrong, right = (card.locator("details.answer").nth(k) for k in (1, 2))
         assert answer(wrong, 1) == {"rigid_body.top_condition": {"answer": "False", "right": False}}
         assert explanation.is_visible()
+        card.get_by_text("(your first answer)").wait_for()
         answer(right, 1)
-        asked = page.locator("#card-energy_of_a_fall details.answer").first
-        kept = answer(asked, 2)
-        assert kept["rigid_body.top_condition"]["right"] is False  # the first answer counts
-        assert set(kept) == {"rigid_body.top_condition", "rigid_body.energy_of_a_fall"}
-        number = sum(bool(one["right"]) for one in kept.values())
+        prompt = page.locator("#card-energy_of_a_fall details.answer").first
+        stored = answer(prompt, 2)
+        assert stored["rigid_body.top_condition"]["right"] is False  # the first answer counts
+        assert set(stored) == {"rigid_body.top_condition", "rigid_body.energy_of_a_fall"}
+        number = sum(bool(one["right"]) for one in stored.values())
         page.get_by_text(f"Cards: {number} of 2 answered right at the first try.").wait_for()
+        assert page.get_by_text("(your first answer)").count() == 2
         fold = page.locator("details.more-claims")
         assert not page.locator("#claim-planar_state").is_visible()
         fold.locator("summary").first.click()

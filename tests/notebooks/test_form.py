@@ -126,14 +126,14 @@ def test_the_first_screen_moves_and_asks(name: str) -> None:
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_the_open_prose_is_bounded(name: str) -> None:
-    least, most = limits(name).prose
-    assert least <= form.open_words(BUILT[name].cells) <= most
+    least, longest = limits(name).prose
+    assert least <= form.open_words(BUILT[name].cells) <= longest
 
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_no_screen_is_without_a_picture_a_question_or_a_control(name: str) -> None:
-    most = limits(name).stretch
-    assert [one for one in form.stretches(BUILT[name].cells) if one[0] > most] == []
+    longest = limits(name).stretch
+    assert [one for one in form.stretches(BUILT[name].cells) if one[0] > longest] == []
 
 
 @pytest.mark.parametrize("name", WRITTEN)
@@ -307,6 +307,8 @@ def test_the_time_is_that_of_the_text_the_cards_and_the_charts() -> None:
     # 2 min of words, two cards of 30 s, two charts of 45 s; folded: 1 min of words, two claims.
     assert form.reading(cells) == {"open": 2 + 1 + 2, "folded": 1 + 1}
     assert form.reading(cells[:2]) == {"open": 3, "folded": 1}
+    assert form.open_minutes("code", "simulation()") == 0.75
+    assert form.open_minutes("code", 'x = 1\nshow("y")') == 0.5
 
 
 def test_a_field_that_nobody_filled_is_found() -> None:

@@ -310,15 +310,15 @@ def test_the_model_comes_back_when_the_episode_fails() -> None:
     assert bytes_of(model) == before
 
 
-def exhausted(left: int) -> Any:
-    """A generator that gives `left` draws and fails at the next."""
+def exhausted(calls: int) -> Any:
+    """A generator that gives `calls` draws and fails at the next."""
     rng = np.random.default_rng(15)
 
     class Exhausted:
         def __getattr__(self, name: str) -> Any:
-            nonlocal left
-            left -= 1
-            if left < 0:
+            nonlocal calls
+            calls -= 1
+            if calls < 0:
                 raise RuntimeError("no more numbers")
             return getattr(rng, name)
 

@@ -46,11 +46,15 @@ def letters(text: str) -> str:
 
 @pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES])
 def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
-    """Headings, code, what was printed and every table of figures, in order."""
+    """Headings, the code that teaches, what was printed and every table of figures, in order.
+
+    Code that only fetches, shows or draws is not on it, nor what makes sense only with a kernel.
+    """
     notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
     page = soup(site / f"{name}.html").article
     assert page is not None
     whole, at = letters(page.get_text()), 0
+    assert not page.select(".kernel-only") and "runthecells" not in whole
     for number, cell in enumerate(notebook.cells):
         expected = []
         if (
@@ -58,7 +62,8 @@ def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
             and "home()" not in cell.source
             and "ticks()" not in cell.source
         ):
-            expected.append(cell.source)
+            hidden = "remove-input" in cell.metadata.get("tags", ())
+            expected += [] if hidden else [cell.source]
             for output in cell.outputs:
                 expected += [output.text] if output.output_type == "stream" else []
         elif cell.cell_type == "markdown" and "## Where you are" not in cell.source:

@@ -408,7 +408,7 @@ class Judged:
     settling: float
 
     def margins(self) -> sampled.Margins:
-        """Return its margins."""
+        """Return the gain, phase and delay margins of the loop."""
         dt = self.delay / SAMPLES
         system = sampled.joint_system(1.0, 1.0)
         return sampled.margins(*system, self.gains.law(dt), dt, self.delay)

@@ -67,7 +67,7 @@ def complex_step(f: Callable[[Any], Any], q: Array, h: float) -> Array:
 
 
 def autograd(chain: Chain, q: Array) -> Array:
-    """Return by PyTorch, backwards, a row at a time."""
+    """Return the Jacobian by PyTorch in reverse mode, one row at a time."""
     import torch
 
     result = torch.autograd.functional.jacobian(lambda x: placed(chain, x, torch), torch.tensor(q))

@@ -85,7 +85,7 @@ def episode(
 
 
 def rods(parameters: Mapping[str, Array], log: Log) -> Array:
-    """Return as `arm`, of six numbers for the five that show.
+    """Simulate `arm` from six parameters, of which five combinations show.
 
     Mass m and inertia I about the centre of each link [kg, kg m^2], c1 and c2.
     """

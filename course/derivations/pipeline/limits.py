@@ -177,12 +177,14 @@ def largest_step(result):
     rng = result.rng
     wide = q, 10.0 ** rng.uniform(0.0, 3.0, q.shape[1]), rng.uniform(0.0, 60.0, q.shape[1])
     edge = limits(*wide)
-    many = np.stack([rng.uniform(-3.0, 3.0, 200), rng.uniform(0.0, 3.0, 200)])
+    postures = np.stack([rng.uniform(-3.0, 3.0, 200), rng.uniform(0.0, 3.0, 200)])
     gains = rng.uniform(10.0, 100.0, 200), rng.uniform(1.0, 10.0, 200)
     below, turn = result.input("below", 0.97), result.input("turn_rad", 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
         away = np.array([[0.5 * turn], [-turn]])
-        ends = swung(many, *gains, below * limits(many, *gains), 3000, away)[-50:] - many
+        ends = (
+            swung(postures, *gains, below * limits(postures, *gains), 3000, away)[-50:] - postures
+        )
         lost = ~(np.abs(ends).max(axis=(0, 1)) < 1e-2)
     far = result.measure("far", lost.mean(), 0.3)
     result.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
@@ -198,7 +200,7 @@ def largest_step(result):
         share > 0.7,
         wild > 10.0 * max(calm, 1e-3),
         far > 0.1,
-        not leaves(many, *gains, below * limits(many, *gains)).any(),
+        not leaves(postures, *gains, below * limits(postures, *gains)).any(),
     )
 
 

@@ -74,7 +74,7 @@ def informed_rrt_star(result):
         return informed < star
 
     def ellipse(length):
-        """Return its share of the square; the ends are 8 m apart."""
+        """Return the ellipse's share of the square; the ends are 8 m apart."""
         return np.pi / 4 * length * np.sqrt(length**2 - 64.0) / 100.0
 
     pairs = [pair(seed) for seed in range(10)]

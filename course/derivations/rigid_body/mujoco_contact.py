@@ -159,15 +159,15 @@ def mujoco_contact_stiffness_limit(result):
         )
         model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
         mujoco.mj_forward(model, data)
-        start = most = float(data.energy.sum())
+        start = highest = float(data.energy.sum())
         for _ in range(round(4000 / ms)):
             mujoco.mj_step(model, data)
-            most = max(most, float(data.energy.sum()))
-        return start, most
+            highest = max(highest, float(data.energy.sum()))
+        return start, highest
 
-    start, most = energies(3, "-1e6 -2", tower_ms)
+    start, highest = energies(3, "-1e6 -2", tower_ms)
     result.measure("start_j", start, tolerance=1e-6)
-    result.measure("most_j", most, tolerance=0.2)
+    result.measure("most_j", highest, tolerance=0.2)
     towers = [energies(3, "-1e6 -2", ms) for ms in (15.0, 30.0, 50.0)]
     jumps = [after > 1.02 * before for before, after in towers]
     constants = dt * result.rng.uniform(0.3, 0.9, 5)
@@ -185,7 +185,7 @@ def mujoco_contact_stiffness_limit(result):
         abs(requested / clamped - 1) < 1e-6,
         not any(needs(f"{t} 1", "disable", "discrete") for t in constants),
         not any(needs(direct(t), integrator="discrete") for t in constants),
-        most > 1.1 * start,
+        highest > 1.1 * start,
     )
 
 

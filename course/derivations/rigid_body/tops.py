@@ -483,7 +483,7 @@ def gyroscopic_term_is_negligible(result):
     allowed = result.input("allowed_rad", 0.01)
 
     def harmless(low: float, high: float) -> bool:
-        """Return at a random body and spin with spread x (omega t)^2 = small times low ... high."""
+        """Return whether a spread x (omega t)^2 = small times low ... high is harmless."""
         body, rates = _moments(result.rng) ** result.rng.uniform(0.1, 1), result.rng.normal(size=3)
         size = result.rng.uniform(low, high) * small / (body[2] / body[0] - 1)
         seconds = result.rng.uniform(0.1, 3)

@@ -20,7 +20,7 @@ SYMBOLS = {
 
 
 def success(kind, k, gap, delay=0.01, seed=41):
-    """Return on 400 tasks at a gap, the mean over the seeds of a recorded tuning."""
+    """Return the success on 400 tasks at a gap, the mean over the seeds of a recorded tuning."""
     from course.sim_to_real import real, recorded, rollouts, tasks
 
     return float(rollouts(real(gap, delay), recorded()[kind][k].T, tasks(400, seed)).rate.mean())
@@ -28,7 +28,7 @@ def success(kind, k, gap, delay=0.01, seed=41):
 
 @functools.cache
 def after_mending(part, gap, delay, seeds=(0, 1, 2)):
-    """Return on these tasks, of gains tuned on the simulator with one part set right."""
+    """Return the success on these tasks after one parameter of the simulator was corrected."""
     from course.sim_to_real import mended, only, real, rollouts, tasks, tune
 
     other = real(gap, delay)

@@ -471,7 +471,7 @@ def queue_of_k(result):
     sent = result.rng.normal(size=400)
 
     def late(received):
-        """Return by how many steps, from the cross-correlation."""
+        """Return the delay in steps, from the cross-correlation."""
         return np.argmax(np.correlate(np.ravel(received), sent, "full")) - (sent.size - 1)
 
     def lag(places):

@@ -31,7 +31,10 @@ class Tune:
         a: sqrt(stiffness / mass) dt.
         zeta: damping / (2 sqrt(stiffness mass)).
         rub: friction * gravity * dt / slow.
-        faults: what else is so.
+        points: number of stops that touch at once.
+        age: delay of the brake's measurement, in steps.
+        turned: whether the friction has the wrong sign.
+        blend: weight of the new velocity in the position update.
     """
 
     a: float

@@ -57,6 +57,7 @@ class Rays:
 
     def cast(self) -> None:
         """All rays, in one call."""
+        # One ray for each pixel, with z = 1, so the distance along the ray is the depth.
         self._mujoco.mj_multiRay(
             self.model,
             self.data,
