@@ -79,6 +79,17 @@ def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
         force[j] = -max(force[0], 0.0) * friction[j - 1] ** 2 * u[j] / speed
 
 
+@register_jitable
+def penalty_step_limit(zeta):
+    """Return the largest stable omega dt of a spring and damper with the damping ratio zeta.
+
+    The step is semi-implicit, with the damper taken from the old velocity; omega is the natural
+    frequency. The step's matrix has the determinant 1 - 2 zeta omega dt and the trace
+    2 - 2 zeta omega dt - (omega dt)^2; an eigenvalue reaches -1 where trace + determinant = -1.
+    """
+    return 2.0 * (math.sqrt(1.0 + zeta**2) - zeta)
+
+
 def penalty(
     problem: Problem,
     *,

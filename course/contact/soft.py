@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import finite, invalid, one_of, positive, vector
@@ -22,6 +23,47 @@ from course.contact.problem import Array, Problem, Solution
 _LEAST, _MOST = 1e-4, 0.9999  # mjMINIMP, mjMAXIMP
 _TINY, _SMOOTH = 1e-15, 1e-5  # mjMINVAL, mjMINMU: no contact of friction rows is smoother
 CONES = ("pyramidal", "elliptic")
+
+
+@register_jitable
+def impedance_at(r, low, high, width, middle, power):
+    """Return MuJoCo's impedance d at residuals r: a sigmoid of two powers over the width.
+
+    Args:
+        r: gap less margin, shape (n,) [m].
+        low: d at r = 0.
+        high: d from |r| = width on.
+        width: [m].
+        middle: share of the width at which both powers meet.
+        power: of both, at least 1.
+
+    Returns:
+        Shape (n,); between 0.0001 and 0.9999, as MuJoCo clips it.
+    """
+    low, high = min(max(low, _LEAST), _MOST), min(max(high, _LEAST), _MOST)
+    middle, power = min(max(middle, _LEAST), _MOST), max(1.0, power)
+    if low == high or width <= _TINY:
+        return np.full(r.shape, 0.5 * (low + high))
+    x = np.minimum(np.abs(r) / width, 1.0)
+    below = x**power / middle ** (power - 1.0)
+    above = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
+    return low + np.where(x <= middle, below, above) * (high - low)
+
+
+@register_jitable
+def reference_gains(first, second, largest, least):
+    """Return (k [1/s^2], b [1/s]) of the reference acceleration from MuJoCo's solref.
+
+    Args:
+        first: time constant [s]; zero or less: stiffness with a minus sign [1/s^2].
+        second: damping ratio; where first is not positive, damping with a minus sign [1/s].
+        largest: impedance beyond the width.
+        least: the time constant is at least this [s].
+    """
+    if first <= 0.0:
+        return -first / largest**2, -second / largest
+    time = max(first, least)
+    return 1.0 / max(_TINY, (largest * time * second) ** 2), 2.0 / max(_TINY, largest * time)
 
 
 @dataclass(frozen=True)
@@ -60,27 +102,16 @@ class Softness:
 
     def impedance(self, r: Array) -> Array:
         """Return d at the residual r = gap - margin [m], shape (n,)."""
-        # MuJoCo's impedance: a sigmoid of two powers between d_min and d_max over the width.
         low, high, width, middle, power = np.asarray(self.solimp, dtype=float).tolist()
-        low, high = np.clip((low, high), _LEAST, _MOST).tolist()
-        middle, power = float(np.clip(middle, _LEAST, _MOST)), max(1.0, power)
-        if low == high or width <= _TINY:
-            return np.full(r.shape, 0.5 * (low + high))
-        x = np.minimum(np.abs(r) / width, 1.0)
-        below = x**power / middle ** (power - 1.0)
-        above = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
-        return np.asarray(low + np.where(x <= middle, below, above) * (high - low))
+        return np.asarray(impedance_at(r, low, high, width, middle, power))
 
     def stiffness(self, solref: ArrayLike, dt: float) -> tuple[float, float]:
         """Return (k [1/s^2], b [1/s]) of the reference acceleration."""
         first, second = np.asarray(solref, dtype=float).tolist()
         largest = float(np.clip(np.asarray(self.solimp, dtype=float)[1], _LEAST, _MOST))
-        # Negative solref holds stiffness and damping directly; positive is (time constant, ratio).
-        if first <= 0.0:
-            return -first / largest**2, -second / largest
         # refsafe: a time constant below two steps would make the explicit reference unstable.
-        time = max(first, 2.0 * dt) if self.refsafe else first
-        return 1.0 / max(_TINY, (largest * time * second) ** 2), 2.0 / max(_TINY, largest * time)
+        k, b = reference_gains(first, second, largest, 2.0 * dt if self.refsafe else 0.0)
+        return float(k), float(b)
 
 
 @dataclass(frozen=True)

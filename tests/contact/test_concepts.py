@@ -8,9 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course import contact
+from course.charts.contact.models import step_limit
 from course.contact import scenes
+from course.contact.soft import Softness
+from course.oracles.mujoco import contact as mujoco_contact
 from course.simulations import pen as draw
-from course.simulations.contact import friction_cone, half_axes, simplex, stopping_distance, sweeps
+from course.simulations.contact import (
+    friction_cone,
+    half_axes,
+    penalty_spring,
+    simplex,
+    soft_contact,
+    stopping_distance,
+    sweeps,
+)
 from course.simulations.model import Experiment
 from tests.budget import examples
 
@@ -375,3 +386,147 @@ def test_a_drag_in_either_picture_moves_b():
     assert run.controls["position"] == pytest.approx((-0.6, 0.5))
     run.drag(*at_values(simplex._RIGHT, simplex._RIGHT_VIEW, -0.6, 0.5))
     assert run.controls["position"] == pytest.approx((0.6, -0.5))
+
+
+# --- penalty: spring, damper and step -------------------------------------------------------------
+
+
+def test_a_fine_step_follows_the_closed_form_of_the_damped_oscillator():
+    """From the first touch at the speed v0 until the force ends, about the depth of rest."""
+    stiffness, zeta, drop = 10_000.0, 0.2, 0.05
+    run = Experiment(
+        penalty_spring.MODEL, stiffness=stiffness, zeta=zeta, height=1000.0 * drop, timestep=0.2
+    )
+    gravity, omega = penalty_spring.GRAVITY, math.sqrt(stiffness / penalty_spring.MASS)
+    speed, rest = math.sqrt(2.0 * gravity * drop), gravity / omega**2
+    damped = omega * math.sqrt(1.0 - zeta**2)
+    t = np.linspace(0.0, math.pi / damped, 20_000)
+    # depth - rest = e^(-zeta omega t) (-rest cos + c sin), with the speed v0 at t = 0.
+    c = (speed - zeta * omega * rest) / damped
+    depth = rest + np.exp(-zeta * omega * t) * (-rest * np.cos(damped * t) + c * np.sin(damped * t))
+    path = run.state["path"]
+    assert -path[0].min() == pytest.approx(depth.max(), rel=5e-3)
+    assert number(run, "deepest") == pytest.approx(1000.0 * depth.max(), abs=0.1)
+    peak = (stiffness * depth + penalty_spring.damper(run.controls) * np.gradient(depth, t)).max()
+    assert path[2].max() == pytest.approx(peak, rel=0.01)
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.2, 0.7, 1.5])
+def test_a_resting_contact_settles_below_the_step_limit_and_not_above(zeta):
+    stiffness = 10_000.0
+    limit = step_limit(zeta, "semi-implicit")
+    omega, rest = math.sqrt(stiffness), penalty_spring.GRAVITY / stiffness
+    for share, stays in ((0.97, True), (1.03, False)):
+        values = {"stiffness": stiffness, "zeta": zeta, "timestep": 1000.0 * share * limit / omega}
+        controls = penalty_spring.CONTROLS.new(**values)
+        path = np.zeros((3, penalty_spring._MOST + 1))
+        steps = penalty_spring.steps_of(controls["timestep"])
+        height, farthest = -rest + 1e-9, 0.0
+        velocity = 0.0
+        for _ in range(40):  # each run of the simulation from where the last one ended
+            penalty_spring.simulate_from(controls, controls["timestep"], height, velocity, path)
+            height, velocity = path[0, steps], path[1, steps]
+            farthest = np.abs(path[0, : steps + 1] + rest).max()
+        assert (farthest < 1e-6) == stays, (share, farthest)
+        run = Experiment(penalty_spring.MODEL, **values)
+        expected = "stable" if stays else "unstable"
+        assert run.picture().numbers["resting contact"] == expected
+        assert number(run, "limit of ω dt") == pytest.approx(limit, abs=6e-3)
+
+
+def test_the_presets_lie_on_both_sides_of_the_limit():
+    sides = {}
+    for name in penalty_spring.MODEL.presets:
+        run = Experiment(penalty_spring.MODEL)
+        run.choose(name)
+        sides[name] = run.picture().numbers["resting contact"]
+        forces = run.state["path"][2]
+        assert (forces.min() < 0.0) == (name == "The damper pulls")
+        tail = run.state["path"][0, : penalty_spring.steps_of(run.controls["timestep"]) + 1][-10:]
+        assert (np.ptp(tail) < 1e-5) == (sides[name] == "stable"), name
+    assert sides["Just below the limit"] == "stable" and sides["Just above the limit"] == "unstable"
+
+
+def test_a_drag_sets_damping_ratio_and_step():
+    run = Experiment(penalty_spring.MODEL)
+    values = (*penalty_spring._ZETAS, *penalty_spring._SCALED)
+    run.drag(*at_values(penalty_spring._BOTTOM, values, 0.6, 1.7))
+    assert run.controls["zeta"] == pytest.approx(0.6)
+    assert penalty_spring.scaled_step(run.controls) == pytest.approx(1.7)
+
+
+# --- MuJoCo's soft contact ------------------------------------------------------------------------
+
+SOFT = [
+    {},
+    {"time": 60.0, "ratio": 0.4, "height": 5.0},
+    {"low": 0.05, "high": 0.95, "width": 15.0, "middle": 0.3, "power": 3.0},
+    {"time": 4.0, "ratio": 1.5, "low": 0.6, "high": 0.6},
+    {"low": 0.95, "high": 0.4, "width": 4.0, "power": 1.0},
+]
+
+
+def parameters(controls):
+    """MuJoCo's solref and solimp of these controls."""
+    solimp = [float(controls[name]) for name in ("low", "high", "width", "middle", "power")]
+    solimp[2] *= 1e-3
+    return (1e-3 * float(controls["time"]), float(controls["ratio"])), tuple(solimp)
+
+
+@pytest.mark.parametrize("values", SOFT)
+def test_the_landing_is_that_of_the_chapter_and_of_mujoco(values):
+    run = Experiment(soft_contact.MODEL, **values)
+    solref, solimp = parameters(run.controls)
+    height, steps = 1e-3 * run.controls["height"], soft_contact.STEPS
+    path = run.state["path"]
+    scene = scenes.ball_drop(float(height), soft_contact.MASS)
+    ours = scenes.run(scene, "soft", soft_contact.STEP, steps, solref=solref, solimp=solimp)
+    offset = ours.q[0, 0] - path[0, 0]
+    assert np.allclose(ours.q[0] - offset, path[0], rtol=0.0, atol=1e-9)
+    options = mujoco_contact.Options(soft_contact.STEP, condim=1, solref=solref, solimp=solimp)
+    runner = mujoco_contact.tower(options, [soft_contact.MASS])
+    runner.q0[:] = height
+    for count in (60, steps):
+        q, v = runner.run(count)
+        assert q[0] == pytest.approx(path[0, count], abs=1e-8)
+        assert v[0] == pytest.approx(path[1, count], abs=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0])
+def test_of_constant_impedance_it_is_a_damped_oscillator(ratio):
+    """Rest: (1 - d) g = d^2 k r; with k = 1 / (d T zeta)^2 this is (1 - d) g (T zeta)^2."""
+    values = {"low": 0.8, "high": 0.8, "time": 20.0, "ratio": ratio, "height": 0.0}
+    run = Experiment(soft_contact.MODEL, **values)
+    rest = 0.2 * soft_contact.GRAVITY * (0.02 * ratio) ** 2
+    assert -run.state["path"][0, -1] == pytest.approx(rest, rel=1e-6)
+    assert run.state["path"][2, -1] == pytest.approx(soft_contact.GRAVITY, rel=1e-6)
+
+
+@examples(40)
+@given(
+    st.floats(0.01, 0.99),
+    st.floats(0.01, 0.99),
+    st.floats(0.5, 20.0),
+    st.floats(0.05, 0.95),
+    st.floats(1.0, 6.0),
+)
+def test_the_curve_goes_through_the_points_that_can_be_dragged(low, high, width, middle, power):
+    values = {"low": low, "high": high, "width": width, "middle": middle, "power": power}
+    controls = soft_contact.CONTROLS.new(**values)
+    depths = 1e-3 * np.array([0.0, middle * width, width, 2.0 * width])
+    expected = [low, low + middle * (high - low), high, high]
+    assert np.allclose(soft_contact.impedance(controls, -depths), expected, rtol=1e-9)
+    softness = Softness(*parameters(controls))
+    assert np.allclose(softness.impedance(-depths), expected, rtol=1e-9)
+
+
+def test_each_handle_moves_what_it_stands_for():
+    for which, name, to in ((0, "low", (0.0, 0.4)), (1, "high", (1.5, 0.7)), (2, "middle", None)):
+        run = Experiment(soft_contact.MODEL)
+        place = soft_contact._LEFT, soft_contact._left_view(run.controls)
+        at = soft_contact.handle_position(run.controls, which)
+        run.grab(*at_values(*place, *at))
+        assert run.controls["handle"] == which
+        run.drag(*at_values(*place, *(to or (0.25, 0.5))))
+        assert run.controls[name] == pytest.approx(to[1] if to else 0.25)
+        assert run.controls["width"] == pytest.approx(1.5 if which == 1 else 1.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from course.charts import chart
 from course.contact import scenes, solve
-from course.contact.models import gauss_seidel, penalty_force
+from course.contact.models import gauss_seidel, penalty_force, penalty_step_limit
 from course.contact.problem import MAX_RECOVERY_SPEED
 from course.contact.scenes import GRAVITY, Scene, march, run
 from course.measure.figure import Panel, Series
@@ -384,7 +384,7 @@ def step_limit(zeta: float, scheme: str) -> float:
     """
     if scheme == "explicit":
         return 2.0 * (zeta - math.sqrt(zeta**2 - 1.0)) if zeta > 1.0 else 2.0 * zeta
-    return 2.0 * (math.sqrt(1.0 + zeta**2) - zeta)
+    return float(penalty_step_limit(zeta))
 
 
 def measured_limit(zeta: float, scheme: str) -> float:

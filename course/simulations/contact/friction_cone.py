@@ -259,5 +259,15 @@ PRESETS = {
         "still hold the block. Turn the pull, and compare with the pyramid inside the cone."),
 }  # fmt: skip
 
+# What each number below the picture means.
+READOUTS = {
+    "normal force": "Component of the contact force perpendicular to the floor.",
+    "friction force": "Size of the component of the contact force along the floor.",
+    "limit μ × normal": "Largest friction force that Coulomb's law allows at this normal force.",
+    "limit of pyramid": "Largest friction force that the pyramid allows opposite to the pull.",
+    "acceleration": "Acceleration of the block: what friction leaves of the pull, over the mass.",
+    "contact": "Whether the contact sticks (inside the cone) or slides (on its surface).",
+}
+
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)

@@ -190,6 +190,15 @@ PRESETS = {
         "needs short time steps. Change the stiffness while the ball is pressed."),
 }  # fmt: skip
 
+# What each number below the picture means.
+READOUTS = {
+    "gap": "Distance between the ball and the floor with the rigid contact.",
+    "contact force": "Force of the floor on the ball with the rigid contact.",
+    "gap × force": "Product of gap and contact force. Complementarity says that it is zero.",
+    "gap, penalty": "Distance with the penalty spring; negative while the ball overlaps the floor.",
+    "gap × force, penalty": "The same product with the penalty spring: not zero while it pushes.",
+}
+
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(
     TITLE,

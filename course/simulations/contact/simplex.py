@@ -438,5 +438,14 @@ PRESETS = {
         "distance or the depth in both pictures."),
 }  # fmt: skip
 
+# What each number below the picture means.
+READOUTS = {
+    "algorithm": "Which algorithm this step belongs to.",
+    "step": "Number of the step, and how many this pair of shapes takes.",
+    "upper bound": "The distance, or the depth once EPA runs, is at most this.",
+    "lower bound": "The distance, or the depth once EPA runs, is at least this.",
+    "signed distance": "The result: the distance, or minus the depth if the shapes overlap.",
+}
+
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, press=press)

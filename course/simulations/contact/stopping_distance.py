@@ -197,5 +197,13 @@ PRESETS = {
         "change, their ratio does not."),
 }  # fmt: skip
 
+# What each number below the picture means.
+READOUTS = {
+    "distance, cone": "How far the block slides with Coulomb's cone.",
+    "distance, pyramid": "Straight distance from the launch to the stop with the pyramid.",
+    "pyramid / cone": "Ratio of the two distances.",
+    "direction changes by": "Angle between the launch and the line to the stop with the pyramid.",
+}
+
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, press=press)

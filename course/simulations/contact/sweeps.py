@@ -195,6 +195,15 @@ PRESETS = {
         "That costs a sweep. After it, the error falls by the same factor as in the other order."),
 }  # fmt: skip
 
+# What each number below the picture means.
+READOUTS = {
+    "sweep": "How many times the solver has visited both contacts.",
+    "relative error": "Distance of the impulses from the exact ones, over the size of those.",
+    "factor, measured": "Error after this sweep over the error before it.",
+    "factor, predicted": "Largest eigenvalue of a sweep, from the Delassus matrix of the stack.",
+    "still approaching at": "Largest speed at which a contact would still close after this sweep.",
+}
+
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(
     TITLE,
