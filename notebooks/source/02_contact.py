@@ -701,7 +701,7 @@ for name, height in heights.items():
     _ = axes.plot(times, 1e3 * np.array(height), label=name)
 _ = axes.axhline(0.0, color="0.3", lw=1)
 _ = axes.set(xlabel="time [ms]", ylabel="height above the ground [mm]", ylim=(-12, 60))
-_ = axes.legend(loc="upper left")
+_ = axes.legend(loc="center right")
 plt.show()
 print("highest point within 0.12 s [mm]:")
 for name, height in heights.items():
