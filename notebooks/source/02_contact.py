@@ -28,7 +28,7 @@ simulation("touch")
 #
 # Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart.
 # On the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are folded
-# away. Every number comes from a cell on this page or from a check that `python -m course.derivations 2` runs again.
+# away. Every measured number comes from a cell on this page or from a check that `python -m course.derivations 2` runs again.
 # The code is the package `course.contact`. Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -135,7 +135,7 @@ show("gjk_minkowski")
 # given direction; for a box it is a corner. The Minkowski difference has a support function too: the support point of
 # $A$ in the direction $s$ minus the support point of $B$ in the direction $-s$.
 #
-# GJK needs nothing else. It keeps a **simplex**, at most three support points in the plane and four in space:
+# GJK needs nothing else. It keeps a **simplex**, at most three support points in the plane and four in space, and repeats:
 #
 # 1. Find the point of the simplex that is nearest to the origin.
 # 2. Ask for the support point in the direction from there towards the origin, and add it to the simplex.
@@ -428,6 +428,13 @@ answer("potential_of_contact", "k*c")
 # Without contact the block would fall at 9.81 m/s² · 10 ms = 0.0981 m/s. The gap is 0, so the normal condition is
 # $0 \le p_n \perp p_n - 0.0981 \ge 0$, and $p_n = 0.0981$ N s. Divided by the step that is 9.81 N: the weight.
 #
+# %% [markdown]
+# **Worked example: a stack of two.** A block of 2 kg lies on top of the block of 1 kg. We look at vertical motion only:
+# $v = (v_1, v_2)$, lower block first. Contact 1 is between floor and lower block, contact 2 between the blocks. A
+# contact's velocity is that of the upper body minus that of the lower one:
+#
+# $$J = \begin{pmatrix} 1 & 0\\ -1 & 1\end{pmatrix},\quad M = \begin{pmatrix} 1 & 0\\ 0 & 2\end{pmatrix},\quad
+# A = \begin{pmatrix} 1 & -1\\ -1 & 1.5\end{pmatrix},\quad J v_f = \begin{pmatrix} -0.0981\\ 0\end{pmatrix}.$$
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
 
@@ -457,13 +464,6 @@ right.set_yticks([0, 1], ["velocity 1", "velocity 2"])
 right.set(title="Delassus matrix $A$ [1/kg]")
 plt.show()
 # %% [markdown]
-# **Worked example: a stack of two.** A block of 2 kg lies on top of the block of 1 kg. We look at vertical motion only:
-# $v = (v_1, v_2)$, lower block first. Contact 1 is between floor and lower block, contact 2 between the blocks. A
-# contact's velocity is that of the upper body minus that of the lower one:
-#
-# $$J = \begin{pmatrix} 1 & 0\\ -1 & 1\end{pmatrix},\quad M = \begin{pmatrix} 1 & 0\\ 0 & 2\end{pmatrix},\quad
-# A = \begin{pmatrix} 1 & -1\\ -1 & 1.5\end{pmatrix},\quad J v_f = \begin{pmatrix} -0.0981\\ 0\end{pmatrix}.$$
-#
 # The entries of $A$ can be read aloud. A unit impulse at contact 1 lifts the lower block at 1 m/s, which opens contact
 # 1 ($A_{11} = 1$) and closes contact 2 ($A_{21} = -1$). A unit impulse at contact 2 moves the blocks apart at
 # $1 + 1/2$ m/s ($A_{22} = 1.5$). If both contacts stay closed, $A p = -J v_f$. The second row says $p_1 = 1.5\,p_2$,
@@ -510,8 +510,8 @@ more_claims(
 # %% [markdown]
 # ### Coulomb friction: the cone
 #
-# Put a mug on a tray and tilt the tray. Up to a certain angle nothing happens; one degree more and the mug slides. The
-# tray has not become more slippery. It simply cannot push sideways any harder.
+# Push a heavy crate sideways, harder and harder. For a while nothing happens: the floor pushes back exactly as hard as
+# you do. Then, at a certain force, the crate starts to move, and pushing harder does not make the floor resist more.
 #
 # **Coulomb's law** limits the friction force to a fraction of the normal force, and says where it points:
 #
@@ -527,9 +527,9 @@ simulation("friction_cone")
 # the pull. Only when the block slides is it determined: on the surface of the cone, opposite to the motion. So there is
 # no formula to evaluate, and the force has to be solved for. That is what makes contact harder than a spring.
 #
-# **Worked example.** A block of 2 kg lies on a floor with $\mu = 0.5$. Its weight is 19.6 N, so friction can resist up
-# to 9.8 N. Pull with 6 N: friction is 6 N and nothing moves. Pull with 15 N: friction is 9.8 N, and the block
-# accelerates at $(15 - 9.8)/2 = 2.6$ m/s².
+# **Worked example.** A box of 3 kg lies on a floor with $\mu = 0.4$. The normal force is its weight, 29.4 N, so friction
+# can resist up to $0.4 \cdot 29.4 = 11.8$ N. Pull with 8 N: friction is 8 N and nothing moves. Pull with 20 N: friction
+# is 11.8 N, and the box accelerates at $(20 - 11.8)/3 = 2.7$ m/s².
 #
 # Here is the penalty box beside the constraint box, pulled harder than the cone allows. Both forces lie on its edge:
 # %%
@@ -677,7 +677,7 @@ for substeps, iterations in ((1, 20), (4, 5), (20, 1)):
     depth = max(-(heavy.jacobian[:, 0] @ q).min() for q, _ in run)
     print(f"{substeps:4d} sub-steps with {iterations:2d} iterations each: {1e3 * depth:6.2f} mm")
 # %% [markdown]
-# All of these methods on one scene. A ball starts at rest, 1 cm deep in the ground; the step is 1 ms:
+# Four of these corrections on one scene. A ball starts at rest, 1 cm deep in the ground; the step is 1 ms:
 # %% tags=["hide-code"]
 dt, steps = 1e-3, 120
 times, deep = 1e3 * dt * np.arange(steps + 1), scenes.ball_drop(-0.01)
