@@ -86,6 +86,13 @@ def test_a_step_of_xpbd_is_implicit_euler_of_the_spring():
     assert q[0] == pytest.approx(x + h * truth, rel=1e-9)
 
 
+def test_a_contact_of_xpbd_does_not_pull():
+    """A ball that is thrown up flies freely."""
+    scene = replace(scenes.ball_drop(0.0), v=np.array([1.0]))
+    ((_, v),) = xpbd_steps(scene, 1e-3, 1)
+    assert v[0] == pytest.approx(1.0 - 1e-3 * GRAVITY, rel=1e-12)
+
+
 def test_sub_steps_with_one_iteration_beat_as_many_iterations_in_one_step():
     """Of a heavy body on a light one; the depth is 0 in truth (Macklin et al. 2019)."""
 
