@@ -32,7 +32,7 @@ class Slip:
 
     Attributes:
         name: short id, such as "degrees_for_radians".
-        sentence: what went wrong, said to the learner.
+        sentence: what went wrong, as shown to the learner.
         edits: pairs (old, new) that turn the worked answer into the slip; each old text stands
             in it exactly once.
         source: the whole wrong answer instead, where an edit does not say it.

@@ -27,7 +27,7 @@ class Record:
         state: one of `STATES`.
         attempts: gradings so far; an untouched starter is none.
         first, last, solved: when it was first and last graded, and first right; ISO 8601, UTC.
-        hints: how many steps of the hint ladder were asked for.
+        hints: how many steps of the hint ladder were requested.
         gave_up: whether the solution was shown before the first pass.
         best: for each cost that a right answer had, the lowest value, and its unit.
     """
@@ -106,7 +106,7 @@ def change(path: Path | None, name: str, edit: Callable[[Record], None]) -> Load
 
 
 def change_chapter(path: Path | None, number: int, edit: Callable[[Reading], None]) -> Loaded:
-    """Return the same for the record of a chapter.
+    """Change the record of a chapter in place, and store it, as `change` does for an exercise.
 
     Raises:
         kept.Problem: if the file can't be written; it is then as it was.

@@ -135,7 +135,7 @@ class Later(click.Command):
     Args:
         name: of the command.
         module: its module, which defines it as `command`.
-        summary: what `drills --help` says of it.
+        summary: its line in `drills --help`.
     """
 
     def __init__(self, name: str, module: str, summary: str) -> None:

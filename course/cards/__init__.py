@@ -174,7 +174,7 @@ def _prediction(name: str) -> tuple[str, Prediction]:
             if name in mine:
                 return chapter.topic, mine[name]
             known += mine
-    raise invalid("name", name, ", ".join(known))
+    raise invalid("name", name, f"one of {', '.join(known)}")
 
 
 def interview(topic: str) -> Shown:
@@ -211,7 +211,7 @@ def checkpoint(topic: str, **answers: str) -> Gate:
     desired = gate(topic)
     for name in answers:
         if name not in desired:
-            raise invalid("answers", name, ", ".join(desired))
+            raise invalid("answers", name, f"one of {', '.join(desired)}")
     lines, plain, right = [], [], 0
     for name in desired:
         text = answers.get(name, "").strip()

@@ -86,7 +86,7 @@ def measure_rates(
     sample: float = 0.01,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Rates:
-    """Return the time of a step, all contenders interleaved, with the same actions.
+    """Time a step of every contender, all interleaved and with the same actions.
 
     Args:
         contenders: what to run.
@@ -444,7 +444,7 @@ class Arm:
         return task.start(np.arange(number), [rng] * number)
 
     def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """Return observations a control step later, also of an arm that is there already."""
+        """Return the observations a control step later, also of arms that have arrived."""
         task = ReachTask(table(TwoLink(), len(states)), MAX_STEPS)
         c1, s1, c2, s2, *rates, dx, dy = states.T
         task.q[:], task.v[:] = (np.arctan2(s1, c1), np.arctan2(s2, c2)), rates

@@ -151,7 +151,7 @@ def pgs_sweep(A, g, w, d, associated):
     Args:
         A: of the scaled rows, shape (n d, n d); compliance, if there is some, on its diagonal.
         g: impulses in scaled rows, (n d,), changed in place.
-        w: A g + b, with b the velocity without contact; kept up to date.
+        w: A g + b, with b the velocity without contact; updated in place.
         d: rows of a contact.
         associated: whether the contact is one block, projected on its cone (the convex law).
             Otherwise the normal comes first and friction is cut back to it (Coulomb's law).
@@ -389,7 +389,7 @@ def lcp(
         tolerance: of the residual [m/s].
     """
     if count("edges", edges, 4) % 2:
-        raise invalid("edges", edges, "an even number from 4 on")
+        raise invalid("edges", edges, "an even number of at least 4")
     n, d, _ = problem.jacobian.shape
     faces = _edges(d, edges, around) if d > 1 else np.zeros((0, 0))
     m = len(faces)

@@ -158,7 +158,7 @@ class Solution:
         velocity: generalised velocity after the step, shape (nv,).
         iterations: pivots, sweeps or Newton steps.
         residual: how far its own law is missed, see the model [m/s].
-        converged: whether the residual is within the tolerance that was asked for. If not, the
+        converged: whether the residual is within the requested tolerance. If not, the
             impulses are the last ones there were, and no solution.
     """
 

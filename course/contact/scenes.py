@@ -99,7 +99,7 @@ class Run:
 
 
 def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
-    """Return so many steps of `dt` [s].
+    """Run so many steps of `dt` [s].
 
     Impulses from one of `MODELS` with its options, then the position with the new velocity.
     """

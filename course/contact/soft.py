@@ -77,7 +77,7 @@ class Softness:
         impratio: how much harder friction is than the normal.
         cone: one of `CONES`.
         margin: distance at which a contact begins to push [m].
-        refsafe: whether a positive time constant is kept at 2 dt or more.
+        refsafe: whether a positive time constant is raised to 2 dt at least.
         weight: inverse weights of each contact for translation and rotation, (n, 2) [1/kg,
             1/kg m^2], as MuJoCo takes them, from the start pose; None for the diagonal of A as it
             is, which is its flag `diagexact`.

@@ -57,9 +57,9 @@ class JointModel:
     Attributes:
         inertia, damping, coulomb: [kg m^2, N m s/rad, N m].
         gravity: the torque that holds the joint at q = 0 [N m].
-        constant: torque that comes for one that is asked.
+        constant: delivered torque over commanded torque.
         delay: from command to torque [s].
-        limit: of the torque that is asked, both ways [N m].
+        limit: of the commanded torque, in both directions [N m].
     """
 
     inertia: float

@@ -116,7 +116,7 @@ class Record:
         torque: of the motor at these times, shape (..., n + 1) [N m].
         command: what was sent at the first n of them, shape (..., n) [N m].
         measured: the angle that the law saw, shape (..., n) [rad].
-        setpoint: what was wanted, shape (..., n) [rad].
+        setpoint: desired angles, shape (..., n) [rad].
     """
 
     times: Array
@@ -177,7 +177,7 @@ def _speed(v, steady, fading, a, c, t):
 
 @register_jitable
 def _stop(v, steady, fading, side, a, c, t):
-    """Return when a speed of the given side (1 or -1) first reaches 0 within t.
+    """Return when a speed of the given sign (1 or -1) first reaches 0 within t.
 
     It returns t + 1 if the speed does not.
     """
@@ -319,7 +319,7 @@ def run_joint(
     extra: ArrayLike = 0.0,
     blocked: ArrayLike = False,
 ) -> Record:
-    """Return the joint under its controller, compiled: measure, command, wait, drive.
+    """Run the joint under its controller, compiled: measure, command, wait, drive.
 
     Args:
         joint: inertia, friction and gravity of the joint.

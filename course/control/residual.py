@@ -80,7 +80,7 @@ def fit(
     width: float = 0.15,
     ridge: float = 1e-6,
 ) -> Features:
-    """Return weights of random waves by least squares.
+    """Fit the weights of random waves by least squares.
 
     Args:
         x: inputs, shape (3 n, K).
@@ -114,7 +114,7 @@ def learn(
     rounds: int = 5,
     **settings: Any,
 ) -> list[Learned]:
-    """Return the laws after each round, the first the one that was handed in.
+    """Learn in rounds; return the law after each, the first being the one that was handed in.
 
     A round runs the last law by `collect`, as with `track`, and fits to all runs so far; `rng` and
     `settings` are those of `fit`.

@@ -58,7 +58,7 @@ class TouchLaw:
 
     Attributes:
         stiffness, damping: [N/m, N s/m].
-        force: wanted at the wall [N].
+        force: desired force on the wall [N].
         force_gain: of the measured force's error.
         mass, give, hold: of the virtual body, inertia, damping and stiffness about the set-point
             [kg, N s/m, N/m]; no body with mass 0.
@@ -222,7 +222,7 @@ def run_touch(
     start: ArrayLike = (0.0, 0.0),
     surface: ArrayLike | None = None,
 ) -> Record:
-    """Return the probe under its law, compiled.
+    """Run the probe under its law, compiled.
 
     Args:
         probe: the pushed body, its wall and its sensor.

@@ -191,7 +191,7 @@ class Claim:
             more precisely.
         source: where that can be read up, or "".
         check: settles the claim by filling what it is handed.
-        formula: what a learner can be asked for, or None.
+        formula: the formula that a learner can be asked for, or None.
         needs: what the check needs beyond what `make setup` installs; names in `NEEDS`.
     """
 
@@ -320,7 +320,7 @@ def claim(
     Args:
         received: the claim as it is commonly stated.
         corrected: what is true, with fields for the figures.
-        ask: what a learner can be asked for.
+        ask: the formula that a learner can be asked for.
         source: where it can be read up.
         needs: what the check needs beyond what `make setup` installs; names in `NEEDS`.
         registry: where to put it; default: the claims of the course.

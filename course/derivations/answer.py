@@ -59,7 +59,7 @@ class Formula:
         relation: "=" for a value, "<" for an upper limit (then `dt < ...` is right and
             `dt > ...` is wrong), ">" for a lower one.
         tolerance: relative; 0 asks for the exact form, more admits a rounded number.
-        slips: plausible wrong answer -> what went wrong, told to those who give it.
+        slips: plausible wrong answer -> what went wrong, shown to those who give it.
     """
 
     question: str
@@ -381,7 +381,7 @@ def to_sympy(formula: Formula) -> Any:
     """Return the right answer as a SymPy expression in symbols of the declared names and signs.
 
     Args:
-        formula: what the learner is asked for.
+        formula: the formula that the learner is asked for.
     """
     import sympy
 
@@ -546,7 +546,7 @@ def answer_formula(formula: Formula, text: str) -> Answer:
     """Check a learner's formula.
 
     Args:
-        formula: what is asked for.
+        formula: the formula that is asked for.
         text: what the learner typed.
 
     Returns:
@@ -589,7 +589,7 @@ def equivalent(formula: Formula, expression: Any) -> bool:
     """Return whether a SymPy expression, in symbols named as declared, is the right answer.
 
     Args:
-        formula: what a learner is asked for.
+        formula: the formula that a learner is asked for.
         expression: SymPy expression that a check derived.
     """
     import mpmath

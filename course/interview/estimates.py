@@ -63,7 +63,9 @@ def workers(
     each = positive("scenario_s", scenario_s) / faster + finite("start_s", start_s, 0.0)
     turns = math.floor(3600.0 * positive("night_h", night_h) / each * (1.0 + 2e-12))
     if turns < 1:
-        raise invalid("night_h", night_h, f"{each / 3600.0:.3g} on, which one scenario takes [h]")
+        raise invalid(
+            "night_h", night_h, f"{each / 3600.0:.3g} or more, as one scenario takes that long [h]"
+        )
     return math.ceil(runs / turns)
 
 

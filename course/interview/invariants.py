@@ -195,7 +195,7 @@ def ends_error(path: ArrayLike | None, start: ArrayLike, goal: ArrayLike) -> flo
     """Return how far a path that is called solved misses the start or the goal.
 
     Args:
-        path: shape (states, dim), or None for a planner that says that it found none.
+        path: shape (states, dim), or None for a planner that reports that it found none.
         start: shape (dim,).
         goal: shape (dim,).
     """

@@ -669,4 +669,4 @@ def exhibit(name: str) -> Exhibit:
     for one in EXHIBITS:
         if one.name == name:
             return one
-    raise check.invalid("name", name, ", ".join(one.name for one in EXHIBITS))
+    raise check.invalid("name", name, f"one of {', '.join(one.name for one in EXHIBITS)}")

@@ -191,7 +191,7 @@ def quoted() -> dict[str, float | str]:
 
 
 def record() -> str:
-    """Return the text of `quoted.toml`: a value that moves is seen in a diff, and in a test."""
+    """Return the text of `quoted.toml`: a value that changes shows in a diff, and in a test."""
     head = "# Written by `python -m course.interview.tables --record`; reviewed as a diff."
     rows = [
         f'"{key}" = ' + (f'"{result}"' if isinstance(result, str) else f"{result:.6g}")

@@ -120,7 +120,7 @@ class Chain:
         parent = np.asarray(self.parent)
         n = count("len(parent)", parent.size, 1)
         if parent.shape != (n,) or parent.dtype.kind not in "iu":
-            raise invalid("parent", self.parent, "a row of whole numbers")
+            raise invalid("parent", self.parent, "a row of integers")
         for i, before in enumerate(parent.tolist()):
             if not -1 <= before < i:
                 raise invalid(f"parent[{i}]", before, f"-1 or a joint before {i}")

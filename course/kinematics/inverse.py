@@ -517,7 +517,7 @@ def ik(
         given = np.asarray(vector("start", start, (chain.n,), (chain.n, None)).T)
         given = np.atleast_2d(given)
     if not (isinstance(start, Samples) or len(given) or restarts):
-        raise invalid("(start, restarts)", (start, restarts), "a start, or restarts from 1 on")
+        raise invalid("(start, restarts)", (start, restarts), "a start, or at least one restart")
     rank, parts = _rank(chain, 6 if len(goal) == 7 else 3), []
     for first in range(0, max(1, goal.shape[1]), _CHUNK):
         part = np.ascontiguousarray(goal[:, first : first + _CHUNK])

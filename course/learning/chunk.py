@@ -67,7 +67,8 @@ def chunk_policy(
         width: of the two hidden layers of each network.
         latent: dimension of a code.
         zero: whether the code is 0 instead of sampled when the policy acts.
-        beta: weight of the divergence; as it grows the code says less, and the policy is the mean.
+        beta: weight of the divergence; as it grows the code carries less information, and the
+            policy becomes the mean.
         how: `steps`, `batch`, `rate` and `clip` of `fit`.
     """
     blank, x, y = prepared(states, actions)

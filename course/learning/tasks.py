@@ -52,7 +52,7 @@ def runs(states: Sequence[ArrayLike], actions: Sequence[ArrayLike]) -> Runs:
             vector(f"{name}[{k}]", run, np.shape(each[0]))
     table = Runs(np.array(states, dtype=float), np.array(actions, dtype=float))
     if table.states.shape[1] != table.actions.shape[1] + 1 or not table.actions.size:
-        raise invalid("steps", table.actions.shape[1], "one less than states, from 1 on")
+        raise invalid("steps", table.actions.shape[1], "one fewer than the states, and at least 1")
     return table
 
 

@@ -118,7 +118,7 @@ def grows(sizes: ArrayLike, factor: float = 1.2) -> bool:
     """
     record = np.asarray(sizes, dtype=float)
     if record.ndim != 1 or record.size < 4:
-        raise invalid("sizes.shape", record.shape, "(n,) with n from 4 on")
+        raise invalid("sizes.shape", record.shape, "(n,) with n at least 4")
     if not np.all(np.isfinite(record)):
         return True
     # A norm may oscillate, so the largest of each half is compared.

@@ -66,9 +66,9 @@ class Success:
     def __post_init__(self) -> None:
         cost = np.asarray(self.cost, dtype=float)
         if cost.ndim != 2 or not cost.size:
-            raise invalid("cost.shape", cost.shape, "(seeds, problems), each from 1 on")
+            raise invalid("cost.shape", cost.shape, "(seeds, problems), each at least 1")
         if np.isnan(cost).any() or (cost < 0.0).any():
-            raise invalid("cost", cost, "numbers from 0 on, infinite for a failure")
+            raise invalid("cost", cost, "non-negative numbers, infinite for a failure")
         object.__setattr__(self, "cost", cost)
 
     def shares(self, budgets: ArrayLike) -> Array:
@@ -184,7 +184,7 @@ def paired(first: ArrayLike, second: ArrayLike, z: float = TWO_SIGMA) -> tuple[f
     """
     a, b = (np.asarray(x, dtype=bool) for x in (first, second))
     if a.ndim != 1 or a.shape != b.shape or not a.size:
-        raise invalid("(first.shape, second.shape)", (a.shape, b.shape), "(n,) twice, n from 1 on")
+        raise invalid("(first.shape, second.shape)", (a.shape, b.shape), "(n,) twice, n at least 1")
     n = a.size
     # Bonett and Price (2012): one is added to both discordant counts.
     up, down = ((np.sum(x & ~y) + 1.0) / (n + 2.0) for x, y in ((b, a), (a, b)))

@@ -457,17 +457,17 @@ def measure(
         reference: the right answer.
         error: (answer, reference) -> distance.
         reference_check: the right answer found in a second, independent way.
-        tolerance: the error that the question can bear, if it says.
+        tolerance: the error that the question tolerates, if it has one.
         failed_above: an error above this is a failure (say, the size of the answer itself).
         repeats: timed rounds; a round runs every method and setting once, in turn.
         sample_time: least time of one sample [s]; faster runs are repeated inside the sample.
         best: draw the least time of a run, not the median: few rounds on a machine that does other
             work would else make a zigzag of a curve.
-        question: what is being asked, the chart's title.
+        question: the chart's title.
         error_unit: unit of the error.
         duration: simulated time of a run [s], where a setting is a step [s]: costs are then said
             per simulated second.
-        converges: whether the table says the order at which the error falls with the setting.
+        converges: whether the table prints the order at which the error falls with the setting.
 
     Returns:
         The measured `WorkPrecision`.

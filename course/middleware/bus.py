@@ -217,7 +217,7 @@ class Bus:
 
     Attributes:
         ns: now, since the start [ns].
-        events: what the ends were told, in order.
+        events: all events of the ends, in order.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -710,7 +710,7 @@ class ActionClient:
     """Sends goals to the server of an action.
 
     Args:
-        feedback: called with a goal's key and what its server says on the way.
+        feedback: called with a goal's key and the server's messages while it runs.
     """
 
     def __init__(self, node: Node, name: str, feedback: Callable | None = None) -> None:
@@ -726,7 +726,7 @@ class ActionClient:
         node.reader(f"{name}/feedback", news)
 
     def send(self, goal: Any) -> tuple[Any, Future]:
-        """Return its key, and the answer (status, result), which comes when the goal has ended."""
+        """Send a goal; return its key and a future of (status, result), set once it has ended."""
         self._sent += 1
         key, answer = (self, self._sent), Future()
         accepted = self._goal.call((key, goal))

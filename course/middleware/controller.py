@@ -85,7 +85,7 @@ class Driven:
         good: of each row, whether the controller was content.
         allocations: in each row, inside update or the callback.
         torque: of each row [N m].
-        report: what the sanitizer said, its first line that names the fault, or "".
+        report: the sanitizer's first line that names the fault, or "".
     """
 
     code: int

@@ -324,7 +324,7 @@ def _single(works: Sequence[Work], order: str) -> dict[str, float]:
 
 
 def _start(base: float, late: float, before: Sequence[Work]) -> float:
-    """Return least x that holds `base` and all runs of what goes before in [-late, x]."""
+    """Return the least x that holds `base` and all runs of what goes before in [-late, x]."""
     return _least(base, base, before, lambda w, x: math.floor((x + late) / w.period + 1e-9) + 1)
 
 

@@ -144,7 +144,7 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
         topic, end, policy = match.groups()
         if policy in _TIMES:
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-                raise invalid(name, value, "a whole number of nanoseconds from 1 on")
+                raise invalid(name, value, "a positive integer, in nanoseconds")
             value = 1e-9 * value
         result[topic, end] = replace(result.get((topic, end), QoS()), **{policy: value})
     return result

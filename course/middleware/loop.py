@@ -216,8 +216,8 @@ class Tried:
     """One row of the table: what was asked for, what was granted, what came of it.
 
     Attributes:
-        name: what was asked for.
-        granted: as the system says.
+        name: the requested policy.
+        granted: the policy in force, read back from the system.
         record: of the loop.
         quantiles: lateness of half, of 99 % and of all of the periods that ran [s].
     """

@@ -165,7 +165,7 @@ class Ring:
         return True
 
     def take(self, patience: float = PATIENCE) -> memoryview | None:
-        """Return the oldest message in place, valid until the next call, or None.
+        """Take the oldest message, in place and valid until the next call; None if there is none.
 
         A message is not copied; None means that none came in time [s].
         """

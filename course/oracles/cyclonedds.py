@@ -63,7 +63,7 @@ def library() -> ModuleType:
     """Return cyclonedds, confined to this machine. A child process shares the domain of its parent.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     if "<Tag>course-" not in os.environ.get("CYCLONEDDS_URI", ""):
         me = os.getpid()

@@ -32,7 +32,7 @@ def library() -> ModuleType:
     """Return the parts of Drake that are needed, as one module.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     try:
         for part in (

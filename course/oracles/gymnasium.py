@@ -80,7 +80,7 @@ def wrapped(
 
 
 def check(env: Env[Any, Any]) -> list[str]:
-    """Return Gymnasium's checks of a single environment.
+    """Run Gymnasium's checks of a single environment.
 
     Returns:
         What it warns of, one sentence each.

@@ -153,7 +153,7 @@ def solve(
     goal_bias: float = 0.05,
     resolution: float = 0.01,
 ) -> Plan:
-    """Return one plan by OMPL (Sucan, Moll and Kavraki, 2012).
+    """Plan once with OMPL (Sucan, Moll and Kavraki, 2012) and return the path.
 
     Args:
         bounds: rows low and high, shape (2, n).

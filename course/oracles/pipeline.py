@@ -129,7 +129,7 @@ def _mujoco(arm: TwoLink, integrator: str) -> tuple[Any, Any, Any]:
 def move(
     q: Array, v: Array, tau: Array, dt: float, scenario: Scenario, integrator: str = "EULER"
 ) -> tuple[Array, Array]:
-    """Return state after a step by `mj_step`.
+    """Return the state after a step by `mj_step`.
 
     MuJoCo's Euler takes the joints' damping implicitly.
     """

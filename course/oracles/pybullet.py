@@ -34,7 +34,7 @@ def library() -> ModuleType:
     """Return PyBullet.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     try:
         with quiet():

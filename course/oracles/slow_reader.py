@@ -35,7 +35,7 @@ def queue_ages(
     Once the queue is full, the oldest of `depth` samples is (depth - 1) periods old.
 
     Args:
-        depth: of the reader, which keeps the last so many.
+        depth: of the reader's keep-last queue.
         each: samples written for one that is taken, at least 1.
         takes: how often it takes.
         reliability: of both ends.
@@ -81,7 +81,7 @@ def flood(
 
     Args:
         size: of a message [bytes].
-        depth: of both ends, which keep the last so many.
+        depth: of the keep-last queues of both ends.
         messages: how many, all written at once.
         pause: that the reader makes after each message [s].
         reliability: of both ends. What depth lets go is lost under either.

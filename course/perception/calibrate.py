@@ -52,7 +52,7 @@ class Calibration:
 
     Attributes:
         R, p: (3, 3) and (3,) [m].
-        sigma: of each coordinate, told by the residual [m].
+        sigma: of each coordinate, estimated from the residual [m].
         points: those touched, in the base (3, N) [m].
     """
 

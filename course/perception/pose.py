@@ -54,7 +54,7 @@ class Estimate:
         residual: root mean square distance of its points along the normals [m].
         see_through: share of the pixels of this pose where the picture looks past it.
         agrees: share of the pixels, of pose or cluster, where both say the same.
-        unobserved: names of the directions of which the picture says nothing.
+        unobserved: names of the directions that the image does not constrain.
         status: one of `STATUS`. Cut: it reaches the picture's edge, so what is missing is not seen;
             ambiguous: another pose, not the same by symmetry, agrees as well, or a shift is
             unobserved, or a tenth of what is seen agrees with it not: there is more than the part.

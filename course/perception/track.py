@@ -155,7 +155,7 @@ class Tracker:
         Args:
             stamp: when its picture was taken, not when it arrived [s].
             z: (x, y, yaw) [m, rad].
-            covariance: of z, (3, 3); infinite on the diagonal for what was not seen.
+            covariance: of z, (3, 3); infinite on the diagonal for what was not observed.
 
         Returns:
             Whether it was taken; not if the gate rejected it.

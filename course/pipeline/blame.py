@@ -40,7 +40,7 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
     """Return each contract that a run broke, upstream first.
 
     Args:
-        record: of the run; what it says of its settings is not looked at.
+        record: of the run; its settings are ignored.
         agreed: what was promised.
         truth: whether each picture is compared with where the target really was. A simulator
             knows that; on hardware it takes a second, better measurement of the target.

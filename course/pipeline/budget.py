@@ -169,7 +169,7 @@ def budget(
         scenario: the task.
         settings: with all its errors.
         seeds: at least two.
-        parts: that are mended; the others stay as they are.
+        parts: that are repaired; the others stay as they are.
         stages: whose functions do it.
     """
     measured, report = {}, {}

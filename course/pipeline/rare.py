@@ -33,7 +33,7 @@ class Rare:
             interval leaves open, divided by 1.96.
         low, high: ends of the 95 % interval of the share, by Wilson's formula. They know nothing
             of failures that the proposal never meets.
-        runs: severities asked for.
+        runs: number of severities that were evaluated.
         effective: failures that would say as much if each weighed the same, (sum w)^2 / sum w^2.
         heaviest: share of the answer that rests on one run: near 1 it is an alarm.
         mean, width: of the proposal, shape (n,), in standard deviations of the disturbances.

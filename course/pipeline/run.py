@@ -106,7 +106,7 @@ def run(
     seed: int = 0,
     disturb: Disturb | None = None,
 ) -> Record:
-    """Return the whole pipeline, once, the same on every machine.
+    """Run the whole pipeline once; the record is the same on every machine.
 
     Args:
         scenario: the task.
@@ -133,7 +133,7 @@ def run_many(
     stages: Stages = OURS,
     disturb: Disturb | None = None,
 ) -> list[Record]:
-    """Return a run for each seed; arguments are those of `run`."""
+    """Run the pipeline once for each seed; the arguments are those of `run`."""
     return [run(scenario, settings, stages, seed, disturb) for seed in seeds]
 
 

@@ -106,7 +106,7 @@ class Settings:
         noise, bias: of one picture's place: standard deviation of each axis [m], and mean [m].
         frame: period of the camera [s].
         phase: of its first capture [s].
-        latency: from capture to arrival of what was seen [s].
+        latency: from the capture of an image to its arrival [s].
         overrun: of a frame that takes longer than a period. "pipelined": another worker takes it;
             "drop": lost where the worker is busy; "queue": it waits; "block": the camera waits.
         lost: share of frames that never arrive.

@@ -75,7 +75,7 @@ class Path:
         side: 0 where the elbow bends to the left there, 1 to the right.
         checks: collision checks, those of the shortcuts among them.
         waypoints: (2, k) [rad].
-        margin: what it kept from the discs [m].
+        margin: its clearance from the discs [m].
     """
 
     status: str
@@ -93,7 +93,7 @@ class Frames:
 
     Attributes:
         captured, arrived: shape (N,) [us].
-        stamp: what each says of its capture [us].
+        stamp: capture time in each message [us].
         shift: by which the target seems to be elsewhere, (N, 2) [m].
         scale: of each frame's noise, (N,).
         draws: standard normal numbers, (N, 2), by number of the frame whatever the settings are.
@@ -252,7 +252,7 @@ def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Se
 
 
 def move(q: Array, v: Array, tau: Array, dt: float, scenario: Scenario) -> tuple[Array, Array]:
-    """Return state after a step [s] under a torque (2,): semi-implicit Euler."""
+    """Return the state after a step [s] under a torque (2,): semi-implicit Euler."""
     body, row = scenario.plant.column(), np.concatenate((q, v))[None]
     body[TORQUES, 0] = tau
     step(row, 0, dt, body)

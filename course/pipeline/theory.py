@@ -53,7 +53,7 @@ def settling(
     every speed: at first it stays behind.
 
     Args:
-        pictures: that it has seen.
+        pictures: number of images that it has processed.
         period: between them [s].
         ratio: of the speeds that it believes in to the noise, standard deviations [1/s].
         drift: the same of accelerations [1/s^2].
@@ -155,7 +155,7 @@ def _pulls(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> tuple[Array, Arr
 
 
 def step_limit(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> float:
-    """Return largest stable step of semi-implicit Euler with PD at every step [s].
+    """Return the largest stable step of semi-implicit Euler with PD at every step [s].
 
     With m the largest eigenvalue of the inverse inertia, k = kp m and d = (kd + c) m it is
     (sqrt(d^2 + 4 k) - d) / k: -1 becomes an eigenvalue. With other damping in each joint it is the

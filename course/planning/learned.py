@@ -119,7 +119,7 @@ def _fitted(net: Any, loss: Callable[[], Any], steps: int, rate: float) -> Any:
 
 
 def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
-    """Return a network that colours a picture.
+    """Train a network that colours a picture, and return it.
 
     Args:
         worlds: of slits, each with one answer.
@@ -208,7 +208,7 @@ def questions(world: World, count: int, rng: np.random.Generator) -> list[Scene]
 
 
 def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: int = 0) -> Any:
-    """Return a network that predicts a path from its noisy version.
+    """Train a network that predicts a path from its noisy version, and return it.
 
     It is trained on paths of one world of discs.
 

@@ -359,11 +359,11 @@ class Roadmap:
     """Free states and edges between neighbours, those that are blocked among them.
 
     Attributes:
-        world: what the edges were asked in.
+        world: in which the edges were checked.
         nodes: one a row, shape (m, n).
         pairs: the two nodes of each edge, shape (e, 2).
         status: of each edge: `FREE`, `BLOCKED`, `UNKNOWN`, `AGAIN`, shape (e,).
-        fresh: rows of obstacles that edges with `AGAIN` have not been asked about.
+        fresh: rows of obstacles that edges with `AGAIN` were not checked against.
         first, edges: the edges at node i are edges[first[i] : first[i + 1]].
         links: the k-d tree of the nodes.
     """
@@ -414,7 +414,7 @@ def build_roadmap(
         rng: random numbers, or a seed.
         neighbours: edges from each new node, to the nearest before it; 0 for as many as PRM* takes,
             e (1 + 1 / n) log m.
-        lazy: whether edges are asked only when a path needs them.
+        lazy: whether edges are checked only when a path needs them.
     """
     rng = np.random.default_rng(rng)
     budget = Budget(samples)

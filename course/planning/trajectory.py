@@ -206,7 +206,7 @@ class Optimised(NamedTuple):
         path: shape (n, points + 2).
         costs: after each iteration, shape (iterations,): smoothness and collision, weighted.
         clearance: the least distance found on it, at 8 places an edge; below 0 it is stuck.
-        evaluations: states whose distance was asked.
+        evaluations: states whose distance was computed.
     """
 
     path: Array
@@ -279,7 +279,7 @@ def covariant_gradient(
     Args:
         path: where to start, shape (n, k); the ends stay.
         distance: a world, or the signed distance of states (n, m) to the obstacles, shape (m,).
-        margin: that is wanted [unit of the distance].
+        margin: desired clearance [unit of the distance].
         weight: of the obstacles against the smoothness.
         points: waypoints between the ends.
         iterations: how many steps.

@@ -70,7 +70,7 @@ STEP, BIAS, SAMPLER, MIX, SPREAD, STAR, INFORMED, SHORTEST = range(8)
 
 @register_jitable
 def _add(nodes, parents, links, costs, counts, side, state, parent, cost):
-    """Return a new node, hung under its parent; its number."""
+    """Add a node under its parent and return its number."""
     i = counts[NODES + side]
     counts[NODES + side] += 1
     nodes[side, i] = state

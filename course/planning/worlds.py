@@ -351,7 +351,7 @@ class Asked:
         Asked.known.append(self)
 
     def __call__(self, q: Array) -> bool:
-        """Return what the user's function says of a state; after an exception always False."""
+        """Ask the user's function whether a state is free; after an exception the answer is no."""
         if self.raised is not None:
             return False
         self.calls += 1

@@ -98,7 +98,7 @@ def slope(x: ArrayLike, y: ArrayLike) -> float:
     """
     x, y = (vector(name, value, (None,), low=POSITIVE) for name, value in (("x", x), ("y", y)))
     if x.size != y.size or x.size < 2:
-        raise invalid("(x.size, y.size)", (x.size, y.size), "two equal sizes from 2 on")
+        raise invalid("(x.size, y.size)", (x.size, y.size), "two equal sizes of at least 2")
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 

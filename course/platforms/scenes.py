@@ -63,7 +63,7 @@ class Scene:
         tolerance: of `error` [m, or rad].
         judge: "turn" (angle of the turn that is missing [rad]), "joints" (largest error of a joint
             [rad]) or "place" (largest distance of a centre from its truth [m]).
-        truth: time [s] -> the true q, in the form of `State.q`; NaN where nothing is asked.
+        truth: time [s] -> the true q, in the form of `State.q`; NaN where nothing is compared.
         bodies: the bodies, without the ground; empty in scenes of joints.
         urdf: the model's text in scenes of joints, else "".
         chain: the same arm, as chapter 4 has it.

@@ -337,7 +337,7 @@ def record(
     noise: float,
     generator: np.random.Generator,
 ) -> Recording:
-    """Return a recording as a camera would make it: the exact positions with normal noise.
+    """Record a drop as a camera would: the exact positions with normal noise.
 
     Args:
         parameters: the true (restitution, friction, mass).

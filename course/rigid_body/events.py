@@ -127,7 +127,7 @@ def step_with_event(q, v, step, acceleration, dt, params, gap, reset):
 
 @register_jitable
 def step_with_late_event(q, v, step, acceleration, dt, params, gap, reset):
-    """Return the usual shortcut, to be compared with.
+    """Take the usual shortcut at an impact, which the exact event is compared with.
 
     A whole step, then the reset if the gap is closed.
 

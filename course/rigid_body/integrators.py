@@ -470,7 +470,7 @@ def simulate(
             (q, v, acceleration, dt, params) -> (q, v), which then runs as plain Python.
         dt: step [s], positive.
         steps: number of steps.
-        every: record a state every so many steps; default: only the first and the last.
+        every: steps between recorded states; default: only the first and the last.
 
     Returns:
         The recorded states. A run that blows up goes on to infinity or NaN; nothing is clamped.

@@ -424,7 +424,7 @@ def run(
     """Run the loop against a clock for a while.
 
     Args:
-        loop: the loop; it goes on from where it stands.
+        loop: the loop; it continues from its present state.
         seconds: how long, on that clock [s], positive and finite.
         clock: returns the time [s].
         sleep: waits for a time [s].

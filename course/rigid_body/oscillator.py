@@ -40,7 +40,7 @@ METHODS = (
 
 @register_jitable
 def step_of(number, q, v, dt, params):
-    """Return one step of the oscillator with METHODS[number].
+    """Advance the oscillator by one step of METHODS[number].
 
     Compiled code can't look a method up by name.
 

@@ -78,7 +78,7 @@ def _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient):
 def _advance(
     x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt, coefficient, resolve, limit
 ):
-    """Return one step of one box near the ground.
+    """Advance one box near the ground by one step.
 
     Flight, impacts, contact, in the order they happen.
 
@@ -459,7 +459,7 @@ def advance_boxes(
 def step_boxes(
     state: Array, parameters: Array, dt: float, **options: Any
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Return one step of N boxes: `advance_boxes` with one step, and its options."""
+    """Advance N boxes by one step: `advance_boxes` with one step, and its options."""
     return advance_boxes(state, parameters, dt, 1, **options)
 
 

@@ -216,7 +216,7 @@ def advance_bodies(
     gravity: ArrayLike = DOWNWARDS,
     integrator: str = "rk4_renormalised",
 ) -> tuple[Array, Array]:
-    """Return many equal bodies in free flight, advanced together by the compiled integrator.
+    """Advance many equal bodies in free flight together, by the compiled integrator.
 
     Args:
         q: positions, shape (7, N) [m, unit quaternions].

@@ -75,7 +75,7 @@ class Visible:
     """What a log can tell of P parameters.
 
     Attributes:
-        names, covariance: of the parameters, (P, P) [their units]; inf where one cannot be told.
+        names, covariance: of the parameters, (P, P) [their units]; inf where not identifiable.
         rank: how many combinations, moved by their own size, change the log by more than the noise.
         null: a sentence for each that does not.
         directions: these, a row each, in units of the parameters' sizes, shape (P - rank, P).

@@ -97,7 +97,7 @@ def _runge_kutta(arm, i, q1, q2, v1, v2, u1, u2, s1, s2, h):
 
 @register_jitable
 def _advance(arm, i, q1, q2, v1, v2, u1, u2, h):
-    """Return one step, cut where a sliding joint stops."""
+    """Advance by one step, cut where a sliding joint stops."""
     dry1, dry2 = arm[5, i] > 0.0, arm[6, i] > 0.0
     rest = h
     for event in range(8):

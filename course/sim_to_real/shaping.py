@@ -95,7 +95,7 @@ def value_iteration(
     Args:
         process: any.
         tolerance: of the value at the end, relative to its size.
-        max_sweeps: after so many without reaching the tolerance a ValueError is raised.
+        max_sweeps: limit on the sweeps, after which a ValueError is raised.
     """
     value, sweeps = np.zeros(process.transition.shape[0]), 0
     positive("tolerance", tolerance)
@@ -149,7 +149,7 @@ def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
     chosen = vector("policy", policy, (S,), (S, A), low=0.0)
     if chosen.ndim == 1:
         if np.any(chosen != np.round(chosen)) or chosen.max() >= A:
-            raise invalid("policy", chosen, f"whole numbers from 0 to {A - 1}")
+            raise invalid("policy", chosen, f"integers from 0 to {A - 1}")
         chosen = np.eye(A)[chosen.astype(int)]
     elif np.abs(chosen.sum(axis=1) - 1.0).max() > 1e-9:
         raise invalid("policy", chosen, "rows that sum to 1")
@@ -203,7 +203,7 @@ def grid(n: int, gamma: float = 0.95, pay: float = 1.0, step: float = 0.0) -> Pr
 
 
 def _learn(P, R, ends, numbers, draws, optimal, q):
-    """Return Q-learning from state 0; returns the steps until the greedy walk is optimal, or -1."""
+    """Run Q-learning from state 0; return the steps until the greedy walk is optimal, or -1."""
     gamma, rate, chance = numbers[0], numbers[1], numbers[2]
     S, A = q.shape
     state, limit = 0, draws.shape[0]

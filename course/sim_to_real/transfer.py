@@ -177,5 +177,5 @@ def reached(gamma: float, eps: float) -> float:
 def discount(gamma: float) -> float:
     """Return a discount in [0, 1); anything else raises ValueError."""
     if not 0.0 <= finite("gamma", gamma) < 1.0:
-        raise invalid("gamma", gamma, "a number from 0 on and below 1")
+        raise invalid("gamma", gamma, "at least 0 and below 1")
     return gamma

@@ -73,7 +73,7 @@ class Ranges:
             Plants(**{name: np.array([low, high])})
 
     def __call__(self, n: int, rng: np.random.Generator) -> Plants:
-        """Return n arms, drawn one by one."""
+        """Draw n arms, one by one."""
         drawn: dict[str, Any] = {"mass": np.ones(count("n", n, 1))}
         for name, (low, high) in self.bounds.items():
             kind = self.kinds.get(name, "uniform")

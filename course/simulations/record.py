@@ -29,7 +29,7 @@ class Field:
         unit: as shown.
         decimals: as shown.
         choices: what a menu shows; the field is the number of the choice, from 0.
-        live: a change acts on the running state; else the experiment starts anew.
+        live: a change acts on the running state; else the experiment restarts.
         shape: of an array.
     """
 
@@ -79,7 +79,7 @@ class Field:
         else:
             good = finite(name, value, self.low, self.high, unit=self.unit)
         if kind is not np.float64 and np.any(good != np.floor(good)):
-            raise invalid(name, value, "a whole number")
+            raise invalid(name, value, "an integer")
         return np.asarray(value, kind)
 
 

@@ -161,7 +161,7 @@ class Lane:
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any], Any]:
-        """Return one step, and the reset that belongs to it.
+        """Advance by one step, with the reset that belongs to it.
 
         Returns:
             Observation, reward, terminated, truncated, info; and (last observation, last info) of

@@ -220,12 +220,12 @@ class PointTask:
         self._step, self._put = kernels()
 
     def start(self, ids: Ids, generators: Sequence[np.random.Generator]) -> Array:
-        """Return new points and goals for `ids`; their observations, (len(ids), 4)."""
+        """Place new points and goals for `ids`; return their observations, (len(ids), 4)."""
         draws = np.array([generator.random(4) for generator in generators])
         return self._put(draws, ids, self.p, self.v, self.goal, self.steps, self.numbers)
 
     def move(self, actions: Any) -> Moved:
-        """Return one step of all."""
+        """Advance all points by one step."""
         return self._step(self.p, self.v, self.goal, self.steps, actions, self.numbers)
 
 

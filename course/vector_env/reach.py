@@ -176,7 +176,7 @@ class ReachTask:
         self._move, self._judge, self._start = kernels()
 
     def start(self, ids: Ids, generators: Sequence[np.random.Generator]) -> Array:
-        """Return new postures and targets for `ids`; their observations, (len(ids), 8)."""
+        """Draw new postures and targets for `ids`; return their observations, (len(ids), 8)."""
         draws = np.array([generator.random(4) for generator in generators])
         return self._start(draws, ids, self.q, self.v, self.target, self.steps, self.arm)
 
@@ -251,7 +251,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
         return observation, {}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Return one control step.
+        """Advance the arm by one control step.
 
         Raises:
             ValueError: for an action that is not two numbers.

@@ -36,7 +36,7 @@ class Past:
     Attributes:
         open: those that can go on.
         scores: key of an item -> share of the marks, the last time.
-        last: keys of what the last interview asked.
+        last: keys of the last interview's questions.
     """
 
     open: dict[str, Interview] = field(default_factory=dict)

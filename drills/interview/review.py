@@ -74,7 +74,7 @@ class Round:
         return self._finish(cards, seed)
 
     def ask(self, entry: Entry) -> bool:
-        """Return one card; whether it was rated and not passed over."""
+        """Ask one card; return whether it was rated and not passed over."""
         shown = sides(entry)
         self._show(shown.front)
         grades: list[bool] = []

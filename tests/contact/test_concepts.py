@@ -290,7 +290,7 @@ def posed(rng, **values):
 def test_the_result_is_the_distance_or_the_depth_of_the_chapter():
     rng = np.random.default_rng(8)
     a, signs = contact.points(simplex.A_SHAPE[:2]), set()
-    for _ in range(400):
+    for _ in range(150):
         controls, vb = posed(rng)
         pose = np.append(controls["position"], math.radians(controls["turn"]))
         truth = contact.distance(a, np.zeros(3), contact.points(vb[:2]), pose)
@@ -313,9 +313,20 @@ def test_concentric_and_touching_shapes_have_a_depth_too():
                 assert simplex.result(controls, vb)[0] == pytest.approx(truth.distance, abs=1e-12)
 
 
+def test_corners_that_touch_have_the_distance_zero_and_a_sound_picture():
+    corner = simplex.A_SHAPE[:2, 0] - simplex.B_SHAPES[1][:2, 2]
+    run = Experiment(simplex.MODEL, shape=1, turn=0.0, position=corner)
+    for _ in range(4):
+        picture = run.picture()
+        assert not np.isinf(picture.data).any()
+        run.advance(simplex._PACE)
+    assert picture.numbers["algorithm"] == "done"
+    assert number(run, "signed distance") == 0.0
+
+
 def test_the_nearest_point_comes_nearer_with_every_iteration_and_the_bound_holds():
     rng = np.random.default_rng(9)
-    for _ in range(60):
+    for _ in range(30):
         controls, vb = posed(rng)
         pair = simplex.pair_of(controls, vb)
         iterations, expansions = simplex.counts(controls, vb)
@@ -331,7 +342,7 @@ def test_the_nearest_point_comes_nearer_with_every_iteration_and_the_bound_holds
 def test_epas_polygon_is_convex_grows_and_holds_the_origin():
     rng = np.random.default_rng(10)
     grown = 0
-    for _ in range(60):
+    for _ in range(30):
         controls, vb = posed(rng, position=rng.uniform(-0.3, 0.3, 2))
         pair = simplex.pair_of(controls, vb)
         s, _, n = simplex.gjk(vb, pair, 1000)[:3]
@@ -347,7 +358,7 @@ def test_epas_polygon_is_convex_grows_and_holds_the_origin():
             areas.append(0.5 * turns.sum())
         assert np.all(np.diff(areas) > 0.0)
         grown += expansions > 1
-    assert grown > 20
+    assert grown > 10
 
 
 def test_the_outline_is_the_hull_of_all_differences():
@@ -367,7 +378,7 @@ def test_the_outline_is_the_hull_of_all_differences():
 
 def test_no_pair_of_shapes_needs_more_steps_than_the_slider_has():
     rng = np.random.default_rng(12)
-    for _ in range(300):
+    for _ in range(100):
         controls, vb = posed(rng)
         assert sum(simplex.counts(controls, vb)) + 1 <= simplex.LAST
     run = Experiment(simplex.MODEL)

@@ -50,7 +50,7 @@ class Question:
         text: the question.
         scene: for our models.
         ask_mujoco: `Options` -> the same scene prepared.
-        answer: state at the end -> what is asked, in m.
+        answer: state at the end -> the compared quantity [m].
         truth: by closed form [m].
         tolerance: [m].
         stiffness: of penalty contact, chosen to sink less than the tolerance [N/m].

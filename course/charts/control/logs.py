@@ -59,7 +59,7 @@ def record(
     seed: int = 0,
     speed: float = 1.0,
 ) -> list[Log]:
-    """Return one log for each model, all under the same PD loop on the same motion.
+    """Record one log for each model, all under the same PD loop on the same motion.
 
     The truth is stepped by Runge-Kutta ten times finer than the log; Coulomb friction turns round
     within 1 mrad/s. The loop sees noisy angles; `noise` is one number or one for each joint.

@@ -66,7 +66,7 @@ def _hole_edge(obstacles, body, a, b):
 
 
 def _judge(world: World, a: Array, b: Array) -> Array | None:
-    """Return a state in the wall, by the half-lines of t in which it is too far to one side."""
+    """Return a state of the edge in the wall, or None, by an interval of t for each side."""
     half, depth, bounded = world.obstacles[0]
     for k in range(1, int(bounded) + 1):
         for side in (-1.0, 1.0):

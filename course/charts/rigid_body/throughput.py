@@ -210,7 +210,7 @@ def measure_rates(
     horizon: float | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Rate]:
-    """Return body-steps per second of every contender at every size, interleaved in one process.
+    """Measure body-steps per second of every contender and size, interleaved in one process.
 
     Args:
         contenders: what to run; one thread each.

@@ -47,7 +47,7 @@ def record(
     dt: float = DT,
     **changed: float,
 ) -> Log:
-    """Return a log of the arm, from rest, with some parameters changed.
+    """Record a log of the arm, from rest, with some parameters changed.
 
     `changed` names rows of `plants.ROWS`.
     """

@@ -82,7 +82,7 @@ def drop(
     Args:
         method: "explicit_euler", "semi_implicit_euler", or "exact_flight".
         steps: steps at most.
-        bounces: a ball stops after so many.
+        bounces: number of bounces after which a ball stops.
         dt: step [s], one for all or one each, as the next three.
         e: restitution.
         height: at the start [m].

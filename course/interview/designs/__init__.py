@@ -86,13 +86,13 @@ class Design:
 
     Attributes:
         name: of its file.
-        title: the question, as it is asked.
+        title: the wording of the question.
         minutes: for all of it, five of them for `clarify`.
-        clarify: what to ask first, each with what the interviewer says.
+        clarify: questions to ask first, each with the interviewer's reply.
         boxes: name -> (column, row) in the drawing.
         arrows: between them, along a row or a column.
         path: what flows along the chain whose age counts.
-        follow_ups, red_flags: what is asked next, and what ends the talk.
+        follow_ups, red_flags: the next questions, and answers that end the interview.
         rubric: what an answer is scored by.
         answer: the model answer, Markdown.
     """
@@ -112,7 +112,7 @@ class Design:
     def __post_init__(self) -> None:
         def held(holds: bool, name: str, value: object, allowed: str) -> None:
             if not holds:
-                raise ValueError(f"{self.name}: {name} is {value!r}, allowed is {allowed}")
+                raise ValueError(f"{self.name}: {name} must be {allowed}, got {value!r}")
 
         flows = {arrow.what: arrow for arrow in self.arrows}
         for arrow in self.arrows:

@@ -77,7 +77,7 @@ class Scenario:
 
     Attributes:
         name: one of `NAMES`.
-        title, prompt: what the learner is told; Markdown.
+        title, prompt: the text for the learner, in Markdown.
         symptom_words, unit: what the figure of the symptom is.
         symptom: (cause, seed, repair or None) -> the figure.
         spread: how far the figures of the causes may lie apart, as a share of their mean.

@@ -95,7 +95,7 @@ class Heap:
         self._mujoco.mj_step(self.model, self.data, count("steps", steps, 1))
 
     def measure(self, steps: int) -> Cost:
-        """Return what the next steps take, one by one, by MuJoCo's own timers."""
+        """Measure the mean cost of the next steps, by MuJoCo's own timers."""
         names = ("STEP", "POS_COLLISION", "CONSTRAINT")
         timers = [self.data.timer[getattr(self._mujoco.mjtTimer, f"mjTIMER_{n}")] for n in names]
         before = [timer.duration for timer in timers]

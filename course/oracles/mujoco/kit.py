@@ -45,7 +45,7 @@ def library() -> ModuleType:
     """Return MuJoCo.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     try:
         import mujoco

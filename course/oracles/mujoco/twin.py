@@ -165,7 +165,7 @@ class Twin:
     def run(
         self, law: Law, start: ArrayLike, samples: int, seed: int = 0
     ) -> tuple[Array, Array, Array]:
-        """Return arms at rest under a law, one command a sample.
+        """Run arms from rest under a law, one command a sample.
 
         Args:
             law: (sample, measured angles (2, N)) -> torques (2, N) [rad, N m].

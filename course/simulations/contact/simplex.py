@@ -343,6 +343,7 @@ def frame(pen, state, controls):
     say = _SAY_SEARCH
     if expanding:
         # EPA: the polygon, its nearest edge, and what lies beyond it.
+        low, high = 0.0, 0.0  # corners that touch have no polygon
         polygon, count, _, _ = epa(vb, pair, s, n, step - iterations - 1)
         _polygon(pen, polygon[:count, 0], polygon[:count, 1], _TINT, draw.PURPLE, 2.5, 0.8)
         draw.spots(pen, polygon[:count, 0], polygon[:count, 1], 0.05, draw.PURPLE)

@@ -101,7 +101,7 @@ class Controller:
         return min(max(command, low), high)
 
     def run(self, setpoints: Any, measurements: Any) -> Array:
-        """Return the commands for two sequences, or one of them a number; in one request."""
+        """Run two sequences, or a sequence and a number, in one request; return the commands."""
         w, y = np.broadcast_arrays(setpoints, measurements)
         learner = self.attempt.learner
         got = learner.given("run", self.handle, w.tolist(), y.tolist())

@@ -56,7 +56,7 @@ class Setting:
 
 
 def draw_setting(rng: np.random.Generator) -> Setting:
-    """Return a random scene and ranges in which each mistake shows by itself."""
+    """Draw a random scene, and ranges in which each mistake shows by itself."""
     low = float(rng.uniform(0.2, 0.5))
     high = low + float(rng.uniform(0.6, 1.0))
     # The floor is rougher than any draw, so that a draw for the other geom alone never shows.
@@ -197,7 +197,7 @@ class Bench:
         return self.arrays()
 
     def draw(self, count: int, seed: int, actions: list[Array]) -> dict[str, Any]:
-        """Return many draws, each followed by these actions."""
+        """Draw many times, each draw followed by these actions."""
         like: dict[str, Any] = {k: np.repeat(self.before[k][None], count, axis=0) for k in PRIMARY}
         like["delayed"] = []
         args = self.randomizer, self.model, self.data, self.generator(seed), count, actions

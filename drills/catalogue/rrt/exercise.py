@@ -118,7 +118,7 @@ def _typed(world: World) -> str:
 
 
 def _run(attempt: Attempt, world: World, seed: int | None = None) -> Run | None:
-    """Return one run as arrays, or None after a failed check."""
+    """Run the submission once; return the run as arrays, or None after a failed check."""
     got = _ask(attempt, world, seed)
     call = _typed(world)
     parts = attempt.parts(got, PARTS, call=call)

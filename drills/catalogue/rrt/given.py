@@ -9,7 +9,7 @@ def generator(seed):
 
 
 def drive(start, goal, discs, bounds, step, max_samples, seeds):
-    """Return how many runs reached the goal, and how many targets all of them drew."""
+    """Run the submission; return how many runs reached the goal, and how many targets all drew."""
     from submission import rrt
 
     solved = drawn = 0

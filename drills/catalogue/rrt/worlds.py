@@ -155,7 +155,7 @@ def invalid_queries(rng: np.random.Generator) -> list[World]:
 
 
 def paths(figure: Any, discs: Any, before: Any, got: Any, right: Any) -> None:
-    """Return the given paths, the results, and the correct results."""
+    """Plot the given paths, the results, and the correct results."""
     from matplotlib.patches import Circle
 
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)

@@ -52,7 +52,7 @@ class Pair:
         )
 
     def step(self, actions: Any) -> bool:
-        """Return one step on both sides, and compare."""
+        """Step both the submission and the solution; return whether the results agree."""
         attempt = self.attempt
         got = attempt.learner.method(self.envs, "step", actions)
         expected = attempt.reference.method(self.envs_here, "step", actions)

@@ -106,7 +106,7 @@ def whole_runs(attempt: Attempt, answers: Sequence[Answer]) -> None:
 def _run(
     attempt: Attempt, q: Array, v: Array, omega: float, dt: float, steps: int
 ) -> tuple[Array, Array] | None:
-    """Return a run on a spring, or None after a failed check."""
+    """Run the submission on a spring and return the run, or None after a failed check."""
     field = Field("spring", (omega**2, 0.0), q.shape)
     a = field(q)
     for _ in range(steps):

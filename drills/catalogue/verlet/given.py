@@ -35,7 +35,7 @@ def field(kind, numbers):
 
 
 def drive(q, v, kind, numbers, dt, steps):
-    """Return a whole run with the submission's step, for the chart."""
+    """Run the submission's step to the end, and return the run for the chart."""
     from submission import verlet_step
 
     field = Field(kind, numbers)

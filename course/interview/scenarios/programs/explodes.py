@@ -15,11 +15,11 @@ class Machine:
         mass: of the slide [kg].
         stiffness: of one stop [N/m].
         stops: (place [m], direction in which it pushes, +1 or -1) of every contact point.
-        damping: of the brake, which is told the measured speed [N s/m].
+        damping: of the brake, which acts on the measured speed [N s/m].
         age: steps from a measurement to its use.
         friction: coefficient between slide and rail.
         slow: speed below which friction grows with the speed [m/s].
-        rail, guide: directions of the axes in which force and speed are told, +1 or -1.
+        rail, guide: directions of the axes of force and speed, +1 or -1.
         blend: how much of the new speed moves the slide, from 0 to 1.
         dt: step [s].
         start: place at the beginning [m].
