@@ -184,7 +184,7 @@ class Attempt:
 
     @contextmanager
     def part(self, index: int) -> Iterator[None]:
-        """What is checked inside belongs to this case of the plan."""
+        """Count what is checked inside as this case of the plan."""
         before, self._part = self._part, index
         # The output before and after a case bounds what its feedback may quote.
         self.report.begun.add(index)

@@ -218,7 +218,7 @@ def _stopped(attempt: Attempt, stop: Exception) -> None:
 
 
 def _conclude(attempt: Attempt, graded: Exercise) -> None:
-    """The first failed check gives the reason, unless the run itself was stopped; then the slip."""
+    """Set the reason by the first failed check, unless the run was stopped, and name the slip."""
     report = attempt.report
     report.sort()
     failures = [check for check in report.checks if not check.passed]

@@ -46,7 +46,7 @@ LAWS = ("coulomb", "convex")
 
 @register_jitable
 def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
-    """Force of one contact, written into `force` (d,), from its depth [m] and velocity u (d,).
+    """Write the force of one contact into `force` (d,), from depth [m] and velocity u (d,).
 
     Normal: stiffness times depth less damping times the speed apart. A damper alone would hold back
     what leaves (the pull-back artefact); it is clipped unless `pull`. Friction grows with the slip

@@ -246,7 +246,7 @@ def _advance(q, v, u, inertia, a, load, coulomb, static, c, target, rest, whole)
 
 
 def _run(joint, drive, numbers, start, setpoint, extra, blocked, noise, out):
-    """The loop; rows of `out` are q, v, torque, command and measurement.
+    """Run the loop; rows of `out` are q, v, torque, command and measurement.
 
     `joint` is (inertia, damping, load, coulomb, static), `drive` (limit, rate, 1 / lag, whole
     samples of delay, the rest of one, encoder line).

@@ -92,7 +92,7 @@ class Gains:
 
 
 def _advance_rate(kind, tau, dt, state, x, v):
-    """One more measurement x for the rate in state[1].
+    """Update the rate in state[1] with one more measurement x.
 
     State is (integral, rate, last, started, command).
     """
@@ -187,7 +187,7 @@ class Controller:
         self.state[0] += before - self._without_integral(setpoint, measurement)
 
     def take_over(self, command: float, setpoint: float, measurement: float) -> None:
-        """From manual to automatic without a bump: the next command continues a person's [u]."""
+        """Go from manual to automatic without a bump: the next command continues a person's [u]."""
         _finite(command=command, setpoint=setpoint, measurement=measurement)
         self.state[1:] = 0.0, measurement - self.gains.rate_weight * setpoint, 1.0, command
         integrated = self.gains.ki * (setpoint - measurement) * self.dt

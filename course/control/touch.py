@@ -106,7 +106,7 @@ def _linear(law, wall, wall_damping, dt):
 
 @register_jitable
 def _swing(x, v, u, mass, damping, stiffness, t):
-    """Place and speed after t of a damped spring under a steady force, exactly."""
+    """Return place and speed after t of a damped spring under a steady force, exactly."""
     a = 0.5 * damping / mass
     square = stiffness / mass - a * a
     if stiffness == 0.0 and damping == 0.0:
@@ -147,7 +147,7 @@ def held_mass(mass, damping, stiffness, dt, rest):
 
 @register_jitable
 def _onwards(x, v, u, probe, t):
-    """Place and speed after t, through touching and leaving; once each way in a sample at most."""
+    """Return place and speed after t, with at most one touching and one leaving in a sample."""
     mass, damping, wall, wall_damping, surface = probe[0], probe[1], probe[2], probe[3], probe[4]
     # At a touch or a release the stiffness changes: the motion is cut there by bisection.
     for _ in range(4):
@@ -171,7 +171,7 @@ def _onwards(x, v, u, probe, t):
 
 
 def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
-    """The loop; rows of `out` are x, v, force on the wall, command and the place wanted."""
+    """Run the loop; rows of `out` are x, v, force on the wall, command and the desired place."""
     stiffness, damping, desired, gain = law[0], law[1], law[2], law[3]
     mass, give, hold = law[4], law[5], law[6]
     body = probe.copy()

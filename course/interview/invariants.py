@@ -62,6 +62,7 @@ def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: flo
     check.positive("step", step)
     point = np.asarray(at, dtype=float)
     directions = np.eye(point.size).reshape(point.size, *point.shape) * step
+    # Central differences: their error is of second order in the step.
     columns = [np.subtract(value(point + d), value(point - d)) / (2 * step) for d in directions]
     slope = np.stack(columns, axis=-1) if point.ndim else np.asarray(columns[0])
     return gap(derivative(point), slope) / max(1.0, float(np.abs(slope).max()))
@@ -122,6 +123,7 @@ def unit_error(
     """
     if len(values) != len(factors):
         raise check.invalid("factors", len(factors), f"{len(values)} factors")
+    # Dimensional homogeneity: scaled inputs must scale the result by the stated factor.
     other = np.asarray(formula(*(v * f for v, f in zip(values, factors, strict=True)))) / factor
     same = np.asarray(formula(*values), dtype=float)
     return gap(other, same) / max(1.0, float(np.abs(same).max()))
@@ -224,6 +226,7 @@ def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> f
         while parents[at] >= 0:
             lengths[node] += np.linalg.norm(places[at] - places[parents[at]])
             at, observed = parents[at], observed + 1
+            # More steps than nodes: the parents form a cycle.
             if observed > len(parents):
                 return np.inf
     return gap(costs, lengths)

@@ -124,7 +124,7 @@ def gain(s, method, damping):
 
 @register_jitable
 def step(J, e, method, damping, A, U, dq):
-    """One step of a method (its number in METHODS) but Levenberg-Marquardt into dq (n,).
+    """Write one step into dq (n,), by the method of this number, except Levenberg-Marquardt.
 
     J (m, n) is the Jacobian, e (m,) the error; A (m, n) and U (m, m) are work space.
     """

@@ -169,7 +169,7 @@ def _jacobian(table, q, frame, point):
 
 
 def _jacobian_rate(table, q, v, frame, point):
-    """Time derivatives of these Jacobians, (6, n, N)."""
+    """Return the time derivatives of these Jacobians, (6, n, N)."""
     n, batch = q.shape
     pose, rate = np.empty((n + 1, 7)), np.zeros((6, n, batch))
     spin, speed = np.empty((n, 3)), np.empty((n, 3))  # of each link, and of its joint's origin

@@ -46,7 +46,7 @@ class Sample(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What an end is told. kind.
+    """A status that a writer or reader is told, with the time, the topic and the end.
 
     "incompatible" (detail: the policies), "deadline", "not alive", "alive", "lost" (detail: the
     sample's number).
@@ -120,7 +120,7 @@ class Future:
             self._then.append(call)
 
     def set(self, value: Any) -> None:
-        """The answer is there."""
+        """Set the answer, and call everyone who waits for it."""
         self.done, self.value, self.needs = True, value, []
         for call in self._then:
             call(value)
@@ -201,10 +201,10 @@ class Direct:
         self.bus = bus
 
     def add(self, callback: Callback) -> None:
-        """Nothing to keep."""
+        """Accept a callback; there is nothing to store."""
 
     def ready(self, callback: Callback) -> None:
-        """An event came for this callback."""
+        """Run a callback for which an event came."""
         given = callback.take()
         if given is not None:
             steps = callback.function(*given)
@@ -237,7 +237,7 @@ class Bus:
         return 1e-9 * self.tick()
 
     def tick(self) -> int:
-        """Time since the start [ns], which goes on by itself in real time only."""
+        """Return the time since the start [ns], which goes on by itself in real time only."""
         if self.real:
             self.ns = max(self.ns, time.monotonic_ns() - self._start)
         return self.ns
@@ -259,7 +259,7 @@ class Bus:
         self.push(self.tick() + wait, CALL, call, *given)
 
     def run(self, seconds: float, real: bool = False) -> None:
-        """On to a time since the start [s].
+        """Run all events up to a time since the start [s].
 
         In real time this takes as long: deliveries are then made by this thread, and executors
         start theirs.
@@ -382,7 +382,7 @@ class Writer:
                     self.bus.push(self.bus.ns + wait, ARRIVAL, match.lease.touch)
 
     def die(self) -> None:
-        """The process ends without a word: nobody is told, and the lease runs."""
+        """End the process without a word: nobody is told, and the lease runs."""
         self.dead = True
         for match in self.matches:
             if not self._manual:
@@ -430,7 +430,7 @@ class Reader:
         return self._cache[0][0] if self._cache else None
 
     def accept(self, number: int, sample: Sample | None) -> None:
-        """A sample has come in, in its writer's order; None: it never will."""
+        """Take in a sample, in its writer's order; None stands for one that never comes."""
         if sample is None:
             self.lost += 1
             self.bus.notify(self, "lost", number)
@@ -497,7 +497,7 @@ class _Match:
             self.reader.accept(sample.number, None)
 
     def _again(self, sample: Sample, packets: int) -> None:
-        """The reader asks for packets of a sample: they go out, or that the sample is gone."""
+        """Send packets of a sample that the reader asks for, or a notice that it is gone."""
         number, writer = sample.number, self.writer
         if writer.dead:
             return
@@ -509,7 +509,7 @@ class _Match:
             self.bus.push(missing, ARRIVAL, self._arrived, number, None)
 
     def _arrived(self, number: int, sample: Sample | None) -> None:
-        """All of a sample is there, or it is known to be gone."""
+        """Handle a sample that has come in whole, or that is known to be gone."""
         if self._manual:
             self.lease.touch()
         # Reliable readers get samples in order: early ones wait. Best effort drops late ones.
@@ -686,7 +686,7 @@ class Client:
         return future
 
     def served(self, number: int) -> None:
-        """The server has run; what is left is this client's callback."""
+        """Note that the server has run: the answer now needs only this client's own callback."""
         if number in self._open:
             self._open[number].needs = self._open[number].needs[-1:]
 

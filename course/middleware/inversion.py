@@ -93,7 +93,7 @@ def measure(
 
 
 def _make_lock(shared: SharedMemory, inherit: bool) -> None:
-    """A pthread mutex in shared memory; its size is 40 bytes on 64-bit Linux."""
+    """Make a pthread mutex in shared memory; its size is 40 bytes on 64-bit Linux."""
     libc, attributes = ctypes.CDLL(None), ctypes.create_string_buffer(64)
     libc.pthread_mutexattr_init(attributes)
     libc.pthread_mutexattr_setpshared(attributes, _PROCESS_SHARED)
@@ -111,7 +111,7 @@ def _part(
     work: float,
     inherit: bool,
 ) -> None:
-    """One of the three. The gates open in the order low, high, middle."""
+    """Run one of the three threads; the gates open in the order low, high, middle."""
     libc = ctypes.CDLL(None)
     shared = SharedMemory(memory)
     lock = ctypes.c_char.from_buffer(shared.buf)  # type: ignore[arg-type]

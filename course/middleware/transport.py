@@ -66,7 +66,7 @@ def partner(target: Callable[..., None], *args: Any) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def threads() -> Iterator[Trip]:
-    """A queue between two threads of this process; nothing is copied."""
+    """Open a queue between two threads of this process; nothing is copied."""
     out: queue.SimpleQueue[bytes | memoryview | None] = queue.SimpleQueue()
     back: queue.SimpleQueue[bytes | memoryview] = queue.SimpleQueue()
 
@@ -90,7 +90,7 @@ def threads() -> Iterator[Trip]:
 
 @contextlib.contextmanager
 def unix_socket() -> Iterator[Trip]:
-    """A stream socket of the Unix family to another process; four bytes of length go ahead."""
+    """Open a Unix stream socket to another process; four bytes of length precede each message."""
     here, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     with here, other, partner(_answer_socket, other):
         here.settimeout(PATIENCE)
@@ -159,6 +159,7 @@ class Ring:
         if not self.free.acquire(timeout=patience):
             return False
         at = self._advance("put")
+        # Length first, so that messages shorter than the slot can be told apart.
         struct.pack_into("!I", self.room, at, len(payload))
         self.room[at + 4 : at + 4 + len(payload)] = payload
         self.full.release()
@@ -195,7 +196,7 @@ class Ring:
 
 @contextlib.contextmanager
 def shared_memory(size: int, slots: int = 4) -> Iterator[Trip]:
-    """A ring in shared memory each way; a message is copied once each way, into its slot."""
+    """Open a ring in shared memory each way; a message is copied once, into its slot."""
     with contextlib.ExitStack() as stack:
         out, back = (Ring(slots, size) for _ in range(2))
         stack.callback(out.close)
@@ -286,6 +287,7 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
         for _ in range(messages):
             desired = list(range(fragments))
             for turn in itertools.count(1):
+                # The loss is drawn before sending, as the loopback itself loses nothing.
                 selected = rng.random(len(desired)) >= loss
                 have = set()
                 for number in itertools.compress(desired, selected):

@@ -78,7 +78,7 @@ def library() -> ModuleType:
 
 @contextlib.contextmanager
 def participant() -> Iterator[Any]:
-    """A participant in this process's domain; its threads and sockets end with it."""
+    """Open a participant in this process's domain; its threads and sockets end with it."""
     library()
     from cyclonedds.domain import DomainParticipant
 

@@ -48,7 +48,7 @@ def _model(radius: float, spacing: float = 0.004) -> open3d.Cloud:
 def find(
     depth: Array, camera: Camera, sensor: Sensor, part: Shapes, table: Array
 ) -> tuple[Array, Array]:
-    """Place of a ball (2,) and its covariance (2, 2), as `course.pipeline.eye.find` gives it.
+    """Return a ball's place (2,) and its covariance (2, 2), as `course.pipeline.eye.find` does.
 
     What one writes with Open3D: a cloud, the known table taken off, clusters, point-to-plane
     registration of each to a model. The covariance is that of as many measurements as the noise,

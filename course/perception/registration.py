@@ -398,7 +398,7 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
 
 
 def _query(queries, points, axes, cuts, within, distance, index):
-    """The nearest point of each query."""
+    """Find the nearest point of each query."""
     nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
     for k in range(len(queries)):
         index[k], square = _nearest(
@@ -557,7 +557,7 @@ def _icp(
     H,
     out,
 ):
-    """The loop; R and p are moved. Of each point: closest, weights, flags 1 matched, 2 left out.
+    """Run ICP on R and p in place; for each point: closest, weight, flag 1 matched, 2 left out.
 
     out: matched, sum of w r^2, sum of r^2, steps, converged, mean square of the distance |m|.
     """

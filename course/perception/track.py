@@ -60,7 +60,7 @@ def averaged_error(k: ArrayLike, sigma: float, period: float, speed: float) -> A
 
 @register_jitable
 def follow(x, P, dt, z, R, acceleration):
-    """One picture of a place in the plane into a track, in place: a `Tracker` for compiled loops.
+    """Take a measured place in the plane into a track, in place: a `Tracker` for compiled loops.
 
     It has no gate and no turn. x (4,) is (x, y) and its rates, P (4, 4) their covariance, both at
     the picture before, dt [s] ago; z (2,) is what was seen, R (2, 2) its covariance, acceleration

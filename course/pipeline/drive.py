@@ -127,7 +127,7 @@ def law(settings, model, log, k, desired):
 
 @register_jitable
 def step(log, k, h, body):
-    """The state in row k one step of semi-implicit Euler on; the torques are in `body`."""
+    """Advance the state in row k by semi-implicit Euler; the torques are in `body`."""
     # Semi-implicit Euler: velocities first, positions with the new ones.
     q1, q2, v1, v2 = log[k, Q], log[k, Q + 1], log[k, V], log[k, V + 1]
     a1, a2 = accelerations(q1, q2, v1, v2, body, 0)

@@ -29,7 +29,7 @@ THICK = 0.03  # half the height of a link, and how far it is above the discs [m]
 def find(
     depth: Array, camera: Camera, sensor: Sensor, part: Shapes, table: Array
 ) -> tuple[Array, Array]:
-    """Place of the part in the picture's plane (2,) and its covariance (2, 2), by `locate` [m]."""
+    """Return the part's place in the picture's plane (2,) and its covariance (2, 2) [m, m^2]."""
     result = [
         one
         for one in locate(depth, camera, sensor, part, table=table, starts=1)

@@ -121,6 +121,7 @@ def run(
         ValueError: for a latency or a first capture that is later than the end of the run, and
             for a stage that returns something of another kind or shape; it names the stage.
     """
+    # One call to the end; a simulation instead calls `to` again and again.
     process = Run(scenario, settings, stages, seed, disturb)
     process.to(scenario.seconds)
     return process.record()
@@ -148,14 +149,14 @@ def successes(records: Sequence[Record]) -> NDArray[np.bool_]:
 
 
 def tip_of(arm: TwoLink, q: Array) -> Array:
-    """Place of the tip (2, ...) [m] of joint angles (2, ...)."""
+    """Return the place of the tip (2, ...) [m] for joint angles (2, ...)."""
     (l1, l2), both = arm.lengths, q[0] + q[1]
     x, y = l1 * np.cos(q[0]) + l2 * np.cos(both), l1 * np.sin(q[0]) + l2 * np.sin(both)
     return np.stack((x, y))
 
 
 def step_of(settings: Settings) -> int:
-    """Step of the physics [us]; a quarter of a millisecond where it is ideal."""
+    """Return the step of the physics [us]; at most a quarter of a millisecond where it is ideal."""
     return (
         min(250, microseconds(settings.physics))
         if "move" in settings.ideal
@@ -192,6 +193,7 @@ class Run:
         self._settings = ideal_settings(settings)
         self.timetable = timetable = _timetable(self._settings, scenario.seconds, seed, disturb)
         self._drive_settings = _numbers(scenario, self._settings)
+        # Integer microseconds, rounded up: times add without error, and the end is covered.
         steps = -(-microseconds(scenario.seconds) // step_of(settings))
         self.sightings, self.log = (
             np.zeros((timetable.captured.size, 14)),
@@ -203,6 +205,7 @@ class Run:
         world = scenario.world()
         self.log[0, Q:V] = self.log[0, REFERENCE:SENT] = scenario.start
         self.log[0, GAP] = clearance(world, scenario.start)
+        # Pictures are handled in the order in which they arrive, which jitter may change.
         self._order = np.argsort(timetable.arrived, kind="stable")
         self._given = (
             np.stack((timetable.captured, timetable.arrived, timetable.stamp), axis=1),
@@ -235,6 +238,7 @@ class Run:
         observed, law, moved = (
             getattr(stages, name) is getattr(OURS, name) for name in ("perceive", "control", "move")
         )
+        # All three are the course's own: the loop stays in compiled code from event to event.
         if observed and law and moved:
             return drive, (ours[0], ours[1])
 
@@ -278,6 +282,7 @@ class Run:
         progress = self._progress
         self._drive_settings["end"] = microseconds(min(seconds, self.scenario.seconds))
         while not self.wrong:
+            # The driver returns where it needs Python: for a plan, and when a plan is ready.
             code = self._drive(*self._ours, *self._given, self._table, *self._fixed)
             if code == by.ENDED:
                 break
@@ -290,12 +295,12 @@ class Run:
         return not self.wrong
 
     def retarget(self, place: tuple[float, float]) -> None:
-        """From now on the target stands at a place [m]; what was seen and done stays as it was."""
+        """Put the target to a place [m] from now on; what was seen and done stays as it was."""
         self.scenario = replace(self.scenario, target=place, velocity=(0.0, 0.0))
         self._drive_settings["target"], self._drive_settings["velocity"] = self.scenario.target, 0.0
 
     def _ask(self) -> None:
-        """A plan from where the reference is, and when it will be ready."""
+        """Ask for a plan from where the reference is, and note when it will be ready."""
         progress, settings = self._progress, self._settings
         k = self._order[progress["arrived"] - 1]
         now = int(self.timetable.arrived[k])
@@ -309,6 +314,7 @@ class Run:
         for other in result:
             if not isinstance(other, Path):
                 raise invalid("what plan returns", other, "a course.pipeline.stages.Path")
+        # The quickest of the paths; one without a motion counts as infinitely slow.
         path = self._pending = min(
             result, key=lambda p: p.motion.duration if p.motion else math.inf
         )
@@ -318,12 +324,13 @@ class Run:
             # The path must continue the reference without a jump.
             elif np.abs(path.motion.table[0, 4:6] - start).max() > 1e-9:
                 self.wrong = "plan: a path that does not begin where the arm should be"
+        # The plan is ready when its collision checks, at their stated cost, have been done.
         progress["due"] = due = now + round(1e6 * settings.check_cost * path.checks)
         self.plan_requests.append(now)
         self.plans.append(Crossing(path, None, "joints", int(self.sightings[k, by.WHEN]), due))
 
     def _take(self) -> None:
-        """The plan that was waited for comes into force, if there is one."""
+        """Put the plan that was waited for into force, if there is one."""
         progress, aim, path = self._progress, self._aim, self._pending
         if path.motion is not None:
             progress["planned"], progress["interval"], progress["origin"] = 1, 0, progress["due"]

@@ -29,7 +29,7 @@ SAMPLES, STATE_CHECKS, EDGE_CHECKS, DRAWN = 0, 1, 2, 3
 
 @register_jitable
 def uniform(low, high, rng, out):
-    """A state between two corners; where they are equal no number is drawn."""
+    """Draw a state between two corners; where they are equal no number is drawn."""
     for i in range(out.size):
         out[i] = low[i]
         if high[i] > low[i]:
@@ -51,7 +51,7 @@ def _halton(index, bounds, shift, out):
 
 @register_jitable
 def _nearby(q, bounds, spread, rng, out):
-    """A state at a normal distance from q, brought back to the bounds."""
+    """Draw a state at a normally distributed distance from q, clipped to the bounds."""
     for i in range(out.size):
         out[i] = min(max(q[i] + spread * rng.standard_normal(), bounds[0, i]), bounds[1, i])
 

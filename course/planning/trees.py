@@ -168,7 +168,7 @@ def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
 
 @register_jitable
 def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, out):
-    """A state from the sampler, or for the share that is not mixed in, from everywhere.
+    """Draw a state from the sampler, or for the share that is not mixed in, from everywhere.
 
     Listed states are the last rows of the frame; after them comes uniform too.
     """

@@ -52,6 +52,7 @@ class Own(Engine):
         """Return a run without contact where nothing can touch, else one with a contact model."""
         scheme = settings.checked(self, ("model", "recovery"))
         positive("dt", dt, unit="s")
+        # Without shapes nothing can touch: the integrators of chapter 1 do, at any order.
         if scene.chain or all(body.half is None for body in scene.bodies):
             if len(scene.bodies) > 1:
                 raise invalid("scene", scene.name, "one body, where none touches anything")
@@ -148,6 +149,7 @@ class Touching(Run):
         free = free_velocity(scene, before, dt)
         pose = self.q
         if scene.ground:
+            # The ground is shape 0, at the origin; below it has the number -1.
             pose = np.column_stack((np.array([0.0, 0, 0, 1, 0, 0, 0]), self.q))
         # Speculative contacts: within the travel of a step anything may touch.
         travel = float(np.max(np.abs(free[:3]))) * dt

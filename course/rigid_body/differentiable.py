@@ -144,7 +144,7 @@ def _push_after(scene: Setup, time: float) -> tuple[float, float]:
 
 
 def _fall_time(y: Any, vy: Any, gravity: float) -> Any:
-    """Time until a flight reaches the ground [s]: the later root, without cancellation."""
+    """Return the time of flight to the ground [s]: the later root, without cancellation."""
     # The root of y + vy t - g t^2 / 2; for a body that falls, the form whose terms have one sign.
     root = (vy * vy + 2 * gravity * y) ** 0.5
     if vy > 0:

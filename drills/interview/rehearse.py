@@ -185,7 +185,7 @@ class Talk:
             draft.unlink()
 
     def speak(self, item: Item, entry: Entry) -> None:
-        """One question: the answer, its marks, the follow-up, and then the model answer."""
+        """Ask one question: the answer, its marks, the follow-up, and then the model answer."""
         if not entry.answered:
             self.ask(item.title)
             self.take(entry, "answer")
@@ -209,7 +209,7 @@ class Talk:
         self.show(f"---\n\n{item.fill(item.answer, figure)}")
 
     def code(self, item: Item, entry: Entry) -> None:
-        """A drill, graded as often as one likes, in a file of the interviews."""
+        """Set a drill, graded as often as one likes, in a file of the interviews."""
         card = catalogue.card(item.key.removeprefix("drill/"))
         path = self.folder / f"{card.name}.py"
         if not entry.answered:

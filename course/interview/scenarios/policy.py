@@ -102,7 +102,7 @@ def symptom(cause: str, seed: int, repair: str | None) -> float:
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Time until half of the presses are within a tenth of the way, by that on the model."""
+    """Return the time until half of the presses are nearly there, over the same on the model."""
     arrivals = []
     for one, policy in (repaired(cause, seed, repair), (MODEL, weights())):
         log, target = pressed(one, policy, seed)

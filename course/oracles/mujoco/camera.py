@@ -56,7 +56,7 @@ class Rays:
         self._depth, self._ids = np.empty(x.size * y.size), np.empty(x.size * y.size, np.int32)
 
     def cast(self) -> None:
-        """All rays, in one call."""
+        """Cast all rays in one call."""
         # One ray for each pixel, with z = 1, so the distance along the ray is the depth.
         self._mujoco.mj_multiRay(
             self.model,

@@ -126,7 +126,7 @@ class Runner:
         return Samples(times, q, v)
 
     def evaluations(self, steps: int) -> int:
-        """Force evaluations that `run(steps)` costs: one a step, four with RK4."""
+        """Return the force evaluations that `run(steps)` costs: one a step, four with RK4."""
         return EVALUATIONS_PER_STEP[self.integrator] * steps
 
 

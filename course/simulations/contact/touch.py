@@ -66,7 +66,7 @@ def touch(controls, x, y):
 
 @register_jitable
 def step(controls, dt, model, body, force):
-    """One step of a body (4,) by penalty (0) or constraint (1); its contact force (2,) [N]."""
+    """Advance a body (4,) by penalty (0) or constraint (1); return its contact force (2,) [N]."""
     gap, nx, ny = touch(controls, body[0], body[1])
     mu, hand = controls["friction"], controls["hand"]
     vx = body[2] + dt / MASS * (HAND * (hand[0] - body[0]) - HOLD * body[2])
@@ -313,6 +313,23 @@ PRESETS = {
         "constraint ball looks ahead by one step and stops, although the hand is behind the wall."),
 }  # fmt: skip
 
+# What each number below the picture means.
+READOUTS = {
+    "depth": "Penetration: first with the penalty model, then with the constraint.",
+    "normal force": (
+        "Contact force perpendicular to the surface: first the penalty model, then the constraint."
+    ),
+    "tangential force": (
+        "Friction force along the surface: first the penalty model, then the constraint."
+    ),
+    "normal": "Components of the unit normal at the contact of the constraint model.",
+    "contact": "Apart, sticking or sliding: first the penalty model, then the constraint.",
+    "ω h (penalty)": (
+        "Natural frequency of the penalty spring times the step size. Semi-implicit Euler is "
+        "unstable above 2."
+    ),
+}
+
 MODEL = Model(
     TITLE,
     draw.Paper(TITLE, word, colour),
@@ -325,4 +342,5 @@ MODEL = Model(
     drag,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
 )

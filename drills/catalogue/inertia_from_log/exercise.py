@@ -130,7 +130,7 @@ def left_over(figure: Any, shown: Shown) -> None:
 
 
 def one_log(attempt: Attempt, drawn: Sequence[Case]) -> None:
-    """Time of a log."""
+    """Time the identification from one log."""
     attempt.time_call(*drawn[0].args, what="time per log")
 
 

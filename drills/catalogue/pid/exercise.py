@@ -699,7 +699,7 @@ def response(figure: Any, shown: Shown) -> None:
 
 
 def _time(attempt: Attempt) -> None:
-    """Time of one update."""
+    """Time one update."""
     arguments = Numbers(2.0, 3.0, 0.4, 0.01, -2.0, 2.0, 0.03).arguments()
 
     def sampler(place: Any) -> Callable[[int], float]:

@@ -86,7 +86,7 @@ def torques(figure: Any, shown: Shown) -> None:
 
 
 def twelve_links(attempt: Attempt, drawn: Sequence[Case]) -> None:
-    """Time of a long arm."""
+    """Time a long arm."""
     attempt.time_call(*next(case.args for case in drawn if case.label == "twelve links"))
 
 

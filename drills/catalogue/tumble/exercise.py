@@ -186,7 +186,7 @@ def tumbling(attempt: Attempt) -> Plan:
 
 
 def five_steps(attempt: Attempt, cases: Sequence[Case]) -> None:
-    """Time of a few steps."""
+    """Time a few steps."""
     attempt.time_call(*cases[0].args[:4], 5, what="time per 5 steps")
 
 

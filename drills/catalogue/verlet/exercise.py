@@ -169,7 +169,7 @@ def _reversal(attempt: Attempt) -> None:
 
 
 def one_step(attempt: Attempt, cases: Sequence[Case]) -> None:
-    """Time of a step, with a field on either side of the pipe."""
+    """Time one step, with a field on either side of the pipe."""
     start = np.array([1.0, 0.5]), np.zeros(2), np.array([-4.0, -2.0])
     fields = (
         place.given_new("field", "spring", [4.0, 0.0])

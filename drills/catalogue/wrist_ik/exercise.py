@@ -103,7 +103,7 @@ def angles(figure: Any, shown: Shown) -> None:
 
 
 def five_steps(attempt: Attempt, drawn: Sequence[Case]) -> None:
-    """Time of a few steps."""
+    """Time a few steps."""
     attempt.time_call(*drawn[0].args[:3], 5, what="time per 5 steps")
 
 

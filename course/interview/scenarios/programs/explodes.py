@@ -45,7 +45,7 @@ GRAVITY = 9.81
 
 
 def contact_force(machine: Machine, x: float) -> tuple[float, int]:
-    """The force of the stops [N], and how many contact points push."""
+    """Return the force of the stops [N], and how many contact points push."""
     force, touching = 0.0, 0
     for place, direction in machine.stops:
         depth = direction * (place - x)
@@ -56,7 +56,7 @@ def contact_force(machine: Machine, x: float) -> tuple[float, int]:
 
 
 def friction_force(machine: Machine, v: float) -> float:
-    """The force of the rail [N]: Coulomb's, made smooth at low speed."""
+    """Return the force of the rail [N]: Coulomb's, made smooth at low speed."""
     slip = machine.guide * v
     share = min(max(slip / machine.slow, -1.0), 1.0)
     return -machine.rail * machine.friction * machine.mass * GRAVITY * share

@@ -49,7 +49,7 @@ SMOOTH = 0.02  # rad
 
 
 def observe(target: Array, q: Array, v: Array) -> Array:
-    """What the policy is told, (5, arms): angle, speed, target, depth asked for, side."""
+    """Return the observation, (5, arms): angle, speed, target, commanded depth, side."""
     ahead = np.tanh((target - q) / SMOOTH)
     return np.array([q, v, target, np.maximum(target - SURFACE, 0.0), ahead])
 
@@ -75,7 +75,7 @@ def train(model: Robot, bandwidth: float) -> Array:
 
 
 def torque(robot: Robot, weights: Array, target: Array, q: Array, v: Array) -> Array:
-    """What the policy asks for on a robot [N m]."""
+    """Return the torque that the policy commands on a robot [N m]."""
     scaled = (observe(target, q, v) - robot.mean) / robot.std
     return np.minimum(np.maximum(weights[:-1] @ scaled + weights[-1], -LIMIT), LIMIT)
 
@@ -107,5 +107,5 @@ def press(robot: Robot, weights: Array, target: Array, steps: int) -> Log:
 
 
 def success(log: Log, target: Array, width: Array, held: int) -> float:
-    """The share of presses that stay within the width in the last `held` steps."""
+    """Return the share of presses that stay within the width in the last `held` steps."""
     return float(np.mean(np.abs(log.q[-held:] - target).max(axis=0) < width))
