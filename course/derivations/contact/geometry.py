@@ -188,7 +188,7 @@ def brute_force_pairs(result):
 
 
 def _exponent(crowd, sizes=(500, 4000)):
-    """Return growth of the overlap tests with the number of boxes, sweeping along x."""
+    """Return the growth of the overlap tests with the number of boxes, sweeping along x."""
     from course import contact
 
     sweeps = [contact.SweepAndPrune(axis=0) for _ in sizes]
