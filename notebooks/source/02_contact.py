@@ -28,8 +28,7 @@ simulation("touch")
 #
 # Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart.
 # On the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are folded
-# away. Every measured number comes from a cell on this page or from a check that `python -m course.derivations 2`
-# runs again.
+# away. Every measured number comes from a cell on this page or from a check that `python -m course.derivations 2` runs again.
 # The code is the package `course.contact`. Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -128,8 +127,7 @@ more_claims(
 # Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference**
 # $A \ominus B$. If the shapes share a point, that point minus itself is zero, so the set contains the origin. If they
 # are apart, the distance from the origin to the set equals the distance of the shapes. A problem about two shapes has
-# become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988),
-# solves it.
+# become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), solves it.
 # %%
 show("gjk_minkowski")
 # %% [markdown]
@@ -137,8 +135,7 @@ show("gjk_minkowski")
 # given direction; for a box it is a corner. The Minkowski difference has a support function too: the support point of
 # $A$ in the direction $s$ minus the support point of $B$ in the direction $-s$.
 #
-# GJK needs nothing else. It keeps a **simplex**, at most three support points in the plane and four in space, and
-# repeats:
+# GJK needs nothing else. It keeps a **simplex**, at most three support points in the plane and four in space, and repeats:
 #
 # 1. Find the point of the simplex that is nearest to the origin.
 # 2. Ask for the support point in the direction from there towards the origin, and add it to the simplex.
@@ -153,8 +150,7 @@ show("gjk_minkowski")
 # %%
 simulation("simplex")
 # %% [markdown]
-# EPA finds the *shortest* way out. Think of a ball that is pressed into a wall. As long as its centre has not
-# passed the
+# EPA finds the *shortest* way out. Think of a ball that is pressed into a wall. As long as its centre has not passed the
 # middle of the wall, the shortest way out is back the way it came. What does EPA return after that?
 # %%
 show("epa_gives_the_contact")
@@ -358,8 +354,7 @@ more_claims(
 # %%
 simulation("half_axes")
 # %% [markdown]
-# On the vertical half axis the gap is zero, and the force can be anything from zero upwards. The law does not say
-# which.
+# On the vertical half axis the gap is zero, and the force can be anything from zero upwards. The law does not say which.
 # A law that allows a set of values instead of one value is **set-valued**.
 # %%
 show("contact_law_is_set_valued")
@@ -428,8 +423,7 @@ answer("potential_of_contact", "k*c")
 # row (along $x$):
 #
 # $$J = \begin{pmatrix} 0 & 1\\ 1 & 0\end{pmatrix},\qquad A = J M^{-1} J^{\mathsf T} = \begin{pmatrix} 1 & 0\\ 0 &
-# 1\end{pmatrix}\,\tfrac{1}{\text{kg}} ,\qquad v_f = \begin{pmatrix} 0\\
-# -0.0981\end{pmatrix}\,\tfrac{\text{m}}{\text{s}} .$$
+# 1\end{pmatrix}\,\tfrac{1}{\text{kg}} ,\qquad v_f = \begin{pmatrix} 0\\ -0.0981\end{pmatrix}\,\tfrac{\text{m}}{\text{s}} .$$
 #
 # Without contact the block would fall at 9.81 m/s² · 10 ms = 0.0981 m/s. The gap is 0, so the normal condition is
 # $0 \le p_n \perp p_n - 0.0981 \ge 0$, and $p_n = 0.0981$ N s. Divided by the step that is 9.81 N: the weight.
@@ -482,8 +476,7 @@ print("A =", step.delassus.tolist(), "1/kg")
 print("J v_f =", (step.rows @ step.free).round(4).tolist(), "m/s")
 print("p =", solve("lcp", step).impulses[:, 0].round(4).tolist(), "N s")
 # %% [markdown]
-# The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f +
-# \phi/h$),
+# The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f + \phi/h$),
 # find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. Everything in it is linear except the complementarity.
 # **Restitution** fits in as well: where a contact closes at the speed $u_n^-$, demand that it opens at $e\,u_n^-$ or
 # more, with a coefficient $e$ between 0 (no bounce) and 1.
@@ -534,8 +527,7 @@ simulation("friction_cone")
 # the pull. Only when the block slides is it determined: on the surface of the cone, opposite to the motion. So there is
 # no formula to evaluate, and the force has to be solved for. That is what makes contact harder than a spring.
 #
-# **Worked example.** A box of 3 kg lies on a floor with $\mu = 0.4$. The normal force is its weight, 29.4 N, so
-# friction
+# **Worked example.** A box of 3 kg lies on a floor with $\mu = 0.4$. The normal force is its weight, 29.4 N, so friction
 # can resist up to $0.4 \cdot 29.4 = 11.8$ N. Pull with 8 N: friction is 8 N and nothing moves. Pull with 20 N: friction
 # is 11.8 N, and the box accelerates at $(20 - 11.8)/3 = 2.7$ m/s².
 #
@@ -575,8 +567,7 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 # 2. Change its impulse so that this velocity would vanish: $p_i \leftarrow p_i - u_i/A_{ii}$.
 # 3. Project: $p_n \leftarrow \max(0, p_n)$, and shorten $p_t$ to the length $\mu p_n$ if it is longer.
 #
-# One pass over all contacts is a **sweep**. Game engines do about ten sweeps per step and start from the impulses
-# of the
+# One pass over all contacts is a **sweep**. Game engines do about ten sweeps per step and start from the impulses of the
 # step before, which is called a **warm start**. In code, for contacts without friction:
 # %% tags=["show-code"]
 A, b = step.delassus, step.rows @ step.free  # the stack of two from above
@@ -590,8 +581,7 @@ for sweep in range(1, 9):
 # %% [markdown]
 # Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now contact 2
 # notices that its lower block no longer falls, and pushes: $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower block
-# down again, but contact 1 will only find out in the next sweep. In this stack the error shrinks by a factor of
-# $2/3$ per
+# down again, but contact 1 will only find out in the next sweep. In this stack the error shrinks by a factor of $2/3$ per
 # sweep. The simulation starts with a mass ratio of 4; at 2 it shows the numbers above:
 # %%
 simulation("sweeps")
@@ -601,8 +591,7 @@ simulation("sweeps")
 # %%
 predict("heavy_on_light")
 # %% [markdown]
-# The number of sweeps grows in proportion to the mass ratio, and for a tower of equal boxes with the square of
-# its height:
+# The number of sweeps grows in proportion to the mass ratio, and for a tower of equal boxes with the square of its height:
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
@@ -725,18 +714,12 @@ for name, height in heights.items():
 #
 # | engine | solver | penetration and softness | source |
 # |---|---|---|---|
-# | Bullet 3 | PGS on impulses, 10 sweeps, warm start | Baumgarte with a share of 0.2; split impulse beyond 4 cm |
-# `btContactSolverInfo.h` |
-# | ODE | LCP by pivots (`dWorldStep`) or sweeps (`dWorldQuickStep`) | ERP 0.2, CFM 1e-10 (double precision);
-# speed bound optional | ODE manual, World |
-# | PhysX 5 | PGS, or TGS, whose iterations are sub-steps; Isaac Lab chooses TGS | speed bound per body
-# (`setMaxDepenetrationVelocity`) | `PxSceneDesc.h`, `PxImmediateMode.h`; Isaac Lab, PhysX configuration |
-# | Box2D 3 | sweeps in sub-steps, usually 4 | contact spring of 30 Hz and damping ratio 10; at most 3 m/s |
-# `types.c`; Catto, *Solver2D*, 2024 |
-# | MuJoCo 4 | convex, on accelerations: Newton, CG or PGS | a spring and damper per contact, explained below |
-# MuJoCo documentation, Computation |
-# | Drake | convex, on velocities: "lagged" with the SAP solver | compliant point or hydroelastic contact |
-# `multibody_plant_config.h`; Castro et al. 2022 |
+# | Bullet 3 | PGS on impulses, 10 sweeps, warm start | Baumgarte with a share of 0.2; split impulse beyond 4 cm | `btContactSolverInfo.h` |
+# | ODE | LCP by pivots (`dWorldStep`) or sweeps (`dWorldQuickStep`) | ERP 0.2, CFM 1e-10 (double precision); speed bound optional | ODE manual, World |
+# | PhysX 5 | PGS, or TGS, whose iterations are sub-steps; Isaac Lab chooses TGS | speed bound per body (`setMaxDepenetrationVelocity`) | `PxSceneDesc.h`, `PxImmediateMode.h`; Isaac Lab, PhysX configuration |
+# | Box2D 3 | sweeps in sub-steps, usually 4 | contact spring of 30 Hz and damping ratio 10; at most 3 m/s | `types.c`; Catto, *Solver2D*, 2024 |
+# | MuJoCo 4 | convex, on accelerations: Newton, CG or PGS | a spring and damper per contact, explained below | MuJoCo documentation, Computation |
+# | Drake | convex, on velocities: "lagged" with the SAP solver | compliant point or hydroelastic contact | `multibody_plant_config.h`; Castro et al. 2022 |
 #
 # ### Friction made convex
 #
@@ -745,15 +728,13 @@ for name, height in heights.items():
 # problem would have exactly one answer and reliable solvers.
 #
 # The **convex relaxation** (Anitescu 2006) changes the law slightly to get there. It asks that a contact that slides at
-# the speed $u_t$ also separates at $u_n = \mu\,u_t$. Then the new velocity is the one closest to the free
-# velocity $v_f$
+# the speed $u_t$ also separates at $u_n = \mu\,u_t$. Then the new velocity is the one closest to the free velocity $v_f$
 # among all velocities that satisfy $u_n \ge \mu\lVert u_t\rVert$ at every contact. The distance is measured by the
 # kinetic energy of the difference. This problem is convex, and the impulses are its multipliers.
 # %%
 predict("block_that_hops")
 # %% [markdown]
-# MuJoCo's contact model belongs to this family, with softness added. A convex problem has one minimum. Does the
-# software
+# MuJoCo's contact model belongs to this family, with softness added. A convex problem has one minimum. Does the software
 # find it?
 # %%
 show("mujoco_is_convex_and_unique")
@@ -782,8 +763,7 @@ show("mujoco_is_convex_and_unique")
 # %%
 simulation("soft_contact")
 # %% [markdown]
-# These few lines are the whole model. The next cell runs a box sliding on four corners in MuJoCo, hands each
-# state to the
+# These few lines are the whole model. The next cell runs a box sliding on four corners in MuJoCo, hands each state to the
 # course's own implementation, and compares all contact forces:
 # %% tags=["show-code"]
 options = Options(cone="elliptic")
@@ -807,18 +787,15 @@ for condim in (1, 3, 4, 6):
 # %%
 show("condim_4_is_the_full_cone")
 # %% [markdown]
-# MuJoCo's spring, like any other, has a largest stable step: for one contact $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$.
-# The flag
-# *refsafe*, on by default, raises $T$ to at least two steps, which makes stiff settings softer than you asked
-# for. At the
+# MuJoCo's spring, like any other, has a largest stable step: for one contact $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The flag
+# *refsafe*, on by default, raises $T$ to at least two steps, which makes stiff settings softer than you asked for. At the
 # default damping ratio of 1, all scenes of this chapter are stable with it. Bodies that touch at several points need a
 # ratio well above the single contact's $1/\sqrt 8$, so keep it at 1.
 #
 # ### Creep and sinking: the price of softness
 #
 # Two fingers hold a glass. In MuJoCo it slides down, slowly and for ever, although friction is twice what is needed. A
-# friction row has a damper ($-b\,u$) and no spring, since there is no position for it to return to. Carrying a
-# load with
+# friction row has a damper ($-b\,u$) and no spring, since there is no position for it to return to. Carrying a load with
 # a damper takes a speed. This slow sliding of a contact that should stick is called **creep**.
 # %%
 predict("glass_that_creeps")
@@ -841,8 +818,7 @@ for label, changed in (
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
-# Both effects belong to the default settings. A smaller time constant, a harder solimp and a larger impratio
-# reduce them
+# Both effects belong to the default settings. A smaller time constant, a harder solimp and a larger impratio reduce them
 # a great deal. Section 6 compares the defaults with such a **hardened** contact.
 # %%
 more_claims(
@@ -856,16 +832,14 @@ more_claims(
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Every contact model gives something up. A penalty gives up depth and step, a pyramid the direction of
-# friction, the convex cone the closed gap while sliding, softness the standstill, and Coulomb's law itself the
-# guarantee
+# friction, the convex cone the closed gap while sliding, softness the standstill, and Coulomb's law itself the guarantee
 # that a solution exists.
 #
 # </div>
 #
 # ### Gradients through contact
 #
-# A finger pushes a block. You want to learn the finger's speed by gradient descent, so you differentiate the
-# simulation.
+# A finger pushes a block. You want to learn the finger's speed by gradient descent, so you differentiate the simulation.
 # What does contact do to derivatives? Before the finger reaches the block, the block does not depend on the finger at
 # all. After touch it does, smoothly. At touch there is a kink.
 # %%
@@ -874,12 +848,10 @@ predict("push_that_starts_too_slow")
 # ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
 #
 # Two remedies make a contact felt before touch. **Randomised smoothing** averages over runs with noise on the parameter
-# and needs only function values. An **interior-point** relaxation lets force times gap be a small number instead
-# of zero,
+# and needs only function values. An **interior-point** relaxation lets force times gap be a small number instead of zero,
 # so that a little force acts at a distance. Both replace the true derivative by a slightly biased one that is useful.
 #
-# The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, the
-# derivative
+# The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, the derivative
 # has the wrong sign, at any step size. Check a gradient against finite differences over a range of widths.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
@@ -905,22 +877,17 @@ plt.show()
 # %% [markdown]
 # | stage | input | output | cost |
 # |---|---|---|---|
-# | broad phase | bounding boxes, the sorted order of the last step | pairs whose boxes overlap | grows faster
-# than $N$; use a grid for many equal bodies |
+# | broad phase | bounding boxes, the sorted order of the last step | pairs whose boxes overlap | grows faster than $N$; use a grid for many equal bodies |
 # | filters | pairs | pairs that may collide (no parent and child, no sleeping bodies) | almost none |
-# | narrow phase | shapes and poses | points, normals, depths | about the same for every pair of convex shapes;
-# more for a mesh |
-# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | $A$ is dense within an **island**, a
-# group of bodies that touch each other |
-# | solver | $A$, $J v_f$, cones, impulses of the last step | impulses and a residual | sweeps, or Newton
-# iterations that factor a matrix |
+# | narrow phase | shapes and poses | points, normals, depths | about the same for every pair of convex shapes; more for a mesh |
+# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | $A$ is dense within an **island**, a group of bodies that touch each other |
+# | solver | $A$, $J v_f$, cones, impulses of the last step | impulses and a residual | sweeps, or Newton iterations that factor a matrix |
 # | integration | impulses | new state | almost none |
 #
 # Five decisions are made here, and you notice them everywhere else.
 #
 # 1. **Shapes.** Collide primitives and a few convex pieces. Keep them separate from the meshes that are drawn.
-# 2. **Level.** Solve for impulses and velocities, or for forces and accelerations? At the velocity level an
-# impact of any
+# 2. **Level.** Solve for impulses and velocities, or for forces and accelerations? At the velocity level an impact of any
 #    speed is stopped within the step, and the force grows as $1/h$. At the acceleration level the force depends on the
 #    state only, and an impact is spread over the contact's time constant.
 # 3. **Order.** Process contacts in a fixed order. Otherwise two runs of the same simulation differ.
@@ -928,10 +895,8 @@ plt.show()
 # 5. **Honesty.** A solver that did not converge must say so and report its residual.
 #
 # How do you judge a contact solver that is not your own? Five numbers need only its impulses: **penetration** after the
-# step; the violation of **Signorini's** conditions; how far friction lies outside its **cone**; how much energy
-# friction
-# could have **dissipated** but did not; and **energy** that appeared from nowhere. For one step of a sliding
-# block, pushed
+# step; the violation of **Signorini's** conditions; how far friction lies outside its **cone**; how much energy friction
+# could have **dissipated** but did not; and **energy** that appeared from nowhere. For one step of a sliding block, pushed
 # off between two edges of the pyramid:
 # %% tags=["hide-code"]
 sliding = scenes.block(0.0, 0.5, (0.6, 0.8)).problem(0.01)
@@ -1006,8 +971,7 @@ for name in ("true cone (Newton)", "exact pyramid (LCP)", "MuJoCo Newton, ellipt
     print(f"{name:<24} {1e3 * curve.points[-1].error:6.2f} mm")
 TradeOff(measured)
 # %% [markdown]
-# You can put your own contact model on the chart. It gets a `Problem` and returns impulses. This one clamps each
-# friction
+# You can put your own contact model on the chart. It gets a `Problem` and returns impulses. This one clamps each friction
 # component on its own, as you often see it in code:
 # %% tags=["show-code"]
 from course.measure.work_precision import Method, Result
@@ -1070,8 +1034,7 @@ figures(
 # %% tags=["hide-code"]
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
-# Compare times only within each family: MuJoCo's step is compiled, while a step of the course's models is a few
-# lines of
+# Compare times only within each family: MuJoCo's step is compiled, while a step of the course's models is a few lines of
 # NumPy. Between the two, compare the number of iterations.
 #
 # **The narrow phase compared with Coal**, the collision library that Pinocchio uses, pair by pair in one process:
@@ -1083,11 +1046,9 @@ more_claims("coal_is_the_truth")
 # ### What to pick
 #
 # * **A robot arm, or learning at scale:** a soft convex model such as MuJoCo's. It is fast and has one answer. Raise
-#   impratio where things are held, use the elliptic cone where they slide, and harden solref or solimp where a
-# heavy body
+#   impratio where things are held, use the elliptic cone where they slide, and harden solref or solimp where a heavy body
 #   rests on a light one.
-# * **Stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
-# pivots.
+# * **Stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or pivots.
 #   Sweeps are fine if light bodies stand on heavy ones.
 # * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you accept.
 # * **Games:** ten sweeps with a warm start, or one sweep in each of several sub-steps. It looks right.
@@ -1107,8 +1068,7 @@ predict("chalk_on_the_board")
 # %% [markdown]
 # This is **Painlevé**'s rod (1895), here at an angle $\theta$ to the ground. A normal force at the end brings friction
 # $\mu f_n$ with it. Friction turns the rod so that its end moves *into* the ground, and for
-# $\mu > (1 + 3\cos^2\theta)/(3\sin\theta\cos\theta)$ faster than the normal force lifts it. More force makes it
-# worse, so
+# $\mu > (1 + 3\cos^2\theta)/(3\sin\theta\cos\theta)$ faster than the normal force lifts it. More force makes it worse, so
 # no finite force holds the end out.
 #
 # A time-stepping method still returns an answer: an impulse that does not shrink with the step. The rod stops at once,
@@ -1149,8 +1109,7 @@ show("nconmax_helps")
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The simulation is slow with many objects.* Count before you measure time: overlap tests,
-# pairs that
+# **Debugging tip.** *The simulation is slow with many objects.* Count before you measure time: overlap tests, pairs that
 # remain, contacts, iterations. Too many pairs: boxes that are too large, or a sweep along the wrong axis. Too many
 # contacts: meshes instead of primitives. Too many iterations: mass ratios. Then time each stage.
 #
@@ -1158,19 +1117,13 @@ show("nconmax_helps")
 #
 # | symptom | likely cause | test | fix |
 # |---|---|---|---|
-# | a body is thrown off when it touches | $\omega h$ above the limit, or a deep start that is removed in one step
-# | print the first depth and the ejection speed | softer contact; bounded recovery speed or split impulse (a
-# shorter step ejects faster) |
-# | deep overlap at rest | soft spring, heavy body on a light one, too few sweeps | print the residual; swap the
-# masses | Newton's method; sub-steps; harder solref and solimp |
+# | a body is thrown off when it touches | $\omega h$ above the limit, or a deep start that is removed in one step | print the first depth and the ejection speed | softer contact; bounded recovery speed or split impulse (a shorter step ejects faster) |
+# | deep overlap at rest | soft spring, heavy body on a light one, too few sweeps | print the residual; swap the masses | Newton's method; sub-steps; harder solref and solimp |
 # | a block curves while it brakes | friction pyramid | push it off in several directions | elliptic cone |
-# | rattling on a mesh or an edge | the normal flips; one point instead of a manifold | draw the normals over time
-# | manifold; rounded edges (a radius) |
-# | passes a wall at any step | soft contact pushed past the middle | compare depth with wall thickness | stiffer
-# contact, thicker wall |
+# | rattling on a mesh or an edge | the normal flips; one point instead of a manifold | draw the normals over time | manifold; rounded edges (a radius) |
+# | passes a wall at any step | soft contact pushed past the middle | compare depth with wall thickness | stiffer contact, thicker wall |
 # | every run differs | contacts in another order | hash the state at each step | sort the pairs; fix the threads |
-# | NaN now and then | concentric centres, a degenerate simplex | place two centres at one point | handle that
-# case separately |
+# | NaN now and then | concentric centres, a degenerate simplex | place two centres at one point | handle that case separately |
 # %%
 more_claims("mujoco_timer")
 # %% [markdown]
@@ -1292,8 +1245,7 @@ check(pgs_sweep)
 # %% [markdown]
 # ### Silent-bug hunt: a block on a slope
 #
-# Nothing crashes, the motion looks plausible, and one thing is wrong. Find an experiment whose result you know
-# without a
+# Nothing crashes, the motion looks plausible, and one thing is wrong. Find an experiment whose result you know without a
 # program.
 # %%
 card("contact_step")
@@ -1342,22 +1294,16 @@ answer("more_friction_holds_the_glass", "m*g/F")
 #
 # | work | source | idea |
 # |---|---|---|
-# | SAP, in Drake | Castro, Permenter and Han 2022 | compliant contact as an unconstrained convex problem that is
-# solved in every step |
-# | hydroelastic contact | Elandt et al. 2019; Masterjohn et al. 2022 | pressure fields inside the bodies; a
-# contact is a surface, and its force changes continuously with the pose |
-# | incremental potential contact | Li et al. 2020 | a barrier on the distance: nothing ever passes, steps can be
-# large, each is a nonlinear solve |
+# | SAP, in Drake | Castro, Permenter and Han 2022 | compliant contact as an unconstrained convex problem that is solved in every step |
+# | hydroelastic contact | Elandt et al. 2019; Masterjohn et al. 2022 | pressure fields inside the bodies; a contact is a surface, and its force changes continuously with the pose |
+# | incremental potential contact | Li et al. 2020 | a barrier on the distance: nothing ever passes, steps can be large, each is a nonlinear solve |
 # | Dojo | Howell et al. 2022 | rigid contact with an interior-point method; gradients of the softened problem |
-# | smoothing for planning | Suh et al. 2022; Pang et al. 2023 | what randomised and analytic smoothing have in
-# common; plans through contact |
-# | ContactNets | Pfrommer, Halm and Posa 2020 | shape and friction learned from tosses, with complementarity
-# inside the loss |
+# | smoothing for planning | Suh et al. 2022; Pang et al. 2023 | what randomised and analytic smoothing have in common; plans through contact |
+# | ContactNets | Pfrommer, Halm and Posa 2020 | shape and friction learned from tosses, with complementarity inside the loss |
 # | comparison of models | Le Lidec et al. 2024 | which engine relaxes which law, and what that does |
 #
 # Can gradient descent learn to push? The finger should move the block to a mark at 5 cm, and the first guess for its
-# speed is too slow to reach the block. With the rigid gradient nothing ever changes; with the smoothed one it
-# gets there:
+# speed is too slow to reach the block. With the rigid gradient nothing ever changes; with the smoothed one it gets there:
 # %% tags=["hide-code"]
 for how in ("rigid", "randomised"):
     speed, rng = 0.15, np.random.default_rng(1)
@@ -1377,8 +1323,7 @@ for how in ("rigid", "randomised"):
 #
 # *There are two approaches to contact*, penalty and constraint: section 2 has six models, and MuJoCo's soft contact is
 # a bit of both. *Real engines use constraints*: that would be a count of engines, not an experiment; Drake's continuous
-# point contact is a penalty. *Rubber on plastic has 0.8 to 1.2*: this is a property of two surfaces, their load
-# and their
+# point contact is a penalty. *Rubber on plastic has 0.8 to 1.2*: this is a property of two surfaces, their load and their
 # speed. Tilt your own pair until it slides.
 #
 # *V-HACD gives 3 to 8 pieces*: that is a parameter of the tool, and it depends on the mesh. *Hydroelastic contact
@@ -1394,17 +1339,14 @@ for how in ("rigid", "randomised"):
 #
 # **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing to
 # solve, a continuous force. But bodies sink in, friction creeps, and the step must stay below
-# $2(\sqrt{1+\zeta^2}-\zeta)/\omega$. A constraint keeps bodies apart and sticks exactly. It has no step limit of
-# its own,
-# but removing a deep overlap needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light,
-# Newton is
+# $2(\sqrt{1+\zeta^2}-\zeta)/\omega$. A constraint keeps bodies apart and sticks exactly. It has no step limit of its own,
+# but removing a deep overlap needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is
 # not. MuJoCo is in between: convex, one answer, soft, so it creeps; impratio and solref reduce that. Gradients are zero
 # before touch and ordinary after it."
 #
 # </div>
 #
-# Answer aloud before you open an answer: first what you would say in a minute, then the details and follow-up
-# questions.
+# Answer aloud before you open an answer: first what you would say in a minute, then the details and follow-up questions.
 # %%
 interview("contact")
 # %% [markdown]
