@@ -315,7 +315,7 @@ def claim(
     needs: tuple[str, ...] = (),
     registry: dict[str, Claim] | None = None,
 ) -> Callable[[Check], Check]:
-    """Return decorator that registers a check as a claim; see the top of this file.
+    """Return the decorator that registers a check as a claim; see the top of this file.
 
     Args:
         received: the claim as it is commonly stated.

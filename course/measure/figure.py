@@ -468,6 +468,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
             _draw_series(ax, series, colour, marker, log_x)
             _add_notes(words, series)
     if names:
+        # Bars are read from the top down.
         ax.invert_yaxis()
         ax.tick_params(axis="y", labelleft=panel.ticks is None)
     # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
@@ -513,9 +514,11 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
             handlelength=1.6,
             columnspacing=1.2,
         )
+        # Out of the layout, which would shrink the axes by the height of the legend.
         box.set_in_layout(False)
     elif panel.legend and not boxed:
         _name_ends(words, panel, shown, looks)
+    # The title stands above the legend, the failures' crosses and the names at the top.
     above = max(
         [
             0.3 + 1.1 * math.ceil(len(handles) / per_row) if handles else 0.4 * bool(crosses),

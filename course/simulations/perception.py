@@ -110,6 +110,7 @@ def process_image(values, pieces):
     cells, _ = chapter.voxel_mean(points, voxel)
     clock.append(time.perf_counter())
     plane = _plane(z, points, cells, tolerance, linear, rng)
+    # Signed distances to the plane, of the voxel means and of all points.
     height, high = (plane[:3] @ some + plane[3] for some in (cells, points))
     clock.append(time.perf_counter())
     up, over = height > tolerance, high > tolerance
@@ -120,6 +121,7 @@ def process_image(values, pieces):
             above = np.zeros(z.size)
             above[pixels[over]] = inner[2]
             labels = chapter.components(above.reshape(z.shape), CAMERA, eps).ravel()
+            # Small components become noise, and the rest is numbered anew without gaps.
             enough = np.bincount(labels[labels >= 0]) >= least
             labels = np.append(np.where(enough, np.cumsum(enough) - 1, NOISE), NOISE)[labels]
             kinds[up] = labels[pixels[over]][chapter.Cloud.of(inner).nearest(some)[1]]
@@ -133,6 +135,7 @@ def process_image(values, pieces):
     on_table = some_of(points[:, on], np.maximum(sensor.sigma(points[2, on], CAMERA), 1e-7))
     result = np.where(np.arange(9) == TRUST, 1.0 * LOST, np.zeros((PARTS, 9)))
     for number, k in enumerate(np.flatnonzero(pieces[:, 0])):
+        # The cluster that most of the part's own pixels belong to is judged as the part.
         part, votes = parts[number], labels[(ids.ravel() == number + 1) & (labels >= 0)]
         cluster = (labels == np.bincount(votes, minlength=1).argmax()).reshape(z.shape)
         best = votes.size and pose_of(z, CAMERA, sensor, part, cluster, plane, on_table)

@@ -557,7 +557,7 @@ def every_recording_identifies(result):
         return all(differentiable.information((e, friction, 1.0), scene, times).identified[:2])
 
     def dropped(angle, friction):
-        """Return angle of a box 0.6 s after it was dropped without speed [rad]."""
+        """Return the angle of a box 0.6 s after it was dropped without speed [rad]."""
         state = np.array([0.0, 0.6, angle, 0.0, 0.0, 0.0])[:, None]
         return planar.advance_boxes(state, planar.box_parameters(friction=friction), 1e-3, 600)[0][
             2, 0
@@ -604,7 +604,7 @@ def smooth_gradients_by_draws(result):
     runs = result.input("runs", 800)
 
     def bounced(h):
-        """Return height after the first bounce, in closed form [m]."""
+        """Return the height after the first bounce, in closed form [m]."""
         fall = np.sqrt(2 * h / g)
         return e * g * fall * (duration - fall) - g * (duration - fall) ** 2 / 2
 

@@ -195,6 +195,7 @@ _UPPER, _LOWER = (5.35, 8.85, 3.05, 4.6), (5.35, 8.85, 0.55, 2.1)
 def frame(pen, state, controls):
     """Draw ways of this iteration's policy; success and return of all iterations up to it."""
     report, now = state["report"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
+    # The paths are drawn within 5/7 of a picture's time, and stand for the rest.
     phase = min(1.4 * max(state["time"] / PICTURE - now, 0.0), 1.0)
     reach = 1.2 * NEAR if controls["reward"] == HOVER else 2.1
     draw.area(pen, _SCENE, (-reach, reach, -reach, reach))
