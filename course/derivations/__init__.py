@@ -172,7 +172,9 @@ class Ask:
         try:
             parse(right, frozenset(symbols))
         except ValueError as problem:
-            raise ValueError(f"expression is {self.expression!r}: {problem}") from None
+            raise ValueError(
+                f"expression must be a formula, got {self.expression!r}: {problem}"
+            ) from None
         return Formula(
             self.question, right, symbols, self.also, left, relation, self.tolerance, self.slips
         )
