@@ -190,6 +190,7 @@ _UPPER, _LOWER = (5.35, 8.85, 3.05, 4.6), (5.35, 8.85, 0.55, 2.1)
 def frame(pen, state, controls):
     """Draw the paths of this iteration's policy, and the curves of all iterations up to it."""
     report, now = state["report"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
+    # The paths are drawn within 5/7 of a picture's time, and stand for the rest.
     phase = min(1.4 * max(state["time"] / PICTURE - now, 0.0), 1.0)
     reach = 1.2 * NEAR if controls["reward"] == HOVER else 2.1
     draw.area(pen, _SCENE, (-reach, reach, -reach, reach))
@@ -268,6 +269,9 @@ PRESETS = {
         "best. The first policy pushes at random. After about fifty thousand environment steps "
         "more than nine starts in ten arrive, in the median of ten seeds; some seeds need longer. "
         "Select a point of either chart to see that iteration.",
+        "Every step that comes closer is paid, by a potential that does not change which policy is "
+        "best. The first policy pushes at random. After about fifty thousand environment steps "
+        "more than nine starts in ten arrive, in the median of ten seeds; some seeds need longer.",
     ),
     "Only the disc": Preset(
         {"reward": SPARSE},
@@ -305,6 +309,9 @@ PRESETS = {
         "The potential changes by a few hundredths per step. From such small rewards most of ten "
         "seeds learn nothing, and one or two learn the whole task (try seed 1). A single seed says "
         "little about a method.",
+        "The potential changes by a few hundredths per step. From such small rewards most of ten "
+        "seeds learn nothing, and one or two learn the whole task. A single seed says little about "
+        "a method.",
     ),
     "Hovering": Preset(
         {"reward": HOVER},
@@ -321,6 +328,20 @@ PRESETS = {
     ),
 }
 
+# What each number below the picture means.
+READOUTS = {
+    "environment steps": "Environment steps used for training so far.",
+    "success": "Evaluation episodes that reach the disc, with a 95 % confidence interval.",
+    "first to finish": (
+        "Success rate counted over the first 64 episodes to finish. It is biased: failures take "
+        "longer."
+    ),
+    "return": "Mean return of the evaluation episodes.",
+    "optimum": "Return of the best possible policy for this reward.",
+    "divergence": "Mean KL divergence between the policy before and after this iteration.",
+    "action spread": "Standard deviation of the policy's actions: how much it explores.",
+}
+
 MODEL = Model(
     TITLE,
     draw.Paper(TITLE, word, colour, room=30_000),
@@ -332,4 +353,6 @@ MODEL = Model(
     frame,
     drag,
     live_drag=True,
+    readouts=READOUTS,
+    upright=False,
 )

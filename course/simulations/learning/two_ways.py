@@ -137,19 +137,19 @@ PRESETS = {
     ),
     "A mixture": Preset(
         {"head": "mixture"},
-        "Several normal distributions, of which one is "
-        "selected at random for each chunk: runs on both sides, and almost none between them.",
+        "Several normal distributions, of which one is selected at random for each chunk: runs on "
+        "both sides, and almost none between them.",
     ),
     "A flow": Preset(
         {"head": "flow"},
-        "Ten Euler steps carry random noise to a chunk of actions. "
-        "Reduce the sampler steps and watch the two routes merge.",
+        "Ten Euler steps carry random noise to a chunk of actions. Reduce the sampler steps and "
+        "watch the two routes merge.",
+        "Ten Euler steps carry random noise to a chunk of actions. Most runs pass, on both sides.",
     ),
     "A flow in one step": Preset(
         {"head": "flow", "sampled": 1},
-        "A single Euler step ends near "
-        "the mean of the demonstrations, so most runs hit the disc. With two steps more than half "
-        "pass.",
+        "A single Euler step ends near the mean of the demonstrations, so most runs hit the disc. "
+        "With two steps more than half pass.",
     ),
     "Diffusion": Preset(
         {"head": "diffusion"},
@@ -159,6 +159,19 @@ PRESETS = {
         {"head": "flow", "noise": 0.05},
         "Every step is disturbed, and eight actions are executed before the next observation. "
         "Execute two instead.",
+        "Every step is disturbed, and eight actions are executed before the next observation, so "
+        "the disturbances of eight steps add up uncorrected.",
+    ),
+}
+
+# What each number below the picture means.
+READOUTS = {
+    "success": "Runs that pass the disc on either side, with a 95 % confidence interval.",
+    "pass left": "Runs that pass the disc on the left.",
+    "pass right": "Runs that pass the disc on the right.",
+    "collide or miss the goal": "Runs that hit the disc or end somewhere else.",
+    "chunks in a run": (
+        "How often the policy observes and predicts a new chunk of actions during a run."
     ),
 }
 
@@ -171,4 +184,5 @@ MODEL = Model(
     initial,
     advance,
     frame,
+    readouts=READOUTS,
 )
