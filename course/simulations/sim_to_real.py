@@ -251,7 +251,8 @@ def drag(controls, state, x, y):
 
 PRESETS = {
     "Gap": Preset({}, "A policy that never fails in its simulator, on an arm that is not quite "
-        "it. Pull the gap up; drag the target: the ghost is what the simulator promised."),
+        "it. Pull the gap up; drag the target: the ghost is what the simulator promised. DR Range "
+        "acts once 'Tuned on' is a range."),
     "No gap": Preset({"gap": 0.0, "delay": 0.0}, "The arm it was tuned on. All succeed, and it "
         "is the only place where that says anything. Then give it 10 ms of delay."),
     "Gap and range": Preset({"width": 0.4, "policy": RANGE}, "Tuned on arms drawn anew for each "

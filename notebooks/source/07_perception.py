@@ -55,6 +55,7 @@ from course.kinematics.chain import compose
 from course.measure.timing import calls, interleaved
 from course.oracles import open3d
 from course.perception import Camera, Sensor, locate, pose, render, sense, shape, together
+from course.perception import yaw_net
 from course.rigid_body.quaternion import conjugate, exp, rotate
 
 
@@ -686,7 +687,7 @@ simulation("perception", "Touching")
 print_figures("cloud_speed", "picture", "points", "voxels of 5", "plane, early", "course", "Open3D")
 
 # %% [markdown]
-# A whole frame, three boxes on a table in 640 x 480 pixels, with the chain of the listing in both and then ICP:
+# A whole frame, three boxes on a table in 320 x 240 pixels, with the chain of the listing in both and then ICP:
 #
 # ![Where the time of a frame goes, beside Open3D](../docs/charts/frame_speed.png)
 
@@ -981,9 +982,11 @@ answer("two_millimetres_will_do", "e")
 # tolerance among its tests</td></tr>
 # </table>
 #
-# None of these is measured here. What runs here is small: a network with 80,146 weights that looks at a patch of
-# 24 x 24 heights and says how an L-shaped part is turned. It was trained on some thousand of our pictures, and its
-# answer is where ICP starts.
+# None of these is measured here. What runs here is small: a network that looks at a patch of heights and says how
+# an L-shaped part is turned. It was trained on some thousand of our pictures, and its answer is where ICP starts.
+
+# %%
+print(f"{yaw_net.WEIGHTS:,} weights, a patch of {yaw_net.SIDE} x {yaw_net.SIDE} heights")
 
 # %%
 predict("network_and_mirror")

@@ -23,6 +23,23 @@ _ARM = """
 </mujoco>
 """
 
+# A load that hangs on a tendon with a spring.
+_HUNG = """
+<mujoco>
+  <worldbody>
+    <site name="top" pos="0 0 1"/>
+    <body name="load" pos="0 0 {z}">
+      <joint type="slide" axis="0 0 1"/>
+      <geom type="sphere" size="0.03" mass="1"/>
+      <site name="eye"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial stiffness="200" damping="20" {length}><site site="top"/><site site="eye"/></spatial>
+  </tendon>
+</mujoco>
+"""
+
 # A sled that can slide in the plane and rise, but not turn.
 _SLED = """
 <mujoco>
@@ -92,7 +109,9 @@ def set_const_inertia(result):
     "Gravity and the inertia matrix use the new body_mass and body_inertia at once: a free arm "
     "moves the same with it and without. What stays old is the inverse weight, by which MuJoCo "
     "scales the stiffness of constraints: with four times the mass a sled at rest sinks "
-    "{depth_ratio:.2f} times as deep after mj_setConst as before.",
+    "{depth_ratio:.2f} times as deep after mj_setConst as before. Subtree masses stay old, too: "
+    "with four times the mass of the outer link a sensor of the centre of mass is "
+    "{centre_mm:.0f} mm off, though nothing moves by it.",
     source="MuJoCo documentation, Modeling, Solver parameters",
 )
 def mass_without_set_const(result):
@@ -119,6 +138,17 @@ def mass_without_set_const(result):
         """Return largest relative difference that mj_setConst makes."""
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
 
+    def centre(recompute):
+        """Return the centre of mass of the arm's subtree with a heavier outer link [m]."""
+        model = _scaled(_arm(), np.array([1.0, 1.0, 4.0]), recompute=recompute)
+        data = mujoco.MjData(model)
+        data.qpos[:] = 0.4, -0.7
+        mujoco.mj_forward(model, data)
+        exact = data.xipos[1:].T @ model.body_mass[1:] / model.body_mass[1:].sum()
+        return data.subtree_com[1].copy(), exact
+
+    (old, exact), (new, _) = centre(False), centre(True)
+    off = result.measure("centre_mm", 1000.0 * np.linalg.norm(old - exact), 1e-6)
     change = result.measure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
     ratio = result.measure("depth_ratio", depth(4.0, True) / depth(4.0, False), tolerance=1e-3)
     result.statement = (
@@ -133,7 +163,13 @@ def mass_without_set_const(result):
         inside=[moved(depth, x) > 0.1 for x in factors] + [moved(stuck, x) > 1e-3 for x in factors],
         outside=[moved(free, x) > 1e-6 for x in factors],
     )
-    result.correction_holds(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
+    result.correction_holds(
+        change < 1e-9,
+        abs(ratio - 1.0) > 0.1,
+        moved(depth, 1.0) == 0.0,
+        off > 10.0,
+        np.linalg.norm(new - exact) < 1e-12,
+    )
 
 
 @claim(
@@ -161,15 +197,18 @@ def set_const_data(result):
 @claim(
     "mj_setConst gives the constants that compiling the changed model anew gives.",
     "The compiler turns a dampratio into a damping for the masses of that moment, and a joint's "
-    "springdamper into stiffness and damping. mj_setConst does not do it again: the gain stays, as "
-    "that of a real motor does. With four times the mass the compiled one is "
-    "{kv_compiled_over_kept:.0f} times as large.",
-    source="MuJoCo changelog, 4.0: dampratio is resolved only at compile time",
+    "springdamper into stiffness and damping, and gives a tendon without a spring length the "
+    "length that it has. mj_setConst does none of it again: the gain stays, as that of a real motor "
+    "does. With four times the mass the compiled one is {kv_compiled_over_kept:.0f} times as large. A "
+    "load on such a tendon, moved by {moved_mm:.0f} mm, comes to rest {rest_mm:.0f} mm from where "
+    "the compiled one does. The model's statistics stay old as well, but nothing moves by them.",
+    source="MuJoCo changelog, 4.0: dampratio, the spring length of tendons from (-1, -1), and "
+    "model statistics are resolved only at compile time",
 )
 def set_const_compiles(result):
     import mujoco
 
-    from course.oracles.mujoco.randomize import recompiled, worst_constant
+    from course.oracles.mujoco.randomize import different, recompiled, worst_constant
 
     def compared(damping, factor):
         """Return the worst error of the constants, and damping as compiled over that preserved."""
@@ -196,16 +235,42 @@ def set_const_compiles(result):
     sprung = _ARM.format(damping=given).replace('damping="0.2"', 'springdamper="0.1 1"')
     retained, anew = mujoco.MjModel.from_xml_string(sprung), recompiled(sprung, np.full(3, 4.0))
     joint = [(m.dof_damping[0], m.jnt_stiffness[0]) for m in (_scaled(retained, 4.0), anew)]
+
+    def hung(length, down):
+        """Return which arrays differ from those of the compiled model, and both rests [m]."""
+        kept = mujoco.MjModel.from_xml_string(_HUNG.format(z=0.5, length=length))
+        kept.body_pos[1, 2] -= down
+        mujoco.mj_setConst(kept, mujoco.MjData(kept))
+        anew = mujoco.MjModel.from_xml_string(_HUNG.format(z=0.5 - down, length=length))
+        rests = []
+        for one in (kept, anew):
+            data = mujoco.MjData(one)
+            mujoco.mj_step(one, data, nstep=4000)
+            rests.append(data.xpos[1, 2])
+        return different(kept, anew), rests
+
+    # All arrays of the model, not a list of our own: what a changed position may touch.
+    down = result.input("moved_mm", 200.0) / 1000.0
+    by_itself, rests = hung("", down)
+    stated, _ = hung('springlength="0.5"', down)
+    result.measure("rest_mm", 1000.0 * abs(rests[0] - rests[1]), 1e-6)
+    depths = result.rng.uniform(0.05, 0.3, 4)
     result.statement_holds(
         same(derived, 4.0),
-        only_if="no damping is stated as a ratio, an actuator's or a joint's",
-        inside=[same(given, x) for x in factors],
-        outside=[same(derived, x) for x in factors] + [joint[0][0] == joint[1][0]],
+        only_if="no damping is stated as a ratio, an actuator's or a joint's, and no tendon with a "
+        "spring leaves its length to the compiler",
+        inside=[same(given, x) for x in factors]
+        + [not hung('springlength="0.5"', x)[0] for x in depths],
+        outside=[same(derived, x) for x in factors]
+        + [joint[0][0] == joint[1][0]]
+        + [not hung("", x)[0] for x in depths],
     )
     result.correction_holds(
         worst < 1e-12,
         all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors),
         bool(np.allclose(joint[1], 4.0 * np.array(joint[0]))),
+        by_itself == {"tendon_lengthspring"},
+        not stated,
     )
 
 
