@@ -171,9 +171,6 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
         # Forward differences, away from a bound; their error, about 1e-8, moves no answer.
         h = np.where(point + 1e-7 * size > high, -1e-7, 1e-7) * size
         result = run(point[:, None] + np.hstack([np.zeros((P, 1)), np.diag(h)]))
-        if result.shape[:-1] != desired.shape:
-            rule = f"one whose signals have the shape of the log's, {desired.shape}, and a rollout"
-            raise invalid("simulate", f"of shape {result.shape}", f"{rule} along the last axis")
         r = (desired - result[..., 0]).ravel()
         cost = float(r @ r) if np.isfinite(result).all() else math.inf
         return r, cost, (result[..., 1:] - result[..., :1]).reshape(-1, P) * (size / h)

@@ -134,6 +134,22 @@ def mass_without_set_const(result):
         mujoco.mj_step(model, data, nstep=1500)
         return data.contact.dist.min()
 
+    def pulled(factor, recompute, force=-1.0):
+        """Return accelerations of the arm with a muscle; its force is scaled by acc0 if < 0."""
+        muscle = (
+            '<actuator><muscle joint="shoulder" lengthrange="-1 1" scale="200" '
+            f'force="{force}"/></actuator>'
+        )
+        xml = _ARM.format(damping='kv="2"').replace("</mujoco>", muscle + "</mujoco>")
+        model = _scaled(mujoco.MjModel.from_xml_string(xml), factor, recompute=recompute)
+        data = mujoco.MjData(model)
+        data.qpos[:], data.act[:] = (0.1, -0.7), 1.0
+        mujoco.mj_forward(model, data)
+        return data.qacc.copy()
+
+    def stated(factor, recompute):
+        return pulled(factor, recompute, 50.0)
+
     def moved(measure, factor):
         """Return largest relative difference that mj_setConst makes."""
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
@@ -159,9 +175,13 @@ def mass_without_set_const(result):
     factors = result.rng.uniform(1.5, 6.0, 8)
     result.statement_holds(
         change > 1e-6,
-        only_if="a constraint acts: a contact, a limit, an equality, or dry friction that holds",
-        inside=[moved(depth, x) > 0.1 for x in factors] + [moved(stuck, x) > 1e-3 for x in factors],
-        outside=[moved(free, x) > 1e-6 for x in factors],
+        only_if="a constraint acts (a contact, a limit, an equality, or dry friction that holds), "
+        "or a muscle whose force MuJoCo scales by acc0",
+        inside=[moved(depth, x) > 0.1 for x in factors]
+        + [moved(stuck, x) > 1e-3 for x in factors]
+        + [moved(pulled, x) > 1e-3 for x in factors],
+        outside=[moved(free, x) > 1e-6 for x in factors]
+        + [moved(stated, x) > 1e-6 for x in factors],
     )
     result.correction_holds(
         change < 1e-9,
@@ -198,10 +218,11 @@ def set_const_data(result):
     "mj_setConst gives the constants that compiling the changed model anew gives.",
     "The compiler turns a dampratio into a damping for the masses of that moment, and a joint's "
     "springdamper into stiffness and damping, and gives a tendon without a spring length the "
-    "length that it has. mj_setConst does none of it again: the gain stays, as that of a real motor "
-    "does. With four times the mass the compiled one is {kv_compiled_over_kept:.0f} times as large. A "
-    "load on such a tendon, moved by {moved_mm:.0f} mm, comes to rest {rest_mm:.0f} mm from where "
-    "the compiled one does. The model's statistics stay old as well, but nothing moves by them.",
+    "length that it has. mj_setConst does none of it again: the gain stays, as that of a real "
+    "motor does. With four times the mass the compiled one is {kv_compiled_over_kept:.0f} times as "
+    "large. A load on such a tendon, moved by {moved_mm:.0f} mm, comes to rest {rest_mm:.0f} mm "
+    "from where the compiled one does. The model's statistics stay old as well, but nothing moves "
+    "by them.",
     source="MuJoCo changelog, 4.0: dampratio, the spring length of tendons from (-1, -1), and "
     "model statistics are resolved only at compile time",
 )
@@ -399,15 +420,23 @@ def one_geom_friction(result):
             mujoco.MjModel.from_xml_string(xml.replace("</mujoco>", pair + "</mujoco>"))
         )
 
+    def overridden(floor, sled):
+        """Return the contact's where the model's options override all contacts with 0.15."""
+        model = _sled(floor, sled)
+        model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
+        model.opt.o_friction[:2] = 0.15
+        return _contact(model)
+
     both = list(zip(low, high, strict=True))
     result.statement_holds(
         plain == sled,
-        only_if="it is the larger of the two, or its geom has the higher priority, and no pair in "
-        "the model names both",
+        only_if="it is the larger of the two, or its geom has the higher priority, no pair in the "
+        "model names both, and contacts are not overridden by an option",
         inside=[_contact(_sled(x, y)) == y for x, y in both]
         + [_contact(_sled(y, x, priority=1)) == x for x, y in both],
         outside=[_contact(_sled(y, x)) == x for x, y in both]
-        + [paired(x, y) == y for x, y in both],
+        + [paired(x, y) == y for x, y in both]
+        + [overridden(x, y) == y for x, y in both],
     )
     result.correction_holds(
         first == sled,
@@ -462,9 +491,17 @@ def friction_of_each_geom(result):
 def friction_in_all_directions(result):
     import mujoco
 
-    def braked(cone, angle):
-        """Change of speed over that of the contact's impulse, over the coefficient."""
-        model = _sled(0.5, 0.5, cone=cone)
+    def braked(cone, angle, turn=0.0, pair=""):
+        """Change of speed over that of the contact's impulse, over the coefficient.
+
+        With the geom turned [deg], or with a pair that states the coefficients.
+        """
+        xml = _SLED.format(floor=0.5, sled=0.5, priority=0, cone=cone)
+        xml = xml.replace('name="sled" type="box"', f'name="sled" type="box" euler="0 0 {turn}"')
+        if pair:
+            text = f'<pair geom1="floor" geom2="sled" friction="{pair} 0.005 0.0001 0.0001"/>'
+            xml = xml.replace("</mujoco>", f"<contact>{text}</contact></mujoco>")
+        model = mujoco.MjModel.from_xml_string(xml)
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, nstep=200)
         data.qvel[:2] = 4.0 * np.cos(angle), 4.0 * np.sin(angle)
@@ -481,11 +518,15 @@ def friction_in_all_directions(result):
         f"{ellipse:.4f}; and at ten random angles."
     )
     angles = result.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
+    # Attacks: a contact frame that is turned, and a pair with two coefficients of sliding.
     result.statement_holds(
         abs(diagonal - 1.0) < 1e-3,
-        only_if="the friction cone is elliptic",
-        inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles],
-        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles],
+        only_if="the friction cone is elliptic, and no pair gives the two directions of sliding "
+        "different coefficients",
+        inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles]
+        + [abs(braked("elliptic", a, turn=30.0 * a) - 1.0) < 1e-3 for a in angles[:4]],
+        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles]
+        + [abs(braked("elliptic", a, pair="0.5 0.25") - 1.0) < 1e-3 for a in angles[:4]],
     )
     result.correction_holds(abs(diagonal - np.sqrt(0.5)) < 1e-3)
 
