@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from course.perception.camera import Array, Camera, Sensor, Shapes
+from course.perception.camera import Array, Camera, Sensor, Shapes, render
 from course.perception.registration import DIRECTIONS, Fit
 from course.rigid_body.quaternion import (
     conjugate,
@@ -53,12 +53,14 @@ class Border:
         rays: through the middle of each pair, at z = 1, shape (3, N).
         along: 0 for neighbours in a row, 1 for neighbours in a column, shape (N,).
         near, far: depths of the two pixels, shape (N,) [m].
+        outside: row and column of the one that sees farther, shape (2, N).
     """
 
     rays: Array
     along: NDArray[np.int64]
     near: Array
     far: Array
+    outside: NDArray[np.int64]
 
 
 def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_]) -> Border:
@@ -75,7 +77,8 @@ def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_])
     found = []
     for along in (0, 1):
         depth, mine = (z, cluster) if along == 0 else (z.T, cluster.T)
-        for inside, outside in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:, 1:], np.s_[:, :-1])):
+        for step in (1, 0):  # the neighbour after, and the one before
+            inside, outside = (np.s_[:, 1 - s : depth.shape[1] - s] for s in (step, 1 - step))
             near, far = depth[inside], depth[outside]
             allowed = math.sqrt(2.0) * _SIGMAS * sensor.sigma(far, camera) + 1e-3
             v, u = np.nonzero(mine[inside] & ~mine[outside] & (near > 0.0) & (far > near + allowed))
@@ -87,9 +90,9 @@ def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_])
                     np.ones(u.size),
                 )
             )
-            found.append((rays, np.full(u.size, along), near[v, u], far[v, u]))
-    rays, kinds, near, far = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
-    return Border(rays, kinds, near, far)
+            at = np.stack((v, u + step) if along == 0 else (u + step, v))
+            found.append((rays, np.full(u.size, along), near[v, u], far[v, u], at))
+    return Border(*(np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True)))
 
 
 # --- The contour of the model ---------------------------------------------------------------------
@@ -383,5 +386,10 @@ def refine(
         back = conjugate(from_matrix(fit.R))
         moved = np.append(rotate(back, pose[:3] - fit.p), log(product(back, pose[3:])))
     _, _, distance = contour(part.moved(pose), at.rays)
-    off = float(np.sqrt(np.mean(np.minimum(camera.fx * distance, _OFF) ** 2)))
+    # Where a steep side goes on beyond the cluster, towards the foot, is no border.
+    exact, _ = render(part.moved(pose), camera)
+    own = exact[at.outside[0], at.outside[1]]
+    going_on = (own > 0.0) & (np.abs(at.far - own) < _SIGMAS * sensor.sigma(own, camera) + 1e-3)
+    distance = np.minimum(camera.fx * distance[~going_on], _OFF)
+    off = float(np.sqrt(np.mean(distance**2))) if distance.size else 0.0
     return replace(fit, R=to_matrix(pose[3:]), p=pose[:3]), of_outline, off

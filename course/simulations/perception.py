@@ -371,7 +371,7 @@ PRESETS = {
         "that slants through both has most points within 8 mm. Take 4 mm; then the linear fit."),
     "Scale error": Preset({"scale": 1.01}, "Depths 1 % too long: each pose is about 8 mm off, with "
         "less than 0.1 mm predicted and nothing seen through. Only a length known from "
-        "outside tells."),
+        "outside tells, or the outline once it is off by a pixel."),
 }  # fmt: skip
 
 MODEL = Model(

@@ -385,6 +385,11 @@ print_figures("pose_covariance", "closest", "along", "w = 7")
 # `icp` compare each point with the shape *along its own ray*. And shared noise makes every covariance too small by up
 # to the window squared: that factor has to come from the sensor.
 #
+# Where no face tells a direction, the **outline** may. From straight above the faces of a box tell its height and two
+# tilts. But a border pixel, where the part hides something farther away, lies within half a pixel of the model's
+# contour. Its distance from the contour is one more residual, with a row of the same form, and the rows together tell
+# $x$, $y$ and the turn. A border that something nearer cuts is not used: it is no outline of the part.
+#
 # ### Right, or only consistent?
 
 # %%
@@ -508,7 +513,7 @@ figures(read("scene_known_part"), *rows, summary="The whole scene")
 
 # %% [markdown]
 # All together stay below the tolerance. One thing that does not: a depth scale that is 1 % wrong moves a pose by
-# several tolerances (a card above), and no test inside sees it.
+# several tolerances (a card above), and no test inside sees it. At some per cent the outline does: it no longer fits.
 #
 # ### Interfaces, and what a failure says
 #
