@@ -22,7 +22,7 @@ class Chapter:
         title: its title.
         question: what it answers, in one line.
         simulation: title of its interactive simulation.
-        there: whether its module, notebook and simulation are written.
+        ready: whether its module, notebook and simulation are written.
     """
 
     number: int

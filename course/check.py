@@ -1,4 +1,4 @@
-"""Bad input in one wording: "NAME is VALUE, allowed is ..."."""
+"""Reject bad input in one wording: "NAME must be RULE, got VALUE"."""
 
 from collections.abc import Iterable
 from typing import Any, TypeVar
@@ -17,16 +17,16 @@ def invalid(name: str, value: Any, allowed: str) -> ValueError:
 
     Args:
         name: of the argument.
-        value: what was handed in; a long array is shown by its shape.
-        allowed: what would have been right, such as "a whole number from 1 on".
+        value: what the caller passed; a long array is shown by its shape.
+        allowed: the rule, as a noun phrase such as "a positive integer".
 
     Returns:
         The error, to be raised.
     """
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist() if value.size <= 12 else f"an array of shape {value.shape}"
-        return ValueError(f"{name} is {value}, allowed is {allowed}")
-    return ValueError(f"{name} is {value!r}, allowed is {allowed}")
+        return ValueError(f"{name} must be {allowed}, got {value}")
+    return ValueError(f"{name} must be {allowed}, got {value!r}")
 
 
 def finite(
@@ -54,14 +54,20 @@ def positive(name: str, value: Any, *, unit: str = "") -> float:
 
 
 def count(name: str, value: Any, least: int = 0, at_most: int | None = None) -> int:
-    """Return a whole number from `least` to `at_most`, both allowed.
+    """Return an integer from `least` to `at_most`, both included.
 
-    Anything else raises ValueError.
+    Raises:
+        ValueError: for anything else, a bool or a float without a fraction included.
     """
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or value < least or (at_most is not None and value > at_most):
-        end = "on" if at_most is None else f"to {at_most}"
-        raise invalid(name, value, f"a whole number from {least} {end}")
+    integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not integer or value < least or (at_most is not None and value > at_most):
+        if at_most is not None:
+            rule = f"an integer from {least} to {at_most}"
+        else:
+            rule = {0: "a non-negative integer", 1: "a positive integer"}.get(
+                least, f"an integer of at least {least}"
+            )
+        raise invalid(name, value, rule)
     return int(value)
 
 
@@ -143,7 +149,11 @@ def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
 
 
 def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
-    """Return `value` if it is one of `allowed`, and raise ValueError otherwise."""
+    """Return `value` if it is one of `allowed`.
+
+    Raises:
+        ValueError: if it is not; the message lists what is allowed.
+    """
     known = list(allowed)
     if value not in known:
         raise invalid(name, value, f"one of {', '.join(map(repr, known))}")
@@ -162,7 +172,9 @@ def _number(low: float, high: float, unit: str) -> str:
     elif low == POSITIVE:
         text = "a positive finite number"
     elif low > -np.inf:
-        text = f"a finite number from {low:g} on"
+        text = (
+            "a non-negative finite number" if low == 0 else f"a finite number of at least {low:g}"
+        )
     else:
         text = "a finite number"
     return f"{text} [{unit}]" if unit else text

@@ -46,7 +46,7 @@ def map_of_chapters(folder: str = "") -> str:
 def neighbours(number: int) -> str:
     """Return the last line of a chapter's page.
 
-    The chapter before, the contents, the chapter behind.
+    It links the previous chapter, the contents and the next chapter.
 
     Args:
         number: of the chapter.

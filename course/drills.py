@@ -41,9 +41,9 @@ def fk3(lengths: ArrayLike, thetas: ArrayLike) -> Array:
     thetas = np.asarray(thetas, dtype=float)
     for name, value in (("lengths", lengths), ("thetas", thetas)):
         if value.shape != (3,) or not np.isfinite(value).all():
-            raise ValueError(f"{name} is {value.tolist()}, allowed is three finite numbers")
+            raise ValueError(f"{name} must be three finite numbers, got {value.tolist()}")
     if (lengths < 0.0).any():
-        raise ValueError(f"lengths is {lengths.tolist()}, allowed is no negative number")
+        raise ValueError(f"lengths must be non-negative, got {lengths.tolist()}")
     directions = np.cumsum(thetas)
     links = lengths[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
     return np.vstack((np.zeros(2), np.cumsum(links, axis=0)))
@@ -57,7 +57,7 @@ GOAL_BIAS = 0.1  # the share of samples that are the goal itself
 def edge_is_free(a: Array, b: Array, discs: Array) -> bool:
     """Return whether the segment from a to b touches no disc.
 
-    Its nearest point to each centre decides.
+    The point of the segment nearest to each centre decides.
 
     Points tried along the edge instead would let through discs that fit between two of them.
     """
@@ -121,20 +121,20 @@ def rrt(
     start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
     discs = np.asarray(discs, dtype=float)
     if discs.size and discs.shape[1:] != (3,):
-        raise ValueError(f"discs.shape is {discs.shape}, allowed is (n, 3): rows (x, y, radius)")
+        raise ValueError(f"discs.shape must be (n, 3): rows (x, y, radius), got {discs.shape}")
     discs = discs.reshape(-1, 3)
     low, high = np.asarray(bounds, dtype=float)
     if not (low < high).all():
-        raise ValueError(f"bounds is {low}, {high}, allowed is (xmin, ymin) below (xmax, ymax)")
+        raise ValueError(f"bounds must be (xmin, ymin) below (xmax, ymax), got {low}, {high}")
     if not 0.0 < step < np.inf:
-        raise ValueError(f"step is {step}, allowed is a positive finite number")
+        raise ValueError(f"step must be a positive finite number, got {step}")
     if max_samples < 0:
-        raise ValueError(f"max_samples is {max_samples}, allowed is a whole number from 0 on")
+        raise ValueError(f"max_samples must be a non-negative integer, got {max_samples}")
     for name, point in (("start", start), ("goal", goal)):
         if point.shape != (2,) or not ((low <= point) & (point <= high)).all():
-            raise ValueError(f"{name} is {point.tolist()}, allowed is a point within the bounds")
+            raise ValueError(f"{name} must be a point within the bounds, got {point.tolist()}")
         if not edge_is_free(point, point, discs):
-            raise ValueError(f"{name} is {point.tolist()}, allowed is a point that touches no disc")
+            raise ValueError(f"{name} must be a point that touches no disc, got {point.tolist()}")
 
     nodes = np.empty((max_samples + 2, 2))  # one a sample, and the start and the goal
     nodes[0] = start
@@ -208,11 +208,11 @@ class PID:
         """
         for name, value in (("kp", kp), ("ki", ki), ("kd", kd), ("tau", tau)):
             if not 0.0 <= value < np.inf:
-                raise ValueError(f"{name} is {value}, allowed is a finite number from 0 on")
+                raise ValueError(f"{name} must be a non-negative finite number, got {value}")
         if not 0.0 < dt < np.inf:
-            raise ValueError(f"dt is {dt}, allowed is a positive finite number")
+            raise ValueError(f"dt must be a positive finite number, got {dt}")
         if not u_min < u_max:
-            raise ValueError(f"u_min is {u_min}, allowed is a number below u_max = {u_max}")
+            raise ValueError(f"u_min must be a number below u_max = {u_max}, got {u_min}")
         self.kp, self.ki, self.kd = kp, ki, kd
         self.dt, self.tau = dt, tau
         self.u_min, self.u_max = u_min, u_max
@@ -228,7 +228,7 @@ class PID:
         """Return the command for the sample that begins now.
 
         Args:
-            setpoint: wanted value [y].
+            setpoint: desired value [y].
             measurement: value now [y].
 
         Returns:
@@ -239,7 +239,7 @@ class PID:
         """
         for name, value in (("setpoint", setpoint), ("measurement", measurement)):
             if not abs(value) < np.inf:
-                raise ValueError(f"{name} is {value}, allowed is a finite number")
+                raise ValueError(f"{name} must be a finite number, got {value}")
         change = 0.0 if self.last is None else measurement - self.last
         self.last = measurement
         self.rate = (self.tau * self.rate + change) / (self.tau + self.dt)
@@ -276,11 +276,11 @@ class Joint:
         """
         for name, value in (("inertia", inertia), ("dt", dt)):
             if not 0.0 < value < np.inf:
-                raise ValueError(f"{name} is {value}, allowed is a positive finite number")
+                raise ValueError(f"{name} must be a positive finite number, got {value}")
         if not 0.0 <= damping < np.inf:
-            raise ValueError(f"damping is {damping}, allowed is a finite number from 0 on")
+            raise ValueError(f"damping must be a non-negative finite number, got {damping}")
         if not abs(load) < np.inf:
-            raise ValueError(f"load is {load}, allowed is a finite number")
+            raise ValueError(f"load must be a finite number, got {load}")
         x = damping * dt / inertia
         decay = float(np.exp(-x))
         if x > 1e-3:
@@ -407,9 +407,9 @@ class DomainRandomizer:
             if not least <= low <= high < np.inf:
                 what = "positive" if least else "not negative"
                 allowed = f"finite, {what}, the low end first"
-                raise ValueError(f"{name} is {low}, {high}, allowed is {allowed}")
+                raise ValueError(f"{name} must be {allowed}, got {low}, {high}")
         if any(end % 1 for end in delay):
-            raise ValueError(f"delay is {delay}, allowed is whole calls")
+            raise ValueError(f"delay must be an integer number of calls, got {delay}")
         self.model = model
         self.friction, self.mass, self.damping = friction, mass, damping
         self.delays, self.noise, self.idle = delay, noise, idle
@@ -472,7 +472,7 @@ class DomainRandomizer:
     def _check(self, data: Any) -> None:
         # MuJoCo itself would write beyond the arrays of smaller data.
         if data.signature != self.model.signature:
-            raise ValueError(f"data is {data}, allowed is that of the model that is randomised")
+            raise ValueError(f"data must be that of the model that is randomised, got {data}")
 
     def _start_delay(self, steps: int) -> None:
         self.steps = steps
@@ -494,10 +494,7 @@ class DomainRandomizer:
         return self._waiting.popleft()
 
     def observe(self, observation: ArrayLike, rng: np.random.Generator) -> Array:
-        """Return the observation with fresh noise on each component.
-
-        In a new array of its shape.
-        """
+        """Return a copy of the observation with fresh noise on each component."""
         observation = np.asarray(observation, dtype=float)
         return observation + rng.normal(0.0, self.noise, size=observation.shape)
 
@@ -531,7 +528,7 @@ class VectorizedEnv:
             ValueError: for a num_envs below 1.
         """
         if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}, allowed is a whole number from 1 on")
+            raise ValueError(f"num_envs must be a positive integer, got {num_envs}")
         self.num_envs = num_envs
         self.envs = [env_fn() for _ in range(num_envs)]
 
@@ -565,7 +562,7 @@ class VectorizedEnv:
             ValueError: for another number of actions.
         """
         if len(actions) != self.num_envs:
-            raise ValueError(f"len(actions) is {len(actions)}, allowed is {self.num_envs}")
+            raise ValueError(f"len(actions) must be {self.num_envs}, got {len(actions)}")
         observations, infos = [], []
         rewards = np.zeros(self.num_envs)
         terminated = np.zeros(self.num_envs, dtype=bool)

@@ -37,7 +37,7 @@ class Form(Generic[T]):
     """What such a file holds.
 
     Attributes:
-        schema: what the file says of itself: a name, a slash, the version.
+        schema: identifier in the file: a name, a slash, the version.
         called: how messages call it, as in "your progress".
         empty: makes what stands for a file that is not there.
         parse: makes it from the file's object; raises `Damaged`.

@@ -4,6 +4,12 @@
 force. *Reaction time* looks ahead: from an event to the first command that rests on a measurement
 taken after it. The sum of periods and executions bounds both: A. Davare and others, Period
 optimization, DAC 2007; M. Duerr and others, End-to-end timing analysis, ACM TECS 18, 2019.
+
+The chapter's algorithms, and the functions of their steps:
+
+- Data age of a chain in closed form (Davare et al., 2007): `age`, link by link in `_links`.
+- The chain event by event: `simulate`, with `read` for queues and `serve` for stages that are busy.
+- Greedy improvement of a chain: `spend` ranks single changes by the time that they save per core.
 """
 
 import math
@@ -21,13 +27,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stage:
-    """Turns one sample into the next. execution.
+    """A stage that turns one sample into the next.
 
-    C, from start to result [s]. period: T of its clock [s]; None: it starts when a sample arrives.
-    depth: of the queue it reads, which keeps the last so many; 1: the newest value. overload: of a
-    start while it is busy. "": refused, with an execution above the period; "skip": lost; "queue":
-    the sample waits (on arrival); "pipelined": another worker. jitter: executions are spread evenly
-    over C - jitter to C + jitter [s]. lost: share of results that never arrive.
+    Attributes:
+        execution: C, from start to result [s].
+        period: T of its clock [s]; None: it starts when a sample arrives.
+        depth: length of the keep-last queue that it reads; 1 holds the newest value only.
+        overload: what becomes of a start while it is busy. "": an execution above the period is
+            rejected; "skip": the start is lost; "queue": the sample waits (on arrival);
+            "pipelined": another worker takes it.
+        jitter: executions are spread evenly over C - jitter to C + jitter [s].
+        lost: share of results that never arrive.
     """
 
     name: str
@@ -52,7 +62,7 @@ class Stage:
             self.interval(self.period)
 
     def interval(self, period: float, early: float = 0.0) -> float:
-        """Time between results [s] if starts come once a period, or `early` by up to so much.
+        """Return the interval of results [s] if starts come once a period, or up to `early` sooner.
 
         ValueError if that is overload, and there is no rule for it.
         """
@@ -89,17 +99,19 @@ class Age:
 
 
 def _links(stages: Sequence[Stage]) -> list[tuple[float, float, float, float]]:
-    """Return after each stage.
+    """Return four numbers of the link after each stage, from which `age` follows.
 
-    Its results' interval [s], the share that arrives, the interval that a result may wait [s], and
-    what a full queue adds [s].
+    The interval of its results [s], the share of them that arrives, the interval that a result may
+    wait for the next stage [s], and what a full queue adds to that [s].
     """
     if not stages or stages[0].period is None:
         raise invalid("stages", [s.name for s in stages], "a chain whose first stage has a period")
     result: list[tuple[float, float, float, float]] = []
+    # T: interval so far; retained: share not lost; early: how much sooner than T a result may come.
     T, retained, early = 0.0, 1.0, 0.0
     for stage in stages:
         before, clocked = T, stage.period is not None
+        # Under a clock starts are regular; on arrival, the jitter so far can bring them early.
         T = stage.interval(stage.period or before, 0.0 if clocked else early)
         waits = clocked or (stage.overload == "queue" and before < T)
         if result:
@@ -107,6 +119,7 @@ def _links(stages: Sequence[Stage]) -> list[tuple[float, float, float, float]]:
             if retained < 1.0 and ((full and stage.depth > 1) or (before < T and not clocked)):
                 raise invalid("lost", 1.0 - retained, f"0 before {stage.name}, which loses others")
             result[-1] = (before, retained, before * waits, (stage.depth - 1) * before * full)
+        # A clock runs whether or not something new came: losses before it cost age, not results.
         retained = (1.0 if clocked else retained) * (1.0 - stage.lost)
         odd = bool(result) and waits and stage.depth > 1 and early > abs(T - before)
         early = (0.0 if waits else early) + 2.0 * stage.jitter
@@ -136,6 +149,7 @@ def age(stages: Sequence[Stage]) -> Age:
     variance, waits = sum(s.jitter**2 for s in stages) / 3.0, []
     for _, q, T, behind in links:
         # The interval that one falls into is T times a geometric number, drawn by its length.
+        # Inspection paradox: moments E[L^2] / (2 E[L]) and E[L^3] / (3 E[L]) of its length L.
         mean = T * (2.0 - q) / (2.0 * q)
         variance += (T / q) ** 2 * (q * q - 6.0 * q + 6.0) / 3.0 - mean**2
         waits.append(mean + behind)
@@ -152,6 +166,7 @@ def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
     """
     index = np.searchsorted(times, ticks, side="right") - 1
     last = np.int64(-1)
+    # A queue hands out one sample a tick in order, and drops the oldest beyond its depth.
     for k in range(index.size) if depth > 1 else range(0):
         last = max(min(last + 1, index[k]), index[k] - depth + 1)
         index[k] = last
@@ -159,9 +174,9 @@ def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
 
 
 def free(ticks: Array, durations: Array) -> NDArray[np.bool_]:
-    """Return which ticks find the stage free, if those that do not are lost.
+    """Return which ticks find the stage free, if ticks that do not are lost.
 
-    Both shapes (M,) [s].
+    Both arrays have shape (M,) [s].
     """
     retained, until = np.zeros(ticks.size, np.bool_), -np.inf
     for k in range(ticks.size):
@@ -175,6 +190,7 @@ def serve(times: Array, durations: Array, depth: int) -> tuple[NDArray[np.int64]
     taken, starts = np.empty(times.size, np.int64), np.empty(times.size)
     last, jobs, now = -1, 0, -np.inf
     while last + 1 < times.size:
+        # What has arrived when the stage is free; idle, it begins with the next arrival.
         arrived = int(np.searchsorted(times, now + 1e-12, side="right")) - 1
         if arrived <= last:
             arrived, now = last + 1, times[last + 1]
@@ -217,6 +233,7 @@ def simulate(
     phases = vector("phases", phases, (len(stages),))
     rng, seconds = np.random.default_rng(seed), positive("seconds", seconds, unit="s")
     times = captured = np.empty(0)
+    # Stage by stage to the end of time, as each needs only the results of the one before it.
     for k, stage in enumerate(stages):
         starts = times if (T := stage.period) is None else T * np.arange(phases[k], seconds / T)
         durations = rng.uniform(-1.0, 1.0, starts.size) * stage.jitter + stage.execution
@@ -387,6 +404,7 @@ def check_stack(edges: Sequence[Edge]) -> None:
             raise invalid("edges", f"nothing into or out of {box}", "both for each box")
     remaining = [e for e in edges if not {e.source, e.target} & {"robot", "simulation"}]
     while remaining:
+        # Kahn, 1962: take away edges from boxes that nothing flows into; what cannot go is a loop.
         rest = [e for e in remaining if e.source in {other.target for other in remaining}]
         if len(rest) == len(remaining):
             loop = "a loop among " + ", ".join(sorted({e.source for e in remaining}))

@@ -40,15 +40,35 @@ class Place(Protocol):
     used: float
 
     @property
-    def output(self) -> str: ...
+    def output(self) -> str:
+        """What the submission printed so far."""
+        ...
+
     def __enter__(self) -> Self: ...
     def __exit__(self, *exception: object) -> None: ...
-    def load(self) -> Loaded: ...
-    def call(self, name: str, *args: Any, repeat: int = 1, **kwargs: Any) -> Any: ...
-    def new(self, name: str, *args: Any, **kwargs: Any) -> Any: ...
-    def method(self, handle: Any, name: str, *args: Any, **kwargs: Any) -> Any: ...
-    def given(self, name: str, *args: Any, **kwargs: Any) -> Any: ...
-    def given_new(self, name: str, *args: Any, **kwargs: Any) -> Any: ...
+    def load(self) -> Loaded:
+        """Import the submission in the child and return which names it defines."""
+        ...
+
+    def call(self, name: str, *args: Any, repeat: int = 1, **kwargs: Any) -> Any:
+        """Call a function of the submission, `repeat` times, and return the last result."""
+        ...
+
+    def new(self, name: str, *args: Any, **kwargs: Any) -> Any:
+        """Construct a class of the submission and return the handle of the instance."""
+        ...
+
+    def method(self, handle: Any, name: str, *args: Any, **kwargs: Any) -> Any:
+        """Call a method of the instance behind a handle."""
+        ...
+
+    def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
+        """Call a function of the exercise's `given.py` in the child."""
+        ...
+
+    def given_new(self, name: str, *args: Any, **kwargs: Any) -> Any:
+        """Construct a class of `given.py` in the child and return its handle."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -82,28 +102,29 @@ class Learner:
         return float(np.median(self._spent)) if self._spent else 0.0
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        """Return a function of the submission."""
+        """Call a function of the submission and return its result."""
         return self._record("call", name, None, args, kwargs)
 
     def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
-        """Return an object of the submission, which stays in the child."""
+        """Construct a class of the submission; the object stays in the child, behind a handle."""
         return self._record("new", name, None, args, kwargs)
 
     def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
-        """Return a method of an object that is in the child."""
+        """Call a method of an object that is in the child and return its result."""
         return self._record("method", name, handle, args, kwargs)
 
     def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        """Return a function of the drill's given module, run in the child."""
+        """Call a function of the exercise's `given.py` in the child and return its result."""
         return self._record("given", name, None, args, kwargs)
 
     def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
-        """Return the same, and the result stays in the child."""
+        """Construct a class of `given.py`; the object stays in the child, behind a handle."""
         return self._record("given_new", name, None, args, kwargs)
 
     def _record(
         self, kind: str, name: str, handle: Handle | None, args: Any, kwargs: dict[str, Any]
     ) -> Any:
+        # The arguments are copied before the call: a submission may change them in place.
         retained = _copied(args), _copied(kwargs)
         self.last_args = retained[0]
         self.last_request = (
@@ -117,6 +138,7 @@ class Learner:
         self.longest = max(self.longest, self.child.spent)
         self._spent.append(self.child.spent)
         self.steps.append(Step(kind, name, handle, *retained, result))
+        # The child compares its arguments after the call with what was sent.
         if kind in ("call", "method", "new") and self.child.changed:
             self._attempt.inputs_changed(self.last_request)
         return result
@@ -134,7 +156,7 @@ class Attempt:
         shown: the slip that the answers show, whichever check has failed; or "".
         in_part: a sentence on what is right where the rest is wrong, or "".
         factor: a sentence on the factor that all values have too much, or "".
-        heard: for each case that was begun, how much had been printed before it and after it.
+        output_ranges: for each case that was begun, the length of the output before and after it.
     """
 
     def __init__(self, card: Card, child: Place, report: Report, given: str = "") -> None:
@@ -162,8 +184,9 @@ class Attempt:
 
     @contextmanager
     def part(self, index: int) -> Iterator[None]:
-        """What is checked inside belongs to this case of the plan."""
+        """Count what is checked inside as this case of the plan."""
         before, self._part = self._part, index
+        # The output before and after a case bounds what its feedback may quote.
         self.report.begun.add(index)
         start = len(self.learner.child.output)
         self.output_ranges[index] = start, math.inf
@@ -174,15 +197,15 @@ class Attempt:
 
     @property
     def failed(self) -> bool:
-        """Whether a check has failed so far."""
+        """True if a check has failed so far."""
         return any(not check.passed for check in self.report.checks)
 
     def call(self, *args: Any, **kwargs: Any) -> Any:
-        """Return the submission's function, for an exercise that is one function."""
+        """Call the submission's function, where the exercise is a single function."""
         return self.learner.call(self.card.entry, *args, **kwargs)
 
     def expected(self, *args: Any, **kwargs: Any) -> Any:
-        """Return what the worked answer gives for the same call."""
+        """Call the worked solution the same way and return its result."""
         return self.reference.call(self.card.entry, *args, **kwargs)
 
     def compare(
@@ -202,7 +225,7 @@ class Attempt:
         Args:
             name: what is compared, in a few words.
             got: what came back.
-            expected: the right values; their shape is the shape asked for.
+            expected: the right values; theirs is the required shape.
             tolerance: largest error of a component that is right.
             unit: of the values.
             why: the reason of the tolerance.
@@ -222,9 +245,11 @@ class Attempt:
             self._add(Check(**base, reason=wrong.reason, sentence=text, got=describe(got, SHOWN)))
             return False
         error, place = worst(values, truth)
+        # Written with `not`, so that an error of NaN fails as well.
         if not (error <= tolerance):
             at = f" at index {place}" if place else ""
             deviation = f"{error:.3g}" if unit in ("", "1") else f"{error:.3g} {unit}"
+            # Where six digits look equal, the feedback shows all sixteen.
             digits = 6 if f"{values[place]:.6g}" != f"{truth[place]:.6g}" else 16
             sentence = (
                 f"Off by {deviation}{at}: {values[place]:.{digits}g}, "
@@ -297,6 +322,7 @@ class Attempt:
 
         A list, or an array with one row for each member, is as good as a tuple.
         """
+        # An array with one row for each value is accepted like a tuple.
         if isinstance(got, np.ndarray) and got.ndim > 0 and len(got) < 100:
             got = [np.asarray(row) for row in got]
         if isinstance(got, list | tuple) and len(got) == len(names):
@@ -360,10 +386,12 @@ class Attempt:
         """
         from course.measure.timing import interleaved
 
+        # The smallest of four: the first call warms caches up, and a disturbance only adds time.
         single = min(yours(1) for _ in range(4))  # with the way there and back
         if single > SLOW:
             self.cost(what, "s", yours=single, reference=ours(1))
             return
+        # n + 1 calls in one request, less a single one: the trip between the processes cancels.
         other, here = interleaved(
             [lambda n: max(yours(n + 1) - single, 0.0), ours], repeats=3, patience=0.0, warm=True
         )

@@ -111,10 +111,7 @@ class Card:
         return (self.folder / "starter.py").read_text(encoding="utf-8")
 
     def prompt(self) -> str:
-        """Return the task in Markdown.
-
-        The text, then a table of what goes in and what comes back.
-        """
+        """Return the task in Markdown: the text, then a table of arguments and results."""
         parts = [f"# {self.title}", (self.folder / "prompt.md").read_text(encoding="utf-8").strip()]
         for signature in self.signatures:
             rows = [("takes", q) for q in signature.arguments]
@@ -170,12 +167,11 @@ def _solution_text(solution: str) -> str:
 
 
 def definitions(path: Path, desired: list[str]) -> str:
-    """Return the named top-level definitions of a module, after the imports and names that they
-    use.
+    """Return the named definitions of a module, after the imports and names that they use.
 
     Args:
         path: a Python file.
-        wanted: names of functions, classes or assigned constants.
+        desired: names of functions, classes or assigned constants.
 
     Raises:
         ValueError: for a name that the file does not define.

@@ -55,6 +55,7 @@ def staged(*stages: Stage, timed: Callable[[Attempt], None]) -> Callable[[Attemp
     def judge(attempt: Attempt) -> None:
         attempt.plan([(stage.level, stage.label) for stage in ordered])
         for index, stage in enumerate(ordered):
+            # The simple cases all run; a harder one only while nothing has failed.
             if attempt.failed and stage.level != LEVELS[0]:
                 return
             with attempt.part(index):
@@ -70,10 +71,10 @@ class Answer:
     """What came back for a case, value by value.
 
     Attributes:
-        case: what was asked.
+        case: the call.
         got: what came back, as it was.
         call: the call, as `describe_call` writes it.
-        parts: the values that came back; none if they are not as many as asked for.
+        parts: the values that came back; none if their number is wrong.
         truth: the right values.
         right: which of the values are right.
     """
@@ -112,23 +113,26 @@ def judge_of(
             names when empty.
         nearest: for a value of which several are right, from what came back and the worked
             answer's value: the right one to compare with. Only the first value is asked about.
-        told: the slip that the answers show, or "". It sees all of them, wrong and right, also
-            where the run was stopped between two.
+        explain: names the slip that the answers show, or returns "". It sees all of them, wrong and
+            right, also where the run was stopped between two.
         first: checks of an answer before its values are compared.
-        last: checks after all cases, unless an answer was not of the form asked for.
+        last: checks after all cases, unless an answer had the wrong form.
         then: level and label of what `last` looks at.
         timed: what is timed; the first case when None.
     """
 
     def judge(attempt: Attempt) -> None:
+        # `sorted` is stable: within a level the cases keep the order in which they were drawn.
         drawn = sorted(cases(attempt.rng), key=lambda case: LEVELS.index(case.level))
         after = [then] if last is not None else []
         attempt.plan([*((case.level, case.label) for case in drawn), *after])
         answers: dict[int, Answer] = {}
+        # The cases run in a shuffled order, so that an answer that counts its calls is caught.
         try:
             for index in _shuffled(attempt.rng, drawn):
                 with attempt.part(index):
                     answers[index] = answer(attempt, drawn[index])
+        # Also after a crash: what came back before it is diagnosed in the order of the plan.
         finally:
             answered = [answers[index] for index in sorted(answers)]
             attempt.report.shown = _simplest_wrong(answered)
@@ -142,6 +146,7 @@ def judge_of(
         if last is not None:
             with attempt.part(len(drawn)):
                 last(attempt, answered)
+        # Calling again shows a hidden state or an unseeded generator.
         if not attempt.failed:
             repeat_calls(attempt, [(a.case.args, a.got) for a in answered])
         if not attempt.failed:
@@ -164,6 +169,7 @@ def judge_of(
         if first is not None:
             first(attempt, case, parts, call)
         truth = [np.asarray(value, dtype=float) for value in expected]
+        # A result with two right answers, such as +q and -q, is compared with the nearer one.
         truth[0] = nearest(parts[0], truth[0])
         stated = tolerance(case, tuple(truth)) if callable(tolerance) else tolerance
         allowed = np.broadcast_to(stated, len(truth)).tolist()
@@ -241,8 +247,10 @@ def repeat_calls(
 
 
 def largest_error(got: Any, wrong: Any) -> float:
-    """Return the largest error of a value against another, infinite where it is none of that
-    shape.
+    """Return the largest error of one value against another.
+
+    # Not convertible counts as infinitely wrong, so that no caller needs a second test.
+    It is infinite for values of different shapes.
     """
     wrong = np.asarray(wrong, dtype=float)
     try:
@@ -290,7 +298,9 @@ def constant_factor(answers: Sequence[Answer]) -> str:
     except Mismatch:
         return ""
     truth = np.concatenate([a.truth[0].ravel() for a in answers])
+    # Components near zero have no meaningful ratio and are left out of the median.
     moving = np.abs(truth) > 1e-9 * np.max(np.abs(truth), initial=0.0)
+    # The median is not thrown off by a few values that are wrong for another reason.
     factor = float(np.median(got[moving] / truth[moving])) if moving.any() else 0.0
     near = np.abs(got - factor * truth) <= 1e-7 * np.abs(truth) + 1e-12
     if abs(factor) < 1e-9 or abs(factor - 1.0) < 1e-6 or not near.all():
@@ -304,6 +314,7 @@ def constant_factor(answers: Sequence[Answer]) -> str:
 def whole_numbers(answers: Sequence[Answer]) -> str:
     """Return the slip of answers in which an array of integers cut the digits off, or ""."""
     wrong = [a for a in answers if not all(a.right)]
+    # Wrong only where the arguments are integers: an array took their type and truncated.
     if wrong and all(a.case.label == WHOLE for a in wrong) and len(answers) > len(wrong):
         return "whole_numbers"
     pairs = [
@@ -332,6 +343,7 @@ def one_part_right(attempt: Attempt, answers: Sequence[Answer], names: Sequence[
         if result is None:
             return ""
         table, text = result
+    # Always right against mostly wrong; what lies between tells nothing and is not named.
     good = [bool(column.all()) for column in table.T]
     bad = [bool(column.mean() < 0.7) for column in table.T]
     right, wrong = (list(itertools.compress(text, mask)) for mask in (good, bad))
@@ -350,6 +362,7 @@ def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
         return None
     if any(largest_error(a.parts[0], a.truth[0]) == np.inf for a in answers):
         return None
+    # Rows first, then columns: the first axis along which the answers separate is reported.
     for axis in range(len(shape)):
         others = tuple(i for i in range(len(shape)) if i != axis)
         truths = np.array([a.truth[0] for a in answers])
@@ -377,14 +390,12 @@ def coarse(answers: Sequence[Answer]) -> str:
 
 
 def _coarse(got: Any, expected: Array) -> str | None:
-    """Return what made a value coarse; "" if something else is wrong with it.
-
-    None if it can't be told.
-    """
+    """Return what made a value coarse, "" if something else is wrong, None if unknown."""
     try:
         values = as_float64(got, expected.shape)
     except Mismatch:
         return ""
+    # Relative to the largest component: float32 has about 7 digits, 1e-5 leaves room for sums.
     scale, error = max(1.0, float(np.abs(expected).max())), largest_error(values, expected)
     if not values.any():
         return None if error <= 1e-5 * scale else ""

@@ -80,8 +80,9 @@ def own_source(obj: Any) -> str:
 
 
 def _bare(obj: Any) -> Any:
-    """Return without the wrappers of a compiler, a cache, or another decorator that says what it
-    wraps.
+    """Return an object without the wrappers of a compiler, a cache, or another decorator.
+
+    A decorator counts as one if it says what it wraps.
     """
     visited: set[int] = set()
     while id(obj) not in visited and not isinstance(obj, type):
@@ -460,10 +461,7 @@ def _assignment(cell: _Cell, name: str) -> ast.stmt | None:
 
 
 def _literal(value: Any) -> str | None:
-    """Return a plain number, text or tuple of such as Python would write it.
-
-    None for anything else.
-    """
+    """Return Python source of a plain number, text or tuple of such, or None for anything else."""
     if isinstance(value, float):  # NumPy's float64 is one
         value = float(value)
         text = repr(value) if math.isfinite(value) else f"float({str(value)!r})"

@@ -28,11 +28,16 @@ from drills.workspace import ROOT, Misuse, shown, write_over
 HOME = "index"
 Cell = dict[str, Any]
 
-WORDS_A_MINUTE = 180  # of technical prose
-MINUTES = {"predict": 1, "show": 1, "answer": 1, "simulation": 3}  # what one does in a scene
+# What a chapter takes: reading, a card that is answered, a chart or a simulation that is looked at.
+WORDS_A_MINUTE = 150
+CARD_MINUTES, CHART_MINUTES = 0.5, 0.75
 
 _SECTION = re.compile(r"^## (\d+) · (.+)$", re.M)
 _IMAGE = re.compile(r"!\[[^\]]*\]\([^)]*\)|<img\b[^>]*>")
+_CARD = re.compile(r"^\s*(?:\w+\.)?(?:predict|show|answer)\(", re.M)
+_CHART = re.compile(r"^\s*(?:simulation|(?:\w+\.)?TradeOff|plt\.show)\(", re.M)
+_PICTURE = re.compile(r"!\[[^\]]*\]\((?!attachment:)|<img\b")  # a film belongs to its simulation
+_FOLD_OUT = re.compile(r"^(?:\w+\.)?more_claims\(([^()]*)\)", re.M)
 _DETAILS = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.S)
 _FENCE = re.compile(r"^```.*?^```", re.S | re.M)
 _MATH = re.compile(r"\$\$.*?\$\$|\$[^$]+\$", re.S)
@@ -71,18 +76,41 @@ def words(text: str) -> int:
     return sum(any(c.isalnum() for c in token) for token in plain.split())
 
 
-def doing(code: str) -> int:
-    """Return minutes for what the reader is asked to do by the code of some cells."""
-    return sum(
-        minutes * len(re.findall(rf"^\s*(?:\w+\.)?{name}\(", code, re.M))
-        for name, minutes in MINUTES.items()
-    )
+def open_minutes(cell_type: str, source: str) -> float:
+    """Return how long a cell takes without its fold-outs: words, cards and charts.
+
+    Args:
+        cell_type: "markdown", "code" or "raw".
+        source: of the cell.
+    """
+    if cell_type == "markdown":
+        text = opened(source)
+        return words(text) / WORDS_A_MINUTE + CHART_MINUTES * len(_PICTURE.findall(text))
+    if cell_type == "code":
+        cards, charts = len(_CARD.findall(source)), len(_CHART.findall(source))
+        return CARD_MINUTES * cards + CHART_MINUTES * charts
+    return 0.0
+
+
+def folded_minutes(cell_type: str, source: str) -> float:
+    """Return how long the fold-outs of a cell take: their words and the claims in them.
+
+    Args:
+        cell_type: "markdown", "code" or "raw".
+        source: of the cell.
+    """
+    if cell_type == "markdown":
+        return (words(source) - words(opened(source))) / WORDS_A_MINUTE
+    if cell_type == "code":
+        ids = [id for call in _FOLD_OUT.findall(source) for id in re.findall(r'"\w+"', call)]
+        return CARD_MINUTES * len(ids)
+    return 0.0
 
 
 def sections(path: Path) -> list[Section]:
     """Return the parts of a notebook; what stands before the first counts for the first.
 
-    Reading time is that of the open text, and of what is asked on the way.
+    Reading time is that of the open text, its cards and its charts.
 
     Args:
         path: of a notebook; one that is not there has no sections.
@@ -93,15 +121,12 @@ def sections(path: Path) -> list[Section]:
     minutes = [0.0]
     for cell in _cells(json.loads(path.read_text(encoding="utf-8"))):
         text = cell["source"]
-        if cell["cell_type"] != "markdown":
-            minutes[-1] += doing(text)
-            continue
-        result = _SECTION.search(text)
+        result = _SECTION.search(text) if cell["cell_type"] == "markdown" else None
         if result:
             if titles:
                 minutes.append(0.0)
             titles.append((int(result[1]), result[2].strip()))
-        minutes[-1] += words(opened(text)) / WORDS_A_MINUTE
+        minutes[-1] += open_minutes(cell["cell_type"], text)
     pairs = zip(titles, minutes, strict=False)
     return [Section(number, title, spent) for (number, title), spent in pairs]
 
@@ -139,7 +164,7 @@ class Copy:
         path: of the copy.
         state: "made", "as it was", "brought up to date", "open" (left as it was, as JupyterLab has
             it open), or "set aside" (what was there has another name, and a new copy is made).
-        kept: how many of the learner's cells the course had changed as well; both are there.
+        preserved: how many of the learner's cells the course had changed as well; both are there.
         aside: where the learner's file went that could not be brought up to date.
     """
 
@@ -282,10 +307,7 @@ def merge(
 
 
 def _followed(base: Sequence[Cell], new: Sequence[Cell]) -> tuple[dict[int, int], dict[int, int]]:
-    """Return where the cells of the base that are unchanged went.
-
-    And after which cell the others were.
-    """
+    """Return where the unchanged cells of the base went, and after which cell the others were."""
     before, now = [_key(cell) for cell in base], [_key(cell) for cell in new]
     matcher = difflib.SequenceMatcher(None, before, now, autojunk=False)
     same: dict[int, int] = {}
@@ -299,9 +321,9 @@ def _followed(base: Sequence[Cell], new: Sequence[Cell]) -> tuple[dict[int, int]
 
 
 def _origins(base: Sequence[Cell], mine: Sequence[Cell]) -> list[int | None]:
-    """Return for each cell of the copy the one of the base that it is or was.
+    """Return for each cell of the copy the base cell that it is or was.
 
-    None for an added one.
+    An added cell has None.
     """
     by_id = {cell["id"]: index for index, cell in enumerate(base)}
     result: list[int | None] = [by_id.pop(cell.get("id"), None) for cell in mine]

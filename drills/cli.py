@@ -57,7 +57,7 @@ def _fitting(chapter: tuple[int, ...], level: tuple[int, ...], minutes: int | No
 
 
 def main() -> None:
-    """The console script."""
+    """Run the console script."""
     for stream in range(3):  # where one was closed, the next file to be opened would take its place
         try:
             os.fstat(stream)

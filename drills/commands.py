@@ -280,7 +280,7 @@ def _data(session: Session, card: Card, report: Report, path: str) -> dict[str, 
 def _settled(path: Path) -> object:
     """Return what identifies a version of the file, once it has stopped changing.
 
-    None if it is gone.
+    It returns None if the file is gone.
     """
     before = _version(path)
     while True:

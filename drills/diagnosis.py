@@ -26,8 +26,9 @@ CAST = "Cannot cast ufunc"  # how NumPy refuses to add floats into an array of i
 
 
 def diagnosis(attempt: Attempt, graded: Exercise) -> tuple[str, str]:
-    """Return the name of the slip and the sentence for the learner, both "" where nothing explains
-    it.
+    """Return the name of the slip and the sentence for the learner.
+
+    Both are "" where no slip explains the answer.
     """
     report = attempt.report
     sentences = {slip.name: slip.sentence for slip in graded.slips}

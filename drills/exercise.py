@@ -32,7 +32,7 @@ class Slip:
 
     Attributes:
         name: short id, such as "degrees_for_radians".
-        sentence: what went wrong, said to the learner.
+        sentence: what went wrong, as shown to the learner.
         edits: pairs (old, new) that turn the worked answer into the slip; each old text stands
             in it exactly once.
         source: the whole wrong answer instead, where an edit does not say it.
@@ -97,7 +97,7 @@ def slips(**table: Sequence[str]) -> tuple[Slip, ...]:
 def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
     """Return the worked answer in single precision and rounded.
 
-    Which `drills.case_judge.coarse` names.
+    `drills.case_judge.coarse` names these slips.
 
     Args:
         entry: the function's name.

@@ -26,7 +26,7 @@ _COLOURS = {"good": "32;1", "bad": "31;1", "dim": "2", "head": "1"}
 
 
 def clean(text: str) -> str:
-    """Return without control characters and directional marks.
+    """Return text without control characters and directional marks.
 
     Tabs become spaces, line ends stay.
     """

@@ -62,7 +62,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether it holds."""
+        """True if the check holds."""
         return self.reason is Reason.RIGHT
 
 
@@ -121,10 +121,7 @@ class Report:
         self.checks.sort(key=lambda check: places.get(check.part, (len(LEVELS), 0)))
 
     def tally(self) -> list[tuple[str, int, int]]:
-        """Return for each level that was begun.
-
-        How many of its cases hold, and how many were asked.
-        """
+        """Return for each level that was begun how many cases hold, and how many were run."""
         failed = {check.part for check in self.checks if not check.passed}
         rows: list[tuple[str, int, int]] = []
         for level in LEVELS:
@@ -140,10 +137,10 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether the submission is right."""
+        """True if the submission is right."""
         return self.reason is Reason.RIGHT
 
     @property
     def verdict(self) -> str:
-        """ "pass" or "fail"."""
+        """The word in the report, "pass" or "fail"."""
         return "pass" if self.passed else "fail"

@@ -90,6 +90,7 @@ def attempt(
     with place(card, source, filename) as child, place(card, source, filename) as twin:
         result = Attempt(card, child, report, graded.given)
         try:
+            # Cheap checks first: arguments, then values, then the replay in a second process.
             _check_signature(card, child.load())
             result.learner.loading = child.spent
             graded.judge(result)
@@ -106,6 +107,7 @@ def attempt(
         report.output = child.output
     _note_compiling(result)
     _conclude(result, graded)
+    # If a case failed, only the warnings printed during the first such case are shown.
     message = next((check.part for check in report.checks if not check.passed), -1)
     report.output = printed(report.output, *result.output_ranges.get(message, (0, math.inf)))
     report.seconds = time.perf_counter() - start
@@ -135,6 +137,7 @@ def limits_for(limits: Limits, source: str) -> Limits:
 def _note_compiling(attempt: Attempt) -> None:
     """Say what compiling took, where it can be told from a call."""
     longest, usual = attempt.learner.longest, attempt.learner.usual
+    # Compilation shows as one call that took much longer than the median.
     if NUMBA.search(attempt.report.source) and longest > max(0.1, 20.0 * usual):
         attempt.report.notes.append(
             f"Numba compiled your answer for {longest:.2g} s of processor time. That is allowed "
@@ -143,9 +146,7 @@ def _note_compiling(attempt: Attempt) -> None:
 
 
 def is_starter(card: Card, source: str) -> bool:
-    """Return whether the graded definition is still that of the starter, comments and layout
-    aside.
-    """
+    """Return whether the graded definition is still the starter's, up to comments and layout."""
     if len(source) > PARSED:
         return False
     theirs, ours = _entry_text(source, card.entry), _entry_text(card.starter(), card.entry)
@@ -167,6 +168,7 @@ def _check_signature(card: Card, loaded: Loaded) -> None:
     star = any(p.kind == "var_positional" for p in loaded.parameters)
     required = sum(not p.has_default for p in places)
     keyword = [p.name for p in loaded.parameters if p.kind == "keyword_only" and not p.has_default]
+    # Accepted if every call of the task is possible: extra defaults are the author's business.
     least, largest = requested.counts()
     if keyword or required > least or (len(places) < largest and not star):
         theirs = ", ".join(p.name for p in loaded.parameters)
@@ -216,10 +218,11 @@ def _stopped(attempt: Attempt, stop: Exception) -> None:
 
 
 def _conclude(attempt: Attempt, graded: Exercise) -> None:
-    """The first failed check gives the reason, unless the run itself was stopped; then the slip."""
+    """Set the reason by the first failed check, unless the run was stopped, and name the slip."""
     report = attempt.report
     report.sort()
     failures = [check for check in report.checks if not check.passed]
+    # The simplest failure gives the reason: better than a crash at a harder level.
     if failures and (report.passed or _is_simpler(failures[0], report)):
         report.reason, report.sentence = failures[0].reason, failures[0].sentence
     if report.passed and not report.checks:
@@ -241,9 +244,7 @@ def printed(output: str, start: float, end: float) -> str:
 
 
 def _is_simpler(failed: Check, report: Report) -> bool:
-    """Return whether a check failed at a level below that of the case at which the run was
-    stopped.
-    """
+    """Return whether a check failed at a lower level than the case that stopped the run."""
     stopped = [report.parts[i].level for i in report.begun - report.ended]
     level = report.parts[failed.part].level if failed.part >= 0 else LEVELS[-1]
     return any(LEVELS.index(level) < LEVELS.index(later) for later in stopped)
@@ -252,7 +253,7 @@ def _is_simpler(failed: Check, report: Report) -> bool:
 def _entry_text(source: str, entry: str) -> str | None:
     """Return the graded definition without comments, layout and docstrings.
 
-    None if there is none.
+    It is None if the definition is missing.
     """
     try:
         with warnings.catch_warnings():
@@ -269,6 +270,7 @@ def _is_definition(node: ast.AST, name: str | None = None) -> bool:
 
 
 def _bare(node: ast.stmt) -> str:
+    # Docstrings go; `ast.dump` without positions already drops comments and layout.
     for inner in ast.walk(node):
         if isinstance(inner, ast.FunctionDef | ast.ClassDef) and len(inner.body) > 1:
             head = inner.body[0]

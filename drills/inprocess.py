@@ -50,7 +50,7 @@ class InProcess:
         self._module = _module("submission", source, {"given": self._given})
 
     def call(self, name: str, *args: Any, repeat: int = 1, **kwargs: Any) -> Any:
-        """Return a function of the text; `elapsed` is then the time of all repeats [s]."""
+        """Call a function of the text; `elapsed` is then the time of all repeats [s]."""
         known, run = self.memory, getattr(self._module, name)
         if known is None or not self._past or repeat > 1 or not _is_data((args, kwargs)):
             return self._run(run, args, kwargs, repeat)
@@ -67,19 +67,19 @@ class InProcess:
         return copy.deepcopy(result)
 
     def new(self, name: str, *args: Any, **kwargs: Any) -> Local:
-        """Return the same, and the result stays here."""
+        """Call a function or class of the text; the result stays here, behind a handle."""
         return Local(self._run(getattr(self._module, name), args, kwargs))
 
     def method(self, handle: Local, name: str, *args: Any, **kwargs: Any) -> Any:
-        """Return a method of an object made by `new`."""
+        """Call a method of an object made by `new` and return its result."""
         return self._run(getattr(handle.value, name), args, kwargs)
 
     def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        """Return a function of the given module."""
+        """Call a function of the given module and return its result."""
         return self._run(getattr(self._given, name), args, kwargs)
 
     def given_new(self, name: str, *args: Any, **kwargs: Any) -> Local:
-        """Return the same, and the result stays here."""
+        """Call a function or class of the given module; the result stays here."""
         return Local(self._run(getattr(self._given, name), args, kwargs))
 
     def fetch(self, handle: Local) -> Any:
@@ -162,24 +162,24 @@ class StandIn:
     def call(
         self, name: str, *args: Any, repeat: int = 1, seconds: float | None = None, **kwargs: Any
     ) -> Any:
-        """Return a function of the text; no limit on its time holds here."""
+        """Call a function of the text; no limit on its time holds here."""
         return self._answer(self._named("submission", name), args, kwargs, repeat)
 
     def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
-        """Return the same, and the result stays here."""
+        """Call a function or class of the text; the result stays here, behind a handle."""
         return self._create(self._named("submission", name), args, kwargs)
 
     def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
-        """Return a method of an object made by `new`."""
+        """Call a method of an object made by `new` and return its result."""
         value = self._objects[handle._number]
         return self._answer(lambda *a, **k: getattr(value, name)(*a, **k), args, kwargs)
 
     def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        """Return a function of the given module."""
+        """Call a function of the given module and return its result."""
         return self._answer(self._named("given", name), args, kwargs)
 
     def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
-        """Return the same, and the result stays here."""
+        """Call a function or class of the given module; the result stays here."""
         return self._create(self._named("given", name), args, kwargs)
 
     def fetch(self, handle: Handle) -> Any:

@@ -171,7 +171,8 @@ def card(name: str) -> Shown:
 def badges(chapter: int) -> Shown:
     """Return a row with the state of each exercise of a chapter: not attempted, attempted, solved.
 
-    Derivations, labs and designs join it once they were tried.
+    Derivations, labs and designs join it once they were tried. While progress is kept, the answers
+    to the cards of the notebook are kept as well, and their score stands below.
 
     It stands at the top of a chapter, so the chapter counts as opened.
     """
@@ -199,7 +200,36 @@ def badges(chapter: int) -> Shown:
     if not words:
         return Shown(f"Chapter {chapter} has no graded exercises.")
     notes = "".join(f"<p>{_escaped(notice)}</p>" for notice in loaded.notices)
-    return Shown("\n".join([*words, *loaded.notices]), html=f"<div>{''.join(spans)}</div>{notes}")
+    html = f"<div>{''.join(spans)}</div>{notes}"
+    if _progress_file() is None:
+        return Shown("\n".join([*words, *loaded.notices]), html=html)
+    return Badges(chapter, "\n".join([*words, *loaded.notices]), html, loaded.reading(chapter))
+
+
+class Badges(Shown):
+    """The state of the exercises of a chapter, and the score of its cards, kept at every click."""
+
+    def __init__(self, chapter: int, text: str, html: str, reading: progress.Reading) -> None:
+        from drills import answered
+
+        def store(card: str, answer: int) -> progress.Reading:
+            return _noted(chapter, lambda r: answered.note(r, card, answer)).reading(chapter)
+
+        score = answered.score(reading)
+        super().__init__(
+            "\n".join(filter(None, [text, score])), f"{html}<p>{score}</p>" if score else html
+        )
+        self._html, self._reading, self._store = html, reading, store
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+        import ipywidgets
+
+        from drills import answered
+
+        view = ipywidgets.VBox(
+            [ipywidgets.HTML(self._html), answered.Listener(self._reading, self._store)]
+        )
+        return {**view._repr_mimebundle_(), **super()._repr_mimebundle_()}
 
 
 def checkpoint(topic: str, **answers: str) -> Gate:
@@ -306,7 +336,7 @@ class Ticks(Shown):
 
     Attributes:
         boxes: the check boxes by number of the section.
-        left: the label that says what is left.
+        status: the label that says what remains to be read.
     """
 
     def __init__(self, chapter: int, parts: list[Section]) -> None:

@@ -63,7 +63,7 @@ def plane(figure: Figure, x: str, y: str, *, equal: bool = False) -> Any:
 
 
 def bodies(figure: Figure, start: Any, got: Any, right: Any) -> None:
-    """A body in space: its axes at the start, as they came back, and as they should be."""
+    """Draw a body in space: its axes at the start, as they came back, and as they should be."""
     axes = figure.add_subplot(projection="3d")
     styles = ({"color": "0.8", "lw": 1.0, "label": "start"}, YOURS, RIGHT)
     for q, style in zip((start, got, right), styles, strict=True):

@@ -27,7 +27,7 @@ class Record:
         state: one of `STATES`.
         attempts: gradings so far; an untouched starter is none.
         first, last, solved: when it was first and last graded, and first right; ISO 8601, UTC.
-        hints: how many steps of the hint ladder were asked for.
+        hints: how many steps of the hint ladder were requested.
         gave_up: whether the solution was shown before the first pass.
         best: for each cost that a right answer had, the lowest value, and its unit.
     """
@@ -51,12 +51,14 @@ class Reading:
         read: numbers of the sections that the learner has marked as read, in order.
         checkpoint: when its checkpoint was passed first.
         tried: state of what is no exercise, by kind and name: "derivation/deep_queue".
+        cards: the first answer to a card and whether it was right, by name: "contact.gentle_pull".
     """
 
     opened: str = ""
     read: list[int] = field(default_factory=list)
     checkpoint: str = ""
     tried: dict[str, str] = field(default_factory=dict)
+    cards: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def change(path: Path | None, name: str, edit: Callable[[Record], None]) -> Load
 
 
 def change_chapter(path: Path | None, number: int, edit: Callable[[Reading], None]) -> Loaded:
-    """Return the same for the record of a chapter.
+    """Change the record of a chapter in place, and store it, as `change` does for an exercise.
 
     Raises:
         kept.Problem: if the file can't be written; it is then as it was.
@@ -201,6 +203,8 @@ def _reading(entry: Any) -> Reading:
         and isinstance(reading.tried, dict)
         and all(key.isprintable() for key in reading.tried)
         and all(state in (ATTEMPTED, SOLVED) for state in reading.tried.values())
+        and isinstance(reading.cards, dict)
+        and all(name.isprintable() and _is_answer(card) for name, card in reading.cards.items())
     )
     if not sane:
         raise Damaged
@@ -225,6 +229,16 @@ def _record(entry: Any) -> Record:
     if not sane:
         raise Damaged
     return record
+
+
+def _is_answer(entry: Any) -> bool:
+    return (
+        isinstance(entry, dict)
+        and set(entry) == {"answer", "right"}
+        and isinstance(entry["answer"], str)
+        and entry["answer"].isprintable()
+        and isinstance(entry["right"], bool)
+    )
 
 
 def _is_cost(entry: Any) -> bool:

@@ -135,7 +135,7 @@ class Later(click.Command):
     Args:
         name: of the command.
         module: its module, which defines it as `command`.
-        summary: what `drills --help` says of it.
+        summary: its line in `drills --help`.
     """
 
     def __init__(self, name: str, module: str, summary: str) -> None:
@@ -152,7 +152,7 @@ class Commands(click.Group):
     """The group of commands; it turns every way to end into an exit code and a sentence."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return in the order in which they were written, which is the order of their use."""
+        """Return the commands in the order in which they are defined, the order of use."""
         return list(self.commands)
 
     def resolve_command(

@@ -65,6 +65,7 @@ def verify(
         raise ValueError(f"seeds and workers must be at least 1, got {seeds} and {workers}")
     chosen = [catalogue.card(name).name for name in names or catalogue.names()]
     result: list[Finding] = []
+    # Spawned, not forked: a fork would inherit threads and locks of the libraries.
     context = get_context("spawn")
     with ProcessPoolExecutor(
         workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)
@@ -138,8 +139,9 @@ def _examples(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
 
 
 def example_result(card: Card, exercise: Exercise, text: str) -> Any:
-    """Return what the worked answer gives for a public example, an expression as one would type
-    it.
+    """Return the worked answer's result for a public example.
+
+    The example is an expression as a learner would type it.
     """
     module = InProcess(card.solution_text(), exercise.given)
     return module.evaluate(text)
@@ -161,6 +163,7 @@ def _solution(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
         attempt(card, text, filename="solution.py", seed=seed, place=effort.place)
         for seed in range(effort.seeds)
     ]
+    # The seeds ran in this process; one more in a real child shows that it works there.
     if effort.place is not start_child:
         runs.append(attempt(card, text, filename="solution.py", seed=effort.seeds))
     failures = [
@@ -182,7 +185,7 @@ def _solution(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
 
 
 def _headroom(card: Card, limits: Limits, runs: list[Attempt]) -> Finding:
-    """Return the limits, in processor time, against what the quickest run needed."""
+    """Prove that the limits on processor time leave room above what the quickest run needed."""
     # The clock of a process may tick too slowly to see what is quick.
     loading = max(min(run.learner.loading for run in runs), 1e-6)
     longest = max(min(run.learner.longest for run in runs), 1e-6)
@@ -198,7 +201,7 @@ def _headroom(card: Card, limits: Limits, runs: list[Attempt]) -> Finding:
 
 
 def _units(card: Card, one: Attempt) -> Finding:
-    """Return every unit that a check relies on is stated in the prompt."""
+    """Prove that the prompt states every unit that a check relies on."""
     stated = {q.unit for s in card.signatures for q in (*s.arguments, *s.returns)} | {"", "1"}
     prompt = card.prompt()
     used = {check.unit for check in one.report.checks}
@@ -210,7 +213,7 @@ def _units(card: Card, one: Attempt) -> Finding:
 
 
 def _shapes(card: Card, one: Attempt) -> Finding:
-    """Return every argument that the checks sent has the shape that the prompt states."""
+    """Prove that every argument that the checks sent has the shape stated in the prompt."""
     signatures = {signature.name: signature for signature in card.signatures}
     wrong: list[str] = []
     unknown: set[str] = set()
@@ -221,6 +224,7 @@ def _shapes(card: Card, one: Attempt) -> Finding:
         if signature is None:
             unknown.add(step.target)
             continue
+        # Symbols in the shapes (n, m) must mean the same number in all arguments of a call.
         sizes: dict[str, int] = {}
         for quantity, argument in zip(signature.arguments, step.args, strict=False):
             if not shape_matches(quantity, argument, sizes):
@@ -259,6 +263,7 @@ def _slips(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
     for slip in exercise.slips:
         text = slip.text(solution)
         place = start_child if slip.ends else effort.place
+        # Seeds from 1000 on: other cases than those which proved the solution.
         reports = [
             attempt(card, text, seed=1000 + seed, place=place).report
             for seed in range(effort.slip_seeds)

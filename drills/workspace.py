@@ -167,7 +167,7 @@ def chosen_card(target: str, source: str | None) -> Card:
 def top_level_names(source: str) -> set[str]:
     """Return the names that a text binds at its top level.
 
-    As far as it can be told if it isn't Python.
+    For a text that isn't valid Python the names are a guess.
     """
     if len(source) > PARSED:  # the time to parse can grow as the square of the length
         return set(re.findall(r"^(?:def|class)\s+(\w+)", source, re.MULTILINE))

@@ -58,8 +58,7 @@ def circle_contact(
 
 
 def pgs_sweep(impulses: ArrayLike, A: ArrayLike, b: ArrayLike, mu: float) -> np.ndarray:
-    """Return one sweep of projected Gauss-Seidel over contacts with friction, each in its true
-    cone.
+    """Return the impulses after one sweep of projected Gauss-Seidel with friction cones.
 
     Args:
         impulses: of each contact: normal, then two tangents, shape (n, 3) [N s].

@@ -143,8 +143,7 @@ def hybrid_torque(
     wanted: ArrayLike,
     gains: ArrayLike,
 ) -> np.ndarray:
-    """Return joint torques that press along some axes of a surface and follow a place along the
-    others.
+    """Return joint torques that press along some axes of a surface and move along the others.
 
     Args:
         J: Jacobian of the tip, velocity in the world by joint rates, shape (3, n).
@@ -184,7 +183,7 @@ def inertia_from_log(q: ArrayLike, tau: ArrayLike, dt: float) -> float:
     q, tau = np.asarray(q, dtype=float), np.asarray(tau, dtype=float)
 
     def integral(y: np.ndarray) -> np.ndarray:
-        """Return from the first sample on, by the trapezoidal rule."""
+        """Return the integral from the first sample, by the trapezoidal rule."""
         return np.concatenate(([0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))))
 
     pushed = np.concatenate(([0.0], np.cumsum(dt * tau[:-1])))  # a held torque's own integral
@@ -203,8 +202,7 @@ def mppi_step(
     low: ArrayLike,
     high: ArrayLike,
 ) -> tuple[np.ndarray, float]:
-    """Return a plan of commands, moved towards its cheap variations (model predictive path
-    integral).
+    """Return a plan of commands after one step of model predictive path integral control.
 
     Args:
         plan: commands, shape (steps, m).

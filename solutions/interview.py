@@ -122,8 +122,7 @@ def truncated_advantages(
     gamma: float,
     lam: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return generalised advantages of a buffer of episodes, some of which a time limit has cut
-    off.
+    """Return generalised advantages of a buffer of episodes, some cut off by a time limit.
 
     Args:
         reward: of each step, shape (n,).
@@ -155,8 +154,7 @@ def truncated_advantages(
 def catch_the_slip(
     turns: ArrayLike, rates: ArrayLike, moments: ArrayLike, step: float
 ) -> np.ndarray:
-    """Return what is wrong with each of several implementations of a free body, none of which is
-    known.
+    """Return what is wrong with each of several implementations of a free body.
 
     Args:
         turns: attitudes that each gave, body to world, shape (k, n, 3, 3).

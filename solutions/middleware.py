@@ -30,8 +30,7 @@ def compatible(offered: ArrayLike, requested: ArrayLike) -> np.ndarray:
 def keep_last(
     stamps: ArrayLike, arrivals: ArrayLike, reads: ArrayLike, depth: int, lifespan: float
 ) -> tuple[np.ndarray, int]:
-    """Return what a reader takes out of a cache that keeps the last messages, none longer than they
-    live.
+    """Return what a reader takes out of a cache of the last messages with a lifespan.
 
     Args:
         stamps: when each message was written, shape (n,) [s].

@@ -28,8 +28,7 @@ def back_project(
 def rigid_fit(
     source: ArrayLike, target: ArrayLike, weights: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rigid motion that brings points onto their partners best (Kabsch, 1978; Umeyama,
-    1991).
+    """Return the least-squares rigid motion of paired points (Kabsch, 1978; Umeyama, 1991).
 
     Args:
         source, target: partners, shape (3, n) [m].
@@ -52,8 +51,7 @@ def rigid_fit(
 def plane_ransac(
     points: ArrayLike, triples: ArrayLike, tolerance: float, confidence: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the plane near which most points lie (Fischler and Bolles, 1981), fitted once more to
-    them.
+    """Return the plane with most inliers, refitted to them (RANSAC, Fischler and Bolles, 1981).
 
     Args:
         points: shape (3, n) [m].

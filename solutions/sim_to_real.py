@@ -85,8 +85,7 @@ def delay_from_log(sent: ArrayLike, measured: ArrayLike, dt: float, longest: flo
 def output_error(
     q: ArrayLike, tau: ArrayLike, dt: float, start: ArrayLike, guess: ArrayLike
 ) -> np.ndarray:
-    """Return inertia and damping of a joint with the smallest squared error of its simulated
-    angles.
+    """Return inertia and damping of a joint that minimise the squared error of simulated angles.
 
     Args:
         q: measured angle at each sample, (n,) [rad].

@@ -9,19 +9,43 @@ a click unfolds; a formula counts as one word, code and pictures as none.
 import math
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from nbformat import NotebookNode
 
-from drills.chapters import WORDS_A_MINUTE, doing, opened, words
+from drills.chapters import folded_minutes, open_minutes, opened, words
 
 BEFORE_FIRST_PICTURE = 120  # words
-PARAGRAPH = 90  # words
-OPEN_PROSE = 4500  # words in a chapter
-SCREEN = 250  # words without a picture, a question or a control
 COLUMNS = 96  # of printed text
-FIGURES = 12  # printed lines with figures in one output
+PARAGRAPH = 110  # words
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a chapter's page may ask of its reader.
+
+    Attributes:
+        prose: least and largest number of words of open prose.
+        stretch: words without a picture, a question or a control.
+        figures: printed lines with figures in one output.
+        claim_cards: claims shown as cards in the open text; fold-outs are free.
+        true_share: least share of those claims that are true as they stand.
+    """
+
+    prose: tuple[int, int]
+    stretch: int
+    figures: int
+    claim_cards: float
+    true_share: float
+
+
+# Of a chapter in the present form: explain, ask, show. 400 words are about one screen.
+LIMITS = Limits(prose=(5000, 8000), stretch=400, figures=6, claim_cards=12, true_share=1 / 3)
+# Of a chapter that still has the earlier form.
+EARLIER = Limits(prose=(0, 4500), stretch=250, figures=12, claim_cards=math.inf, true_share=1 / 6)
 
 _ASKED = re.compile(r"^\s*(predict|show|card|check|answer|checkpoint|interview)\(", re.M)
+_CLAIM = re.compile(r'^\s*(?:\w+\.)?show\("(\w+)"\)', re.M)
 _MOVED = re.compile(r"^\s*(?:\w+\.)?simulation\(", re.M)
 _IMAGE = re.compile(r"!\[[^\]]*\]\([^)]*\)|<img\b[^>]*>")
 _FENCE = re.compile(r"^```.*?^```", re.S | re.M)
@@ -65,7 +89,7 @@ def stretches(cells: Sequence[NotebookNode]) -> Iterator[tuple[int, str]]:
 def first_screen(cells: Sequence[NotebookNode]) -> int:
     """Return the words before both a simulation and a question are reached.
 
-    All if one is missing.
+    It returns all words if one of the two is missing.
     """
     count, missing = 0, {"question", "simulation"}
     for stretch, kind in stretches(cells):
@@ -84,7 +108,7 @@ def open_words(cells: Sequence[NotebookNode]) -> int:
 def printed(cell: NotebookNode) -> Iterator[str]:
     """Yield the texts that outputs of a cell show as they are.
 
-    Printed, or in an open block of code.
+    They are printed, or in an open block of code.
     """
     for output in cell.get("outputs", []):
         data = output.get("data", {})
@@ -98,7 +122,7 @@ def printed(cell: NotebookNode) -> Iterator[str]:
             yield data["text/plain"]
 
 
-def faults(cells: Sequence[NotebookNode]) -> list[str]:
+def faults(cells: Sequence[NotebookNode], limits: Limits = LIMITS) -> list[str]:
     """Return where the outputs and paragraphs of a notebook are too long, one sentence each."""
     result = []
     for number, cell in enumerate(cells):
@@ -115,9 +139,14 @@ def faults(cells: Sequence[NotebookNode]) -> list[str]:
             if wide > COLUMNS:
                 result.append(f"cell {number}: prints {wide} columns")
             rows = sum(any(c.isdigit() for c in line) for line in lines)
-            if rows > FIGURES:
+            if rows > limits.figures:
                 result.append(f"cell {number}: prints {rows} lines of figures")
     return result
+
+
+def claim_cards(cells: Sequence[NotebookNode]) -> list[str]:
+    """Return the claims that a chapter shows as cards in its open text."""
+    return [id for cell in cells if cell.cell_type == "code" for id in _CLAIM.findall(cell.source)]
 
 
 def undefined(texts: Sequence[str], vocabulary: Sequence[str]) -> list[str]:
@@ -141,6 +170,16 @@ def undefined(texts: Sequence[str], vocabulary: Sequence[str]) -> list[str]:
     return result
 
 
+def unfilled(text: str) -> list[str]:
+    """Return the fields of a text that nobody filled, such as {claim.figure:.2f} or {minutes}.
+
+    Args:
+        text: what a page shows; code and formulas in it may have braces of their own.
+    """
+    prose = re.sub(r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$", " ", text, flags=re.S)
+    return re.findall(r"\{[A-Za-z_][\w. ]*(?::[^{}\s]*)?\}", prose)
+
+
 def reading(cells: Sequence[NotebookNode]) -> dict[str, int]:
     """Return how long a chapter takes, in minutes.
 
@@ -148,12 +187,11 @@ def reading(cells: Sequence[NotebookNode]) -> dict[str, int]:
         cells: of its source.
 
     Returns:
-        "open": to read what is open and to do what is asked on the way; "folded": to read the rest.
+        "open": to read what is open, to answer its cards and to look at its charts; "folded": to
+        read what is collapsed, claims included.
     """
-    whole = sum(words(cell.source) for cell in cells if cell.cell_type == "markdown")
-    code = "\n".join(cell.source for cell in cells if cell.cell_type == "code")
-    in_open = open_words(cells)
+    kinds = {"open": open_minutes, "folded": folded_minutes}
     return {
-        "open": math.ceil(in_open / WORDS_A_MINUTE) + doing(code),
-        "folded": math.ceil((whole - in_open) / WORDS_A_MINUTE),
+        name: math.ceil(round(sum(minutes(cell.cell_type, cell.source) for cell in cells), 6))
+        for name, minutes in kinds.items()
     }

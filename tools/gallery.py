@@ -33,7 +33,7 @@ six curves; the others, named under it, are in its data.
 def caption(name: str) -> str:
     """Return what a chart shows, in a sentence.
 
-    Of its experiment, or the question on the picture.
+    It comes from the chart's experiment, or is the question on the picture.
     """
     sentence = (charts.CHARTS[name][0].__doc__ or "").strip().partition("\n")[0]
     if not sentence:

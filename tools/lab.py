@@ -114,9 +114,9 @@ def main(arguments: list[str]) -> int:
 
 
 def _write_errors_to(log: Path) -> None:
-    """Begin the file, for its owner only as the address stands in it, and send errors there.
+    """Open the log, readable only by its owner as it holds the address, and send errors there.
 
-    What the kernels complain about goes the same way.
+    Complaints of the kernels go to the same file.
     """
     log.parent.mkdir(exist_ok=True)
     log.unlink(missing_ok=True)

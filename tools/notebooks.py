@@ -28,7 +28,7 @@ import course
 import course.contents
 from course.check import one_of
 from drills import cards
-from tools import form
+from tools import form, plumbing
 
 FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
 
@@ -74,7 +74,7 @@ def read_source(source: Path) -> NotebookNode:
     Every cell's id is a hash of its place and its text, so that it only changes with them. A text
     is `filled`; in it `{open minutes}` and `{folded minutes}` become the time to read it, and
     `{exercise minutes}` the sum of its exercises' cards. A chapter ends with links to
-    its neighbours.
+    its neighbours. Code that only fetches, shows or draws is marked as `tools.plumbing` says.
 
     Args:
         source: path of the py:percent file.
@@ -88,6 +88,7 @@ def read_source(source: Path) -> NotebookNode:
     number = source.stem.partition("_")[0]
     if any(source.stem == f"{c.number:02d}_{c.topic}" for c in course.CHAPTERS):
         parsed.cells.append(nbformat.v4.new_markdown_cell(course.contents.neighbours(int(number))))
+    plumbing.mark(parsed.cells)
     for index, cell in enumerate(parsed.cells):
         if cell.cell_type == "markdown":
             cell.source = _MINUTES.sub(lambda match: str(minutes[match[1]]), filled(cell.source))
@@ -139,9 +140,9 @@ def films(text: str) -> dict[str, dict[str, str]]:
 
 
 def smaller(png: str) -> str:
-    """Return a picture in 256 colours of its own.
+    """Return a picture in a palette of 256 colours.
 
-    Which is plenty for a chart and a third of the size.
+    That is plenty for a chart, and a third of the size.
 
     Args:
         png: in base64.
@@ -236,7 +237,7 @@ def build(source: Path) -> Path:
 def check(source: Path) -> list[str]:
     """Return what is wrong with the notebook of `source`.
 
-    Nothing if it was built from it and ran through.
+    Nothing is wrong if it was built from that source and ran through.
 
     The outputs themselves aren't compared here: nbval does that by running the notebook again.
 

@@ -35,5 +35,5 @@ def measured() -> tuple[int, int, int]:
 
 
 if __name__ == "__main__":
-    count, loaded, kept = measured()
-    print(f"{count} packages: {loaded / 1e9:.1f} GB to load, {kept / 1e9:.1f} GB on disk")
+    count, loaded, stored = measured()
+    print(f"{count} packages: {loaded / 1e9:.1f} GB to load, {stored / 1e9:.1f} GB on disk")

@@ -79,7 +79,7 @@ def warm(names: list[str], jobs: int = 1) -> Iterator[Warmed]:
 
 
 def start_in_background(names: list[str]) -> subprocess.Popen[bytes]:
-    """Return a process of its own that warms these topics, or all, at the lowest priority."""
+    """Start a process that warms these topics, or all, at the lowest priority."""
     return subprocess.Popen(
         [sys.executable, "-m", "tools.warm", "--gently", *names],
         cwd=ROOT,
@@ -105,7 +105,7 @@ def main(arguments: list[str] | None = None) -> None:
         os.nice(19)
     known = topics()
     if unknown := sorted(set(given.topics) - set(known)):
-        parser.error(f"topics is {', '.join(unknown)}, allowed is {', '.join(known)}")
+        parser.error(f"topics must be {', '.join(known)}, got {', '.join(unknown)}")
     names = given.topics or known
     jobs = 1 if given.gently else min(len(names), os.cpu_count() or 1)
     for done in warm(names, jobs):

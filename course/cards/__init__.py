@@ -6,8 +6,10 @@
     figures(read("chatter"), "MuJoCo Euler")   # the rows that matter; the rest is folded
 
 A card is HTML and Markdown without a script: a click on an option unfolds whether it is right and
-why, also in a saved notebook without a kernel. Questions and vocabulary of a chapter stand in
-`TOPIC.toml` beside this file, so that a cell doesn't give the answer away:
+why, also in a saved notebook without a kernel. `course.cards.markup` documents its elements, ids
+and attributes, by which the site and a running notebook remember what was answered. Questions and
+vocabulary of a chapter stand in `TOPIC.toml` beside this file, so that a cell doesn't give the
+answer away:
 
     vocabulary = ["inertia tensor", ...]    # each in bold where the chapter defines it
     checkpoint = ["verlet_frequency", ...]  # claims whose formulas are not on the chapter's page
@@ -27,16 +29,17 @@ from typing import Any
 
 from course import CHAPTERS
 from course.cards.formula import tex
-from course.cards.markup import Shown, choice, figures, folded
+from course.cards.markup import Answer, Shown, card, figures, folded
 from course.check import invalid
 from course.interview import LEVELS, filled, questions, typed_numbers
 
 __all__ = [
+    "Answer",
     "Option",
     "Prediction",
     "Shown",
+    "card",
     "checkpoint",
-    "choice",
     "figures",
     "folded",
     "gate",
@@ -143,20 +146,35 @@ def predict(name: str) -> Shown:
     """
     from course.derivations.records import figure
 
-    known: dict[str, Prediction] = {}
-    for chapter in CHAPTERS:
-        if (FOLDER / f"{chapter.topic}.toml").is_file():
-            known |= predictions(chapter.topic)
-    if name not in known:
-        raise invalid("name", name, ", ".join(known))
-    requested = known[name]
-    options = [
-        (filled(o.label, figure), f"**{'Right.' if o.right else 'No.'}** {filled(o.why, figure)}")
+    topic, requested = _prediction(name)
+    answers = [
+        Answer(
+            filled(o.label, figure),
+            o.right,
+            f"**{'Right.' if o.right else 'No.'}** {filled(o.why, figure)}",
+        )
         for o in requested.options
     ]
-    plain = "\n".join([f"Predict: {name}", *(f"  {label}" for label, _ in options)])
+    plain = "\n".join([f"Predict: {name}", *(f"  {answer.label}" for answer in answers)])
     question = f"{filled(requested.ask, figure)} *Click your answer.*"
-    return Shown(plain, choice("Predict.", question, options))
+    at = f"card-{name}"
+    return Shown(plain, card(f"{topic}.{name}", "Predict.", question, answers, at=at))
+
+
+def _prediction(name: str) -> tuple[str, Prediction]:
+    """Return a question and the topic in whose file it is.
+
+    Raises:
+        ValueError: for an unknown name.
+    """
+    known: list[str] = []
+    for chapter in CHAPTERS:
+        if (FOLDER / f"{chapter.topic}.toml").is_file():
+            mine = predictions(chapter.topic)
+            if name in mine:
+                return chapter.topic, mine[name]
+            known += mine
+    raise invalid("name", name, f"one of {', '.join(known)}")
 
 
 def interview(topic: str) -> Shown:
@@ -193,15 +211,15 @@ def checkpoint(topic: str, **answers: str) -> Gate:
     desired = gate(topic)
     for name in answers:
         if name not in desired:
-            raise invalid("answers", name, ", ".join(desired))
+            raise invalid("answers", name, f"one of {', '.join(desired)}")
     lines, plain, right = [], [], 0
     for name in desired:
         text = answers.get(name, "").strip()
         result = answer(name, text) if text else None
         right += bool(result)
-        state = result._repr_markdown_() if result else "Open."
+        state = result.verdict() if result is not None else "Open."
         lines.append(f"1. {tex(formula(name).prompt())} (`{name}`)  \n   {state}")
-        plain.append(f"{name}: {result if result else 'open'}")
+        plain.append(f"{name}: {'open' if result is None else result}")
     is_open = right == len(desired)
     verdict = f"{right} of {len(desired)} right: gate {'cleared' if is_open else 'closed'}"
     text = "\n".join([*plain, verdict])

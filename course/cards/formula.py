@@ -150,10 +150,7 @@ def _set(run: list[Token]) -> str:
 
 
 def _crosses(run: list[Token], position: int) -> bool:
-    """Return whether an x is the sign of a cross product.
-
-    Of two symbols alone, or before a bracket.
-    """
+    """Return whether an x between two symbols or before a bracket is a cross product."""
     after = [kind for kind, _ in run[position + 1 : position + 3]]
     alone = len(run) == 5 and all(kind in ("greek", "symbol") for kind, _ in run[::2])
     return bool(position) and after[:1] == ["space"] and (alone or after == ["space", "open"])

@@ -1,13 +1,28 @@
-"""The form of a card: HTML and Markdown without a script, and plain text elsewhere."""
+"""The form of a card: HTML and Markdown without a script, and plain text elsewhere.
+
+The site and the notebook recognise a card and what was clicked by these classes and attributes:
+
+    <div class="card" id="claim-NAME" data-card="TOPIC.NAME">     a question has the id card-NAME
+      <details class="answer" data-answer="True" data-right="no">   one for each answer
+      <details class="why">                                         the explanation, once
+
+A compact card, as in "More claims about this", has only the explanation, so it is not scored.
+`<details class="more-claims">` holds the compact cards of a fold-out. JupyterLab removes `data-`
+attributes from Markdown; there, the id names the card and the place of an answer among the answers
+names the answer.
+"""
 
 from __future__ import annotations
 
+import html
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from course.cards.formula import tex
 from course.check import invalid
 
-__all__ = ["WIDTH", "Shown", "choice", "figures", "folded", "tex"]
+__all__ = ["WIDTH", "Answer", "Shown", "card", "figures", "folded", "tex"]
 
 WIDTH = 96  # columns of printed text
 _STYLE = "border-left:4px solid #3f51b5;padding:4px 0 4px 14px;margin:6px 0"
@@ -31,18 +46,51 @@ def folded(summary: str, body: str) -> str:
     return f"<details><summary>{summary}</summary>\n\n{body}\n\n</details>"
 
 
-def choice(head: str, question: str, options: Sequence[tuple[str, str]], more: str = "") -> str:
-    """Return Markdown of a question whose options unfold.
+@dataclass(frozen=True)
+class Answer:
+    """One answer that a card offers.
+
+    Attributes:
+        label: what the reader clicks on, without < and >.
+        right: whether it is the right one.
+        body: Markdown that the click unfolds.
+    """
+
+    label: str
+    right: bool
+    body: str
+
+
+def _plain(label: str) -> str:
+    """Return a label without the marks of a formula or of emphasis, for an attribute."""
+    return re.sub(r"[$*`]", "", label)
+
+
+def card(
+    name: str, head: str, question: str, answers: Sequence[Answer] = (), why: str = "", at: str = ""
+) -> str:
+    """Return Markdown of a card: a statement or a question, its answers, and the explanation once.
 
     Args:
-        head: what kind of card it is.
+        name: of the card in the course, "chapter.name".
+        head: what kind of card it is; "" for none.
         question: Markdown.
-        options: what one can click on, and what it then says.
-        more: Markdown below.
+        answers: what one can click on; none for a compact card.
+        why: Markdown of the explanation, folded below the answers.
+        at: id of the card's element, which can be linked to.
     """
-    parts = [f'<div style="{_STYLE}">', f"**{head}** {question}"]
-    parts += [folded(label, body) for label, body in options]
-    return "\n\n".join([*parts, *(["<br>", more] if more else []), "</div>"])
+    lead = f"**{head}** {question}" if head else question
+    parts = [f'<div class="card" id="{at}" data-card="{name}" style="{_STYLE}">', lead]
+    for answer in answers:
+        parts.append(
+            f'<details class="answer" data-answer="{html.escape(_plain(answer.label))}" '
+            f'data-right="{"yes" if answer.right else "no"}"><summary>{answer.label}</summary>'
+            f"\n\n{answer.body}\n\n</details>"
+        )
+    if why:
+        summary = "Explanation" if answers else "True or false?"
+        parts.append(f'<details class="why"><summary>{summary}</summary>\n\n{why}\n\n</details>')
+    return "\n\n".join([*parts, "</div>"])
 
 
 def figures(text: str, *rows: str, cut: str = "", summary: str = "All figures") -> Shown:

@@ -20,7 +20,7 @@ CAMERA = 1.0 / 30.0
 def lattice(count: int, dimensions: int) -> Array:
     """Return points spread evenly in the unit cube, (count, dimensions).
 
-    Multiples of roots, mod 1.
+    They are multiples of roots, modulo 1.
     """
     root = 1.0
     for _ in range(40):  # root^(dimensions + 1) = root + 1 (Roberts, 2018)

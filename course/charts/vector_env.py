@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from course.charts import chart
 from course.kinematics.two_link import TwoLink
 from course.learning import Settings, clone, dagger, evaluate, ppo, roll
 from course.measure.figure import Panel, Series
-from course.measure.timing import Timing, calls, interleaved
+from course.measure.timing import Ratio, Timing, calls, interleaved, pairwise_ratios
 from course.measure.work_precision import machine
 from course.oracles.gymnasium import async_vector_env, sync_vector_env
 from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
@@ -38,7 +38,7 @@ class Contender:
     Attributes:
         make: N -> vector environment.
         key: row of `course.measure.figure.KEYS`.
-        most: the largest N it is asked for.
+        max_envs: the largest N that is measured.
         style: line style.
         extra: not among the six curves that are shown.
     """
@@ -86,7 +86,7 @@ def measure_rates(
     sample: float = 0.01,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Rates:
-    """Return the time of a step, all contenders interleaved, with the same actions.
+    """Time a step of every contender, all interleaved and with the same actions.
 
     Args:
         contenders: what to run.
@@ -108,18 +108,6 @@ def measure_rates(
             rates[name][n] = result
             envs.close()
     return rates
-
-
-class Ratio(NamedTuple):
-    """Median and quartiles of a ratio over pairs of samples that were taken one after the other."""
-
-    median: float
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        median, low, high = (f"{float(f'{x:.2g}'):g}" for x in self)
-        return f"{median} times (quartiles {low} to {high})"
 
 
 def paired_ratio(
@@ -149,14 +137,10 @@ def paired_ratio(
     for envs in both:
         envs.reset(seed=0)
     samplers = [calls(envs.step, actions, clock=clock) for envs in both]
-    ratios = []
-    for k in range(pairs):
-        first, second = interleaved(samplers, repeats=1, sample=sample, patience=3.0, warm=k > 0)
-        ratios.append(first.median / second.median)
+    (ratio,) = pairwise_ratios(samplers[::-1], pairs=pairs, sample=sample)
     for envs in both:
         envs.close()
-    low, median, high = np.percentile(ratios, (25.0, 50.0, 75.0))
-    return Ratio(float(median), float(low), float(high))
+    return ratio
 
 
 # --- accuracy beside speed ------------------------------------------------------------------------
@@ -267,7 +251,7 @@ def predicted_by_size(data: Mapping[str, ArrayLike], n: int, workers: int) -> Ar
 def crossing(cost: ArrayLike, loop: ArrayLike, processes: ArrayLike) -> float | None:
     """Return where the ratio of two curves passes 1, interpolated in logarithms.
 
-    None if it never does.
+    It returns None if the ratio never does.
     """
     c = np.log(np.array(cost, dtype=float))
     gap = np.log(np.array(processes, dtype=float) / np.array(loop, dtype=float))
@@ -413,8 +397,9 @@ BY_HAND = np.array([[[0, -7.5, 0, -6.0, -0.5, 0], [0, 0, 0, -12.0, 0, -0.3]]])
 
 @chart
 def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Panel]:
-    """Chart what `course.vector_env.training` learns, over several seeds, beside a law written by
-    hand.
+    """Chart what `course.vector_env.training` learns, next to a law written by hand.
+
+    The training is repeated over several seeds.
 
     Args:
         seeds: runs.
@@ -459,7 +444,7 @@ class Arm:
         return task.start(np.arange(number), [rng] * number)
 
     def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """Return observations a control step later, also of an arm that is there already."""
+        """Return the observations a control step later, also of arms that have arrived."""
         task = ReachTask(table(TwoLink(), len(states)), MAX_STEPS)
         c1, s1, c2, s2, *rates, dx, dy = states.T
         task.q[:], task.v[:] = (np.arctan2(s1, c1), np.arctan2(s2, c2)), rates

@@ -10,6 +10,21 @@ and says whether it solved it, `residuals` judges the impulses of any model or e
 
 A pose is (x, y, z, qw, qx, qy, qz) in space and (x, y, angle) in the plane; components along
 axis 0, a batch last.
+
+The chapter's algorithms, and the functions of their steps:
+
+- Sweep and prune (Baraff, 1992): `broad._sort` keeps the order, `broad._sweep` reports pairs.
+- GJK (Gilbert, Johnson and Keerthi, 1988): `narrow._gjk`, with `_support` and `_nearest`, which
+  reduces the simplex.
+- EPA (van den Bergen, 2001): `narrow._grow` makes the first tetrahedron, `narrow._epa` expands the
+  polytope: closest face, support, horizon, fan of faces.
+- Clipped face manifolds (Sutherland and Hodgman, 1974): `features._box_contacts`, with `_facing`
+  for the reference face and `_clip`.
+- Projected Gauss-Seidel (Moreau, 1999; Jean, 1999): `models.pgs_sweep` visits the contacts,
+  `project` is the cone, `sweep_until` the loop.
+- Semismooth Newton on the natural map (Alart and Curnier, 1991): `models.natural_map`, and the line
+  search in `_round_cone`.
+- Conservative advancement (Mirtich, 1996): `sweep.time_of_impact`.
 """
 
 from course.contact.broad import SweepAndPrune, brute_force, overlapping_pairs, uniform_grid

@@ -72,9 +72,10 @@ def _all_pairs(boxes, pairs):
 
 
 def _sort(keys, order):
-    """Return insertion sort of `order` by its keys.
+    """Sort `order` by its keys with insertion sort.
 
-    Which costs one swap for each pair out of order.
+    It costs one swap for each pair out of order, so almost nothing while boxes move little between
+    steps.
     """
     swaps = 0
     for k in range(1, order.size):
@@ -94,6 +95,7 @@ def _sweep(boxes, axis, order, pairs):
     result, tests = 0, 0
     for k in range(order.size):
         i = order[k]
+        # Prune: only boxes whose interval begins before this one's ends can overlap it.
         end = boxes[1, axis, i]
         for other in range(k + 1, order.size):
             j = order[other]
@@ -117,7 +119,9 @@ def _cells(boxes, first, shape, cell, keys, members):
             low[axis] = int((boxes[0, axis, i] - first[axis]) / cell)
             span[axis] = int((boxes[1, axis, i] - first[axis]) / cell) - low[axis] + 1
             count *= span[axis]
+        # A box that no longer fits is counted but not written: the caller then makes more room.
         for k in range(count if filled + count <= keys.size else 0):
+            # Mixed-radix digits of k enumerate the cells of the box.
             rest = k
             key = 0
             for axis in range(dim):
@@ -140,6 +144,8 @@ def _grid(boxes, first, shape, cell, keys, members, pairs):
             j = members[q]
             tests += 1
             if aabb_overlap(boxes, i, j):
+                # Large boxes share several cells. A pair is reported only in the cell that holds
+                # the lower corner of its overlap, so no set of known pairs is needed.
                 key = 0
                 for axis in range(boxes.shape[1]):
                     begin = max(boxes[0, axis, i], boxes[0, axis, j])
@@ -244,6 +250,7 @@ def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, in
         ValueError: as for `brute_force`, for an infinite box, or a cell so small that the boxes
             fill more than 10^8 or the grid has more than 2^62.
     """
+    # Twice the mean extent: a typical box then lies in few cells, and a cell holds few boxes.
     given = _boxes(boxes)
     if not np.isfinite(given).all():
         raise invalid("boxes", given, "finite for a grid")
@@ -253,6 +260,7 @@ def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, in
     edge = 2.0 * float((given[1] - given[0]).mean()) if cell is None else positive("cell", cell)
     first, extent = given[0].min(axis=1), float((given[1].max(axis=1) - given[0].min(axis=1)).max())
     edge = max(edge, 1e-9 * extent) or 1.0 if cell is None else edge
+    # Without a given edge, double it until the boxes fill few cells and cell numbers fit 64 bits.
     while True:
         ends = np.floor((given - first[:, None]) / edge)
         filled = (ends[1] - ends[0] + 1.0).prod(axis=0).sum()

@@ -60,11 +60,14 @@ def separating_axes(
     apart = qb[:3] - qa[:3]
     across = edges if a.dim == 3 else [*edges, np.zeros_like(apart) + [[0.0], [0.0], [1.0]]]
     best, axis = np.full(qa.shape[1], -np.inf), np.zeros_like(apart)
+    # Candidate axes: the face normals are products of edges of the same box, the rest are products
+    # of an edge of each (Gottschalk, Lin and Manocha, 1996).
     for i, first in enumerate(across):
         for second in across[i + 1 :]:
             n = np.cross(first, second, axis=0)
             length = np.linalg.norm(n, axis=0)
             sizes = np.linalg.norm(first, axis=0) * np.linalg.norm(second, axis=0)
+            # Parallel edges have no axis; a length of rounding size would be normalised noise.
             real = length > 1e-12 * sizes
             n = np.where(real, n / np.where(real, length, 1.0), 0.0)
             along = np.sum(n * apart, axis=0)
@@ -91,8 +94,7 @@ def _segments(shape: Shape, q: Array) -> tuple[Array, Array]:
 
 
 def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Array:
-    """Return the signed distance of two boxes, capsules or spheres by trying every pair of
-    features.
+    """Return the signed distance of two boxes, capsules or spheres from all pairs of features.
 
     Apart, the nearest points are a corner and a shape, or two edges; in each other the separating
     axes give the depth. It takes 144 pairs of edges for two boxes, and no search.
@@ -106,6 +108,7 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
     inside, _ = separating_axes(a, pose_a, b, pose_b)
     qa, qb, _ = paired(a, pose_a, b, pose_b)
     nearest = np.full(qa.shape[1], np.inf)
+    # Vertex against face: clamp each corner of one box to the other.
     for one, q, other, p in ((a, qa, b, qb), (b, qb, a, qa)):
         offset = corners_in_space(one, q) - p[:3, None]
         local = np.einsum("jin,jkn->ikn", to_matrix(p[3:]), offset)
@@ -132,9 +135,9 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
 
 @register_jitable
 def _clip(polygon, n, c, sign, limit, other):
-    """Return the part of a polygon with sign * coordinate c up to a limit.
+    """Clip a polygon to sign * coordinate c <= limit and return how many corners remain.
 
-    How many corners it has.
+    (Sutherland and Hodgman, 1974.)
     """
     retained = 0
     near = 1e-10 * limit  # a corner on the line is cut once, and not a second time beside it
@@ -174,7 +177,8 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
     Args:
         halves: of a and of b, shape (2, 3) [m].
         near: rows of `measure` for each pair, shape (12, N).
-        qa, qb: poses, shape (7, N).
+        qa: poses of a, shape (7, N).
+        qb: poses of b, shape (7, N).
         numbers: radius of a, of b, margin [m], dimensions.
         out: which pair, point, normal, distance, shape (8, 8 N).
 
@@ -190,6 +194,7 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
         m = near[1, i], near[2, i], near[3, i]
         rotation((qa[3, i], qa[4, i], qa[5, i], qa[6, i]), axes[0], 0)
         rotation((qb[3, i], qb[4, i], qb[5, i], qb[6, i]), axes[1], 0)
+        # Choose the reference face: the one that the contact normal fits best.
         (f, of_a), (g, of_b) = _facing(axes[0], m), _facing(axes[1], m)
         if max(abs(of_a), abs(of_b)) >= _FACE:
             # The face that the normal belongs to, a's where both do, and the other's that meets it.
@@ -199,9 +204,12 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
             R, S = axes[r], axes[1 - r]
             up = math.copysign(1.0, of_a)
             normal = (up * R[f], up * R[3 + f], up * R[6 + f])
+            # The incident face: the one of the other box that faces the reference face most
+            # squarely.
             g, of_b = _facing(S, normal)
             u, v, top = (f + 1) % 3, (f + 2) % 3, halves[r, f]
             side = 1.0 - 2.0 * r
+            # Write the incident face's corners into the frame of the reference face.
             for corner in range(4):
                 x, y, z = qb[0, i] - qa[0, i], qb[1, i] - qa[1, i], qb[2, i] - qa[2, i]
                 x, y, z = side * x, side * y, side * z
@@ -216,9 +224,11 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
                 polygon[corner, 0], polygon[corner, 1] = local[u], local[v]
                 polygon[corner, 2] = up * local[f] - top
             count = 4
+            # Clip the incident face at the four side planes of the reference face.
             for edge in range(4):
                 limit = halves[r, u if edge < 2 else v]
                 count = _clip(polygon, count, edge // 2, 1.0 - 2.0 * (edge % 2), limit, other)
+            # Keep what is within the margin of the reference face; its height is the distance.
             for j in range(count):
                 s, t = polygon[j, 0], polygon[j, 1]
                 far = polygon[j, 2] - numbers[0] - numbers[1]
@@ -237,6 +247,7 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
                     out[1 + c, result] = place + (qb[c, i] if r == 1 else qa[c, i])
                     out[4 + c, result] = side * normal[c]
                 result += 1
+        # Nothing remained, or edges cross: the pair of nearest points is the only contact.
         if result == first:
             out[0, result], out[7, result] = i, near[0, i]
             for c in range(3):
@@ -335,6 +346,7 @@ def contacts(shapes: Sequence[Shape], pose: ArrayLike, margin: float = 0.0) -> C
     boxes += np.array([-near / 2.0, near / 2.0])[:, None, None]
     i, j = overlapping_pairs(boxes[:, :dim])
     rows, groups = [np.empty((9, 0))], of[i] * len(kinds) + of[j]
+    # Pairs of the same two shapes are handled in one batch.
     for group in np.unique(groups):
         these = np.flatnonzero(groups == group)
         a, b = shapes[i[these[0]]], shapes[j[these[0]]]

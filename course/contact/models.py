@@ -46,14 +46,22 @@ LAWS = ("coulomb", "convex")
 
 @register_jitable
 def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
-    """Force of one contact, written into `force` (d,), from its depth [m] and velocity u (d,).
+    """Write the force of one contact into `force` (d,), from depth [m] and velocity u (d,).
 
     Normal: stiffness times depth less damping times the speed apart. A damper alone would hold back
     what leaves (the pull-back artefact); it is clipped unless `pull`. Friction grows with the slip
     up to the speed `slip`, and is Coulomb's beyond.
 
     Args:
-        friction: coefficients (d - 1,).
+        depth: penetration, positive while the bodies overlap [m].
+        u: velocity of the contact, first along the normal, positive apart, then the tangents, shape
+            (d,) [m/s].
+        stiffness: of the spring [N/m].
+        damping: of the damper [N s/m].
+        friction: coefficients, one for each tangent, shape (d - 1,).
+        slip: sliding speed at which friction reaches Coulomb's limit [m/s].
+        pull: allow a negative normal force while the bodies part.
+        force: output, shape (d,) [N].
     """
     force[:] = 0.0
     if depth <= 0.0:
@@ -64,10 +72,22 @@ def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
     speed = 0.0
     for j in range(1, u.size):
         speed += (friction[j - 1] * u[j]) ** 2
+    # Regularised friction: below the slip speed it grows linearly. The last bound keeps 0 / 0 away.
     if u.size > 1:
         speed = max(math.sqrt(speed), slip * friction[0], 1e-300)
     for j in range(1, u.size):
         force[j] = -max(force[0], 0.0) * friction[j - 1] ** 2 * u[j] / speed
+
+
+@register_jitable
+def penalty_step_limit(zeta):
+    """Return the largest stable omega dt of a spring and damper with the damping ratio zeta.
+
+    The step is semi-implicit, with the damper taken from the old velocity; omega is the natural
+    frequency. The step's matrix has the determinant 1 - 2 zeta omega dt and the trace
+    2 - 2 zeta omega dt - (omega dt)^2; an eigenvalue reaches -1 where trace + determinant = -1.
+    """
+    return 2.0 * (math.sqrt(1.0 + zeta**2) - zeta)
 
 
 def penalty(
@@ -84,9 +104,10 @@ def penalty(
     friction that holds creeps.
 
     Args:
+        problem: the contacts before the step.
         stiffness: [N/m].
         damping: [N s/m].
-        slip: speed from which friction is full [m/s].
+        slip: sliding speed at which friction reaches Coulomb's limit [m/s].
         pull: keep the damper's pull while the bodies part.
     """
     positive("stiffness", stiffness, unit="N/m")
@@ -115,6 +136,8 @@ def project(g):
     if t <= -g[0]:  # in the polar cone: the apex is nearest
         g[:] = 0.0
         return
+    # Between cone and polar cone the nearest point is on the cone's side, 45 degrees in scaled
+    # rows.
     side = 0.5 * (g[0] + t)
     for j in range(1, g.size):
         g[j] *= side / t
@@ -128,7 +151,7 @@ def pgs_sweep(A, g, w, d, associated):
     Args:
         A: of the scaled rows, shape (n d, n d); compliance, if there is some, on its diagonal.
         g: impulses in scaled rows, (n d,), changed in place.
-        w: A g + b, with b the velocity without contact; kept up to date.
+        w: A g + b, with b the velocity without contact; updated in place.
         d: rows of a contact.
         associated: whether the contact is one block, projected on its cone (the convex law).
             Otherwise the normal comes first and friction is cut back to it (Coulomb's law).
@@ -145,20 +168,26 @@ def pgs_sweep(A, g, w, d, associated):
             whole = max(whole, row)
             if j > 0:
                 side = max(side, row - abs(A[i + j, i]))
+        # Convex law: normal and friction rows take one gradient step together, then are projected.
         if associated:
             for j in range(d):
                 new[j] = g[i + j] - w[i + j] / whole
             project(new)
         else:
+            # Coulomb's law: first the normal impulse (Signorini), then friction with the new bound.
             new[0] = max(0.0, g[i] - w[i] / A[i, i])
             moved, length = new[0] - g[i], 0.0
             for j in range(1, d):
+                # The change of the normal impulse has already moved the slip: Gauss-Seidel uses it
+                # at once.
                 slide = w[i + j] + A[i + j, i] * moved
                 new[j] = g[i + j] - (slide / side if side > 0.0 else 0.0)
                 length += new[j] ** 2
+            # Project the friction on the disc |g_t| <= g_n.
             if length > new[0] ** 2:
                 for j in range(1, d):
                     new[j] *= new[0] / math.sqrt(length)
+        # Update all velocities for the change, so that the next contact sees it.
         for j in range(d):
             change = new[j] - g[i + j]
             if change != 0.0:
@@ -193,7 +222,11 @@ def gauss_seidel(
     """Sweep over scaled contacts until no correction is above the tolerance [m/s].
 
     Args:
-        A, b, g, d, associated: as for `pgs_sweep`; g is changed in place.
+        A: scaled response of the contacts, as for `pgs_sweep`.
+        b: scaled free velocity, as for `pgs_sweep`.
+        g: scaled impulses; changed in place.
+        d: rows of a contact.
+        associated: as for `pgs_sweep`.
         sweeps: at most.
         tolerance: [m/s].
 
@@ -247,6 +280,7 @@ def pgs(
     """Return projected Gauss-Seidel: contact after contact, each as if the others were right.
 
     Args:
+        problem: the contacts and their response.
         sweeps: at most.
         tolerance: of the residual [m/s].
         start: impulses (n, d) to start from, such as those of the last step.
@@ -304,22 +338,27 @@ def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, b
     # which ties are broken (lexicographically), so that it cannot cycle.
     table = np.hstack((np.eye(n), -M, -np.ones((n, 1)), q[:, None], np.eye(n)))
     basis = np.arange(n)
+    # The artificial variable enters at the row that is most infeasible, which makes all feasible.
     entering, row = 2 * n, int(np.argmin(q))
     small = 1e-12 * max(1.0, float(np.max(np.abs(M))))
     taken, leaving = 0, -1
     while taken < pivots:
         taken += 1
         leaving = int(basis[row])
+        # Pivot: solve the row for the entering variable and eliminate it from the others.
         table[row] /= table[row, entering]
         others = np.arange(n) != row
         table[others] -= np.outer(table[others, entering], table[row])
         basis[row] = entering
         if leaving == 2 * n:
             break
+        # Complementarity: the partner of the variable that has left enters next.
         entering = leaving + n if leaving < n else leaving - n
         can = np.flatnonzero(table[:, entering] > small)
+        # No ratio bounds the entering variable: a secondary ray, Lemke's method fails.
         if not can.size:
             break
+        # Ratio test, with lexicographic ties.
         ratios = table[can, 2 * n + 1 :] / table[can, entering][:, None]
         least = ratios[:, 0] <= np.min(ratios[:, 0]) + 1e-14 * np.max(np.abs(q))
         tied = can[least]
@@ -335,12 +374,14 @@ def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, b
 def lcp(
     problem: Problem, *, edges: int = 4, around: bool = False, tolerance: float = 1e-9
 ) -> Solution:
-    """Return Coulomb's law with a pyramid, exactly (Stewart and Trinkle 1996; Anitescu and Potra
-    1997).
+    """Solve Coulomb's law with a friction pyramid exactly, by Lemke's method.
+
+    The formulation is that of Stewart and Trinkle (1996) and of Anitescu and Potra (1997).
 
     Unknowns: normal impulse, share on each edge, and the slip that the edges have in common.
 
     Args:
+        problem: the contacts and their response.
         edges: of the pyramid where there are two tangents, an even number from 4 on; else each
             friction row has two.
         around: whether the pyramid stands around the cone instead of in it; with four edges
@@ -348,7 +389,7 @@ def lcp(
         tolerance: of the residual [m/s].
     """
     if count("edges", edges, 4) % 2:
-        raise invalid("edges", edges, "an even number from 4 on")
+        raise invalid("edges", edges, "an even number of at least 4")
     n, d, _ = problem.jacobian.shape
     faces = _edges(d, edges, around) if d > 1 else np.zeros((0, 0))
     m = len(faces)
@@ -374,11 +415,17 @@ def lcp(
 
 
 def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple[Array, Array]:
-    """Return r (g - P(g - w / r)) for all contacts, (n d,) [m/s], and its derivative by g, (n d, n
-    d).
+    """Return the residual r (g - P(g - w / r)) of all contacts and its derivative by g.
+
+    The residual has shape (n d,) [m/s], its derivative (n d, n d). It is 0 exactly at a solution.
 
     Args:
-        A, b, g, d, associated: as for `pgs_sweep`; Coulomb's law takes w_n + |w_t| for w_n.
+        A: scaled response, as for `pgs_sweep`.
+        b: scaled free velocity, as for `pgs_sweep`.
+        g: scaled impulses, (n d,).
+        d: rows of a contact.
+        associated: true for the convex law; Coulomb's law replaces the normal velocity w_n by w_n +
+            |w_t| (De Saxce's correction).
     """
     w = A @ g + b
     value, slope = np.empty_like(g), np.empty_like(A)
@@ -387,10 +434,12 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
         change = A[here].copy()
         raised = w[here].copy()
         if not associated and d > 1:
+            # De Saxce's correction turns Coulomb's law into a complementarity over cones.
             slip = math.sqrt(w[i + 1 : i + d] @ w[i + 1 : i + d])
             raised[0] += slip
             if slip > 0.0:
                 change[0] += w[i + 1 : i + d] / slip @ A[i + 1 : i + d]
+        # Any r > 0 has the same zeros; the trace of the block puts both terms on one scale.
         r = float(np.trace(A[here, here]))
         y = g[here] - raised / r
         t = math.sqrt(y[1:] @ y[1:])
@@ -412,9 +461,7 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
 
 
 def defect(problem: Problem, impulses: ArrayLike, law: str = "coulomb") -> float:
-    """Return by how much impulses (n, d) miss one of the `LAWS` of the round cone [m/s].
-
-    0 if solved.
+    """Return the violation of one of the `LAWS` by impulses (n, d) [m/s], 0 if they solve it.
 
     r |g - P(g - w / r)|, the largest over the contacts, r the trace of the contact's block of A, P
     the projection on the cone (the natural map; Facchinei and Pang 2003, sec. 1.5). Coulomb's law
@@ -448,6 +495,7 @@ def _round_cone(
     g = in_scaled_rows(problem, start)
     taken, best, best_g = 0, math.inf, g
     for attempt in range(rounds):
+        # Semismooth Newton with a backtracking line search on the norm of the residual.
         value, slope = natural_map(A, b, g, d, associated)
         for _ in range(30):
             size = float(np.max(np.abs(value)))
@@ -456,11 +504,13 @@ def _round_cone(
             if size <= 0.01 * tolerance:
                 break
             taken += 1
+            # Least squares: at a kink, or with redundant contacts, the slope may be singular.
             step = np.linalg.lstsq(slope, -value, rcond=1e-13)[0]
             share, fell = 1.0, False
             while share > 1e-3 and not fell:
                 near = g + share * step
                 value_near, slope_near = natural_map(A, b, near, d, associated)
+                # Armijo's condition with a tenth of the predicted decrease.
                 goal = (1.0 - 0.1 * share) * np.linalg.norm(value)
                 fell = bool(np.linalg.norm(value_near) < goal)
                 share *= 0.5
@@ -469,6 +519,7 @@ def _round_cone(
             g, value, slope = near, value_near, slope_near
         if best <= tolerance:
             break
+        # Newton is stuck: sweeps move it to another piece, twice as many each time.
         g = best_g.copy()
         sweeps = 20 * 2**attempt
         taken += gauss_seidel(A, b, g, d, associated=associated, sweeps=sweeps, tolerance=1e-15)
@@ -481,6 +532,7 @@ def convex(
     """Return the associated law: the least change of the velocity that keeps it in the dual cones.
 
     Args:
+        problem: the contacts and their response.
         rounds: of sweeps and Newton steps, at most.
         tolerance: of the residual [m/s], and of the duality gap by the sum of normal impulses.
         start: impulses (n, d) to start from.
@@ -501,12 +553,14 @@ def convex(
 def coulomb(
     problem: Problem, *, rounds: int = 8, tolerance: float = 1e-9, start: ArrayLike | None = None
 ) -> Solution:
-    """Return Coulomb's law on the true cone (Alart and Curnier 1991, with De Saxce's one
-    projection).
+    """Solve Coulomb's law on the true cone with a semismooth Newton method.
+
+    The formulation is that of Alart and Curnier (1991), with De Saxce's single projection.
 
     Where the law has no solution there is none to find, and it says so.
 
     Args:
+        problem: the contacts and their response.
         rounds: of sweeps and Newton steps, at most.
         tolerance: of the residual [m/s].
         start: impulses (n, d) to start from.
@@ -515,9 +569,9 @@ def coulomb(
 
 
 def duality_gap(problem: Problem, impulses: ArrayLike) -> tuple[float, float]:
-    """Return cost of the convex problem less the bound that its dual gives.
+    """Return the duality gap of the convex problem, for impulses in their cones.
 
-    For impulses in their cones.
+    It is the primal cost minus the bound that the dual gives.
 
     Returns:
         The gap f w [J], and by how much w is outside its cone [m/s]: only within it a bound.

@@ -22,6 +22,7 @@ from course.contact.shapes import Array, Shape, corners_in_space, poses
 from course.rigid_body.quaternion import to_matrix
 
 _EPS = 2.0**-52
+_ALL = 1 << 30  # iterations of GJK: as many as it takes
 _STUCK = 4  # iterations in a row that bring neither bound of the distance nearer
 # Vertices that a growing polytope may have, and more for each corner of the shapes: where both are
 # round and nearly concentric, it needs many. Its faces are fewer than twice as many.
@@ -98,6 +99,7 @@ def _support(d, va, vb, pair, out, k):
     """
     x, y, z = d
     best, top = 0, -math.inf
+    # Vertices first, then the box that is added: its farthest corner has the signs of d.
     for i in range(va.shape[1]):
         value = va[0, i] * x + va[1, i] * y + va[2, i] * z
         if value > top:
@@ -123,7 +125,7 @@ def _support(d, va, vb, pair, out, k):
 
 @register_jitable
 def _edge(s, i, j):
-    """Return from row i of s to row j."""
+    """Return the vector from row i of s to row j."""
     return _added(_row(s, j), -1.0, _row(s, i))
 
 
@@ -160,6 +162,7 @@ def _square(s, i, j, k, shares):
 @register_jitable
 def _on_triangle(s, i, j, k):
     """Return shares of i, j, k in the point of their triangle nearest to the origin."""
+    # Barycentric coordinates of the origin's projection: all positive means inside.
     u, v, w = _areas(_normal(s, i, j, k), s, i, j, k)
     if u > 0.0 and v > 0.0 and w > 0.0:
         total = u + v + w
@@ -191,10 +194,13 @@ def _nearest(s, n, share, thin):
     elif n == 3:
         share[0], share[1], share[2] = _on_triangle(s, 0, 1, 2)
     else:
+        # Tetrahedron: the nearest point is on a face that has the origin on its outer side.
         best = math.inf
         for face in range(4):
             i, j, k = (face + 1) % 4, (face + 2) % 4, (face + 3) % 4
             m = _normal(s, i, j, k)
+            # A tetrahedron thinner than rounding has no reliable sides, so none of its faces is
+            # ruled out.
             here = dot(m, _row(s, i))
             other = here - dot(m, _row(s, face))
             if here * other > 0.0 and other * other > dot(m, m) * thin * thin:
@@ -207,6 +213,8 @@ def _nearest(s, n, share, thin):
                 share[i], share[j], share[k] = shares
         if best == math.inf:
             return 5
+    # Keep the vertices that carry the nearest point: the reduced simplex of Gilbert, Johnson and
+    # Keerthi.
     retained = 0
     for i in range(n):
         if share[i] > 0.0:
@@ -227,13 +235,16 @@ def _known(s, n):
 
 
 @register_jitable
-def _gjk(va, vb, pair, s, share):
+def _gjk(va, vb, pair, s, share, most=_ALL):
     """Return the point of the set of differences nearest to the origin, as shares of rows of s.
+
+    After `most` iterations it stops, so that a picture can show each of them.
 
     Returns:
         How many rows of s hold it, 5 where the origin is inside; its distance, and a lower bound of
         that; how many iterations; the direction that proves the bound, of any length.
     """
+    # Start along the line of the centres, which is often close to the answer.
     p = (pair[_P], pair[_P + 1], pair[_P + 2])
     if p[0] == 0.0 and p[1] == 0.0 and p[2] == 0.0:
         p = (-1.0, 0.0, 0.0)
@@ -244,17 +255,20 @@ def _gjk(va, vb, pair, s, share):
     square = dot(x, x)
     low, last, rounding = -math.inf, math.inf, 4.0 * _EPS * pair[_SIZE]
     iterations, stuck = 0, 0
-    while square > 100.0 * rounding * rounding:  # below, they touch
+    while iterations < most and square > 100.0 * rounding * rounding:  # below, they touch
         iterations += 1
+        # support: the point of the Minkowski difference farthest towards the origin.
         _support((-x[0], -x[1], -x[2]), va, vb, pair, s, n)
         # All of the set lies beyond the plane through this support.
         bound = dot(x, _row(s, n)) / math.sqrt(dot(x, x))
+        # No progress in either bound: rounding, so a few rounds of it end the loop.
         stuck = stuck + 1 if square >= last and bound <= low else 0
         last = min(square, last)
         if bound > low:
             low, proof = bound, x
         if math.sqrt(square) - low <= rounding or stuck == _STUCK or _known(s, n):
             break  # certain; or rounding lets neither bound come nearer
+        # nearest: reduce the simplex to its part nearest to the origin (distance sub-algorithm).
         n = _nearest(s, n + 1, share, rounding)
         if n == 5:
             break
@@ -309,6 +323,7 @@ def _grow(va, vb, pair, s):
     """
     flat = (1.0, 0.0, 0.0)
     _support(flat, va, vb, pair, s, 0)
+    # Grow the hull by one dimension at a time: point, line, triangle, tetrahedron.
     for rank in range(3):
         _copy(s, 0, rank + 1)
         if rank == 0:
@@ -347,15 +362,23 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
     bounds the depth from above, the nearest face from below.
 
     Args:
-        corner, beyond: of each face its corners, counter-clockwise from outside, and the faces
-            across the edges that begin there.
-        face, key: its normal and distance; the distance again, infinite once it is done with.
-        link, stack: work space.
+        va: vertices of core a, shape (3, n) [m].
+        vb: vertices of core b, shape (3, m) [m].
+        pair: numbers of the pair, at the offsets `_A` to `_TURN`.
+        s: points of the set of differences, each with its points of a and of b, rows of 9.
+        share: output, weights of the corners of the nearest face.
+        corner: corners of each face, counter-clockwise from outside.
+        beyond: neighbours of each face, across the edges that begin at its corners.
+        face: normal and distance of each face.
+        key: distance of each face again, infinite once it is done with, -inf once it is removed.
+        link: work space, the edges of the horizon and the new faces at them.
+        stack: work space, the faces still to be visited.
 
     Returns:
         Depth, what it may be too large by, iterations, normal; in rows 0 to 2 of s the corners of
         its face, and their shares.
     """
+    # Orient the tetrahedron so that its normals point outwards.
     if dot(_normal(s, 0, 1, 2), _edge(s, 0, 3)) > 0.0:
         for c in range(9):
             s[1, c], s[2, c] = s[2, c], s[1, c]
@@ -367,6 +390,7 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
     depth, low, best = math.inf, -math.inf, (0.0, 0.0, 0.0)
     given_up = math.inf  # distance of the nearest face that could not be opened
     while True:
+        # closest face: a linear search; polytopes have few faces.
         f = 0
         for g in range(1, faces):
             f = g if key[g] < key[f] else f
@@ -374,10 +398,12 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         if low > depth + rounding:
             break
         iterations += 1
+        # expand_polytope: the support beyond that face is the new vertex.
         normal = _row(face, f)
         _support(normal, va, vb, pair, s, new)
         point = _row(s, new)
         high = dot(normal, point)
+        # The support distance along any direction bounds the depth from above.
         if high < depth:
             depth, best = high, normal
         if high - face[f, 3] <= rounding:
@@ -391,6 +417,8 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         key[f] = -math.inf
         stack[0] = f
         observed, missing, edges = 1, 0, 0
+        # Flood fill from the closest face: the faces that the new vertex sees form one patch, and
+        # the edges around it are the horizon.
         while missing < observed:
             old = stack[missing]
             missing += 1
@@ -406,6 +434,8 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
                     link[edges, 0], link[edges, 1] = corner[old, e], corner[old, (e + 1) % 3]
                     link[edges, 2] = g
                     edges += 1
+        # Close the hole with a fan of faces from the horizon to the new vertex. Rows of removed
+        # faces are used again.
         for n in range(edges):
             made = stack[n] if n < observed else faces
             faces = max(faces, made + 1)
@@ -417,9 +447,11 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
                     beyond[g, e] = made
             # The new face of this edge, the one whose edge begins at p, the one whose ends at q.
             link[n, 5] = link[p, 3] = link[q, 4] = made
+        # Link neighbours within the fan.
         for n in range(edges):
             made = link[n, 5]
             beyond[made, 1], beyond[made, 2] = link[link[n, 1], 3], link[link[n, 0], 4]
+        # Rows that the fan does not need stay removed.
         for n in range(edges, observed):
             key[stack[n]] = math.inf
         new += 1
@@ -467,6 +499,7 @@ def _from_point(half, radius, radius_y, sign, dims, qx, qy, i, out, pair):
         min(max(p[1], -half[1]), half[1]),
         min(max(p[2], -half[2]), half[2]),
     )
+    # The nearest point of a box is the clamped point.
     v = _added(p, -1.0, near)
     core = math.sqrt(dot(v, v))
     if core > 1e-140:
@@ -494,10 +527,13 @@ def measure(va, vb, halves, sizes, qa, qb, i, out, work):
     """Write column i of out: the distance of shape a at qa[:, i] from shape b at qb[:, i].
 
     Args:
-        va, vb: vertices of the cores, shapes (3, n) and (3, m) [m].
+        va: vertices of core a, shape (3, n) [m].
+        vb: vertices of core b, shape (3, m) [m].
         halves: half sizes of a, then of b, shape (6,) [m].
         sizes: radius of a, radius of b, the sum of both cores' sizes, 2.0 or 3.0 dimensions.
-        qa, qb: poses, shape (7, N).
+        qa: poses of a, shape (7, N).
+        qb: poses of b, shape (7, N).
+        i: the column.
         out: shape (12, N): distance, normal from a to b, points on a and on b, what the distance
             may be off by, and iterations.
         work: as `_distances` makes it.
@@ -519,6 +555,7 @@ def measure(va, vb, halves, sizes, qa, qb, i, out, work):
         pair[c] = halves[c]
     pair[_P], pair[_P + 1], pair[_P + 2] = turned_back(pair, _TURN, apart)
     pair[_SIZE] = sizes[2] + math.sqrt(dot(apart, apart))
+    # GJK finds the distance of the cores; only cores that overlap need EPA.
     n, core, low, rounds, v = _gjk(va, vb, pair, s, share)
     if n < 5 and core > 40.0 * _EPS * pair[_SIZE]:
         gap = core - low
@@ -637,10 +674,7 @@ def _from_plane(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
 
 
 def measured(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
-    """Return `distance` for poses in space that are checked.
-
-    The rows of `measure`, shape (12, N).
-    """
+    """Return the rows of `measure`, shape (12, N), for poses in space that are checked."""
     if a.name == "plane":
         return _from_plane(a, qa, b, qb)
     if b.name == "plane":
@@ -656,8 +690,10 @@ def distance(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Distan
     """Return the signed distance of two shapes, with the nearest or deepest points.
 
     Args:
-        a, b: shapes of one dimension; one of them may be a plane.
-        pose_a, pose_b: their poses; single, or batches of one length.
+        a: first shape; may be a plane unless b is one.
+        b: second shape, of the same dimension.
+        pose_a: pose of a, or a batch of N.
+        pose_b: pose of b, or a batch of N.
 
     Returns:
         Arrays over the batch; plain shapes (), (dim,) where both poses are single.

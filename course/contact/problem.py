@@ -18,8 +18,10 @@ MAX_RECOVERY_SPEED = 1.0  # m/s
 
 @register_jitable
 def least_speed(gap, free, before, dt, restitution, recovery, fastest):
-    """Return speed apart that a contact must have after the step [m/s], from its gap and its normal
-    velocities without contact and before: an open gap may just close, what closes bounces.
+    """Return the separating speed that a contact must have after the step [m/s].
+
+    It follows from the gap and the normal velocities without contact and before the step: an open
+    gap may just close, and a closing one bounces.
     """
     # Baumgarte stabilisation: a share of the depth a step, at a bounded speed. Without the bound a
     # shorter step would throw out what starts deep all the faster.
@@ -87,7 +89,7 @@ class Problem:
     def moved(self, velocity: ArrayLike, free: ArrayLike, gap: ArrayLike) -> Problem:
         """Return the same bodies and contacts in another state.
 
-        What depends on M and J alone is kept.
+        Whatever depends on M and J alone is reused.
         """
         other = object.__new__(Problem)
         nv, n = self.mass.shape[0], self.gap.size
@@ -156,7 +158,7 @@ class Solution:
         velocity: generalised velocity after the step, shape (nv,).
         iterations: pivots, sweeps or Newton steps.
         residual: how far its own law is missed, see the model [m/s].
-        converged: whether the residual is within the tolerance that was asked for. If not, the
+        converged: whether the residual is within the requested tolerance. If not, the
             impulses are the last ones there were, and no solution.
     """
 

@@ -24,7 +24,7 @@ class Residuals:
 
     Attributes:
         penetration: the deepest overlap after the step [m].
-        signorini: largest of |min(f_n A_nn, u_n - wanted)|, force against gap [m/s].
+        signorini: largest of |min(f_n A_nn, u_n - target)|, force against gap [m/s].
         cone: by how much friction leaves its cone, in the normal's units [N s].
         dissipation: what friction could take out and leaves, at its normal force [J]; it must act
             straight against the slip, with all the cone gives.

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from course.check import POSITIVE, count, finite, positive, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.models import solve, sweep_until
-from course.contact.problem import Problem, Solution, least_speed
+from course.contact.problem import MAX_RECOVERY_SPEED, Problem, Solution, least_speed
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81  # m/s^2
@@ -37,6 +37,8 @@ class Scene:
         friction: (n, d - 1).
         q, v: state at the start, (nv,).
         restitution: Newton's coefficient.
+        recovery, max_recovery_speed: share of a penetration that a step takes back, and the speed
+            that it may use for it [m/s], as in `Problem`.
     """
 
     mass: Array
@@ -47,6 +49,8 @@ class Scene:
     q: Array
     v: Array
     restitution: float = 0.0
+    recovery: float = 0.2
+    max_recovery_speed: float = MAX_RECOVERY_SPEED
 
     @functools.cached_property
     def _first(self) -> Problem:
@@ -59,6 +63,8 @@ class Scene:
             self.friction,
             1.0,
             self.restitution,
+            self.recovery,
+            self.max_recovery_speed,
         )
 
     @functools.cached_property
@@ -77,8 +83,10 @@ class Scene:
 
 @dataclass(frozen=True)
 class Run:
-    """A motion: times (k,), q and v (nv, k), impulses (n, d, k - 1), the iterations of all steps,
-    how many were not solved, and the worst residual [m/s].
+    """Record of a motion.
+
+    It holds times (k,), q and v (nv, k), impulses (n, d, k - 1), the iterations of all steps, the
+    number of steps that were not solved, and the worst residual [m/s].
     """
 
     times: Array
@@ -91,7 +99,7 @@ class Run:
 
 
 def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
-    """Return so many steps of `dt` [s].
+    """Run so many steps of `dt` [s].
 
     Impulses from one of `MODELS` with its options, then the position with the new velocity.
     """
@@ -122,7 +130,9 @@ def march(
     """Return `run` with "pgs" as one compiled loop, started each step from the last one's impulses.
 
     Args:
-        scene, dt, steps: as for `run`.
+        scene: as for `run`.
+        dt: as for `run`.
+        steps: as for `run`.
         sweeps: at most, a step.
         tolerance: of a sweep's largest correction [m/s].
 
@@ -159,8 +169,11 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
     g, b, free = np.zeros(m), np.zeros(m), np.zeros(nv)
     taken = 0
     for _ in range(steps):
+        # Free velocity: gravity and other forces, without contact.
         for j in range(nv):
             free[j] = v[j] + dt * acceleration[j]
+        # Contact velocity without contact, in scaled rows, minus the least speed (Stewart and
+        # Trinkle).
         for i in range(m):
             b[i] = 0.0
             before, gap = 0.0, distance[i // d]
@@ -171,6 +184,7 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
             if i % d == 0:
                 b[i] -= least_speed(gap, b[i], before, dt, restitution, recovery, fastest)
         taken += sweep_until(A, b, g, d, False, sweeps, tolerance)
+        # Semi-implicit Euler: the new velocity moves the position.
         for j in range(nv):
             v[j] = free[j]
             for i in range(m):
@@ -222,7 +236,7 @@ def block(
 ) -> Scene:
     """Return a block on an incline, which slides and does not turn.
 
-    Q = (along the slope, across, off it).
+    q = (along the slope, across, off it).
 
     The slope has an angle [rad], down along x; the velocity is along it and across [m/s].
     """
@@ -283,7 +297,7 @@ def tower(masses: Sequence[float]) -> Scene:
 
 
 def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 10.0) -> Scene:
-    """Return a stiff table on four legs: q = (height, roll, pitch).
+    """Return a stiff table on four legs, q = (height, roll, pitch).
 
     Its weight acts at the point `load`.
 
@@ -314,9 +328,9 @@ def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 1
 
 
 def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Scene:
-    """Return a glass of a mass [kg] between two fingers.
+    """Return a glass of a given mass [kg] between two fingers.
 
-    Q = (x of both fingers, x and z of the glass).
+    q holds x of both fingers, then x and z of the glass.
 
     The fingers of 50 g squeeze with a force each [N]; it is held from mu = m g / (2 squeeze) on.
     """
@@ -337,7 +351,7 @@ def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Sce
 
 
 def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) -> Scene:
-    """Return painleve's rod: 1 kg, 2 m, its end on the ground; q = (x, z, angle) of the middle.
+    """Return Painleve's rod: 1 kg, 2 m, its end on the ground; q = (x, z, angle) of the middle.
 
     The end is below the middle and to the right of it, and slides to the right. Where
     mu > (1 + 3 cos^2) / (3 sin cos) a normal force, with the friction that it makes, turns the end

@@ -169,10 +169,7 @@ def bounds(shape: Shape, pose: ArrayLike) -> Array:
 
 
 def corners_in_space(shape: Shape, q: Array) -> Array:
-    """Return all corners of the core in the world, for poses in space (7, N).
-
-    Shape (3, n, N) [m].
-    """
+    """Return all corners of the core in the world, (3, n, N) [m], for poses in space (7, N)."""
     return np.einsum("ijn,jk->ikn", to_matrix(q[3:]), shape.corners) + q[:3, None]
 
 

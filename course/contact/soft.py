@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import finite, invalid, one_of, positive, vector
@@ -22,6 +23,47 @@ from course.contact.problem import Array, Problem, Solution
 _LEAST, _MOST = 1e-4, 0.9999  # mjMINIMP, mjMAXIMP
 _TINY, _SMOOTH = 1e-15, 1e-5  # mjMINVAL, mjMINMU: no contact of friction rows is smoother
 CONES = ("pyramidal", "elliptic")
+
+
+@register_jitable
+def impedance_at(r, low, high, width, middle, power):
+    """Return MuJoCo's impedance d at residuals r: a sigmoid of two powers over the width.
+
+    Args:
+        r: gap less margin, shape (n,) [m].
+        low: d at r = 0.
+        high: d from |r| = width on.
+        width: [m].
+        middle: share of the width at which both powers meet.
+        power: of both, at least 1.
+
+    Returns:
+        Shape (n,); between 0.0001 and 0.9999, as MuJoCo clips it.
+    """
+    low, high = min(max(low, _LEAST), _MOST), min(max(high, _LEAST), _MOST)
+    middle, power = min(max(middle, _LEAST), _MOST), max(1.0, power)
+    if low == high or width <= _TINY:
+        return np.full(r.shape, 0.5 * (low + high))
+    x = np.minimum(np.abs(r) / width, 1.0)
+    below = x**power / middle ** (power - 1.0)
+    above = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
+    return low + np.where(x <= middle, below, above) * (high - low)
+
+
+@register_jitable
+def reference_gains(first, second, largest, least):
+    """Return (k [1/s^2], b [1/s]) of the reference acceleration from MuJoCo's solref.
+
+    Args:
+        first: time constant [s]; zero or less: stiffness with a minus sign [1/s^2].
+        second: damping ratio; where first is not positive, damping with a minus sign [1/s].
+        largest: impedance beyond the width.
+        least: the time constant is at least this [s].
+    """
+    if first <= 0.0:
+        return -first / largest**2, -second / largest
+    time = max(first, least)
+    return 1.0 / max(_TINY, (largest * time * second) ** 2), 2.0 / max(_TINY, largest * time)
 
 
 @dataclass(frozen=True)
@@ -35,7 +77,7 @@ class Softness:
         impratio: how much harder friction is than the normal.
         cone: one of `CONES`.
         margin: distance at which a contact begins to push [m].
-        refsafe: whether a positive time constant is kept at 2 dt or more.
+        refsafe: whether a positive time constant is raised to 2 dt at least.
         weight: inverse weights of each contact for translation and rotation, (n, 2) [1/kg,
             1/kg m^2], as MuJoCo takes them, from the start pose; None for the diagonal of A as it
             is, which is its flag `diagexact`.
@@ -61,23 +103,15 @@ class Softness:
     def impedance(self, r: Array) -> Array:
         """Return d at the residual r = gap - margin [m], shape (n,)."""
         low, high, width, middle, power = np.asarray(self.solimp, dtype=float).tolist()
-        low, high = np.clip((low, high), _LEAST, _MOST).tolist()
-        middle, power = float(np.clip(middle, _LEAST, _MOST)), max(1.0, power)
-        if low == high or width <= _TINY:
-            return np.full(r.shape, 0.5 * (low + high))
-        x = np.minimum(np.abs(r) / width, 1.0)
-        below = x**power / middle ** (power - 1.0)
-        above = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
-        return np.asarray(low + np.where(x <= middle, below, above) * (high - low))
+        return np.asarray(impedance_at(r, low, high, width, middle, power))
 
     def stiffness(self, solref: ArrayLike, dt: float) -> tuple[float, float]:
         """Return (k [1/s^2], b [1/s]) of the reference acceleration."""
         first, second = np.asarray(solref, dtype=float).tolist()
         largest = float(np.clip(np.asarray(self.solimp, dtype=float)[1], _LEAST, _MOST))
-        if first <= 0.0:
-            return -first / largest**2, -second / largest
-        time = max(first, 2.0 * dt) if self.refsafe else first
-        return 1.0 / max(_TINY, (largest * time * second) ** 2), 2.0 / max(_TINY, largest * time)
+        # refsafe: a time constant below two steps would make the explicit reference unstable.
+        k, b = reference_gains(first, second, largest, 2.0 * dt if self.refsafe else 0.0)
+        return float(k), float(b)
 
 
 @dataclass(frozen=True)
@@ -110,6 +144,7 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
     split = softness.cone == "pyramidal" and d > 1
     m = 2 * (d - 1) if split else d
     frame = np.zeros((touching.size, m, d))  # contact frame -> rows
+    # Pyramidal cone: each edge is normal plus or minus mu times a tangent, a row of its own.
     if split:
         frame[:, :, 0] = 1.0
         for j in range(d - 1):
@@ -123,6 +158,7 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
     else:
         translation = vector("weight", softness.weight, (n, 2), low=0.0)[touching, 0]
         first = translation * (1.0 + mu[:, 0] ** 2) if split else translation
+    # Regularisation R: a row with impedance d takes the share d of the force of a rigid one.
     R = np.maximum(_TINY, (1.0 - impedance) / impedance * first)[:, None] * np.ones(m)
     speed = J @ problem.velocity
     reference = -b * speed - (k * impedance * r)[:, None]
@@ -152,6 +188,7 @@ def _forces(rows: Rows, x: Array, elliptic: bool, impratio: float) -> tuple[Arra
         scale = np.concatenate(([mu], rows.mu[c]))
         N, *U = (scale * x[here]).tolist()
         T = math.hypot(*U)
+        # The three zones of the elliptic cone (Todorov, 2014): free, sticking, sliding.
         if N >= mu * T:  # leaves the cone's dual: no force
             continue
         if mu * N + T <= 0.0:  # sticks: every row a spring
@@ -191,6 +228,7 @@ def soft_forces(
         f, H = _forces(rows, J @ a - rows.reference, elliptic, softness.impratio)
         return M @ (a - free) - J.T @ f, f, H
 
+    # Newton on the convex cost of the accelerations, from the unconstrained ones.
     a = free
     g, f, H = slope(a)
     small = 1e-16 * (1.0 + float(np.max(np.abs(problem.free))))
@@ -220,6 +258,7 @@ def soft(problem: Problem, *, tolerance: float = 1e-9, **options: Any) -> Soluti
     """Return MuJoCo's contact forces, held for the step, from the state before it.
 
     Args:
+        problem: the contacts and their response.
         tolerance: of the residual, the last change of the velocity [m/s].
         **options: fields of `Softness`.
     """

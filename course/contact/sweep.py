@@ -64,8 +64,9 @@ def spheres_time_of_impact(offset: ArrayLike, velocity: ArrayLike, reach: ArrayL
 
 
 def moved(q: Array, v: Array, t: Array) -> Array:
-    """Return poses in space after t seconds of constant velocity and angular velocity in the
-    world.
+    """Return poses in space after t seconds of constant velocity and angular velocity.
+
+    Both velocities are in the world frame.
     """
     return np.concatenate((q[:3] + v[:3] * t, product(exp(v[3:] * t), q[3:])))
 
@@ -97,11 +98,14 @@ def time_of_impact(
     rigid body systems, 1996, sec. 2.3). It never passes a wall, however thin.
 
     Args:
-        a, b: shapes; one may be a plane that does not turn.
-        pose_a, pose_b: their poses at the start.
-        velocity_a, velocity_b: (velocity, angular velocity), both in the world, shape (6,) or
-            (6, N); in the plane (vx, vy, rate of the angle) [m/s, rad/s].
-        duration: how far ahead is looked [s].
+        a: first shape; may be a plane that does not turn, unless b is one.
+        b: second shape, of the same dimension.
+        pose_a: pose of a at the start.
+        pose_b: pose of b at the start.
+        velocity_a: velocity and angular velocity of a, both in the world, shape (6,) or (6, N); in
+            the plane (vx, vy, rate of the angle) [m/s, rad/s].
+        velocity_b: the same of b.
+        duration: time span to search [s].
         tolerance: distance that counts as touching [m].
 
     Raises:
@@ -127,6 +131,8 @@ def time_of_impact(
         rows[:, now] = measured(a, at[0], b, at[1])
         advances[now] += 1
         normal, far = rows[1:4, now], rows[0, now]
+        # An upper bound on the approach speed: relative velocity along the normal, plus what
+        # turning adds.
         closing = np.sum((va - vb)[:3, now] * normal, axis=0)
         for v, size in ((va, size_a), (vb, size_b)):
             closing += size * np.linalg.norm(np.cross(v[3:, now], normal, axis=0), axis=0)

@@ -1,6 +1,18 @@
 """Chapter 6: control. Limits that are computed before they are tuned, and what a simulator hides.
 
 The public names of the chapter; each lives in the file of its section.
+
+The chapter's algorithms, and the functions of their steps:
+
+- LQR by structure-preserving doubling (Chu, Fan, Lin and Wang, 2004): `optimal._regulate`; `_gain`
+  is the regulator's gain.
+- Projected Newton for box-constrained programs (Bertsekas, 1982): `optimal._box`, with `_newton` on
+  the free coordinates; `horizon` condenses the model predictive problem.
+- Model predictive path integral control (Williams, Aldrich and Theodorou, 2017) and the
+  cross-entropy method (Rubinstein, 1999): `sampling.mppi`, `cem`; `_tries` samples the plans.
+- Adaptive control (Slotine and Li, 1987): `laws.Adaptive.parts`.
+- Operational space and hybrid control (Khatib, 1987; Raibert and Craig, 1981): `laws.hybrid`.
+- PID with anti-windup (Astrom and Hagglund, 2006): `pid._update`, its rate in `_advance_rate`.
 """
 
 from course.control.identify import JointModel, Log, diagnose, identify

@@ -57,9 +57,9 @@ class JointModel:
     Attributes:
         inertia, damping, coulomb: [kg m^2, N m s/rad, N m].
         gravity: the torque that holds the joint at q = 0 [N m].
-        constant: torque that comes for one that is asked.
+        constant: delivered torque over commanded torque.
         delay: from command to torque [s].
-        limit: of the torque that is asked, both ways [N m].
+        limit: of the commanded torque, in both directions [N m].
     """
 
     inertia: float
@@ -91,18 +91,22 @@ class _Windows:
         """Integrate a log over windows.
 
         Args:
-            log, window: as for `identify`.
-            longest: delay of a command that may be asked for [s].
+            log: as for `identify`.
+            window: as for `identify`.
+            longest: largest delay of a command that will be queried [s].
             rest: share of a window in which the joint may rest. None keeps the two fifths of the
                 windows that rest least, however much that is.
         """
         self._dt, self._n = log.dt, round(positive("window", window, unit="s") / log.dt)
         self._back = math.ceil(finite("longest", longest, 0.0, unit="s") / log.dt) + 1
+        # Windows overlap by three quarters; each starts late enough for the longest delay.
         n, last = self._n, len(log.q) - 1 - self._n
         starts = np.arange(self._back, last + 1, max(1, n // 4))
         if n < 20 or len(starts) < 12:
             allowed = f"of 20 samples or more, and a log of 4 of them (it has {len(log.q)} samples)"
             raise invalid("window", window, allowed)
+        # Modulating functions (Shinbrot, 1957): integration by parts moves both derivatives from
+        # the measured angle to the smooth bump, so that noise is never differentiated.
         s, length = np.linspace(0.0, 1.0, n + 1), n * log.dt
         bump, slope, bend = (
             log.dt * p(s) / length**k for k, p in enumerate((_BUMP, _BUMP.deriv(), _BUMP.deriv(2)))
@@ -112,11 +116,13 @@ class _Windows:
         wide = max(1, round(0.005 / log.dt))
         padded = np.pad(log.q, wide, mode="edge")
         moved = padded[2 * wide :] - padded[: -2 * wide]
+        # Fourth differences of a smooth motion vanish; what remains is noise, with the factor
+        # sqrt(70).
         noise = float(np.std(np.diff(log.q, 4))) / math.sqrt(70.0)
         resting = np.abs(moved) < 5.0 * noise
         still = sliding_window_view(resting, n + 1)[starts] @ bump
-        most = max(0.01 * bump.sum(), np.quantile(still, 0.4))
-        starts = starts[still <= (most if rest is None else rest * bump.sum())]
+        calmest = max(0.01 * bump.sum(), np.quantile(still, 0.4))
+        starts = starts[still <= (calmest if rest is None else rest * bump.sum())]
         self.count = len(starts)
         rows = [
             sliding_window_view(x, n + 1)[starts] for x in (log.q, np.sign(moved), np.cos(log.q))
@@ -129,6 +135,7 @@ class _Windows:
 
     def torque(self, delay: float, limit: float = math.inf) -> Array:
         """Return what the commands did in each window, shape (K,)."""
+        # The bump's weight over each held command, shifted by the delay.
         edges = self._dt * np.arange(-self._back, self._n + 1) + delay
         area = _BUMP.integ()(np.clip(edges / (self._n * self._dt), 0.0, 1.0))
         weights = self._n * self._dt * np.diff(area)
@@ -164,8 +171,9 @@ def identify(
 
     Args:
         log: a motion that speeds up, slows down and turns round.
-        delay, constant: of the torque, known: the log alone can't tell a weak motor from a heavy
-            joint [s, 1].
+        delay: known delay of the torque [s].
+        constant: known ratio of torque to command: the log alone can't distinguish a weak motor
+            from a heavy joint.
         window: length of the bump; short ones let noise in, long ones are few [s].
 
     A joint at rest tells nothing: friction is then anything up to Coulomb's. So only windows in
@@ -179,9 +187,10 @@ def identify(
     delay = finite("delay", delay, 0.0, unit="s")
     windows = _Windows(log, window, delay, rest=_REST)
     if windows.count < _FEWEST:
-        seen = f"one that moves through {windows.count} windows only, and rests in the others"
+        actual = f"one that moves through {windows.count} windows only, and rests in the others"
         allowed = f"a motion that goes on for {_FEWEST} windows or more: an excitation, not a step"
-        raise invalid("log", seen, allowed)
+        raise invalid("log", actual, allowed)
+    # Unit columns: their condition number says whether the log separates the four terms.
     scale = np.linalg.norm(windows.columns, axis=0)
     if not (scale > 0.0).all() or np.linalg.cond(windows.columns / scale) > _WORST:
         raise invalid("log", "one that cannot tell the four terms", "a motion with more variety")
@@ -197,14 +206,16 @@ def identify(
         value[free] = answer / scale[free]
         spread = np.diag(np.linalg.inv(columns.T @ columns))
         deviation[free] = np.sqrt(variance * spread) / scale[free]
+        # Friction and inertia are never negative: a coefficient that noise pushes below 0 is fixed
+        # there and the rest fitted again.
         below = free & np.array([False, True, True, False]) & (value < 0.0)
         if not below.any():
             break
         for name, number, sigma in zip(LINEAR, value, deviation, strict=True):
             if name in ("damping", "coulomb") and number < -3.0 * sigma:
-                seen = f"one that wants a {name} of {number:.2g} +- {sigma:.2g}"
+                actual = f"one that wants a {name} of {number:.2g} +- {sigma:.2g}"
                 raise invalid(
-                    "log", seen, "a motion with more variety, of the joint's own commands"
+                    "log", actual, "a motion with more variety, of the joint's own commands"
                 )
         free &= ~below
     result = dict(zip(LINEAR, value.tolist(), strict=True))
@@ -253,6 +264,7 @@ def diagnose(
         deviation = windows.misfit(replace(model, **{name: value}))
         return float(deviation @ deviation)
 
+    # Linear causes: the best change of one number alone has a closed form.
     torque = windows.torque(model.delay, model.limit)
     for name, column in [*zip(LINEAR, windows.columns.T, strict=True), ("constant", -torque)]:
         if column @ column > 0.0:
@@ -261,6 +273,7 @@ def diagnose(
             if best > least or name in ("damping", "coulomb"):
                 values[name] = max(best, least)
                 remaining[name] = tried(name, values[name])
+    # Delay and torque limit enter nonlinearly: a search in one dimension each.
     top = min(windows.highest, model.limit)
     searches = {"delay": (0.0, longest), "limit": (0.02 * top, top)}
     for name, (low, high) in searches.items():
@@ -278,11 +291,9 @@ def diagnose(
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float, parts: int = 40) -> float:
-    """Return the lowest point of a function with several valleys.
-
-    A grid, then the golden section.
-    """
+    """Minimise a function with several valleys by a grid and then golden-section search."""
     points = [low + (high - low) * i / parts for i in range(parts + 1)]
+    # The grid brackets the lowest of several valleys; golden-section search refines it.
     best = int(np.argmin([cost(x) for x in points]))
     a, b = points[max(best - 1, 0)], points[min(best + 1, parts)]
     ratio = 0.5 * (math.sqrt(5.0) - 1.0)

@@ -53,7 +53,7 @@ class Joint:
             finite("static", self.static, self.coulomb, unit="N m")
 
     def system(self, lag: float = 0.0) -> System:
-        """Return a and B of its linear part, see `course.control.sampled.joint_system`."""
+        """Return A and B of its linear part, see `course.control.sampled.joint_system`."""
         return joint_system(self.inertia, self.damping, lag=lag)
 
 
@@ -116,7 +116,7 @@ class Record:
         torque: of the motor at these times, shape (..., n + 1) [N m].
         command: what was sent at the first n of them, shape (..., n) [N m].
         measured: the angle that the law saw, shape (..., n) [rad].
-        setpoint: what was wanted, shape (..., n) [rad].
+        setpoint: desired angles, shape (..., n) [rad].
     """
 
     times: Array
@@ -134,6 +134,7 @@ class Record:
 @register_jitable
 def _first(x, t):
     """Return (1 - e^(-x t)) / x, also where x t is small."""
+    # Series for small arguments: the closed form would divide rounding by a small number.
     y = x * t
     if abs(y) < 1e-5:
         return t * (1.0 - y / 2.0 + y * y / 6.0)
@@ -176,9 +177,9 @@ def _speed(v, steady, fading, a, c, t):
 
 @register_jitable
 def _stop(v, steady, fading, side, a, c, t):
-    """Return when a speed of the given side (1 or -1) first reaches 0 within t.
+    """Return when a speed of the given sign (1 or -1) first reaches 0 within t.
 
-    T + 1 if it does not.
+    It returns t + 1 if the speed does not.
     """
     turn = -1.0  # the speed has one turn at most, where its acceleration is 0
     if c < math.inf and fading != 0.0:
@@ -187,6 +188,7 @@ def _stop(v, steady, fading, side, a, c, t):
             turn = ratio
         elif (a - c) * ratio > -1.0:
             turn = math.log1p((a - c) * ratio) / (a - c)
+    # The speed is monotone before and after that one turn, so bisection brackets the first zero.
     before, after = 0.0, t
     if 0.0 < turn < t:
         if side * _speed(v, steady, fading, a, c, turn) < 0.0:
@@ -210,10 +212,12 @@ def _advance(q, v, u, inertia, a, load, coulomb, static, c, target, rest, whole)
 
     `whole` are the responses of all of `rest`, which most samples need and nothing else.
     """
+    # Without a lag the torque is the command at once.
     if c == math.inf:
         u = target
     for _ in range(50):  # events; each is a stop or a start
         side = 1.0 if v > 0.0 else -1.0
+        # Stiction: at rest the joint holds until the torque exceeds the static friction.
         if v == 0.0 and static > 0.0:
             side = math.copysign(1.0, u + load)
             if abs(u + load) <= static:
@@ -226,6 +230,7 @@ def _advance(q, v, u, inertia, a, load, coulomb, static, c, target, rest, whole)
                 if rest <= 0.0:
                     return q, v, u
             whole = _responses(a, c, rest)
+        # Sliding: constant Coulomb friction, so the motion has a closed form up to the next stop.
         steady = (target + load - side * coulomb) / inertia
         fading = (u - target) / inertia
         stop = _stop(v, steady, fading, side, a, c, rest) if static > 0.0 else rest + 1.0
@@ -241,7 +246,7 @@ def _advance(q, v, u, inertia, a, load, coulomb, static, c, target, rest, whole)
 
 
 def _run(joint, drive, numbers, start, setpoint, extra, blocked, noise, out):
-    """The loop; rows of `out` are q, v, torque, command and measurement.
+    """Run the loop; rows of `out` are q, v, torque, command and measurement.
 
     `joint` is (inertia, damping, load, coulomb, static), `drive` (limit, rate, 1 / lag, whole
     samples of delay, the rest of one, encoder line).
@@ -257,14 +262,17 @@ def _run(joint, drive, numbers, start, setpoint, extra, blocked, noise, out):
         out[0, k], out[1, k], out[2, k] = q, v, u
         if k == setpoint.size:
             break
+        # The encoder rounds to its nearest line.
         observed = q + noise[k]
         if line > 0.0:
             observed = line * math.floor(observed / line + 0.5)
         desired = update(numbers, memory, setpoint[k], observed, v)
+        # Saturation, then the slew limit of the drive.
         desired = min(max(desired, -limit), limit)
         sent = min(max(desired, sent - rate), sent + rate)
         out[3, k], out[4, k] = sent, observed
         load = joint[2] + extra[k]
+        # A delay within the sample splits it: the old command acts first, then the new one.
         for half in range(2):
             length = part if half == 0 else dt - part
             if length <= 0.0:
@@ -311,12 +319,16 @@ def run_joint(
     extra: ArrayLike = 0.0,
     blocked: ArrayLike = False,
 ) -> Record:
-    """Return the joint under its controller, compiled: measure, command, wait, drive.
+    """Run the joint under its controller, compiled: measure, command, wait, drive.
 
     Args:
-        joint, actuator, encoder, gains: the parts.
+        joint: inertia, friction and gravity of the joint.
+        actuator: the motor with its limits and its lag.
+        encoder: resolution and noise of the measured angle.
+        gains: of the PID law.
         setpoint: one number, or one for each sample, shape (n,) [rad].
-        dt, seconds: sample time and length of the run [s]; n = seconds / dt.
+        dt: sample time [s].
+        seconds: length of the run [s]; n = seconds / dt.
         start: (angle, speed, torque) [rad, rad/s, N m].
         extra: torque beside the motor's, a number or shape (n,) [N m]: a kick.
         blocked: whether the joint is jammed, for each sample or for all.
@@ -370,8 +382,8 @@ def step_metrics(
     """Return overshoot, settling and steady error of a step from q[0] to the target.
 
     Args:
-        times, q: when each angle was measured, increasing, and the angles; both of shape (n,), n
-            at least 1 [s, rad].
+        times: when each angle was measured, increasing, shape (n,) with n at least 1 [s].
+        q: the angles, shape (n,) [rad].
         target: [rad], not q[0].
         band: settled within this share of the step.
         rest: share of the record that must lie in the band at the end, before it counts.
@@ -395,6 +407,7 @@ def step_metrics(
 @register_jitable
 def _metrics(when, angle, target, band, rest):
     """Return the three of `StepMetrics`."""
+    # The response in units of the step; the last sample outside the band ends the settling.
     done = (angle - angle[0]) / (target - angle[0])
     out = np.flatnonzero(~(np.abs(done - 1.0) <= band))
     last = out[-1] + 1 if out.size else 0

@@ -62,9 +62,9 @@ def pd_gravity(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """Return `pd`, and what holds the arm up where it is.
+    """Return the torques of `pd` plus gravity compensation.
 
-    At a still target it has no steady error.
+    At a target at rest it has no steady error.
     """
     here = np.asarray(q, dtype=float)
     zero = np.zeros(here.shape)
@@ -113,9 +113,13 @@ def computed_torque(
 
     Args:
         chain: the model.
-        q, v: the state, shape (n,) or (n, N).
-        q_ref, v_ref, a_ref: the reference now; with `dt`, half a sample from now.
-        kp, kd: gains [1/s^2, 1/s], not multiplied with an inertia yet.
+        q: joint positions, shape (n,) or (n, N).
+        v: joint rates, same shape.
+        q_ref: reference positions now; with `dt`, half a sample from now.
+        v_ref: reference rates at that time.
+        a_ref: reference accelerations at that time.
+        kp: gain on the position error, before it is multiplied by the inertia [1/s^2].
+        kd: gain on the rate error, likewise [1/s].
         dt: sample time, or 0 for no preview [s].
         gravity: for a `Chain`, shape (3,) [m/s^2].
 
@@ -126,6 +130,8 @@ def computed_torque(
     q = vector("q", q, (None,), (None, None))
     v, a = like("v", v, q), like("a_ref", a_ref, q)
     if half:
+        # Preview: the torque is held for a sample, so it is computed for the state half of it
+        # ahead.
         q, v = q + half * v + 0.5 * half**2 * a, v + half * a
     return needed(chain, q, v, a + pd(q, v, q_ref, v_ref, kp, kd), gravity)
 
@@ -204,9 +210,11 @@ class Adaptive:
         q = vector("q", q, (2,))
         e = like("q_ref", q_ref, q) - q
         rate = like("v_ref", v_ref, q) - like("v", v, q)
+        # Sliding variable s and reference velocity w of Slotine and Li (1987).
         s = rate + self._slope * e
         w = like("v_ref", v_ref, q) + self._slope * e
         Y = self.arm.regressor(q, v, like("a_ref", a_ref, q) + self._slope * rate, w)
+        # The parameters enter linearly, so the gradient of the error is the regressor's transpose.
         return Y @ self.estimate + self._damping @ s, self._rate * (Y.T @ s), s
 
     def __call__(
@@ -214,6 +222,7 @@ class Adaptive:
     ) -> Array:
         """Return the torques for this sample, shape (2,); the estimate then takes its step."""
         tau, change, _ = self.parts(q, v, q_ref, v_ref, a_ref)
+        # Euler step of the adaptation, kept within the bounds (projection).
         self.estimate = np.clip(self.estimate + self._dt * change, *self._bounds)
         return tau
 
@@ -233,17 +242,19 @@ def impedance(
     rows: Sequence[int] = (0, 1, 2),
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """Return a spring and a damper from the tip to a target.
+    """Return the torques of a virtual spring and damper from the tip to a target.
 
-    And what holds the arm up (Hogan, 1985).
+    Gravity compensation is added (Hogan, 1985).
 
     The arm keeps its own inertia, so no force has to be measured.
 
     Args:
         chain: the model.
-        q, v: the state, shape (n,) or (n, N).
-        target: place (3,) or pose (7,) of the tip; with N too [m].
-        stiffness, damping: of the task's rows [N/m, N s/m, N m/rad, ...].
+        q: joint positions, shape (n,) or (n, N).
+        v: joint rates, same shape.
+        target: position (3,) or pose (7,) of the tip; with N too [m].
+        stiffness: of the task's rows [N/m, N m/rad].
+        damping: of the task's rows [N s/m, N m s/rad].
         rate: the target's, a number or one for each row [m/s, rad/s].
         rows: of the twist that are the task.
         gravity: shape (3,) [m/s^2].
@@ -253,6 +264,7 @@ def impedance(
     """
     J, e, speed = _task(chain, q, v, target, rows)
     K, B = gain("stiffness", stiffness, len(rows)), gain("damping", damping, len(rows))
+    # Force in the task space; the transposed Jacobian turns it into joint torques.
     force = K @ e + B @ (like("rate", rate, speed) - speed)
     return _transposed(J, force) + chain_bias(chain, q, np.zeros(np.shape(q)), gravity=gravity)
 
@@ -271,9 +283,12 @@ def admittance(
     What comes out is the reference of a stiff position loop inside, counted from the set-point.
 
     Args:
-        x, v: of the virtual body, any one shape [m, m/s].
+        x: position of the virtual body, any one shape [m].
+        v: its velocity, same shape [m/s].
         force: measured on the tip, same shape [N].
-        mass, damping, stiffness: [kg, N s/m, N/m].
+        mass: of the virtual body [kg].
+        damping: of the virtual body [N s/m].
+        stiffness: of the virtual body [N/m].
         dt: sample time [s].
 
     Returns:
@@ -309,9 +324,16 @@ def operational_space(
     the tip still in statics only.
 
     Args:
-        chain, q, v, target, rows, gravity: as for `impedance`.
-        rate, acceleration: the target's, numbers or one for each row.
-        kp, kd: gains [1/s^2, 1/s].
+        chain: as for `impedance`.
+        q: as for `impedance`.
+        v: as for `impedance`.
+        target: as for `impedance`.
+        rate: the target's velocity, a number or one for each row [m/s, rad/s].
+        acceleration: the target's acceleration, likewise.
+        kp: gain on the pose error [1/s^2].
+        kd: gain on the velocity error [1/s].
+        rows: as for `impedance`.
+        gravity: as for `impedance`.
         null: torques, a number, (n,) or (n, N) [N m].
 
     Raises:
@@ -364,10 +386,20 @@ def hybrid(
     exact with `force_gain` 0, and motion along it has no part in it (Khatib, 1987).
 
     Args:
-        chain, q, v, target, rate, acceleration, kp, kd, null, rows, gravity: as for
-            `operational_space`; `target`, `rate` and gains of motion in world axes.
-        force: what the tip shall push with, in the frame's axes, a number or (m,) [N].
-        measured: what it pushes with, likewise [N].
+        chain: as for `impedance`.
+        q: as for `impedance`.
+        v: as for `impedance`.
+        target: as for `operational_space`, in world axes.
+        rate: as for `operational_space`, in world axes.
+        acceleration: as for `operational_space`, in world axes.
+        kp: gain of motion in world axes [1/s^2].
+        kd: gain of motion in world axes [1/s].
+        null: as for `operational_space`.
+        rows: as for `impedance`.
+        gravity: as for `impedance`.
+        force: desired contact force of the tip on the surface, in the frame's axes, a number or
+            (m,) [N].
+        measured: measured contact force, likewise [N].
         frame: axes of the surface as columns, an orthogonal matrix, shape (m, m).
         forced: which of them are forced, shape (m,) of booleans.
         force_gain: of force - measured.
@@ -385,10 +417,12 @@ def hybrid(
         raise invalid("forced", forced, f"{m} booleans")
     J, e, speed = _task(chain, q, v, target, rows)
     n, q, v = chain.n, np.asarray(q, dtype=float), np.asarray(v, dtype=float)
+    # Operational-space inertia (Khatib, 1987): the inverse of J M^-1 J^T.
     M = np.moveaxis(mass_matrix(chain, q).reshape(n, n, -1), 2, 0)
     jac = np.moveaxis(J.reshape(m, n, -1), 2, 0)
     spread = np.linalg.solve(M, jac.transpose(0, 2, 1))  # M^-1 J^T
     mobility = jac @ spread
+    # Near a singularity that matrix has no inverse, and forces would grow without bound.
     sizes = np.linalg.eigvalsh(mobility)
     if (sizes[:, 0] < 1e-6 * sizes[:, -1]).any():
         worst = float((sizes[:, 0] / sizes[:, -1]).min())
@@ -396,6 +430,8 @@ def hybrid(
     drift = _columns(np.asarray(jacobian_rate(chain, q, v))[list(rows)], v)
     desired = like("acceleration", acceleration, e) + gain("kp", kp, m) @ e
     desired = desired + gain("kd", kd, m) @ (like("rate", rate, e) - speed)
+    # Selection matrices in the frame of the surface: motion along some axes, force along the
+    # others.
     moving = R @ np.diag(~chosen) @ R.T
     push = like("force", force, e)
     push = push + finite("force_gain", force_gain, 0.0) * (push - like("measured", measured, e))
@@ -417,7 +453,7 @@ def hybrid(
 def gain(name: str, value: ArrayLike, n: int) -> Array:
     """Return a gain as a matrix (n, n), from a number, one for each row, or a matrix.
 
-    None below 0.
+    No gain may be negative.
     """
     array = vector(name, value, (), (n,), (n, n))
     if array.ndim < 2:

@@ -41,6 +41,7 @@ def _eliminate(M, X):
     for i in range(n):
         best = i
         for r in range(i + 1, n):
+            # Partial pivoting: exchange rows so that the pivot is the largest of its column.
             if abs(M[r, i]) > abs(M[best, i]):
                 best = r
         for c in range(n):
@@ -53,6 +54,7 @@ def _eliminate(M, X):
                 M[r, c] -= factor * M[i, c]
             for c in range(X.shape[1]):
                 X[r, c] -= factor * X[i, c]
+    # Back substitution.
     for i in range(n - 1, -1, -1):
         for c in range(X.shape[1]):
             for k in range(i + 1, n):
@@ -73,6 +75,7 @@ def _gain(A, B, R, P, K, M):
 def _regulate(A, B, Q, R, P, K, M):
     """Return P, K and M = A - B K, and how many doublings that took; 0 where nothing settles."""
     n = A.shape[0]
+    # Structure-preserving doubling algorithm: X -> A, G -> B R^-1 B^T, H -> Q at the start.
     H, X, gain = Q.copy(), A.copy(), np.ascontiguousarray(B.T)
     _eliminate(R.copy(), gain)
     G, count = _product(B, gain), 0
@@ -96,8 +99,10 @@ def _regulate(A, B, Q, R, P, K, M):
                 H[i, j] += step
                 H[j, i] = H[i, j]
                 size, change = max(size, abs(H[i, j])), max(change, abs(step))
+        # A mode that no input stops makes H grow without bound.
         if not size < 1e100:
             return 0
+        # H has converged to the solution of the Riccati equation, quadratically.
         if change <= 1e-16 * size:
             count = k + 1
             break
@@ -107,6 +112,8 @@ def _regulate(A, B, Q, R, P, K, M):
     _gain(A, B, R, H, K, M)
     X = M.copy()
     turned = np.ascontiguousarray(K.T)
+    # Residual of the Riccati equation in the closed-loop form; the sum below is its Lyapunov
+    # series, doubled.
     S = Q + _product(turned, _product(R, K)) - H
     S += _product(np.ascontiguousarray(X.T), _product(H, X))
     for _ in range(count):
@@ -130,8 +137,9 @@ _riccati = loop(_regulate, numba.int64(MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, M
 
 
 def _share(W, shift):
-    """Return whether W + shift I, shift in units of its largest entry, is positive definite and W
-    symmetric: by Cholesky.
+    """Return whether W is symmetric and W + shift I is positive definite, by Cholesky.
+
+    The shift is in units of the largest entry of W.
     """
     n, L = W.shape[0], W.copy()
     size = np.abs(W).max()
@@ -182,8 +190,10 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
     Each pass doubles the horizon, so the error is squared (Chu, Fan, Lin and Wang, 2004).
 
     Args:
-        A, B: of the sampled system, shapes (n, n) and (n, m).
-        Q, R: weights, symmetric, (n, n) not negative and (m, m) positive.
+        A: state matrix of the sampled system, shape (n, n).
+        B: input matrix, shape (n, m).
+        Q: weight of the state, symmetric and not negative, shape (n, n).
+        R: weight of the input, symmetric and positive, shape (m, m).
 
     Raises:
         ValueError: for weights that are not so, (A, B) that can't be stabilised, and a mode that
@@ -208,6 +218,7 @@ def _why(A: Array, B: Array, Q: Array) -> ValueError:
     With z from 1 on, [A - z I, B] must have full rank.
     """
     n = len(A)
+    # Hautus: a mode that does not decay must be seen by B and by Q.
     for z in np.linalg.eigvals(A):
         shifted, small = A - z * np.eye(n), 1e-9 * (1.0 + np.abs(A).max())
         if abs(z) >= 1.0 - 1e-9:
@@ -221,8 +232,10 @@ def _why(A: Array, B: Array, Q: Array) -> ValueError:
 
 
 def weight(name: str, value: ArrayLike, n: int, shift: float) -> Array:
-    """Return a symmetric matrix (n, n) that is positive definite with this share of its largest
-    entry added to the diagonal: a little above 0 for semidefinite ones.
+    """Return a weight matrix (n, n), checked to be symmetric and positive (semi)definite.
+
+    With `shift`, a share of the largest entry, added to its diagonal it must be positive definite:
+    a shift a little above 0 admits semidefinite matrices.
     """
     W = np.ascontiguousarray(vector(name, value, (n, n)))
     if not _definite(W, shift):
@@ -239,6 +252,7 @@ def _newton(H, gradient, free, L, step):
     """Return -H^-1 gradient among the free coordinates by Cholesky; whether H is positive there."""
     n = free.size
     for i in range(n):
+        # Cholesky on the free rows and columns only, and forward substitution.
         step[i] = 0.0
         if not free[i]:
             continue
@@ -259,6 +273,7 @@ def _newton(H, gradient, free, L, step):
             if free[k]:
                 total -= L[i, k] * step[k]
         step[i] = total / L[i, i]
+    # Back substitution.
     for i in range(n - 1, -1, -1):
         if free[i]:
             for k in range(i + 1, n):
@@ -269,15 +284,16 @@ def _newton(H, gradient, free, L, step):
 
 
 def _box(H, g, low, high, x, free):
-    """Return the minimiser into x, its free coordinates into `free`.
+    """Write the minimiser into x and which coordinates are free into `free`.
 
-    The iterations, -1 for a bad H.
+    It returns the iterations, or -1 if H is not positive definite.
     """
     n = x.size
     L, step, trial, gradient = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
         x[i] = min(max(x[i], low[i]), high[i])
     for iteration in range(200 + 10 * n):
+        # Gradient, and the active set: coordinates held at a bound by the sign of their gradient.
         worst, noise = 0.0, 0.0
         for i in range(n):
             gradient[i], size = g[i], abs(g[i])
@@ -290,6 +306,7 @@ def _box(H, g, low, high, x, free):
             free[i] = not pushed
             if free[i]:
                 worst, noise = max(worst, abs(gradient[i])), max(noise, size)
+        # Stationary within the rounding of the gradient's own sum.
         if worst <= 4e-16 * noise:
             return iteration
         if not _newton(H, gradient, free, L, step):
@@ -305,6 +322,7 @@ def _box(H, g, low, high, x, free):
             for i in range(n):
                 for j in range(n):
                     curve += (trial[i] - x[i]) * H[i, j] * (trial[j] - x[j])
+            # Armijo's condition on the quadratic, whose change is slope + curve / 2.
             if slope + 0.5 * curve <= 0.1 * slope or not moved:
                 break
             part *= 0.5
@@ -337,12 +355,13 @@ def box_qp(
 ) -> BoxQP:
     """Minimise x^T H x / 2 + g^T x for low <= x <= high.
 
-    Projected Newton, an exact active set.
+    It is a projected Newton method with an exact active set.
 
     Args:
         H: symmetric and positive definite, shape (n, n).
         g: shape (n,).
-        low, high: bounds, numbers or shape (n,); may be infinite.
+        low: lower bounds, a number or shape (n,); may be infinite.
+        high: upper bounds, likewise.
         start: a guess, such as the last sample's answer; near it one or two steps are enough.
 
     Raises:
@@ -381,15 +400,16 @@ class Horizon(NamedTuple):
 
 
 def horizon(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, samples: int) -> Horizon:
-    """Return the states eliminated.
+    """Return the quadratic program of model predictive control, with the states eliminated.
 
-    What comes after the last sample costs what it costs without limits.
+    The cost after the last sample is that of the unconstrained regulator.
 
     With that end the plan is the regulator's wherever no limit binds; arguments as for `lqr`.
     """
     P = lqr(A, B, Q, R).P
     A, B, Q, R = (np.asarray(x, dtype=float) for x in (A, B, Q, R))
     N, (n, m) = count("samples", samples, 1), B.shape
+    # Eliminate the states: x_i = A^i x + sum of A^(i - j - 1) B u_j (condensing).
     powers = [np.eye(n)]
     for _ in range(N):
         powers.append(A @ powers[-1])
@@ -399,6 +419,7 @@ def horizon(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, samples: int
         for j in range(i + 1):
             forced[i * n : (i + 1) * n, j * m : (j + 1) * m] = powers[i - j] @ B
     cost = np.kron(np.eye(N), Q)
+    # The terminal cost is the unconstrained regulator's value of the last state.
     cost[-n:, -n:] = P
     H = 2.0 * (forced.T @ cost @ forced + np.kron(np.eye(N), R))
     return Horizon(0.5 * (H + H.T), 2.0 * forced.T @ cost @ free, m)

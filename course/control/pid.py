@@ -92,7 +92,7 @@ class Gains:
 
 
 def _advance_rate(kind, tau, dt, state, x, v):
-    """One more measurement x for the rate in state[1].
+    """Update the rate in state[1] with one more measurement x.
 
     State is (integral, rate, last, started, command).
     """
@@ -128,8 +128,11 @@ def _update(numbers, state, setpoint, y, v):
     error = setpoint - y
     integral = state[0] + ki * error * dt
     desired = kp * (weight * setpoint - y) + integral - kd * state[1]
+    # Limits of this sample: saturation and slew rate.
     low, high = max(u_min, state[4] - slew * dt), min(u_max, state[4] + slew * dt)
     command = min(max(desired, low), high)
+    # Back-calculation: bleed the integral by what the limit cut off. Otherwise conditional
+    # integration: stop integrating while the limit binds in the error's direction.
     if windup == 1.0:
         state[0] = integral + dt / tracking * (command - desired)
     elif windup == 2.0 or not ((desired > high and error > 0.0) or (desired < low and error < 0.0)):
@@ -178,12 +181,13 @@ class Controller:
     def change(self, gains: Gains, setpoint: float, measurement: float) -> None:
         """Other gains without a bump: the command for these values stays, by the integral."""
         _finite(setpoint=setpoint, measurement=measurement)
+        # Bumpless transfer: the integral takes up the difference.
         before = self._without_integral(setpoint, measurement)
         self.gains, self._numbers = gains, gains.numbers(self.dt)
         self.state[0] += before - self._without_integral(setpoint, measurement)
 
     def take_over(self, command: float, setpoint: float, measurement: float) -> None:
-        """From manual to automatic without a bump: the next command continues a person's [u]."""
+        """Go from manual to automatic without a bump: the next command continues a person's [u]."""
         _finite(command=command, setpoint=setpoint, measurement=measurement)
         self.state[1:] = 0.0, measurement - self.gains.rate_weight * setpoint, 1.0, command
         integrated = self.gains.ki * (setpoint - measurement) * self.dt
@@ -196,13 +200,13 @@ def _finite(**values: float) -> None:
 
 
 def rates(y: ArrayLike, dt: float, rate: str = "filtered", tau: float = 0.0) -> Array:
-    """Return the rate that a controller makes of measurements y (n,), one for each, shape (n,)
-    [y/s].
+    """Return the rates that a controller computes from measurements y, shape (n,) [y/s].
 
     Args:
         y: measurements, one a sample.
         dt: sample time [s].
-        rate, tau: as for `Gains`; not "exact".
+        rate: as for `Gains`, except "exact".
+        tau: as for `Gains` [s].
     """
     values = vector("y", y, (None,))
     kind = float(RATES.index(one_of("rate", rate, RATES[:2])))

@@ -38,7 +38,7 @@ class Features:
 
 @dataclass(frozen=True)
 class Learned:
-    """Computed torque by a model and what was learned beside it (None at first), for `track`.
+    """Computed torque with a model and a learned residual (None at first), for `track`.
 
     The gains kp and kd stand before the inertia [1/s^2, 1/s].
     """
@@ -59,9 +59,7 @@ class Learned:
 
 
 def lacking(model: Arm, log: Record) -> tuple[Array, Array]:
-    """Return inputs (3 n, K) of a run's samples.
-
-    And the torques (n, K) that the model doesn't explain.
+    """Return a run's inputs (3 n, K) and the torques (n, K) that the model doesn't explain.
 
     Means and differences over a sample stand for its middle, which is of second order in the
     sample time. Samples after a run diverged are left out.
@@ -82,10 +80,11 @@ def fit(
     width: float = 0.15,
     ridge: float = 1e-6,
 ) -> Features:
-    """Return weights of random waves by least squares.
+    """Fit the weights of random waves by least squares.
 
     Args:
-        x, torque: inputs (3 n, K) and what shall come out of them, (n, K).
+        x: inputs, shape (3 n, K).
+        torque: the desired outputs, shape (n, K) [N m].
         rng: who draws the waves.
         features: how many.
         width: of their wave numbers, over one deviation of the inputs.
@@ -97,11 +96,13 @@ def fit(
     x = vector("x", x, (None, None))
     torque = vector("torque", torque, (None, x.shape[1]))
     F, scale = count("features", features, 1), x.std(axis=1)
+    # Random Fourier features (Rahimi and Recht, 2007).
     if not (scale > 0.0).all():
         raise invalid("x.std(axis=1)", scale, "inputs that all vary")
     W = positive("width", width) * rng.standard_normal((F, len(x)))
     result = Features(W, rng.uniform(0.0, 2.0 * np.pi, F), scale, np.zeros((len(torque), F)))
     Z = result.waves(x)
+    # Ridge regression by its normal equations.
     normal = Z @ Z.T + positive("ridge", ridge) * x.shape[1] * np.eye(F)
     return replace(result, weights=np.linalg.solve(normal, Z @ torque.T).T)
 
@@ -113,13 +114,14 @@ def learn(
     rounds: int = 5,
     **settings: Any,
 ) -> list[Learned]:
-    """Return the laws after each round, the first the one that was handed in.
+    """Learn in rounds; return the law after each, the first being the one that was handed in.
 
     A round runs the last law by `collect`, as with `track`, and fits to all runs so far; `rng` and
     `settings` are those of `fit`.
     """
     laws, observed = [law], []
     for _ in range(count("rounds", rounds, 1)):
+        # DAgger for models: each round adds data of the motion that the last law makes.
         observed.append(lacking(law.model, collect(laws[-1])))
         x, torque = (np.concatenate(parts, axis=1) for parts in zip(*observed, strict=True))
         laws.append(replace(law, extra=fit(x, torque, rng, **settings)))

@@ -39,7 +39,9 @@ def joint_system(
     """Return inertia q'' + damping q' + stiffness q = torque as x' = A x + B u with x = (q, v).
 
     Args:
-        inertia, damping, stiffness: [kg m^2, N m s/rad, N m/rad], or [kg, N s/m, N/m].
+        inertia: [kg m^2], or a mass [kg].
+        damping: [N m s/rad], or [N s/m].
+        stiffness: [N m/rad], or [N/m].
         lag: time constant of the current loop [s]; above 0 the torque is a third state.
 
     Returns:
@@ -76,6 +78,8 @@ def _driven(A: Array, B: Array, seconds: float) -> System:
     """Return the state's transition over a time, and what a command held meanwhile adds."""
     from scipy.linalg import expm
 
+    # Van Loan (1978): the exponential of the block matrix holds both the transition and its
+    # integral.
     n = B.size
     block = np.zeros((n + 1, n + 1))
     block[:n, :n], block[:n, n] = A * seconds, B * seconds
@@ -87,7 +91,8 @@ def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
     """Return a plant behind a zero-order hold whose command comes late, exactly.
 
     Args:
-        A, B: x' = A x + B u, shapes (n, n) and (n,).
+        A: matrix of x' = A x + B u, shape (n, n).
+        B: its input vector, shape (n,).
         dt: sample time [s].
         delay: of the command [s], any length; within a sample it switches once.
 
@@ -96,6 +101,7 @@ def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
     """
     A = vector("A", A, (len(np.atleast_1d(A)),) * 2)
     B = vector("B", B, (A.shape[0],))
+    # A delay is whole samples and a part; within a sample the command switches once.
     whole, rest = split_delay(delay, dt)
     first, late = _driven(A, B, rest)
     second, now = _driven(A, B, dt - rest)
@@ -185,7 +191,9 @@ def pid_law(
     """Return P, PD or PID around an estimate of the rate, as `course.control.pid` runs it.
 
     Args:
-        kp, ki, kd: gains [u/y, u/(y s), u s/y].
+        kp: gain [u/y].
+        ki: gain [u/(y s)].
+        kd: gain [u s/y].
         dt: sample time [s].
         rate: "filtered", the backward difference behind a low-pass (a plain one with tau = 0);
             "observer", see `observer_gains`; "exact", v itself.
@@ -228,8 +236,9 @@ def _pid(kp, ki, kd, dt, rate, tau):
 
 
 def loop_matrix(plant: Held, law: Law) -> Array:
-    """Return the closed loop as one matrix over (x, commands under way, newest first, law's
-    state).
+    """Return the matrix of the closed loop over one sample.
+
+    Its state is x, the commands under way, newest first, and the law's own state.
     """
     return _closed(plant.transition, plant.now, plant.before, plant.whole, *law.matrices(plant))
 
@@ -237,12 +246,14 @@ def loop_matrix(plant: Held, law: Law) -> Array:
 @register_jitable
 def _closed(transition, now, before, whole, A, B, C, D):
     """Return `loop_matrix` of the parts of plant and law."""
+    # State: x, the commands under way, the law's state.
     n, waiting, m = now.size, whole + int(np.any(before != 0.0)), C.size
     F = np.zeros((n + waiting + m, n + waiting + m))
     F[:n, :n] = transition
     fed = np.zeros(n + waiting)  # how the command of this sample enters
     if waiting:
         fed[n] = 1.0
+        # Commands move up the queue by one each sample.
         F[n + 1 : n + waiting, n : n + waiting - 1] = np.eye(waiting - 1)
         if whole:
             F[:n, n + whole - 1] += now
@@ -267,6 +278,7 @@ def growth_by_squares(matrix):
 
     Gelfand's formula, |F^n|^(1/n) with n = 2^44, which takes 44 squares of the matrix.
     """
+    # Spectral radius by repeated squaring: |F^(2^k)|^(1 / 2^k), scaled to avoid overflow.
     F, square, total, n = matrix.copy(), np.empty(matrix.shape), 0.0, matrix.shape[0]
     for half in range(45):
         size = np.max(np.abs(F))
@@ -287,14 +299,14 @@ def growth_by_squares(matrix):
 def open_loop(plant: Held, law: Law, w: ArrayLike) -> NDArray[np.complex128]:
     """Return the loop's transfer function, opened at the command.
 
-    At angular frequencies w [rad/s].
+    It is evaluated at angular frequencies w [rad/s].
     """
     turns = np.ascontiguousarray(np.asarray(w, dtype=float) * plant.dt)
     return np.asarray(_open_loop(*_parts(plant, law), turns))
 
 
 def _parts(plant: Held, law: Law) -> tuple[Any, ...]:
-    """Return both as compiled code takes them."""
+    """Return plant and law in the form that compiled code takes."""
     arrays = plant.transition, plant.now, plant.before, *law.matrices(plant)
     transition, now, before, *rest = map(np.ascontiguousarray, arrays)
     return transition, now, before, plant.whole, *rest
@@ -320,6 +332,7 @@ def _solve(M, b):
 @register_jitable
 def _response(transition, now, before, whole, A, B, C, D, turn):
     """Return the opened loop where the frequency turns by so much a sample [rad]."""
+    # The whole samples of the delay turn the phase; the part is in `now` and `before`.
     z, late = complex(math.cos(turn), math.sin(turn)), -turn * whole
     x = (now + before / z) * complex(math.cos(late), math.sin(late))
     _solve(z * np.eye(now.size) - transition, x)
@@ -387,6 +400,7 @@ def _gain_crossover(transition, now, before, whole, A, B, C, D):
     flat[0] = math.pi  # half the sample rate: there it is always real
     reals[0] = _response(transition, now, before, whole, A, B, C, D, math.pi).real
     sizes, real = 0, 1
+    # Both kinds of crossing: sign changes between grid points, bisected.
     for size in (False, True):
         for k in range(_TURNS.size - 1):
             side = _above(values[k], size)
@@ -419,6 +433,7 @@ _crossed = loop(_gain_crossover, types.UniTuple(VECTOR, 4)(*_PARTS))
 def _margins(at, lags, reals, dt):
     """Return the four of `Margins` from what was found."""
     gain, lower, phase, delay = math.inf, 0.0, math.inf, math.inf
+    # Gain margins from real-axis crossings, phase and delay margins from unit-circle crossings.
     for value in reals:
         if -1.0 <= value < 0.0:
             gain = min(gain, -1.0 / value)
@@ -442,9 +457,11 @@ def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0)
     """Return gain, phase and delay margin of a law on a plant, all of one sampled loop.
 
     Args:
-        A, B: the plant, see `joint_system`.
+        A: state matrix of the plant, see `joint_system`.
+        B: its input vector.
         law: with the gains as they are.
-        dt, delay: sample time, and the delay that there is already [s].
+        dt: sample time [s].
+        delay: the delay that the loop has already [s].
 
     Raises:
         ValueError: the law was made for another sample time.
@@ -458,6 +475,7 @@ def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0)
     result = crossings(held(A, B, dt, delay), law)
     if result.delay == math.inf:
         return result
+    # The delay margin is refined by the eigenvalues, as a loop may be stable again later.
     step = result.delay / 8.0
     last = next((k for k in range(1, 40) if not holds(k * step)), 40) * step
     low, high = last - step, last
@@ -471,8 +489,10 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
     """Return the gain at which P alone oscillates for ever, and the period of that [s].
 
     Args:
-        A, B: the plant, see `joint_system`.
-        dt, delay: of the loop [s].
+        A: state matrix of the plant, see `joint_system`.
+        B: its input vector.
+        dt: sample time [s].
+        delay: of the loop [s].
 
     Raises:
         ValueError: if there is none: without friction no gain holds, and some hold for ever.
@@ -480,6 +500,7 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
     plant = held(A, B, dt, delay)
     if len(plant.now) < 2:
         raise invalid("A.shape", np.shape(A), "that of a plant whose first states are q and v")
+    # P alone oscillates where the loop's phase is -180 degrees: a real, negative response.
     _, _, flat, reals = _crossed(*_parts(plant, pid_law(1.0, dt=dt)))
     gain, w = min(
         ((-1.0 / x, f / dt) for x, f in zip(reals, flat, strict=True) if x < 0.0),
@@ -501,11 +522,13 @@ def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float,
     a sample of lateness (Franklin, Powell and Workman, Digital Control, 1998, sec. 4.3).
 
     Args:
-        inertia, damping: both positive [kg m^2, N m s/rad].
+        inertia: positive [kg m^2].
+        damping: positive [N m s/rad].
         lateness: delay + dt / 2 [s], positive.
     """
     b = positive("damping", damping) / positive("inertia", inertia)
     low, high = 0.0, 0.5 * math.pi / positive("lateness", lateness, unit="s")
+    # The phase condition w tan(w late) = b is monotone in w: bisection.
     for _ in range(80):
         w = 0.5 * (low + high)
         low, high = (w, high) if w * math.tan(w * lateness) < b else (low, w)
@@ -517,7 +540,8 @@ def pd_limit(kd: float, inertia: float, dt: float, rate: str = "exact") -> float
 
     Args:
         kd: [N m s/rad].
-        inertia, dt: [kg m^2, s].
+        inertia: of the joint [kg m^2].
+        dt: sample time [s].
         rate: "exact", v itself; "difference" of the last two angles; "late", v itself and the
             command a sample late.
     """
@@ -532,8 +556,9 @@ def pd_limit(kd: float, inertia: float, dt: float, rate: str = "exact") -> float
 
 
 def force_limit(damping: float, wall: float, lateness: float) -> float:
-    """Return largest gain of P on the force at a wall, while the delay is short beside the
-    oscillation.
+    """Return the largest stable gain of proportional force control at a wall.
+
+    It holds while the delay is short compared with the oscillation.
 
     Args:
         damping: of the arm [N s/m].
@@ -546,9 +571,9 @@ def force_limit(damping: float, wall: float, lateness: float) -> float:
 
 
 def passive_stiffness(damping: float, dt: float, delay: float = 0.0) -> float:
-    """Return largest stiffness that an arm shows at any wall by its own damping.
+    """Return the largest wall stiffness that an arm's own damping keeps passive.
 
-    2 b / (dt + 2 delay).
+    It is 2 b / (dt + 2 delay).
 
     Colgate and Schenkel, Passivity of a class of sampled-data systems, 1997, with the delay added
     to half a sample.

@@ -63,8 +63,10 @@ def mppi(
     best = float(cost.min())
     if best == np.inf:
         return Sampled(plan, best, 0.0)
+    # Softmax of the costs. The lowest cost is subtracted first, which changes nothing but overflow.
     weights = np.exp(-(cost - best) / temperature)
     weights /= weights.sum()
+    # Effective sample size: 1 over the sum of squared weights.
     return Sampled(np.tensordot(weights, tries, 1), best, float(1.0 / (weights @ weights)))
 
 
@@ -79,9 +81,9 @@ def cem(
     spread: ArrayLike = 1.0,
     limit: ArrayLike = np.inf,
 ) -> Sampled:
-    """Return the cross-entropy method (Rubinstein, 1999).
+    """Improve a plan with the cross-entropy method (Rubinstein, 1999).
 
-    Mean and spread of the best tries, in rounds.
+    In rounds, mean and spread are refitted to the best samples.
 
     Arguments as for `mppi`; `elites` of the tries count, in each of `rounds`.
     """
@@ -95,6 +97,7 @@ def cem(
         chosen = chosen[cost[chosen] < np.inf]
         if not chosen.size:
             break
+        # Refit mean and spread to the elites, coordinate by coordinate.
         mean, wide = tries[chosen].mean(axis=0), tries[chosen].std(axis=0)
         best, voices = min(best, float(cost[chosen[0]])), float(chosen.size)
     return Sampled(mean, best, voices)
@@ -109,9 +112,9 @@ def predictive(
     spread: ArrayLike = 1.0,
     limit: ArrayLike = np.inf,
 ) -> Sampled:
-    """Return predictive sampling (Howell and others, 2022).
+    """Improve a plan with predictive sampling (Howell and others, 2022).
 
-    The best try, the old plan being one of them.
+    The result is the best sample, the old plan being one of them.
 
     So no plan is worse than the one before. Arguments as for `mppi`.
     """
@@ -139,6 +142,7 @@ def _checked(plan: ArrayLike, spread: ArrayLike, limit: ArrayLike) -> tuple[Arra
 
 def _tries(plan: Array, spread: Array, limit: Array, rng: np.random.Generator, K: int) -> Array:
     noise = spread * rng.standard_normal((K, *plan.shape))
+    # The first sample is the plan itself, so a step can always keep it.
     noise[0] = 0.0
     return np.asarray(np.clip(plan + noise, -limit, limit))
 

@@ -46,7 +46,7 @@ class Probe:
         finite("surface", self.surface, unit="m")
 
     def system(self) -> System:
-        """Return a and B while it touches, the surface at 0."""
+        """Return A and B while it touches, the surface at 0."""
         return joint_system(self.mass, self.damping + self.wall_damping, self.wall)
 
 
@@ -58,7 +58,7 @@ class TouchLaw:
 
     Attributes:
         stiffness, damping: [N/m, N s/m].
-        force: wanted at the wall [N].
+        force: desired force on the wall [N].
         force_gain: of the measured force's error.
         mass, give, hold: of the virtual body, inertia, damping and stiffness about the set-point
             [kg, N s/m, N/m]; no body with mass 0.
@@ -106,7 +106,7 @@ def _linear(law, wall, wall_damping, dt):
 
 @register_jitable
 def _swing(x, v, u, mass, damping, stiffness, t):
-    """Place and speed after t of a damped spring under a steady force, exactly."""
+    """Return place and speed after t of a damped spring under a steady force, exactly."""
     a = 0.5 * damping / mass
     square = stiffness / mass - a * a
     if stiffness == 0.0 and damping == 0.0:
@@ -115,6 +115,7 @@ def _swing(x, v, u, mass, damping, stiffness, t):
         once = -math.expm1(-2.0 * a * t) / (2.0 * a)
         final = u / damping
         return x + final * t + (v - final) * once, final + (v - final) * (1.0 - 2.0 * a * once)
+    # Underdamped, critically damped and overdamped: one formula, with cos, 1 or cosh.
     rest = u / stiffness
     w = math.sqrt(abs(square))
     decay = math.exp(-a * t)
@@ -131,9 +132,9 @@ def _swing(x, v, u, mass, damping, stiffness, t):
 
 @register_jitable
 def held_mass(mass, damping, stiffness, dt, rest):
-    """Return transition, now and before of `course.control.sampled.held`, of one mass on a spring.
+    """Return the transition matrices of one mass on a spring, as `course.control.sampled.held`.
 
-    For compiled code: a command comes `rest` late in the sample [s].
+    It is for compiled code: a command comes `rest` late in the sample [s].
     """
     transition, late = np.empty((2, 2)), dt - rest
     for k in range(2):
@@ -146,8 +147,9 @@ def held_mass(mass, damping, stiffness, dt, rest):
 
 @register_jitable
 def _onwards(x, v, u, probe, t):
-    """Place and speed after t, through touching and leaving; once each way in a sample at most."""
+    """Return place and speed after t, with at most one touching and one leaving in a sample."""
     mass, damping, wall, wall_damping, surface = probe[0], probe[1], probe[2], probe[3], probe[4]
+    # At a touch or a release the stiffness changes: the motion is cut there by bisection.
     for _ in range(4):
         touching = x > surface or (x == surface and v > 0.0)
         stiff = wall if touching else 0.0
@@ -169,7 +171,7 @@ def _onwards(x, v, u, probe, t):
 
 
 def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
-    """The loop; rows of `out` are x, v, force on the wall, command and the place wanted."""
+    """Run the loop; rows of `out` are x, v, force on the wall, command and the desired place."""
     stiffness, damping, desired, gain = law[0], law[1], law[2], law[3]
     mass, give, hold = law[4], law[5], law[6]
     body = probe.copy()
@@ -182,6 +184,8 @@ def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
         out[0, k], out[1, k], out[2, k] = x, v, force
         if k == target.size:
             break
+        # Admittance: the virtual body moves the set-point, by semi-implicit Euler with implicit
+        # damping.
         if mass > 0.0:
             speed = (speed + dt / mass * (desired - force - hold * moved)) / (
                 1.0 + dt * give / mass
@@ -218,12 +222,14 @@ def run_touch(
     start: ArrayLike = (0.0, 0.0),
     surface: ArrayLike | None = None,
 ) -> Record:
-    """Return the probe under its law, compiled.
+    """Run the probe under its law, compiled.
 
     Args:
-        probe, law: the parts.
-        target: set-point of the place, a number or one for each sample, shape (n,) [m].
-        dt, seconds: sample time and length of the run [s]; n = seconds / dt.
+        probe: the pushed body, its wall and its sensor.
+        law: the law that is run.
+        target: set-point of the position, a number or one for each sample, shape (n,) [m].
+        dt: sample time [s].
+        seconds: length of the run [s]; n = seconds / dt.
         delay: of the command [s].
         start: (x, v) [m, m/s].
         surface: where the wall is, shape (n,) [m]; None for the probe's.

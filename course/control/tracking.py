@@ -81,6 +81,7 @@ def two_link_torque(arm, i, q1, q2, v1, v2, a1, a2):
 @register_jitable
 def _held(body, q, v, h, steps):
     """Return states of two-link arms, columns of `body`, after steps of h under their torques."""
+    # Classical Runge-Kutta for all arms at once; the torque is held.
     for _ in range(steps):
         a1 = two_link_acceleration(q, v, body)
         s2 = v + 0.5 * h * a1
@@ -102,7 +103,7 @@ def _rollouts(arm, plans, dt, substeps, q, v):
 
 
 def _track(kind, model, arm, gains, half, references, dt, substeps, limit, q, v, tau):
-    """The loop over two links; `q` and `v` (T + 1, 2, N) hold the start, `tau` (T, 2, N) nothing.
+    """Run the loop of two links; `q` and `v` (T + 1, 2, N) hold the start, `tau` (T, 2, N) nothing.
 
     `model` and `arm` are columns (13, N), `gains` kp over kd (4, 2), `references` (T, 6, N).
     """
@@ -112,6 +113,7 @@ def _track(kind, model, arm, gains, half, references, dt, substeps, limit, q, v,
         for i in range(q.shape[2]):
             r = references[k, :, i]
             q1, q2, v1, v2 = q[k, 0, i], q[k, 1, i], v[k, 0, i], v[k, 1, i]
+            # Computed torque previews the state by half a sample.
             if kind == 3:
                 q1 += half * v1 + 0.5 * half * half * r[4]
                 q2 += half * v2 + 0.5 * half * half * r[5]
@@ -156,9 +158,9 @@ _rollouts_loop = loop(_rollouts, numba.void(MATRIX, CUBE, numba.float64, numba.i
 def rollouts(
     arm: TwoLink, plans: ArrayLike, dt: float, state: tuple[ArrayLike, ArrayLike], substeps: int = 1
 ) -> tuple[Array, Array]:
-    """Return where each of K plans of torques takes two links, compiled.
+    """Simulate K plans of torques of two links, compiled.
 
-    What `mppi` and its like judge.
+    `mppi` and the other samplers score these rollouts.
 
     Args:
         arm: as it is believed to be.
@@ -193,9 +195,9 @@ def track(
     limit: ArrayLike = np.inf,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Record:
-    """Return an arm under a sampled law: measure, command, hold.
+    """Simulate an arm under a sampled law: measure, command, hold.
 
-    Runge-Kutta of fourth order in between.
+    Between samples a fourth-order Runge-Kutta method integrates.
 
     Two links under a `JointLaw` with a two-link model run compiled; everything else calls the law
     from Python. A run that diverges ends in NaN.
@@ -206,7 +208,8 @@ def track(
             references are those half of that later.
         reference: `reference(times) -> (q_ref, v_ref, a_ref)`, each (n, T), or these three arrays,
             T being the number of samples. With an attribute `duration` it must last for the run.
-        dt, seconds: sample time and length of the run [s]; T = seconds / dt.
+        dt: sample time [s].
+        seconds: length of the run [s]; T = seconds / dt.
         substeps: steps of the integrator in a sample.
         state: (q, v) at the start, shape (n,) or (n, N); default: the reference's first.
         limit: of the torques, a number or shape (n,); infinite for none [N m].

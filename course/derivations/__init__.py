@@ -1,19 +1,21 @@
 """Every checkable claim of the course, as a check that runs.
 
-A claim is what one commonly reads or hears, what is true instead, and a function that settles it by
+A claim is a statement that is often made, what is true instead, and a function that settles it by
 algebra or by measurement. `python -m course.derivations` settles all of them and prints them.
 
     from course import derivations
     derivations.figure("semi_implicit_limit", "limit_ms")    # a number for the text
     derivations.show("semi_implicit_limit")                  # a card for a notebook
+    derivations.more_claims("verlet_frequency", "rk4_energy_factor")  # a fold-out of further ones
     derivations.answer("semi_implicit_limit", "2/omega")     # checks a learner's formula
+    derivations.unplaced("contact")                          # claims that no notebook shows
 
 How one is written (`course/derivations/rigid_body/time_step.py` holds examples):
 
     SYMBOLS = {"m": Symbol("mass [kg]"), "k": Symbol("stiffness [N/m]")}   # one table a file
 
     @claim(
-        "The claim as one hears it.",
+        "The claim as it is commonly made.",
         "What is true, with numbers from the figures: {limit_ms:.2f} ms, {formula}.",
         ask=("The question?", "dt < 2*sqrt(m/k)", {"2*m/k": "The root is missing.", ...}),
         source="Author, Title, year, section",
@@ -65,8 +67,8 @@ import inspect
 import pkgutil
 import re
 import textwrap
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +79,7 @@ from course.derivations.answer import Answer, Formula, Symbol, answer_formula, e
 from course.derivations.result import Result, Verdict
 
 __all__ = [
+    "ANSWERS",
     "CLAIMS",
     "Answer",
     "Ask",
@@ -92,11 +95,14 @@ __all__ = [
     "claims",
     "figure",
     "formula",
+    "more_claims",
+    "placed_in",
     "recorded",
     "run",
     "settle",
     "show",
     "unmet",
+    "unplaced",
 ]
 
 
@@ -185,7 +191,7 @@ class Claim:
             more precisely.
         source: where that can be read up, or "".
         check: settles the claim by filling what it is handed.
-        formula: what a learner can be asked for, or None.
+        formula: the formula that a learner can be asked for, or None.
         needs: what the check needs beyond what `make setup` installs; names in `NEEDS`.
     """
 
@@ -269,7 +275,7 @@ class Outcome:
 
     @property
     def agrees(self) -> bool:
-        """Whether the check holds, and says the same as the record."""
+        """True if the check holds and agrees with the record."""
         return not self.disagreements
 
     @property
@@ -314,7 +320,7 @@ def claim(
     Args:
         received: the claim as it is commonly stated.
         corrected: what is true, with fields for the figures.
-        ask: what a learner can be asked for.
+        ask: the formula that a learner can be asked for.
         source: where it can be read up.
         needs: what the check needs beyond what `make setup` installs; names in `NEEDS`.
         registry: where to put it; default: the claims of the course.
@@ -481,9 +487,20 @@ def figure_text(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:.5g}"
 
 
+# What a card offers as answers, and the verdict that each stands for.
+ANSWERS = {
+    "True": Verdict.HOLDS,
+    "False": Verdict.FALSE,
+    "Only under a condition": Verdict.CONDITIONAL,
+}
+
+
 @dataclass(frozen=True)
 class Block:
-    """A claim as a card of a notebook: it asks "true, false, or only if?" and folds the verdict."""
+    """A claim as a card of a notebook.
+
+    It asks whether the claim is true, false, or true only under a condition, and folds the verdict.
+    """
 
     outcome: Outcome
 
@@ -492,7 +509,7 @@ class Block:
         """The verdict in a sentence."""
         verdict, condition = self.outcome.finding.verdict, self.outcome.condition
         if verdict is Verdict.CONDITIONAL:
-            return f"It holds only if {condition}."
+            return f"It is true only if {condition}."
         return "It is true." if verdict is Verdict.HOLDS else "It is false."
 
     def _figures(self) -> list[str]:
@@ -505,33 +522,117 @@ class Block:
     def __repr__(self) -> str:
         result = self.outcome.finding.verdict.value
         lines = [
-            f'Claim: "{self.outcome.claim.claim}" True, false, or only if?',
+            f'Common claim: "{self.outcome.claim.claim}" True, false, or only under a condition?',
             f"Verdict: {result} {self.outcome.condition}".rstrip(),
             *self._figures(),
             *self._disagreements(),
         ]
         return "\n".join(textwrap.fill(line, markup.WIDTH) for line in lines)
 
-    def _repr_markdown_(self) -> str:
+    def _why(self) -> str:
+        """Return the verdict, the correction and how it was settled, as Markdown."""
         outcome = self.outcome
         verdict, corrected = markup.tex(self.verdict), markup.tex(outcome.corrected)
-        text = {Verdict.HOLDS: "No.", Verdict.CONDITIONAL: "No.", Verdict.FALSE: "No."}
-        text[outcome.finding.verdict] = "Right."
-        if outcome.finding.verdict is Verdict.CONDITIONAL:  # so it is false without the condition
-            text[Verdict.FALSE] = "Right, as it stands."
-        labels = {
-            "True": Verdict.HOLDS,
-            "True only if ...": Verdict.CONDITIONAL,
-            "False": Verdict.FALSE,
-        }
-        options = [(k, f"**{text[result]} {verdict}** {corrected}") for k, result in labels.items()]
         settled = [markup.tex(outcome.finding.statement), *(f"`{x}`" for x in self._figures())]
         if outcome.claim.source:
             settled.append(f"*{outcome.claim.source}*")
-        more = markup.folded("How it was settled", "  \n".join(settled))
-        question = f"“{markup.tex(outcome.claim.claim)}” *True, false, or only if?*"
-        parts = [markup.choice("One hears:", question, options, more), *self._disagreements()]
-        return "\n\n".join(parts)
+        how = markup.folded("How it was settled", "  \n".join(filter(None, settled)))
+        return f"**{verdict}** {corrected}\n\n{how}"
+
+    def _card(self, answers: Sequence[markup.Answer], head: str = "", after: str = "") -> str:
+        claim = self.outcome.claim
+        topic = claim.file.partition(".")[0]
+        question = f"“{markup.tex(claim.claim)}”{after}"
+        made = markup.card(
+            f"{topic}.{claim.id}", head, question, answers, self._why(), f"claim-{claim.id}"
+        )
+        return "\n\n".join([made, *self._disagreements()])
+
+    def compact(self) -> str:
+        """Return the card without answers to choose from, for a fold-out; Markdown."""
+        return self._card(())
+
+    def _repr_markdown_(self) -> str:
+        verdict = self.outcome.finding.verdict
+        answers = [
+            markup.Answer(
+                label, meaning is verdict, "**Right.**" if meaning is verdict else "**No.**"
+            )
+            for label, meaning in ANSWERS.items()
+        ]
+        return self._card(answers, "Common claim:")
+
+
+def more_claims(*ids: str) -> markup.Shown:
+    """Return a fold-out with further claims about a section, as compact cards.
+
+    Verdicts and figures are those on record, so that a page with many claims opens at once; the
+    tests compare every check with the record.
+
+    Args:
+        *ids: of the claims, in the order of reading.
+
+    Raises:
+        ValueError: for no id, an unknown one, or one that comes twice.
+    """
+    if not ids or len(set(ids)) < len(ids):
+        raise ValueError(f"ids must be one or more, each once, got {ids}")
+    blocks = [Block(_on_record(item, _recorded_statement(item))) for item in map(_get, ids)]
+    cards = "\n\n".join(block.compact() for block in blocks)
+    summary = "<summary>More claims about this</summary>"
+    made = f'<details class="more-claims">{summary}\n\n{cards}\n\n</details>'
+    return markup.Shown("\n".join(["More claims about this:", *(f"  {id}" for id in ids)]), made)
+
+
+def _recorded_statement(item: Claim) -> str:
+    """Return how a claim on record was settled, and how to run its check."""
+    needs = f" It needs {' and '.join(item.needs)}." if item.needs else ""
+    run_it = f"`python -m course.derivations --id {item.id}` runs the check.{needs}"
+    return f"{_stated(item.check)} {run_it}".strip()
+
+
+def unplaced(topic: str = "", folder: Path | None = None) -> list[str]:
+    """Return the claims that no notebook shows, by file and in the order of writing.
+
+    A claim is placed where a notebook has it as a card (`show`), in a fold-out (`more_claims`), or
+    asks for its formula (`answer`, `checkpoint`).
+
+    Args:
+        topic: of one chapter; "" for all.
+        folder: of the notebooks' sources; default: those of the course.
+
+    Raises:
+        ValueError: for a topic without claims, or where there are no sources.
+    """
+    from course.cards import gate
+
+    everything = claims()
+    known = list(dict.fromkeys(item.file.partition(".")[0] for item in everything))
+    if topic and topic not in known:
+        raise ValueError(f"topic must be one of {', '.join(known)}, got {topic!r}")
+    folder = folder or Path(__file__).parents[2] / "notebooks" / "source"
+    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py"))]
+    if not texts:
+        raise ValueError(f"folder must have the notebooks' sources, got {folder}")
+    placed = {id for text in texts for id in placed_in(text)}
+    placed |= {id for name in known for id in gate(name)}
+    selected = (item for item in everything if topic in ("", item.file.partition(".")[0]))
+    return [item.id for item in selected if item.id not in placed]
+
+
+def placed_in(source: str) -> list[str]:
+    """Return the claims that a py:percent source places on its page, in order.
+
+    Args:
+        source: its text. A checkpoint's claims are in the file of its cards.
+    """
+    result = []
+    for name, call in re.findall(
+        r'^(?:\w+\.)?(show|answer|more_claims)(\(\s*"\w+"(?:,\s*"\w+")*)', source, re.M
+    ):
+        ids = re.findall(r'"(\w+)"', call)
+        result += ids if name == "more_claims" else ids[:1]
+    return result
 
 
 def show(id: str) -> Block:
@@ -619,7 +720,10 @@ def answer(id: str, text: str) -> Answer:
     Raises:
         ValueError: for an unknown id, one without a formula, or a text that is not a str.
     """
-    return answer_formula(formula(id), text)
+    asked = formula(id)
+    result = answer_formula(asked, text)
+    prompt = "" if asked.prompt() in result.message else asked.prompt()
+    return replace(result, asked=prompt, typed=text)
 
 
 def formula(id: str) -> Formula:

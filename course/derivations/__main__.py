@@ -138,7 +138,7 @@ def _record(results: list[Result], whole: bool) -> int:
 def select(which: str | None, ids: tuple[str, ...]) -> list[Claim]:
     """Return the claims of a chapter's number, a topic or a file.
 
-    Of these, those with the ids, if any.
+    If ids are given, only those claims are returned.
 
     Raises:
         click.UsageError: where there is none.

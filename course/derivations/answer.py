@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from course.cards import markup
+
 MAX_LENGTH = 200
 MAX_DEPTH = 25
 _DIGITS = 50
@@ -53,11 +55,11 @@ class Formula:
         expression: the right answer, in the syntax that learners use.
         symbols: name -> Symbol.
         also: further names a learner may use -> their meaning as an expression in `symbols`.
-        left: names that may stand alone on one side of a relation, as in `dt < ...`.
+        left_sides: names that may stand alone on one side of a relation, as in `dt < ...`.
         relation: "=" for a value, "<" for an upper limit (then `dt < ...` is right and
             `dt > ...` is wrong), ">" for a lower one.
         tolerance: relative; 0 asks for the exact form, more admits a rounded number.
-        slips: plausible wrong answer -> what went wrong, told to those who give it.
+        slips: plausible wrong answer -> what went wrong, shown to those who give it.
     """
 
     question: str
@@ -89,11 +91,15 @@ class Answer:
         message: what to tell the learner.
         counterexample: None, or {"values": symbol -> number, "yours": number or None where it is
             not defined, "ours": number}.
+        asked: the question, and in which symbols; "" where that stands elsewhere.
+        typed: the learner's formula as it was typed.
     """
 
     correct: bool
     message: str
     counterexample: dict[str, Any] | None = None
+    asked: str = ""
+    typed: str = ""
 
     def __bool__(self) -> bool:
         return self.correct
@@ -102,6 +108,14 @@ class Answer:
         return f"{'right' if self.correct else 'not right'}: {self.message}"
 
     def _repr_markdown_(self) -> str:
+        # A page shows the answer without the cell that it was typed in.
+        asked = [markup.tex(self.asked)] if self.asked else []
+        typed = self.typed.replace("`", "'").strip()
+        given = [f"Your answer: `{typed}`"] if typed and "\n" not in typed else []
+        return "  \n".join([*asked, *given, self.verdict()])
+
+    def verdict(self) -> str:
+        """Return whether it is right and why, without the question; Markdown."""
         if self.correct:
             return self.message.replace("Right", "**Right**", 1)
         # The message may quote what was typed: shown as code, it can't become markup.
@@ -367,7 +381,7 @@ def to_sympy(formula: Formula) -> Any:
     """Return the right answer as a SymPy expression in symbols of the declared names and signs.
 
     Args:
-        formula: what the learner is asked for.
+        formula: the formula that the learner is asked for.
     """
     import sympy
 
@@ -532,7 +546,7 @@ def answer_formula(formula: Formula, text: str) -> Answer:
     """Check a learner's formula.
 
     Args:
-        formula: what is asked for.
+        formula: the formula that is asked for.
         text: what the learner typed.
 
     Returns:
@@ -575,7 +589,7 @@ def equivalent(formula: Formula, expression: Any) -> bool:
     """Return whether a SymPy expression, in symbols named as declared, is the right answer.
 
     Args:
-        formula: what a learner is asked for.
+        formula: the formula that a learner is asked for.
         expression: SymPy expression that a check derived.
     """
     import mpmath

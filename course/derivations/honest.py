@@ -106,9 +106,9 @@ class _Check:
         return False
 
     def _outer_computes(self, name: str) -> bool:
-        """Return a function, or a module of the course, of the file.
+        """Return whether an outer function or module of the file computes anything.
 
-        Its constants compute nothing.
+        Constants do not count as computing.
         """
         value = self.outer.get(name)
         if isinstance(value, ModuleType):

@@ -323,19 +323,19 @@ def growing_energy(result):
 
     def bouncing(dt, bounces):
         """Return the shares of energy gained in elastic bounces, in all and in flight alone."""
-        state, left, flown = np.array([1.0, 0.0]), bounces, 0.0
+        state, remaining, flown = np.array([1.0, 0.0]), bounces, 0.0
         pull = np.array([-9.81 * dt * dt / 2, -9.81 * dt])
 
         def energy(state):
             return float(9.81 * state[0] + state[1] ** 2 / 2)
 
         start = energy(state)
-        while left:
+        while remaining:
             before = energy(state)
             state = np.array([[1.0, dt], [0.0, 1.0]]) @ state + pull
             flown = max(flown, abs(energy(state) - before) / start)
             if state[0] < 0.0:
-                state, left = np.array([0.0, -state[1]]), left - 1
+                state, remaining = np.array([0.0, -state[1]]), remaining - 1
         return energy(state) / start - 1.0, flown
 
     bounces = int(result.input("bounces", 10))
@@ -478,9 +478,11 @@ def complete_planners(result):
                 apart += [x - max(xs), min(xs) - x - cell, y - max(ys), min(ys) - y - cell]
                 free &= np.max(apart, axis=0) >= -1e-12
             areas, _ = label(free)
-            ways = [np.where(free, (u.mean(0) + s) ** 2 + w.mean(0) ** 2, 1e9) for s in (1.2, -1.2)]
-            here, there = (areas.flat[int(np.argmin(way))] for way in ways)
-            found_open += here == there
+            costs = [
+                np.where(free, (u.mean(0) + s) ** 2 + w.mean(0) ** 2, 1e9) for s in (1.2, -1.2)
+            ]
+            first, second = (areas.flat[int(np.argmin(cost))] for cost in costs)
+            found_open += first == second
         return found_open / len(angles)
 
     # The first edge lies x < c above the lower side of the gap; a whole cell above it has to fit.
@@ -542,9 +544,9 @@ def computing_and_cycle(result):
     far, fast, hard = 0.6, 1.0, result.input("acceleration", 2)
 
     def taken(limit):
-        """Time from rest to rest by small steps.
+        """Return the time from rest to rest [s], by small steps.
 
-        As fast as it may and braking as late as it may [s].
+        The motion is as fast as allowed and brakes as late as possible.
         """
         place, rate, now, dt = 0.0, 0.0, 0.0, 1e-5
         while place < far - 1e-7 and now < 10:

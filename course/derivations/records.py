@@ -45,7 +45,7 @@ def figure(id: str, name: str) -> float | str:
         raise invalid("id", id, "the id of a claim on record")
     known = entries[id]["figures"]
     if name not in known:
-        raise invalid("name", name, ", ".join(known))
+        raise invalid("name", name, f"one of {', '.join(known)}")
     value: float | str = known[name][0]
     return value
 

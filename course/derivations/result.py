@@ -19,7 +19,7 @@ class Verdict(Enum):
 
 
 def _fact(where: str, value: Any) -> bool:
-    """Return a fact is true or false; a number or an array that happens to be truthy is neither."""
+    """Return a truth value; reject a number or an array that merely happens to be truthy."""
     if type(value).__name__ not in ("bool", "bool_", "BooleanTrue", "BooleanFalse"):
         raise ValueError(f"{where} got {value!r}; a fact is a bool")
     return bool(value)
@@ -36,7 +36,7 @@ class Result:
         inputs: name -> what the experiment was given and the texts may quote.
         statement: what was computed or measured, in one or two sentences.
         formula: the SymPy expression the check derived, where the claim asks for a formula.
-        holds: whether the claim holds as it is heard; None until `statement_holds` was called.
+        holds: whether the claim is true as stated; None until `statement_holds` was called.
         condition: what must be true for it to hold, or "".
         inside, outside: how the claim fared at draws inside and just outside its condition.
         facts: what settles the corrected statement.
@@ -75,7 +75,7 @@ class Result:
         return value
 
     def measure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
-        """Return a figure that came out.
+        """Record a figure that came out, and return it.
 
         Args:
             name: ends in the unit where there is one; the texts may quote it as `{name:.3g}`.
@@ -88,7 +88,7 @@ class Result:
         """
         self._name(name)
         if not 0 <= tolerance <= 0.5:  # beyond it a figure says nothing
-            raise ValueError(f"tolerance of {name} is {tolerance}, allowed is 0 to 0.5")
+            raise ValueError(f"tolerance of {name} must be from 0 to 0.5, got {tolerance}")
         text = isinstance(value, str)
         self.figures[name] = value if text else float(value)
         self.tolerances[name] = 0.0 if text else tolerance
@@ -109,7 +109,7 @@ class Result:
         outside: Iterable[Any] = (),
         cases: bool = False,
     ) -> None:
-        """Whether the claim holds as it is heard; called once.
+        """Record whether the claim holds as it is stated; call it once.
 
         Args:
             holds: the claim in general.

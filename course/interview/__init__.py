@@ -31,14 +31,14 @@ class Question:
 
     Attributes:
         name: of its file.
-        title: the question, as it is asked.
+        title: the wording of the question.
         chapter: number of the chapter it belongs to.
         kind: one of `KINDS`.
         level: 1 to 3, a key of `LEVELS`.
         minutes: how long the conversation about it takes.
         probes: what the interviewer wants to find out.
-        follow_ups: what is asked next; in the file also the name of another question.
-        rubric: what an answer says, from the least to the most.
+        follow_ups: the next questions; in the file also the name of another question.
+        rubric: the content of an answer, from the weakest to the best.
         minute, full: the answers, Markdown with fields that are not filled yet.
     """
 
@@ -56,31 +56,29 @@ class Question:
 
     def __post_init__(self) -> None:
         def refuse(name: str, allowed: str) -> None:
-            raise ValueError(
-                f"{self.name}: {name} is {getattr(self, name)!r}, allowed is {allowed}"
-            )
+            raise ValueError(f"{self.name}: {name} must be {allowed}, got {getattr(self, name)!r}")
 
         if not self.title.rstrip().endswith(("?", ".")):
             refuse("title", "a question or a request")
         if self.kind not in KINDS:
-            refuse("kind", ", ".join(KINDS))
+            refuse("kind", f"one of {', '.join(KINDS)}")
         if self.level not in LEVELS:
             refuse("level", "1, 2 or 3")
         if not any(self.chapter == chapter.number for chapter in CHAPTERS):
-            refuse("chapter", ", ".join(str(chapter.number) for chapter in CHAPTERS))
+            refuse("chapter", f"from 0 to {max(chapter.number for chapter in CHAPTERS)}")
         if self.minutes < 1:
             refuse("minutes", "a positive number")
         for name in ("probes", "follow_ups", "rubric", "minute", "full"):
             if not getattr(self, name):
                 refuse(name, "a text that is not empty")
         for text, result in (
-            ("typed", typed_numbers(self._texts())),
-            ("filled by nothing", unfilled(self._texts())),
+            ("a number that is typed", typed_numbers(self._texts())),
+            ("a field that nothing fills", unfilled(self._texts())),
         ):
             if result:
                 raise ValueError(
-                    f"{self.name}: {', '.join(result)} is {text}, allowed is a field such as "
-                    "{claim.figure:.3g}"
+                    f"{self.name}: {', '.join(result)} must be a field such as "
+                    f"{{claim.figure:.3g}}, got {text}"
                 )
 
     def fields(self) -> list[tuple[str, str]]:
@@ -148,7 +146,8 @@ def line_of(text: str, message: str) -> int:
     """Return the line of a file that a refusal is about, by the key or the words it begins with."""
     if report := re.search(r"\(at line (\d+), column", message):  # of TOML, counted without the +++
         return int(report[1]) + 1
-    what = re.split(r", | is ", message)[0].removeprefix("part ")
+    named = re.search(r"; (.+) is (?:unknown|missing)$|^a follow-up must be .*, got (.+)$", message)
+    what = next(filter(None, named.groups())) if named else re.split(r", | must ", message)[0]
     lines = [
         re.match(rf"{re.escape(what)}\s*=|## {re.escape(what)}$", row) for row in text.splitlines()
     ]
@@ -163,23 +162,25 @@ def _follow_up_text(entry: str) -> str:
         return entry
     for path in FOLDER.glob(f"*/{entry}.md"):
         return str(tomllib.loads(path.read_text(encoding="utf-8").split("+++\n")[1])["title"])
-    raise ValueError(f"{entry} is no follow-up, allowed is a question or the name of one")
+    raise ValueError(f"a follow-up must be a question or the name of one, got {entry}")
 
 
 def _read(path: Path, text: str) -> Question:
     pieces = text.split("+++\n")
     if len(pieces) != 3 or pieces[0].strip():
-        raise ValueError(f"+++ is in {len(pieces) - 1} lines, allowed is a head between two")
+        raise ValueError(
+            f"+++ must be two lines, with the head between them, got {len(pieces) - 1}"
+        )
     head = tomllib.loads(pieces[1])
     parts = re.split(r"^## (.+)\n", pieces[2], flags=re.M)[1:]
     named = dict(zip(parts[::2], parts[1::2], strict=True))
     for part in (*(set(named) - set(PARTS)), *(set(PARTS) - set(named))):
-        where = "wrong" if part in named else "missing"
-        raise ValueError(f"part {part} is {where}, allowed is {', '.join(PARTS)}")
+        problem = "unknown" if part in named else "missing"
+        raise ValueError(f"parts must be {', '.join(PARTS)}; {part} is {problem}")
     desired = [f for f in Question.__dataclass_fields__ if f not in ("name", "minute", "full")]
     for key in (*(head.keys() - set(desired)), *(set(desired) - head.keys())):
-        where = "unknown" if key in head else "missing"
-        raise ValueError(f"{key} is {where}, allowed is {', '.join(desired)}")
+        problem = "unknown" if key in head else "missing"
+        raise ValueError(f"the head must have {', '.join(desired)}; {key} is {problem}")
     head["rubric"] = tuple(head["rubric"])
     head["follow_ups"] = tuple(map(_follow_up_text, head["follow_ups"]))
     minute, full = (named[part].strip() for part in PARTS)
@@ -199,6 +200,6 @@ def questions(topic: str, level: int | None = None) -> list[Question]:
     result = [read(path) for path in (FOLDER / topic).glob("*.md")]
     if not result:
         other = sorted(path.name for path in FOLDER.iterdir())
-        raise ValueError(f"topic is {topic!r}, allowed is {', '.join(other)}")
+        raise ValueError(f"topic must be one of {', '.join(other)}, got {topic!r}")
     chosen = [q for q in result if level in (None, q.level)]
     return sorted(chosen, key=lambda q: (q.level, q.name))

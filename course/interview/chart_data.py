@@ -79,7 +79,7 @@ def _good(curves: list[Any], data: Any) -> list[dict[str, Any]]:
 def _read_off(series: dict[str, Any], column: str, place: str, path: str) -> float:
     """Return a column at an x between its ends.
 
-    Or with column "x" where y first passes a number.
+    With column "x" it returns where y first passes a number.
     """
     kind, _, place = place.rpartition("=")
     x, y = series["x"], series[kind if kind in series else "y"]

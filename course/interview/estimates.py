@@ -31,9 +31,9 @@ GRAVITY_M_PER_S2 = 9.81
 def readings_per_s(
     robots: int, sensors_each: int, readings_each: float, hertz: float, times_real_time: float = 1.0
 ) -> float:
-    """Return readings to compute each second for a fleet.
+    """Return the readings to process each second for a fleet.
 
-    Rays of scanners, or frames with one each.
+    They are rays of scanners, or frames with one each.
     """
     sensors = count("robots", robots, 1) * count("sensors_each", sensors_each, 1)
     each = positive("readings_each", readings_each) * positive("hertz", hertz)
@@ -61,9 +61,12 @@ def workers(
     runs = count("scenarios", scenarios, 1) * count("repeats", repeats, 1)
     faster = positive("times_real_time", times_real_time)
     each = positive("scenario_s", scenario_s) / faster + finite("start_s", start_s, 0.0)
+    # The small factor keeps a whole number of runs from being rounded down by one.
     turns = math.floor(3600.0 * positive("night_h", night_h) / each * (1.0 + 2e-12))
     if turns < 1:
-        raise invalid("night_h", night_h, f"{each / 3600.0:.3g} on, which one scenario takes [h]")
+        raise invalid(
+            "night_h", night_h, f"{each / 3600.0:.3g} or more, as one scenario takes that long [h]"
+        )
     return math.ceil(runs / turns)
 
 
@@ -101,12 +104,14 @@ def trials_for_gate(gate_share: float, true_share: float, power: float = 0.8) ->
     if true <= gate:
         raise invalid("true_share", true, f"a share above the gate, {gate}")
     a, b = (NormalDist().inv_cdf(q) for q in (0.95, finite("power", power, 0.5, 1 - 1e-9)))
+    # Normal approximation of the binomial: spread under the gate for size, under the truth for
+    # power.
     root = a * math.sqrt(gate * (1.0 - gate)) + b * math.sqrt(true * (1.0 - true))
     return max(1, math.ceil((root / (true - gate)) ** 2))
 
 
 def motion_s(legs_m: ArrayLike, top_m_per_s: float, rise_m_per_s2: float) -> float:
-    """Time of straight legs, each from rest to rest: a trapezoid of speed, or a triangle."""
+    """Return the time of straight legs, each from rest to rest by a trapezoid of speed."""
     from course.planning.trajectory import trapezoid
 
     top, rise = positive("top_m_per_s", top_m_per_s), positive("rise_m_per_s2", rise_m_per_s2)
@@ -116,7 +121,7 @@ def motion_s(legs_m: ArrayLike, top_m_per_s: float, rise_m_per_s2: float) -> flo
 def cycle_s(
     legs_m: ArrayLike, top_m_per_s: float, rise_m_per_s2: float, still_s: float, computing_s: float
 ) -> float:
-    """Time of one pick: the legs, what the arm stands still for, and computing while it waits."""
+    """Return the time of one pick: its legs, standing still, and computing while the arm waits."""
     waits = finite("still_s", still_s, 0.0) + finite("computing_s", computing_s, 0.0)
     return motion_s(legs_m, top_m_per_s, rise_m_per_s2) + waits
 
@@ -127,9 +132,9 @@ def computing_share(computing_s: float, **others: Any) -> float:
 
 
 def error_mm(spreads_mm: ArrayLike, biases_mm: ArrayLike, spreads_counted: float = 2.0) -> float:
-    """Return error to one side along an axis.
+    """Return the error to one side along an axis.
 
-    Biases add up, independent standard deviations in squares.
+    Biases add up linearly, independent standard deviations in squares.
 
     With two of them counted 2.3 % of all errors are larger on that side.
     """
@@ -168,10 +173,11 @@ def grip_force_n(
     safety: float = 2.0,
     fingers: int = 2,
 ) -> float:
-    """Force of each finger on a load that is lifted and carried by friction alone.
+    """Return the force of each finger on a load that is lifted and carried by friction alone.
 
     Upwards is the worst direction of the acceleration. The fingers press across it.
     """
+    # The load presses down with its weight and its acceleration; each finger carries mu N.
     felt = GRAVITY_M_PER_S2 + finite("rise_m_per_s2", rise_m_per_s2, 0.0)
     held = count("fingers", fingers, 1) * positive("friction", friction)
     return finite("safety", safety, 1.0) * positive("mass_kg", mass_kg) * felt / held
@@ -212,6 +218,7 @@ def separation_m(
 ) -> float:
     """Return the gap at which a robot must begin to stop while a person walks on towards it."""
     robot = stopping_m(robot_m_per_s, reaction_s, braking_m_per_s2)
+    # The person walks on until the robot stands (ISO/TS 15066, speed and separation).
     stop_s = reaction_s + robot_m_per_s / braking_m_per_s2
     person = finite("person_m_per_s", person_m_per_s, 0.0) * stop_s
     return person + robot + finite("uncertain_m", uncertain_m, 0.0)
@@ -220,14 +227,15 @@ def separation_m(
 def contact_force_n(
     speed_m_per_s: float, stiffness_n_per_m: float, robot_kg: float, body_kg: float = math.inf
 ) -> float:
-    """Return peak force of two masses that meet through a spring.
+    """Return the peak force of two masses that meet through a spring.
 
-    V sqrt(k m), m their reduced mass.
+    It is V sqrt(k m), with m their reduced mass.
 
     The robot's is its effective mass at the contact; the body's is infinite where it is clamped.
     """
     if not body_kg > 0.0:
         raise invalid("body_kg", body_kg, "a positive number, or infinite")
+    # Two bodies on a spring move like one reduced mass; all its energy goes into the spring.
     reduced = 1.0 / (1.0 / positive("robot_kg", robot_kg) + 1.0 / body_kg)
     stiffness = positive("stiffness_n_per_m", stiffness_n_per_m)
     return finite("speed_m_per_s", speed_m_per_s, 0.0) * math.sqrt(stiffness * reduced)

@@ -59,10 +59,10 @@ def estimate(name: str) -> float | str:
     """Return an estimate, or with `NAME.INPUT` one of its inputs."""
     key, _, given = name.partition(".")
     if key not in ESTIMATES:
-        raise invalid("estimate", key, ", ".join(ESTIMATES))
+        raise invalid("estimate", key, f"one of {', '.join(ESTIMATES)}")
     inputs = ESTIMATES[key].given()
     if not given:
         return ESTIMATES[key].value()
     if given not in inputs or isinstance(inputs[given], list):
-        raise invalid(f"input of {key}", given, ", ".join(inputs))
+        raise invalid(f"input of {key}", given, f"one of {', '.join(inputs)}")
     return inputs[given]

@@ -33,7 +33,7 @@ def gap(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def rotation_error(matrix: ArrayLike) -> float:
-    """Return a rotation keeps lengths and handedness.
+    """Return by how much a matrix fails to keep lengths and handedness.
 
     Its columns are orthonormal, its determinant is 1.
 
@@ -49,7 +49,7 @@ def rotation_error(matrix: ArrayLike) -> float:
 
 
 def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: float = 1e-5) -> float:
-    """Return a derivative is the limit of differences.
+    """Return the difference of a derivative from the limit of difference quotients.
 
     The error is relative where they are above 1.
 
@@ -62,13 +62,14 @@ def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: flo
     check.positive("step", step)
     point = np.asarray(at, dtype=float)
     directions = np.eye(point.size).reshape(point.size, *point.shape) * step
+    # Central differences: their error is of second order in the step.
     columns = [np.subtract(value(point + d), value(point - d)) / (2 * step) for d in directions]
     slope = np.stack(columns, axis=-1) if point.ndim else np.asarray(columns[0])
     return gap(derivative(point), slope) / max(1.0, float(np.abs(slope).max()))
 
 
 def write_read_error(read: Mapped, write: Mapped, state: ArrayLike) -> float:
-    """Return writing what was read changes nothing.
+    """Return how much a state changes when what was read from it is written back.
 
     Args:
         read: state -> what is shown of it.
@@ -79,7 +80,10 @@ def write_read_error(read: Mapped, write: Mapped, state: ArrayLike) -> float:
 
 
 def round_trip_error(present: Mapped, back: Mapped, value: ArrayLike) -> float:
-    """Return going there and back changes nothing. Two wrong maps that are inverses pass it too."""
+    """Return how far a value is from itself after a map and its inverse.
+
+    Two wrong maps that are inverses of each other pass it too.
+    """
     return gap(back(present(value)), value)
 
 
@@ -104,7 +108,7 @@ def mirror_error(
 def unit_error(
     formula: Mapped, values: Sequence[float], factors: Sequence[float], factor: float
 ) -> float:
-    """Return other units, the same quantity.
+    """Return how far results in other units are from the same quantity.
 
     The inputs times their factors give the result times its own.
 
@@ -119,6 +123,7 @@ def unit_error(
     """
     if len(values) != len(factors):
         raise check.invalid("factors", len(factors), f"{len(values)} factors")
+    # Dimensional homogeneity: scaled inputs must scale the result by the stated factor.
     other = np.asarray(formula(*(v * f for v, f in zip(values, factors, strict=True)))) / factor
     same = np.asarray(formula(*values), dtype=float)
     return gap(other, same) / max(1.0, float(np.abs(same).max()))
@@ -192,7 +197,7 @@ def ends_error(path: ArrayLike | None, start: ArrayLike, goal: ArrayLike) -> flo
     """Return how far a path that is called solved misses the start or the goal.
 
     Args:
-        path: shape (states, dim), or None for a planner that says that it found none.
+        path: shape (states, dim), or None for a planner that reports that it found none.
         start: shape (dim,).
         goal: shape (dim,).
     """
@@ -205,7 +210,7 @@ def ends_error(path: ArrayLike | None, start: ArrayLike, goal: ArrayLike) -> flo
 
 
 def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> float:
-    """Return the cost of a node is the length of its path from the root.
+    """Return how far the costs of nodes differ from the lengths of their paths from the root.
 
     Args:
         points: shape (nodes, dim).
@@ -221,13 +226,14 @@ def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> f
         while parents[at] >= 0:
             lengths[node] += np.linalg.norm(places[at] - places[parents[at]])
             at, observed = parents[at], observed + 1
+            # More steps than nodes: the parents form a cycle.
             if observed > len(parents):
                 return np.inf
     return gap(costs, lengths)
 
 
 def episodes_error(advantages: Advantages, episodes: Sequence[tuple[Array, Array]]) -> float:
-    """Return episodes that have ended do not know of each other.
+    """Return how much an episode that has ended affects the next one's advantages.
 
     In one buffer each is as it is alone.
 
@@ -243,7 +249,7 @@ def episodes_error(advantages: Advantages, episodes: Sequence[tuple[Array, Array
 
 
 def forever_error(value: float, discount: float, reward: float = 1.0) -> float:
-    """Return a reward for ever is worth reward / (1 - discount); the error is a part of that.
+    """Return the relative error of an endless reward's value, reward / (1 - discount).
 
     Args:
         value: that was learned.
@@ -274,7 +280,7 @@ def stored_error(before: ArrayLike, after: ArrayLike, lengths: Sequence[int]) ->
 
 
 def idle_parameters(gradients: Mapping[str, ArrayLike]) -> list[str]:
-    """Return every parameter has a gradient.
+    """Return the parameters that have no gradient.
 
     The names of those with none anywhere, or not a finite one.
 

@@ -27,10 +27,10 @@ class Exhibit:
 
     Attributes:
         name: short, unique.
-        threads: where it was told, as "owner/repository#number".
+        threads: where it was reported, as "owner/repository#number".
         years: of the threads.
-        found: what the thread says, in our words.
-        said: what the maintainers said or did, as far as it was looked up.
+        finding: what the thread says, in our words.
+        report: what the maintainers said or did, as far as it could be looked up.
         open: what could not be looked up, empty if nothing.
         live: where a library that is used here still behaves so, empty if nowhere.
         invariant: name of the function in `invariants` that catches it.
@@ -291,7 +291,7 @@ def align(source: Array, target: Array, wrong: bool) -> Array:
 def align_pairs(seed: int) -> list[tuple[Array, Array]]:
     """Return sets of two vectors and their images.
 
-    With two the sign of the third axis is left to luck.
+    Two vectors leave the sign of the third axis to chance.
     """
     rng, pairs = np.random.default_rng(seed), []
     for _ in range(40):
@@ -350,9 +350,9 @@ def plan_naive(wrong: bool, seed: int) -> float:
 
 
 def rewired(points: Array, wrong: bool) -> tuple[list[int], Array]:
-    """Return parents and costs of a tree that new nodes shorten.
+    """Return the parents and costs of a tree that new nodes shorten.
 
-    Wrong leaves the branches behind.
+    The wrong version does not update the branches.
     """
     apart = np.linalg.norm(points[:, None] - points, axis=2)
     parents, costs = [-1], np.zeros(len(points))
@@ -375,9 +375,9 @@ def rewired(points: Array, wrong: bool) -> tuple[list[int], Array]:
 
 
 def rewired_evidence(wrong: bool, seed: int) -> float:
-    """Return the worst of a growing tree.
+    """Return the worst node of a growing tree.
 
-    What is left behind may be rewired, and so mended, later.
+    A branch with a stale cost may be rewired, and so corrected, later.
     """
     points = np.random.default_rng(seed).uniform(0.0, 1.0, (80, 2))
     grown = [points[:n] for n in range(10, 81, 5)]
@@ -411,9 +411,9 @@ def advantages_evidence(wrong: bool, seed: int) -> float:
 
 
 def learned_value(discount: float, limit: int, wrong: bool) -> float:
-    """Return what temporal differences learn of a reward of one a step.
+    """Return the value that temporal differences learn for a reward of 1 a step.
 
-    With a limit of the steps.
+    Episodes have a step limit.
     """
     value = 0.0
     for step in range(1, 4001):
@@ -669,4 +669,4 @@ def exhibit(name: str) -> Exhibit:
     for one in EXHIBITS:
         if one.name == name:
             return one
-    raise check.invalid("name", name, ", ".join(one.name for one in EXHIBITS))
+    raise check.invalid("name", name, f"one of {', '.join(one.name for one in EXHIBITS)}")

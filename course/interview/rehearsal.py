@@ -29,9 +29,9 @@ class Item:
         part: of an interview, one of `PARTS`.
         chapter: its number.
         minutes: that it takes.
-        title: as it is asked; the first line is what it is called.
+        title: the wording of the question; its first line is its name.
         rubric: what is listened for.
-        follow_ups: what may be asked next.
+        follow_ups: possible next questions.
         answer: Markdown of the model answer.
         fill: (text, figure) -> the text with its fields filled.
         aid: an answer -> the marks that its words suggest, none where nothing can tell.
@@ -56,9 +56,9 @@ class Entry:
     Attributes:
         key, part, chapter, minutes, title: of the item.
         seconds: spent on it.
-        answer, answered: what was said, and whether that is all.
+        answer, answered: the answer so far, and whether it is complete.
         marks: of `MARKS`, one for each line of the rubric.
-        weakest, asked, reply: the line marked lowest, the follow-up on it, and what was said.
+        weakest, asked, reply: the line marked lowest, the follow-up on it, and the reply.
         attempts: verdict and sentence of each grading of a drill.
         score: the share of all marks.
         read: what to read.
@@ -90,8 +90,8 @@ class Interview:
     Attributes:
         started: ISO 8601, UTC; its name.
         seed, minutes: of the draw.
-        items: in the order in which they are asked.
-        over: the title of what was being asked when the time was over, or "".
+        items: the questions, in order.
+        over: the title of the question that was open when the time ran out, or "".
         cards_due: keys of the cards that were due at its end.
     """
 
@@ -158,7 +158,7 @@ def draw(
     last: Collection[str],
     seed: int,
 ) -> list[Item]:
-    """Return one item for each part that the minutes allow.
+    """Draw one item for each part that the minutes allow.
 
     Of those that fit, one that is weak or due is `WEIGHT` times as likely as another one: with m
     of them among n, one of them comes with probability m WEIGHT / (m WEIGHT + n - m). While not
@@ -169,7 +169,7 @@ def draw(
         parts: of `PARTS`.
         minutes: for all together.
         weak: keys of what is weak or due.
-        last: keys of what was asked last, which is not asked again.
+        last: keys of the last interview's questions, which are not repeated.
         seed: of the draw.
 
     Raises:

@@ -48,9 +48,9 @@ class Table:
                 raise invalid(f"a row of {self.title}", row, f"{len(self.head)} cells, none empty")
 
     def text(self, width: int = 80) -> str:
-        """Return row by row, for a terminal.
+        """Return a table row by row, for a terminal.
 
-        The first cell, then the others with their columns' heads.
+        The first cell comes first, then the others after the names of their columns.
         """
         blank = max(map(len, self.head[1:])) + 4
         lines = [self.title, "=" * len(self.title)]
@@ -136,10 +136,7 @@ def cheat_sheet(plain: bool = False) -> Table:
 
 
 def classical_or_learned() -> Table:
-    """Return five components.
-
-    And where the learned one overtook the classical one in this course.
-    """
+    """Return five components, and where the learned one overtook the classical one."""
     keys = ("name", "classical", "learned", "when")
     parts = data("cheat_sheet")["component"]
     rows = tuple(tuple(_filled_in(part[key]) for key in keys) for part in parts)
@@ -147,10 +144,7 @@ def classical_or_learned() -> Table:
 
 
 def reading() -> Table:
-    """Return the book, the papers and the repositories.
-
-    What each says, and the chapters it serves.
-    """
+    """Return the book, the papers and the repositories, with their content and their chapters."""
     rows = []
     for kind in ("book", "paper", "repository"):
         for entry in data("reading")[kind]:
@@ -197,7 +191,7 @@ def quoted() -> dict[str, float | str]:
 
 
 def record() -> str:
-    """Return the text of `quoted.toml`: a value that moves is seen in a diff, and in a test."""
+    """Return the text of `quoted.toml`: a value that changes shows in a diff, and in a test."""
     head = "# Written by `python -m course.interview.tables --record`; reviewed as a diff."
     rows = [
         f'"{key}" = ' + (f'"{result}"' if isinstance(result, str) else f"{result:.6g}")

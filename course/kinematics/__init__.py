@@ -1,6 +1,19 @@
 """Chapter 4: arms. Where the tip is, how it moves, which joints put it there, what torques do.
 
 The public names of the chapter; each lives in the file of its section.
+
+The chapter's algorithms, and the functions of their steps:
+
+- Recursive Newton-Euler (Luh, Walker and Paul, 1980): `dynamics._rnea`, a forward and a backward
+  pass.
+- Composite rigid bodies (Walker and Orin, 1982): `dynamics._crba`; `_merge` adds a body to its
+  parent.
+- Articulated bodies (Featherstone, 1983): `dynamics._aba` in three passes; `_articulate` adds an
+  inertia to its parent.
+- Damped least squares and Levenberg-Marquardt (Wampler, 1986; Sugihara, 2011): `inverse._solve` is
+  the loop, `step` and `_marquardt` its steps, `_held` the joint limits.
+- Geometric Jacobian (Whitney, 1972): `motion.place` does the forward kinematics, `columns` the
+  Jacobian.
 """
 
 from course.kinematics.chain import Chain, compose, invert, panda, planar, random_chain, turn_to

@@ -53,7 +53,7 @@ PARENT, SLIDES, PLACE, QUAT, TURN, TEN, ARMATURE, DAMPING, LOWER, UPPER, WIDTH =
 def compose(a: Array, b: Array) -> Array:
     """Return the pose b, given in the frame of a, in the frame that a is given in.
 
-    Shapes (7,), (7, N).
+    Shapes are (7,) or (7, N).
     """
     return np.concatenate([a[:3] + rotate(a[3:], b[:3]), product(a[3:], b[3:])])
 
@@ -120,7 +120,7 @@ class Chain:
         parent = np.asarray(self.parent)
         n = count("len(parent)", parent.size, 1)
         if parent.shape != (n,) or parent.dtype.kind not in "iu":
-            raise invalid("parent", self.parent, "a row of whole numbers")
+            raise invalid("parent", self.parent, "a row of integers")
         for i, before in enumerate(parent.tolist()):
             if not -1 <= before < i:
                 raise invalid(f"parent[{i}]", before, f"-1 or a joint before {i}")
@@ -218,8 +218,9 @@ def _table(chain: Chain) -> Array:
 
 
 def planar(lengths: ArrayLike, masses: ArrayLike | None = None, damping: ArrayLike = 0.0) -> Chain:
-    """Return uniform rods in the x-y plane, each joint turning about z, the first one at the
-    origin.
+    """Return uniform rods in the x-y plane, each joint turning about z.
+
+    The first joint is at the origin.
 
     Args:
         lengths: of the links, shape (n,), positive [m].

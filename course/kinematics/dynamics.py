@@ -127,10 +127,7 @@ def _symmetric(row, c, v):
 
 @register_jitable
 def _pull(table, q, k, pose, wrench):
-    """Return the wrench at the tip as force and moment on the last link, in its frame.
-
-    At its origin.
-    """
+    """Return the wrench at the tip as force and moment on the last link, at its frame's origin."""
     last = table.shape[0] - 2
     place(table, q, k, pose)
     back = -pose[last, 3], pose[last, 4], pose[last, 5], pose[last, 6]
@@ -151,6 +148,7 @@ def _rnea(table, q, v, a, wrench, gravity):
     pose = np.empty((n + 1, 7))
     for k in range(count):
         _link(table, q, k, E)
+        # Forward pass: velocity and acceleration of each link from its parent's.
         for i in range(n):
             row = table[i]
             parent, shift = int(row[PARENT]), three(E, i, 9)
@@ -159,9 +157,11 @@ def _rnea(table, q, v, a, wrench, gravity):
             acc = (-gravity[0], -gravity[1], -gravity[2])
             if parent >= 0:
                 w, alpha = three(move, parent, 0), three(move, parent, 3)
+                # Acceleration of a point of the parent: Euler and centripetal terms.
                 swing = add3(cross3(alpha, shift), cross3(w, cross3(w, shift)))
                 acc = add3(three(move, parent, 6), swing)
             w, alpha, acc = _inwards(E, i, w), _inwards(E, i, alpha), _inwards(E, i, acc)
+            # The joint's own motion, with the Coriolis term of a slide in a turning frame.
             if row[SLIDES] != 0.0:
                 fast = 2.0 * v[i, k]
                 acc = acc[0] + fast * w[1], acc[1] - fast * w[0], acc[2] + a[i, k]
@@ -171,6 +171,7 @@ def _rnea(table, q, v, a, wrench, gravity):
             move[i, 0], move[i, 1], move[i, 2] = w
             move[i, 3], move[i, 4], move[i, 5] = alpha
             move[i, 6], move[i, 7], move[i, 8] = acc
+            # Newton and Euler about the link's frame, not about its centre of mass.
             h = three(table, i, TEN + 1)
             force = add3(cross3(alpha, h), cross3(w, cross3(w, h)))
             load[i, 0], load[i, 1], load[i, 2] = scaled(force, acc, row[TEN])
@@ -180,6 +181,7 @@ def _rnea(table, q, v, a, wrench, gravity):
         if wrench.shape[1] > 0:
             force, moment = _pull(table, q, k, pose, wrench)
             _add(load, n - 1, force, moment, -1.0)
+        # Backward pass: forces from the tip to the base, each projected on its joint's axis.
         for back in range(n):
             i = n - 1 - back
             row = table[i]
@@ -202,8 +204,10 @@ def _crba(table, q):
         for i in range(n):
             for c in range(10):
                 body[i, c] = table[i, TEN + c]
+        # From the tip to the base: the composite body of a link is itself and all that it carries.
         for back in range(n):
             i = n - 1 - back
+            # Force and moment of that body for a unit acceleration of joint i, in the link's frame.
             m, h = body[i, 0], three(body, i, 1)
             if table[i, SLIDES] != 0.0:
                 force, moment = (0.0, 0.0, m), (h[1], -h[0], 0.0)
@@ -259,6 +263,7 @@ def _articulate(X, E, i, parent, Y):
     Its blocks I, H, M (9 numbers each) say moment = I alpha + H acc, force = H^T alpha + M acc;
     Y (3, 9) is room for them.
     """
+    # E A E^T block by block: the columns outwards, then the rows.
     for b in range(3):
         for c in range(3):
             column = X[i, 9 * b + c], X[i, 9 * b + 3 + c], X[i, 9 * b + 6 + c]
@@ -295,6 +300,8 @@ def _aba(table, q, v, tau, wrench, gravity):
     extra, load = np.empty((n, 6)), np.empty((n, 6))  # accelerations by speed; moment and force
     U, D, u = np.empty((n, 6)), np.empty(n), np.empty(n)
     for k in range(count):
+        # First pass: velocities, velocity-dependent accelerations, bias forces (Featherstone, 2008,
+        # table 7.1).
         _link(table, q, k, E)
         for i in range(n):
             row, rate = table[i], v[i, k]
@@ -319,6 +326,7 @@ def _aba(table, q, v, tau, wrench, gravity):
             spin = add3(_symmetric(row, TEN + 4, w), cross3(h, s))
             load[i, 0], load[i, 1], load[i, 2] = add3(cross3(w, spin), cross3(s, momentum))
             load[i, 3], load[i, 4], load[i, 5] = cross3(w, momentum)
+            # Rigid inertia: blocks I, [h] and m times the identity.
             for c in range(9):
                 X[i, c], X[i, 9 + c] = row[TEN + 4 + _SQUARE[c]], 0.0
                 X[i, 18 + c] = m if c % 4 == 0 else 0.0
@@ -327,10 +335,12 @@ def _aba(table, q, v, tau, wrench, gravity):
         if wrench.shape[1] > 0:
             force, moment = _pull(table, q, k, pose, wrench)
             _add(load, n - 1, moment, force, -1.0)
+        # Second pass, from the tip: articulated inertia and bias force of each link.
         for back in range(n):
             i = n - 1 - back
             row, parent = table[i], int(table[i, PARENT])
             slides = row[SLIDES] != 0.0
+            # U = I S, D = S^T U plus the rotor, and what torque is left for the acceleration.
             for c in range(3):
                 U[i, c] = X[i, 11 + 3 * c] if slides else X[i, 2 + 3 * c]
                 U[i, 3 + c] = X[i, 20 + 3 * c] if slides else X[i, 15 + c]
@@ -340,6 +350,7 @@ def _aba(table, q, v, tau, wrench, gravity):
             u[i] = push - row[DAMPING] * v[i, k] - load[i, felt]
             if parent < 0:
                 continue
+            # The joint gives way: take its direction out of the inertia that the parent feels.
             for r in range(3):
                 for c in range(3):
                     X[i, 3 * r + c] -= U[i, r] * U[i, c] / D[i]
@@ -356,6 +367,7 @@ def _aba(table, q, v, tau, wrench, gravity):
             moment = add3(moment, cross3(three(E, i, 9), force))
             _add(load, parent, moment, force, 1.0)
             _articulate(X, E, i, parent, Y)
+        # Third pass, from the base: joint accelerations.
         for i in range(n):
             parent = int(table[i, PARENT])
             alpha, acc = (0.0, 0.0, 0.0), (-gravity[0], -gravity[1], -gravity[2])
@@ -378,7 +390,8 @@ def acceleration(q, v, params):
     """Return joint accelerations, for the integrators of chapter 1; shape of v [rad/s^2 or m/s^2].
 
     Args:
-        q, v: joint positions and rates, shape (n,) or (n, N).
+        q: joint positions, shape (n,) or (n, N).
+        v: joint rates, same shape.
         params: what `pack` returns.
     """
     n = q.shape[0]
@@ -431,7 +444,9 @@ def inverse_dynamics(
 
     Args:
         chain: the arm.
-        q, v, a: joint positions, rates and accelerations, shape (n,) or (n, N).
+        q: joint positions, shape (n,) or (n, N).
+        v: joint rates, same shape.
+        a: joint accelerations, same shape.
         wrench: what pulls at the tip, force over torque in world axes, (6,) or (6, N) [N, N m].
         gravity: in the world, shape (3,) [m/s^2].
 
@@ -474,9 +489,9 @@ def forward_dynamics(
     *,
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """Return the accelerations that torques cause (articulated bodies).
+    """Return the joint accelerations under torques, by the articulated-body algorithm.
 
-    As for `inverse_dynamics`.
+    Arguments are those of `inverse_dynamics`, with torques for accelerations.
     """
     single, (q, v, tau) = batch(chain, q=q, v=v, tau=tau)
     a = kernels()[2](chain.table, q, v, tau, *_outside(wrench, gravity, q.shape[1]))
@@ -496,8 +511,9 @@ def pack(chain: Chain, tau: ArrayLike = 0.0, gravity: ArrayLike = DOWNWARDS) -> 
 def energy(
     chain: Chain, q: ArrayLike, v: ArrayLike, *, gravity: ArrayLike = DOWNWARDS
 ) -> tuple[Any, Any, Any]:
-    """Return kinetic energy, potential energy (0 at the world's origin) and their sum [J], each
-    (N,).
+    """Return kinetic energy, potential energy and their sum [J], each of shape (N,).
+
+    The potential energy is 0 at the world's origin.
     """
     single, (q, v) = batch(chain, q=q, v=v)
     down = vector("gravity", gravity, (3,), unit="m/s^2")
@@ -528,6 +544,7 @@ def regressor(
     (n, 10 n, N); arguments as for `inverse_dynamics`.
     """
     single, (q, v, a) = batch(chain, q=q, v=v, a=a)
+    # The torque is linear in the inertial parameters: one unit parameter at a time gives a column.
     outside = _outside(None, gravity, q.shape[1])
     bare = chain.table.copy()
     bare[:, TEN : DAMPING + 1] = 0.0
@@ -549,7 +566,7 @@ def linearise(
     gravity: ArrayLike = DOWNWARDS,
     step: float = 6e-6,
 ) -> tuple[Array, Array]:
-    """Return a and B of the small motion about a state: d/dt (dq, dv) = A (dq, dv) + B dtau.
+    """Return A and B of the small motion about a state: d/dt (dq, dv) = A (dq, dv) + B dtau.
 
     Central differences of `forward_dynamics` at q, v, tau, shape (n,), all in one batch. The
     default step [rad, m, rad/s, ..., N m], the cube root of the rounding unit, leaves about 1e-10
@@ -557,6 +574,7 @@ def linearise(
     """
     n = chain.n
     point = np.concatenate([vector(s, x, (n,)) for s, x in (("q", q), ("v", v), ("tau", tau))])
+    # Central differences of the forward dynamics, all points in one batch.
     moves = positive("step", step) * np.eye(3 * n)
     ahead, behind = point[:, None] + moves, point[:, None] - moves
     both = np.concatenate([ahead, behind], axis=1)

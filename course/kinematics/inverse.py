@@ -57,10 +57,10 @@ _PATIENCE = 6  # steps of Levenberg-Marquardt that each win less than a tenth, u
 
 
 def pose_error(target: ArrayLike, pose: ArrayLike) -> Array:
-    """Return what is left to go from a pose to a target, (7,) or (7, N), in world axes, (6,) or (6,
-    N).
+    """Return the error of a pose, (7,) or (7, N), against a target, in world axes.
 
-    Position [m] over the shortest turn as a rotation vector [rad].
+    The result, shape (6,) or (6, N), is the difference of the positions [m] over the shortest
+    rotation from the pose to the target, as a rotation vector [rad].
     """
     t, p = (vector(s, x, (7,), (7, None)) for s, x in (("target", target), ("pose", pose)))
     turns = unit_quaternion(t[3:], "target[3:]"), unit_quaternion(p[3:], "pose[3:]")
@@ -83,6 +83,8 @@ def decompose(J, A, U):
             A[i, c] = J[i, c]
         for c in range(m):
             U[i, c] = 1.0 if i == c else 0.0
+    # One-sided Jacobi (Hestenes, 1958): rotate pairs of rows until all are at right angles. It is
+    # accurate to rounding for small singular values too.
     for _ in range(30):
         turned = False
         for i in range(m - 1):
@@ -95,6 +97,7 @@ def decompose(J, A, U):
                 if abs(both) <= 1e-15 * np.sqrt(a * b) + 1e-290:
                     continue
                 turned = True
+                # The rotation with the smaller angle, by the stable root of the quadratic.
                 half = (b - a) / (2.0 * both)
                 tangent = (1.0 if half >= 0.0 else -1.0) / (abs(half) + np.hypot(1.0, half))
                 cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
@@ -121,9 +124,9 @@ def gain(s, method, damping):
 
 @register_jitable
 def step(J, e, method, damping, A, U, dq):
-    """One step of a method (its number in METHODS) but Levenberg-Marquardt into dq (n,).
+    """Write one step into dq (n,), by the method of this number, except Levenberg-Marquardt.
 
-    J (m, n) is the Jacobian, e (m,) the error; A (m, n) and U (m, m) are room.
+    J (m, n) is the Jacobian, e (m,) the error; A (m, n) and U (m, m) are work space.
     """
     m, n = J.shape
     dq[:] = 0.0
@@ -148,6 +151,7 @@ def step(J, e, method, damping, A, U, dq):
         largest = max(largest, _length(A, i))
     for i in range(m):
         s = _length(A, i)
+        # Directions of rank zero are skipped by all methods: no division by rounding noise.
         if s <= _ZERO * largest:
             continue
         desired = 0.0
@@ -168,9 +172,13 @@ def _length(A, i):
 
 @register_jitable
 def _marquardt(J, e, mu, K, y, dq):
-    """dq = J^T (J J^T + mu)^-1 e by Cholesky; K (m, m) and y (m,) are room."""
+    """Write the damped step J^T (J J^T + mu)^-1 e into dq, by Cholesky.
+
+    K (m, m) and y (m,) are work space. (Levenberg, 1944; Marquardt, 1963; Wampler, 1986.)
+    """
     m, n = J.shape
     for i in range(m):
+        # Cholesky factor row by row; forward substitution goes along.
         for j in range(i + 1):
             total = mu if i == j else 0.0
             for c in range(n):
@@ -182,6 +190,7 @@ def _marquardt(J, e, mu, K, y, dq):
         for c in range(i):
             total -= K[i, c] * y[c]
         y[i] = total / K[i, i]
+    # Back substitution, then dq = J^T y.
     for back in range(m):
         i = m - 1 - back
         for c in range(i + 1, m):
@@ -236,8 +245,13 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
     """Run every start (N, S, n) until one succeeds, for N targets (7, N) or (3, N).
 
     Args:
-        table, method, damping: the arm's, a number in METHODS, lambda.
-        near, turn: tolerances [m, rad].
+        table: the arm as numbers.
+        target: poses of the tip, shape (7, N).
+        starts: postures to start from, shape (n, N, starts).
+        method: a number in METHODS.
+        damping: lambda of the damped least squares.
+        near: tolerance of the position [m].
+        turn: tolerance of the rotation [rad].
         at_most: steps from each start.
         rank: of the arm's Jacobian where it is not singular.
 
@@ -263,16 +277,19 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
             for _ in range(at_most):
                 if distance <= near and angle <= turn:
                     break
+                # The Jacobian changes only where a step was accepted.
                 if fresh:
                     columns(table, pose, n, point_of(pose, n, np.zeros(3)), J3, 0)
                     for i in range(m):
                         for c in range(n):
                             J[i, c] = J3[i, c, 0]
+                    # Joints that a limit holds are taken out, as in an active-set method.
                     stops = _held(table, J, e, q, held)
                 if method == _MARQUARDT:
                     _marquardt(J, e, mu, K, y, dq)
                 else:
                     step(J, e, method, damping, A, U, dq)
+                # Project the step on the joint limits.
                 moved = 0.0
                 for c in range(n):
                     trial[c, 0] = q[c, 0] + (0.0 if held[c] else dq[c])
@@ -282,6 +299,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
                 if not moved > _STILL:  # nor where a step is NaN
                     reason = -1
                     break
+                # Levenberg-Marquardt accepts only what lowers the error, and adapts its damping.
                 missing, angled = _miss(table, trial, target, k, pose, e)
                 new = missing * missing + angled * angled
                 if method == _MARQUARDT:
@@ -304,6 +322,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
                 distance, angle, cost = missing, angled, new
                 if reason < 0:
                     break
+            # Classify the outcome.
             if distance <= near and angle <= turn:
                 reason = _SOLVED
             elif reason < 0:
@@ -320,6 +339,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
                         retained += 1 if _length(A, i) > _NEAR * largest else 0
                     if retained < rank:
                         reason = _SINGULAR
+            # Of several starts report the one with the smallest error.
             if begun == 1 or cost < best or reason == _SOLVED:
                 best = cost
                 for c in range(n):
@@ -401,8 +421,9 @@ class Samples:
         return np.column_stack([poses[:3].T, self._scale * poses[3:].T])
 
     def nearest(self, target: Array, k: int) -> Array:
-        """Return the k postures whose poses, or positions, are nearest to N targets, shape (N, k,
-        n).
+        """Return the k stored postures nearest to each of N targets, shape (N, k, n).
+
+        Distance is measured between poses, or positions.
 
         In a table that is hardly larger than k a posture may come twice, as each rotation does.
         """
@@ -415,9 +436,9 @@ class Samples:
 
 
 def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
-    """Return postures drawn uniformly within the limits, shape (size, n).
+    """Return postures sampled uniformly within the limits, shape (size, n).
 
-    One turn for a joint without.
+    A joint without limits gets one turn.
 
     Raises:
         ValueError: for a slide without limits.
@@ -433,7 +454,7 @@ def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _rank(chain: Chain, rows: int) -> int:
-    """Return of the Jacobian where it is not singular: the largest of a few postures."""
+    """Return the generic rank of the Jacobian, the largest of a few random postures."""
     draws = np.random.default_rng(0).normal(size=(chain.n, 5))
     stack = jacobian(chain, draws)[:rows].transpose(2, 0, 1)
     return int(np.linalg.matrix_rank(stack, rtol=1e-9).max())
@@ -496,7 +517,7 @@ def ik(
         given = np.asarray(vector("start", start, (chain.n,), (chain.n, None)).T)
         given = np.atleast_2d(given)
     if not (isinstance(start, Samples) or len(given) or restarts):
-        raise invalid("(start, restarts)", (start, restarts), "a start, or restarts from 1 on")
+        raise invalid("(start, restarts)", (start, restarts), "a start, or at least one restart")
     rank, parts = _rank(chain, 6 if len(goal) == 7 else 3), []
     for first in range(0, max(1, goal.shape[1]), _CHUNK):
         part = np.ascontiguousarray(goal[:, first : first + _CHUNK])
@@ -538,9 +559,9 @@ def elbow_height(chain: Chain, q: ArrayLike, joint: int = 3) -> tuple[float, Arr
 
 
 def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
-    """Return minus half the sum of squared distances from the middle, in half ranges.
+    """Return minus half the sum of squared distances from mid-range, and its gradient.
 
-    And its gradient.
+    Distances are in half ranges.
 
     Joints without limits, or without a range, do not count.
     """
@@ -555,17 +576,17 @@ def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
 def disc_distance(
     chain: Chain, q: ArrayLike, centre: ArrayLike, radius: float
 ) -> tuple[float, Array]:
-    """Return how far the arm.
+    """Return the arm's signed distance from a disc in the x-y plane [m], and its gradient (n,).
 
-    As lines from joint to joint to tip, keeps off a disc in the x-y plane [m].
-
-    Negative where a line cuts it. The gradient (n,) jumps where another line becomes the nearest.
+    The arm is the lines from joint to joint to tip. The distance is negative where a line cuts the
+    disc. The gradient jumps where another line becomes the nearest.
     """
     middle = vector("centre", centre, (2,), unit="m")
     finite("radius", radius, 0.0, unit="m")
     joints, pose = chain.path(), frames(chain, vector("q", q, (chain.n,)))
     points = np.column_stack([pose[:3, joints], tip(chain, q)[:3]])
     lines = np.diff(points, axis=1)
+    # Nearest point of each link's segment to the axis of the disc.
     square = np.maximum(np.sum(lines[:2] ** 2, axis=0), 1e-300)
     share = np.clip(np.sum((middle[:, None] - points[:2, :-1]) * lines[:2], axis=0) / square, 0, 1)
     nearest = points[:, :-1] + share * lines
@@ -587,7 +608,8 @@ def null_space_step(
     takes it back.
 
     Args:
-        chain, q: the arm and its posture, shape (n,).
+        chain: the arm.
+        q: its posture, shape (n,).
         gradient: of an objective, shape (n,).
         length: of the step, Euclidean [rad]; negative to go down. None is made where the gradient
             has no part in the null space.
@@ -595,6 +617,7 @@ def null_space_step(
     """
     (q,) = (vector("q", q, (chain.n,)),)
     count("rows", rows, 1, 6)
+    # Project the gradient on the null space, and make the step as long as asked.
     slope = null_space(jacobian(chain, q)[:rows]) @ vector("gradient", gradient, (chain.n,))
     size = float(np.linalg.norm(slope))
     if size <= 1e-12 * float(np.linalg.norm(gradient)):

@@ -81,6 +81,7 @@ def product4(p, r):
 def turned(quat, v):
     """Return a triple turned by a unit quaternion, as `quaternion.rotate`."""
     axis = quat[1], quat[2], quat[3]
+    # v + 2 w (u x v) + 2 u x (u x v), u the vector part.
     t = cross3(axis, v)
     return scaled(scaled(v, t, 2.0 * quat[0]), cross3(axis, t), 2.0)
 
@@ -116,6 +117,7 @@ def place(table, q, k, pose):
             spot, turn = point_of(pose, parent, spot), product4(four(pose, parent, 3), turn)
         if i < n and table[i, SLIDES] != 0.0:
             spot = add3(spot, turned(turn, (0.0, 0.0, q[i, k])))
+        # A half-angle quaternion about z, multiplied from the right.
         elif i < n:
             cosine, sine = np.cos(0.5 * q[i, k]), np.sin(0.5 * q[i, k])
             a, b, c, d = turn
@@ -134,6 +136,7 @@ def columns(table, pose, frame, tip, J, k):
     """Write the Jacobian of the point `tip`, fixed to `frame`, into J[:, :, k], zero before."""
     i = int(table[frame, PARENT]) if frame == table.shape[0] - 1 else frame
     while i >= 0:
+        # A column is z x (tip - origin) over z for a turning joint, z over 0 for a sliding one.
         z = axis_of(pose, i)
         if table[i, SLIDES] != 0.0:
             J[0, i, k], J[1, i, k], J[2, i, k] = z
@@ -166,13 +169,14 @@ def _jacobian(table, q, frame, point):
 
 
 def _jacobian_rate(table, q, v, frame, point):
-    """Time derivatives of these Jacobians, (6, n, N)."""
+    """Return the time derivatives of these Jacobians, (6, n, N)."""
     n, batch = q.shape
     pose, rate = np.empty((n + 1, 7)), np.zeros((6, n, batch))
     spin, speed = np.empty((n, 3)), np.empty((n, 3))  # of each link, and of its joint's origin
     last = n - 1 if frame == n else frame
     for k in range(batch):
         place(table, q, k, pose)
+        # Outwards: angular velocity of each link, and velocity of its joint's origin.
         for i in range(n):
             parent, z = int(table[i, PARENT]), axis_of(pose, i)
             w, u = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -187,6 +191,7 @@ def _jacobian_rate(table, q, v, frame, point):
             speed[i, 0], speed[i, 1], speed[i, 2] = u
         i, tip = last, point_of(pose, frame, point)
         flown = _velocity(pose, spin, speed, last, tip)
+        # Product rule on each column: the axis turns with its link, the arm changes with both ends.
         while i >= 0:
             z = axis_of(pose, i)
             turning = cross3(three(spin, i, 0), z)
@@ -204,7 +209,7 @@ def _jacobian_rate(table, q, v, frame, point):
 
 @register_jitable
 def _velocity(pose, spin, speed, i, point):
-    """Return of a point of the world that link i carries along, a triple."""
+    """Return the velocity of a point of the world that link i carries along, a triple."""
     arm = scaled(point, three(pose, i, 0), -1.0)
     return add3(three(speed, i, 0), cross3(three(spin, i, 0), arm))
 
@@ -272,7 +277,8 @@ def jacobian(
     """Return the geometric Jacobian, (6, n) or (6, n, N): the twist of a point is J v.
 
     Args:
-        chain, q: the arm and its joint positions, shape (n,) or (n, N) [rad or m].
+        chain: the arm.
+        q: its joint positions, shape (n,) or (n, N) [rad or m].
         point: given in the frame that it is fixed to, shape (3,) [m]; default: its origin.
         joint: whose link it is fixed to; default: the tool. Joints that do not move it have zeros.
 
@@ -299,8 +305,9 @@ def jacobian_rate(
 
 
 def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
-    """Return rates of the tip's position and of its yaw, pitch and roll (z, y, x), (6, n) or (6, n,
-    N).
+    """Return the Jacobian of the tip's position and its yaw, pitch and roll (z, y, x).
+
+    Its shape is (6, n) or (6, n, N).
 
     At a pitch of +-90 degrees they grow without bound: the angles lock there, not the arm.
     """
@@ -319,8 +326,9 @@ def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
 
 
 def singular_values(J: ArrayLike) -> Array:
-    """Return of a matrix (m, n) or a batch (m, n, N), the largest first, shape (min(m, n),) or with
-    N.
+    """Return the singular values of a matrix (m, n) or a batch (m, n, N), largest first.
+
+    The shape is (min(m, n),) or (min(m, n), N).
     """
     J = vector("J", J, (None, None), (None, None, None))
     return np.asarray(np.linalg.svd(J.T, compute_uv=False).T)
@@ -338,7 +346,7 @@ def manipulability(J: ArrayLike) -> Any:
 def condition_number(J: ArrayLike, length: float) -> Any:
     """Return largest over smallest singular value of a whole Jacobian, (6, n) or (6, n, N).
 
-    May be inf.
+    It is infinite at a singularity.
 
     Metres and radians have no common scale: without the length [m] by which the rows of velocity
     are divided it has no meaning. In millimetres (0.001) the same arm has another one.
@@ -360,6 +368,7 @@ def null_space(J: ArrayLike) -> Array:
     J = vector("J", J, (None, None), (None, None, None))
     single = J.ndim == 2
     stack = np.moveaxis(J.reshape(*J.shape[:2], -1), 2, 0)
+    # Projector from the right singular vectors with a singular value that counts.
     _, s, Vt = np.linalg.svd(stack, full_matrices=False)
     selected = Vt * (s > 1e-10 * np.maximum(s[:, :1], 1e-300))[:, :, None]
     result = np.eye(J.shape[1]) - selected.transpose(0, 2, 1) @ selected

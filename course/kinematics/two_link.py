@@ -69,9 +69,10 @@ class TwoLink:
 
     @property
     def parameters(self) -> Array:
-        """What the equations are linear in: a, b, d, c1, c2 [kg m^2, N m s/rad], shape (5,).
+        """The parameters in which the equations are linear: a, b, d, c1, c2, shape (5,).
 
-        In an upright plane w1 and w2 [kg m] follow, shape (7,).
+        Their units are kg m^2 and N m s/rad. In an upright plane w1 and w2 [kg m] follow, shape
+        (7,).
         """
         (m1, m2), (l1, l2), (i1, i2), p = self.masses, self.lengths, self.inertias, self.payload
         d = i2 + 0.25 * m2 * l2**2 + p * l2**2
@@ -110,15 +111,18 @@ class TwoLink:
     def regressor(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, reference: ArrayLike | None = None
     ) -> Array:
-        """Return Y with torque = Y @ parameters, shape (2, 5) or (2, 5, N), 7 for 5 in an upright
-        plane.
+        """Return the regressor Y with torque = Y @ parameters.
+
+        Its shape is (2, 5) or (2, 5, N); in an upright plane it has 7 columns instead of 5.
 
         The arm's masses do not enter, so it may be asked of one whose masses nobody knows. With a
         reference velocity w it is that of M a + C(q, v) w + D w + G, where M' - 2 C is
         skew-symmetric: what the adaptive law of Slotine and Li (1987) needs.
 
         Args:
-            q, v, a: angles, rates and accelerations, shape (2,) or (2, N).
+            q: angles, shape (2,) or (2, N) [rad].
+            v: rates, same shape [rad/s].
+            a: accelerations, same shape [rad/s^2].
             reference: w, same shape; default: v, which gives the torque of the motion.
 
         Raises:

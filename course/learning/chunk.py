@@ -61,10 +61,14 @@ def chunk_policy(
     from a standard normal distribution, from which they are drawn when there is no action to see.
 
     Args:
-        states, actions: (n, d), and (n, a) or chunks (n, H, a).
-        seed, width: of weights, codes and batches; of the two hidden layers of each.
-        latent, zero: numbers in a code, and whether it is 0 instead of drawn.
-        beta: weight of the divergence; as it grows the code says less, and the policy is the mean.
+        states: shape (n, d).
+        actions: shape (n, a), or chunks (n, H, a).
+        seed: of weights, codes and batches.
+        width: of the two hidden layers of each network.
+        latent: dimension of a code.
+        zero: whether the code is 0 instead of sampled when the policy acts.
+        beta: weight of the divergence; as it grows the code carries less information, and the
+            policy becomes the mean.
         how: `steps`, `batch`, `rate` and `clip` of `fit`.
     """
     blank, x, y = prepared(states, actions)
@@ -78,9 +82,12 @@ def chunk_policy(
 
     def loss(pick: Any) -> Any:
         rows, clean = inputs[pick], desired[pick]
+        # Reparameterisation trick: the code is mean + deviation times noise, so gradients reach
+        # both.
         mean, spread = encoder(torch.cat((rows, clean), 1)).split(latent, 1)  # log of the variance
         code = mean + (0.5 * spread).exp() * randn(mean.shape)
         text = decoder(torch.cat((rows, code), 1))
+        # Divergence of the code's distribution from a standard normal, in closed form.
         divergence = 0.5 * (mean.square() + spread.exp() - spread - 1.0).sum(1).mean()
         return (text - clean).square().mean() + beta * divergence
 
@@ -164,6 +171,7 @@ class Ensemble(Executor):
         if len(self.made) > self.made[0].shape[1]:
             self.made.popleft()
         old = len(self.made)
+        # Weights of temporal ensembling: exp(-decay i), the oldest chunk first, as in ACT.
         weights = np.exp(-self.decay * np.arange(old))
         report = [chunk[:, old - 1 - i] for i, chunk in enumerate(self.made)]
         return np.tensordot(weights / weights.sum(), np.array(report), axes=1)
@@ -185,6 +193,7 @@ class Delayed(Executor):
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
         """Return actions (N, a) for states (N, d)."""
         self.plan(states, rng, self.delay + 1)
+        # The oldest chunk that is kept was planned `delay` steps ago.
         if len(self.made) > self.delay + 1:
             self.made.popleft()
         return self.made[0][:, len(self.made) - 1]

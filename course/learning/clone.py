@@ -28,7 +28,8 @@ class Policy:
     """A policy out of data, which it knows normalised.
 
     Attributes:
-        seen, done: normalisers of states and of flattened actions.
+        inputs: normaliser of states.
+        done: normaliser of flattened actions.
         shape: of one action, (a,) or (H, a).
         draw: normalised states (N, d), generator -> normalised actions, flattened (N, ...); kinds
             that can be told how to draw hand it something else than the generator.
@@ -76,7 +77,7 @@ def fitted(policy: Policy, net: Any, loss: Callable[[Any], Any], rows: int, **ho
     """Return the policy once its network is fitted (`fit` has the other arguments).
 
     Raises:
-        Diverged: its `kept` is the policy with the last good weights.
+        Diverged: its `policy` is the policy with the last good weights.
     """
     began = time.process_time()
     policy.net = net
@@ -116,9 +117,12 @@ def clone(
     networks, 1994), both fitted by likelihood. No deviation is below 0.02 of the data's.
 
     Args:
-        states, actions: (n, d), and (n, a) or chunks (n, H, a).
+        states: shape (n, d).
+        actions: shape (n, a), or chunks (n, H, a).
         seed: of weights and batches.
-        modes, width: of the mixture, and of the two hidden layers.
+        head: what the network predicts: "mean", "gaussian" or "mixture".
+        modes: components of the mixture.
+        width: of the two hidden layers.
         how: `steps`, `batch`, `rate` and `clip` of `fit`.
     """
     policy, x, y = prepared(states, actions)
@@ -133,6 +137,7 @@ def clone(
     def parts(out: Any) -> tuple[Any, Any, Any]:
         """Return logarithms of weights (n, m), means and deviations (n, m, size)."""
         means, raw = out[:, modes:].reshape(-1, modes, 2, size).unbind(2)
+        # Softplus keeps deviations positive, the floor keeps the likelihood bounded.
         deviations = torch.nn.functional.softplus(raw) + LEAST
         return torch.log_softmax(out[:, :modes], 1), means, deviations
 
@@ -141,6 +146,7 @@ def clone(
         if not modes:
             return (out - desired[pick]).square().mean()
         weight, mean, deviation = parts(out)
+        # Negative log-likelihood of the mixture, up to a constant, by a stable log-sum-exp.
         difference = (desired[pick][:, None] - mean) / deviation
         return (
             -torch.logsumexp(weight - (0.5 * difference**2 + deviation.log()).sum(2), 1).mean()
@@ -152,6 +158,7 @@ def clone(
         if not modes:
             return out
         weight, mean, deviation = (np.asarray(p) for p in parts(torch.from_numpy(out)))
+        # The Gumbel-max trick samples a component from the log-weights.
         which = np.argmax(weight + rng.gumbel(size=weight.shape), axis=1)
         row = np.arange(len(rows))
         return mean[row, which] + deviation[row, which] * rng.standard_normal((len(rows), size))
@@ -161,7 +168,7 @@ def clone(
 
 
 def nearest(states: ArrayLike, actions: ArrayLike) -> Policy:
-    """Return what was done in the nearest state of the data, of several the first.
+    """Return the action taken in the nearest state of the data, the first of several.
 
     Nothing is fitted.
     """
@@ -192,14 +199,15 @@ class Linear:
 
 
 def linear(states: ArrayLike, actions: ArrayLike) -> Linear:
-    """Return the least squares law of (n, d) and (n, a).
+    """Return the least-squares linear law of states (n, d) and actions (n, a).
 
-    The shortest where the data leave gains open.
+    Where the data leave gains undetermined it is the one of least norm.
     """
     x = vector("states", states, (None, None))
     y = vector("actions", actions, (len(x), None))
     if len(x) < 2:
         raise invalid("demonstrated steps", len(x), "two or more")
+    # Least squares by the singular value decomposition, without directions that the data lack.
     left, sizes, right = np.linalg.svd(x, full_matrices=False)
     rank = int(np.sum(sizes > 1e-10 * sizes[0]))
     solved = right[:rank].T @ ((left[:, :rank].T @ y) / sizes[:rank, None])
@@ -240,7 +248,12 @@ def dagger(
     Args:
         learn: states (n, d), labels (n, a) -> policy, such as `linear` or a `partial` of `clone`.
         starts: how many, generator -> states, as the tasks have it.
-        steps, number, rounds: of a run, runs in a round, rounds after the first.
+        task: the dynamics.
+        expert: states (n, d) -> actions (n, a), the labels.
+        steps: of a run.
+        number: runs in a round.
+        rounds: rounds after the first.
+        rng: source of the starts and of the noise.
         injected: noise on the expert's actions in the first round, which its labels don't have.
         label_noise: deviation of what is written down; the expert does what it means.
 
@@ -254,11 +267,14 @@ def dagger(
     states, labels = np.zeros((0, 0)), np.zeros((0, 0))
     driver = expert
     for turn in range(rounds + 1):
+        # The expert drives the first round, the learner all others.
         noise = 0.0 if turn else injected
         ran = roll(task, driver, starts(number, rng), steps, rng, injected=noise)
+        # Every state that was visited is labelled by the expert, whoever drove.
         met = ran.states[:, :-1].reshape(number * steps, -1)
         message = vector(f"label of round {turn}", expert(met, rng), (len(met), None))
         report = message + label_noise * rng.standard_normal(message.shape)
+        # Aggregate: the policy is fitted to all rounds together.
         states = np.concatenate((states, met)) if turn else met
         labels = np.concatenate((labels, report)) if turn else report
         driver = learn(states, labels)

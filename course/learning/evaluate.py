@@ -128,7 +128,7 @@ def band(scores: ArrayLike, seed: int = 0, *, draws: int = 2_000, share: float =
     Args:
         scores: a row for each seed, (seeds, ...), three seeds or more.
         seed: of the draws.
-        draws: of so many seeds each, with repetition.
+        draws: bootstrap samples, each of as many seeds, with replacement.
         share: of the draws' means that the interval holds.
     """
     rows = vector("scores", scores)

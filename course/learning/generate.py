@@ -78,14 +78,18 @@ def denoise(
         steps: calls of `clean`. With a single one the answer is the mean, as of a flow.
         eta: 0 for DDIM, where only the start is drawn; 1 for the ancestral sampling of DDPM (Ho,
             Jain and Abbeel, 2020), which draws at each step but the last.
+        rng: source of the noise that is drawn while denoising.
     """
     x = vector("noise", noise, (None, None))
     share = finite("eta", eta, 0.0, 1.0)
     a, s = mix(np.linspace(0.0, 1.0, count("steps", steps, 1) + 1))
+    # No noise is left at the end of the last step.
     s[-1] = 0.0
     for k in range(steps):
+        # The network predicts the clean action; the noise that goes with it follows from x.
         mean = clean(x, k / steps)
         remaining = (x - a[k] * mean) / s[k]
+        # DDPM's share of fresh noise (DDIM, eq. 16); with eta = 0 the step is deterministic.
         drawn = share * s[k + 1] / s[k] * math.sqrt(1.0 - (a[k] / a[k + 1]) ** 2)
         x = a[k + 1] * mean + math.sqrt(s[k + 1] ** 2 - drawn**2) * remaining
         if drawn:
@@ -120,11 +124,12 @@ class Mixture:
         return self.means[part] + spread
 
     def expect(self, x: Array, a: float, s: float) -> tuple[Array, Array]:
-        """Return means of clean and noise given x = a clean + s noise, both (n, d) as x.
+        """Return the means of clean and noise given x = a clean + s noise, both (n, d) as x.
 
-        Not a = s = 0.
+        The scales a and s must not both be 0.
         """
         width = (a * self.deviations) ** 2 + s**2  # variance of x in each part
+        # Posterior of the component given x, by log-weights; then the linear-Gaussian mean in each.
         deviation = x[:, None] - a * self.means
         report = np.log(self.weights + 1e-300) - 0.5 * (
             np.sum(deviation**2, axis=2) / width + self.means.shape[1] * np.log(width)
@@ -190,6 +195,7 @@ def _generative(
 
     def mean(sample: Any, time: Any, rows: Any) -> Any:
         """Return the answer for normal data, which is known, and what the network adds to it."""
+        # The clock as sines and cosines, and a skip connection: the network learns the rest only.
         turn = 2.0 * math.pi * time
         clock = (time, turn.sin(), turn.cos(), (2.0 * turn).sin(), (2.0 * turn).cos())
         skip = (2.0 * time - 1.0) / ((1.0 - time) ** 2 + time**2) if flow else 0.0
@@ -198,8 +204,11 @@ def _generative(
     def loss(pick: Any) -> Any:
         clean = desired[pick]
         noise = randn(clean.shape)
+        # Uniform times in (0, 1): normal numbers through their own distribution function.
         time = torch.special.ndtr(randn((len(clean), 1)))  # even in (0, 1)
         a, s = (time, 1.0 - time) if flow else ((w := 0.5 * math.pi * time).sin(), w.cos())
+        # The target: velocity of the straight path, or the velocity form of the diffusion
+        # (v-prediction).
         rate = clean - noise if flow else s * clean - a * noise
         return (mean(a * clean + s * noise, time, inputs[pick]) - rate).square().mean()
 
@@ -232,9 +241,12 @@ def flow_policy(
     the field of a normal distribution, so that what is only noise needs not be learned.
 
     Args:
-        states, actions: (n, d), and (n, a) or chunks (n, H, a).
-        seed, width: of weights, noise and batches; of the two hidden layers.
-        solver, sampled: how actions are drawn: "euler", "heun" or "rk4", in how many steps.
+        states: shape (n, d).
+        actions: shape (n, a), or chunks (n, H, a).
+        seed: of weights, noise and batches.
+        width: of the two hidden layers.
+        solver: how actions are integrated: "euler", "heun" or "rk4".
+        sampled: steps of that solver.
         how: `steps`, `batch`, `rate` and `clip` of `fit`.
     """
     return _generative(states, actions, seed, True, width, solver, sampled, how)

@@ -108,6 +108,7 @@ def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: 
         inner = i < len(sizes) - 2
         into, out = count("sizes", sizes[i], 1), count("sizes", sizes[i + 1], 1)
         layer = torch.nn.utils.skip_init(torch.nn.Linear, into, out)  # its own start draws
+        # Orthogonal weights (Saxe, McClelland and Ganguli, 2014) with the gain of rectifiers.
         gain = math.sqrt(2.0) if inner else last
         torch.nn.init.orthogonal_(layer.weight, gain, generator=random)
         torch.nn.init.zeros_(layer.bias)
@@ -118,7 +119,7 @@ def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: 
 def flatten(*parts: Any) -> Any:
     """Return all weights of modules and parameters as one vector.
 
-    Which they are views of from now on.
+    The weights become views of that vector.
 
     Args:
         parts: modules, or parameters of no module.
@@ -129,6 +130,7 @@ def flatten(*parts: Any) -> Any:
     """
     torch = pytorch()
     each = [p for part in parts for p in ([part] if torch.is_tensor(part) else part.parameters())]
+    # One vector for all weights: Adam and the clip of the gradient are then single operations.
     flat = torch.nn.Parameter(torch.cat([p.detach().reshape(-1) for p in each]))
     flat.grad = torch.zeros_like(flat)
     start = 0
@@ -198,7 +200,9 @@ def fit(
         loss: indices of some rows, a tensor (batch,) -> their mean loss, a scalar tensor.
         rows: how many there are.
         seed: of the rows that are picked, with repetition.
-        steps, batch, rate: of Adam.
+        steps: of Adam.
+        batch: rows in a step.
+        rate: learning rate of Adam.
         clip: the longest gradient that is used as it is; a longer one is cut to this length.
 
     Returns:
@@ -218,6 +222,8 @@ def fit(
             flat.grad.zero_()
             value = loss(pick)
             report[k] = value.item()
+            # A loss that is not finite: restore the last good weights before anybody sees the
+            # others.
             if not math.isfinite(report[k]):
                 with torch.no_grad():
                     flat.copy_(good)
@@ -226,6 +232,7 @@ def fit(
             value.backward()
             if clip < math.inf:
                 flat.grad.mul_(min(1.0, clip / (length(flat.grad.numpy()) + 1e-12)))
+            # The rate falls linearly to 0.
             optimiser.param_groups[0]["lr"] = rate * (1.0 - k / steps)
             optimiser.step()
     return report
@@ -280,6 +287,7 @@ class Normaliser:
 
     def update(self, values: Array) -> None:
         """Count some rows, (n, d), n from 1 on."""
+        # Chan's update of mean and variance by a batch.
         n, mean = len(values), values.mean(axis=0)
         total, ahead = self.rows + n, mean - self.mean
         share = n / total

@@ -119,11 +119,14 @@ def gae(
     advantage estimation.
 
     Args:
-        rewards, values: of each step and of the observation before it, (T,) or (T, N).
+        rewards: reward of each step, (T,) or (T, N).
+        values: value of the observation before each step, same shape.
         following: value of the observation after it: of a last one the episode's own, not that of
             the next one's start. Not used after a termination.
-        terminated, truncated: how the episode ended with this step.
-        discount, trace: gamma and lambda, each from 0 to 1.
+        terminated: whether the episode ended in a terminal state with this step.
+        truncated: whether a time limit cut the episode off after this step.
+        discount: gamma, from 0 to 1.
+        trace: lambda, from 0 to 1.
 
     Returns:
         The advantages; with `values` added they are the critic's targets.
@@ -143,10 +146,12 @@ def gae(
     ):
         if each.shape != r.shape:
             raise invalid(f"{name}.shape", each.shape, f"{r.shape}, as of the rewards")
+    # Temporal-difference errors: a termination has no future, a truncation has one.
     errors = r + gamma * vector("following", np.where(over, 0.0, after)) - v
     retained = gamma * decay * ~(over | late)
     advantages = np.zeros_like(errors)
     ahead = np.zeros(r.shape[1:])
+    # Backwards: each advantage is its error plus the decayed advantage of the next step.
     for t in range(len(r) - 1, -1, -1):
         ahead = errors[t] + retained[t] * ahead
         advantages[t] = ahead
@@ -167,6 +172,7 @@ def objective(ratio: Array, advantage: Array, clip: float = 0.2) -> tuple[Array,
     Returns:
         The objective and its derivative by the ratio.
     """
+    # Pessimistic bound: the smaller of the free and the clipped objective.
     free = ratio * advantage
     held = np.clip(ratio, 1.0 - clip, 1.0 + clip) * advantage
     return np.minimum(free, held), np.where(free <= held, advantage, 0.0)
@@ -290,6 +296,7 @@ class Runner:
             [],
             [],
         )
+        # Act, and store means and noise: log-probabilities then need no second forward pass.
         spread = np.exp(policy.log_std.detach().numpy().astype(float))
         for t in range(T):
             batch.observations[t], batch.means[t] = self.last, policy(self.last)
@@ -325,6 +332,7 @@ class Runner:
             return batch.rewards
         sums = np.empty_like(batch.rewards)
         for t in range(len(sums)):
+            # Discounted sum of rewards so far, whose deviation is the unit of the rewards.
             self.worth = self.settings.discount * self.worth + batch.rewards[t]
             sums[t] = self.worth
             self.worth = self.worth * ~(batch.terminated[t] | batch.truncated[t])
@@ -359,6 +367,8 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
         values = policy.critic(observed).numpy().astype(float).reshape(T + 1, n)
         if not np.isfinite(values).all():
             raise Diverged("the critic's values are not finite: lower the rate")
+        # The value after a step is that of the next row, except where the clock cut an episode off:
+        # there the last observation of the old episode counts.
         following = values[1:].copy()
         for t, after in batch.cut:
             last = policy.critic(policy.to_rows(after)).numpy()[:, 0]
@@ -380,7 +390,7 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
 
 
 def log_density(noise: Array, log_std: Array) -> Array:
-    """Return of actions so many standard deviations off (..., a), but for a constant, (..., 1)."""
+    """Return the log-density, (..., 1), of actions in deviations (..., a), up to a constant."""
     return -0.5 * (noise * noise).sum(axis=-1, keepdims=True) - log_std.sum()
 
 
@@ -396,10 +406,13 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
     mean, value = policy.actor(observed), policy.critic(observed)
     log_std = policy.log_std.detach().numpy()
     std = np.exp(log_std)
+    # Log-probability ratio of the new policy to the one that acted.
     deviation = (part.actions - mean.detach().numpy()) / std
     ratio = np.exp(log_density(deviation, log_std) - part.log_prob)
     gain, slope = objective(ratio, part.advantages, settings.clip)
     error = value.detach().numpy() - part.targets
+    # Gradient of the clipped objective by log-probability, of the value loss by the value; the
+    # networks' own gradients follow by backpropagation.
     push = -slope * ratio / count_of  # by the logarithm of the probability
     pull = (2.0 * settings.value_weight / count_of) * error
     torch.autograd.backward(
@@ -419,6 +432,7 @@ def improve(
     torch, gradient = pytorch(), policy.flat.grad.numpy()
     good, before = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()
     noise_free = policy(table.observations, scaled=True)
+    # Advantages are normalised over the batch, once, not by minibatch.
     if settings.normalise_advantages:
         level, spread = table.advantages.mean(), table.advantages.std()
         table = table._replace(advantages=(table.advantages - level) / (spread + 1e-8))
@@ -428,10 +442,12 @@ def improve(
         for part in zip(*shuffled, strict=True):
             loss = slopes(policy, Table(*part), settings)
             size = length(gradient)
+            # Divergence is caught before the optimiser takes the step.
             if not math.isfinite(loss + size):
                 with torch.no_grad():
                     policy.flat.copy_(good)
                 raise Diverged(f"the loss is {loss}, its gradient {size} long: lower the rate")
+            # Clip the gradient's length (Pascanu, Mikolov and Bengio, 2013).
             if size > settings.longest_gradient:
                 gradient *= settings.longest_gradient / size
             optimiser.step()
@@ -440,6 +456,7 @@ def improve(
                 policy(table.observations, scaled=True),
                 policy.log_std.detach().numpy(),
             )
+            # KL divergence between Gaussians in closed form, old from new.
             moved = ((noise_free - after) ** 2 + np.exp(2.0 * before)) * np.exp(-2.0 * log_std)
             kl = float((log_std - before + 0.5 * moved - 0.5).sum(axis=1).mean())
             if not kl < RUNAWAY:
@@ -447,6 +464,7 @@ def improve(
                     policy.flat.copy_(good)
                 cure = "lower the rate, raise the spread, or set most_kl"
                 raise Diverged(f"an iteration moved the policy by a divergence of {kl:.3g}: {cure}")
+            # Early stopping: the policy has moved as far as its data are good for.
             if kl > settings.most_kl:
                 break
     deviation = (table.actions - after) * np.exp(-log_std)
@@ -508,6 +526,7 @@ def ppo(
             table = judged(batch, runner.scaled(batch), policy, settings)
             error = table.advantages
             kl, clipped = improve(policy, table, optimiser, runner.rng, settings)
+            # Statistics change after the update, so that one iteration sees one normalisation.
             if settings.normalise_observations:
                 rows = batch.observations[:T].reshape(-1, policy.normaliser.mean.size)
                 policy.normaliser.update(rows)

@@ -52,7 +52,7 @@ def runs(states: Sequence[ArrayLike], actions: Sequence[ArrayLike]) -> Runs:
             vector(f"{name}[{k}]", run, np.shape(each[0]))
     table = Runs(np.array(states, dtype=float), np.array(actions, dtype=float))
     if table.states.shape[1] != table.actions.shape[1] + 1 or not table.actions.size:
-        raise invalid("steps", table.actions.shape[1], "one less than states, from 1 on")
+        raise invalid("steps", table.actions.shape[1], "one fewer than the states, and at least 1")
     return table
 
 
@@ -87,10 +87,13 @@ def roll(
     """Let a policy drive; what is recorded are its own actions, without what was injected.
 
     Args:
+        task: the dynamics.
         act: states (N, d), generator -> actions (N, a). What remembers (an executor of chunks)
             has `reset()`, called before the first step.
         starts: states, (N, d).
         injected: deviation of noise on each action (DART; Laskey et al., CoRL 2017).
+        steps: of a run.
+        rng: source of the noise.
 
     Raises:
         ValueError: for an action that is not finite, with its step.
@@ -298,7 +301,7 @@ class Regulator:
     def slow_mode(self) -> Array:
         """Return the direction in which the expert's loop decays most slowly.
 
-        Of length 1, shape (2,).
+        It is a unit vector, shape (2,).
         """
         values, vectors = np.linalg.eig(self.closed(self.K))
         return vectors[:, np.argmax(np.abs(values))].real
@@ -333,7 +336,7 @@ class Circle:
     dt: float = 0.1
 
     def starts(self, number: int, rng: np.random.Generator) -> Array:
-        """Return on the circle and along it, a little off, shape (number, 4)."""
+        """Return states on the circle and along it, a little off, shape (number, 4)."""
         place, turn, far = rng.standard_normal((3, count("number", number, 1)))
         place *= np.pi
         heading, r = place + 0.5 * np.pi + 0.05 * turn, 1.0 + 0.05 * far

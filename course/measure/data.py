@@ -107,9 +107,9 @@ def _six(values: Any) -> list[Any]:
 
 
 def json_text(data: Any) -> str:
-    """Return valid JSON, a list of numbers on one line.
+    """Return valid JSON, with a list of numbers on one line.
 
-    What is not finite becomes {"float": "inf"}.
+    A number that is not finite becomes {"float": "inf"}.
     """
     result = json.dumps(_plain(data), indent=1, allow_nan=False)
     lists = re.compile(r"\[[^\[\]{}\"]*\]")

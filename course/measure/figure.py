@@ -89,6 +89,9 @@ KEYS: dict[str, tuple[str, str]] = {
     "MuJoCo CG, pyramidal": (WINE, "^"),
     "MuJoCo PGS, pyramidal": (BROWN, "^"),
     "MuJoCo Newton, elliptic, discrete": (GREY, "h"),
+    "MuJoCo Newton, hardened": (BROWN, "o"),
+    "recovery, speed capped": (BLUE, "o"),
+    "recovery, no cap": (VERMILION, "s"),
     "MuJoCo, refsafe": (PURPLE, "X"),
     "MuJoCo, refsafe off": (BROWN, "d"),
     # contact geometry
@@ -99,6 +102,8 @@ KEYS: dict[str, tuple[str, str]] = {
     "GJK and EPA": (BLUE, "o"),
     "Coal": (VERMILION, "s"),
     "Coal, poses in the loop": (AMBER, "P"),
+    "Coal, one call for all": (VERMILION, "s"),
+    "Coal, a call a pair": (AMBER, "P"),
     "Coal, default tolerance": (WINE, "p"),
     "every feature": (GREY, "*"),
     "advanced to the impact": (GREEN, "^"),
@@ -258,7 +263,7 @@ class Series:
 
     @property
     def counts(self) -> bool:
-        """Whether it is a curve of its own, not a theory, a mark or the rest of one."""
+        """True if it is a curve of its own, not a theory, a mark or the rest of one."""
         return bool(self.label) and self.key not in ("theory", "theory on a map", "chosen")
 
     @property
@@ -328,7 +333,7 @@ class Panel:
 
     @property
     def drawn(self) -> bool:
-        """Whether there is something to draw."""
+        """True if there is something to draw."""
         return bool(self.series) or self.grid is not None
 
     def shown(self, also: Sequence[str] = ()) -> list[Series]:
@@ -535,7 +540,7 @@ def _looks(panel: Panel) -> dict[int, tuple[str, str]]:
 
 
 def _draw_marks(ax: Axes, panel: Panel, words: Words) -> None:
-    """Lines across and grey regions, with their names beside the axes."""
+    """Draw lines across and grey regions, with their names beside the axes."""
     for axis, low, high, name in panel.spans:
         (ax.axvspan if axis == "x" else ax.axhspan)(low, high, color="0.91", zorder=0)
         if name and panel.legend and axis == "x":
@@ -699,7 +704,7 @@ def theory_line(series: Series, points: int, logarithmic: bool) -> tuple[Array, 
 
 
 def _few_labels(ax: Axes) -> None:
-    """On a short axis matplotlib labels most minor ticks, one over the other: 2 and 5 do."""
+    """Label only the minor ticks 2 and 5 of a short axis, where matplotlib's would overlap."""
     from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 
     low, high = ax.get_xlim()

@@ -158,7 +158,7 @@ class Words:
     notes: list[Word] = field(default_factory=list)
 
     def name(self, words: str, end: Any, of: Transform, colour: Any, glyph: str = "") -> None:
-        """A name at the right of the axes.
+        """Put a name at the right of the axes.
 
         Args:
             words: the name.
@@ -171,7 +171,7 @@ class Words:
         self.right.append(self._add(text, end, of, colour, (0.0, 0.5), va="center"))
 
     def above(self, words: str, x: float) -> None:
-        """A name above the axes, of what is at x."""
+        """Put a name above the axes, for what is at x."""
         of = self.ax.get_xaxis_transform()
         self.top.append(self._add(words, (x, 1.0), of, "0.3", (0.5, 0.0), ha="center", va="bottom"))
 
@@ -242,9 +242,7 @@ def arrange(figure: Figure, every: Sequence[Words]) -> None:
 
 
 def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
-    """Return what the lines and markers of axes cover.
-
-    As points on the axes [pixels], shape (n, 2).
+    """Return points covered by the lines and markers of axes, shape (n, 2) [pixels].
 
     Args:
         ax: the axes, whose place is known.

@@ -43,7 +43,7 @@ class _Item:
         if self._measured is None:
             value = float(self.error() if callable(self.error) else self.error)
             if not (value >= 0.0):  # also NaN: a measurement that failed is no measurement
-                raise invalid(f"error of {self.what!r}", value, "a number from 0 on")
+                raise invalid(f"error of {self.what!r}", value, "a non-negative number")
             self._measured = value
         return self._measured
 
@@ -56,7 +56,7 @@ class LeftOut(_Item):
         error: callable (or number): the change in the answer when a model that has the effect is
             asked the same question; not negative, in `unit`.
         unit: the tolerance's unit.
-        saves: cost of the model with it over the cost of the scene (2 means twice as dear).
+        saves: cost of the model with it over the cost of the scene (2 means twice as expensive).
         against: which model has it, for the table.
     """
 

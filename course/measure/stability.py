@@ -45,6 +45,7 @@ def limit(is_stable: Callable[[float], bool], low: float, high: float, rel: floa
         raise invalid("low", low, "a stable one, which it is not")
     if is_stable(high):
         raise invalid("high", high, "an unstable one, which it is not")
+    # Bisection to a relative width; floats that are neighbours end it too.
     while high - low > rel * high:
         middle = 0.5 * (low + high)
         if middle in (low, high):
@@ -70,9 +71,11 @@ def amplification(step: Step, n: int) -> Array:
         ValueError: if the step is not linear (then its matrix means nothing).
     """
     count("n", n, 1)
+    # The columns of a linear map are its values at the unit vectors.
     matrix = np.stack([np.asarray(step(unit), dtype=float) for unit in np.eye(n)], axis=1)
     if matrix.shape != (n, n):
         raise invalid("step(x).shape", matrix.shape[:1], f"({n},)")
+    # A probe off the axes reveals a step that is not linear.
     probe = 1.0 + np.arange(n) / n
     scale = 1.0 + np.abs(matrix) @ probe
     if np.all(np.isfinite(matrix)):
@@ -115,9 +118,10 @@ def grows(sizes: ArrayLike, factor: float = 1.2) -> bool:
     """
     record = np.asarray(sizes, dtype=float)
     if record.ndim != 1 or record.size < 4:
-        raise invalid("sizes.shape", record.shape, "(n,) with n from 4 on")
+        raise invalid("sizes.shape", record.shape, "(n,) with n at least 4")
     if not np.all(np.isfinite(record)):
         return True
+    # A norm may oscillate, so the largest of each half is compared.
     half = record.size // 2
     return bool(np.max(record[half:]) > factor * np.max(record[:half]))
 
@@ -243,6 +247,7 @@ def batch_map(
     """
     x, y = (grid.reshape(1, -1) for grid in np.meshgrid(x_values, y_values))
     one, zero = np.ones(x.shape), np.zeros(x.shape)
+    # The two columns of the step's matrix, for all points of the grid at once.
     columns = [np.concatenate(step(q, v, x, y)) for q, v in ((one, zero), (zero, one))]
     moduli = np.abs(np.linalg.eigvals(np.stack(columns, axis=1).transpose(2, 0, 1)))
     growth = np.max(moduli, axis=1).reshape(y_values.size, x_values.size)

@@ -42,6 +42,7 @@ def wilson(solved: ArrayLike, tried: int, z: float = TWO_SIGMA) -> tuple[Array, 
     count("tried", tried, 1)
     square = positive("z", z) ** 2
     share = vector("solved", solved, low=0.0, high=float(tried)) / tried
+    # Wilson's score interval; the clips undo rounding at shares of 0 and 1.
     middle = share + 0.5 * square / tried
     half = np.sqrt(square * (share * (1.0 - share) + 0.25 * square / tried) / tried)
     low, high = ((middle + sign * half) / (1.0 + square / tried) for sign in (-1.0, 1.0))
@@ -65,9 +66,9 @@ class Success:
     def __post_init__(self) -> None:
         cost = np.asarray(self.cost, dtype=float)
         if cost.ndim != 2 or not cost.size:
-            raise invalid("cost.shape", cost.shape, "(seeds, problems), each from 1 on")
+            raise invalid("cost.shape", cost.shape, "(seeds, problems), each at least 1")
         if np.isnan(cost).any() or (cost < 0.0).any():
-            raise invalid("cost", cost, "numbers from 0 on, infinite for a failure")
+            raise invalid("cost", cost, "non-negative numbers, infinite for a failure")
         object.__setattr__(self, "cost", cost)
 
     def shares(self, budgets: ArrayLike) -> Array:
@@ -102,6 +103,8 @@ class Success:
             Median, least and largest over the seeds; infinite where so much is never solved.
         """
         problems = self.cost.shape[1]
+        # The smallest budget that solves at least this share of the problems; 1e-12 undoes
+        # rounding.
         rank = math.ceil(finite("share", share, 1e-12, 1.0) * problems * (1.0 - 1e-12)) - 1
         needed = np.sort(self.cost, axis=1)[:, rank]
         # Two infinite values around the middle are no number minus itself: the upper one counts.
@@ -154,6 +157,8 @@ def collect(
     costs, times = np.empty((2, len(seeds), len(problems)))
     for i, seed in enumerate(seeds):
         for j, problem in enumerate(problems):
+            # A generator for each pair of seed and problem: results do not depend on the order of
+            # the runs.
             rng = np.random.default_rng((seed, j))
             start = clock()
             costs[i, j] = solve(problem, rng)
@@ -179,8 +184,9 @@ def paired(first: ArrayLike, second: ArrayLike, z: float = TWO_SIGMA) -> tuple[f
     """
     a, b = (np.asarray(x, dtype=bool) for x in (first, second))
     if a.ndim != 1 or a.shape != b.shape or not a.size:
-        raise invalid("(first.shape, second.shape)", (a.shape, b.shape), "(n,) twice, n from 1 on")
+        raise invalid("(first.shape, second.shape)", (a.shape, b.shape), "(n,) twice, n at least 1")
     n = a.size
+    # Bonett and Price (2012): one is added to both discordant counts.
     up, down = ((np.sum(x & ~y) + 1.0) / (n + 2.0) for x, y in ((b, a), (a, b)))
     half = positive("z", z) * math.sqrt((up + down - (up - down) ** 2) / (n + 2.0))
     middle = float(up - down)

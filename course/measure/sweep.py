@@ -127,8 +127,9 @@ def _read(path: str | Path, owner: str) -> dict[str, Any]:
 
 
 def _write(path: str | Path, owner: str, done: Mapping[str, Any]) -> None:
-    """The whole file at once: whoever is interrupted here leaves the one that was there."""
+    """Write the whole file at once: an interruption leaves the old one as it was."""
     beside = Path(f"{path}.{os.getpid()}")
+    # Write a neighbour and rename it: a rename is atomic.
     beside.write_bytes(pickle.dumps((owner, done)))
     os.replace(beside, path)
 

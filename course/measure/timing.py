@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -117,6 +117,7 @@ def interleaved(
             sampler(1)
     counts = [_calls_in(sampler, sample, at_most) for sampler in samplers]
     rounds: list[tuple[float, list[float]]] = []  # (share of a core, seconds of a call each)
+    # Probe how much of a core this process gets, between rounds: disturbed rounds are repeated.
     before = core_share()
     allowed = repeats + math.floor(patience * repeats)
     while len(rounds) < allowed and sum(s >= _UNDISTURBED for s, _ in rounds) < repeats:
@@ -124,6 +125,7 @@ def interleaved(
         after = core_share()
         rounds.append((min(before, after), seconds))
         before = after
+    # Prefer undisturbed rounds; a stable sort keeps the others in order.
     rounds.sort(key=lambda row: min(row[0], _UNDISTURBED), reverse=True)  # stable: the early ones
     counted = rounds[:repeats]
     busy = sum(s < _UNDISTURBED for s, _ in counted) / repeats
@@ -136,6 +138,42 @@ def interleaved(
     ]
 
 
+class Ratio(NamedTuple):
+    """Median and quartiles of a ratio over pairs of samples that were taken one after the other."""
+
+    median: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        median, low, high = (f"{float(f'{x:.2g}'):g}" for x in self)
+        return f"{median} times (quartiles {low} to {high})"
+
+
+def pairwise_ratios(
+    samplers: Sequence[Sampler], *, pairs: int = 15, sample: float = 1e-3, patience: float = 3.0
+) -> list[Ratio]:
+    """Return the time of each later sampler over that of the first, of interleaved rounds.
+
+    The samples of a round are taken within a few hundredths of a second, so that other work on the
+    machine slows all of them. A ratio of two medians compares different moments.
+
+    Args:
+        samplers: the first is the denominator.
+        pairs: rounds.
+        sample: about the time of one sample [s].
+        patience: how often a disturbed round may be taken again.
+    """
+    rows = []
+    for k in range(count("pairs", pairs, 1)):
+        first, *others = interleaved(
+            samplers, repeats=1, sample=sample, patience=patience, warm=k > 0
+        )
+        rows.append([other.median / first.median for other in others])
+    low, median, high = np.percentile(rows, [25.0, 50.0, 75.0], axis=0)
+    return [Ratio(*map(float, row)) for row in zip(median, low, high, strict=True)]
+
+
 def core_share() -> float:
     """Return share of a core that this thread got while it computed for 2 ms, from 0 to 1."""
     wall, own = time.perf_counter(), time.thread_time()
@@ -146,6 +184,7 @@ def core_share() -> float:
 
 def _calls_in(sampler: Sampler, sample: float, at_most: int) -> int:
     """Return how many calls fill a sample, tried with more and more of them."""
+    # Grow the number of calls by at least 2 and at most 100 times, as the first timings are noisy.
     n = 1
     while (took := sampler(n)) < 0.5 * sample and n < at_most:
         desired = n * sample / max(took, 1e-9)

@@ -184,6 +184,7 @@ class WorkPrecision:
         whose local slopes agree within 0.05 of each other, or else 0.15; among equally long ones
         that with the smallest spread. NaN with fewer than two usable points.
         """
+        # Errors near the reference's own uncertainty say nothing about the method.
         floor = 10.0 * self.reference_uncertainty
         usable = [p for p in self.curve(name).valid_points() if p.error > floor]
         x = np.log([p.parameter for p in usable])
@@ -191,6 +192,7 @@ class WorkPrecision:
         if x.size < 2:
             return math.nan
         slopes = np.diff(y) / np.diff(x)
+        # The longest window of slopes that agree, within 0.05 if there is one, else within 0.15.
         for allowed in (0.05, 0.15):
             best = (0, -math.inf, 0)
             for i in range(slopes.size):
@@ -309,9 +311,9 @@ class WorkPrecision:
         return cls(**data)
 
     def shown(self) -> list[str]:
-        """Return names of the six curves that are drawn.
+        """Return the names of the six curves that are drawn.
 
-        Yours, the picks, and the first that matter.
+        They are ours, the picks, and the first others that matter.
         """
         yours = [curve.name for curve in self.curves if curve.style == "yours"]
         picks = [self.pick(by=by) for by in ("time", "count") if self.tolerance is not None]
@@ -455,17 +457,17 @@ def measure(
         reference: the right answer.
         error: (answer, reference) -> distance.
         reference_check: the right answer found in a second, independent way.
-        tolerance: the error that the question can bear, if it says.
+        tolerance: the error that the question tolerates, if it has one.
         failed_above: an error above this is a failure (say, the size of the answer itself).
         repeats: timed rounds; a round runs every method and setting once, in turn.
         sample_time: least time of one sample [s]; faster runs are repeated inside the sample.
         best: draw the least time of a run, not the median: few rounds on a machine that does other
             work would else make a zigzag of a curve.
-        question: what is being asked, the chart's title.
+        question: the chart's title.
         error_unit: unit of the error.
         duration: simulated time of a run [s], where a setting is a step [s]: costs are then said
             per simulated second.
-        converges: whether the table says the order at which the error falls with the setting.
+        converges: whether the table prints the order at which the error falls with the setting.
 
     Returns:
         The measured `WorkPrecision`.

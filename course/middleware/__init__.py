@@ -7,6 +7,17 @@ The front door:
     Executor(bus, threads, order), respond(works), bounds(works)    who waits for whom, how long
     run_chain(stages, phases)    chapter 0's chain on the bus
     response_times(C, T), breakdown(C, T), schedule.run(C, T)    fixed priorities on one core
+
+The chapter's algorithms, and the functions of their steps:
+
+- Response-time analysis (Joseph and Pandya, 1986): `schedule.response_times`, its fixed point in
+  `_analyse`; `blocking` adds shared resources, `breakdown` scales a task set.
+- Fixed-priority scheduling with inheritance and ceilings (Sha, Rajkumar and Lehoczky, 1990):
+  `schedule._run`.
+- Executors of ROS 2 (Casini et al., 2019): `executor.Executor._pick` and `_dispatch`; `bounds`
+  bounds their response times.
+- Matching and reliable delivery of DDS (OMG, 2015): `qos.compatible`, `bus._match`, and
+  `bus._Match.send` and `_again`.
 """
 
 from course.middleware.bus import ActionClient, Bus, Event, Future, Group, Link, Node, Sample

@@ -46,7 +46,7 @@ class Sample(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What an end is told. kind.
+    """A status that a writer or reader is told, with the time, the topic and the end.
 
     "incompatible" (detail: the policies), "deadline", "not alive", "alive", "lost" (detail: the
     sample's number).
@@ -127,7 +127,7 @@ class Future:
             self._then.append(call)
 
     def set(self, value: Any) -> None:
-        """The answer is there."""
+        """Set the answer, and call everyone who waits for it."""
         self.done, self.value, self.needs = True, value, []
         for call in self._then:
             call(value)
@@ -169,9 +169,11 @@ def drive(
     """Let a generator run on the bus's time up to its end.
 
     Args:
+        bus: the bus on whose clock it waits.
+        steps: the generator that is run.
         finish: called with what it returned.
-        blocked: told which answer it waits for, and None when it goes on.
-        value: what its last wish became.
+        blocked: called with the answer that it waits for, and with None when it continues.
+        value: the result of its last wait.
     """
     while True:
         try:
@@ -180,9 +182,11 @@ def drive(
             if finish:
                 finish(stop.value)
             return
+        # The generator asks for time: resume it after a wait on the bus.
         if not isinstance(wish, Future):
             bus.after(wish, drive, bus, steps, finish, blocked)
             return
+        # It asks for an answer: resume it once the answer is there.
         if not wish.done:
 
             def resume(answer: Any) -> None:
@@ -204,10 +208,10 @@ class Direct:
         self.bus = bus
 
     def add(self, callback: Callback) -> None:
-        """Nothing to keep."""
+        """Accept a callback; there is nothing to store."""
 
     def ready(self, callback: Callback) -> None:
-        """An event came for this callback."""
+        """Run a callback for which an event came."""
         given = callback.take()
         if given is not None:
             steps = callback.function(*given)
@@ -220,7 +224,7 @@ class Bus:
 
     Attributes:
         ns: now, since the start [ns].
-        events: what the ends were told, in order.
+        events: all events of the ends, in order.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -240,7 +244,7 @@ class Bus:
         return 1e-9 * self.tick()
 
     def tick(self) -> int:
-        """Time since the start [ns], which goes on by itself in real time only."""
+        """Return the time since the start [ns], which goes on by itself in real time only."""
         if self.real:
             self.ns = max(self.ns, time.monotonic_ns() - self._start)
         return self.ns
@@ -250,6 +254,7 @@ class Bus:
         if self.real:
             self.lock.acquire()
         self._pushed += 1
+        # Time and rank in one key; the counter keeps the order of events with equal keys.
         heapq.heappush(self._heap, (4 * ns + rank, self._pushed, call, given))
         if self.real:
             self.changed.notify_all()
@@ -261,7 +266,7 @@ class Bus:
         self.push(self.tick() + wait, CALL, call, *given)
 
     def run(self, seconds: float, real: bool = False) -> None:
-        """On to a time since the start [s].
+        """Run all events up to a time since the start [s].
 
         In real time this takes as long: deliveries are then made by this thread, and executors
         start theirs.
@@ -281,6 +286,7 @@ class Bus:
         with self.lock:
             while (now := self.tick()) <= end >> 2:
                 first = self._heap[0][0] if self._heap else NEVER
+                # In real time: sleep until the next event, or until somebody adds an earlier one.
                 if first >> 2 > now:
                     self.changed.wait(1e-9 * (min(first, end + 4) - 4 * now) / 4)
                     continue
@@ -328,6 +334,7 @@ class _Watch:
 
     def _check(self) -> None:
         bus = self._end.bus
+        # Each message moves the deadline; the check runs at the old one and finds out.
         if bus.ns >= self._due:
             self._due += self._period
             self._armed = self._again
@@ -382,7 +389,7 @@ class Writer:
                     self.bus.push(self.bus.ns + wait, ARRIVAL, match.lease.touch)
 
     def die(self) -> None:
-        """The process ends without a word: nobody is told, and the lease runs."""
+        """End the process without a word: nobody is told, and the lease runs."""
         self.dead = True
         for match in self.matches:
             if not self._manual:
@@ -412,10 +419,7 @@ class Reader:
         return len(self._cache)
 
     def take(self) -> Sample | None:
-        """Return the oldest sample that is kept and has not expired.
-
-        Which then is no longer kept.
-        """
+        """Remove and return the oldest sample that is stored and has not expired."""
         while self._cache:
             sample = self._cache.popleft()[1]
             if sample.expires > self.bus.ns:
@@ -433,7 +437,7 @@ class Reader:
         return self._cache[0][0] if self._cache else None
 
     def accept(self, number: int, sample: Sample | None) -> None:
-        """A sample has come in, in its writer's order; None: it never will."""
+        """Take in a sample, in its writer's order; None stands for one that never comes."""
         if sample is None:
             self.lost += 1
             self.bus.notify(self, "lost", number)
@@ -444,6 +448,7 @@ class Reader:
         if sample.expires <= self.bus.ns:
             self.expired += 1
             return
+        # Keep-last: a full cache drops its oldest sample.
         if len(self._cache) >= self._capacity:
             self._cache.popleft()
             self.dropped += 1
@@ -475,10 +480,12 @@ class _Match:
         """Send so many packets of a sample, 0 for all, and those that are lost again."""
         bus, link = self.bus, self.link
         arrival, size, lost = bus.ns, sample.size, 0
+        # Each fragment is lost independently; a message is complete when all have arrived.
         if link.loss:
             n = packets or link.fragments(size)
             draw = bus.rng.random() < link.loss if n == 1 else bus.rng.binomial(n, link.loss)
             lost = int(draw)
+        # The wire is shared: a message begins when the one before it has been sent.
         if link.rate < math.inf:
             size = min(size, packets * link.fragment) if packets else size
             arrival = max(arrival, bus.wires.get(link, 0)) + nanoseconds(size / link.rate)
@@ -488,6 +495,7 @@ class _Match:
             arrival += nanoseconds(link.delay + late)
         if not lost:
             bus.push(arrival, ARRIVAL, self._arrived, sample.number, sample)
+        # Reliable: the reader's negative acknowledgement asks for the missing fragments again.
         elif self.reliable:
             self.reader.rounds += 1
             requested = arrival + nanoseconds(link.nack + link.delay)
@@ -496,10 +504,11 @@ class _Match:
             self.reader.accept(sample.number, None)
 
     def _again(self, sample: Sample, packets: int) -> None:
-        """The reader asks for packets of a sample: they go out, or that the sample is gone."""
+        """Send packets of a sample that the reader asks for, or a notice that it is gone."""
         number, writer = sample.number, self.writer
         if writer.dead:
             return
+        # Only a sample that is still in the writer's history can be sent again.
         if number > writer.number - writer.qos.history_depth and sample.expires > self.bus.ns:
             self.send(sample, packets)
         else:
@@ -507,9 +516,10 @@ class _Match:
             self.bus.push(missing, ARRIVAL, self._arrived, number, None)
 
     def _arrived(self, number: int, sample: Sample | None) -> None:
-        """All of a sample is there, or it is known to be gone."""
+        """Handle a sample that has come in whole, or that is known to be gone."""
         if self._manual:
             self.lease.touch()
+        # Reliable readers get samples in order: early ones wait. Best effort drops late ones.
         if number != self._next or self._early:
             if self.reliable:  # nothing is handed on before what it follows
                 self._early[number] = sample
@@ -558,9 +568,13 @@ class Node:
         """Return a reader of a topic.
 
         Args:
+            topic: name of the topic.
+            kind: type of its messages.
             function: called with each sample, once the executor comes to it; without one, samples
                 are taken by hand.
-            link: the way to it; the default takes no time and loses nothing.
+            qos: requested quality of service.
+            link: network path to the reader; the default takes no time and loses nothing.
+            group: callback group that it belongs to.
             on_event: called with each of its events.
         """
         with self.bus.lock:
@@ -631,6 +645,7 @@ class Node:
         """Serve an action: goals are accepted as they come, and run beside the callbacks.
 
         Args:
+            name: name of the action.
             execute: goal -> generator that computes, calls `goal.feedback`, looks at
                 `goal.status`, and returns the result.
         """
@@ -686,7 +701,7 @@ class Client:
         return future
 
     def served(self, number: int) -> None:
-        """The server has run; what is left is this client's callback."""
+        """Note that the server has run: the answer now needs only this client's own callback."""
         if number in self._open:
             self._open[number].needs = self._open[number].needs[-1:]
 
@@ -710,7 +725,7 @@ class ActionClient:
     """Sends goals to the server of an action.
 
     Args:
-        feedback: called with a goal's key and what its server says on the way.
+        feedback: called with a goal's key and the server's messages while it runs.
     """
 
     def __init__(self, node: Node, name: str, feedback: Callable | None = None) -> None:
@@ -726,7 +741,7 @@ class ActionClient:
         node.reader(f"{name}/feedback", news)
 
     def send(self, goal: Any) -> tuple[Any, Future]:
-        """Return its key, and the answer (status, result), which comes when the goal has ended."""
+        """Send a goal; return its key and a future of (status, result), set once it has ended."""
         self._sent += 1
         key, answer = (self, self._sent), Future()
         accepted = self._goal.call((key, goal))

@@ -109,10 +109,10 @@ def drive(
 
     Args:
         program: what `build` made.
-        mode: "update", where `first` is target, stiffness, damping, limit and a row positions and
-            velocities; or "callback", where `first` is the targets and a row the number of
+        mode: "update" or "callback".
+        first: for "update" the target, stiffness, damping and limit; for "callback" the targets.
+        rows: for "update" positions and velocities in each row; for "callback" the number of
             positions, those, the number of velocities, those.
-        first, rows: as above.
 
     Raises:
         RuntimeError: the program ended early and neither the sanitizer nor the controller says

@@ -74,12 +74,12 @@ class Executor:
         bus.executors.append(self)
 
     def add(self, callback: Callback) -> None:
-        """From now on this is one of its callbacks."""
+        """Add a callback to those that this executor runs."""
         self.callbacks.append(callback)
         self.callbacks.sort(key=lambda c: KINDS.index(c.kind))
 
     def ready(self, callback: Callback | None = None) -> None:
-        """An event came: look for something to run, after all else that comes at this time."""
+        """Look for something to run after an event, once all else at this time has come."""
         if self.bus.real:
             with self.bus.lock:
                 self.bus.changed.notify_all()
@@ -88,8 +88,9 @@ class Executor:
             self.bus.push(self.bus.ns, START, self._dispatch)
 
     def responses(self, name: str) -> NDArray[np.float64]:
-        """Return from event to end of all runs of the callbacks of this name that have
-        ended [s].
+        """Return the response times of all completed runs of the callbacks of this name [s].
+
+        A response time lasts from the event to the end of the callback.
         """
         runs = (run for run in self.log if run.callback.name == name and run.end)
         return 1e-9 * np.array([run.end - run.release for run in runs], float)
@@ -118,10 +119,13 @@ class Executor:
             for c in self.callbacks
             if c.oldest() is not None and (c.group.reentrant or not self.holder(c.group))
         ]
+        # FIFO: the callback whose event has waited longest.
         if self.order == "fifo" or not waiting:
             return min(waiting, key=lambda c: c.oldest() or 0, default=None)
         if self.order == "timers first" and waiting[0].kind == "timer":
             return waiting[0]
+        # Ready set: collect all ready callbacks, run each once, then collect again (Casini et al.,
+        # 2019).
         if not any(c in waiting for c in self._ready):
             self._ready = [c for c in self.callbacks if c.oldest() is not None]
         picked = next(c for c in self._ready if c in waiting)
@@ -150,9 +154,9 @@ class Executor:
             self.blocked[run] = future
 
     def start(self) -> list[threading.Thread]:
-        """Return its threads, for as long as the bus runs in real time.
+        """Start its threads, and return them, for as long as the bus runs in real time.
 
-        What waits for an answer when it ends will never go on.
+        A callback that waits for an answer when it ends will never continue.
         """
         threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self.threads)]
         for thread in threads:
@@ -216,6 +220,7 @@ def deadlocks(bus: Bus) -> list[str]:
         return "a thread, all held by " + ", ".join(_name(r.callback) for r in executor.running)
 
     while True:
+        # Remove runs that can proceed until none is left; what remains waits for itself.
         free = [
             run
             for run, future in stuck.items()
@@ -301,6 +306,7 @@ def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) ->
         return result
     for group in groups.values():
         S = sum(w.execution for w in group)
+        # Busy period of the group: the least fixed point of its own demand.
         busy = _least(S, 0.0, group, lambda w, x: math.ceil(x / w.period - 1e-9))
         result |= {w.name: busy for w in group}
     return result
@@ -332,7 +338,7 @@ def _single(works: Sequence[Work], order: str) -> dict[str, float]:
 
 
 def _start(base: float, late: float, before: Sequence[Work]) -> float:
-    """Return least x that holds `base` and all runs of what goes before in [-late, x]."""
+    """Return the least x that holds `base` and all runs of what goes before in [-late, x]."""
     return _least(base, base, before, lambda w, x: math.floor((x + late) / w.period + 1e-9) + 1)
 
 
@@ -355,13 +361,16 @@ def respond(
     phases: Sequence[float] = (),
     seconds: float = 10.0,
 ) -> dict[str, NDArray[np.float64]]:
-    """Return response times on the bus [s] of callbacks that an executor runs.
+    """Simulate callbacks on the bus and return their response times [s].
 
-    Arguments as for `bounds`.
+    Arguments are those of `bounds`.
 
     Args:
+        works: the callbacks.
+        order: which of several ready callbacks runs first.
+        threads: of the executor.
         phases: of each one's first event, shares of its period; all at once where there are none.
-        seconds: how long.
+        seconds: simulated time [s].
     """
     bus = Bus()
     executor = Executor(bus, threads, order)
@@ -389,12 +398,15 @@ def respond(
 def run_chain(
     stages: Sequence[Stage], phases: Sequence[float], seed: int = 0, seconds: float = 10.0
 ) -> Trace:
-    """Let chapter 0's chain run as nodes on the bus.
+    """Run chapter 0's chain as nodes on the bus.
 
-    Each stage a node, each queue a reader's keep-last cache, each loss a link's.
+    Each stage is a node, each queue a reader's keep-last cache, each loss a link's.
 
     Args:
-        stages, phases, seed, seconds: as for `course.role.simulate`, whose rules these are.
+        stages: as for `course.role.simulate`, whose rules these are.
+        phases: as for `course.role.simulate`.
+        seed: as for `course.role.simulate`.
+        seconds: simulated time [s].
 
     Returns:
         When each command came into force, and when its measurement was taken, for `Trace.age`.
@@ -420,7 +432,7 @@ LOSSY = QoS("best_effort", depth=1)
 
 
 def _stage(bus: Bus, stages: Sequence[Stage], k: int, phase: float) -> None:
-    """One stage as a node: it reads topic k, and writes to topic k + 1 when a capture was made."""
+    """Make a stage a node: it reads topic k, and writes to topic k + 1 when a capture was made."""
     stage, until, newest = stages[k], 0, -math.inf
     waits = stage.period or stage.overload == "queue"
     node = bus.node(stage.name, Executor(bus) if stage.overload == "queue" else None)

@@ -28,10 +28,10 @@ class Inversion:
     """What was measured.
 
     Attributes:
-        wait: of the high process for the lock [s]; NaN where the system refused.
+        wait: of the high process for the lock [s]; NaN where the system denied it.
         theory: the same, if nobody else had the core [s].
         order: who was done when, first to last.
-        refused: why nothing was measured, or "".
+        denied: why nothing was measured, or "".
     """
 
     wait: float
@@ -110,7 +110,7 @@ def _received(report: Any, children: list[Any]) -> Any:
 
 
 def _make_lock(shared: SharedMemory, inherit: bool) -> None:
-    """A pthread mutex in shared memory; its size is 40 bytes on 64-bit Linux."""
+    """Make a pthread mutex in shared memory; its size is 40 bytes on 64-bit Linux."""
     libc, attributes = ctypes.CDLL(None), ctypes.create_string_buffer(64)
     libc.pthread_mutexattr_init(attributes)
     libc.pthread_mutexattr_setpshared(attributes, _PROCESS_SHARED)
@@ -128,7 +128,7 @@ def _part(
     work: float,
     inherit: bool,
 ) -> None:
-    """One of the three. The gates open in the order low, high, middle."""
+    """Run one of the three threads; the gates open in the order low, high, middle."""
     libc = ctypes.CDLL(None)
     shared = SharedMemory(memory)
     lock = ctypes.c_char.from_buffer(shared.buf)  # type: ignore[arg-type]

@@ -129,9 +129,8 @@ def nodes(text: str) -> list[Node]:
 def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
     """Return the quality of service that parameters set.
 
-    By topic and end ("publisher", "subscription").
-
-    What they do not name stays as by default.
+    They name topic and end ("publisher", "subscription"); a policy that they do not name keeps its
+    default.
 
     Raises:
         ValueError: a name is none that ROS 2 knows, or a value is none of its policy.
@@ -147,7 +146,7 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
         topic, end, policy = match.groups()
         if policy in _TIMES:
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-                raise invalid(name, value, "a whole number of nanoseconds from 1 on")
+                raise invalid(name, value, "a positive integer, in nanoseconds")
             value = 1e-9 * value
         result[topic, end] = replace(result.get((topic, end), QoS()), **{policy: value})
     return result
@@ -161,10 +160,7 @@ def to_be_allowed(parameters: Mapping[str, Any]) -> set[str]:
 
 
 def silent(listed: list[Node]) -> dict[str, tuple[str, ...]]:
-    """Return the topics on which two nodes of a file do not hear each other.
-
-    With the failing policies.
-    """
+    """Return the topics on which two nodes of a file do not match, with the failing policies."""
     ends = [overrides(node.parameters) for node in listed]
     written = {t: qos for one in ends for (t, end), qos in one.items() if end == "publisher"}
     result = {

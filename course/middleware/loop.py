@@ -66,7 +66,8 @@ def run(
         periods: how many releases there are, at least 1; that is when the loop ends.
         relative: sleep for a period after each work instead, as loops are often written. Then each
             call is made, `periods` in all.
-        now, sleep: the clock [ns] and what waits [s].
+        now: the clock [ns].
+        sleep: function that waits for a time [s].
 
     Returns:
         What was run when.
@@ -102,7 +103,7 @@ def _burden() -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Granted:
-    """What the system has given, read back from it; `refused` says of the rest why not.
+    """What the system has given, read back from it; `denied` says why the rest was not.
 
     Attributes:
         scheduler: "other" or "fifo".
@@ -111,7 +112,7 @@ class Granted:
         cores: on which this process may run.
         locked: whether its memory stays in memory.
         quiet: whether the garbage collector is off, and what there was is left alone.
-        refused: by what was asked for, the system's reason.
+        denied: the system's reason, by what was requested.
     """
 
     scheduler: str
@@ -215,8 +216,8 @@ class Tried:
     """One row of the table: what was asked for, what was granted, what came of it.
 
     Attributes:
-        name: what was asked for.
-        granted: as the system says.
+        name: the requested policy.
+        granted: the policy in force, read back from the system.
         record: of the loop.
         quantiles: lateness of half, of 99 % and of all of the periods that ran [s].
     """
@@ -242,8 +243,7 @@ def among_busy(
     periods: int = 1500,
     work: float = 1e-4,
 ) -> list[Tried]:
-    """Return a loop that computes for `work` [s] in each period, beside processes that always
-    compute.
+    """Run a loop that computes for `work` [s] in each period while other processes compute.
 
     Args:
         names: rows of `ASKED`, each a run of its own.
@@ -273,7 +273,7 @@ def compute(seconds: float) -> None:
 
 @contextlib.contextmanager
 def crowd(busy: int, seconds: float) -> Iterator[None]:
-    """So many processes that compute, at most for so long [s]; none is left at the end."""
+    """Start processes that compute, at most for a given time [s]; none is left at the end."""
     spin = f"import time\nend = time.monotonic() + {seconds}\nwhile time.monotonic() < end: pass"
     children = [
         subprocess.Popen([sys.executable, "-S", "-c", spin]) for _ in range(count("busy", busy))

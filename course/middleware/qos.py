@@ -33,17 +33,18 @@ class QoS:
     Attributes:
         reliability: "reliable": what is lost is sent again; "best_effort": it is not.
         history: "keep_last": the last `depth` samples; "keep_all": each, until it is taken.
-        depth: samples that are kept; not looked at under "keep_all".
+        depth: samples that are stored; ignored under "keep_all".
         durability: what a writer keeps for readers that come later. "volatile": nothing;
             "transient_local": its history, as long as it lives; "transient" and "persistent" (not
             in ROS 2) in a service beyond it.
         deadline: longest time between two samples [s]; infinite: none.
         lifespan: age from which on a sample is thrown away [s]; of writers.
-        liveliness: who says that a writer lives. "automatic": the middleware;
+        liveliness: who asserts that a writer is alive. "automatic": the middleware;
             "manual_by_participant" (not in ROS 2): any writer of its process; "manual_by_topic":
             the writer, by publishing or asserting.
         liveliness_lease_duration: time without a word after which it counts as dead [s].
-        ownership: "shared": all writers are heard; "exclusive": the strongest (not in ROS 2).
+        ownership: "shared": samples of all writers arrive; "exclusive": only those of the strongest
+            writer (not in ROS 2).
         destination_order: "by_reception_timestamp" or "by_source_timestamp" (not in ROS 2).
     """
 

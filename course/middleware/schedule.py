@@ -26,9 +26,9 @@ _TABLE = types.Array(numba.int64, 2, "C")
 
 
 def liu_layland(n: int) -> float:
-    """Return utilization up to which n tasks meet their deadlines whatever their periods.
+    """Return the utilization up to which n tasks meet their deadlines whatever their periods.
 
-    N (2^(1/n) - 1); ln 2 for many.
+    It is n (2^(1/n) - 1), and tends to ln 2 (Liu and Layland, 1973).
     """
     return count("n", n, 1) * (2.0 ** (1.0 / n) - 1.0)
 
@@ -40,9 +40,9 @@ def utilization(execution: ArrayLike, period: ArrayLike) -> Array:
 
 
 def hyperbolic(execution: ArrayLike, period: ArrayLike) -> NDArray[np.bool_]:
-    """Return whether the product of (C / T + 1) is at most 2.
+    """Return whether the product of (C / T + 1) is at most 2, the hyperbolic bound.
 
-    Which suffices as Liu and Layland's sum does, and is met by more sets.
+    Like Liu and Layland's bound it suffices, and more task sets meet it (Bini and Buttazzo, 2003).
     """
     C, T = _sets(execution, period)
     return np.asarray(np.prod(C / T + 1.0, axis=0) <= 2.0 + 1e-12)
@@ -57,7 +57,8 @@ def response_times(
     (Audsley 1993); exact where all can be released at once.
 
     Args:
-        execution, period: C and T [s].
+        execution: worst execution times C, highest priority first [s].
+        period: periods T, same shape [s].
         blocking: B, longest wait for tasks below [s].
         jitter: J, by which a release may be late after its arrival [s].
 
@@ -76,17 +77,20 @@ def _analyse(C, T, B, J):
     for s in range(C.shape[1]):
         for i in range(C.shape[0]):
             w, more = 0, C[i, s] + B[i, s]
+            # Fixed-point iteration from below: it reaches the least solution, the response time.
             while w < more <= T[i, s] - J[i, s]:
                 w, more = more, C[i, s] + B[i, s]
                 for j in range(i):
+                    # Releases of task j in a window w with jitter: ceil((w + J) / T), in integers.
                     more += -((-w - J[j, s]) // T[j, s]) * C[j, s]
             result[i, s] = more + J[i, s] if more <= T[i, s] - J[i, s] else LATE
     return result
 
 
 def breakdown(execution: ArrayLike, period: ArrayLike) -> Array:
-    """Return utilization at which a set just meets its deadlines when all executions grow in
-    proportion.
+    """Return the utilization at which a growing task set just meets its deadlines.
+
+    All executions grow in proportion.
 
     Task i may grow to t / (sum of ceil(t / T) C) times its size at the best t, a multiple of its
     period or of one above (Lehoczky, Sha and Ding 1989); the least of all tasks counts.
@@ -103,6 +107,8 @@ def _scale(C, T):
         for i in range(C.shape[0]):
             best = 0.0
             for j in range(i + 1):
+                # Scheduling points: the time demand changes only at multiples of the periods of
+                # higher tasks (Lehoczky, Sha and Ding, 1989).
                 for k in range(1, T[i, s] // T[j, s] + 1):
                     t, load = k * T[j, s], 0
                     for m in range(i + 1):
@@ -128,6 +134,7 @@ def blocking(section: ArrayLike, lock: ArrayLike, protocol: str) -> Array:
     for i in range(S.size):
         below = [j for j in range(i + 1, S.size) if L[j] >= 0 and L[j] in L[: i + 1] and S[j] > 0.0]
         if protocol == "none" and below not in ([], [1]):
+            # A task of middle priority can then preempt the holder for as long as it likes.
             result[i] = np.inf
         elif protocol == "inheritance":
             locks = {int(L[j]) for j in below}
@@ -163,15 +170,17 @@ def run(
     """Let a preemptive scheduler of fixed priorities run task sets, from event to event.
 
     Args:
-        execution, period: C and T [s].
-        seconds: how long.
+        execution: C of each task, highest priority first [s].
+        period: T of each task [s].
+        seconds: simulated time [s].
         phase: of the first arrival [s].
         jitter: by which the first job, and no other, is released late [s].
-        before, section, lock: after `before` seconds of its own execution a job takes lock number
-            `lock` for `section` seconds of it; below 0 for none.
-        protocol: "none": a holder keeps its priority. "inheritance": it runs in the place of the
-            highest task that waits for it. "ceiling": it has the priority of the highest task that
-            uses its lock, from the taking on.
+        before: own execution time after which a job takes its lock [s].
+        section: execution time for which it holds the lock [s].
+        lock: number of the lock, below 0 for none.
+        protocol: "none": a holder keeps its priority. "inheritance": it runs with the priority of
+            the highest task that waits for it. "ceiling": once it holds the lock it has the
+            priority of the highest task that uses that lock.
     """
     C, T = _sets(execution, period)
     rest = [_like(n, v, C) for n, v in (("phase", phase), ("jitter", jitter), ("before", before),
@@ -202,6 +211,8 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
         holds[:], done[:], job[:], t = False, 0, 0, 0
         while t < end:
             # Who runs: the first that is released and has what it wants, or whoever holds that.
+            # The running job is the one with the highest current priority; `place` is that
+            # priority.
             picked, rank, until = -1, n, end
             for i in range(n):
                 release = phase[i, s] + (job[i] * T[i, s] if job[i] else jitter[i, s])
@@ -209,11 +220,13 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
                     until = min(until, release)
                     continue
                 runs, place = i, i
+                # Ceiling: the holder has the priority of the highest task that uses the lock.
                 if holds[i]:
                     for j in range(i if protocol == 2 else 0):
                         if lock[j] == lock[i] and place == i:
                             place = j
                 elif section[i, s] and done[i] == before[i, s]:
+                    # Blocked: with inheritance the holder runs in the place of the blocked task.
                     for j in range(n):
                         if holds[j] and lock[j] == lock[i]:
                             runs = j if protocol == 1 else -1
@@ -222,6 +235,7 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
             if picked < 0:
                 t = until
                 continue
+            # Run it until it takes or releases its lock, ends, or a release preempts it.
             i, finish = picked, before[picked, s] + section[picked, s]
             if section[i, s] and done[i] == before[i, s]:
                 holds[i] = True
@@ -257,6 +271,7 @@ def random_sets(
     schedulability tests, 2005); periods evenly in the logarithm from 10 ms to `ratio` times that,
     sorted.
     """
+    # UUniFast (Bini and Buttazzo, 2005): uniform over all shares with this sum.
     n, remaining = count("n", n, 1), np.full(count("sets", sets, 1), positive("load", load))
     share = np.empty((n, sets))
     for i in range(n - 1):

@@ -81,7 +81,7 @@ def partner(target: Callable[..., None], *args: Any) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def threads() -> Iterator[Trip]:
-    """A queue between two threads of this process; nothing is copied."""
+    """Open a queue between two threads of this process; nothing is copied."""
     out: queue.SimpleQueue[bytes | memoryview | None] = queue.SimpleQueue()
     back: queue.SimpleQueue[bytes | memoryview] = queue.SimpleQueue()
 
@@ -105,7 +105,7 @@ def threads() -> Iterator[Trip]:
 
 @contextlib.contextmanager
 def unix_socket() -> Iterator[Trip]:
-    """A stream socket of the Unix family to another process; four bytes of length go ahead."""
+    """Open a Unix stream socket to another process; four bytes of length precede each message."""
     here, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     with here, other, partner(_answer_socket, other):
         here.settimeout(PATIENCE)
@@ -126,6 +126,7 @@ def _receive(end: socket.socket) -> bytearray:
     def exactly(size: int) -> bytearray:
         buffer = bytearray(size)
         view, have = memoryview(buffer), 0
+        # A stream may deliver a message in pieces.
         while have < size:
             got = end.recv_into(view[have:])
             if not got:
@@ -169,6 +170,7 @@ class Ring:
     def put(self, payload: bytes | memoryview, patience: float = PATIENCE) -> bool:
         """Copy a message into the next slot; False if none became free in time [s]."""
         count("the payload's size", len(payload), 0, self.size)
+        # Two semaphores count free and full slots, so writer and reader need no lock.
         if not self.free.acquire(timeout=patience):
             return False
         at = self._advance("put")
@@ -178,10 +180,11 @@ class Ring:
         return True
 
     def take(self, patience: float = PATIENCE) -> memoryview | None:
-        """Return the oldest message where it lies, good until the next call.
+        """Take the oldest message, in place and valid until the next call; None if there is none.
 
-        None if none came [s].
+        A message is not copied; None means that none came in time [s].
         """
+        # The slot that the reader looked at is free again from now on.
         if self.held:
             self.held.release()
             self.free.release()
@@ -207,7 +210,7 @@ class Ring:
 
 @contextlib.contextmanager
 def shared_memory(size: int, slots: int = 4) -> Iterator[Trip]:
-    """A ring in shared memory each way; a message is copied once each way, into its slot."""
+    """Open a ring in shared memory each way; a message is copied once, into its slot."""
     with contextlib.ExitStack() as stack:
         out, back = (Ring(slots, size) for _ in range(2))
         stack.callback(out.close)
@@ -280,7 +283,7 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
         fragments: of each, at least 1.
         loss: probability that a fragment is not sent, below 1.
         seed: of the coin.
-        most: rounds after which a message is given up.
+        at_most: rounds after which a message is given up.
     """
     count("messages", messages, 1), count("fragments", fragments, 1)
     finite("loss", loss, 0.0, 1.0 - 1e-6)

@@ -3,7 +3,8 @@
 What is switched off: the guess kept from the call before, timings and the acceleration of the
 search, which are off by default, and the early end of a search: both tolerances, 1e-6 by default,
 are set to 1e-12. What stays on is the signed distance, which asks for the depth where shapes are in
-each other. Poses are made before the clock starts, unless a caller asks for them in the loop.
+each other. Poses are set before the clock starts. `Pair` is called from Python for each pair;
+`Batch` is Pinocchio's `computeDistances`, one call in C++ for all of them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from course.check import invalid
 from course.contact.shapes import Shape, poses
 from course.libraries import import_error
-from course.rigid_body.quaternion import to_matrix
 
 Array = NDArray[np.float64]
 
@@ -78,16 +78,6 @@ def transforms(pose: ArrayLike) -> list[Any]:
     return [coal.Transform3s(coal.Quaternion(*row[3:]), row[:3]) for row in q.T.copy()]
 
 
-def parts(pose: ArrayLike) -> list[tuple[Array, Array]]:
-    """Return rotation matrix and place of each pose.
-
-    What a `Transform3s` is built from in a loop.
-    """
-    q = poses("pose", pose, 3)
-    R = to_matrix(q[3:])
-    return [(R[:, :, i].copy(), q[:3, i].copy()) for i in range(q.shape[1])]
-
-
 class Pair:
     """Two shapes, asked for their distance again and again.
 
@@ -115,11 +105,6 @@ class Pair:
             outcome.append(distance(a, p, b, q, request, result))
         return outcome
 
-    def built_in_the_loop(self, a: list[tuple[Array, Array]], b: list[tuple[Array, Array]]) -> None:
-        """As `loop`, where each pose is made on the way, of what `parts` gives."""
-        make = _coal().Transform3s
-        self.loop((make(*p) for p in a), (make(*q) for q in b))
-
     def distances(self, pose_a: ArrayLike, pose_b: ArrayLike) -> Array:
         """Return signed distances [m], shape (N,).
 
@@ -130,3 +115,57 @@ class Pair:
             pose_b: poses of the second shape, (7, N).
         """
         return np.array(self.loop(transforms(pose_a), transforms(pose_b)))
+
+
+class Batch:
+    """Many pairs of two shapes at fixed poses, for Pinocchio's `computeDistances`.
+
+    Args:
+        a, b: shapes in space.
+        pose_a, pose_b: their poses, (7, N).
+        tolerance: of both searches; None leaves Coal's own, 1e-6.
+
+    Raises:
+        ImportError: if Pinocchio is not installed.
+    """
+
+    def __init__(
+        self,
+        a: Shape,
+        pose_a: ArrayLike,
+        b: Shape,
+        pose_b: ArrayLike,
+        tolerance: float | None = 1e-12,
+    ) -> None:
+        try:
+            import pinocchio
+        except ImportError as error:
+            raise import_error("Pinocchio", "pip install 'pin>=4.0'", error) from error
+        self._compute = pinocchio.computeDistances
+        self._model = pinocchio.GeometryModel()
+        shapes = geometry(a), geometry(b)
+        batches = poses("pose_a", pose_a, 3), poses("pose_b", pose_b, 3)
+        for i in range(batches[0].shape[1]):
+            ends = []
+            for name, shape, q in zip("ab", shapes, batches, strict=True):
+                w, x, y, z = q[3:, i]
+                place = pinocchio.SE3(pinocchio.Quaternion(w, x, y, z), q[:3, i].copy())
+                what = pinocchio.GeometryObject(f"{name}{i}", 0, 0, place, shape)
+                ends.append(self._model.addGeometryObject(what))
+            self._model.addCollisionPair(pinocchio.CollisionPair(*ends))
+        self._data = self._model.createData()
+        if tolerance is not None:
+            for request in self._data.distanceRequests:
+                request.gjk_tolerance = request.epa_tolerance = tolerance
+        base = pinocchio.Model()
+        pinocchio.updateGeometryPlacements(
+            base, base.createData(), self._model, self._data, np.zeros(0)
+        )
+
+    def compute(self) -> None:
+        """Compute all distances: the part to be timed."""
+        self._compute(self._model, self._data)
+
+    def distances(self) -> Array:
+        """Return the signed distances that `compute` found [m], shape (N,)."""
+        return np.array([result.min_distance for result in self._data.distanceResults])

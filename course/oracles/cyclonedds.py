@@ -65,7 +65,7 @@ def library() -> ModuleType:
     """Return cyclonedds, confined to this machine. A child process shares the domain of its parent.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     if "<Tag>course-" not in os.environ.get("CYCLONEDDS_URI", ""):
         me = os.getpid()
@@ -80,7 +80,7 @@ def library() -> ModuleType:
 
 @contextlib.contextmanager
 def participant() -> Iterator[Any]:
-    """A participant in this process's domain; its threads and sockets end with it."""
+    """Open a participant in this process's domain; its threads and sockets end with it."""
     library()
     from cyclonedds.domain import DomainParticipant
 
@@ -205,9 +205,9 @@ class Topic:
 
 
 def take(reader: Any) -> list[int]:
-    """Return the numbers that wait in a reader, taken out.
+    """Take the numbers that wait in a reader.
 
-    What says that a writer went is left out.
+    Notices that a writer has left are skipped.
     """
     return [s.number for s in reader.take(1000) if hasattr(s, "number")]
 
@@ -278,7 +278,7 @@ class Wire:
         member: participant.
         size, kind: of the payload, see `payload_type`.
         qos: of all ends.
-        ways: the names of the two topics, see `names`.
+        paths: the names of the two topics, see `names`.
     """
 
     def __init__(
@@ -335,7 +335,7 @@ def buffered(least: int | None = None, at_most: int | None = None) -> Iterator[N
 
 
 def answered(size: int, trips: int, reliability: str, patience: float = 0.5) -> int:
-    """Return of so many trips of one message, how many came back in time [s]; see `echo`."""
+    """Count the round trips of one message that came back in time [s]; see `echo`."""
     result = 0
     with echo(size, reliability, patience=patience) as trip:
         payload = memoryview(bytes(size))

@@ -32,7 +32,7 @@ def library() -> ModuleType:
     """Return the parts of Drake that are needed, as one module.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     try:
         for part in (
@@ -138,7 +138,7 @@ class DrakeRun(Run):
     # --- building -----------------------------------------------------------------------------
 
     def _shape(self, body: Any, number: int, size: Any, place: Any = (0.0, 0.0, 0.0)) -> None:
-        """A box on a body; that of the ground, number -1, is rigid."""
+        """Add a box to a body; that of the ground, number -1, is rigid."""
         geometry, modulus = self._drake.geometry, self._settings.options.get("modulus", MODULUS)
         friction = self._drake.multibody.plant.CoulombFriction(*[self.scene.friction] * 2)
         result = geometry.ProximityProperties()
@@ -173,7 +173,7 @@ class DrakeRun(Run):
         return self._drake.math.RigidTransform(turn, pose[:3])
 
     def _push(self) -> None:
-        """The constant forces of the scene, at the centres."""
+        """Apply the constant forces of the scene at the centres."""
         drake, pushes = self._drake, []
         for body, part in zip(self.scene.bodies, self._bodies, strict=True):
             if any(body.force):

@@ -39,9 +39,9 @@ def sync_vector_env(
 def async_vector_env(
     env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "NextStep"
 ) -> AsyncVectorEnv[Any, Any]:
-    """Return Gymnasium's processes, one for each environment.
+    """Return Gymnasium's vector environment with one process for each environment.
 
-    Arguments as for `sync_vector_env`.
+    Arguments are those of `sync_vector_env`.
     """
     vector = _gymnasium().vector
     return vector.AsyncVectorEnv([env_fn] * num_envs, autoreset_mode=autoreset_mode)
@@ -80,7 +80,7 @@ def wrapped(
 
 
 def check(env: Env[Any, Any]) -> list[str]:
-    """Return Gymnasium's checks of a single environment.
+    """Run Gymnasium's checks of a single environment.
 
     Returns:
         What it warns of, one sentence each.

@@ -170,6 +170,7 @@ class _Run(Run):
         self.lib.mj_step(self.model, self.data, steps)
         self.taken += steps
 
+    # A guided body has one number in qpos and qvel, a free one 7 and 6.
     def _columns(self) -> list[tuple[slice, slice]]:
         """Return places of each body's numbers in qpos and qvel."""
         result, q, v = [], 0, 0
@@ -189,12 +190,14 @@ class _Run(Run):
             if body.guide is None:
                 q[:, i], v[:, i] = data.qpos[at], data.qvel[moves]
             else:
+                # A slide's qpos is the distance along its axis from the start.
                 q[:3, i] += np.array(body.guide) * data.qpos[at]
                 v[:3, i] = np.array(body.guide) * data.qvel[moves]
         return State(data.time, q, v)
 
     def energy(self) -> float:
         """Return MuJoCo's own, after the places of the present state; constant forces are added."""
+        # On a copy: the evaluation must not change the contacts and warm start of the run.
         scratch = self.lib.MjData(self.model)
         scratch.qpos[:], scratch.qvel[:] = self.data.qpos, self.data.qvel
         self.lib.mj_forward(self.model, scratch)
@@ -206,6 +209,7 @@ class _Run(Run):
 
     def contacts(self) -> ContactReport:
         data, first = self.data, int(self.scene.ground)
+        # Contacts in the margin that carry no force have no rows in the solver.
         live = [i for i in range(data.ncon) if data.contact.efc_address[i] >= 0]
         if self.scene.chain or not self.taken or not live:
             return NO_CONTACTS
@@ -214,6 +218,8 @@ class _Run(Run):
         local, force = np.zeros(6), np.empty((3, len(live)))
         for k, i in enumerate(live):
             self.lib.mj_contactForce(self.model, data, i, local)
+            # MuJoCo's contact frame has the normal and the tangents as rows; to the world by f @
+            # frame.
             force[:, k] = local[:3] @ frame[k]
         point, gap = data.contact.pos[live].T.copy(), data.contact.dist[live].copy()
         return reported(self.state(), bodies, point, frame[:, 0].T.copy(), gap, force)

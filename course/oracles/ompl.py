@@ -153,7 +153,7 @@ def solve(
     goal_bias: float = 0.05,
     resolution: float = 0.01,
 ) -> Plan:
-    """Return one plan by OMPL (Sucan, Moll and Kavraki, 2012).
+    """Plan once with OMPL (Sucan, Moll and Kavraki, 2012) and return the path.
 
     Args:
         bounds: rows low and high, shape (2, n).
@@ -196,6 +196,7 @@ def solve(
             return free
 
     class JoinedGoal(sampleable_region):
+        # OMPL ends at distance 0: so a node that an edge can join to the goal counts as there.
         def distanceGoal(self, state) -> float:
             nonlocal checks, spent
             begun = time.perf_counter()
@@ -225,6 +226,7 @@ def solve(
 
     def enough() -> bool:
         nonlocal polls
+        # OMPL polls this once an iteration, which counts the samples.
         polls += 1
         return polls > max_samples
 
@@ -242,6 +244,7 @@ def solve(
     problem.addStartState(first)
     if method == "rrt":
         region = JoinedGoal(information)
+        # Only the distance 0 that `JoinedGoal` gives counts: the next edge is part of the solution.
         region.setThreshold(float(np.finfo(float).tiny))
     else:
         region = base.GoalState(information)
@@ -252,6 +255,7 @@ def solve(
     if method != "rrt_connect":
         planner.setGoalBias(float(goal_bias))
     if method == "rrt_star":
+        # Neighbours within a shrinking radius, as in our RRT*.
         planner.setKNearest(False)
     planner.setProblemDefinition(problem)
     planner.setup()
@@ -272,6 +276,7 @@ def solve(
     if problem.hasExactSolution():
         solution = problem.getSolutionPath()
         path = [row(solution.getState(i)) for i in range(solution.getStateCount())]
+        # The edge to the goal was tested in `distanceGoal`, and is not part of OMPL's tree.
         if path[-1] != end:
             path.append(end)
             nodes.append(end)
@@ -395,6 +400,7 @@ def plain(world: World) -> StateTest:
     def inside(x: float, y: float, ring: list[Any]) -> bool:
         odd = False
         for (ax, ay), (bx, by) in ring:
+            # Ray casting: an odd number of crossings is inside.
             if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
                 odd = not odd
         return odd
@@ -412,10 +418,12 @@ def plain(world: World) -> StateTest:
         return math.hypot(x - ax - t * dx, y - ay - t * dy)
 
     def meet(a: Any, b: Any, c: Any, d: Any) -> bool:
-        def remaining(p: Any, q: Any, r: Any) -> bool:
+        def left_turn(p: Any, q: Any, r: Any) -> bool:
+            # Segments cross if each separates the ends of the other: signs of cross products.
             return (q[0] - p[0]) * (r[1] - p[1]) > (q[1] - p[1]) * (r[0] - p[0])
 
-        return remaining(a, b, c) != remaining(a, b, d) and remaining(c, d, a) != remaining(c, d, b)
+        one = left_turn(a, b, c) != left_turn(a, b, d)
+        return one and left_turn(c, d, a) != left_turn(c, d, b)
 
     def arm(q: Any) -> bool:
         x = y = angle = 0.0
@@ -502,6 +510,7 @@ def rrt(
 def _is_free(ax: float, ay: float, bx: float, by: float, discs: list[tuple[float, ...]]) -> bool:
     """Return whether the segment touches no disc, by the roots of the distance as a quadratic."""
     dx, dy = bx - ax, by - ay
+    # |from + t d - centre|^2 - r^2 = a t^2 + 2 b t + c, to be positive for all t in [0, 1].
     a = dx * dx + dy * dy
     for x, y, radius in discs:
         fx, fy = ax - x, ay - y

@@ -27,7 +27,7 @@ def library() -> ModuleType:
     """Open3D, which asks for the system's libusb when it is imported: a package brings it along.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")  # which prints in notebooks
     threads = os.environ.get("OMP_NUM_THREADS")
@@ -84,10 +84,7 @@ class Rays:
         return self._scene.cast_rays(self._rays, nthreads=1)
 
     def picture(self) -> tuple[Array, Ids]:
-        """Return depth, 0 where nothing is, and the number of the shape, -1 where none is.
-
-        (H, W).
-        """
+        """Return depth, 0 without a hit, and the number of the shape, -1 without a hit; (H, W)."""
         result = self.cast()
         depth, ids = result["t_hit"].numpy().astype(float), result["geometry_ids"].numpy()
         hit = np.isfinite(depth)
@@ -194,7 +191,7 @@ class Cloud:
         """Return registration of this cloud to a target (`registration_icp`).
 
         Args:
-            target: with normals where `to_plane` is asked.
+            target: with normals if `to_plane` is set.
             start: pose to begin with, shape (7,).
             gate: largest distance of a match [m].
             iterations: at most.

@@ -99,6 +99,7 @@ def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
         return pinocchio.SE3(pinocchio.Quaternion(*pose[3:]).matrix(), pose[:3])
 
     result, ids = pinocchio.Model(), {-1: 0}
+    # Pinocchio numbers joints depth first; the names keep the chain's numbers.
     for i in _depth_first(chain):
         kind = pinocchio.JointModelPZ() if chain.slides[i] else pinocchio.JointModelRZ()
         before = ids[int(chain.parent[i])]
@@ -160,6 +161,7 @@ class Arm:
     def mass_matrix(self, q: Array) -> Array:
         """Return M, shape (n, n)."""
         upper = np.triu(self._library.crba(self.model, self.data, q[self.order]))
+        # CRBA fills the upper triangle only.
         whole = upper + np.triu(upper, 1).T
         return np.asarray(whole[np.ix_(self._back, self._back)])
 
@@ -206,6 +208,7 @@ class Arm:
         """
         rnea, aba = self._library.rnea, self._library.aba
         model, data, damping, half = self.model, self.data, self._damping, 0.5 * dt
+        # The references are half a sample ahead of the state: the start goes back by that.
         q0 = motion[0, :, 0] - half * motion[1, :, 0] + 0.5 * half**2 * motion[2, :, 0]
         start = q0, motion[1, :, 0] - half * motion[2, :, 0]
 
@@ -274,6 +277,8 @@ class Arm:
                 if max(np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) < tolerance:
                     return q[self._back], True, steps
                 J = library.computeFrameJacobian(model, data, q, self._tip)
+                # Jlog6 is the derivative of the pose error's logarithm, so the step is Gauss-Newton
+                # on SE(3).
                 J = -library.Jlog6(remaining.inverse()) @ J
                 q = q - rate * J.T @ np.linalg.solve(J @ J.T + 1e-12 * np.eye(6), error)
                 if limits is not None:

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 def _model(radius: float, spacing: float = 0.004) -> open3d.Cloud:
     """Return the upper half of a ball about the origin, as points with normals.
 
-    It looks along -z.
+    The camera looks along -z.
     """
     n = round(2.0 * math.pi * radius**2 / spacing**2)
     height, turn = (np.arange(n) + 0.5) / n, math.pi * (1.0 + math.sqrt(5.0)) * np.arange(n)
@@ -48,7 +48,7 @@ def _model(radius: float, spacing: float = 0.004) -> open3d.Cloud:
 def find(
     depth: Array, camera: Camera, sensor: Sensor, part: Shapes, table: Array
 ) -> tuple[Array, Array]:
-    """Place of a ball (2,) and its covariance (2, 2), as `course.pipeline.eye.find` gives it.
+    """Return a ball's place (2,) and its covariance (2, 2), as `course.pipeline.eye.find` does.
 
     What one writes with Open3D: a cloud, the known table taken off, clusters, point-to-plane
     registration of each to a model. The covariance is that of as many measurements as the noise,
@@ -103,7 +103,7 @@ def _search(
 def plan(
     start: Array, goal: Array, scenario: Scenario, settings: Settings, rng: np.random.Generator
 ) -> Path:
-    """Return as `course.pipeline.plan_path`, the waypoints by OMPL's RRT-Connect."""
+    """Plan like `course.pipeline.plan_path`, with waypoints from OMPL's RRT-Connect."""
     return plan_path(start, goal, scenario, settings, rng, _search)
 
 
@@ -129,7 +129,7 @@ def _mujoco(arm: TwoLink, integrator: str) -> tuple[Any, Any, Any]:
 def move(
     q: Array, v: Array, tau: Array, dt: float, scenario: Scenario, integrator: str = "EULER"
 ) -> tuple[Array, Array]:
-    """Return state after a step by `mj_step`.
+    """Return the state after a step by `mj_step`.
 
     MuJoCo's Euler takes the joints' damping implicitly.
     """

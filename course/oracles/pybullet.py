@@ -34,7 +34,7 @@ def library() -> ModuleType:
     """Return PyBullet.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     try:
         with quiet():
@@ -155,7 +155,7 @@ class PyBulletRun(Run):
         self._free(arm, range(-1, count))
 
     def _free(self, body: int, links: Iterable[int]) -> None:
-        """The changes that act on links and joints."""
+        """Apply the changes that act on links and joints."""
         for link in links:
             if self._settings.applies("damping"):
                 self._ask("changeDynamics", body, link, linearDamping=0.0, angularDamping=0.0)

@@ -51,7 +51,7 @@ class Row:
 def pairs() -> list[tuple[str, QoS, QoS]]:
     """Return every pair of values of every policy with a request.
 
-    And three in which several fail.
+    Three pairs follow in which several policies fail.
     """
     values: dict[str, tuple[Any, ...]] = {
         **ORDERS,
@@ -237,7 +237,7 @@ def missed(deadline: float = SHORT, gap: float = 0.12, gaps: int = 5) -> Missed:
 
 
 def silence(qos: QoS, seconds: float = 4 * SHORT) -> tuple[int, int, int]:
-    """Return a writer writes once and is silent; then once more.
+    """Run a writer that writes once, is silent, and writes once more.
 
     Args:
         qos: of both ends, with a lease.

@@ -199,7 +199,7 @@ def _all(name: str) -> dict[str, Reading]:
 def readings(reader: str) -> dict[str, Reading]:
     """Return what a reader did with every model, by the model's name.
 
-    And with the sound one ("sound").
+    The unchanged model is included as "sound".
 
     Args:
         reader: one of `READERS`.

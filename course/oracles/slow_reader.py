@@ -27,15 +27,15 @@ class Queue:
 def queue_ages(
     depth: int, each: int, takes: int, reliability: str = "reliable", *, newest: bool = False
 ) -> Queue:
-    """Return a reader takes one sample after every so many that are written, in one process.
+    """Return the ages of samples that a slow reader takes, in one process.
 
-    In turn.
+    It takes one sample after every few that are written, in turn.
 
     No clock is involved: the age of a sample is the number of those that were written after it.
     Once the queue is full, the oldest of `depth` samples is (depth - 1) periods old.
 
     Args:
-        depth: of the reader, which keeps the last so many.
+        depth: of the reader's keep-last queue.
         each: samples written for one that is taken, at least 1.
         takes: how often it takes.
         reliability: of both ends.
@@ -81,7 +81,7 @@ def flood(
 
     Args:
         size: of a message [bytes].
-        depth: of both ends, which keep the last so many.
+        depth: of the keep-last queues of both ends.
         messages: how many, all written at once.
         pause: that the reader makes after each message [s].
         reliability: of both ends. What depth lets go is lost under either.

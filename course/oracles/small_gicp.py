@@ -25,7 +25,7 @@ def library() -> ModuleType:
     """Return small_gicp.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     try:
         import small_gicp

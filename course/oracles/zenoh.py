@@ -28,7 +28,7 @@ def library() -> ModuleType:
     """Return zenoh.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     try:
         import zenoh

@@ -3,6 +3,18 @@
 A picture is an array (H, W) of depths along z [m], 0 where there is no measurement; the camera
 looks along z, y is down. Points are columns, shape (3, N) [m]. A pose is
 (x, y, z, qw, qx, qy, qz), components along axis 0. Each name lives in the file of its section.
+
+The chapter's algorithms, and the functions of their steps:
+
+- RANSAC (Fischler and Bolles, 1981): `cloud._ransac` samples, counts and stops, `fit_plane`
+  refits.
+- DBSCAN (Ester, Kriegel, Sander and Xu, 1996): `cloud._dbscan`: core points, joined cells, border
+  points; `_near` lists the neighbouring cells.
+- ICP (Besl and McKay, 1992; Chen and Medioni, 1992): `registration._icp` matches with `_nearest` or
+  `_onto`, and moves with `_rotation` (point to point) or `_solve` (point to plane).
+- Absolute orientation (Kabsch, 1978; Umeyama, 1991): `registration.rigid_fit`, whose core is
+  `_rotation`.
+- Hand-eye calibration (Park and Martin, 1994): `calibrate.hand_eye`.
 """
 
 from course.perception.calibrate import Calibration, HandEye, camera_to_base, hand_eye, target_error

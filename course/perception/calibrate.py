@@ -52,7 +52,7 @@ class Calibration:
 
     Attributes:
         R, p: (3, 3) and (3,) [m].
-        sigma: of each coordinate, told by the residual [m].
+        sigma: of each coordinate, estimated from the residual [m].
         points: those touched, in the base (3, N) [m].
     """
 
@@ -62,8 +62,9 @@ class Calibration:
     points: Array
 
     def error_at(self, places: ArrayLike) -> Array:
-        """Return predicted root mean square error at places in the base, shape (3, M), as
-        (M,) [m].
+        """Return the predicted root mean square error at places in the base, shape (M,) [m].
+
+        The places have shape (3, M) [m].
         """
         return target_error(self.points, places, self.sigma)
 
@@ -75,7 +76,7 @@ def camera_to_base(observed: ArrayLike, touched: ArrayLike) -> Calibration:
     takes six, so that the mean square residual is (1 - 2 / N) times that of the noise.
 
     Args:
-        seen: in the camera's frame, shape (3, N) [m].
+        observed: the same points in the camera's frame, shape (3, N) [m].
         touched: in the base, shape (3, N) [m].
 
     Raises:
@@ -111,7 +112,8 @@ def hand_eye(A: ArrayLike, B: ArrayLike, tolerance: float = 0.02) -> HandEye:
     M = sum b a^T it is (M^T M)^(-1/2) M^T. Then (R_A - 1) x = R_X t_B - t_A by least squares.
 
     Args:
-        A, B: motions, shape (7, N), N at least 2.
+        A: motions to the left of X, shape (7, N), N at least 2.
+        B: the same motions to the right of X, same shape.
         tolerance: a singular value below this share of the largest counts as zero; the errors of
             the turns, over the turns, make one of that size out of nothing [1].
 
@@ -122,10 +124,13 @@ def hand_eye(A: ArrayLike, B: ArrayLike, tolerance: float = 0.02) -> HandEye:
     if a.shape != b.shape or a.shape[1] < 2:
         raise invalid("A.shape", a.shape, f"two motions or more, as many as in B, {b.shape}")
     turns = [log(unit_quaternion(x[3:], f"{name}[3:]")) for name, x in (("A", a), ("B", b))]
+    # The rotation vectors are vectors that R turns into each other: Kabsch's fit of directions.
     U, s, V = np.linalg.svd(turns[0] @ turns[1].T)
     if s[0] <= 1e-12:
         raise invalid("A", a, "motions that turn")
+    # The determinant keeps it a proper rotation.
     R = U @ np.diag((1.0, 1.0, np.linalg.det(U @ V))) @ V
+    # With R known the translation is linear: (R_A - 1) x = R t_B - t_A for all motions.
     rows = np.concatenate(np.moveaxis(to_matrix(a[3:]), 2, 0) - np.eye(3))
     right = (R @ b[:3] - a[:3]).T.ravel()
     x, _, rank, singular = np.linalg.lstsq(rows, right, rcond=tolerance)

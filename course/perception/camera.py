@@ -68,9 +68,7 @@ class Shapes:
         return replace(self, poses=np.reshape(np.asarray(pose, dtype=float), (7, -1)))
 
     def moved(self, pose: ArrayLike) -> Shapes:
-        """Return all of them.
-
-        Which stand in the frame of a pose (7,), in the frame that this is given in.
+        """Return all shapes, given in the frame of a pose (7,), in that pose's parent frame.
 
         A camera at `pose` sees `shapes.moved(invert(pose))`.
         """
@@ -95,7 +93,7 @@ def shape(kind: str, *size: float, pose: ArrayLike = STILL) -> Shapes:
 
 
 def together(shapes: Sequence[Shapes]) -> Shapes:
-    """Return all of them as one."""
+    """Return several collections of shapes as one."""
     return Shapes(
         tuple(kind for some in shapes for kind in some.kinds),
         np.hstack([np.zeros((3, 0)), *(some.sizes for some in shapes)]),
@@ -133,7 +131,7 @@ class Camera:
 
     @classmethod
     def symmetric(cls, width: int, height: int, view: float) -> Camera:
-        """Return with square pixels and the axis in the middle.
+        """Return a camera with square pixels and the axis in the middle.
 
         `view` is from left to right [rad].
         """
@@ -147,10 +145,7 @@ class Camera:
         return x, (np.arange(self.height, dtype=float) - self.cy) / self.fy
 
     def project(self, points: ArrayLike) -> Array:
-        """Return where points (3, N) in front of the camera [m] appear.
-
-        U and v, (2, N) [pixels].
-        """
+        """Return the pixel coordinates u and v, (2, N), of points (3, N) before the camera [m]."""
         x, y, z = vector("points", points, (3, None), unit="m")
         if not np.all(z > 0.0):
             raise invalid("points[2]", float(z.min()), "in front of the camera")
@@ -204,6 +199,7 @@ def _slab(o, d, h, near, far):
 
 @register_jitable
 def through_plane(size, o, d):
+    """Return where a ray meets the plane z = 0 from above, twice; -inf if it never does."""
     t = -o[2] / d[2]
     t = t if d[2] < 0.0 else -math.inf
     return t, t
@@ -211,6 +207,7 @@ def through_plane(size, o, d):
 
 @register_jitable
 def through_box(size, o, d):
+    """Return where a ray enters and leaves a box, slab by slab (Kay and Kajiya, 1986)."""
     near, far = _slab(o[0], d[0], size[0], -math.inf, math.inf)
     near, far = _slab(o[1], d[1], size[1], near, far)
     return _slab(o[2], d[2], size[2], near, far)
@@ -218,11 +215,12 @@ def through_box(size, o, d):
 
 @register_jitable
 def through_cylinder(size, o, d):
-    """Return half the chord from the distance of axis and ray.
+    """Return where a ray enters and leaves an upright cylinder.
 
-    Which does not cancel from far away.
+    Half the chord comes from the distance of axis and ray, which does not cancel from far away.
     """
     a = d[0] * d[0] + d[1] * d[1]
+    # The ray's point nearest to the axis, then half the chord from there.
     t = (o[0] * d[0] + o[1] * d[1]) / a if a > 0.0 else 0.0
     x, y = o[0] - t * d[0], o[1] - t * d[1]
     remaining = size[0] * size[0] - x * x - y * y
@@ -232,7 +230,11 @@ def through_cylinder(size, o, d):
 
 @register_jitable
 def through_sphere(size, o, d):
-    """Return as of a cylinder (Haines et al., Precision Improvements for Ray/Sphere, 2019)."""
+    """Return where a ray enters and leaves a sphere.
+
+    As for the cylinder, half the chord comes from the distance of centre and ray (Haines et al.,
+    Precision Improvements for Ray/Sphere, 2019).
+    """
     a = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     t = (o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / a
     x, y, z = o[0] - t * d[0], o[1] - t * d[1], o[2] - t * d[2]
@@ -242,9 +244,9 @@ def through_sphere(size, o, d):
 
 
 def _caster(interval):
-    """Return one loop a kind.
+    """Return one compiled ray-casting loop for a kind of shape.
 
-    As a test of the kind for each pixel would keep it from doing several.
+    A test of the kind inside the loop would keep the compiler from vectorising it.
     """
 
     @register_jitable
@@ -257,6 +259,7 @@ def _caster(interval):
             -(a[2] * p[0] + b[2] * p[1] + c[2] * p[2]),
         )
         left, right, top, bottom = window
+        # Only columns and rows of the window can see the shape.
         x = x[left:right]
         for v in range(top, bottom):
             row = (b[0] * y[v] + c[0], b[1] * y[v] + c[1], b[2] * y[v] + c[2])
@@ -265,6 +268,7 @@ def _caster(interval):
                 d = (a[0] * x[u] + row[0], a[1] * x[u] + row[1], a[2] * x[u] + row[2])
                 near, far = interval(size, o, d)
                 t = near if near > 0.0 else far  # from inside a shape its far side is seen
+                # Depth buffer: keep the nearest hit, without a branch.
                 nearer = (near <= far) & (t > 0.0) & (t < nearest[u])
                 nearest[u] = t if nearer else nearest[u]
                 owner[u] = number if nearer else owner[u]
@@ -279,9 +283,9 @@ _cast_plane, _cast_box, _cast_cylinder, _cast_sphere = map(
 
 @register_jitable
 def _window(half, R, p, x, y):
-    """Return columns and rows that may see a box of half lengths.
+    """Return the columns and rows of the image that may see a box of given half lengths.
 
-    All where it reaches behind the eye.
+    It returns all of them if the box reaches behind the camera.
     """
     left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
     for corner in range(8):
@@ -289,6 +293,7 @@ def _window(half, R, p, x, y):
         t = half[1] if corner & 2 else -half[1]
         w = half[2] if corner & 4 else -half[2]
         z = p[2] + R[2][0] * s + R[2][1] * t + R[2][2] * w
+        # A corner behind the camera projects to nowhere: the whole picture is searched.
         if not z > 0.0:
             return 0, x.size, 0, y.size
         a = (p[0] + R[0][0] * s + R[0][1] * t + R[0][2] * w) / z
@@ -428,6 +433,8 @@ def incidence(depth: Array, camera: Camera) -> Array:
     x, y = camera.rays()
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse, slopes = 1.0 / depth, []
+        # In a pinhole picture the inverse depth of a plane is linear in the pixel, so differences
+        # of it are the plane's slopes. At an edge the smaller of the two differences is taken.
         for axis, f in ((1, camera.fx), (0, camera.fy)):
             across = f * np.diff(inverse, axis=axis)
             across[~np.isfinite(across)] = np.inf
@@ -451,7 +458,8 @@ def sense(depth: ArrayLike, camera: Camera, sensor: Sensor, rng: np.random.Gener
 
     Args:
         depth: shape (H, W), 0 where nothing is [m].
-        camera, sensor: whose picture it is.
+        camera: intrinsics of the image.
+        sensor: noise, resolution and range of the depth.
         rng: where the noise comes from.
 
     Returns:
@@ -466,12 +474,14 @@ def sense(depth: ArrayLike, camera: Camera, sensor: Sensor, rng: np.random.Gener
     if sensor.grazing < 0.5 * math.pi:
         observed &= incidence(exact, camera) <= sensor.grazing
     disparity = reach / np.where(observed, exact, 1.0)
+    # Noise acts on the disparity, before it is rounded to the sensor's steps.
     if sensor.noise:
         disparity += sensor.noise * _shared_noise(exact.shape, sensor.window, rng)
     if sensor.step:
         disparity = np.rint(disparity / sensor.step) * sensor.step
     observed &= disparity > 0.0
     measured = reach / np.where(observed, disparity, 1.0)
+    # The depth is stored in units, such as millimetres.
     if sensor.unit:
         measured = np.rint(measured / sensor.unit) * sensor.unit
     observed &= (measured >= sensor.near) & (measured <= sensor.far)

@@ -31,9 +31,7 @@ _BITS = 21  # of a key for each index of a cell
 
 
 def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
-    """Return points from outside as contiguous floats (3, N), their least and largest
-    coordinates.
-    """
+    """Return a caller's points as contiguous floats (3, N), with their bounding box."""
     given = np.ascontiguousarray(points, dtype=float)
     if given.ndim == 2 and given.shape[0] == 3 and given.shape[1] >= least:
         low, high = given.min(axis=1), given.max(axis=1)
@@ -44,8 +42,9 @@ def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
 
 
 def _length(name: str, value: float, low: Array, high: Array) -> float:
-    """Return a length that is positive and not below the rounding of coordinates from low to
-    high.
+    """Return a length, checked to be positive and above the rounding of the coordinates.
+
+    The coordinates lie between low and high.
     """
     largest = float(np.maximum(np.abs(low), np.abs(high)).max())
     return finite(name, value, max(4.0 * np.finfo(float).eps * largest, POSITIVE), unit="m")
@@ -143,6 +142,7 @@ def _sums(points, keys, table, sums, counts):
             # The hash of Teschner et al. (2003); full places are passed over.
             i, j, k = key >> 2 * _BITS, (key >> _BITS) & (2**_BITS - 1), key & (2**_BITS - 1)
             slot = ((i * 73856093) ^ (j * 19349663) ^ (k * 83492791)) & (table.shape[1] - 1)
+            # Linear probing: the table is at most half full, so probes are short.
             while table[0, slot] != key and table[0, slot] >= 0:
                 slot = (slot + 1) & (table.shape[1] - 1)
             if table[0, slot] < 0:
@@ -182,7 +182,8 @@ def radius_search(points: ArrayLike, queries: ArrayLike, radius: float) -> tuple
     """Return the points within a radius of each query, the border included.
 
     Args:
-        points, queries: shape (3, N) and (3, M) [m].
+        points: the cloud, shape (3, N) [m].
+        queries: centres of the balls, shape (3, M) [m].
         radius: [m].
 
     Returns:
@@ -200,10 +201,12 @@ def radius_search(points: ArrayLike, queries: ArrayLike, radius: float) -> tuple
     own = np.full(requested.shape[1], -1)
     own[near] = _keys("radius", np.ascontiguousarray(requested[:, near]), reach, base, high)
     rows = own[:, None] + _rows(1)
+    # Keys of a row of three neighbouring cells are consecutive, so one range covers them.
     begin = start[np.searchsorted(keys, rows - 1)]
     end = start[np.searchsorted(keys, rows + 1, side="right")]
     end[~near] = begin[~near]
     first, result = np.zeros(own.size + 1, np.int64), np.empty(0, np.int64)
+    # Two passes: the first counts, the second writes into an array of the right size.
     _kernel(_within)(inner, requested, reach * reach, begin, end, first, result)  # counts
     first = np.cumsum(first)
     result = np.empty(first[-1], np.int64)
@@ -240,7 +243,7 @@ def _root(parent, i):
 def dbscan(points: ArrayLike, eps: float, least: int) -> tuple[Ids, NDArray[np.bool_]]:
     """Return clusters of dense points (Ester, Kriegel, Sander and Xu, 1996), exactly.
 
-    In O(N) memory.
+    It needs O(N) memory.
 
     Points in a cell of edge eps / sqrt(3) are all within eps of each other, so core points are
     joined cell by cell (Gunawan, 2013), and no neighbourhood is stored. A border point goes to the
@@ -270,9 +273,9 @@ def dbscan(points: ArrayLike, eps: float, least: int) -> tuple[Ids, NDArray[np.b
 
 @register_jitable
 def _near(keys, rows, fingers, c, near):
-    """Return the cells about cell c, itself among them; how many.
+    """Return the cells around cell c, itself included, and their number.
 
-    One finger a row of cells: the cells are asked in order, so that it only moves on.
+    Each row of cells has a cursor: cells are queried in order, so a cursor only advances.
     """
     result = 0
     for o in range(rows.size):
@@ -291,6 +294,7 @@ def _dbscan(points, start, keys, order, rows, square, least, labels, core):
     cells, n = keys.size, order.size
     near, parent = np.empty(5 * rows.size, np.int64), np.arange(cells)
     # Core points, in the order of cells: all of a full cell, of others those that count enough.
+    # Points of a cell are all within eps of each other: a cell with `least` points needs no test.
     dense = np.zeros(n, np.bool_)
     fingers = np.zeros(rows.size, np.int64)
     for c in range(cells):
@@ -312,6 +316,7 @@ def _dbscan(points, start, keys, order, rows, square, least, labels, core):
     for c in range(cells):
         m = _near(keys, before, fingers, c, near)
         for b in near[:m]:
+            # Union-find over cells; pairs that are joined already need no distance.
             if b < c and _root(parent, b) != _root(parent, c):
                 for p in range(start[c], start[c + 1]):
                     if dense[p] and _touches(points, p, start[b], start[b + 1], dense, square):
@@ -382,6 +387,8 @@ def _components(z, step, labels):
         for u in range(columns):
             if z[v, u] > 0.0:
                 here = v * columns + u
+                # Two-pass labelling: join with the left and the upper neighbour, then number the
+                # roots.
                 if u and z[v, u - 1] > 0.0 and abs(z[v, u] - z[v, u - 1]) <= step:
                     parent[here] = _root(parent, here - 1)
                 if v and z[v - 1, u] > 0.0 and abs(z[v, u] - z[v - 1, u]) <= step:
@@ -411,9 +418,11 @@ def fit_plane(points: ArrayLike) -> Array:
     """
     given, _, _ = _checked(points, 3)
     middle = given.mean(axis=1)
+    # The normal is the direction of the least variance.
     apart = given - middle[:, None]
     values, axes = np.linalg.eigh(apart @ apart.T)
     if values[1] <= 1e-12 * values[2]:
+        # Two equal smallest variances: the points lie on a line, which has no plane.
         raise invalid("points", given, "points that are not all in one line")
     return facing(np.append(axes[:, 0], -axes[:, 0] @ middle))
 
@@ -461,6 +470,7 @@ def draws_needed(share: float, confidence: float, sample: int = 3) -> float:
     noise near the tolerance many such triples miss most of it.
     """
     good = finite("share", share, 0.0, 1.0) ** count("sample", sample, 1)
+    # log1p keeps both logarithms exact near 0 (for few inliers, or little doubt).
     missed = math.log1p(-finite("confidence", confidence, 0.0, 1.0 - 1e-15))
     if missed == 0.0 or good == 1.0:
         return 1.0 if missed else 0.0
@@ -486,7 +496,7 @@ def ransac_plane(
         tolerance: largest distance of a point that counts [m].
         rng: where the triples are drawn from.
         confidence: of having drawn three inliers; 1 for `at_most` draws always.
-        most: draws, at least 1.
+        at_most: limit on the number of draws, at least 1.
         refits: by least squares.
 
     Returns:
@@ -519,12 +529,14 @@ def _ransac(points, tolerance, triples, missed, plane):
         p, q, r = points[:, i], points[:, j], points[:, k]
         a, b, c = q[0] - p[0], q[1] - p[1], q[2] - p[2]
         d, e, f = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+        # Minimal sample: the plane through three points, unless they are nearly on a line.
         x, y, z = b * f - c * e, c * d - a * f, a * e - b * d
         length = math.sqrt(x * x + y * y + z * z)
         size = (a * a + b * b + c * c) + (d * d + e * e + f * f)
         if length > 1e-12 * size:
             x, y, z = x / length, y / length, z / length
             offset = -(x * p[0] + y * p[1] + z * p[2])
+            # Consensus: count the points within the tolerance.
             result = 0
             for i in range(n):
                 height = x * points[0, i] + y * points[1, i] + z * points[2, i] + offset
@@ -532,6 +544,7 @@ def _ransac(points, tolerance, triples, missed, plane):
             if result > best:
                 best = result
                 plane[0], plane[1], plane[2], plane[3] = x, y, z, offset
+        # Adaptive stop: as many draws as the best share of inliers needs for the confidence.
         share = best / n
         if missed > -math.inf and (
             best == n or (draw + 1) * math.log1p(-share * share * share) <= missed

@@ -64,7 +64,7 @@ class Estimate:
         residual: root mean square distance of its points along the normals [m].
         see_through: share of the pixels of this pose where the picture looks past it.
         agrees: share of the pixels, of pose or cluster, where both say the same.
-        unobserved: names of the directions of which the picture says nothing.
+        unobserved: names of the directions that the image does not constrain.
         status: one of `STATUS`. Cut: it reaches the picture's edge, so what is missing is not seen;
             ambiguous: another pose, not the same by symmetry, agrees as well, or a shift is
             unobserved, or a tenth of what is seen does not agree with it, or its border is off the
@@ -84,6 +84,7 @@ class Estimate:
 
     @property
     def pose(self) -> Array:
+        """Position and unit quaternion in one array, shape (7,)."""
         return np.concatenate((self.p, from_matrix(self.R)))
 
 
@@ -110,7 +111,8 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
 
     Args:
         part: about its own origin.
-        a, b: poses, shape (7,).
+        a: pose, shape (7,).
+        b: pose, shape (7,).
 
     Returns:
         Distance of the origins [m] and least angle [rad].
@@ -124,6 +126,7 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
         axis = rotate(turn, np.array([0.0, 0.0, 1.0]))
         return shift, math.atan2(math.hypot(axis[0], axis[1]), abs(axis[2]))
     if kind == "box":
+        # Rotations of the cube that map the box onto itself are its symmetries.
         half = part.sizes[:, 0]
         same = np.abs(np.abs(_CUBE) @ half - half).max(axis=1) < 1e-9 * half.max()
         turn = product(_TURNS[:, same], turn)  # as far as the turn followed by it
@@ -136,14 +139,13 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
 def verdict(
     z: Array, camera: Camera, sensor: Sensor, shapes: Shapes, cluster: NDArray[np.bool_]
 ) -> tuple[float, float, float, NDArray[np.bool_]]:
-    """Return share looked through, share of visible pixels that agree, the same of both.
-
-    And the mask.
-    """
+    """Return the share looked through, the share that agrees, both combined, and the mask."""
     exact, _ = render(shapes, camera)
     mask = exact > 0.0
     here = mask & (z > 0.0)
     deviation = z[here] - exact[here]
+    # A pixel disagrees if it is off by more than the noise allows: farther means that the sensor
+    # looks through the supposed part, nearer that something hides it.
     allowed = _SIGMAS * sensor.sigma(exact[here], camera) + 1e-3
     through, hidden = np.count_nonzero(deviation > allowed), np.count_nonzero(deviation < -allowed)
     agree, both = deviation.size - through - hidden, np.count_nonzero(cluster & ~mask)
@@ -152,8 +154,7 @@ def verdict(
 
 
 def see_through(depth: ArrayLike, camera: Camera, sensor: Sensor, shapes: Shapes) -> float:
-    """Return share of the measured pixels of posed shapes where the picture sees something behind
-    them.
+    """Return the share of the shapes' pixels at which the image shows something behind them.
 
     Behind means by more than 4 standard deviations of the depth and a millimetre. Pixels where
     something else is in front say nothing. 1 where the shapes are not in the picture.
@@ -210,6 +211,7 @@ def standing_at(part: Shapes, points: Array, table: Array, yaws: Array) -> list[
     for yaw in yaws:
         q = exp(np.array([0.0, 0.0, yaw]))
         inside = rotate(conjugate(q), flat)
+        # Percentiles instead of extremes: a few stray points do not move the box.
         middle = np.percentile(inside, (2.0, 98.0), axis=1).mean(axis=0) - 0.5 * (low + high)
         middle[2] = -low[2]
         turn = product(up, q)
@@ -238,6 +240,7 @@ def _of_table(points: Array, sigma: Array, table: Array, pose: Array) -> Array:
     """Return what the table tells about a part that stands on it: height and two tilts, (6, 6)."""
     x, y, _ = rotate(conjugate(pose[3:]), points - pose[:3, None])
     slope = np.abs(table[:3] @ points) / points[2]
+    # Jacobian of the height above the table by the six directions, divided by its deviation.
     J = np.stack((0.0 * x, 0.0 * x, np.ones_like(x), y, -x, 0.0 * x)) / (sigma * slope)
     return J @ J.T
 
@@ -258,7 +261,8 @@ def locate(
 
     Args:
         depth: shape (H, W) [m], 0 where there is no measurement.
-        camera, sensor: whose picture it is.
+        camera: intrinsics of the image.
+        sensor: noise and resolution of the depth.
         part: one shape, or several posed in the part's frame.
         table: (nx, ny, nz, d) [m], with the normal to either side: the camera is above it; None
             to find the largest plane.
@@ -280,6 +284,7 @@ def locate(
     count("starts", starts, 1)
     points, pixels = back_project(z, camera)
     sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
+    # Find the table, unless it is known.
     if table is None:
         rng = np.random.default_rng(seed)
         some = points[:, rng.integers(0, points.shape[1], min(2000, points.shape[1]))]
@@ -289,6 +294,7 @@ def locate(
         if abs(np.linalg.norm(plane[:3]) - 1.0) > 1e-6:
             raise invalid("table", plane, "a normal of unit length, and a distance")
         plane = facing(plane)
+    # Refine it by all points near it, then classify what is above.
     for _ in range(2 if table is None else 1):
         slope = np.abs(plane[:3] @ points) / points[2]
         height = (plane[:3] @ points + plane[3]) / (sigma * slope + 1e-3 / _SIGMAS)
@@ -299,6 +305,7 @@ def locate(
             plane = inverse_depth_plane(z, camera, mask.reshape(z.shape))
     above = np.zeros(z.size)
     above[pixels[height > _SIGMAS]] = points[2, height > _SIGMAS]
+    # Segment what is above the table: connected pixels of similar depth.
     if not above.any():
         return []
     step = 0.01 + 6.0 * float(np.median(sigma))
@@ -333,13 +340,17 @@ def pose_of(
     standing: bool = True,
     starts: int = 4,
 ) -> Estimate | None:
-    """Return the pose of one cluster that the picture agrees with most.
+    """Return the pose of a cluster with which the image agrees most.
 
-    None where no start gets hold.
+    It returns None if no start converges.
 
     Args:
         z: the picture, shape (H, W) [m].
-        camera, sensor, part, standing, starts: as for `locate`.
+        camera: as for `locate`.
+        sensor: as for `locate`.
+        part: as for `locate`.
+        standing: as for `locate`.
+        starts: as for `locate`.
         cluster: its pixels, shape (H, W).
         table: the plane, shape (4,).
         on_table: points of it, (3, N), and the deviations of their depths, (N,) [m].
@@ -376,6 +387,7 @@ def pose_of(
             tried.append((verdict(z, camera, sensor, part.moved(fit.pose), cluster), fit))
         tried.sort(key=lambda one: -one[0][2])
 
+    # Coarse registration from all starts, ranked by how well the whole picture agrees.
     lay(poses)
     if not tried:
         return None
@@ -387,6 +399,7 @@ def pose_of(
     (_, _, score, mask), first = tried[0]
     # All that the pose covers, also what is too near the table to be told from it.
     covered, _ = back_project(np.where(mask | cluster, z, 0.0), camera)
+    # Fine registration of all covered points from the best start.
     spread = np.maximum(sensor.sigma(covered[2], camera), 1e-7)
     fit = first
     # What the faces do not show, the outline does: x and y of a part that is seen from above.
@@ -398,6 +411,7 @@ def pose_of(
             return None
         fit, of_outline, off = refine(part, fit, fit.information * weight, camera, sensor, at)
     through, agree, score, mask = verdict(z, camera, sensor, part.moved(fit.pose), cluster)
+    # A different pose that explains the picture about as well makes the answer ambiguous.
     rival = any(
         other[2] > tried[0][0][2] - _RIVAL
         and other[0] <= _SEES_THROUGH
@@ -407,6 +421,7 @@ def pose_of(
     also = _of_table(*on_table, table, fit.pose) if standing else np.zeros((6, 6))
     if set(part.kinds) == {"sphere"}:  # it touches the table in a point, whatever its turn
         also[3:], also[:, 3:] = 0.0, 0.0
+    # Neighbouring pixels of a stereo window share their noise: fewer independent points.
     covariance, unobserved = known((fit.information + also) * weight + of_outline)
     left_over = score < 1.0 - _SEES_THROUGH or off > _OFF_OUTLINE
     blind = {"x", "y", "z"} & set(unobserved)
@@ -431,8 +446,9 @@ def pose_of(
 def stand_in(
     camera: Camera, sensor: Sensor, part: Shapes, places: ArrayLike, *, standing: bool = True
 ) -> tuple[Array, Array]:
-    """Return what `locate` will be off by, on the average and in its spread, without its pictures'
-    noise.
+    """Return the predicted bias and standard deviation of `locate`.
+
+    The bias is that of an image without noise.
 
     The spread is that of the exact picture's information, and of its outline against the table
     where the part stands on one. What averaging does not remove are the sensor's steps: of the
@@ -440,7 +456,9 @@ def stand_in(
     Quantization Noise, 2008, ch. 4). A part that is alone in the picture.
 
     Args:
-        camera, sensor, part: as for `locate`.
+        camera: as for `locate`.
+        sensor: as for `locate`.
+        part: as for `locate`.
         places: poses in the camera's frame, shape (7, N).
         standing: whether the part stands on a table that is known, and with it height and tilts.
 

@@ -124,11 +124,12 @@ class Fit:
 
     @property
     def pose(self) -> Array:
+        """Position and unit quaternion in one array, shape (7,)."""
         return np.concatenate((self.p, from_matrix(self.R)))
 
     @property
     def covariance(self) -> Array:
-        """Of the six directions, (6, 6); infinite on the diagonal where nothing is known."""
+        """Covariance of the six directions, (6, 6); infinite on the diagonal where unknown."""
         return known(self.information, self.free)[0]
 
     @property
@@ -157,6 +158,8 @@ def known(
     retained = np.isin(DIRECTIONS, free)
     H = vector("information", information, (6, 6)) * np.outer(retained, retained)
     alone = np.diag(H)
+    # Unit diagonal first: the eigenvalues then say how independent the directions are, whatever
+    # their units.
     scale = np.sqrt(np.where(alone > _ROUNDING * alone.max(), alone, np.inf))
     values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
     observed = values > _BLIND
@@ -178,7 +181,8 @@ def rigid_fit(
     the determinant of V U^T, keeps a mirror image out (Kabsch, 1978; Umeyama, 1991).
 
     Args:
-        source, target: shape (3, N), N at least 3 [m].
+        source: points, shape (3, N), N at least 3 [m].
+        target: their partners, same shape [m].
         weights: shape (N,), not negative; None for equal ones.
 
     Returns:
@@ -261,6 +265,7 @@ def icp(
     begin = checked_poses("start", vector("start", start, (7,)), 3)[:, 0]
     R, p = to_matrix(begin[3:]), begin[:3].copy()
     steps = count("iterations", iterations, 1)
+    # Graduated gate: wide at first, to catch far matches, and narrower each iteration.
     gates = np.array([max(last, first * (2 / 3) ** k) for k in range(steps + 1)])
     tree = target if isinstance(target, Cloud) else _NO_CLOUD
     if plane and tree is target and not len(tree.normals):
@@ -275,6 +280,7 @@ def icp(
     result, weighted, squares, made, converged = out[:5].tolist()
     if result < 3 and made == 0:
         raise invalid("start", begin, f"a pose with 3 points within the gate (here {result:.0f})")
+    # Without given deviations the residual's own variance scales the information.
     if sigma is None:
         H *= max(result - mobile.sum(), 1.0) / max(weighted, 1e-300)
     lost = result < 3
@@ -313,6 +319,7 @@ def _build(points, order, axes, cuts):
     ranges[0, 0], ranges[0, 1] = 0, len(points)
     for node in range(inner):
         low, high = ranges[node]
+        # Split the widest axis at the median: a balanced k-d tree without pointers.
         axis, widest = 0, -1.0
         for x in range(3):
             wide = points[low:high, x].max() - points[low:high, x].min()
@@ -347,9 +354,9 @@ def _build(points, order, axes, cuts):
 
 @register_jitable
 def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
-    """Return row of the nearest point within sqrt(best) of q, else `index`.
+    """Return the row of the nearest point within sqrt(best) of q, and the squared distance.
 
-    And the squared distance.
+    If there is none the row is `index`.
 
     A branch is left aside when its cuts alone are farther off than the best (Arya and Mount, 1993).
     """
@@ -358,6 +365,7 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
     offsets[0] = 0.0
     while top > 0:
         top -= 1
+        # Prune: the cell is farther away than the best point so far.
         s = offsets[top, 3]
         if s >= best:
             continue
@@ -367,6 +375,7 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
             axis = axes[node]
             deviation, middle = q[axis] - cuts[node], (low + high) // 2
             old = o0 if axis == 0 else (o1 if axis == 1 else o2)
+            # Squared distance to the other half's cell, updated in one axis (Arya and Mount, 1993).
             far = s - old + deviation * deviation
             if deviation < 0.0:
                 other, other_low, other_high = 2 * node + 2, middle, high
@@ -379,6 +388,7 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
                 offsets[top, 0], offsets[top, 1], offsets[top, 2] = o0, o1, o2
                 offsets[top, axis], offsets[top, 3] = deviation * deviation, far
                 top += 1
+        # Leaf: compare all its points.
         for i in range(low, high):
             x, y, z = points[i, 0] - q[0], points[i, 1] - q[1], points[i, 2] - q[2]
             square = x * x + y * y + z * z
@@ -388,7 +398,7 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
 
 
 def _query(queries, points, axes, cuts, within, distance, index):
-    """The nearest point of each query."""
+    """Find the nearest point of each query."""
     nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
     for k in range(len(queries)):
         index[k], square = _nearest(
@@ -399,8 +409,7 @@ def _query(queries, points, axes, cuts, within, distance, index):
 
 @register_jitable
 def _onto(kind, s0, s1, s2, x, y, z):
-    """Return closest point of a solid's surface to (x, y, z), outward normal, how far it is from an
-    edge.
+    """Return the closest surface point, its outward normal and its distance from an edge.
 
     Beyond an edge the normal points from the edge to (x, y, z), and the last number is zero.
     """
@@ -427,6 +436,7 @@ def _onto(kind, s0, s1, s2, x, y, z):
     q0, q1, q2 = abs(x) - s0, abs(y) - s1, abs(z) - s2
     a, b, c = 1.0 if x > 0.0 else -1.0, 1.0 if y > 0.0 else -1.0, 1.0 if z > 0.0 else -1.0
     outside = (1 if q0 > 0.0 else 0) + (1 if q1 > 0.0 else 0) + (1 if q2 > 0.0 else 0)
+    # Beyond an edge or a corner the normal points from there to the query.
     if outside > 1:
         d0, d1, d2 = max(q0, 0.0), max(q1, 0.0), max(q2, 0.0)
         gap = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
@@ -454,6 +464,7 @@ def _meets(kind, size, o, d):
 @register_jitable
 def _rotation(a, b, w, R, p):
     """Return kabsch's rotation and shift from rows a to rows b; False where they lie on a line."""
+    # Weighted centroids, then the cross-covariance of the centred points.
     total, ca, cb = 0.0, np.zeros(3), np.zeros(3)
     for i in range(len(a)):
         total += w[i]
@@ -470,6 +481,7 @@ def _rotation(a, b, w, R, p):
                 for y in range(3):
                     S[x, y] += w[i] * (b[i, x] - cb[x]) * (a[i, y] - ca[y])
     A, U = np.empty((3, 3)), np.empty((3, 3))
+    # Singular value decomposition by one-sided Jacobi.
     decompose(S, A, U)
     s, k, i = np.empty(3), 0, 0
     for r in range(3):
@@ -545,7 +557,7 @@ def _icp(
     H,
     out,
 ):
-    """The loop; R and p are moved. Of each point: closest, weights, flags 1 matched, 2 left out.
+    """Run ICP on R and p in place; for each point: closest, weight, flag 1 matched, 2 left out.
 
     out: matched, sum of w r^2, sum of r^2, steps, converged, mean square of the distance |m|.
     """

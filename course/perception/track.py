@@ -21,9 +21,9 @@ _GATES = (10.83, 13.82, 16.27)
 
 
 def steady_gains(index: float) -> tuple[float, float]:
-    """Return gains of place and rate that the filter settles at.
+    """Return the steady-state gains of position and rate.
 
-    From the tracking index (Kalata, 1984).
+    They follow from the tracking index (Kalata, 1984).
 
     Args:
         index: acceleration T^2 / sigma, for a picture every T seconds.
@@ -60,7 +60,7 @@ def averaged_error(k: ArrayLike, sigma: float, period: float, speed: float) -> A
 
 @register_jitable
 def follow(x, P, dt, z, R, acceleration):
-    """One picture of a place in the plane into a track, in place: a `Tracker` for compiled loops.
+    """Take a measured place in the plane into a track, in place: a `Tracker` for compiled loops.
 
     It has no gate and no turn. x (4,) is (x, y) and its rates, P (4, 4) their covariance, both at
     the picture before, dt [s] ago; z (2,) is what was seen, R (2, 2) its covariance, acceleration
@@ -94,9 +94,9 @@ class Tracker:
             of a turn [rad/s^2].
         speed: the same of the first rates [m/s, rad/s].
         period: of the turn, after which the part looks the same [rad]: pi for a box.
-        gate: square of the normalised innovation from which a measurement is refused; None for what
-            is exceeded once in a thousand times, infinite for no gate.
-        patience: refusals in a row after which the track starts anew; 0 for never, which locks the
+        gate: square of the normalised innovation above which a measurement is rejected; None for
+            what is exceeded once in a thousand times, infinite for no gate.
+        patience: rejections in a row after which the track restarts; 0 for never, which locks the
             filter out for good once the part did what it deems impossible.
         gains: alpha and beta to use always, instead of the best for what is known.
 
@@ -104,7 +104,7 @@ class Tracker:
         state: (x, y, yaw, and their rates) at `stamp`, (6,).
         covariance: of the state, (6, 6).
         stamp: of the last picture taken in [s], minus infinity before the first.
-        refused: measurements in a row that were refused.
+        rejected: measurements in a row that were rejected.
     """
 
     def __init__(
@@ -155,10 +155,10 @@ class Tracker:
         Args:
             stamp: when its picture was taken, not when it arrived [s].
             z: (x, y, yaw) [m, rad].
-            covariance: of z, (3, 3); infinite on the diagonal for what was not seen.
+            covariance: of z, (3, 3); infinite on the diagonal for what was not observed.
 
         Returns:
-            Whether it was taken; not if the gate refused it.
+            Whether it was taken; not if the gate rejected it.
 
         Raises:
             ValueError: for a picture older than the last one, a NaN, or a first measurement that

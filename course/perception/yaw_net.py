@@ -37,12 +37,14 @@ Network = Callable[[Array], Array]
 
 
 def above_table(depth: Array, camera: Camera, sensor: Sensor, table: Array) -> Array:
-    """Return points higher above a known table than its noise allows, (3, N) in the camera's frame
-    [m].
+    """Return the points above a known table by more than its noise, (3, N) [m].
+
+    They are in the camera's frame.
 
     Args:
         depth: shape (H, W) [m].
-        camera, sensor: whose picture it is.
+        camera: intrinsics of the image.
+        sensor: noise of the depth.
         table: (nx, ny, nz, d), towards the camera.
     """
     points, _ = back_project(depth, camera)
@@ -81,7 +83,8 @@ def picture(
     """Return one part somewhere on the table: what the sensor gives (H, W) [m], and the pose (7,).
 
     Args:
-        camera, sensor: that look at it.
+        camera: intrinsics of the image.
+        sensor: noise and resolution of the depth.
         table: pose (7,) of the table's frame, z up, in the camera's.
         rng: of place, turn and noise.
         part: whose frame is in the middle of its height.
@@ -113,9 +116,11 @@ def train(
     The turn is about the axes that `turn_to` gives to the table's normal, as `locate` uses them.
 
     Args:
-        camera, sensor: as for `picture`.
+        camera: as for `picture`.
+        sensor: as for `picture`.
         table: pose (7,) in the camera's frame.
-        pictures, steps: of the training.
+        pictures: number of training images.
+        steps: of the training.
         seed: of pictures and weights.
     """
     import torch

@@ -7,6 +7,16 @@ The front door:
     many(scenario, settings, seeds)         for many seeds; `errors`, `successes` of the records
     Stages(perceive, plan, control, move)   ours, each replaceable by a library's or a learner's
     repair(settings, "age", ...)            the same with some stages ideal
+
+The chapter's algorithms, and the functions of their steps:
+
+- The pipeline from event to event: `drive.drive`, with `observe`, `advance` (control and physics)
+  and `between`; `stages.plan_path` plans.
+- Fault localisation by repairs (delta debugging; Zeller and Hildebrandt, 2002): `blame.contracts`
+  checks, `blame.blame` replays with stages made ideal, `minimal` reduces the scenario.
+- Error budget over all subsets (Shapley, 1953): `budget.budget`; `predicted` is its closed form.
+- Rare failures by cross-entropy importance sampling (Rubinstein and Kroese, 2004):
+  `rare.cross_entropy`, its weights in `_estimate`.
 """
 
 from course.pipeline.run import Record, Run, errors, run, run_many, successes, tip_of

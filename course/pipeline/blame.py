@@ -40,23 +40,27 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
     """Return each contract that a run broke, upstream first.
 
     Args:
-        record: of the run; what it says of its settings is not looked at.
+        record: of the run; its settings are ignored.
         agreed: what was promised.
         truth: whether each picture is compared with where the target really was. A simulator
             knows that; on hardware it takes a second, better measurement of the target.
     """
     result, scenario = [], record.scenario
     log, pictures = record.log, record.pictures
+    # A stage that handed over something impossible has stopped the run.
     if record.reason.split(":")[0] in ("perceive", "plan", "control", "move"):
         stage, what = record.reason.split(": ")
         result.append(Broken("age" if "stamp" in what else stage, what))
     late, period = microseconds(agreed.latency), microseconds(agreed.frame)
     arrived = np.array([p.arrived for p in pictures] + [microseconds(scenario.seconds)])
+    # Contracts of time: the age of an image, and the gap between two.
     ages = np.array([p.arrived - p.captured for p in pictures])
     if ages.size and ages.max() > late + period // 2:
         result.append(Broken("age", "pictures are older than was agreed"))
     if np.diff(arrived, prepend=late).max() > 3 * period:
         result.append(Broken("age", "pictures do not arrive"))
+    # Contracts of perception: the stated covariance, and with the truth known the errors
+    # themselves.
     if len(pictures) > 1:
         each = np.sqrt([np.diag(np.asarray(p.covariance)) for p in pictures])
         if np.median(each) > 1.5 * max(agreed.noise, LEAST):
@@ -64,11 +68,13 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
     if truth and len(pictures) > 1:
         true = np.array([scenario.at(1e-6 * p.captured) for p in pictures])
         z = (np.array([p.value for p in pictures]) - true - agreed.bias) / each
+        # The mean of n independent errors has the deviation 1 / sqrt(n).
         if np.abs(z.mean(axis=0)).max() * np.sqrt(len(z)) > SURE:
             result.append(Broken("perceive", "errors do not agree with the bias"))
         if np.abs(z).max() > SURE + 1.0:
             result.append(Broken("perceive", "errors do not agree with the covariance"))
     known = {one.captured: one.value for one in record.estimates}
+    # Contracts of planning: a path in time, clear of the discs, and ending at the goal.
     for requested, crossing in zip(record.plan_requests, record.plans, strict=False):
         path = crossing.value
         if path.motion is None:
@@ -85,6 +91,8 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
             if goal is not None and two_link_ik(scenario.arm.lengths, goal).reached:
                 if np.hypot(*(end - goal)) > SLACK:
                     result.append(Broken("plan", "its path does not end at the goal"))
+    # Contracts of control and physics: the torque of the law, bounded rates, no energy from
+    # nowhere.
     rows = slice(0, -1, max(1, microseconds(agreed.control) // record.step))
     e, v, sent = (log[rows, some] for some in (slice(4, 6), slice(2, 4), slice(6, 8)))
     largest = np.minimum(scenario.arm.torques, agreed.actuator.limit)
@@ -105,14 +113,13 @@ def _gaps(scenario: Scenario, waypoints: np.ndarray) -> np.ndarray:
     count = 2 + int(lengths.sum() / 0.05)
     along = np.concatenate(([0.0], np.cumsum(lengths)))
     at = np.sort(np.concatenate((np.linspace(0.0, along[-1], count), along)))
+    # Both equal spacing and every waypoint, so that no corner is cut off.
     places = np.stack([np.interp(at, along, row) for row in waypoints])
     return np.array([clearance(scenario.world(), q) for q in places.T])
 
 
 def gained(record: Record, kp: float, kd: float) -> float:
-    """Return energy that arm and spring won in steps in which nothing brought it.
-
-    Of the most they had.
+    """Return energy that appeared without a source, over the most that arm and spring had.
 
     With PD, W = v^T M v / 2 + kp e^2 / 2 rises by no more than what is brought: by the moving
     reference kp e . dr, and by torques that are not those of the law, such as at their limit,
@@ -120,7 +127,8 @@ def gained(record: Record, kp: float, kd: float) -> float:
 
     Args:
         record: of a run whose arm is moved by torques.
-        kp, kd: of the law [N m/rad, N m s/rad].
+        kp: gain of the law [N m/rad].
+        kd: gain of the law [N m s/rad].
     """
     if len(record.log) < 3:
         return 0.0
@@ -129,6 +137,7 @@ def gained(record: Record, kp: float, kd: float) -> float:
     r = np.hstack([r[:, :-1], r[:, -2:-1]])  # the last row has no command of its own
     W = 0.5 * np.einsum("in,ijn,jn->n", v, record.scenario.arm.mass_matrix(q), v)
     W += 0.5 * kp * np.sum((r - q) ** 2, axis=0)
+    # Work of the moving reference on the spring, and of every torque that is not the PD law's.
     brought = kp * np.sum(((r - q)[:, 1:] + (r - q)[:, :-1]) * np.diff(r), axis=0) / 2.0
     brought += np.sum((sent + kd * v - kp * (r - q))[:, :-1] * np.diff(q), axis=0)
     return float(np.sum(np.maximum(np.diff(W) - brought, 0.0)) / max(float(W.max()), 1e-12))
@@ -189,14 +198,15 @@ def last_error(record: Record) -> str:
 
 
 def minimal(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Scenario:
-    """Return the plainest scenario that still fails.
+    """Return the simplest scenario that still fails.
 
-    Fewer discs, a level table, a target that stands.
+    It has fewer discs, a level table, and a target at rest.
 
     Args:
         scenario: one that fails.
         fails: whether a scenario does.
     """
+    # One simplification at a time, as in delta debugging; recursion until none still fails.
     fewer = combinations(scenario.discs, max(len(scenario.discs) - 1, 0))
     simpler = [replace(scenario, discs=some) for some in fewer]
     still = replace(scenario, velocity=(0.0, 0.0))
@@ -258,9 +268,9 @@ CASE = (
 def injected(
     fault: Fault, seed: int, case: tuple[Scenario, Settings] = CASE
 ) -> Callable[..., Record]:
-    """Return replays of a run that a fault befalls: stages to make ideal -> record.
+    """Return replays of a run with an injected fault: stages to make ideal -> record.
 
-    None for the run.
+    None stands for the run itself.
     """
     scenario, settings = case
 
@@ -292,7 +302,9 @@ def contracts_alone(
     """Return how many failing runs of each fault the first broken contract names, without a replay.
 
     Args:
-        desired, faults, case: as for `confusion`.
+        desired: as for `confusion`.
+        faults: as for `confusion`.
+        case: as for `confusion`.
 
     Returns:
         Shape (2, faults): with the true target, and with what a robot's own record holds.
@@ -319,8 +331,9 @@ def confusion(
     """Return so many failing runs of each fault, diagnosed without a look at it.
 
     Args:
-        wanted: failing runs of each, of at most eight times as many seeds.
-        faults, case: what befalls what.
+        desired: failing runs of each fault; at most eight times as many seeds are tried.
+        faults: the faults that are injected.
+        case: the scenario and settings that they are injected into.
         contracted: whether contracts are read first.
         truth: as for `contracts`.
 

@@ -29,15 +29,15 @@ Band = tuple[float, float, float]
 
 
 def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
-    """Return mean (2,) [m] and covariance (2, 2) [m^2] of the tip's error at the end, before any
-    run.
+    """Predict the mean (2,) [m] and covariance (2, 2) [m^2] of the tip's final error.
 
     Bias as it is; what a filter that is not settled makes of noise and speed; age times speed; the
     lag and the sag of the arm. A plan that is there in time, and a step that is stable, cost
     nothing once the arm stands.
 
     Args:
-        scenario, settings: with "pd", and pictures that overlap; what is ideal costs nothing.
+        scenario: the task.
+        settings: with "pd", and pictures that overlap; what is ideal costs nothing.
 
     Raises:
         ValueError: for another law or rule of overrun, and for a physics step at which the arm is
@@ -46,6 +46,7 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
     one_of("law", settings.law, ("pd",))
     one_of("overrun", settings.overrun, ("pipelined",))
     u, ideal, T = np.array(scenario.velocity), settings.ideal, settings.frame
+    # The posture that the plan ends in: the branch nearer to the start.
     q = np.asarray(two_link_ik(scenario.arm.lengths, scenario.at(scenario.seconds)).q)
     error = np.abs((q - np.array(scenario.start)[:, None] + math.pi) % (2.0 * math.pi) - math.pi)
     q = q[:, int(np.argmin(np.hypot(*error)))]
@@ -55,6 +56,7 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
             allowed = f"less than {limit:.3g} s, the stability limit in the posture of the reach"
             raise invalid("physics", settings.physics, allowed)
     late = 0.0 if "age" in ideal else settings.latency
+    # The arm is a low-pass filter with this time constant.
     slow = (settings.kd + float(np.mean(scenario.arm.damping))) / settings.kp
     selected = 0.0 if "control" in ideal else math.exp(-T / slow)
     mean, variance, pictures = np.zeros(2), 0.0, 1 + int((scenario.seconds - late) / T)
@@ -85,7 +87,7 @@ class Budget:
     Attributes:
         parts: of `STAGES`.
         errors: mended -> shape (2, N) [m].
-        told: mended -> mean (2,) and covariance (2, 2) as predicted.
+        moments: mended -> mean (2,) and covariance (2, 2) as predicted.
     """
 
     parts: tuple[str, ...]
@@ -108,10 +110,11 @@ class Budget:
         return math.sqrt(square), math.sqrt(float(mean @ mean + np.trace(covariance)))
 
     def gap(self) -> tuple[Array, Array]:
-        """Sum of the parts' means, each alone, minus the mean of the whole.
+        """Return the sum of the sources' mean errors minus the mean of the whole, (2,) [m].
 
-        And its standard error run by run; each (2,) [m].
+        The second result is its standard error run by run, (2,) [m].
         """
+        # If the error were linear in its sources, the sum of each alone would be the whole.
         rest = (len(self.parts) - 1) * self.errors[self.only()]
         parts = sum((self.errors[self.only(part)] for part in self.parts), -rest)
         error = parts - self.errors[frozenset()]
@@ -123,9 +126,7 @@ class Budget:
         return {some: float(np.mean(x if runs is None else x[runs])) for some, x in each.items()}
 
     def shares(self, repeats: int = 200, seed: int = 0) -> dict[str, Band]:
-        """Return share of the mean squared error that each part owns.
-
-        And both ends of its 95 % [m^2].
+        """Return each source's share of the mean squared error, and its 95 % interval [m^2].
 
         Args:
             repeats: of the bootstrap over runs.
@@ -133,6 +134,7 @@ class Budget:
         """
         rng, n = np.random.default_rng(seed), self.errors[frozenset()].shape[1]
         owned = attribution(self.squares())
+        # Bootstrap over runs: the same resampled seeds for all subsets.
         drawn = [attribution(self.squares(some)) for some in rng.integers(0, n, (repeats, n))]
         result = {}
         for part in self.parts:
@@ -164,9 +166,10 @@ def budget(
     """Run every subset of repairs on the same seeds, 2^n runs a seed.
 
     Args:
-        scenario, settings: the case.
+        scenario: the task.
+        settings: with all its errors.
         seeds: at least two.
-        parts: that are mended; the others stay as they are.
+        parts: that are repaired; the others stay as they are.
         stages: whose functions do it.
     """
     measured, report = {}, {}
@@ -187,7 +190,7 @@ class Compared(NamedTuple):
     """The second setting against the first on the same seeds.
 
     Attributes:
-        worked: whether each run was a success, shape (2, N), as `course.measure.success.paired`
+        succeeded: whether each run was a success, shape (2, N), as `course.measure.success.paired`
             takes them.
         square: difference of the mean squared errors, and its 95 % [m^2].
         saved: how many times as many runs it takes on seeds of their own, for the squares.
@@ -209,6 +212,7 @@ def compare(
     records = [run_many(scenario, some, seeds, stages or Stages()) for some in (first, second)]
     a, b = (np.sum(errors(one) ** 2, axis=0) for one in records)
     middle, half = float(np.mean(b - a)), NORMAL * float(np.std(b - a)) / math.sqrt(a.size)
+    # Ratio of variances: how many times fewer runs the paired comparison needs.
     own = float(np.var(a) + np.var(b)) / max(float(np.var(b - a)), 1e-300)
     return Compared(
         np.stack([successes(one) for one in records]), (middle, middle - half, middle + half), own

@@ -116,6 +116,7 @@ def law(settings, model, log, k, desired):
     """
     q1, q2, v1, v2 = log[k, Q], log[k, Q + 1], log[k, V], log[k, V + 1]
     e1, e2 = settings["kp"] * (desired[0, 0] - q1), settings["kp"] * (desired[0, 1] - q2)
+    # PD on the joints, or computed torque with the model's inverse dynamics.
     if settings["law"] == 0.0:
         log[k, SENT], log[k, SENT + 1] = e1 - settings["kd"] * v1, e2 - settings["kd"] * v2
         return
@@ -126,7 +127,8 @@ def law(settings, model, log, k, desired):
 
 @register_jitable
 def step(log, k, h, body):
-    """The state in row k one step of semi-implicit Euler on; the torques are in `body`."""
+    """Advance the state in row k by semi-implicit Euler; the torques are in `body`."""
+    # Semi-implicit Euler: velocities first, positions with the new ones.
     q1, q2, v1, v2 = log[k, Q], log[k, Q + 1], log[k, V], log[k, V + 1]
     a1, a2 = accelerations(q1, q2, v1, v2, body, 0)
     v1, v2 = v1 + h * a1, v2 + h * a2
@@ -146,6 +148,8 @@ def _reference(t, progress, aim, table, links, desired):
     progress["interval"], share = state_at(
         table, 1e-6 * (t - progress["origin"]), progress["interval"], desired
     )
+    # The target has moved since the plan was made: shift its end to the current inverse kinematics,
+    # in proportion to the share of the path that has been driven.
     if aim["fresh"] > 0.0:
         since = 1e-6 * (t - aim["stamp"])
         x, y = (
@@ -194,6 +198,7 @@ def advance(law, step, last, progress, aim, settings, table, log, body, model, o
     period, delay = round(settings["period"]), math.ceil(settings["delay"] / settings["step"])
     for k in range(progress["now"], last):
         t = k * h
+        # Control: compute the next command and apply slew limit and saturation.
         if t >= progress["command"] and settings["perfect"] == 0.0:
             progress["command"] += period
             _reference_loop(t, progress, aim, table, links, desired)
@@ -207,10 +212,13 @@ def advance(law, step, last, progress, aim, settings, table, log, body, model, o
                 before = log[k - 1, SENT + i] if k > 0 else 0.0
                 u = min(max(u, before - settings["slew"]), before + settings["slew"])
                 log[k, SENT + i] = min(max(u, -largest), largest)
+        # Actuator: transport delay, then a first-order lag, exact for a constant command over the
+        # step.
         for i in range(2):
             late = log[k - delay, SENT + i] if k >= delay else 0.0
             log[k, TORQUE + i] += settings["lag"] * (late - log[k, TORQUE + i])
             body[11 + i, 0] = log[k, TORQUE + i]
+        # Physics: the row of the log is the state, so a step starts as a copy.
         for i in range(GAP):
             log[k + 1, i] = log[k, i]
         if settings["perfect"] > 0.0:
@@ -223,12 +231,14 @@ def advance(law, step, last, progress, aim, settings, table, log, body, model, o
         q[0], q[1] = log[k + 1, Q], log[k + 1, Q + 1]
         log[k + 1, GAP] = _gap_loop(obstacles, links, q) if obstacles.shape[0] > 0 else np.inf
         progress["now"] = k + 1
+        # Divergence ends the run before infinities spread.
         if not (abs(q[0]) < 1e3 and abs(q[1]) < 1e3):
             progress["wrong"] = 5
             return
 
 
 def between(last, progress, aim, settings, table, log, body, model, obstacles, links):
+    """Advance the physics with this module's control law and integrator up to step `last`."""
     advance(law, step, last, progress, aim, settings, table, log, body, model, obstacles, links)
 
 
@@ -268,6 +278,7 @@ def drive(
     """Advance until the end of the run, a request for a plan, a plan that is ready, or a fault."""
     h, end, count = round(settings["step"]), round(settings["end"]), times.shape[0]
     while True:
+        # The next event: an image is taken, one arrives, a plan is ready, or the end.
         taken = times[progress["taken"], 0] if progress["taken"] < count else FAR
         arrives = times[order[progress["arrived"]], 1] if progress["arrived"] < count else FAR
         t = min(min(taken, arrives), min(progress["due"], end))
@@ -287,6 +298,7 @@ def drive(
             if progress["wrong"] > 0:
                 return FAILED
             continue
+        # An image has arrived: validate it, filter it, and decide whether to replan.
         k = order[progress["arrived"]]
         progress["arrived"] += 1
         row = observed[k]
@@ -298,15 +310,18 @@ def drive(
             progress["wrong"] = 3
         if progress["wrong"] > 0:
             return FAILED
+        # Out-of-sequence images, and those without a detection, are ignored.
         R = np.array([[row[SPREAD], row[SPREAD + 1]], [row[SPREAD + 1], row[SPREAD + 2]]])
         if math.isinf(row[SPREAD]) or row[WHEN] < aim["stamp"]:
             row[USED] = -1.0  # nothing was seen, or it is older than what is known
             continue
+        # First image, or no filter: start the track from it.
         if settings["filtered"] == 0.0 or aim["stamp"] < 0.0:
             x[:2], x[2:] = row[PLACE:SPREAD], 0.0
             P[:2, :2], P[2:, 2:] = R, settings["speed"] ** 2 * np.eye(2)
             P[:2, 2:] = P[2:, :2] = 0.0
         else:
+            # Kalman filter: predict to the stamp of the image, then update.
             dt = 1e-6 * (row[WHEN] - aim["stamp"])
             follow(x, P, dt, row[PLACE:SPREAD], R, settings["drift"])
         row[USED], row[GUESS:GUESS_SPREAD] = 1.0, x
@@ -316,10 +331,12 @@ def drive(
             aim["rate"][0], aim["rate"][1] = settings["velocity"][0], settings["velocity"][1]
         elif settings["carried"] > 0.0:
             aim["rate"][:] = x[2:]
+        # Replan when the target has moved farther than `replan` from where the plan was made.
         away = math.hypot(x[0] - aim["made"][0], x[1] - aim["made"][1])
         if progress["busy"] == 0 and (progress["requested"] == 0 or away > settings["replan"]):
             progress["busy"] = progress["requested"] = 1
             aim["made"][:] = x[:2]
+            # Without hysteresis the arm stops where it is until the new plan is ready.
             if settings["hysteresis"] == 0.0:
                 aim["wait"][:] = log[progress["now"], REFERENCE : REFERENCE + 2]
                 progress["planned"] = 0

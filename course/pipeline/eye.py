@@ -29,7 +29,7 @@ THICK = 0.03  # half the height of a link, and how far it is above the discs [m]
 def find(
     depth: Array, camera: Camera, sensor: Sensor, part: Shapes, table: Array
 ) -> tuple[Array, Array]:
-    """Place of the part in the picture's plane (2,) and its covariance (2, 2), by `locate` [m]."""
+    """Return the part's place in the picture's plane (2,) and its covariance (2, 2) [m, m^2]."""
     result = [
         one
         for one in locate(depth, camera, sensor, part, table=table, starts=1)
@@ -73,8 +73,9 @@ class Eye:
         return np.array([0.0, 0.0, -1.0, self.height])
 
     def _pose(self, x: float, y: float, z: float, turn: float) -> Array:
-        """Return in the camera's frame, whose x is the base's and whose y and z are turned
-        round.
+        """Return a pose in the camera's frame.
+
+        The camera's x is the base's; its y and z are turned round.
         """
         (u, v), half = self.middle, 0.5 * turn
         place = (x - u, v - y, self.height - z)
@@ -104,7 +105,7 @@ class Eye:
     def __call__(
         self, sight: Sight, scenario: Scenario, settings: Settings
     ) -> tuple[Array, Array, str, int]:
-        """Return as `perceive`.
+        """Return what `perceive` returns, from a rendered depth image.
 
         The noise is the sensor's, so that of the settings has no part in it.
         """

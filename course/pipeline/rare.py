@@ -33,7 +33,7 @@ class Rare:
             interval leaves open, divided by 1.96.
         low, high: ends of the 95 % interval of the share, by Wilson's formula. They know nothing
             of failures that the proposal never meets.
-        runs: severities asked for.
+        runs: number of severities that were evaluated.
         effective: failures that would say as much if each weighed the same, (sum w)^2 / sum w^2.
         heaviest: share of the answer that rests on one run: near 1 it is an alarm.
         mean, width: of the proposal, shape (n,), in standard deviations of the disturbances.
@@ -52,6 +52,7 @@ class Rare:
 
 def _interval(share: float, n: float) -> tuple[float, float]:
     """Return Wilson's 95 % interval of a share of n runs (a chapter can't import `measure`)."""
+    # Wilson's score interval: it stays within 0 and 1, and has a width for 0 failures.
     square = _TWO_SIGMA**2
     middle = share + 0.5 * square / n
     half = math.sqrt(square * (share * (1.0 - share) + 0.25 * square / n) / n)
@@ -67,7 +68,8 @@ def _estimate(weights: Array, runs: int, unbiased: int, mean: Array, width: Arra
         runs: severities evaluated in all.
         unbiased: runs among them that were sampled as the world samples them. Only they say how
             rare a failure is that no run has met.
-        mean, width: of the proposal.
+        mean: of the proposal.
+        width: of the proposal, standard deviations.
     """
     n, total, square = weights.size, float(weights.sum()), float(np.sum(weights**2))
     share = min(total / n, 1.0)  # weights are noisy: their mean may exceed 1
@@ -76,6 +78,7 @@ def _estimate(weights: Array, runs: int, unbiased: int, mean: Array, width: Arra
         low, high = _interval(share, unbiased)
         error = (high - low) / _TWO_SIGMA
     else:
+        # The number of plain runs with the same standard error enters Wilson's formula.
         low, high = _interval(share, share * (1.0 - share) / error**2)
     effective = total * total / square if square else 0.0
     heaviest = float(weights.max()) / max(total, 1e-300)
@@ -117,7 +120,8 @@ def cross_entropy(
         severity: disturbances (size, N) -> how bad each run was, above 0 a failure.
         size: how many disturbances.
         rng: all random numbers.
-        rounds, each: of the search, and runs in one.
+        rounds: of the search.
+        each: runs in a round of the search.
         last: runs that are counted.
         elite: share of a round that the proposal is fitted to, by weight.
         least: width below which no disturbance's proposal may fall.
@@ -135,18 +139,23 @@ def cross_entropy(
     unbiased += round(share * last) if rounds else 0
 
     def drawn(n: int) -> tuple[Array, Array]:
+        # Defensive mixture (Hesterberg, 1995): a share is sampled from the true distribution, so
+        # that no weight exceeds 1 / share.
         x = mean[:, None] + width[:, None] * rng.standard_normal((size, n))
         x = np.where(rng.random(n) < share, rng.standard_normal((size, n)), x)
         z = (x - mean[:, None]) / width[:, None]
+        # Likelihood ratio of the proposal to the standard normal.
         ratio = np.exp(0.5 * np.sum(x * x - z * z, axis=0)) / np.prod(width)
         return x, 1.0 / (share + (1.0 - share) * ratio)
 
     for _ in range(rounds):
         x, weight = drawn(each)
         bad = _severities(severity, x)
+        # Elites: the worst runs of the round, or all failures once there are enough; weighted.
         worst = weight * (bad >= min(float(np.quantile(bad, 1.0 - elite)), 0.0))
         mean = x @ worst / worst.sum()
         spread = np.sqrt((x - mean[:, None]) ** 2 @ worst / worst.sum())
+        # A floor on the width keeps the proposal from collapsing onto one run.
         width = np.maximum(spread, max(least, 1e-3))
     x, weight = drawn(count("last", last, 1))
     failed = _severities(severity, x) > 0.0

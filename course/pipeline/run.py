@@ -37,9 +37,9 @@ class Record:
         time: from when on the tip stayed within the tolerance [s]; infinity without success.
         log: a row each physics step, columns as in `drive`, shape (steps + 1, 11).
         timetable: of the camera, as it was.
-        seen: a row each frame, columns as in `drive`, shape (N, 14).
+        sightings: a row each frame, columns as in `drive`, shape (N, 14).
         plans: what came from the planner, in order; value a `Path`.
-        asked: when each was asked for [us].
+        plan_requests: when each plan was requested [us].
     """
 
     scenario: Scenario
@@ -57,7 +57,7 @@ class Record:
 
     @property
     def success(self) -> bool:
-        """Whether the tip was there in time, and nothing was touched."""
+        """True if the tip was there in time and nothing was touched."""
         return not self.reason
 
     @property
@@ -67,12 +67,12 @@ class Record:
 
     @property
     def step(self) -> int:
-        """Of the physics [us]."""
+        """Physics time step [us]."""
         return step_of(self.settings)
 
     @property
     def times(self) -> Array:
-        """Of the rows of the log [s]."""
+        """Times of the rows of the log [s]."""
         return np.asarray(1e-6 * self.step * np.arange(len(self.log)))
 
     @property
@@ -106,10 +106,11 @@ def run(
     seed: int = 0,
     disturb: Disturb | None = None,
 ) -> Record:
-    """Return the whole pipeline, once, the same on every machine.
+    """Run the whole pipeline once; the record is the same on every machine.
 
     Args:
-        scenario, settings: what is to be done, and how.
+        scenario: the task.
+        settings: periods, gains and errors of the stages.
         stages: whose functions do it.
         seed: of all random numbers; each stage has a stream of its own, so that two settings meet
             the same noise.
@@ -120,6 +121,7 @@ def run(
         ValueError: for a latency or a first capture that is later than the end of the run, and
             for a stage that returns something of another kind or shape; it names the stage.
     """
+    # One call to the end; a simulation instead calls `to` again and again.
     process = Run(scenario, settings, stages, seed, disturb)
     process.to(scenario.seconds)
     return process.record()
@@ -132,12 +134,12 @@ def run_many(
     stages: Stages = OURS,
     disturb: Disturb | None = None,
 ) -> list[Record]:
-    """Return a run for each seed; arguments are those of `run`."""
+    """Run the pipeline once for each seed; the arguments are those of `run`."""
     return [run(scenario, settings, stages, seed, disturb) for seed in seeds]
 
 
 def errors(records: Sequence[Record]) -> Array:
-    """Return of the tip at the end, shape (2, N) [m]; NaN where a run did not get that far."""
+    """Return the final error of the tip, (2, N) [m]; NaN where a run did not get that far."""
     return np.stack([record.error for record in records], axis=1)
 
 
@@ -147,14 +149,14 @@ def successes(records: Sequence[Record]) -> NDArray[np.bool_]:
 
 
 def tip_of(arm: TwoLink, q: Array) -> Array:
-    """Place of the tip (2, ...) [m] of joint angles (2, ...)."""
+    """Return the place of the tip (2, ...) [m] for joint angles (2, ...)."""
     (l1, l2), both = arm.lengths, q[0] + q[1]
     x, y = l1 * np.cos(q[0]) + l2 * np.cos(both), l1 * np.sin(q[0]) + l2 * np.sin(both)
     return np.stack((x, y))
 
 
 def step_of(settings: Settings) -> int:
-    """Step of the physics [us]; a quarter of a millisecond where it is ideal."""
+    """Return the step of the physics [us]; at most a quarter of a millisecond where it is ideal."""
     return (
         min(250, microseconds(settings.physics))
         if "move" in settings.ideal
@@ -166,7 +168,7 @@ class Run:
     """A run that can be stopped on its way; arguments are those of `run`.
 
     Attributes:
-        log, seen, timetable, plans, asked: as in a `Record`, as far as it has come.
+        log, sightings, timetable, plans, plan_requests: as in a `Record`, as far as it has come.
         wrong: what stopped it, or nothing.
     """
 
@@ -191,6 +193,7 @@ class Run:
         self._settings = ideal_settings(settings)
         self.timetable = timetable = _timetable(self._settings, scenario.seconds, seed, disturb)
         self._drive_settings = _numbers(scenario, self._settings)
+        # Integer microseconds, rounded up: times add without error, and the end is covered.
         steps = -(-microseconds(scenario.seconds) // step_of(settings))
         self.sightings, self.log = (
             np.zeros((timetable.captured.size, 14)),
@@ -202,6 +205,7 @@ class Run:
         world = scenario.world()
         self.log[0, Q:V] = self.log[0, REFERENCE:SENT] = scenario.start
         self.log[0, GAP] = clearance(world, scenario.start)
+        # Pictures are handled in the order in which they arrive, which jitter may change.
         self._order = np.argsort(timetable.arrived, kind="stable")
         self._given = (
             np.stack((timetable.captured, timetable.arrived, timetable.stamp), axis=1),
@@ -225,15 +229,16 @@ class Run:
         self._drive, self._ours = self._stages()
 
     def _stages(self) -> tuple[Any, tuple[Any, Any]]:
-        """Return the driver and what it calls.
+        """Return the driver and the functions that it calls.
 
-        Compiled, or of a learner's or library's functions.
+        They are compiled, or a learner's or a library's.
         """
         drive, *ours = by.kernels()
         stages, scenario, settings = self.stages, self.scenario, self._settings
         observed, law, moved = (
             getattr(stages, name) is getattr(OURS, name) for name in ("perceive", "control", "move")
         )
+        # All three are the course's own: the loop stays in compiled code from event to event.
         if observed and law and moved:
             return drive, (ours[0], ours[1])
 
@@ -273,10 +278,11 @@ class Run:
             progress["wrong"] = by.WRONGS.index("perceive: another frame")
 
     def to(self, seconds: float) -> bool:
-        """Return on to a time of the run [s], at most to its end; whether all is well."""
+        """Advance to a time of the run [s], at most to its end; return whether all is well."""
         progress = self._progress
         self._drive_settings["end"] = microseconds(min(seconds, self.scenario.seconds))
         while not self.wrong:
+            # The driver returns where it needs Python: for a plan, and when a plan is ready.
             code = self._drive(*self._ours, *self._given, self._table, *self._fixed)
             if code == by.ENDED:
                 break
@@ -289,37 +295,42 @@ class Run:
         return not self.wrong
 
     def retarget(self, place: tuple[float, float]) -> None:
-        """From now on the target stands at a place [m]; what was seen and done stays as it was."""
+        """Put the target to a place [m] from now on; what was seen and done stays as it was."""
         self.scenario = replace(self.scenario, target=place, velocity=(0.0, 0.0))
         self._drive_settings["target"], self._drive_settings["velocity"] = self.scenario.target, 0.0
 
     def _ask(self) -> None:
-        """A plan from where the reference is, and when it will be ready."""
+        """Ask for a plan from where the reference is, and note when it will be ready."""
         progress, settings = self._progress, self._settings
         k = self._order[progress["arrived"] - 1]
         now = int(self.timetable.arrived[k])
         start = self.log[progress["now"], REFERENCE:SENT].copy()
         goal = self._aim["made"].copy()
+        # A generator of its own for each plan: its random numbers do not depend on what came
+        # before.
         rng = np.random.default_rng([self.seed, 2, len(self.plans)])
         tries = 3 if "plan" in settings.ideal else 1  # by chance a way is three times as long
         result = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
         for other in result:
             if not isinstance(other, Path):
                 raise invalid("what plan returns", other, "a course.pipeline.stages.Path")
+        # The quickest of the paths; one without a motion counts as infinitely slow.
         path = self._pending = min(
             result, key=lambda p: p.motion.duration if p.motion else math.inf
         )
         if path.motion is not None:
             if not np.isfinite(path.motion.table).all():
                 self.wrong = "plan: a path that is not finite"
+            # The path must continue the reference without a jump.
             elif np.abs(path.motion.table[0, 4:6] - start).max() > 1e-9:
                 self.wrong = "plan: a path that does not begin where the arm should be"
+        # The plan is ready when its collision checks, at their stated cost, have been done.
         progress["due"] = due = now + round(1e6 * settings.check_cost * path.checks)
         self.plan_requests.append(now)
         self.plans.append(Crossing(path, None, "joints", int(self.sightings[k, by.WHEN]), due))
 
     def _take(self) -> None:
-        """The plan that was waited for comes into force, if there is one."""
+        """Put the plan that was waited for into force, if there is one."""
         progress, aim, path = self._progress, self._aim, self._pending
         if path.motion is not None:
             progress["planned"], progress["interval"], progress["origin"] = 1, 0, progress["due"]
@@ -334,6 +345,7 @@ class Run:
         when = 1e-6 * step_of(self.settings) * np.arange(len(log))
         target = np.asarray(scenario.target)[:, None] + np.outer(scenario.velocity, when)
         away = tip_of(scenario.arm, log[:, Q:V].T) - target
+        # Success needs the tip within the tolerance from some time on until the end.
         far = np.flatnonzero(~(np.hypot(*away) <= scenario.tolerance))
         reason, least = self.wrong, float(np.min(log[:, GAP]))
         error = away[:, -1] if not reason else np.full(2, np.nan)

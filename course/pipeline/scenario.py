@@ -106,7 +106,7 @@ class Settings:
         noise, bias: of one picture's place: standard deviation of each axis [m], and mean [m].
         frame: period of the camera [s].
         phase: of its first capture [s].
-        latency: from capture to arrival of what was seen [s].
+        latency: from the capture of an image to its arrival [s].
         overrun: of a frame that takes longer than a period. "pipelined": another worker takes it;
             "drop": lost where the worker is busy; "queue": it waits; "block": the camera waits.
         lost: share of frames that never arrive.
@@ -118,9 +118,9 @@ class Settings:
         samples: budget of a plan.
         check_cost: time that a collision check takes in the story; a plan arrives after its checks.
         margin: clearance that a plan keeps [m].
-        replan: from how far a goal that has moved is planned anew [m].
-        kept: whether the arm goes on with its old plan while a new one is made, from where the arm
-            was when it was asked for; else it waits there.
+        replan: distance that the goal must have moved before the arm replans [m].
+        hysteresis: whether the arm follows its old plan while a new one is made, from where the
+            arm was when it was requested; else it waits there.
         rate, acceleration: limits of a plan, of each joint [rad/s, rad/s^2].
         law: "pd": kp (reference - q) - kd v; "computed_torque": with the model and the rates.
         kp, kd: gains, of pd [N m/rad, N m s/rad], of computed torque before the inertia.
@@ -182,7 +182,7 @@ def _world(lengths: tuple[float, float], radius: float, discs: Discs) -> World:
 
 
 def microseconds(seconds: float) -> int:
-    """Return on the clock of a run."""
+    """Return a time in s on the clock of a run, in integer microseconds."""
     return round(1e6 * seconds)
 
 

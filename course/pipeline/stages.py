@@ -75,7 +75,7 @@ class Path:
         side: 0 where the elbow bends to the left there, 1 to the right.
         checks: collision checks, those of the shortcuts among them.
         waypoints: (2, k) [rad].
-        margin: what it kept from the discs [m].
+        margin: its clearance from the discs [m].
     """
 
     status: str
@@ -93,7 +93,7 @@ class Frames:
 
     Attributes:
         captured, arrived: shape (N,) [us].
-        stamp: what each says of its capture [us].
+        stamp: capture time in each message [us].
         shift: by which the target seems to be elsewhere, (N, 2) [m].
         scale: of each frame's noise, (N,).
         draws: standard normal numbers, (N, 2), by number of the frame whatever the settings are.
@@ -126,6 +126,7 @@ def frames(settings: Settings, seconds: float, seed: int) -> Frames:
     if settings.lost > 0.0:
         retained &= np.random.default_rng([seed, 1]).random(taken.size) >= settings.lost
     arrived = taken + late
+    # What the camera does while it is busy: drop the image, delay the capture, or queue it.
     if settings.overrun == "drop":
         retained &= free(taken.astype(float), np.full(taken.size, float(late)))
     elif settings.overrun == "block":
@@ -189,7 +190,9 @@ def plan_path(
     Args:
         start: posture (2,) [rad].
         goal: place of the tip (2,) [m]; out of reach, the nearest place in reach.
-        scenario, settings, rng: random numbers are drawn from `rng` only.
+        scenario: the task.
+        settings: of the planner.
+        rng: the only source of random numbers.
         search: who finds the waypoints; another one may be a library's.
     """
     world, status = scenario.world(), "goal in collision"
@@ -201,6 +204,7 @@ def plan_path(
         np.linalg.norm(postures - start[:, None], axis=0), kind="stable"
     ).tolist():
         other = postures[:, side]
+        # A margin that start or goal does not have cannot be asked of the path.
         room = 0.5 * min(here, clearance(world, other))
         if room <= 0.0:
             continue
@@ -213,6 +217,7 @@ def plan_path(
             return bool(test(wide.obstacles, wide.body, a, b))
 
         paths: list[Array] = []
+        # RRT-Connect sometimes returns a detour: a few searches, and the shortest of them.
         for _ in range(TRIES):
             waypoints, checks, status = search(wide, start, other, settings, rng)
             requested[0] += checks
@@ -232,9 +237,11 @@ def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Se
     """Return torques (2,) of a law of chapter 6 [N m].
 
     Args:
-        q, v: the state, shape (2,).
+        q: joint angles, shape (2,) [rad].
+        v: joint rates, shape (2,) [rad/s].
         desired: angles, rates and accelerations of the reference, shape (3, 2).
-        scenario, settings: the law, its gains, and the arm that it believes in.
+        scenario: the arm.
+        settings: the law, its gains, and the arm that it believes in.
     """
     numbers = np.zeros((), SETTINGS)[()]
     numbers["law"] = LAWS.index(settings.law)
@@ -245,7 +252,7 @@ def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Se
 
 
 def move(q: Array, v: Array, tau: Array, dt: float, scenario: Scenario) -> tuple[Array, Array]:
-    """Return state after a step [s] under a torque (2,): semi-implicit Euler."""
+    """Return the state after a step [s] under a torque (2,): semi-implicit Euler."""
     body, row = scenario.plant.column(), np.concatenate((q, v))[None]
     body[TORQUES, 0] = tau
     step(row, 0, dt, body)

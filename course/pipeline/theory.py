@@ -30,10 +30,13 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
     2 alpha)) (Kalata, The tracking index, 1984).
 
     Args:
-        alpha, beta: gains, stable while both are positive and 2 alpha + beta < 4; 1 and 0 for none.
+        alpha: gain on the position, stable while both are positive and 2 alpha + beta < 4; 1 for no
+            filter.
+        beta: gain on the rate; 0 for no filter.
         ahead: periods that the estimate is carried forward at its own rate.
     """
     a, b = positive("alpha", alpha), finite("beta", beta, 0.0)
+    # Stability of the alpha-beta filter (Kalata, 1984).
     t, room = finite("ahead", ahead, 0.0), 4.0 - b - 2.0 * a
     if room <= 0.0:
         raise invalid("2 alpha + beta", 2.0 * a + b, "a number below 4")
@@ -44,19 +47,17 @@ def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
 def settling(
     pictures: int, period: float, ratio: float, drift: float, retain: float = 0.0
 ) -> tuple[float, float]:
-    """Return a Kalman filter that is not yet settled.
-
-    What a target's speed and noise do to its place.
+    """Return the effect of a target's speed and noise on a Kalman filter that has not settled.
 
     It starts at its first picture and believes in a speed around 0, so that it has to be taught
     every speed: at first it stays behind.
 
     Args:
-        pictures: that it has seen.
+        pictures: number of images that it has processed.
         period: between them [s].
         ratio: of the speeds that it believes in to the noise, standard deviations [1/s].
         drift: the same of accelerations [1/s^2].
-        keep: share of itself that the arm keeps from picture to picture, as in `low_pass`.
+        retain: fraction of its state that the arm retains from image to image, as in `low_pass`.
 
     Returns:
         Mean error for each unit of speed [s], and variance over that of a picture, of the place;
@@ -66,6 +67,8 @@ def settling(
     F, Q = np.array([[1.0, T], [0.0, 1.0]]), drift**2 * np.outer((T * T / 2, T), (T * T / 2, T))
     P, mean, C = np.diag([1.0, ratio**2]), np.array([0.0, -1.0, 0.0]), np.diag([1.0, 0.0, 1.0])
     A, take = np.diag([0.0, 0.0, retain]), 1.0 - retain
+    # Kalman recursion for a target of constant velocity; (mean, C) follow the true error, with the
+    # arm's low-pass as a third state.
     for _ in range(count("pictures", pictures, 1) - 1):
         P = F @ P @ F.T + Q
         k = P[:, 0] / (P[0, 0] + 1.0)
@@ -95,9 +98,7 @@ def tip_jacobian(arm: TwoLink, q: ArrayLike) -> Array:
 
 
 def lag(arm: TwoLink, q: ArrayLike, kp: float, kd: float, velocity: ArrayLike) -> Array:
-    """Return how far the tip stays behind a reference that moves.
-
-    -(kd + c) / kp times its velocity.
+    """Return how far the tip lags behind a moving reference, -(kd + c) / kp times its velocity.
 
     At a steady rate the spring has to pay for all damping: kp e = (kd + c) v in each joint. The
     torques of acceleration are left out: they grow with the square of the speed.
@@ -105,7 +106,8 @@ def lag(arm: TwoLink, q: ArrayLike, kp: float, kd: float, velocity: ArrayLike) -
     Args:
         arm: c is its damping.
         q: posture, shape (2,), not stretched.
-        kp, kd: [N m/rad, N m s/rad].
+        kp: stiffness of the law [N m/rad].
+        kd: damping of the law [N m s/rad].
         velocity: of the reference's tip, shape (2,) [m/s].
     """
     J, u = tip_jacobian(arm, q), vector("velocity", velocity, (2,), unit="m/s")
@@ -153,14 +155,17 @@ def _pulls(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> tuple[Array, Arr
 
 
 def step_limit(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> float:
-    """Return largest stable step of semi-implicit Euler with PD at every step [s].
+    """Return the largest stable step of semi-implicit Euler with PD at every step [s].
 
     With m the largest eigenvalue of the inverse inertia, k = kp m and d = (kd + c) m it is
     (sqrt(d^2 + 4 k) - d) / k: -1 becomes an eigenvalue. With other damping in each joint it is the
     least h for which 4 M - 2 h (kd + c) - h^2 kp is singular, which is what is solved here.
 
     Args:
-        arm, q, kp, kd: linearised at rest in q.
+        arm: linearised at rest in q.
+        q: posture, shape (2,) [rad].
+        kp: stiffness of the law [N m/rad].
+        kd: damping of the law [N m s/rad].
     """
     K, D = _pulls(arm, q, kp, kd)
     # 1 / h is an eigenvalue: 4 (1 / h)^2 - 2 D (1 / h) - K = 0.
@@ -172,12 +177,16 @@ def growth(arm: TwoLink, q: ArrayLike, kp: float, kd: float, dt: float, held: in
     """Return growth a control period near rest in q: the largest eigenvalue's size; stable below 1.
 
     Args:
-        arm, q, kp, kd: as for `step_limit`.
+        arm: as for `step_limit`.
+        q: as for `step_limit`.
+        kp: as for `step_limit`.
+        kd: as for `step_limit`.
         dt: physics step [s].
         held: steps for which a torque is held.
     """
     h, n = positive("dt", dt, unit="s"), count("held", held, 1)
     inverse = np.linalg.inv(arm.mass_matrix(vector("q", q, (2,))))
+    # Damping acts on the velocity of the step's start, the spring of the law on the held sample.
     damped, zero = np.eye(2) - h * inverse @ np.diag(arm.damping), np.zeros((2, 2))
     free = np.block([[np.eye(2), h * damped], [zero, damped]])
     push = np.vstack([h * h * inverse, h * inverse])
@@ -239,6 +248,7 @@ def look_noise(gain: float, frames: int) -> float:
     From P = A P A^T + B B^T, solved as linear equations; gain / (2 - gain) for fresh pictures.
     ValueError beyond `look_limit`.
     """
+    # Stationary covariance: the Lyapunov equation X = A X A^T + B B^T as a linear system.
     A, n = look_matrix(gain, frames), frames + 1
     if not 0.0 < gain < look_limit(frames):
         raise invalid("gain", gain, f"a number above 0 and below {look_limit(frames):g}")

@@ -48,13 +48,14 @@ def chain(
     """Return the task at a step; the last two states are the goal, and an end without it.
 
     Args:
-        way: the task.
-        dt: step [s]; the way takes a whole number of them.
+        path: the task.
+        dt: step [s]; the path takes an integer number of them.
         gamma: discount a step; by default exp(-dt / horizon).
         per_step: factor from a cost a second to one a step; by default the discounted time of a
             step, horizon (1 - gamma), which is dt for a short one.
     """
     n = count("seconds / dt", round(path.seconds / positive("dt", dt, unit="s")), 1)
+    # The discount and the cost of a step that belong to the same continuous horizon.
     selected = math.exp(-dt / path.horizon) if gamma is None else finite("gamma", gamma, 0.0, 1.0)
     paid = path.horizon * -math.expm1(-dt / path.horizon) if per_step is None else per_step
     P, R = np.zeros((n + 2, 3, n + 2)), np.zeros((n + 2, 3, n + 2))

@@ -85,6 +85,8 @@ def _to_segment(p, d, c, e):
     """
     w = scaled(p, c, -1.0)
     dd, ee, de, dw, ew = _dot(d, d), _dot(e, e), _dot(d, e), _dot(d, w), _dot(e, w)
+    # The lines' closest points, if both lie within the segments (Ericson, Real-Time Collision
+    # Detection, 2005, sec. 5.1.9). Otherwise an end of one of the two is nearest.
     area = dd * ee - de * de
     if area > 1e-12 * dd * ee:  # for parallel segments the ends below suffice
         s, t = (de * ew - ee * dw) / area, (dd * ew - de * dw) / area
@@ -124,6 +126,7 @@ def _to_box(p, d, half):
     The squared distance is convex along the segment and its slope is piecewise linear with at most
     seven pieces. Newton's method, safeguarded by bisection, therefore ends at the exact root.
     """
+    # The squared distance is convex in t: at an end with an outward slope that end is nearest.
     low, high = 0.0, 1.0
     square, slope, bend = _pull(p, d, half, low)
     if slope >= 0.0:
@@ -131,6 +134,7 @@ def _to_box(p, d, half):
     square, slope, bend = _pull(p, d, half, high)
     if slope <= 0.0:
         return math.sqrt(square)
+    # Newton on the slope, which is piecewise linear, safeguarded by bisection.
     t = 0.5
     for _ in range(60):
         square, slope, bend = _pull(p, d, half, t)
@@ -196,6 +200,8 @@ def _speed(body, i, pose, p, d, rates):
         if body[k, SLIDES] != 0.0:
             total += rates[k]
         else:
+            # A point at distance r from the axis moves by r times the angle; r is convex along the
+            # segment, so its largest value is at an end.
             axis, e = axis_of(pose, k), scaled(p, three(pose, k, 0), -1.0)
             a, b = cross3(axis, e), cross3(axis, scaled(e, d, 1.0))
             total += rates[k] * math.sqrt(max(_dot(a, a), _dot(b, b)))
@@ -213,6 +219,7 @@ def _freed(obstacles, body, pose, rates, far):
     for i in range(body.shape[0] - 1, rates.size, -1):
         p, d = _line(body, i, pose)
         thick, bound, speed = body[i, THICK], 0.0, -1.0
+        # A bound that needs no posture: the largest distance from each axis, over all postures.
         for k in range(rates.size):
             bound += rates[k] * body[i, REACH + k]
         half = 0.5 * math.sqrt(_dot(d, d)) + thick
@@ -228,6 +235,8 @@ def _freed(obstacles, body, pose, rates, far):
             if gap < far * bound:  # the cheap bound does not suffice: take the posture's own
                 if speed < 0.0:
                     speed = _speed(body, i, pose, p, d, rates)
+                # Conservative advancement: within gap / speed of the motion the capsule cannot
+                # touch. The nanometre covers the rounding of the gap.
                 far = min(far, (gap - 1e-9) / speed)
     return far
 
@@ -247,6 +256,8 @@ def _edge(obstacles, body, a, b):
     far = _freed(obstacles, body, pose, rates, 1.0)
     if far < 0.0:
         return False
+    # Intervals of the edge that are not proved free yet wait on a stack, and each is tested at its
+    # middle; what the bounds free on both sides of it is cut out.
     waiting[0, 0], waiting[0, 1], top = 0.0, 1.0 - far, 1 if far < 1.0 else 0
     while top > 0:
         top -= 1

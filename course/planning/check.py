@@ -45,7 +45,7 @@ RESOLVED = 1e-8  # m; an arm that moves less between two states looked at is not
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a path is one.
+    """Result of validating a path.
 
     Attributes:
         free: it is, from start to goal.
@@ -74,8 +74,9 @@ def check_path(
     Args:
         world: the world.
         path: states, one a column, shape (n, k), k from 1 on; None, as a plan may have, is wrong.
-        start, goal: what it has to begin and end with, exactly, if given: a state (n,), or for the
-            goal the corners of its box as rows, shape (2, n).
+        start: the state that it must begin with, exactly, shape (n,), if given.
+        goal: the state that it must end with, likewise, or the corners of the goal box as rows,
+            shape (2, n).
 
     Returns:
         The verdict: true where the path is right. In a world of kind "function" only the points
@@ -135,10 +136,7 @@ def _to_segments(p: Any, a: Any, b: Any) -> Any:
 
 
 def _depth(p: Any, ring: Any) -> Array:
-    """Return how deep points are in a polygon, negative outside.
-
-    By winding number, for any p (m,).
-    """
+    """Return how deep points (m,) are in a polygon, by winding number; negative outside."""
     ends = np.roll(ring, -1)
     away = _to_segments(p[:, None], ring, ends).min(axis=1)
     with np.errstate(all="ignore"):
@@ -147,10 +145,7 @@ def _depth(p: Any, ring: Any) -> Array:
 
 
 def _pieces(a: complex, b: complex, ring: Any) -> Array:
-    """Return middles of the pieces into which the lines of a polygon's sides cut a segment.
-
-    In 0 to 1.
-    """
+    """Return the middles, from 0 to 1, of the pieces that a polygon's sides cut a segment into."""
     along, sides = b - a, np.roll(ring, -1) - ring
     with np.errstate(all="ignore"):
         met = ((ring - a) * np.conj(sides)).imag / (along * np.conj(sides)).imag
@@ -184,9 +179,11 @@ def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike)
     ends, or moves less than `RESOLVED`.
 
     Args:
-        a, b: ends of the edge, shape (n,).
-        gaps: states (n, m) -> how free each link is, shape (links, m) [m].
-        speeds: how far a point of each link moves at most from a to b, shape (links,) [m].
+        a: first end of the edge, shape (n,).
+        b: other end of the edge, shape (n,).
+        gaps: states (n, m) -> clearance of each link, shape (links, m) [m].
+        speeds: upper bound on the distance that a point of each link moves from a to b, shape
+            (links,) [m].
     """
     middles, half = np.array([0.5]), 0.5
     ends = np.array([0.0, 1.0])
@@ -208,9 +205,9 @@ def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike)
 
 
 def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
-    """Return distance of two sets of segments in the plane, 0 where they cross.
+    """Return the distance of two sets of segments in the plane, 0 where they cross.
 
-    Arrays that broadcast.
+    The arrays broadcast.
     """
     apart = np.minimum(
         np.minimum(_to_segments(p, u, v), _to_segments(q, u, v)),

@@ -40,9 +40,9 @@ ROOM = 0.2  # m; that answers keep from a disc
 
 
 def slits(rng: np.random.Generator, turned: bool = False) -> Scene:
-    """Return three walls across the square, each with a slit; both 0.4 m wide, more than a cell is.
+    """Return three walls across the square, each with a slit; both are 0.4 m wide.
 
-    A question goes from the first room to the last.
+    That is more than a cell of the network's image. Queries go from the first room to the last.
 
     Args:
         rng: where walls, slits, start and goal are.
@@ -59,10 +59,7 @@ def slits(rng: np.random.Generator, turned: bool = False) -> Scene:
 
 
 def answered(scene: Scene, seed: int, points: int) -> Array | None:
-    """Return states in equal steps along a short path of a scene, shape (2, points).
-
-    None without one.
-    """
+    """Return states in equal steps along a short path of a scene, (2, points), or None."""
     result = plan(scene.world, scene.start, scene.goal, rng=seed, step=scene.step)
     if result.path is None:
         return None
@@ -122,7 +119,7 @@ def _fitted(net: Any, loss: Callable[[], Any], steps: int, rate: float) -> Any:
 
 
 def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
-    """Return a network that colours a picture.
+    """Train a network that colours a picture, and return it.
 
     Args:
         worlds: of slits, each with one answer.
@@ -189,9 +186,9 @@ def _alpha_bar() -> Array:
 
 
 def grown(world: World) -> World:
-    """Return a world of discs with larger ones.
+    """Return a world with larger discs.
 
-    The shortest path touches, and leaves no room to err.
+    A shortest path touches its obstacles and leaves no margin; training paths need one.
     """
     return plane(world.bounds, world.obstacles[:, 1:4] + [0.0, 0.0, ROOM])
 
@@ -211,9 +208,9 @@ def questions(world: World, count: int, rng: np.random.Generator) -> list[Scene]
 
 
 def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: int = 0) -> Any:
-    """Return a network that tells a path from its noise.
+    """Train a network that predicts a path from its noisy version, and return it.
 
-    From as many answers in one world of discs.
+    It is trained on paths of one world of discs.
 
     Args:
         world: its discs are grown by ROOM while it learns.

@@ -107,6 +107,7 @@ def nearest(nodes, links, count, done, q, stack, gaps):
         stack: room for as many integers as there are nodes.
         gaps: room for as many floats: squared distances of q from the postponed half-spaces.
     """
+    # Before there is a k-d tree, exhaustive search.
     near, best = 0, np.inf
     if done < count:
         for i in range(count):
@@ -120,6 +121,7 @@ def nearest(nodes, links, count, done, q, stack, gaps):
         at = stack[top] if gaps[top] <= best else -1  # prune: that half-space is too far away
         while at >= 0:
             square = to_node(nodes, at, q)
+            # Ties go to the lowest index, so the answer does not depend on the shape of the tree.
             if square < best or (square == best and at < near):
                 near, best = at, square
             across = q[links[at, AXIS]] - nodes[at, links[at, AXIS]]
@@ -163,6 +165,7 @@ def within(nodes, links, count, done, q, radius, stack, result):
         if to_node(nodes, at, q) <= limit:
             result[hits] = at
             hits += 1
+        # Visit both half-spaces, except one that the ball does not reach.
         across = q[links[at, AXIS]] - nodes[at, links[at, AXIS]]
         for half in (LEFT, RIGHT):
             beyond = across > 0.0 if half == LEFT else across < 0.0

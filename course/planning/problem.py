@@ -43,7 +43,7 @@ class Budget:
 
     Attributes:
         samples: targets drawn.
-        seconds: by the wall; seen after a chunk of samples that takes some milliseconds.
+        seconds: wall-clock time; checked after each chunk of samples, of some milliseconds.
     """
 
     samples: int = 10_000
@@ -78,12 +78,12 @@ class Plan:
             unless solved.
         cost: length of the path, infinite without one.
         samples: targets drawn.
-        state_checks, edge_checks: how often the world was asked; in a world of kind "function"
+        state_checks, edge_checks: how often the world was queried; in a world of kind "function"
             state_checks are the calls of the function, those along edges among them.
         seconds: for everything, the checks of the arguments included [s].
         nodes: of the tree or graph, shape (n, m); of both trees, one after the other.
         parents: of each node, shape (m,), -1 for a root; empty for a graph.
-        costs: from its root to each node along the tree, shape (m,); empty where none is kept.
+        costs: from its root to each node along the tree, shape (m,); empty without a tree.
         history: length of the best path so far against work, rows samples, seconds, cost: (3, h).
         edges: of a graph, pairs of nodes, shape (2, e); empty for a tree.
     """
@@ -104,7 +104,7 @@ class Plan:
 
     @property
     def solved(self) -> bool:
-        """Whether there is a path."""
+        """True if there is a path."""
         return self.path is not None
 
 
@@ -141,7 +141,7 @@ class Query:
 
     @functools.cached_property
     def one_goal(self) -> bool:
-        """Whether the goal is a single state."""
+        """True if the goal is a single state."""
         low, high = self.goal.tolist()
         return bool(low == high)
 
@@ -230,8 +230,8 @@ def plan(
         budget: a `Budget`, or just how many samples. An RRT* uses all of it; the others stop at the
             first path.
         rng: random numbers, or a seed. The same seed gives the same answer, unless time ends it.
-        progress: told every two seconds how far a long run is; without it standard error is,
-            unless the environment variable COURSE_QUIET is 1.
+        progress: called every two seconds with the state of a long run. Without it the state goes
+            to standard error, unless the environment variable COURSE_QUIET is 1.
         options: of the method. For trees: step (longest edge, a fifth of the bounds' diagonal),
             goal_bias (share of targets drawn from the goal, 0.05; not of RRT-Connect), sampler
             ("uniform", "halton", "gaussian", "bridge", "obstacle", or your own states (n, m), drawn
@@ -286,9 +286,9 @@ def _nothing() -> None:
 
 
 def _state(name: str, value: ArrayLike, world: World) -> tuple[Array, bool]:
-    """Return a state from outside, and whether it is in bounds.
+    """Return a caller's state, and whether it is in bounds.
 
-    One that is needs no slower look.
+    A state in bounds skips the slower check.
     """
     if isinstance(value, np.ndarray) and value.shape == (world.dim,) and value.dtype == float:
         if world.within(value):

@@ -74,6 +74,7 @@ def _closest(nodes, count, q, desired, result, gaps):
     They are in order of their distance. `gaps` receives the squared distances (insertion sort).
     """
     hits = 0
+    # Insertion into a sorted list of at most `desired` hits.
     for i in range(count):
         square = squared(nodes[i], q)
         if hits == desired and square >= gaps[hits - 1]:
@@ -126,12 +127,15 @@ def _grow(
         kind = int(numbers[SAMPLER])
         if numbers[MIX] < 1.0 and rng.random() >= numbers[MIX]:
             kind = UNIFORM
+        # SampleFree: a roadmap stores free states only.
         draw(kind, state_free, obstacles, body, bounds, numbers[SPREAD], shift, counts, rng, q)
         counts[STATE_CHECKS] += 1
         if not state_free(obstacles, body, q):
             continue
         nodes[i], parts[i] = q, i
         counts[NODES] += 1
+        # k-PRM* (Karaman and Frazzoli, 2011, sec. 3.3): e (1 + 1 / n) log m neighbours suffice for
+        # almost sure convergence to the optimum.
         desired = int(numbers[NEAREST])
         if desired == 0:
             desired = min(64, math.ceil(math.e * (1.0 + 1.0 / n) * math.log(i + 1.0)))
@@ -139,6 +143,7 @@ def _grow(
             j, e = result[k], counts[EDGES]
             pairs[e, 0], pairs[e, 1], status[e] = j, i, UNKNOWN
             counts[EDGES] += 1
+            # PRM checks edges at once; lazy PRM leaves them unknown until a query's path uses them.
             if numbers[LAZY] == 0.0:
                 counts[EDGE_CHECKS] += 1
                 status[e] = FREE if edge_free(obstacles, body, nodes[j], q) else BLOCKED
@@ -154,6 +159,7 @@ def _resolve(edge_free, obstacles, fresh, body, nodes, pairs, status, chosen, co
     """Ask about the chosen edges what is not known of them; whether all are free."""
     free = True
     for e in chosen:
+        # Each edge is checked at most once; the answer stays in `status` for later queries.
         if status[e] == UNKNOWN or status[e] == AGAIN:
             counts[EDGE_CHECKS] += 1
             rows = fresh if status[e] == AGAIN else obstacles
@@ -191,6 +197,8 @@ def _search(
     count = first.size - 1
     cost, chosen = np.empty(count), np.empty(count, np.int64)
     while True:
+        # A*: the heuristic is the straight distance to the goal, which never overestimates, so the
+        # first pop above the best known cost ends the search.
         heap = [(0.0, 0)]  # an empty list would leave Numba without the type of its entries
         heap.pop()
         last, best = -1, np.inf
@@ -202,6 +210,8 @@ def _search(
             bound, i = heapq.heappop(heap)
             if bound >= best:
                 break
+            # Lazy deletion: a node is pushed again when its cost falls, and outdated entries are
+            # skipped.
             if bound > cost[i] + math.sqrt(squared(nodes[i], goal)):
                 continue  # it was reached on a shorter way since
             if cost[i] + ends[i] < best:
@@ -210,6 +220,7 @@ def _search(
                 e = paths[w]
                 if status[e] == BLOCKED:
                     continue
+                # The sum of an edge's ends minus one of them is the other one.
                 j = pairs[e, 0] + pairs[e, 1] - i
                 far = cost[i] + math.sqrt(squared(nodes[i], nodes[j]))
                 if far < cost[j]:
@@ -271,11 +282,13 @@ def _attach(
         if counts[TREES + side] >= trees.shape[1]:
             return 0
         counts[SAMPLES] += 1
+        # Sample everywhere, or with probability NEAR around this end, where the roadmap was missed.
         uniform(bounds[0], bounds[1], rng, target)
         if rng.random() < numbers[NEAR]:
             for k in range(n):
                 target[k] = trees[side, 0, k] + numbers[SPREAD] * rng.standard_normal()
                 target[k] = min(max(target[k], bounds[0, k]), bounds[1, k])
+        # Extend the tree of this end by one step, as RRT does.
         at = nearest(trees[side], links, counts[TREES + side], 0, target, stack, gaps)
         far = math.sqrt(squared(trees[side, at], target))
         if far == 0.0:
@@ -289,6 +302,7 @@ def _attach(
         i = counts[TREES + side]
         trees[side, i], parents[side, i] = new, at
         counts[TREES + side] += 1
+        # The trees of both ends meet: a path without the roadmap.
         near = nearest(trees[other], links, counts[TREES + other], 0, new, stack, gaps)
         counts[EDGE_CHECKS] += 1
         if edge_free(obstacles, body, new, trees[other, near]):
@@ -296,6 +310,7 @@ def _attach(
             return 2
         if count == 0:
             continue
+        # Else join the new node to the nearest node of the roadmap.
         near = nearest(nodes, links, count, built, new, stack, gaps)
         if counts[HOOKS + side] < hooks.shape[1] and _hook(
             edge_free, obstacles, body, nodes, trees, hooks, counts, side, i, near
@@ -344,11 +359,11 @@ class Roadmap:
     """Free states and edges between neighbours, those that are blocked among them.
 
     Attributes:
-        world: what the edges were asked in.
+        world: in which the edges were checked.
         nodes: one a row, shape (m, n).
         pairs: the two nodes of each edge, shape (e, 2).
         status: of each edge: `FREE`, `BLOCKED`, `UNKNOWN`, `AGAIN`, shape (e,).
-        fresh: rows of obstacles that edges with `AGAIN` have not been asked about.
+        fresh: rows of obstacles that edges with `AGAIN` were not checked against.
         first, edges: the edges at node i are edges[first[i] : first[i + 1]].
         links: the k-d tree of the nodes.
     """
@@ -369,6 +384,7 @@ class Roadmap:
 
 
 def _roadmap(world: World, nodes: Array, pairs: Ints, status: Ints) -> Roadmap:
+    # Adjacency in compressed rows: edges of node i are edges[first[i]:first[i + 1]].
     ends = pairs.T.ravel()
     order = np.argsort(ends, kind="stable")
     first = np.concatenate(([0], np.cumsum(np.bincount(ends, minlength=len(nodes)))))
@@ -398,7 +414,7 @@ def build_roadmap(
         rng: random numbers, or a seed.
         neighbours: edges from each new node, to the nearest before it; 0 for as many as PRM* takes,
             e (1 + 1 / n) log m.
-        lazy: whether edges are asked only when a path needs them.
+        lazy: whether edges are checked only when a path needs them.
     """
     rng = np.random.default_rng(rng)
     budget = Budget(samples)
@@ -431,6 +447,7 @@ def adapted(roadmap: Roadmap, world: World) -> Roadmap:
             raise invalid(
                 f"{name} of the world", now.tolist(), f"that of the roadmap, {then.tolist()}"
             )
+    # Obstacles are compared row by row as bytes: what is new decides which edges are stale.
     old, new = ({row.tobytes() for row in w.obstacles} for w in (roadmap.world, world))
     if old == new and world.kind != "function":
         return replace(roadmap, world=world)  # with the same table of what is known of edges
@@ -443,6 +460,8 @@ def adapted(roadmap: Roadmap, world: World) -> Roadmap:
     if world.kind == "function":
         status[:] = UNKNOWN
     if come.any():
+        # A free edge can only be blocked by obstacles that have come since; a blocked edge can only
+        # be freed by obstacles that have gone.
         status[status == FREE] = AGAIN
     if old - new:
         status[status == BLOCKED] = UNKNOWN
@@ -452,9 +471,9 @@ def adapted(roadmap: Roadmap, world: World) -> Roadmap:
 
 
 def revalidated(roadmap: Roadmap, world: World) -> tuple[Roadmap, int]:
-    """Return the roadmap in a world with other obstacles, all its edges asked.
+    """Return the roadmap in a world with other obstacles, and how many edges were checked.
 
-    How many that were.
+    All its edges are checked again.
     """
     now, counts = adapted(roadmap, world), np.zeros(16, dtype=np.int64)
     _kernel(_resolve)(
@@ -623,10 +642,7 @@ def prm(query: Query) -> Plan:
 
 
 def _outside(roadmap: Roadmap, tree: Array, parents: Ints, hooks: Ints) -> tuple[Array, Any]:
-    """Return what it costs to come to each node of the roadmap from an end, (m,).
-
-    By which tree's node.
-    """
+    """Return the cost from an end to each roadmap node, (m,), and through which tree node."""
     costs, through = np.full(len(roadmap.nodes), np.inf), {}
     for i, node in hooks.tolist():
         chain = np.vstack((roadmap.nodes[node], tree[_chain(parents, i)]))

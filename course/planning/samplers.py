@@ -29,7 +29,7 @@ SAMPLES, STATE_CHECKS, EDGE_CHECKS, DRAWN = 0, 1, 2, 3
 
 @register_jitable
 def uniform(low, high, rng, out):
-    """A state between two corners; where they are equal no number is drawn."""
+    """Draw a state between two corners; where they are equal no number is drawn."""
     for i in range(out.size):
         out[i] = low[i]
         if high[i] > low[i]:
@@ -40,6 +40,7 @@ def uniform(low, high, rng, out):
 def _halton(index, bounds, shift, out):
     """Term `index` of Halton's sequence, each coordinate shifted around the unit interval."""
     for i in range(out.size):
+        # Radical inverse in base p: mirror the digits of the index behind the point.
         value, digit, k = shift[i], 1.0, index
         while k > 0:
             digit /= PRIMES[i]
@@ -50,7 +51,7 @@ def _halton(index, bounds, shift, out):
 
 @register_jitable
 def _nearby(q, bounds, spread, rng, out):
-    """A state at a normal distance from q, brought back to the bounds."""
+    """Draw a state at a normally distributed distance from q, clipped to the bounds."""
     for i in range(out.size):
         out[i] = min(max(q[i] + spread * rng.standard_normal(), bounds[0, i]), bounds[1, i])
 
@@ -61,10 +62,13 @@ def draw(kind, state_free, obstacles, body, bounds, spread, shift, counts, rng, 
 
     Args:
         kind: one of the numbers of `SAMPLERS`.
-        state_free, obstacles, body, bounds: the world.
+        state_free: the compiled check of a state.
+        obstacles: the obstacles that it reads.
+        body: the robot that it reads.
+        bounds: lowest and highest states, shape (2, n).
         spread: standard deviation of the partner of a Gaussian, the half bridge.
         shift: of Halton's sequence, shape (n,), from 0 to 1.
-        counts: see the top; DRAWN is the place in Halton's sequence.
+        counts: counters, see the top of the module; DRAWN is the position in Halton's sequence.
         rng: random numbers.
         out: a state, filled.
     """
@@ -76,6 +80,8 @@ def draw(kind, state_free, obstacles, body, bounds, spread, shift, counts, rng, 
     if kind == UNIFORM:
         return
     other = np.empty(out.size)
+    # Gaussian sampling keeps a free state next to a blocked one, the bridge test the free middle of
+    # two blocked ones, obstacle sampling the surface between them.
     for _ in range(TRIES):
         counts[STATE_CHECKS] += 2
         free = state_free(obstacles, body, out)

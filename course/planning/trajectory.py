@@ -120,12 +120,15 @@ def shortcut(
     for _ in range(count("rounds", rounds)):
         if len(path) < 3:
             break
+        # Vertex shortcut: join two waypoints directly (Geraerts and Overmars, 2007).
         if kind == "vertex":
             i, j = (int(k) for k in np.sort(rng.choice(len(path), 2, replace=False)))
             before, after, piece = path[:i], path[j + 1 :], path[[i, j]]
             if j - i < 2:
                 continue
         else:
+            # Partial shortcut: straighten one joint, or with -1 all of them, between two points of
+            # the path.
             a, b = np.sort(rng.uniform(0.0, stations[-1], 2))
             inner = (stations > a) & (stations < b)
             joint = int(rng.integers(-1, path.shape[1]))
@@ -139,6 +142,7 @@ def shortcut(
                 share = (places - a) / (b - a)
                 piece[:, joint] = piece[0, joint] + share * (piece[-1, joint] - piece[0, joint])
             before, after = path[stations <= a], path[stations >= b]
+        # Only edges that changed are checked again.
         trial = np.vstack((before, piece, after))
         touched = trial[max(len(before) - 1, 0) : len(before) + len(piece) + 1]
         if (shorter := _length(trial)) <= far and _all_free(touched, free):
@@ -147,10 +151,7 @@ def shortcut(
 
 
 def _fewer(path: Array, free: Callable[[Array, Array], bool]) -> Array:
-    """Return the path without the waypoints between whose neighbours an edge is free.
-
-    In one pass.
-    """
+    """Remove waypoints whose neighbours are joined by a free edge, in one pass."""
     i = 1
     while i < len(path) - 1:
         trial = np.delete(path, i, axis=0)
@@ -172,7 +173,8 @@ def smooth(path: ArrayLike, free: Free, *, rounds: int = 3) -> Array:
     lengthens the path; its ends stay.
 
     Args:
-        path, free: as for `shortcut`.
+        path: as for `shortcut`.
+        free: as for `shortcut`.
         rounds: each doubles the number of edges.
     """
     path, free = _rows(path), _test(free)
@@ -185,6 +187,8 @@ def smooth(path: ArrayLike, free: Free, *, rounds: int = 3) -> Array:
         if not _all_free(fine, free):
             break
         for i in range(2, len(fine) - 1, 2):
+            # Lane and Riesenfeld's rule (1, 2, 1) / 4 on the refined path, (1, 6, 1) / 8 on the old
+            # one.
             moved = 0.25 * (fine[i - 1] + 2.0 * fine[i] + fine[i + 1])
             if free(fine[i - 1], moved) and free(moved, fine[i + 1]):
                 fine[i] = moved
@@ -202,7 +206,7 @@ class Optimised(NamedTuple):
         path: shape (n, points + 2).
         costs: after each iteration, shape (iterations,): smoothness and collision, weighted.
         clearance: the least distance found on it, at 8 places an edge; below 0 it is stuck.
-        evaluations: states whose distance was asked.
+        evaluations: states whose distance was computed.
     """
 
     path: Array
@@ -212,14 +216,13 @@ class Optimised(NamedTuple):
 
 
 def _prepared(path: ArrayLike, points: int) -> tuple[Array, Array, Array]:
-    """Return the path in equal steps, the matrix of squared steps of its inner states.
-
-    And its ends.
-    """
+    """Return the path in equal steps, the quadratic form of its squared steps, and its ends."""
     path = _rows(path)
     N = count("points", points, 1)
     stations = _stations(path)
     X = _along(path, stations, np.linspace(0.0, stations[-1], N + 2))
+    # Matrix of the squared first differences: half x^T A x - ends . x is the smoothness of the
+    # inner states, whose slope is A x - ends.
     A = (N + 1) * (2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1))
     ends = np.zeros((N, path.shape[1]))
     ends[0] += (N + 1) * X[0]
@@ -228,9 +231,9 @@ def _prepared(path: ArrayLike, points: int) -> tuple[Array, Array, Array]:
 
 
 def _between(states: int, pieces: int) -> Array:
-    """Return the matrix that takes states to places on their edges.
+    """Return the matrix that maps states to points on their edges.
 
-    So many on each, ends included.
+    Each edge has the given number of points, ends included.
     """
     places = np.arange(pieces * (states - 1) + 1) / pieces
     return np.maximum(1.0 - np.abs(places[:, None] - np.arange(states)), 0.0)
@@ -276,7 +279,7 @@ def covariant_gradient(
     Args:
         path: where to start, shape (n, k); the ends stay.
         distance: a world, or the signed distance of states (n, m) to the obstacles, shape (m,).
-        margin: that is wanted [unit of the distance].
+        margin: desired clearance [unit of the distance].
         weight: of the obstacles against the smoothness.
         points: waypoints between the ends.
         iterations: how many steps.
@@ -289,15 +292,19 @@ def covariant_gradient(
     for _ in range(count("iterations", iterations, 1)):
         x = X[1:-1]
         d = ask(x)
+        # CHOMP's obstacle cost: linear inside an obstacle, quadratic within the margin, 0 beyond.
         lack = np.maximum(margin - d, 0.0)
         c = np.where(d < 0.0, 0.5 * margin - d, lack**2 / (2.0 * margin))
         v = 0.5 * (N + 1) * (X[2:] - X[:-2])
         speed = np.maximum(np.linalg.norm(v, axis=1), 1e-9)[:, None]
+        # The speed weights the cost by arc length, so that hurrying through an obstacle is no gain.
         bend = (N + 1) ** 2 * (X[2:] - 2.0 * x + X[:-2]) / speed**2
         # Along the path neither the slope of the cost nor the curvature counts.
         push = -np.minimum(lack / margin, 1.0)[:, None] * _slope(ask, x) - c[:, None] * bend
         push -= np.sum(push * v, axis=1, keepdims=True) * v / speed**2
         costs.append(_smoothness(X) + weight * float(c @ speed[:, 0]) / (N + 1))
+        # Covariant step: the inverse of A spreads each push smoothly over the path (Zucker et al.,
+        # 2013).
         X[1:-1] = x - rate * inverse @ (A @ x - ends + weight / (N + 1) * speed * push)
     return _optimised(X, costs, ask, iterations * N * (2 * n + 1))
 
@@ -313,7 +320,7 @@ def sequential_convex(
 ) -> Optimised:
     """Return the smoothest path nearby that keeps a margin.
 
-    By convex steps with hinge costs (TrajOpt).
+    It takes convex steps with hinge costs (TrajOpt; Schulman and others, 2014).
 
     Each step minimises smoothness + penalty * sum of max(0, margin - linearised distance) over the
     waypoints and the middles of edges, held near the last one; a step that does not bring what it
@@ -322,7 +329,10 @@ def sequential_convex(
     penalty: the dual is a least-squares problem in a box.
 
     Args:
-        path, distance, margin, points: as for `covariant_gradient`.
+        path: as for `covariant_gradient`.
+        distance: as for `covariant_gradient`.
+        margin: as for `covariant_gradient`.
+        points: as for `covariant_gradient`.
         iterations: convex steps at most.
         penalty: of the hinges at first.
     """
@@ -345,8 +355,11 @@ def sequential_convex(
         G, J = _slope(ask, (S @ X)[active]), inner[active]
         requested += 2 * G.size
         while True:
+            # Proximal step: the trust region is a quadratic penalty 1 / (2 near) on the change.
             inverse, new = np.linalg.inv(A + np.eye(N) / near), X.copy()
             new[1:-1] = inverse @ (ends + X[1:-1] / near)
+            # The dual of the hinges is a box-constrained least-squares problem in their forces,
+            # from 0 to mu; the small diagonal keeps the Cholesky factor of a singular matrix.
             if active.size:
                 short = margin - d[active] - np.sum(G * (J @ (new - X)[1:-1]), axis=1)
                 D = (J @ inverse @ J.T) * (G @ G.T)
@@ -354,6 +367,7 @@ def sequential_convex(
                 force = lsq_linear(L.T, np.linalg.solve(L, short), (0.0, mu), method="bvls").x
                 new[1:-1] += inverse @ J.T @ (G * force[:, None])
             present, requested = ask(S @ new), requested + len(S)
+            # Accept by the ratio of the actual to the predicted gain, else shrink the trust region.
             promised = lack(d[active] + np.sum(G * (J @ (new - X)[1:-1]), axis=1))
             gain = here - _smoothness(new) - mu * promised
             got = here - _smoothness(new) - mu * lack(present)
@@ -364,6 +378,7 @@ def sequential_convex(
             X, d = new, present
         costs.append(_smoothness(X) + mu * lack(d))
         near = min(2.0 * near, 1e3)
+        # Converged for this penalty: stop if the margins hold, else raise the penalty.
         if gain <= 1e-6 * here:
             if lack(d) <= 1e-4 * margin or mu >= 1e6 * penalty:
                 break
@@ -382,13 +397,12 @@ class Limits(NamedTuple):
 
 
 def trapezoid(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> tuple[Any, Any]:
-    """Return duration and highest speed of the fastest motion from rest to rest.
-
-    For each joint alone.
+    """Return duration and peak speed of the fastest motion from rest to rest, joint by joint.
 
     A trapezoid of the rate where there is room to reach the limit, else a triangle.
     """
     far = np.abs(np.asarray(distance, dtype=float))
+    # A triangle reaches sqrt(distance * acceleration) before it must brake; a trapezoid the limit.
     peak = np.minimum(velocity, np.sqrt(far * acceleration))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(far > 0.0, far / peak + peak / acceleration, 0.0)[()], peak[()]
@@ -423,12 +437,14 @@ class Trajectory:
     def __call__(self, t: ArrayLike) -> Array:
         """Return state, rate and acceleration at times (...), shape (3, n, ...).
 
-        At rest outside.
+        Before and after the motion it is at rest.
         """
         t = np.asarray(t, dtype=float)
         flat = np.clip(t.ravel(), 0.0, self.duration)
         i = np.clip(np.searchsorted(self.times, flat, side="right") - 1, 0, len(self.push) - 1)
         past = flat - self.times[i]
+        # Along an interval with constant acceleration u the squared speed is linear in arc length;
+        # rounding at its end may leave it below 0.
         speed = np.maximum(self.speeds[i] + self.push[i] * past, 0.0)
         r = 0.5 * (self.speeds[i] + speed) * past
         first = self.first[i].T + self.second[i].T * r
@@ -497,6 +513,7 @@ def _curve(path: Array, blend: float, free: Any, grid: int) -> tuple[Array, ...]
     edges = np.diff(path, axis=0) / far[:, None]
     cuts = np.zeros(len(path))
     for i in range(1, len(path) - 1):
+        # At most half an edge on either side, so neighbouring corners do not overlap.
         cut = min(blend, 0.5 * far[i - 1], 0.5 * far[i])
         turn = edges[i] - edges[i - 1]
         for _ in range(12 if free is not None else 0):
@@ -516,6 +533,7 @@ def _curve(path: Array, blend: float, free: Any, grid: int) -> tuple[Array, ...]
         if i and cuts[i] > 0.0:
             h, turn = 2.0 * cuts[i] / grid, (edge - edges[i - 1]) / (2.0 * cuts[i])
             s = h * np.arange(grid)[:, None]
+            # Quadratic blend: the tangent turns linearly from one edge to the next.
             place = path[i] + (s - cuts[i]) * edges[i - 1] + 0.5 * s * s * turn
             bends = np.broadcast_to(turn, place.shape)
             parts.append((np.full(grid, h), place, edges[i - 1] + s * turn, bends, [False] * grid))
@@ -528,15 +546,16 @@ def _curve(path: Array, blend: float, free: Any, grid: int) -> tuple[Array, ...]
 
 @register_jitable
 def _pushes(x, K, h, first, second, limit):
-    """Return range of the acceleration u along a piece that begins with squared speed x.
-
-    And its slopes.
+    """Return the range of the acceleration u, and its slopes, for a piece with squared speed x.
 
     The squared speed is x + 2 u s, the tangent first + second s: acceleration of a joint is linear
     in s, so that both ends of the piece speak for all of it.
     """
+    # Squared speed must stay between 0 and K at the end of the piece.
     low, low_slope = -0.5 * x / h, -0.5 / h
     high, high_slope = 0.5 * (K - x) / h, -0.5 / h
+    # Acceleration of joint j is first_j u + second_j (x + 2 u s): linear in s, so its limits hold
+    # on the piece if they hold at both ends.
     for j in range(first.size):
         for factor in (first[j], first[j] + 3.0 * h * second[j]):
             if factor != 0.0:
@@ -554,6 +573,8 @@ def _reach(h, first, second, cap, limit, x):
     Backwards the largest speed from which the end can be reached, forwards the largest that can be.
     """
     m, n = first.shape
+    # Backward pass: the largest squared speed from which braking within the limits is possible
+    # (controllable sets of TOPP-RA; Pham and Pham, 2018).
     x[m] = 0.0
     for i in range(m - 1, -1, -1):
         x[i] = cap[i]
@@ -569,6 +590,7 @@ def _reach(h, first, second, cap, limit, x):
             if low - high <= 1e-13 * (abs(low) + abs(high)) or x[i] <= 0.0:
                 break
             x[i] = max(x[i] - (high - low) / (high_slope - low_slope), 0.0)
+    # Forward pass: accelerate as much as the limits and the controllable sets allow.
     x[0] = 0.0
     for i in range(m):
         high = _pushes(x[i], x[i + 1], h[i], first[i], second[i], limit)[2]
@@ -625,10 +647,12 @@ def time_parameterise(
     h, place, first, second, stops = _curve(
         path, blend, None if free is None else _test(free), count("grid", grid, 2)
     )
+    # Rate limits: the squared path speed at which the fastest joint reaches its limit.
     with np.errstate(divide="ignore"):
         rate = np.maximum(np.abs(first), np.abs(first + h[:, None] * second))
         top = np.min(v / rate, axis=1) ** 2
         strength = np.min(a / np.abs(first), axis=1)
+    # A station's cap is the lower one of its two pieces; stops have speed 0.
     cap = np.minimum(np.append(top, np.inf), np.append(np.inf, top))
     cap[:-1][stops] = cap[-1] = 0.0
     x = np.empty(len(cap))
@@ -637,6 +661,7 @@ def time_parameterise(
     rows = []  # arc length within the piece, squared speed there, the piece
     for i, (here, other) in enumerate(itertools.pairwise(x)):
         rows.append((0.0, here, i))
+        # On a straight piece the motion may speed up to a peak and brake again within the piece.
         if not curved[i]:
             peak = min(top[i], 0.5 * (here + other) + strength[i] * h[i])
             up, down = 0.5 * (peak - here) / strength[i], h[i] - 0.5 * (peak - other) / strength[i]
@@ -648,6 +673,7 @@ def time_parameterise(
     stations = np.append(begins[piece] + r, begins[-1])
     square, w = np.append(square, 0.0), np.sqrt(np.append(square, 0.0))
     gaps = np.append(np.where(np.diff(piece) > 0, h[piece[:-1]], r[1:]) - r[:-1], h[-1] - r[-1])
+    # Constant acceleration between stations: u = (x1 - x0) / (2 gap), time = 2 gap / (w0 + w1).
     push = 0.5 * np.diff(square) / gaps
     times = np.concatenate(([0.0], np.cumsum(2.0 * gaps / (w[1:] + w[:-1]))))
     r = r[:, None]

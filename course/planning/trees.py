@@ -70,12 +70,14 @@ STEP, BIAS, SAMPLER, MIX, SPREAD, STAR, INFORMED, SHORTEST = range(8)
 
 @register_jitable
 def _add(nodes, parents, links, costs, counts, side, state, parent, cost):
-    """Return a new node, hung under its parent; its number."""
+    """Add a node under its parent and return its number."""
     i = counts[NODES + side]
     counts[NODES + side] += 1
     nodes[side, i] = state
     parents[side, i], costs[side, i] = parent, cost
     links[side, i, CHILD] = links[side, i, SIBLING] = -1
+    # Children of a node form a linked list (first child, next sibling): rewiring and the update of
+    # a whole branch then need no search for the nodes below.
     if parent >= 0:
         links[side, i, SIBLING] = links[side, parent, CHILD]
         links[side, parent, CHILD] = i
@@ -94,7 +96,7 @@ def _near(nodes, links, counts, side, q, stack, gaps):
 def _steer(origin, target, step, out):
     """Write the state at most a step from the origin towards the target into `out`.
 
-    Returns its distance from the origin.
+    It returns the distance of that state from the origin.
     """
     distance = math.sqrt(squared(origin, target))
     if distance <= step:
@@ -108,6 +110,7 @@ def _steer(origin, target, step, out):
 @register_jitable
 def _move(parents, links, costs, nodes, i, parent, stack):
     """Rewire node i to another parent, and update the costs of all nodes below it."""
+    # Unlink i from the old parent's list of children.
     old = parents[i]
     if links[old, CHILD] == i:
         links[old, CHILD] = links[i, SIBLING]
@@ -116,8 +119,11 @@ def _move(parents, links, costs, nodes, i, parent, stack):
         while links[at, SIBLING] != i:
             at = links[at, SIBLING]
         links[at, SIBLING] = links[i, SIBLING]
+    # Link it at the head of the new parent's list.
     parents[i], links[i, SIBLING] = parent, links[parent, CHILD]
     links[parent, CHILD] = i
+    # Propagate the new cost through the branch, depth first. Costs are summed afresh from the
+    # parent, so rounding does not accumulate over rewirings.
     stack[0], top = i, 1
     while top > 0:
         top -= 1
@@ -137,6 +143,8 @@ def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
     It is uniform in the ellipsoid whose foci are start and goal. Returns False where none of
     `TRIES` samples is within the bounds.
     """
+    # Semi-axis across: points of the ellipsoid have distances to start and goal that sum to `best`.
+    # The maximum guards a `best` that rounding has put below the shortest length.
     across = 0.5 * math.sqrt(max(best * best - shortest * shortest, 0.0))
     ball = np.empty(out.size)
     for _ in range(TRIES):
@@ -144,6 +152,7 @@ def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
         for i in range(out.size):
             ball[i] = rng.standard_normal()
             square += ball[i] * ball[i]
+        # A normal direction and the n-th root of a uniform number are uniform in the unit ball.
         radius = rng.random() ** (1.0 / out.size) / math.sqrt(square)
         inside = True
         for i in range(out.size):
@@ -159,7 +168,7 @@ def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
 
 @register_jitable
 def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, out):
-    """A state from the sampler, or for the share that is not mixed in, from everywhere.
+    """Draw a state from the sampler, or for the share that is not mixed in, from everywhere.
 
     Listed states are the last rows of the frame; after them comes uniform too.
     """
@@ -209,9 +218,11 @@ def _grow(
     tree, parent_of, link, cost = nodes[0], parents[0], links[0], costs[0]
     stack, result, known, goals = room[0], room[1], room[2], room[3]
     for _ in range(samples):
+        # Two free rows are needed: the new node, and perhaps a state of the goal.
         if counts[NODES] + 2 > tree.shape[0]:
             return FULL
         counts[SAMPLES] += 1
+        # SampleFree: a goal state with the bias, else the informed set once there is a path.
         best = cost[counts[LAST]] if counts[LAST] >= 0 else np.inf
         if numbers[BIAS] > 0.0 and rng.random() < numbers[BIAS]:
             uniform(goal[0], goal[1], rng, target)
@@ -221,6 +232,7 @@ def _grow(
             and _ellipsoid(frame[1], frame[2:], numbers[SHORTEST], best, bounds, rng, target)
         ):
             _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, target)
+        # Nearest and Steer: extend the nearest node by at most a step.
         near = _near(nodes, links, counts, 0, target, stack, gaps)
         length = _steer(tree[near], target, step, new)
         if length == 0.0:
@@ -230,12 +242,15 @@ def _grow(
             continue
         hits = 0
         if star:  # the parent is the neighbour through which the way is shortest
+            # Near: the ball shrinks with log m / m, so that each new node has O(log m) neighbours.
             count = counts[NODES] + 1
             radius = min(step, numbers[STAR] * (math.log(count) / count) ** (1.0 / n))
             hits = within(tree, link, counts[NODES], counts[DONE], new, radius, stack, result)
             for k in range(hits):
                 gaps[k] = math.sqrt(squared(tree[result[k]], new))
                 known[k] = 1 if result[k] == near else 0
+            # choose_parent: try the neighbours from the cheapest on, each edge only if it would be
+            # better than the best free one so far (delayed collision checks, Perez et al., 2011).
             while True:
                 better, through = -1, cost[near] + length
                 for k in range(hits):
@@ -248,6 +263,7 @@ def _grow(
                 if edge_free(obstacles, body, tree[result[better]], new):
                     known[better] = 1
                     near, length = result[better], gaps[better]
+        # rewire: the new node becomes the parent of each neighbour that it brings a shorter path.
         i = _add(nodes, parents, links, costs, counts, 0, new, near, cost[near] + length)
         for k in range(hits):  # neighbours to which the way through the new node is shorter
             j = result[k]

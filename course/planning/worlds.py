@@ -143,10 +143,12 @@ def _side_of(ax, ay, bx, by, x, y):
 @register_jitable
 def _cross(ax, ay, bx, by, px, py, qx, qy):
     """Return whether two closed segments share a point; either may have no length."""
+    # Bounding boxes first: most pairs of segments end here, and it settles collinear ones.
     if max(ax, bx) < min(px, qx) or max(px, qx) < min(ax, bx):
         return False
     if max(ay, by) < min(py, qy) or max(py, qy) < min(ay, by):
         return False
+    # Proper test: each segment's ends lie on different sides of the other's line, or on it.
     u, v = _side_of(ax, ay, bx, by, px, py), _side_of(ax, ay, bx, by, qx, qy)
     if (u > 0.0 and v > 0.0) or (u < 0.0 and v < 0.0):
         return False
@@ -160,6 +162,7 @@ def _passes(px, py, qx, qy, x, y):
 
     An odd number of sides is inside.
     """
+    # Half-open in y, so that a ray through a corner counts one of the two sides that meet there.
     if (py > y) == (qy > y):
         return False
     return (_side_of(px, py, qx, qy, x, y) > 0.0) == (qy > py)
@@ -180,7 +183,7 @@ def _point_to_segment(x, y, ax, ay, bx, by):
 def _meets_disc(ax, ay, bx, by, x, y, radius):
     """Return whether a segment touches a disc.
 
-    |a + t (b - a) - centre|^2 - r^2, a quadratic in t.
+    |a + t (b - a) - centre|^2 - r^2 is a quadratic in t.
     """
     dx, dy, fx, fy = bx - ax, by - ay, ax - x, ay - y
     square, slope = dx * dx + dy * dy, fx * dx + fy * dy
@@ -211,6 +214,8 @@ def segment_free(obstacles, ax, ay, bx, by):
             continue
         if _cross(ax, ay, bx, by, u, v, w, z):
             return False
+        # Even-odd rule: the start is inside if a ray from it crosses the sides an odd number of
+        # times.
         if _passes(u, v, w, z, ax, ay):
             inside = not inside
         if kind == LAST_SIDE:
@@ -287,8 +292,10 @@ def _arm_reach(obstacles, body, a, b, t):
     for i in range(body.shape[0]):
         angle += a[i] + t * (b[i] - a[i])
         rate += b[i] - a[i]
+        # No point of the links so far moves faster than the sum of length times rate.
         fastest += body[i, 0] * abs(rate)
         ex, ey = x + body[i, 0] * math.cos(angle), y + body[i, 0] * math.sin(angle)
+        # Conservative advancement: within gap / fastest nothing can touch.
         gap = segment_gap(obstacles, x, y, ex, ey) - body[i, 1]
         if gap < FLOOR:
             return -1.0
@@ -305,6 +312,7 @@ def _arm_state(obstacles, body, q):
 def _arm_edge(obstacles, body, a, b):
     # The middle of an interval frees what is around it; the rests wait, at most one a halving.
     waiting = np.empty((64, 2))
+    # Intervals that are not proved free yet wait on a stack; each is tested at its middle.
     waiting[0, 0], waiting[0, 1], top = 0.0, 1.0, 1
     while top > 0:
         top -= 1
@@ -343,7 +351,7 @@ class Asked:
         Asked.known.append(self)
 
     def __call__(self, q: Array) -> bool:
-        """Return what the user's function says of a state; after an exception always False."""
+        """Ask the user's function whether a state is free; after an exception the answer is no."""
         if self.raised is not None:
             return False
         self.calls += 1
@@ -484,7 +492,9 @@ def planar_arm(
     Args:
         lengths: of the links, shape (n,) [m], positive.
         radius: of the capsule around a link, a number or shape (n,) [m], from 0 on.
-        discs, boxes, polygons: as for `plane`.
+        discs: as for `plane`.
+        boxes: as for `plane`.
+        polygons: as for `plane`.
         bounds: lowest and highest joint angles, shape (2, n) [rad]; from -pi to pi without it.
 
     Raises:

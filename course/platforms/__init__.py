@@ -7,6 +7,15 @@ closed forms that they are set beside. The course's own code is the engine `Own(
 MuJoCo, Drake and PyBullet stand in `course.oracles` and are handed in.
 
 It needs chapters 1, 2 and 4, whose code it runs.
+
+The chapter's algorithms, and the functions of their steps:
+
+- One interface for all engines: `contract.Engine.build` and `contract.Run`; `prepared` checks the
+  scene.
+- Time stepping with contacts (Stewart and Trinkle, 1996; Anitescu and Potra, 1997):
+  `own.Touching._step`: free velocity, contacts, impulses, positions.
+- Friction cones of the engines: `theory.stop` is where a block comes to rest for each section.
+- Grasp limit by bisection: `measures.grasp_limit`, against `theory.grasp_threshold`.
 """
 
 from course.platforms.contract import (

@@ -27,6 +27,7 @@ def freedom(body: Body) -> Array:
 
 def contact_frame(normal: Array) -> Array:
     """Return three unit vectors of each contact, the normal first: shape (3 vectors, 3, n)."""
+    # Any axis that is not nearly parallel to the normal completes the frame.
     aside = np.abs(normal[0]) < 0.5
     other = np.stack((aside, ~aside, np.zeros(aside.shape))).astype(float)
     second = cross(normal, other)
@@ -37,11 +38,12 @@ def contact_frame(normal: Array) -> Array:
 def free_velocity(scene: Scene, state: State, dt: float) -> Array:
     """Return velocities after a step without contact, (6, N).
 
-    Gravity, constant forces, the gyro term.
+    They include gravity, constant forces and the gyroscopic term.
     """
     mass = np.array([body.mass for body in scene.bodies])
     moments = np.array([body.moments for body in scene.bodies]).T
     force = np.array([body.force for body in scene.bodies]).T
+    # Euler's equations: the gyroscopic term in principal axes.
     spin = state.v[3:]
     turning = cross(spin, moments * spin) / moments
     pull = force / mass + np.reshape(scene.gravity, (3, 1))
@@ -103,12 +105,15 @@ def step_of(
     ends = np.cumsum([0, *(b.shape[1] for b in basis)])
     frame = contact_frame(report.normal)
     jacobian: Any = np.zeros((report.gap.size, 3, ends[-1]))
+    # Each contact row is +1 for one body and -1 for the other, with the lever arm in the body's
+    # axes.
     for here, sign in zip(report.bodies, (-1.0, 1.0), strict=True):
         arm, back = report.point - state.q[:3, here], conjugate(state.q[3:, here])
         rows = np.stack([np.vstack((d, rotate(back, cross(arm, d)))) for d in frame])  # (3, 6, n)
         for i, b, low, high in zip(members, basis, ends, ends[1:], strict=False):
             ours = np.flatnonzero(here == i)
             jacobian[ours, :, low:high] += sign * np.einsum("dvk,vf->kdf", rows[:, :, ours], b)
+    # Generalised masses: a guided body keeps its component along the guide only.
     mass = np.concatenate(
         [
             np.array([scene.bodies[i].mass] * 3 + list(scene.bodies[i].moments)) @ b**2

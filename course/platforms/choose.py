@@ -33,7 +33,7 @@ class Fact:
 
     @property
     def known(self) -> bool:
-        """Whether there is a value; a number that is none (NaN) is unknown too."""
+        """True if there is a value; NaN counts as unknown."""
         return self.value is not None and not math.isnan(self.value)
 
 
@@ -80,7 +80,7 @@ class Candidate:
 
     @property
     def meets(self) -> bool:
-        """Whether it is known to meet all needs, and to have a place in the ranking."""
+        """True if it is known to meet all needs and to have a place in the ranking."""
         return not self.failed and not self.unknown
 
 
@@ -181,6 +181,7 @@ def _turn(table: Table, needs: Sequence[Need], by: str, pick: str | None) -> Tur
             if not fact.known or isinstance(fact.value, bool):
                 continue
             assert fact.value is not None
+            # The exact value, and the nearest number beyond it: the pick can change on either side.
             for value in (fact.value, _beyond(fact.value, need.sense)):
                 tried = [*needs[:i], replace(need, limit=value), *needs[i + 1 :]]
                 ranking, _ = _ranked(table, tried, by)

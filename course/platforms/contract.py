@@ -169,9 +169,7 @@ def slip_of(q: Array, v: Array, bodies: NDArray[np.int64], point: Array, normal:
 def reported(
     now: State, bodies: NDArray[np.int64], point: Array, normal: Array, gap: Array, force: Array
 ) -> ContactReport:
-    """Return the report of contacts whose bodies an engine tells in any order.
-
-    With the slip of a state.
+    """Return the report of contacts that an engine lists in any order, with their slip.
 
     Normals point from the first to the second, and forces act on the second, as it tells them.
     """
@@ -267,7 +265,7 @@ class Engine(ABC):
         """
 
     def version(self) -> str:
-        """Return of what is installed; empty where nothing is."""
+        """Return the installed version, or "" if there is none."""
         return "" if self.missing() else metadata.version(self.package)
 
     @abstractmethod

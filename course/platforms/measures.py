@@ -62,7 +62,10 @@ def path_error(
     end does not see the hops.
 
     Args:
-        engine, scene, dt, settings: what runs.
+        engine: the simulator that runs the scene.
+        scene: the scene.
+        dt: step [s].
+        settings: of the simulator.
         samples: equal times at which a scene without contact is compared with its truth; with
             contact it is compared after each step.
         moving: time [s] up to which steps count for `airborne`, such as until a block should rest.
@@ -79,6 +82,7 @@ def path_error(
             final = scene.error(run.state(), taken * dt)
             largest = max(largest, final)
             if free and taken <= counted:
+                # A body is airborne if no contact presses on it.
                 report = run.contacts()
                 held = report.bodies[:, report.normal_force > 0.0]
                 airborne += not all(np.any(held == i) for i in free)
@@ -94,7 +98,7 @@ def slope(x: ArrayLike, y: ArrayLike) -> float:
     """
     x, y = (vector(name, value, (None,), low=POSITIVE) for name, value in (("x", x), ("y", y)))
     if x.size != y.size or x.size < 2:
-        raise invalid("(x.size, y.size)", (x.size, y.size), "two equal sizes from 2 on")
+        raise invalid("(x.size, y.size)", (x.size, y.size), "two equal sizes of at least 2")
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
@@ -116,10 +120,7 @@ class Drift:
 def energy_drift(
     engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR, samples: int = 100
 ) -> Drift:
-    """Return the energy that the engine reports, at so many equal times.
-
-    Drift and oscillation apart.
-    """
+    """Return drift and oscillation of the energy that the engine reports at equal times."""
     run = prepared(engine, scene, dt, settings)
     every = max(1, round(scene.duration / dt / count("samples", samples, 2)))
     energies = [run.energy()]
@@ -128,6 +129,7 @@ def energy_drift(
         energies.append(run.energy())
     run.close()
     times, result = np.arange(samples + 1) * every * dt, np.array(energies)
+    # A straight line is the drift; the deviation from it is the oscillation of a symplectic method.
     rate, start = np.polyfit(times, result, 1)
     swing = np.max(np.abs(result - start - rate * times))
     return Drift(float(rate), float(swing), float(result[-1] - result[0]))
@@ -164,6 +166,7 @@ def judged(
     run.close()
     if not report.gap.size:
         raise invalid("steps", steps, "a number after which something touches")
+    # Recompute the step with chapter 2's equations and compare its velocities with the engine's.
     step = step_of(scene, before, free_velocity(scene, before, dt), report, dt)
     impulses = step.impulses(report.force)
     reached = step.spread(step.problem.after(impulses))
@@ -175,8 +178,9 @@ def judged(
 
 
 def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> float:
-    """Return how fast the first body moves that should rest, over the second half of the run
-    [m/s].
+    """Return how fast the first body, which should rest, moves [m/s].
+
+    The speed is averaged over the second half of the run.
     """
     run = prepared(engine, scene, dt, settings)
     half = max(1, round(0.5 * scene.duration / dt))
@@ -191,9 +195,7 @@ def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) ->
 def largest_step(
     engine: Engine, scene: Scene, steps: Iterable[float], settings: Settings = FAIR
 ) -> float:
-    """Return the largest of some steps [s] that is within the tolerance with all smaller ones, or
-    0.
-    """
+    """Return the largest step [s] up to which every tried step meets the tolerance, or 0."""
     best = 0.0
     for dt in sorted(steps):
         if position_error(engine, scene, dt, settings) > scene.tolerance:
@@ -223,6 +225,7 @@ def repeatability(
     """Return whether a run can be repeated bit by bit: 0 where all bits are equal."""
     first, second = (engine.build(scene, dt, settings) for _ in range(2))
     half = count("steps", steps, 2) // 2
+    # The same half run three times: continued, from the saved state, and from a new build.
     first.run(half)
     saved = first.save()
     first.run(half)
@@ -269,6 +272,7 @@ def stop(
     run.run(round(scene.duration / dt))
     x, y = run.state().q[:2, 0] - start
     run.close()
+    # The difference of two angles, wrapped to -pi to pi.
     turn = (math.atan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi
     return Stop(math.hypot(x, y), turn)
 
@@ -276,8 +280,9 @@ def stop(
 def squeezed(
     engine: Engine, ratio: float, dt: float, settings: Settings = FAIR, friction: float = 0.5
 ) -> tuple[bool, float]:
-    """Return whether two fingers hold the part at a share of m g / (2 mu), and how far it sinks
-    [m].
+    """Return whether two fingers hold the part, and how far it sinks [m].
+
+    They press with a share of the force m g / (2 mu) that friction needs.
 
     What slips is fast and gains speed: over 0.02 m/s in the last third of 0.5 s, and 0.005 g over
     the last two. What creeps moves evenly, and a part that turns about a corner comes to rest:
@@ -292,6 +297,7 @@ def squeezed(
         run.run(third)
         heights.append(run.state().q[2, 0])
     run.close()
+    # Slipping accelerates; creeping moves evenly.
     first, last = -np.diff(heights) / (third * dt)
     held = last <= 0.02 or last - first <= 0.005 * GRAVITY * third * dt
     return bool(held), float(-heights[-1])
@@ -316,6 +322,7 @@ def grasp_limit(
         return 0.0
     if not held(high):
         return math.inf
+    # Bisection assumes that a part held at one squeeze is held at any larger one.
     for _ in range(count("rounds", rounds, 1)):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if held(middle) else (middle, high)
@@ -383,14 +390,17 @@ def reach(
     damping: float = 0.5,
     modelled: float | None = None,
 ) -> Reach:
-    """Return a reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a
-    step.
+    """Run a reach of the 7-R arm under computed torque, once a step.
+
+    The law uses chapter 4's model of the arm.
 
     The model knows all that the URDF text says, so that an engine fails by what it leaves out or
     adds: a damping that is not read, a motor that holds a joint.
 
     Args:
-        engine, dt, settings: what runs the arm.
+        engine: the simulator that runs the arm.
+        dt: step [s].
+        settings: of the simulator.
         duration: of the reach [s].
         damping: of each joint, in the text and in the model [N m s/rad].
         modelled: the model's own, where the two differ.
@@ -402,6 +412,7 @@ def reach(
     run = prepared(engine, scene, positive("dt", dt, unit="s"), settings)
     now = run.state()
     for _ in range(round(duration / dt)):
+        # Computed torque with critical damping: acceleration w^2 e - 2 w v.
         desired = PACE * (PACE * (goal - now.q) - 2.0 * now.v)
         run.set_torque(
             kinematics.inverse_dynamics(chain, now.q, now.v, desired, gravity=scene.gravity)

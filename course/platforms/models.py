@@ -177,9 +177,9 @@ class Reading:
     """What a reader did with a text.
 
     Attributes:
-        refused: its words, else "".
+        rejection: its error message, else "".
         crashed: whether it took the process with it.
-        said: what it printed that it doesn't print about the sound model.
+        messages: what it printed that it doesn't print about the sound model.
         facts: of the model as loaded; empty where there is none. "masses" [kg] and "moments"
             (3 each [kg m^2]) of the links that move, "places" of joints, "axes", "limits" (two
             each), "damping", "friction", "dof", "mimic".
@@ -194,7 +194,7 @@ class Reading:
 def possible(facts: dict[str, Any]) -> bool:
     """Return whether the loaded model can be an arm.
 
-    Every moving link a body, every number finite.
+    Every moving link must be a body, and every number finite.
     """
     for name in ("masses", "moments", "places", "axes", "damping"):
         if not np.isfinite(np.array(facts[name], dtype=float)).all():

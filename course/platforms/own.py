@@ -45,9 +45,11 @@ class Own(Engine):
     schemes = ("semi_implicit_euler", "rk4", "implicit_midpoint", "velocity_verlet")
 
     def missing(self) -> str:
+        """Return "": the course's own code is always there."""
         return ""
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
+        """Return a run without contact where nothing can touch, else one with a contact model."""
         scheme = settings.checked(self, ("model", "recovery"))
         positive("dt", dt, unit="s")
         if scene.chain or all(body.half is None for body in scene.bodies):
@@ -76,30 +78,37 @@ class Smooth(Run):
         self.reset()
 
     def reset(self) -> None:
+        """Return to the start of the scene."""
         start = self.scene.start
         self.restore((0.0, start.q.reshape(len(start.q)), start.v.reshape(len(start.v))))
 
     def advance(self, steps: int) -> None:
+        """Integrate n steps with the scheme of chapter 1."""
         system = System(self.scene.name, self.loop, self.params, self.q, self.v)
         end = rigid_body.simulate(system, self.scheme, self.dt, steps)
         self.q, self.v, self.time = end.q[-1], end.v[-1], self.time + steps * self.dt
 
     def state(self) -> State:
+        """Return time, positions and velocities as copies."""
         shape = (len(self.q),) if self.scene.chain else (len(self.q), 1)
         return State(self.time, self.q.reshape(shape).copy(), self.v.reshape(-1, *shape[1:]).copy())
 
     def set_velocity(self, v: Array) -> None:
+        """Replace the velocities, joint rates or those of the bodies."""
         self.v = vector("v", v).reshape(self.v.shape).copy()
 
     def set_torque(self, torque: Array) -> None:
+        """Hold joint torques, shape (n,) [N m], until the next call."""
         if not self.scene.chain:
             return super().set_torque(torque)
         self.params = kinematics.pack(self.scene.chain, torque, self.scene.gravity)
 
     def save(self) -> Any:
+        """Return a copy of the state."""
         return self.time, self.q.copy(), self.v.copy()
 
     def restore(self, saved: Any) -> None:
+        """Return to a state that `save` returned."""
         self.time, self.q, self.v = saved[0], saved[1].copy(), saved[2].copy()
 
 
@@ -123,10 +132,12 @@ class Touching(Run):
         self.reset()
 
     def reset(self) -> None:
+        """Return to the start of the scene, without contacts or impulses to start from."""
         start = self.scene.start
         self.restore((0.0, start.q, start.v, NO_CONTACTS, {}))
 
     def advance(self, steps: int) -> None:
+        """Advance n steps, solving the contacts in each."""
         for _ in range(steps):
             self._step()
         self.time += steps * self.dt
@@ -138,6 +149,7 @@ class Touching(Run):
         pose = self.q
         if scene.ground:
             pose = np.column_stack((np.array([0.0, 0, 0, 1, 0, 0, 0]), self.q))
+        # Speculative contacts: within the travel of a step anything may touch.
         travel = float(np.max(np.abs(free[:3]))) * dt
         result = contact.contacts(self.shapes, pose, NEAR + 2.0 * travel)
         bodies, nothing = result.bodies - int(scene.ground), np.zeros_like(result.point)
@@ -145,14 +157,17 @@ class Touching(Run):
             bodies, result.point, result.normal, result.distance, nothing, nothing
         )
         v, force, memory = free.copy(), nothing.copy(), {}
+        # Project the free velocity of a guided body on its guide.
         for i, body in enumerate(scene.bodies):
             if body.guide is not None:
                 v[:, i] = freedom(body) @ (freedom(body).T @ free[:, i])
+        # Islands: bodies that touch, directly or through others, are solved together.
         for members in self._groups(bodies):
             ours = np.flatnonzero(np.isin(bodies[1], members))
             if not ours.size:
                 continue
             step = step_of(scene, before, free, report.only(ours), dt, members, self.recovery)
+            # Warm start: the impulses of the last step, if the same bodies touch in the same order.
             key = tuple(bodies[:, ours].ravel())
             start = {"start": self.memory.get(key)} if self.model in WARM else {}
             done = contact.solve(self.model, step.problem, **start)
@@ -160,6 +175,7 @@ class Touching(Run):
             v[:, members] = step.spread(done.velocity)
         now = State(0.0, self.q, v)
         self.last = reported(now, bodies, result.point, result.normal, result.distance, force)
+        # Positions follow the new velocities (semi-implicit Euler on the group).
         self.q, self.v, self.memory = retract(self.q, dt * v), v, memory
 
     def _groups(self, pairs: Any) -> list[list[int]]:
@@ -171,6 +187,7 @@ class Touching(Run):
                 i = of[i]
             return i
 
+        # Union-find; the ground, index -1, does not join islands.
         for i, j in pairs.T:
             if i >= 0:
                 low, high = sorted((root(i), root(j)))
@@ -181,17 +198,22 @@ class Touching(Run):
         return list(groups.values())
 
     def state(self) -> State:
+        """Return time, poses and velocities as copies."""
         return State(self.time, self.q.copy(), self.v.copy())
 
     def contacts(self) -> ContactReport:
+        """Return the contacts and forces of the last step."""
         return self.last
 
     def set_velocity(self, v: Array) -> None:
+        """Replace the velocities of the bodies."""
         self.v = vector("v", v, self.v.shape).copy()
 
     def save(self) -> Any:
+        """Return a copy of the state, with the impulses that the next step starts from."""
         return self.time, self.q.copy(), self.v.copy(), self.last, dict(self.memory)
 
     def restore(self, saved: Any) -> None:
+        """Return to a state that `save` returned, so that the same steps follow."""
         self.time, q, v, self.last, memory = saved
         self.q, self.v, self.memory = q.copy(), v.copy(), dict(memory)

@@ -63,7 +63,7 @@ class Scene:
         tolerance: of `error` [m, or rad].
         judge: "turn" (angle of the turn that is missing [rad]), "joints" (largest error of a joint
             [rad]) or "place" (largest distance of a centre from its truth [m]).
-        truth: time [s] -> the true q, in the form of `State.q`; NaN where nothing is asked.
+        truth: time [s] -> the true q, in the form of `State.q`; NaN where nothing is compared.
         bodies: the bodies, without the ground; empty in scenes of joints.
         urdf: the model's text in scenes of joints, else "".
         chain: the same arm, as chapter 4 has it.
@@ -98,7 +98,7 @@ class Scene:
 
     @property
     def unit(self) -> str:
-        """Of `error`."""
+        """Unit of `error`."""
         return "m" if self.judge == "place" else "rad"
 
     @property
@@ -159,7 +159,7 @@ class Scene:
 def urdf(chain: Chain, name: str = "arm") -> str:
     """Return the URDF text of an arm without branches.
 
-    Links `base`, `link0`, ... and joints `joint0`, ...
+    Its links are `base`, `link0`, ... and its joints `joint0`, ...
 
     Every number is written with all its digits. URDF knows no armature, and a tool is no part of
     it; a joint without limits is continuous.
@@ -272,7 +272,7 @@ def box(
 
 
 def tumble(duration: float = 5.0, tolerance: float = 1e-2) -> Scene:
-    """Return a body with three different moments turns freely.
+    """Return a freely turning body with three different moments of inertia.
 
     The truth is chapter 1's closed form.
     """
@@ -301,7 +301,7 @@ def _unmoved(bodies: Sequence[Body], shift: Callable[[float], ArrayLike] | None 
 
 
 def drop(height: float = 0.1, duration: float = 1.0, tolerance: float = 1e-3) -> Scene:
-    """Return a cube of 1 kg falls flat from a height above the ground [m] and stays there."""
+    """Return a cube of 1 kg that falls flat from a height above the ground [m] and stays there."""
     finite("height", height, 0.0, unit="m")
     cube = box("cube", (HALF,) * 3, 1.0, (0.0, 0.0, HALF + height))
 
@@ -354,7 +354,7 @@ def _block(velocity: Sequence[float] = (0.0,) * 6) -> Body:
 def brake(
     heading: float = 0.0, speed: float = 2.0, friction: float = 0.5, tolerance: float = 1e-2
 ) -> Scene:
-    """Return a flat block is sent off on level ground at a heading from the x axis [rad] and stops.
+    """Return a flat block that is launched on level ground at a heading [rad] and stops.
 
     By Coulomb's law after speed^2 / (2 mu g) [m], along its heading.
     """

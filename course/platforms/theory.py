@@ -25,7 +25,9 @@ def braking_distance(
     with the motion. The stop in the middle of a step adds less than mu g dt^2 / 8.
 
     Args:
-        speed, friction, gravity: at the start [m/s], coefficient, [m/s^2].
+        speed: at the start [m/s].
+        friction: Coulomb coefficient.
+        gravity: [m/s^2].
         dt: step [s]; 0 for the true distance.
     """
     positive("speed", speed, unit="m/s")
@@ -50,9 +52,9 @@ def stop(
     friction: float = 0.5,
     gravity: float = GRAVITY,
 ) -> tuple[Array, Array]:
-    """Return where a block comes to rest that is sent off on level ground.
+    """Return where a block that slides on level ground comes to rest.
 
-    By the section of its cone.
+    It depends on the cross-section of its friction cone.
 
     Friction is the force of its section that takes out most power. With D = v^2 / (2 mu g):
 
@@ -67,7 +69,9 @@ def stop(
     Args:
         heading: angles from the x axis, which is an axis of the section [rad], any shape.
         cone: one of `CONES`.
-        speed, friction, gravity: [m/s], coefficient, [m/s^2].
+        speed: at the start [m/s].
+        friction: Coulomb coefficient.
+        gravity: [m/s^2].
 
     Returns:
         Distance from the start [m] and direction of the place of rest less the heading [rad], each

@@ -1,6 +1,19 @@
 """Chapter 1: rigid bodies, rotations, integrators.
 
 The public names of the chapter; each lives in the file of its section.
+
+The chapter's algorithms, and the functions of their steps:
+
+- Munthe-Kaas Runge-Kutta (Munthe-Kaas and Owren, 1999): `integrators.rk4`; `retract` moves along
+  the group, `bracket` corrects its stages.
+- Implicit midpoint with simplified Newton iterations (Hairer, Lubich and Wanner, 2006):
+  `integrators.implicit_midpoint`.
+- Event location by safeguarded regula falsi (Dowell and Jarratt, 1971): `events.time_of_event`;
+  `events.step_with_event` cuts the step and continues it.
+- Impact with Coulomb friction and energetic restitution (Stronge, 1990): `planar_contact.impact`;
+  `first_impact` finds the time, `sustain` holds a resting contact, `planar._advance` is the loop.
+- Fixed-step loop with an accumulator (Fiedler, 2004): `loop.FixedStepLoop.advance`, its phases in
+  `_step`, `_expose`, `_control` and `_render`.
 """
 
 from course.rigid_body.integrators import (

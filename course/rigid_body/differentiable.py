@@ -51,7 +51,7 @@ def _is_tensor(value: Any) -> bool:
 def _number(value: Any) -> float:
     """Return the plain number of a float or a tensor.
 
-    For decisions, through which no gradient flows.
+    Decisions use it, as no gradient flows through them.
     """
     return float(value.detach()) if _is_tensor(value) else float(value)
 
@@ -144,7 +144,8 @@ def _push_after(scene: Setup, time: float) -> tuple[float, float]:
 
 
 def _fall_time(y: Any, vy: Any, gravity: float) -> Any:
-    """Time until a flight reaches the ground [s]: the later root, without cancellation."""
+    """Return the time of flight to the ground [s]: the later root, without cancellation."""
+    # The root of y + vy t - g t^2 / 2; for a body that falls, the form whose terms have one sign.
     root = (vy * vy + 2 * gravity * y) ** 0.5
     if vy > 0:
         return (vy + root) / gravity
@@ -163,6 +164,7 @@ def _impact(vx: Any, vy: Any, e: Any, mu: Any, rest_speed: float) -> tuple[Any, 
         normal, bounce = -vy, 0.0
     else:
         normal, bounce = -(1 + e) * vy, -e * vy
+    # Coulomb: the tangential impulse that would stop the sliding, if the cone allows it.
     limit = mu * normal
     if abs(vx) <= limit:
         return 0.0, bounce, abs(_number(vx)) / _number(normal) if _number(vx) != 0 else 0.0
@@ -200,6 +202,8 @@ def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
             ay = 0.0
             span = math.inf
             grip = mu * g
+            # It sticks while the push is within the friction cone; the largest demand bounds mu
+            # from below.
             if _number(vx) == 0 and abs(push) <= grip:
                 mode, ax = "stick", 0.0
                 needed = max(needed, abs(_number(push)) / g)
@@ -207,6 +211,8 @@ def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
                 mode = "slide"
                 forwards = vx > 0 if _number(vx) != 0 else force > 0
                 ax = push - grip if forwards else push + grip
+                # Friction works against the motion: it stops sliding where the parabola's speed is
+                # zero.
                 if _number(vx) * _number(ax) < 0:
                     span = -vx / ax
 
@@ -218,6 +224,8 @@ def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
             return
         else:
             t, event = span, "impact" if mode == "flight" else "stop"
+        # An event's time is a function of the parameters: through it the gradient sees when an
+        # impact happens.
         now = until if event == "push" else now + t
         x = x + vx * t + 0.5 * ax * t * t
         vx = vx + ax * t
@@ -329,7 +337,7 @@ def record(
     noise: float,
     generator: np.random.Generator,
 ) -> Recording:
-    """Return a recording as a camera would make it: the exact positions with normal noise.
+    """Record a drop as a camera would: the exact positions with normal noise.
 
     Args:
         parameters: the true (restitution, friction, mass).
@@ -446,12 +454,15 @@ def information(
     """
     positive("noise", noise, unit="m")
     J = jacobian(parameters, scene, times)[:2].reshape(-1, 3) / noise
+    # Columns of the Jacobian in relative units of the mass, so that the singular values compare.
     scale = np.array([1.0, 1.0, float(parameters[2])])
     _, values, directions = np.linalg.svd(J * scale, full_matrices=True)
     values = np.concatenate([np.abs(values), np.zeros(3 - len(values))])
+    # A direction is known if one scale moves the record by more than one deviation.
     known = values > 1.0
     share = np.linalg.norm(directions[~known], axis=0)
     identified = share <= _SHARE_IN_UNKNOWN
+    # Covariance of the least-squares estimate, (J^T J)^-1, on the known directions only.
     root = directions[known].T / values[known]
     covariance = (root @ root.T) * np.outer(scale, scale)
     covariance[~identified, :] = np.inf
@@ -495,7 +506,7 @@ class Recovery:
 
     @property
     def fits(self) -> bool:
-        """Whether the residual is what the stated noise explains (below 2 per degree)."""
+        """True if the stated noise explains the residual (below 2 per degree of freedom)."""
         return self.chi_squared_per_degree < 2.0
 
     def __str__(self) -> str:
@@ -563,11 +574,13 @@ def recover(
         tried += 1
         if J is None:
             J = jacobian(point, scene, recorded.times)[:2].reshape(-1, 3) / recorded.noise
+        # Levenberg-Marquardt: the Gauss-Newton matrix, damped in proportion to its diagonal.
         curvature = J.T @ J
         # A parameter without influence has a zero column; the floor leaves it where it is.
         diagonal = np.maximum(np.diag(curvature), 1e-12)
         step = -np.linalg.solve(curvature + damping * np.diag(diagonal), J.T @ r)
         trial = np.clip(point + step, lowest, highest)
+        # The mass may fall by at most a factor of ten in a step: it stays positive.
         if trial[2] < 0.1 * point[2]:
             trial[2] = 0.1 * point[2]
         trial_r = residual(trial)
@@ -644,9 +657,9 @@ class DropGradients(NamedTuple):
 def naive_drop_gradients(
     height: float, restitution: float, dt: float, duration: float, clamp: bool = True
 ) -> DropGradients:
-    """Return what automatic differentiation makes of `naive_drop`.
+    """Return the gradients that automatic differentiation computes for `naive_drop`.
 
-    The exact derivative of the wrong map.
+    They are the exact derivative of the wrong map.
 
     Args:
         height: at time 0 [m].

@@ -87,9 +87,7 @@ def time_of_event(q, v, step, acceleration, dt, params, gap):
 
 @register_jitable
 def step_with_event(q, v, step, acceleration, dt, params, gap, reset):
-    """Return one step of any integrator that is cut where the gap closes.
-
-    And continued after the reset.
+    """Take one step of any integrator, cut where the gap closes and continued after the reset.
 
     An event that begins and ends within one step, so that the gap is open at both ends, is not
     seen. A state that starts with a negative gap is stepped as it is.
@@ -129,7 +127,7 @@ def step_with_event(q, v, step, acceleration, dt, params, gap, reset):
 
 @register_jitable
 def step_with_late_event(q, v, step, acceleration, dt, params, gap, reset):
-    """Return the usual shortcut, to be compared with.
+    """Take the usual shortcut at an impact, which the exact event is compared with.
 
     A whole step, then the reset if the gap is closed.
 

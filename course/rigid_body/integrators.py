@@ -68,7 +68,7 @@ def retract(q, u):
 def bracket(q, a, b):
     """Return how far two small moves a and b from q fail to commute.
 
-    exp(a) exp(b) against the reverse.
+    It compares exp(a) exp(b) with exp(b) exp(a).
 
     Args:
         q: base point, shape (nq,) or (nq, N); only its size matters.
@@ -81,6 +81,7 @@ def bracket(q, a, b):
     result = np.zeros_like(a)
     if q.shape[0] != a.shape[0]:
         n = a.shape[0] - 3
+        # On SO(3) two moves commute up to the cross product of their rotation vectors.
         both = cross(a[n:], b[n:])
         for i in range(3):
             result[n + i] = both[i]
@@ -132,6 +133,7 @@ def velocity_verlet(q, v, acceleration, dt, params):
     """
     a0 = acceleration(q, v, params)
     q = retract(q, dt * (v + 0.5 * dt * a0))
+    # The predicted velocity v + dt a0 keeps second order where the force depends on it.
     a1 = acceleration(q, v + dt * a0, params)
     return q, v + 0.5 * dt * (a0 + a1)
 
@@ -177,8 +179,10 @@ def implicit_midpoint(q, v, acceleration, dt, params):
     """
     n = v.shape[0]
     half = 0.5 * dt
+    # Predictor for the mid velocity: an explicit half step.
     w = v + half * acceleration(q, v, params)
     residual = w - v - half * acceleration(retract(q, half * w), w, params)
+    # Newton's matrix of the residual by forward differences, once a step.
     # lower[j, i] and upper parts share one array: column j of the Jacobian in row j.
     jacobian = np.empty((n,) + v.shape)
     for j in range(n):
@@ -188,6 +192,7 @@ def implicit_midpoint(q, v, acceleration, dt, params):
         shifted = moved - v - half * acceleration(retract(q, half * moved), moved, params)
         for i in range(n):
             jacobian[j, i] = (shifted[i] - residual[i]) / size
+    # LU factors without pivoting: for a small step the matrix is near the identity.
     for k in range(n):
         for i in range(k + 1, n):
             factor = jacobian[k, i] / jacobian[k, k]
@@ -195,6 +200,7 @@ def implicit_midpoint(q, v, acceleration, dt, params):
             for j in range(k + 1, n):
                 jacobian[j, i] = jacobian[j, i] - factor * jacobian[j, k]
     converged = False
+    # Simplified Newton iterations: forward and back substitution with the old factors.
     for _ in range(_NEWTON_STEPS):
         correction = residual.copy()
         for i in range(n):
@@ -210,8 +216,10 @@ def implicit_midpoint(q, v, acceleration, dt, params):
             converged = True
             break
         residual = w - v - half * acceleration(retract(q, half * w), w, params)
+    # Not converged: NaN, so that nobody takes the step for a good one.
     if not converged:
         w = w * np.nan
+    # Both come from the mid velocity: v1 = v + 2 (w - v).
     return retract(q, dt * w), 2.0 * w - v
 
 
@@ -243,10 +251,13 @@ def rk4(q, v, acceleration, dt, params):
     v2 = _along(v, half, a1)
     a2 = acceleration(retract(q, half * v), v2, params)
     v3 = _along(v, half, a2)
+    # The stage's rotation: the two rates belong to different orientations, so their commutator
+    # enters (Munthe-Kaas).
     turn = _along(half * v2, 0.125 * dt * dt, bracket(q, v, v2))
     a3 = acceleration(retract(q, turn), v3, params)
     v4 = _along(v, dt, a3)
     a4 = acceleration(retract(q, dt * v3), v4, params)
+    # The step's rotation vector: Simpson's mean of the rates, and the commutator of its ends.
     turn = _along(dt * _mean(v, v2, v3, v4), dt * dt / 12.0, bracket(q, v, v4))
     return retract(q, turn), _along(v, dt, _mean(a1, a2, a3, a4))
 
@@ -291,6 +302,7 @@ def rk4_renormalised(q, v, acceleration, dt, params):
     k4 = _coordinate_rate(q4, v4)
     a4 = acceleration(q4, v4, params)
     q = _along(q, dt, _mean(k1, k2, k3, k4))
+    # Renormalise: pull the four numbers back onto the unit sphere.
     if q.shape[0] != v.shape[0]:
         n = v.shape[0] - 3
         unit = normalise(q[n:])
@@ -391,9 +403,9 @@ def advance(q, v, step, acceleration, dt, steps, params):
 
 
 def advance_recorded(q, v, step, acceleration, dt, records, every, params):
-    """Return `records` times `every` steps.
+    """Take `records` times `every` steps and record states.
 
-    States before the first and after each `every` steps.
+    The states before the first and after each `every` steps are recorded.
     """
     qs = np.empty((records + 1,) + q.shape)
     vs = np.empty((records + 1,) + v.shape)
@@ -458,7 +470,7 @@ def simulate(
             (q, v, acceleration, dt, params) -> (q, v), which then runs as plain Python.
         dt: step [s], positive.
         steps: number of steps.
-        every: record a state every so many steps; default: only the first and the last.
+        every: steps between recorded states; default: only the first and the last.
 
     Returns:
         The recorded states. A run that blows up goes on to infinity or NaN; nothing is clamped.

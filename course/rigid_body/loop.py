@@ -71,8 +71,9 @@ def exact_seconds(value: Seconds, name: str = "seconds") -> Fraction:
 
 
 def interpolate_linearly(previous: Any, current: Any, alpha: float) -> Any:
-    """Return the state a fraction alpha of the way from `previous` to `current`, component by
-    component.
+    """Interpolate between `previous` and `current`, component by component.
+
+    The result lies a fraction alpha of the way from the first to the second.
 
     The error for a smooth motion is at most max |acceleration| * dt**2 / 8. It suits positions and
     velocities; a quaternion needs an interpolation along the sphere instead.
@@ -296,11 +297,13 @@ class FixedStepLoop:
         before = Advance(**vars(self.totals))
         frame = Fraction(real_seconds)
         lost = Fraction(0)
+        # Time that a slow frame would ask to catch up beyond `max_frame` is dropped, and reported.
         if self._bound is not None and frame > self._bound:
             lost = frame - self._bound
             frame -= lost
             self._dropped += lost
             self.totals.dropped = float(self._dropped)
+        # The accumulator: real time granted to the simulation so far, as an exact fraction.
         self._granted += frame
 
         available = int(self._granted // self._tick)
@@ -317,6 +320,7 @@ class FixedStepLoop:
         if lost:
             self._note("dropped", available, math.nan)
 
+        # What remains in the accumulator is a share of a step; a renderer interpolates by it.
         step = Fraction(self.physics_dt)
         totals.alpha = float((self._granted - totals.steps * step) / step)
         return Advance(
@@ -346,6 +350,7 @@ class FixedStepLoop:
         if start >= self._next_control:
             self._control(start, now)
 
+        # Commands that have arrived by now replace the held one (zero-order hold).
         while self._commands_under_way and self._commands_under_way[0][0] <= start:
             _, self._command, self._command_sensed_at = self._commands_under_way.popleft()
         force = self._command
@@ -389,6 +394,7 @@ class FixedStepLoop:
         self._next_picture += self._render_ticks
         self.totals.pictures += 1
         newest = self.totals.steps * self._dt_ticks
+        # A picture is one step behind, between two known states, so that nothing is extrapolated.
         shown = self._seconds(max(due - self._dt_ticks, 0))
         if self.phases.render is not None:
             alpha = (due - newest) / self._dt_ticks
@@ -398,9 +404,7 @@ class FixedStepLoop:
 
 
 def _common_tick(times: Iterable[Fraction]) -> Fraction:
-    """Return the largest time of which all the given ones are whole multiples (zeros do not
-    count).
-    """
+    """Return the largest time that divides all given times (zeros do not count)."""
     numerator, denominator = 0, 1
     for time in times:
         scale = math.lcm(denominator, time.denominator)
@@ -420,7 +424,7 @@ def run(
     """Run the loop against a clock for a while.
 
     Args:
-        loop: the loop; it goes on from where it stands.
+        loop: the loop; it continues from its present state.
         seconds: how long, on that clock [s], positive and finite.
         clock: returns the time [s].
         sleep: waits for a time [s].
@@ -444,6 +448,7 @@ def run(
         total.pictures += done.pictures
         total.dropped += done.dropped
         total.alpha = done.alpha
+        # Read the clock again: the time that the steps took is not waited for a second time.
         wait = min(loop.seconds_to_next - (clock() - last), seconds - (clock() - start))
         if wait > 0:
             sleep(wait)

@@ -40,12 +40,14 @@ METHODS = (
 
 @register_jitable
 def step_of(number, q, v, dt, params):
-    """Return one step of the oscillator by METHODS[number], which compiled code can't look up by
-    name.
+    """Advance the oscillator by one step of METHODS[number].
+
+    Compiled code can't look a method up by name.
 
     Args:
         number: of the method.
-        q, v: position and velocity, shape (1,) or (1, N).
+        q: position, shape (1,) or (1, N).
+        v: velocity, same shape.
         dt: step [s].
         params: omega [rad/s] and zeta.
 
@@ -91,9 +93,9 @@ def stepper(
 
 
 def _entries(method: str, x: Any, zeta: Any) -> tuple[Any, ...]:
-    """Return (a, b, c, d) of one step on (q, v / omega).
+    """Return the entries (a, b, c, d) of one step's matrix on (q, v / omega).
 
-    X = omega dt and zeta in any arithmetic.
+    x = omega dt and zeta may be in any arithmetic.
     """
     if method == "semi_implicit_euler":
         # v1 = v + x (-q - 2 zeta v), q1 = q + x v1
@@ -111,6 +113,7 @@ def _entries(method: str, x: Any, zeta: Any) -> tuple[Any, ...]:
         common = 1 + zeta * x + quarter
         turn = x / common
         return (1 + zeta * x - quarter) / common, turn, -turn, (1 - zeta * x - quarter) / common
+    # Runge-Kutta with as many stages as its order: partial sums of exp(x G).
     total: tuple[Any, ...] = (1, 0, 0, 1)
     term = total
     for k in range(1, _DEGREES[method] + 1):
@@ -154,6 +157,7 @@ def limit(method: str, zeta: float) -> float:
     if method == "implicit_midpoint":
         return math.inf
     a, b, c, d = _entries(method, Polynomial([0.0, 1.0]), zeta)
+    # Jury's conditions: both eigenvalues lie inside the unit circle while all three are positive.
     trace, determinant = a + d, a * d - b * c
     conditions = (1.0 - determinant, 1.0 + determinant + trace, 1.0 + determinant - trace)
     return min(_first_negative(condition) for condition in conditions)
@@ -188,6 +192,7 @@ def _first_negative(condition: Polynomial) -> float:
     roots = reduced.roots()
     real = np.sort(roots.real[np.abs(roots.imag) <= 1e-7 * np.abs(roots)])
     for root in real[real > 0.0]:
+        # A touching root does not change the sign; only a crossing is the limit.
         if reduced(root * (1.0 + 1e-5)) < 0.0:
             return float(root)
     return math.inf

@@ -78,7 +78,7 @@ def _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient):
 def _advance(
     x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt, coefficient, resolve, limit
 ):
-    """Return one step of one box near the ground.
+    """Advance one box near the ground by one step.
 
     Flight, impacts, contact, in the order they happen.
 
@@ -184,9 +184,9 @@ def _advance(
 def _step_boxes(
     out, counts, state, parameters, forces, gx, gy, dt, steps, coefficient, resolve, ground, limit
 ):
-    """Return `steps` steps of every box, one box after the other.
+    """Take `steps` steps of every box, one box after the other.
 
-    The first bad box or -1 comes back.
+    It returns the first box that failed, or -1.
     """
     each = parameters.shape[1] > 1 or forces.shape[1] > 1
     for j in range(state.shape[1]):
@@ -287,7 +287,8 @@ def box_parameters(
 
     Args:
         mass: [kg], positive.
-        width, height: extent along the body's own axes [m], positive.
+        width: extent along the body's own x axis [m], positive.
+        height: extent along the body's own y axis [m], positive.
         inertia: about the centre of mass [kg m^2], positive; that of a uniform box,
             m (w^2 + h^2) / 12, if left out.
         restitution: in [0, 1].
@@ -458,7 +459,7 @@ def advance_boxes(
 def step_boxes(
     state: Array, parameters: Array, dt: float, **options: Any
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Return one step of N boxes: `advance_boxes` with one step, and its options."""
+    """Advance N boxes by one step: `advance_boxes` with one step, and its options."""
     return advance_boxes(state, parameters, dt, 1, **options)
 
 
@@ -531,7 +532,7 @@ class PlanarBody:
 
     @property
     def velocity(self) -> Array:
-        """Of the centre of mass, (2,) [m/s]."""
+        """Velocity of the centre of mass, (2,) [m/s]."""
         return self.state[3:5].copy()
 
     @property
@@ -540,8 +541,9 @@ class PlanarBody:
         return float(self.state[5])
 
     def corners(self) -> Array:
-        """Return the corners in world axes, anticlockwise from the body's lower left, (2,
-        4) [m].
+        """Return the corners in world axes, shape (2, 4) [m].
+
+        They run anticlockwise from the body's lower left.
         """
         x, y, angle = self.state[:3]
         a = 0.5 * self.width * np.array([-1.0, 1.0, 1.0, -1.0])

@@ -33,10 +33,7 @@ CLEAR, HIT, UNFINISHED = 0, 1, 2
 
 @register_jitable
 def flight(position, velocity, acceleration, tau, coefficient):
-    """Return a coordinate after the time tau of constant acceleration.
-
-    As an integrator moves it.
-    """
+    """Return a coordinate after constant acceleration for tau, as an integrator moves it."""
     return position + tau * velocity + coefficient * tau * tau * acceleration
 
 
@@ -72,8 +69,10 @@ def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
     whatever the friction. In a central impact (rx = 0 or ry = 0 or no friction) vn' = -e vn.
 
     Args:
-        vt, vn: velocity of the corner along and away from the ground, vn < 0 [m/s].
-        rx, ry: offset of the corner from the centre of mass [m].
+        vt: velocity of the corner along the ground [m/s].
+        vn: velocity of the corner away from the ground, negative [m/s].
+        rx: horizontal offset of the corner from the centre of mass [m].
+        ry: vertical offset of the corner from the centre of mass [m].
         inverse_mass: 1/mass [1/kg].
         inverse_inertia: 1/inertia about the centre of mass [1/(kg m^2)].
         restitution: e in [0, 1].
@@ -84,6 +83,7 @@ def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
     """
     if vn >= 0.0:
         return 0.0, 0.0
+    # Inverse mass of the corner: normal, tangential and coupling entries of the Delassus matrix.
     wtt = inverse_mass + inverse_inertia * ry * ry
     wnn = inverse_mass + inverse_inertia * rx * rx
     wnt = -inverse_inertia * rx * ry
@@ -105,6 +105,7 @@ def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
         slowing = wnt + wtt * k1
         if vt * slowing < 0.0:
             stop = -vt / slowing
+    # Compression stores work, restitution gives back e^2 of it (Stronge's energetic restitution).
     end_speed = -restitution * vn
     if a1 > 0.0 and -vn <= a1 * stop:  # compression ends while it still slides
         end = (end_speed - vn) / a1
@@ -196,6 +197,7 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
     if vy + omega * rx1 >= 0.0 and vy + omega * rx2 >= 0.0:
         return vx, vy, omega, 0
     # Both carry: the face stays down, if neither corner has to pull.
+    # Total normal impulse, then its split between the corners by the moment about the centre.
     pn = -vy / inverse_mass
     if pn > 0.0:
         pt = -vx / inverse_mass
@@ -227,9 +229,9 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
 
 @register_jitable
 def _safe_time(gap, rate, bound, horizon):
-    """Return the earliest time at which gap + rate t - bound t^2/2 can be zero.
+    """Return the earliest time at which gap + rate t - bound t^2 / 2 can be zero.
 
-    Horizon if later.
+    It returns the horizon if that is later.
     """
     # Even the fastest fall allowed by the bound stays above the ground.
     if gap + horizon * (rate - 0.5 * bound * horizon) > 0.0:
@@ -253,9 +255,14 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
     error is squared each time, and for a box that does not turn the first advance is exact.
 
     Args:
-        y, angle, vy, omega: height, angle and their rates [m, rad, m/s, rad/s].
-        ay, alpha: vertical and angular acceleration, constant [m/s^2, rad/s^2].
-        width, height: of the box [m].
+        y: height of the centre of mass [m].
+        angle: [rad].
+        vy: vertical velocity [m/s].
+        omega: angular velocity [rad/s].
+        ay: vertical acceleration, constant [m/s^2].
+        alpha: angular acceleration, constant [rad/s^2].
+        width: of the box [m].
+        height: of the box [m].
         horizon: how far to look [s].
         coefficient: c of the flight y + tau vy + c tau^2 ay.
 
@@ -264,11 +271,13 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
         SEARCH_LIMIT evaluations, a time up to which nothing hits and UNFINISHED.
     """
     radius = 0.5 * math.sqrt(width * width + height * height)
+    # Upper bound on the downward acceleration of any corner.
     fastest = abs(omega) + 2.0 * coefficient * abs(alpha) * horizon
     bound = radius * (fastest * fastest + 2.0 * coefficient * abs(alpha))
     bound = max(bound - 2.0 * coefficient * ay, 0.0)
     touch = IMPACT_TOLERANCE * radius
     tau = 0.0
+    # Conservative advancement with that bound, so no impact can be skipped.
     for _ in range(SEARCH_LIMIT):
         remaining = horizon - tau
         centre = flight(y, vy, ay, tau, coefficient)
@@ -493,6 +502,7 @@ def sustain(
         if second:
             rx, ry = rx2, ry2
         # The corner is to be at rest, or slide, where it will be after it has turned.
+        # Centripetal acceleration of the corner, over what is left of the step.
         turned = remaining * omega * omega
         vt = free_x - free_omega * ry - turned * rx
         vn = free_y + free_omega * rx - turned * ry

@@ -126,6 +126,7 @@ def oscillator(
     )
     damped = omega * np.sqrt(1.0 - zeta**2)
 
+    # Closed form of the underdamped oscillator.
     def truth(t: float) -> tuple[Array, Array]:
         decay = x0 * np.exp(-zeta * omega * t)
         c, s = np.cos(damped * t), np.sin(damped * t)
@@ -168,6 +169,7 @@ def pendulum(
         duration: length of the run [s].
     """
     rate = np.sqrt(gravity / length)
+    # Modulus of the elliptic functions; the pendulum starts at rest at its amplitude.
     k = np.sin(0.5 * amplitude)
     system = System(
         "pendulum",
@@ -215,13 +217,14 @@ def angular_momentum(q: Array, v: Array, params: Array) -> Array:
 
 
 def _incomplete_pi(n: float, u: float, m: float) -> float:
-    """Return integral of 1 / (1 - n sn^2) from 0 to u.
+    """Return the integral of 1 / (1 - n sn^2) from 0 to u.
 
-    By Carlson's symmetric forms (DLMF 19.25).
+    It is computed from Carlson's symmetric forms (DLMF 19.25).
     """
     from scipy.special import ellipj, ellipk, elliprf, elliprj
 
     quarter = ellipk(m)
+    # Whole periods are taken off first: Carlson's forms hold for a quarter period.
     turns = np.round(u / (2.0 * quarter))
     sn, cn, _, _ = ellipj(u - 2.0 * quarter * turns, m)
 
@@ -261,6 +264,7 @@ def tumble(
     if not (w1 > 0.0 and w3 > 0.0 and square > two_t * i2):
         raise invalid("rates", rates, "two positive numbers with L^2 > 2 T I2")
     momentum = np.sqrt(square)
+    # Closed form by Jacobi's elliptic functions (Landau and Lifshitz, Mechanics, sec. 37).
     pace = np.sqrt((i3 - i2) * (square - two_t * i1) / (i1 * i2 * i3))
     m = (i2 - i1) * (two_t * i3 - square) / ((i3 - i2) * (square - two_t * i1))
     w2 = np.sqrt((two_t * i3 - square) / (i2 * (i3 - i2)))
@@ -278,6 +282,8 @@ def tumble(
             t / i3 + (two_t - square / i3) / (d * pace) * _incomplete_pi(-beta, u, m)
         )
         body = np.array([i1, i2, i3]) * v / momentum
+        # Attitude: the angular momentum is fixed in space; its direction in the body gives two
+        # angles, the integral above the third.
         tilt = np.arctan2(np.hypot(body[0], body[1]), body[2])
         z = np.array([0.0, 0.0, 1.0])
         q = quaternion.product(
@@ -386,13 +392,17 @@ def top_height_truth(
 
     Args:
         t: time [s].
-        inertia, weight, tilt, spin: as for `nutation_limits`.
+        inertia: as for `nutation_limits`.
+        weight: as for `nutation_limits`.
+        tilt: as for `nutation_limits`.
+        spin: as for `nutation_limits`.
 
     Returns:
         u1 + (u2 - u1) cd^2(p t | m), between the nutation limits.
     """
     from scipy.special import ellipj
 
+    # The nutation is a cubic's motion between two roots, an elliptic function again.
     u1, u2, u3 = nutation_limits(inertia, weight, tilt, spin)
     pace = 0.5 * np.sqrt(2.0 * weight / inertia[0] * (u3 - u1))
     _, cn, dn, _ = ellipj(pace * t, (u2 - u1) / (u3 - u1))
@@ -404,9 +414,9 @@ def top_height_truth(
 
 @register_jitable
 def double_pendulum_acceleration(q, v, params):
-    """Return two point masses on massless rods; q holds both angles from the vertical [rad].
+    """Return angular accelerations of two point masses on massless rods.
 
-    params = (m1, m2 [kg], l1, l2 [m], g [m/s^2]).
+    q holds both angles from the vertical [rad]; params = (m1, m2 [kg], l1, l2 [m], g [m/s^2]).
     """
     m1, m2, l1, l2, g = params[0], params[1], params[2], params[3], params[4]
     difference = q[0] - q[1]
@@ -480,7 +490,9 @@ def bounce_height(
 
     Args:
         t: time since the drop [s].
-        height, restitution, gravity: as for `bounce_times`.
+        height: as for `bounce_times`.
+        restitution: as for `bounce_times`.
+        gravity: as for `bounce_times`.
     """
     first = np.sqrt(2.0 * height / gravity)
     if t < first:
@@ -514,7 +526,8 @@ def frictionless_box(
     Args:
         t: time [s].
         state: start (x, y, angle, vx, vy, omega), shape (6,).
-        width, height: of a uniform box [m].
+        width: of the uniform box [m].
+        height: of the uniform box [m].
         restitution: e, between 0 and 1.
         gravity: [m/s^2].
 
@@ -536,6 +549,7 @@ def frictionless_box(
     def corner_height(s: float, corner: int) -> float:
         return float(heights(np.array([s]))[0, corner])
 
+    # Event to event: sample the corners' heights, bracket the first crossing, refine it with Brent.
     remaining, struck = t, -1
     while True:
         times = np.append(np.arange(0.0, remaining, 1e-4), remaining)
@@ -555,6 +569,7 @@ def frictionless_box(
         remaining -= flight
         if not crossings.size:
             return np.array([x, y, angle, vx, vy, omega])
+        # Newton's law at the corner: the lever reduces its effective mass.
         lever = arm * np.cos(angle + corners[struck])
         normal = vy + omega * lever
         impulse = -(1.0 + restitution) * normal / (1.0 + lever**2 / moment)

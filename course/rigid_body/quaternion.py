@@ -159,7 +159,7 @@ def cross(a: Array, b: Array) -> Array:
 
 @register_jitable
 def product(p: Array, q: Array) -> Array:
-    """Return hamilton's product p q: the rotation q, followed by p.
+    """Return Hamilton's product p q: the rotation q, followed by p.
 
     Args:
         p: quaternions, shape (4,) or (4, N), of any length.
@@ -360,8 +360,7 @@ def to_matrix(q: Array) -> Array:
 
 @register_jitable
 def from_matrix(R: Array) -> Array:
-    """Return the unit quaternion of a rotation matrix, accurate at every angle, half turns
-    included.
+    """Return the unit quaternion of a rotation matrix, accurate at every angle.
 
     The entries of R give the ten products 4 q_i q_j. The row of the largest q_i is scaled to unit
     length, so nothing is ever divided by a small number (Shepperd, Quaternion from rotation

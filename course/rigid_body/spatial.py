@@ -20,9 +20,9 @@ DOWNWARDS = (0.0, 0.0, -STANDARD_GRAVITY)  # m/s^2
 
 @register_jitable
 def free_flight_acceleration(q, v, params):
-    """Return bodies in free flight, in principal axes.
+    """Return accelerations of bodies in free flight, in principal axes.
 
-    Params = (gx, gy, gz [m/s^2], I1, I2, I3 [kg m^2]).
+    params = (gx, gy, gz [m/s^2], I1, I2, I3 [kg m^2]).
 
     Args:
         q: positions, shape (7,) or (7, N).
@@ -195,8 +195,9 @@ class RigidBody:
         return float(kinetic), float(potential), float(kinetic + potential)
 
     def angular_momentum(self) -> Array:
-        """Return angular momentum about the centre of mass in the world frame, shape (3,) [kg
-        m^2/s].
+        """Return the angular momentum about the centre of mass, shape (3,) [kg m^2/s].
+
+        It is in the world frame.
         """
         return np.asarray(rotate(self.q[3:], np.asarray(self.inertia) @ self.v[3:]))
 
@@ -215,7 +216,7 @@ def advance_bodies(
     gravity: ArrayLike = DOWNWARDS,
     integrator: str = "rk4_renormalised",
 ) -> tuple[Array, Array]:
-    """Return many equal bodies in free flight, advanced together by the compiled integrator.
+    """Advance many equal bodies in free flight together, by the compiled integrator.
 
     Args:
         q: positions, shape (7, N) [m, unit quaternions].

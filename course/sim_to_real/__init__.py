@@ -1,6 +1,16 @@
 """Chapter 8: from simulation to the real robot. The gap measured, and what each cure costs.
 
 The public names of the chapter; each lives in the file of its section.
+
+The chapter's algorithms, and the functions of their steps:
+
+- Output-error identification (Ljung, 1999): `identify.fit`, its Jacobian in `_slope`; `excitation`
+  predicts, `whiteness` tests the residuals.
+- Potential-based shaping (Ng, Harada and Russell, 1999): `shaping.shaped`; `value_iteration`,
+  `policy_iteration` and `learning_steps` solve the processes.
+- Automatic domain randomisation (OpenAI, 2019): `tune.automatic`, whose search is `improve`, the
+  cross-entropy method.
+- Shapley values (Shapley, 1953): `transfer.attribution`.
 """
 
 from course.sim_to_real.identify import (

@@ -52,6 +52,8 @@ class Log:
         vector("command", self.command, (None, t.size - 1))
         positive("times[-1] - times[0]", t[-1] - t[0], unit="s")
         sent = t if self.sent is None else vector("sent", self.sent, (t.size - 1,), unit="s")
+        # Even spacing, and commands on the clock of the measurements: else a delay would look like
+        # physics.
         apart, other = np.diff(t) - np.median(np.diff(t)), sent[: t.size - 1] - t[:-1]
         for name, values, deviation in (("times", t[1:], apart), ("sent", sent, other)):
             i = int(np.argmax(np.abs(deviation)))
@@ -73,7 +75,7 @@ class Visible:
     """What a log can tell of P parameters.
 
     Attributes:
-        names, covariance: of the parameters, (P, P) [their units]; inf where one cannot be told.
+        names, covariance: of the parameters, (P, P) [their units]; inf where not identifiable.
         rank: how many combinations, moved by their own size, change the log by more than the noise.
         null: a sentence for each that does not.
         directions: these, a row each, in units of the parameters' sizes, shape (P - rank, P).
@@ -110,7 +112,10 @@ class Fit(Visible):
     reason: str
 
     def half_width(self, level: float = 0.95) -> Array:
-        """Return of the interval that holds a parameter in this share of logs, shape (P,)."""
+        """Return half the width of the intervals that hold the parameters in this share of logs.
+
+        The shape is (P,).
+        """
         from scipy.special import stdtrit
 
         quantile = stdtrit(self.residual.size - len(self.names), 0.5 * (1.0 + level))
@@ -118,15 +123,16 @@ class Fit(Visible):
 
 
 def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> tuple:
-    """Return names, values, bounds and sizes of what is free.
+    """Return names, values, bounds and sizes of the free parameters, and the simulator.
 
-    And the simulation of points (P, K).
+    The simulator takes points (P, K).
     """
     names = tuple(one_of("free", name, start) for name in free)
     low, high = np.array([free[name] for name in names], dtype=float).reshape(-1, 2).T
     if not (names and (low < high).all()):
         raise invalid("free", dict(free), "a lower bound below the upper one for each")
     x = np.array([finite(f"start[{n!r}]", start[n], *free[n]) for n in names])
+    # The size of a parameter, for steps and scaling.
     wide = np.where(np.isfinite(high - low), high - low, 1.0)
 
     def run(points: Array) -> Array:
@@ -142,9 +148,11 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
 
 
 def _slope(run: Callable, x: Array, low: Array, high: Array, size: Array) -> Array:
-    """Return d simulated / d parameter by central differences in one rollout, shape (n, T + 1,
-    P).
+    """Return d simulated / d parameter by central differences, shape (n, T + 1, P).
+
+    All differences are taken in one batched rollout.
     """
+    # Central differences, one-sided at a bound; all of them in one batched rollout.
     up, down = np.minimum(x + 6e-6 * size, high) - x, np.maximum(x - 6e-6 * size, low) - x
     both = run(x[:, None] + np.hstack([np.diag(up), np.diag(down)]))
     return np.asarray((both[..., : x.size] - both[..., x.size :]) / (up - down))
@@ -157,10 +165,11 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
     samples than parameters are each a ValueError.
 
     Args:
-        simulate, log: all signals count alike.
+        simulate: parameters -> simulated signals, all of which count alike.
+        log: the measured signals and the commands.
         start: all that `simulate` wants, by name; what is not free stays.
         free: bounds of each parameter that is to be found.
-        steps: most that are tried.
+        steps: limit on the Gauss-Newton steps.
     """
     names, x, low, high, size, run = _prepared(simulate, log, start, free)
     desired, P = np.asarray(log.measured, dtype=float), len(names)
@@ -169,6 +178,7 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
 
     def tried(point: Array) -> tuple[Array, float, Array]:
         # Forward differences, away from a bound; their error, about 1e-8, moves no answer.
+        # Forward differences suffice for the search; the final slope is central.
         h = np.where(point + 1e-7 * size > high, -1e-7, 1e-7) * size
         result = run(point[:, None] + np.hstack([np.zeros((P, 1)), np.diag(h)]))
         r = (desired - result[..., 0]).ravel()
@@ -184,12 +194,14 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
         A, g = J.T @ J, J.T @ r
         # Marquardt's scaling; what does not show stays where it is.
         A += np.diag(damping * np.maximum(np.diag(A), 1e-12 * np.trace(A) + 1e-300))
+        # Active set: parameters that are pushed against a bound do not move.
         held = ((x <= low) & (g < 0.0)) | ((x >= high) & (g > 0.0))  # pushed against its bound
         A[held], A[:, held], A[held, held], g[held] = 0.0, 0.0, 1.0, 0.0
         point = np.clip(x + size * np.linalg.solve(A, g), low, high)
         if np.max(np.abs(point - x) / size) < 1e-6:
             against = [] if damping < 1.0 else ["no step goes down, as small as it is"]
         now = tried(point)
+        # Levenberg-Marquardt: accept a step that lowers the cost and trust it more, else less.
         if now[1] < cost:
             x, (r, cost, J), damping = point, now, 0.1 * damping
         else:
@@ -239,6 +251,7 @@ def scan(
     cost = np.array([result.noise**2 for result in tries])
     best = int(np.argmin(cost))
     if not 0 < best < given.size - 1:
+        # Parabola through the best value and its neighbours.
         raise invalid("values", given, f"some on both sides of {given[best]:g}, which is the best")
     near = slice(best - 1, best + 2)
     bend, slope, _ = np.polyfit(given[near] - given[best], cost[near], 2)
@@ -263,8 +276,10 @@ def excitation(
     free: Bounds,
     noise: float = 1e-3,
 ) -> dict[str, Visible]:
-    """Return what each of several logs would tell, the best conditioned one first, before anything
-    is measured: only their commands count, the parameters are those of `start`.
+    """Predict how well each of several logs would identify the parameters, the best one first.
+
+    Nothing needs to be measured: only the logs' commands count, and the parameters are those of
+    `start`.
     """
     report = {}
     for name, log in logs.items():
@@ -277,11 +292,13 @@ def excitation(
 def _visible(
     names: tuple[str, ...], slope: Array, noise: float, size: Array, inside: NDArray[np.bool_]
 ) -> Visible:
-    """Return `inside` says which parameters are not at a bound; of the others nothing is known."""
+    """Return what a slope shows of the parameters that are `inside`, which is not at a bound."""
     which = np.flatnonzero(inside)
     J = slope.reshape(-1, size.size)[:, which] * (size[which] / max(noise, 1e-15))
+    # QR first: the triangle has the singular values of the tall matrix.
     _, s, V = np.linalg.svd(np.linalg.qr(J, "r"))  # the triangle has the same values, and is small
     s = np.pad(s, (0, which.size - s.size))
+    # A direction shows if one relative unit of it moves the log by more than the noise.
     shows = s > max(1.0, 1e-8 * s.max(initial=0.0))
     root = V[shows].T / s[shows] * size[which][:, None]
     covariance = np.full((size.size, size.size), np.inf)
@@ -322,6 +339,7 @@ def whiteness(residual: Array) -> float:
     n, T = residual.shape
     lags = np.arange(1, min(LAGS, T - 1) + 1)
     power = np.maximum(np.sum(residual**2, axis=1), 1e-300)
+    # Ljung and Box's statistic (1978) of the autocorrelations, chi-squared for white noise.
     share = np.array([np.sum(residual[:, k:] * residual[:, :-k], axis=1) for k in lags]) / power
     Q = T * (T + 2.0) * np.sum(share**2 / (T - lags)[:, None])
     return float(gammaincc(0.5 * n * lags.size, 0.5 * Q))
@@ -332,6 +350,8 @@ def late(result: Fit, log: Log) -> tuple[float, float]:
 
     The residual against the rate of the simulated signals, what the parameters explain taken out.
     """
+    # To first order a delay adds rate times delay to the residual; what the parameters can explain
+    # is projected out.
     rate = -np.gradient(log.measured - result.residual, log.dt, axis=1).ravel()
     others = result.slope.reshape(rate.size, -1)
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)

@@ -21,12 +21,13 @@ CUBE = numba.types.Array(numba.float64, 3, "C")
 
 @register_jitable
 def _accelerations(arm, i, q2, v1, v2, u1, u2, s1, s2):
-    """Return of both joints, and the torque that friction would need to hold each [rad/s^2, N m].
+    """Return both joint accelerations, and the friction torques that would hold the joints.
 
     A side s is 1 or -1 for a joint that slides there, 0 for one that is held. This is
     `two_link.acceleration` for one arm, with the forces kept apart for the joints that are held.
     """
     c, s = math.cos(q2), math.sin(q2)
+    # Mass matrix and bias of the two-link arm; s1, s2 set the sides of the dry friction.
     m11, m12, m22 = arm[0, i] + 2.0 * arm[1, i] * c, arm[2, i] + arm[1, i] * c, arm[2, i]
     f1 = u1 - arm[3, i] * v1 - s1 * arm[5, i] + arm[1, i] * s * v2 * (2.0 * v1 + v2)
     f2 = u2 - arm[4, i] * v2 - s2 * arm[6, i] - arm[1, i] * s * v1 * v1
@@ -59,11 +60,15 @@ def _sides(arm, i, q2, v1, v2, u1, u2):
     definite, so one choice fits.
     """
     s1 = s2 = 0.0
+    # At most nine combinations of sliding and sticking; M is positive definite, so one is
+    # consistent.
     for option in range(9):
         t1, t2 = option % 3, option // 3  # 2 stands for -1
         s1 = _side(v1, arm[5, i], t1 if t1 < 2 else -1.0)
         s2 = _side(v2, arm[6, i], t2 if t2 < 2 else -1.0)
         a1, a2, r1, r2 = _accelerations(arm, i, q2, v1, v2, u1, u2, s1, s2)
+        # Sticking: the holding torque is within the friction. Sliding from rest: the acceleration
+        # agrees.
         first = abs(r1) <= arm[5, i] if s1 == 0.0 else v1 != 0.0 or arm[5, i] == 0.0 or s1 * a1 > 0
         other = abs(r2) <= arm[6, i] if s2 == 0.0 else v2 != 0.0 or arm[6, i] == 0.0 or s2 * a2 > 0
         if first and other:
@@ -92,7 +97,7 @@ def _runge_kutta(arm, i, q1, q2, v1, v2, u1, u2, s1, s2, h):
 
 @register_jitable
 def _advance(arm, i, q1, q2, v1, v2, u1, u2, h):
-    """Return one step, cut where a sliding joint stops."""
+    """Advance by one step, cut where a sliding joint stops."""
     dry1, dry2 = arm[5, i] > 0.0, arm[6, i] > 0.0
     rest = h
     for event in range(8):
@@ -103,6 +108,7 @@ def _advance(arm, i, q1, q2, v1, v2, u1, u2, h):
         stops = (dry1 and s1 * w1 < 0.0) or (dry2 and s2 * w2 < 0.0)
         if not stops or event == 7:
             return p1, p2, w1, w2
+        # A joint stops within the step: bisect the time, put it at rest exactly, and go on.
         low, high = 0.0, rest
         for _ in range(40):
             middle = 0.5 * (low + high)
@@ -142,8 +148,10 @@ def _episodes(arms, numbers, starts, references, goals, noise, plan, sizes, out,
             y = sizes[6] * math.sin(q1) + sizes[7] * math.sin(q1 + q2) - goals[1, e]
             distance = math.hypot(x, y)
             diverged = not (abs(v1) < sizes[5] and abs(v2) < sizes[5])
+            # The streak of samples within the target decides about "held".
             streak = streak + 1 if distance <= sizes[3] else 0
             inside += 1 if streak > 0 else 0
+            # The encoder: bias and noise.
             seen1 = q1 + arms[9, i] + arms[11, i] * noise[t, 0, n]
             seen2 = q2 + arms[10, i] + arms[11, i] * noise[t, 1, n]
             if trace.shape[0]:

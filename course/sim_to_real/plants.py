@@ -125,9 +125,9 @@ DIRECTION = {
 
 
 def nominal(n: int = 1) -> Plants:
-    """Return the simulator's arm, n times.
+    """Return n copies of the simulator's arm.
 
-    No payload, no dry friction, no delay, a perfect encoder.
+    It has no payload, no dry friction, no delay, and a perfect encoder.
     """
     return Plants(mass=np.ones(count("n", n, 1)))
 

@@ -85,8 +85,9 @@ class Solution:
 def value_iteration(
     process: Process, tolerance: float = 1e-12, *, max_sweeps: int = 50_000
 ) -> Solution:
-    """Return bellman's iteration, then the exact value of the policy that it found (Puterman,
-    1994).
+    """Solve a process with value iteration, then evaluate its policy exactly.
+
+    The method is Bellman's (Puterman, Markov Decision Processes, 1994).
 
     Each sweep multiplies the error by gamma at best, so the number of sweeps is proportional to
     1 / (1 - gamma): hundreds of thousands at 0.9999. `policy_iteration` needs a few solves.
@@ -94,7 +95,7 @@ def value_iteration(
     Args:
         process: any.
         tolerance: of the value at the end, relative to its size.
-        max_sweeps: after so many without reaching the tolerance a ValueError is raised.
+        max_sweeps: limit on the sweeps, after which a ValueError is raised.
     """
     value, sweeps = np.zeros(process.transition.shape[0]), 0
     positive("tolerance", tolerance)
@@ -106,6 +107,8 @@ def value_iteration(
         following = process.backup(value).max(axis=1)
         change, value, sweeps = np.abs(following - value).max(), following, sweeps + 1
         small = tolerance * max(1.0, float(np.abs(value).max()))
+        # Contraction: the distance from the fixed point is at most gamma / (1 - gamma) times the
+        # change.
         if change * process.gamma <= small * (1.0 - process.gamma):
             break
     policy = process.backup(value).argmax(axis=1)
@@ -128,6 +131,7 @@ def policy_iteration(process: Process) -> Solution:
     while True:
         value = evaluate_policy(process, policy)
         q, solves = process.backup(value), solves + 1
+        # Only a strict improvement changes the policy, so rounding cannot make it alternate.
         better = q.max(axis=1) > q[rows, policy] + 1e-12 * np.abs(q).max()
         if not better.any() or value.sum() <= before:
             return Solution(value, q, q.argmax(axis=1), solves)
@@ -145,12 +149,13 @@ def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
     chosen = vector("policy", policy, (S,), (S, A), low=0.0)
     if chosen.ndim == 1:
         if np.any(chosen != np.round(chosen)) or chosen.max() >= A:
-            raise invalid("policy", chosen, f"whole numbers from 0 to {A - 1}")
+            raise invalid("policy", chosen, f"integers from 0 to {A - 1}")
         chosen = np.eye(A)[chosen.astype(int)]
     elif np.abs(chosen.sum(axis=1) - 1.0).max() > 1e-9:
         raise invalid("policy", chosen, "rows that sum to 1")
     P = np.einsum("ij,ijk->ik", chosen, process.transition)
     r = np.einsum("ij,ijk,ijk->i", chosen, process.transition, process.reward)
+    # Value of a policy: (I - gamma P) v = r.
     return np.asarray(np.linalg.solve(np.eye(S) - process.gamma * P, r))
 
 
@@ -165,6 +170,7 @@ def shaped(process: Process, phi: ArrayLike, *, free_end: bool = False) -> Proce
     """
     potential = vector("phi", phi, process.terminal.shape).copy()
     if not free_end:
+        # The potential of a terminal state is 0, else shaping changes the best policy.
         potential[process.terminal] = 0.0
     added = process.gamma * potential[None, None] - potential[:, None, None]
     added = np.where(process.terminal[:, None, None], 0.0, added)
@@ -197,18 +203,21 @@ def grid(n: int, gamma: float = 0.95, pay: float = 1.0, step: float = 0.0) -> Pr
 
 
 def _learn(P, R, ends, numbers, draws, optimal, q):
-    """Return Q-learning from state 0; returns the steps until the greedy walk is optimal, or -1."""
+    """Run Q-learning from state 0; return the steps until the greedy walk is optimal, or -1."""
     gamma, rate, chance = numbers[0], numbers[1], numbers[2]
     S, A = q.shape
     state, limit = 0, draws.shape[0]
     for k in range(limit):
         action = int(draws[k, 1] * A)
+        # Epsilon-greedy action.
         if draws[k, 0] >= chance:
             action = int(np.argmax(q[state]))
+        # Sample the successor from its distribution.
         following, rest = 0, draws[k, 2]
         while following < S - 1 and rest >= P[state, action, following]:
             rest -= P[state, action, following]
             following += 1
+        # The temporal-difference target has no future after a terminal state.
         ahead = 0.0 if ends[following] > 0.0 else gamma * np.max(q[following])
         q[state, action] += rate * (R[state, action, following] + ahead - q[state, action])
         state = following
@@ -237,8 +246,9 @@ def learning_steps(
     rate: float = 0.5,
     chance: float = 0.1,
 ) -> float:
-    """Return steps of Q-learning (Watkins, 1989) until its greedy walk from state 0 is a shortest
-    one.
+    """Return how many steps Q-learning (Watkins, 1989) needs to find a shortest walk.
+
+    It has found one when its greedy walk from state 0 is shortest.
 
     Shaped by phi it does what it does unshaped with values that start at phi (Wiewiora, 2003): so a
     potential that is too high makes it try everything, one that is too low nothing new.
@@ -248,8 +258,9 @@ def learning_steps(
         rng: of the exploration.
         optimal: length of a shortest walk.
         start: of Q, a number or one for each state (S,).
-        most: steps after which it is given up.
-        rate, chance: of learning, and of a random action.
+        at_most: steps after which it is given up.
+        rate: learning rate.
+        chance: probability of a random action.
 
     Returns:
         Steps; infinite if they were not enough.

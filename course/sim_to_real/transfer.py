@@ -54,9 +54,9 @@ def subsets(names: Iterable[str]) -> list[Subset]:
 
 
 def attribution(value: Mapping[Subset, float]) -> dict[str, tuple[float, float, float]]:
-    """Return what each part adds to a value.
+    """Return what each change adds to a value.
 
-    Alone, on average over all orders, and as the last one.
+    It may be made alone, in the average over all orders, or last.
 
     The average is Shapley's (A value for n-person games, 1953): the only split that adds up to the
     whole change and treats parts alike that do the same. Where alone and last have other signs, no
@@ -77,6 +77,7 @@ def attribution(value: Mapping[Subset, float]) -> dict[str, tuple[float, float, 
     for part in sorted(whole):
         average = 0.0
         for some in subsets(sorted(whole - {part})):
+            # Shapley's weight: the share of orders in which exactly `some` come before this part.
             weight = math.factorial(len(some)) * math.factorial(n - len(some) - 1)
             average += weight / math.factorial(n) * (value[some | {part}] - value[some])
         alone, last = value[frozenset({part})] - value[empty], value[whole] - value[whole - {part}]
@@ -116,9 +117,12 @@ def trials(
     is McNemar's test (eq. 13.17 there): only those count where one succeeds and the other fails.
 
     Args:
-        first, second: the rates, not equal.
+        first: one success rate.
+        second: the other success rate, not equal.
         together: share of the same trials in which both succeed; None for trials of their own.
-        power: with which a difference is found, level: at which none is claimed, two-sided.
+        power: probability of detecting the difference.
+        level: two-sided significance level, the probability of claiming a difference where there is
+            none.
     """
     from scipy.special import ndtri
 
@@ -127,11 +131,13 @@ def trials(
         raise invalid("second", second, f"a rate other than the first, {first}")
     a = float(ndtri(1.0 - 0.5 * finite("level", level, 1e-9, 0.5)))
     b, d = float(ndtri(finite("power", power, 0.5, 1.0 - 1e-9))), abs(p - q)
+    # Sample size for two proportions, two-sided (Fleiss, Levin and Paik, 2003).
     if together is None:
         middle = 0.5 * (p + q)
         own = p * (1.0 - p) + q * (1.0 - q)
         root = a * math.sqrt(2.0 * middle * (1.0 - middle)) + b * math.sqrt(own)
     else:
+        # Paired trials: only discordant ones count (McNemar, 1947).
         both = finite("together", together, max(0.0, p + q - 1.0), min(p, q))
         apart = p + q - 2.0 * both
         root = a * math.sqrt(apart) + b * math.sqrt(apart - d * d)
@@ -142,9 +148,7 @@ def trials(
 
 
 def transfer_bound(gamma: float, eps: float, reward: float = 1.0) -> float:
-    """Return how much a policy's value may differ between two processes.
-
-    Gamma eps R / (1 - gamma)^2.
+    """Return gamma eps R / (1 - gamma)^2, a bound on a policy's value difference in two processes.
 
     With rewards in [0, R] no value is above R / (1 - gamma), so an expectation over the next state
     differs by eps R / (1 - gamma) at most, at every step anew (the simulation lemma: Kearns and
@@ -173,5 +177,5 @@ def reached(gamma: float, eps: float) -> float:
 def discount(gamma: float) -> float:
     """Return a discount in [0, 1); anything else raises ValueError."""
     if not 0.0 <= finite("gamma", gamma) < 1.0:
-        raise invalid("gamma", gamma, "a number from 0 on and below 1")
+        raise invalid("gamma", gamma, "at least 0 and below 1")
     return gamma

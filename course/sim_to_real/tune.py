@@ -73,7 +73,7 @@ class Ranges:
             Plants(**{name: np.array([low, high])})
 
     def __call__(self, n: int, rng: np.random.Generator) -> Plants:
-        """Return n arms, drawn one by one."""
+        """Draw n arms, one by one."""
         drawn: dict[str, Any] = {"mass": np.ones(count("n", n, 1))}
         for name, (low, high) in self.bounds.items():
             kind = self.kinds.get(name, "uniform")
@@ -90,11 +90,10 @@ class Ranges:
 
 
 def around(centre: Plants, width: float) -> Ranges:
-    """Return ranges about one arm.
+    """Return parameter ranges around one arm.
 
-    Of width 1 they reach as far to both sides as gap 1 moves an arm.
-
-    What cannot be negative stops at 0.
+    With width 1 they reach as far to both sides as gap 1 moves an arm. A parameter that cannot be
+    negative stops at 0.
 
     Args:
         centre: one arm, `nominal()` or an identified one.
@@ -117,9 +116,9 @@ def only(plants: Plants | Array) -> Sampler:
 
 
 def cost(outcome: Outcome) -> Array:
-    """Return what the search lowers, for each set of gains.
+    """Return the cost that the search minimises, for each set of gains.
 
-    Failures, and time outside the target.
+    It counts failures, and time outside the target.
     """
     return 2.0 - outcome.rate - np.mean(outcome.inside, axis=-1) / SECONDS
 
@@ -151,7 +150,9 @@ def improve(
         trial: (sets of gains (6, K), number of the round) -> their outcomes (K, E).
         rng: who draws the tries.
         start: gains to start from, positive.
-        rounds, samples, elites: of the search, see `course.control.cem`.
+        rounds: of the search, see `course.control.cem`.
+        samples: tries in a round.
+        elites: best tries of a round, to which the next one is fitted.
         spread: of the logarithm of a gain in the first round.
     """
     first = np.log(vector("start", start, (6,), low=1e-6) / GUESS)
@@ -222,9 +223,7 @@ def automatic(
     step: float = 0.1,
     at_most: float = 2.0,
 ) -> Automatic:
-    """Return automatic domain randomisation (OpenAI, arXiv 1910.07113, sec. 5).
-
-    Ranges as wide as pays.
+    """Widen the ranges with automatic domain randomisation (OpenAI, arXiv 1910.07113, sec. 5).
 
     Each boundary of each parameter has a buffer of its own with the outcomes of episodes in which
     that parameter stands on it and the others are drawn. Once it is full its mean decides: above
@@ -237,7 +236,8 @@ def automatic(
         rounds: of the search; one fills a quarter of each buffer.
         buffer: episodes that decide.
         thresholds: shares of success, (lower, upper).
-        step, most: of a boundary, and its farthest place, in widths as of `around`.
+        step: by which a boundary moves, in widths as of `around`.
+        at_most: farthest position of a boundary, in the same unit.
     """
     low, high = vector("thresholds", thresholds, (2,), low=0.0, high=1.0).tolist()
     if low >= high:
@@ -287,9 +287,10 @@ def remake(kind: str, at: float, seed: int = 0) -> Array:
     """Return gains of the record, tuned anew, shape (6,).
 
     Args:
-        kind: "range" for arms drawn about the simulator's, with the width `at`; "known" for the
-            real arm of gap `at` and a delay of 10 ms, as if identified; "both" for a range of
-            width 0.4 about that.
+        kind: "range" for arms drawn about the simulator's; "known" for the real arm with a delay of
+            10 ms, as if identified; "both" for a range of width 0.4 about that.
+        at: width of the range, or gap of the real arm.
+        seed: of the training.
     """
     one_of("kind", kind, ("range", "known", "both"))
     centre = nominal() if kind == "range" else real(at, KNOWN_DELAY)

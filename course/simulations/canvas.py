@@ -95,7 +95,7 @@ class Canvas(anywidget.AnyWidget):
 
     @property
     def watched(self) -> bool:
-        """Whether a browser shows this canvas and has drawn a picture within the last 2 s."""
+        """True if a browser shows this canvas and has drawn a frame within the last 2 s."""
         t = self._traffic
         busy = t.sent > t.drawn and time.monotonic() - t.drawn_at > 2.0
         return t.views > 0 and not busy
@@ -181,9 +181,9 @@ def _buffer(frame: Picture) -> bytes:
 
 
 def bundle(widget: Any, frame: Picture, still: Picture) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what a notebook keeps of a widget.
+    """Return a notebook's copy of a widget.
 
-    Itself, its last numbers as text, and a still picture.
+    It holds the widget, its last numbers as text, and a still picture.
     """
     from course.simulations.painter import to_png
 

@@ -121,7 +121,7 @@ def declaration(name: str) -> dict[str, Any]:
 def name_of(made: Model) -> str:
     """Return the name of the simulation with this model.
 
-    Nothing where it is none of the course's.
+    It is "" if the model is none of the course's.
     """
     home = made.frame.__module__
     mine = getattr(sys.modules.get(home), "MODEL", None) is made
@@ -215,7 +215,7 @@ def _film(name: str) -> dict[str, Any]:
 def recorded(made: Model) -> dict[str, Any]:
     """Return each preset of a model as a film.
 
-    The sizes of its pictures, and their numbers, compressed.
+    It consists of the sizes of its frames, and their numbers, compressed.
 
     A picture is told by what differs from the one before: of each number, in steps of 1 / `GRID`,
     the difference as four bytes, first the lowest ones of all, and so on. After them stand the

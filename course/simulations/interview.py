@@ -171,7 +171,7 @@ def initial(controls, state):
 
 @register_jitable
 def rate(state, k, rating):
-    """A card is rated now."""
+    """Rate a card now."""
     if state["reviews"][k] == 0:
         known, hard = first(rating)
     else:
@@ -228,7 +228,7 @@ def _rated(controls, state, rating):
 def press(controls, state, key):
     """Handle a key: left turns the card, right takes the next.
 
-    - again, down hard, up good, + easy.
+    The four keys -, down, up and + grade the answer again, hard, good and easy.
     """
     if key == 0:
         controls["turned"] = 1 - controls["turned"]

@@ -264,7 +264,7 @@ def _jobs(state, stage, begun, taking, born):
 
 @register_jitable
 def _report(controls, state, arrived, received, known, taken):
-    """What the ends are told, and the mean age of commands."""
+    """Write what the ends are told, and the mean age of commands."""
     topic, came = controls["topic"], arrived
     if topic > 0:
         came = received if topic == 1 else known
@@ -293,7 +293,7 @@ def stamps(state, times):
 def advance(state, controls, seconds):
     """Advance the simulation, twenty times slower than the nodes.
 
-    At the end of the run it begins again.
+    At the end of the run it starts again.
     """
     passed = state["time"] + PACE * seconds - SETTLED
     state["time"] = SETTLED + passed % (SPAN - SETTLED - 0.5)

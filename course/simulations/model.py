@@ -46,7 +46,7 @@ class Model:
             of the window.
         grab: (controls, state, x, y), if a drag has to know where it began: the pointer goes down.
         press: (controls, state, key): the key with this number in `KEYS` is pressed.
-        live_drag: drags and keys act on the running state; else the experiment starts anew from
+        live_drag: drags and keys act on the running state; else the experiment restarts from
             what they did to the controls.
         recorded: the pictures were computed beforehand, as a library had to come along.
         aside: words that only a running panel shows, such as milliseconds, and no saved page.

@@ -183,9 +183,7 @@ def to_pixels(picture: Picture) -> NDArray[np.uint8]:
 
 
 def film(model: Model, seconds: float = 4.0, rate: float = 10.0) -> bytes:
-    """Return the first preset of a model from its start on.
-
-    As an animated PNG that begins anew for ever.
+    """Return the first preset of a model from its start, as an endless animated PNG.
 
     Args:
         model: the simulation.

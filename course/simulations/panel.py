@@ -102,7 +102,7 @@ class Panel(ipywidgets.VBox):
 
     @property
     def playing(self) -> bool:
-        """Whether time runs."""
+        """True while time runs."""
         return self._task is not None
 
     def play(self) -> None:

@@ -159,6 +159,7 @@ def _more(pen, count):
         raise ValueError("points or words before the item that they belong to")
     if at + count > pen.size:
         _full(pen[item])
+    # Items are stored one after the other as (kind, count, numbers ...); here the count grows.
     pen[_FREE] = at + count
     pen[item + 1] += count
     return at
@@ -186,7 +187,7 @@ def _place(pen, at, x, y):
 
 @register_jitable
 def area(pen, rectangle, values):
-    """From now on points are values shown in a rectangle, and shapes are cut off at its edges.
+    """Show values in a rectangle from now on, and cut shapes off at its edges.
 
     Args:
         pen: as everywhere.
@@ -196,6 +197,7 @@ def area(pen, rectangle, values):
     for k in range(4):
         pen[_RECTANGLE + k] = rectangle[k]
         pen[_VALUES + k] = values[k]
+    # One scale and one offset for each axis take values to the window (`_place`).
     pen[_SCALE_X] = (rectangle[1] - rectangle[0]) / (values[1] - values[0])
     pen[_SCALE_Y] = (rectangle[3] - rectangle[2]) / (values[3] - values[2])
     at = _begin(pen, CUT, 4)
@@ -205,8 +207,9 @@ def area(pen, rectangle, values):
 
 @register_jitable
 def window(pen):
-    """From now on points are in units of the window again, and nothing is cut off."""
+    """Take points in units of the window again from now on, and cut nothing off."""
     area(pen, (0.0, 1.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0))
+    # The cut's four numbers are dropped again: a cut without numbers ends the cutting.
     pen[_FREE] -= 4
     pen[int(pen[_ITEM]) + 1] = 0.0
 
@@ -277,14 +280,14 @@ def curve(pen, x, y, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
 
 @register_jitable
 def spot(pen, x, y, radius, fill, edge=NONE, width=1.5, alpha=1.0):
-    """One disc around a point."""
+    """Draw one disc around a point."""
     disc(pen, radius, fill, edge, width, alpha)
     point(pen, x, y)
 
 
 @register_jitable
 def spots(pen, x, y, radius, fill, edge=NONE, width=1.5, alpha=1.0):
-    """Discs around points, arrays (N,)."""
+    """Draw discs around points, arrays (N,)."""
     disc(pen, radius, fill, edge, width, alpha)
     points(pen, x, y)
 
@@ -299,7 +302,8 @@ def segment(pen, x0, y0, x1, y1, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
 
 @register_jitable
 def segments(pen, a, b, colour, width=1.5, alpha=1.0):
-    """Lines from points to points, rows of arrays (N, 2), as one line with gaps."""
+    """Draw lines from points to points, rows of arrays (N, 2), as one line with gaps."""
+    # Two ends and a NaN for each segment, so that one line item draws all of them.
     ends = np.full((len(a), 3, 2), np.nan)
     ends[:, 0], ends[:, 1] = a, b
     flat = ends.reshape(-1, 2)
@@ -461,15 +465,16 @@ def reading(pen, name, value, form, unit=0, instead=0):
 
 @register_jitable
 def remember(history, count, now):
-    """Return room for one more sample of a history (rows, N), whose row 0 is the time.
+    """Make room for one more sample of a history (rows, N), whose row 0 is the time.
 
-    Where it is full the older half is forgotten.
+    When it is full the older half is dropped.
 
     Returns:
         How many samples there are now; the last one has its time, the other rows are to be filled.
     """
     size = history.shape[1]
     if count == size:
+        # Full: the older half is dropped, so that the copy costs little on average.
         count -= size // 2
         history[:, :count] = history[:, size - count :].copy()
     history[0, count] = now
@@ -542,7 +547,7 @@ def tick_form(largest, power):
 
 @register_jitable
 def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, grid=True):
-    """Axes of the area: grid, ticks, labels. A direction with no ticks has no grid either."""
+    """Draw the axes of the area: grid, ticks, labels; without ticks there is no grid either."""
     left, right, bottom, top = pen[2], pen[3], pen[4], pen[5]
     x0, x1, y0, y1 = pen[6], pen[7], pen[8], pen[9]
     window(pen)
@@ -550,6 +555,7 @@ def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, 
     form, _ = tick_form(max(abs(x0), abs(x1)), power)
     for k in range(int(last - first) + 1):
         value = tick(first + k, factor, power)
+        # Rounding may put the outermost ticks just beyond the edge: they are moved onto it.
         x = min(max(left + (value - x0) * ((right - left) / (x1 - x0)), left), right)
         if grid:
             segment(pen, x, bottom, x, top, FAINT, 1.0)
@@ -579,6 +585,7 @@ def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, 
         text(pen, left, middle, y_label, INK, size, CENTRE, BOTTOM, beside, 0.0, 90.0)
     if heading:
         title(pen, left, top, heading)
+    # The labels were placed in the window; what follows is in values again.
     area(pen, (left, right, bottom, top), (x0, x1, y0, y1))
 
 

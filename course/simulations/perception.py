@@ -68,10 +68,7 @@ MILLISECONDS: dict[str, float] = {}  # of each stage of the last picture
 
 
 def scene(pieces, distance):
-    """Return table and parts before the camera; the parts about their origins; poses.
-
-    The table's pose.
-    """
+    """Return table and parts before the camera, the parts about their origins, and all poses."""
     table = np.array([0.0, 0.0, distance, *exp(np.array([math.pi - TILT, 0.0, 0.0]))])
     parts, poses = [], []
     for kind, a, b, c, x, y, yaw in pieces[pieces[:, 0] != NOTHING]:
@@ -298,7 +295,7 @@ def frame(pen, state, controls):
 
 @register_jitable
 def _put(controls, state, x, y, yaw):
-    """The picked part goes to a place, and a new picture is taken."""
+    """Move the picked part to a place, and take a new picture."""
     p = controls["pieces"][controls["pick"]]
     p[4], p[5] = min(max(x, _VIEW[0]), _VIEW[1]), min(max(y, _VIEW[2]), _VIEW[3])
     p[6] = (yaw + math.pi) % (2.0 * math.pi) - math.pi
@@ -306,9 +303,9 @@ def _put(controls, state, x, y, yaw):
 
 
 def grab(controls, state, x, y):
-    """Handle a press of the pointer: the picked part's knob is in hand, or a part.
+    """Handle a press of the pointer: grab the picked part's knob, or a part.
 
-    On the bare table a thin one begins.
+    A press on the bare table starts a thin one.
     """
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
     state["held"], pieces, vacant = 0, controls["pieces"], -1

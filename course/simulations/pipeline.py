@@ -237,7 +237,7 @@ def computed(values, moves):
 
 @register_jitable
 def _fill(state):
-    """All that is computed into the state."""
+    """Write all that is computed into the state."""
     values, moves = state["values"].copy(), state["moves"][:, : int(state["moved"])].copy()
     with objmode(
         report="float64[:]",
@@ -345,10 +345,7 @@ def _arm(pen, q, ink, width, alpha):
 
 @register_jitable
 def _scene(pen, state, t, now):
-    """Return the world, what is seen and believed of it, the plan, and the arm.
-
-    Where its tip is.
-    """
+    """Draw the world, what is observed and believed, the plan, and the arm; return its tip."""
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)
     draw.title(pen, _VIEW[0], _VIEW[3], _SCENE_TITLE)

@@ -114,9 +114,9 @@ def area(heights):
 
 @register_jitable
 def _limits(scene):
-    """Return x and y at the edges.
+    """Return the limits of x and y.
 
-    What the truth and all fair paths at 1 ms need, with a margin.
+    The truth and all fair paths at 1 ms must fit, with a margin.
     """
     x, y = TRUTH[scene, :, 0], TRUTH[scene, :, 1]
     low_x, high_x = float(np.min(x)), float(np.max(x))

@@ -29,7 +29,7 @@ class Field:
         unit: as shown.
         decimals: as shown.
         choices: what a menu shows; the field is the number of the choice, from 0.
-        live: a change acts on the running state; else the experiment starts anew.
+        live: a change acts on the running state; else the experiment restarts.
         shape: of an array.
     """
 
@@ -46,7 +46,7 @@ class Field:
 
     @property
     def switch(self) -> bool:
-        """Whether it is on or off."""
+        """True for a boolean field."""
         return isinstance(self.default, bool)
 
     @property
@@ -79,7 +79,7 @@ class Field:
         else:
             good = finite(name, value, self.low, self.high, unit=self.unit)
         if kind is not np.float64 and np.any(good != np.floor(good)):
-            raise invalid(name, value, "a whole number")
+            raise invalid(name, value, "an integer")
         return np.asarray(value, kind)
 
 
@@ -98,12 +98,12 @@ def slider(
 
 
 def menu(label: str, choices: tuple[str, ...], default: int = 0, live: bool = False) -> Field:
-    """Return one of several, on the panel."""
+    """Return a field with one of several choices, a menu on the panel."""
     return Field(default, label, choices=choices, live=live)
 
 
 def switch(label: str, default: bool, live: bool = False) -> Field:
-    """Return on or off, on the panel."""
+    """Return a field that is on or off, a switch on the panel."""
     return Field(default, label, live=live)
 
 

@@ -177,10 +177,7 @@ def _links(pen, q, ink, width, alpha):
 
 
 def frame(pen, state, controls):
-    """Draw both arms, the simulated one as a ghost over the real.
-
-    Rates, distances, delay and limit.
-    """
+    """Draw both arms, the simulated one as a ghost over the real, and their numbers."""
     report = state["report"]
     x, y = _target(controls)
     now = int(min(state["time"] % (plants.SECONDS + PAUSE), plants.SECONDS) / plants.DT + 1e-9)

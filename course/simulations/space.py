@@ -40,18 +40,19 @@ def camera(azimuth: float = 0.7, elevation: float = 0.35, distance: float = 5.0)
 @register_jitable
 def _turn(controls, right, up):
     """Turn what is seen to the right and up [rad]."""
+    # The azimuth wraps around; the elevation stops before the poles, where the picture would flip.
     controls["azimuth"] = (controls["azimuth"] - right + math.pi) % (2.0 * math.pi) - math.pi
     controls["elevation"] = min(max(controls["elevation"] - up, -1.5), 1.5)
 
 
 def grab(controls, state, x, y):
-    """Handle a press of the pointer: the pointer goes down."""
+    """Handle the pointer going down: remember where it is."""
     controls["grip"][0] = x
     controls["grip"][1] = y
 
 
 def orbit(controls, state, x, y):
-    """The pointer moves while it is down."""
+    """Handle the pointer moving while it is down: turn the camera."""
     grip = controls["grip"]
     _turn(controls, _TURN * (x - grip[0]), _TURN * (y - grip[1]))
     grip[0] = x
@@ -59,7 +60,7 @@ def orbit(controls, state, x, y):
 
 
 def press(controls, state, key):
-    """Handle a key: a key of `model.KEYS` is pressed: left, right, up, down, nearer, farther."""
+    """Handle a key of `model.KEYS`: the arrows turn, the others move nearer or farther."""
     if key < 4:
         _turn(
             controls,
@@ -89,6 +90,7 @@ def camera_view(pen, rectangle, controls, reach):
     draw.area(pen, rectangle, (-wide, wide, -reach, reach))
     c, s = math.cos(controls["azimuth"]), math.sin(controls["azimuth"])
     ce, se = math.cos(controls["elevation"]), math.sin(controls["elevation"])
+    # Rows: the camera's right, up, and the direction towards it, in the world's frame.
     axes = np.array([[-s, c, 0.0], [-se * c, -se * s, ce], [ce * c, ce * s, se]])
     return axes, controls["distance"] * reach
 
@@ -121,6 +123,7 @@ def trail(pen, eye, p, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0, side=0.0):
     With side -1 only what is behind the origin, with 1 before.
     """
     x, y, depth = project(eye, p)
+    # With a side, points on the other side of the origin become NaN, which leaves gaps.
     draw.line(pen, colour, width, alpha, on, gap)
     draw.points(pen, np.where(side * depth < 0.0, np.nan, x), y)
 
@@ -136,7 +139,7 @@ def circle(radius, points=73):
 
 @register_jitable
 def sheet(pen, eye, p, fill, edge=draw.NONE, width=1.0, alpha=0.2):
-    """One polygon through points (3, N), filled; they need not lie in a plane."""
+    """Draw one filled polygon through points (3, N), which need not lie in a plane."""
     x, y, _ = project(eye, p)
     draw.polygon(pen, fill, edge, width, alpha)
     draw.points(pen, x, y)
@@ -178,6 +181,7 @@ def faces(pen, eye, corners, index, fills, edge=draw.NONE, width=0.6, alpha=1.0)
     """
     axes, _ = eye
     x, y, depth = project(eye, corners)
+    # Painter's algorithm: whole faces by depth, which is right for convex or well separated bodies.
     a, b, c, d = index[:, 0], index[:, 1], index[:, 2], index[:, 3]
     middle = depth[a] + depth[b] + depth[c] + depth[d]
     # The product of both diagonals is normal to a face; of its two sides we see the nearer one.
@@ -187,9 +191,12 @@ def faces(pen, eye, corners, index, fills, edge=draw.NONE, width=0.6, alpha=1.0)
     light = axes[0] * _LIGHT[0] + axes[1] * _LIGHT[1] + axes[2] * _LIGHT[2]
     along = normal[0] * light[0] + normal[1] * light[1] + normal[2] * light[2]
     _, _, towards = project(eye, normal)
+    # The normal of a face may point either way; the side that is seen is lit.
     lit = np.where(towards < 0.0, -along, along) / size
     order = np.argsort(middle, kind="mergesort")
     for k in order:
+        # Lambert's law with ambient light: the share of full brightness, as one of the stored
+        # shades.
         shade = int(min(max(0.25 + 0.8 * lit[k], 0.0), 0.999) * _SHADES)
         draw.polygon(pen, fills[k] + shade, edge, width, alpha)
         for corner in index[k]:
@@ -205,6 +212,7 @@ def shades(table: draw.Table, *colours: str) -> tuple[int, ...]:
     for colour in colours:
         full = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)])
         mixed = []
+        # Below 1 the colour darkens towards black, above 1 it lightens towards white.
         for share in np.linspace(0.55, 1.15, _SHADES):
             toned = full * share if share <= 1.0 else full + (255 - full) * (share - 1.0) * 2.0
             mixed.append("#" + "".join(f"{round(float(value)):02x}" for value in toned))
@@ -222,10 +230,7 @@ def box(*sides: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 def lathe(
     profile: list[tuple[float, float]], sides: int = 24
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return a profile of (radius, height) turned about the z axis.
-
-    Corners (3, N), faces (F, 4).
-    """
+    """Turn a profile of (radius, height) about the z axis: corners (3, N), faces (F, 4)."""
     radius, height = np.array(profile).T
     angle = 2.0 * np.pi * np.arange(sides) / sides
     corners = np.array(

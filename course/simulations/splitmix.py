@@ -21,6 +21,7 @@ _30, _27, _31, _11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
 @register_jitable
 def integers(seed, count):
     """Return the next numbers of the stream, (count,) uint64; the seed moves on."""
+    # A counter-based generator: all numbers of a call at once, without a loop.
     z = np.arange(1, count + 1).astype(np.uint64) * _GAMMA + seed
     if count > 0:
         seed[:] = z[count - 1 :]
@@ -41,6 +42,7 @@ def uniform(seed, out):
 def normal(seed, out):
     """Fill `out` (N,) with numbers of a standard normal distribution (Box and Muller, 1958)."""
     u = (integers(seed, 2 * out.size) >> _11) * 2.0**-53
+    # Box-Muller: a radius from the first number, an angle from the second.
     # u is below 1 but may be 0, hence the logarithm of 1 - u.
     out[:] = np.sqrt(-2.0 * np.log(1.0 - u[::2])) * np.cos(2.0 * np.pi * u[1::2])
 

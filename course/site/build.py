@@ -8,6 +8,7 @@ import functools
 import html.parser
 import io
 import os
+import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -28,6 +29,7 @@ WORK = notebooks.ROOT / "build" / "site"
 TARGET = notebooks.ROOT / "site"
 # What a reader finds beside the chapters, in the order of the side bar.
 BESIDE = ("claims", "charts", "cards", "questions", "glossary")
+_CLAIM = re.compile(r' id="claim-(\w+)"')  # where the first tag of a card goes on
 _LEFT_OUT = (".buildinfo", "objects.inv", "genindex.html")
 
 
@@ -50,11 +52,13 @@ def _contents() -> str:
 
 def _shown(page: notebooks.Page) -> dict[str, str]:
     """Return the cards of claims on a page, by id."""
-    result = {}
+    result: dict[str, str] = {}
     for cell in page.notebook.cells:
-        name, arguments = notebooks.called(cell.source) if cell.cell_type == "code" else ("", [])
-        if name == "show":
-            result[arguments[0]] = cell.outputs[0].data["text/markdown"]
+        for output in cell.get("outputs", ()):
+            markdown = output.get("data", {}).get("text/markdown", "")
+            for card in markdown.split('<div class="card"')[1:]:
+                if name := _CLAIM.match(card):
+                    result.setdefault(name[1], card)
     return result
 
 
@@ -125,7 +129,7 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
 
 @contextmanager
 def scripts(names: Iterable[str]) -> Iterator[Iterator[tuple[str, str]]]:
-    """The script of each simulation, (name, text), made beside whatever else is done meanwhile.
+    """Return each simulation's script, (name, text), made in parallel with the other work.
 
     Args:
         names: of the simulations.

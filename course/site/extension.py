@@ -63,7 +63,7 @@ class Page(SphinxPostTransform):
 def _scripts(
     app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: nodes.document
 ) -> None:
-    """The simulations of a page, and what runs them."""
+    """Add the simulations of a page, and what runs them."""
     for name in dict.fromkeys(app.config.course_simulations.get(page, ())):
         app.add_js_file(f"simulations/{name}.js", loading_method="defer")
     if app.config.course_simulations.get(page):

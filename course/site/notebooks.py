@@ -29,7 +29,8 @@ PICTURES, CHARTS = "_static/pictures", "charts"
 _FILM = re.compile(r"!\[[^\]]+\]\(attachment:([\w.]+)\.png\)\n*")
 _LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 _FENCE = re.compile(r"^```.*?^```|`[^`\n]+`", re.S | re.M)
-_CARD = '<div style="'  # how the card of a claim or a question begins
+_CARD = re.compile(r'(<div class="card") id="((?:claim|card)-\w+)"')
+_KERNEL_ONLY = re.compile(r'[ \t]*<(span|div) class="kernel-only">.*?</\1>', re.S)
 # What needs Python: the function that a cell calls last, and what a reader is told below it.
 _LAB = "in a copy of this page, which <code>make lab</code> opens"
 _NEEDS = {
@@ -139,7 +140,14 @@ def _simulation(
 
 
 def _outputs(page: Page, cell: NotebookNode, film: bytes | None, place: str) -> list[NotebookNode]:
-    name, arguments = called(cell.source)
+    def anchored(match: re.Match[str]) -> str:
+        """Let a page be entered at a card; an id is on it once."""
+        if match[2] in page.anchors:
+            return match[1]
+        page.anchors.add(match[2])
+        return match[0]
+
+    name, _ = called(cell.source)
     made = []
     for output in cell.outputs:
         data: dict[str, Any] = output.get("data", {})
@@ -150,12 +158,8 @@ def _outputs(page: Page, cell: NotebookNode, film: bytes | None, place: str) -> 
             data and "image/png" not in data and (text.startswith("<Figure") or name == "TradeOff")
         ):
             page.faults.append(f"{place}: its output {text[:60]!r} has no picture")
-        elif name in ("show", "predict") and _CARD in data.get("text/markdown", ""):
-            anchor = f"{'claim' if name == 'show' else 'card'}-{arguments[0]}"
-            if anchor not in page.anchors:
-                page.anchors.add(anchor)
-                marked = data["text/markdown"].replace(_CARD, f'<div id="{anchor}" style="', 1)
-                data["text/markdown"] = marked
+        elif "text/markdown" in data:
+            data["text/markdown"] = _CARD.sub(anchored, data["text/markdown"])
         made.append(output)
     if name in _NEEDS and cell.outputs:
         report = cell.outputs[-1].get("data", {}).get("text/plain", "").partition(":")[0]
@@ -193,6 +197,15 @@ def linked(text: str, folder: Path, place: str, faults: list[str]) -> str:
         parts += [_LINK.sub(link, text[end : quiet.start()]), quiet[0]]
         end = quiet.end()
     return "".join([*parts, _LINK.sub(link, text[end:])])
+
+
+def without_kernel(text: str) -> str:
+    """Return Markdown without what makes sense only where a kernel runs.
+
+    Such a phrase stands in `<span class="kernel-only">`, whole blocks in
+    `<div class="kernel-only">`; they are not nested.
+    """
+    return _KERNEL_ONLY.sub("", text)
 
 
 def term_pattern(term: str) -> re.Pattern[str]:
@@ -238,14 +251,18 @@ def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
             for name in _FILM.findall(cell.source):
                 film = base64.b64decode(cell.attachments[f"{name}.png"]["image/png"])
             cell.pop("attachments", None)
-            cell.source = linked(_FILM.sub("", cell.source), ROOT / "notebooks", place, made.faults)
+            cell.source = linked(
+                without_kernel(_FILM.sub("", cell.source)), ROOT / "notebooks", place, made.faults
+            )
+            if not cell.source.strip():
+                continue
         elif cell.cell_type == "code":
             if called(cell.source)[0] in ("home", "ticks"):
                 continue  # how far a reader is, which a page doesn't know
             if cell.source.strip() and cell.execution_count is None:
                 made.faults.append(f"{place}: it was not executed; run `make notebooks`")
-            if cell.metadata.get("jupyter", {}).get("source_hidden"):
-                cell.metadata.tags = [*cell.metadata.get("tags", []), "hide-input"]
+            if "remove-input" in cell.metadata.get("tags", ()) and not cell.outputs:
+                continue  # imports: nothing to read, nothing to see
             shown = len(made.simulations)
             cell.outputs = _outputs(made, cell, film, place)
             film = None if len(made.simulations) > shown else film

@@ -16,7 +16,9 @@ from course.simulations import declaration
 from course.site import notebooks
 
 Anchors = Mapping[str, set[str]]  # page -> what it can be entered at
-_RIGHT = re.compile(r"\*\*Right\. (.*?)\*\* (.*?)\n\n</details>", re.S)
+_WHY = re.compile(
+    r'<details class="why"><summary>[^<]*</summary>\n\n\*\*(.*?)\*\* (.*?)\n\n<details>', re.S
+)
 
 
 def page_of(chapter: Chapter) -> str:
@@ -36,13 +38,13 @@ def _link(chapter: Chapter, anchor: str, anchors: Anchors, text: str) -> str:
 
 
 def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, str]:
-    """Return the verdict on a claim and what is true, as Markdown.
+    """Return the verdict on a claim and the correct statement, as Markdown.
 
-    Of its card, or from the record.
+    They come from its card, or from the record.
     """
     if claim.id in shown:
-        if not (report := _RIGHT.search(shown[claim.id])):
-            raise invalid(f"card of {claim.id}", shown[claim.id][:80], "one with a right answer")
+        if not (report := _WHY.search(shown[claim.id])):
+            raise invalid(f"card of {claim.id}", shown[claim.id][:80], "one with an explanation")
         return report[1], report[2]
     outcome = derivations.recorded(claim.id, claim.file)
     return cards.tex(derivations.Block(outcome).verdict), cards.tex(outcome.corrected)
@@ -58,7 +60,7 @@ def claims(anchors: Anchors, shown: Mapping[str, str]) -> str:
     everything = derivations.claims()
     parts = [
         "# The claims",
-        f"{len(everything)} statements as one hears them, each with its verdict and what is true "
+        f"{len(everything)} common statements, each with its verdict and what is true "
         "instead. Each is settled by a check: `python -m course.derivations --id NAME` runs it.",
     ]
     for chapter in CHAPTERS:
@@ -102,10 +104,7 @@ def _symbols(chapter: Chapter) -> dict[str, str]:
 
 
 def glossary(anchors: Anchors) -> str:
-    """Return the page of words, each with where it is defined, and of symbols.
-
-    With what they mean.
-    """
+    """Return the glossary: terms with where they are defined, symbols with their meaning."""
     parts = [
         "# Words and symbols",
         "Each word is defined where its link leads. A symbol means what its chapter says; names "
@@ -167,9 +166,7 @@ def predictions(anchors: Anchors) -> str:
 
 
 def moving(pages: Mapping[str, Sequence[str]]) -> str:
-    """Return which simulations of the site move, and which show what was recorded.
-
-    A Markdown table.
+    """Return a Markdown table of the simulations that move and those that show a recording.
 
     Args:
         pages: page -> the simulations on it.

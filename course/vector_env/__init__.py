@@ -29,6 +29,13 @@ specifications state the default as `max_episode_steps`, so that wrappers such a
 pass both. `course.oracles.sb3.vec_env` is the adapter for Stable-Baselines3.
 
 `render_mode="rgb_array"` makes pictures of the arms; `course.vector_env.training` learns to reach.
+
+The chapter's algorithms, and the functions of their steps:
+
+- Autoreset with two kinds of ends (Pardo et al., 2018): `interface.Lane.step` for one environment,
+  `arrays.ArrayVectorEnv.step` for arrays.
+- Shared memory between processes: `processes._Shared` lays out the arrays, `_work` is the worker.
+- Time-optimal reaching of a point mass: `point.plan` is the exact truth of `PointReach`.
 """
 
 import gymnasium

@@ -100,6 +100,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             self._checked_actions(actions)
         )
         infos: dict[str, Any] = {}
+        # NEXT_STEP: this step is the reset of those that ended in the last one.
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._over.any():
             # Their action is not used: what the kernel did to them is overwritten.
             ids = np.flatnonzero(self._over)
@@ -111,6 +112,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             masked = {}
             for key, value in last.items():
                 masked[key], masked[f"_{key}"] = value, finished.copy()
+            # SAME_STEP: keep the last observation for bootstrapping before it is overwritten.
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 ids = np.flatnonzero(finished)
                 final = np.full(self.num_envs, None, dtype=object)

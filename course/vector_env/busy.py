@@ -31,6 +31,6 @@ class Busy(Env[Any, Any]):
         return self._observation, {}
 
     def step(self, action: Any) -> Any:
-        """Return the work."""
+        """Do the work of one step; the observation never changes."""
         zlib.crc32(self._bytes)
         return self._observation, 0.0, False, False, {}

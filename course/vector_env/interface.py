@@ -107,9 +107,7 @@ class AutoresettingVectorEnv(VectorEnv):
     def _plan_reset(
         self, seed: Any, options: dict[str, Any] | None
     ) -> tuple[NDArray[np.intp], list[int | None], dict[str, Any] | None]:
-        """Return which environments to reset, the seed of each of all.
-
-        And the options left for them.
+        """Return which environments to reset, the seed of each, and the remaining options.
 
         As in Gymnasium: an int s seeds environment i with s + i, and options["reset_mask"] picks
         the environments.
@@ -163,7 +161,7 @@ class Lane:
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any], Any]:
-        """Return one step, and the reset that belongs to it.
+        """Advance by one step, with the reset that belongs to it.
 
         Returns:
             Observation, reward, terminated, truncated, info; and (last observation, last info) of

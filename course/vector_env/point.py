@@ -55,6 +55,7 @@ def plan(paths: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[A
     remaining, k = np.arange(len(distance)), 0
     while remaining.size:
         k += 1
+        # Reachable set after k steps of semi-implicit Euler: a square of this half width.
         half = 0.5 * dt * dt * k * (k + 1)
         desired = distance[remaining] - dt * k * speed[remaining]
         aimed = np.clip(desired, -half, half)
@@ -72,18 +73,20 @@ def optimum(
     max_steps: int = MAX_STEPS,
     **disc: float,
 ) -> Array:
-    """Return the most that an episode can be worth at its start.
+    """Return the highest return that an episode can have, from its start.
 
-    With a prize of 1, discounted by 0.99.
+    The prize is 1, discounted by 0.99.
 
     "sparse": 0.99^(least steps - 1). "potential" adds the first distance, whatever is done. "once"
     adds the bonus. With "hover" an end put off by a step loses 1 - 0.99 of the prize and wins a
     bonus: either it pays to go at once, or to wait outside the disc until the last step.
 
     Args:
-        ways: first observations, points at rest, (n, 4) [m].
-        reward: one of these four; of "distance" the best has no closed form.
-        bonus, max_steps, disc: of the task; `radius` and `dt`.
+        paths: first observations, points at rest, shape (n, 4) [m].
+        reward: one of these four; the best return for "distance" has no closed form.
+        max_steps: time limit of the task.
+        bonus: reward at the goal.
+        **disc: `radius` and `dt` of the task.
     """
     least, _ = plan(paths, **disc)
     prize = DISCOUNT ** (least - 1.0)
@@ -119,6 +122,7 @@ def _move_points(p, v, goal, steps, actions, numbers):
     terminated, truncated = np.empty(n, np.bool_), np.empty(n, np.bool_)
     for i in range(n):
         before = np.sqrt((goal[0, i] - p[0, i]) ** 2 + (goal[1, i] - p[1, i]) ** 2)
+        # Semi-implicit Euler; the action is clipped to -1 to 1 on each axis.
         for j in range(2):
             v[j, i] += dt * min(1.0, max(-1.0, np.float64(actions[i, j])))
             p[j, i] += dt * v[j, i]
@@ -149,6 +153,7 @@ def _start_points(draws, ids, p, v, goal, steps, numbers):
             p[j, i], v[j, i] = 2.0 * draws[k, j] - 1.0, 0.0
             goal[j, i] = 2.0 * draws[k, 2 + j] - 1.0
         if numbers[3] >= 3.0:
+            # Uniform in the ring between the disc's radius and NEAR.
             inner = numbers[1] ** 2
             length = np.sqrt(inner + draws[k, 2] * (NEAR**2 - inner))
             goal[0, i] = p[0, i] + length * np.cos(2.0 * np.pi * draws[k, 3])
@@ -215,12 +220,12 @@ class PointTask:
         self._step, self._put = kernels()
 
     def start(self, ids: Ids, generators: Sequence[np.random.Generator]) -> Array:
-        """Return new points and goals for `ids`; their observations, (len(ids), 4)."""
+        """Place new points and goals for `ids`; return their observations, (len(ids), 4)."""
         draws = np.array([generator.random(4) for generator in generators])
         return self._put(draws, ids, self.p, self.v, self.goal, self.steps, self.numbers)
 
     def move(self, actions: Any) -> Moved:
-        """Return one step of all."""
+        """Advance all points by one step."""
         return self._step(self.p, self.v, self.goal, self.steps, actions, self.numbers)
 
 

@@ -133,6 +133,7 @@ def _store(arrays: Any, values: Any) -> None:
 
 def _watch(parent: int) -> None:
     """End this process and its group when the main process is gone."""
+    # A worker must not outlive its owner, even one that was killed.
     process = multiprocessing.parent_process()
     assert process is not None
     while not wait([process.sentinel], 1.0) and os.getppid() == parent:
@@ -250,6 +251,7 @@ def _work(
     except BaseException as error:
         text = traceback.format_exc()
         try:
+            # An exception that cannot be pickled is passed as text.
             original = pickle.dumps(error)
             pickle.loads(original)
         except Exception:
@@ -326,12 +328,15 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         self.timeout = timeout
         start: Any = multiprocessing.get_context(context)
         observation, action = self.single_observation_space, self.single_action_space
+        # One block of shared memory for all arrays: workers write rows, no message carries them.
         memory = start.RawArray("b", _Shared(observation, action, num_envs, None).size)
         self._shared = _Shared(observation, action, num_envs, memory)
         self._processes: list[Any] = []
         self._links: list[Connection] = []
         self._stacks: list[Connection] = []
         self._pipes: list[Connection] = []
+        # The finaliser holds no reference to the object, so it can run when the object is
+        # collected.
         self._finalizer = weakref.finalize(self, _end, os.getpid(), self._processes, self._pipes)
         bounds = np.linspace(0, num_envs, workers + 1).astype(int)
         self._firsts = [int(i) for i in bounds[:-1]]
@@ -475,6 +480,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         for descriptor in waiting:
             poller.register(descriptor, select.POLLIN)
         end = time.monotonic() + self.timeout
+        # Poll all pipes: answers come in any order, and a dead or hanging worker is found.
         while waiting:
             remaining = end - time.monotonic()
             events = poller.poll(max(0.0, 1e3 * min(remaining, _LOOK)))

@@ -49,7 +49,7 @@ REACH_FAR, REACH_NEAR = 0.95, 0.05  # m/m and m: how far the targets keep off th
 def table(arms: TwoLink | Sequence[TwoLink], num_envs: int) -> Array:
     """Return the parameters of `num_envs` arms, shape (13, num_envs).
 
-    One arm for all, or one each.
+    Give one arm for all, or one for each.
     """
     each = [arms] * num_envs if isinstance(arms, TwoLink) else list(arms)
     if len(each) != num_envs or not all(isinstance(arm, TwoLink) for arm in each):
@@ -176,7 +176,7 @@ class ReachTask:
         self._move, self._judge, self._start = kernels()
 
     def start(self, ids: Ids, generators: Sequence[np.random.Generator]) -> Array:
-        """Return new postures and targets for `ids`; their observations, (len(ids), 8)."""
+        """Draw new postures and targets for `ids`; return their observations, (len(ids), 8)."""
         draws = np.array([generator.random(4) for generator in generators])
         return self._start(draws, ids, self.q, self.v, self.target, self.steps, self.arm)
 
@@ -251,7 +251,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
         return observation, {}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Return one control step.
+        """Advance the arm by one control step.
 
         Raises:
             ValueError: for an action that is not two numbers.

@@ -18,9 +18,9 @@ JUDGES = 10**6, 200  # first seed and number of the targets that no policy train
 
 
 def features(observations: Array) -> Array:
-    """Return what the policy is linear in, (n, 6).
+    """Return the features in which the policy is linear, (n, 6).
 
-    The way to go seen from each link, and the two rates.
+    They are the remaining displacement in the frame of each link, and the two rates.
 
     Pulling the tip straight at the target, J^T (target - tip), is linear in them; so is damping.
     """

@@ -15,10 +15,10 @@ def listen() -> None:
 
 
 def read_line(prompt: str = "") -> str:
-    """Return the next line that is typed; where nobody reads the questions any more, there is none.
+    """Return the next line that is typed.
 
     Raises:
-        EOFError: at the end of the input, or when whoever read the output has gone.
+        EOFError: at the end of the input, or when the reader of the output has closed it.
     """
     if sys.stdout in terminal.LEFT:
         raise EOFError

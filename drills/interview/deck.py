@@ -114,13 +114,13 @@ def sides(entry: Entry, tex: Callable[[str], str] = str) -> Sides:
 
 
 def judge(entry: Entry, text: str) -> tuple[bool | None, str]:
-    """Return whether what was said is right, and a sentence on it.
+    """Return whether the answer is right, and a sentence on it.
 
-    None where only oneself can tell.
+    The verdict is None where only the learner can decide.
 
     Args:
         entry: the card.
-        said: of a claim one of `VERDICTS`, of a formula the formula.
+        text: for a claim one of `VERDICTS`, for a formula the formula.
     """
     text = text.strip()
     if entry.kind == "formula" and text:
@@ -158,7 +158,7 @@ def _claim(entry: Entry, tex: Callable[[str], str]) -> Sides:
     claim = shown.outcome.claim
     source = f"\n\n{claim.source}" if claim.source else ""
     return Sides(
-        f"One hears: “{tex(claim.claim)}”",
+        f"Common claim: “{tex(claim.claim)}”",
         f"**{tex(shown.verdict)}** {tex(shown.outcome.corrected)}{source}",
     )
 

@@ -128,7 +128,7 @@ class Flashcards(ipywidgets.VBox):
                 self._deal()
 
     def press(self, content: Any) -> None:
-        """A key: data of the browser, so looked at before use."""
+        """Handle a key; it is data of the browser, so it is checked before use."""
         key = str(content.get("key")) if isinstance(content, dict) else ""
         if key == " ":
             self.reveal()

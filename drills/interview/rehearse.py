@@ -36,7 +36,7 @@ class Past:
     Attributes:
         open: those that can go on.
         scores: key of an item -> share of the marks, the last time.
-        last: keys of what the last interview asked.
+        last: keys of the last interview's questions.
     """
 
     open: dict[str, Interview] = field(default_factory=dict)
@@ -74,7 +74,7 @@ class Talk:
 
     Attributes:
         session: where it writes, and the work folder.
-        hear: the next line that is typed; EOFError at the end.
+        read_line: returns the next line that is typed; EOFError at the end.
         clock: the time, aware.
         editor: whether an editor can be opened.
     """
@@ -185,7 +185,7 @@ class Talk:
             draft.unlink()
 
     def speak(self, item: Item, entry: Entry) -> None:
-        """One question: the answer, its marks, the follow-up, and then the model answer."""
+        """Ask one question: the answer, its marks, the follow-up, and then the model answer."""
         if not entry.answered:
             self.ask(item.title)
             self.take(entry, "answer")
@@ -209,7 +209,7 @@ class Talk:
         self.show(f"---\n\n{item.fill(item.answer, figure)}")
 
     def code(self, item: Item, entry: Entry) -> None:
-        """A drill, graded as often as one likes, in a file of the interviews."""
+        """Set a drill, graded as often as one likes, in a file of the interviews."""
         card = catalogue.card(item.key.removeprefix("drill/"))
         path = self.folder / f"{card.name}.py"
         if not entry.answered:
@@ -284,9 +284,7 @@ class Talk:
 
 
 def to_read(entry: Entry) -> str:
-    """Return the section of its chapter that is nearest to the weakest line, "" after a good
-    answer.
-    """
+    """Return the chapter section nearest to the weakest line, or "" after a good answer."""
     chapter = next(chapter for chapter in CHAPTERS if chapter.number == entry.chapter)
     path = notebook_of(chapter)
     if entry.score >= rehearsal.WEAK or not path.is_file():

@@ -38,7 +38,7 @@ class Round:
 
     Attributes:
         session: where it writes, and the work folder.
-        hear: the next line that is typed; EOFError at the end.
+        read_line: returns the next line that is typed; EOFError at the end.
         clock: the time, aware.
         rated: what was rated, for the JSON.
     """
@@ -74,7 +74,7 @@ class Round:
         return self._finish(cards, seed)
 
     def ask(self, entry: Entry) -> bool:
-        """Return one card; whether it was rated and not passed over."""
+        """Ask one card; return whether it was rated and not passed over."""
         shown = sides(entry)
         self._show(shown.front)
         grades: list[bool] = []

@@ -73,14 +73,15 @@ class Answers:
         )
 
     def asking(self, number: int) -> Any:
-        """Return a function that stays in the grader.
+        """Return a stand-in for a function that stays in the grader.
 
-        A call goes there and waits for the answer.
+        A call is sent there and waits for the answer.
         """
 
         def function(*args: Any) -> Any:
             if not self.request:
                 raise RuntimeError("this function can only be asked during the call that gave it")
+            # One question at a time: threads of the submission would mix up their replies.
             with self.one_at_a_time:
                 question = {"ask": number, "args": [self.plain(value) for value in args]}
                 answer = self.converse(self.request, question)
@@ -103,6 +104,7 @@ class Answers:
         """Run a source as the module `name`."""
         module = types.ModuleType(name)
         module.__file__ = filename
+        # Registered with `linecache`, so that tracebacks can quote lines of the submission.
         linecache.cache[filename] = (len(source), None, source.splitlines(keepends=True), filename)
         self.modules[name] = sys.modules[name] = module
         exec(code, module.__dict__)
@@ -180,6 +182,7 @@ class Answers:
         """Return whether an argument differs from what was sent."""
         pairs = [*zip(request["args"], args, strict=True)]
         pairs += [(data, kwargs[key]) for key, data in request["kwargs"].items()]
+        # Handles and functions of the grader are left out: they have no data to compare.
         return any(
             isinstance(data, (dict, list))
             and not {"h", "c"} & set(data if isinstance(data, dict) else ())
@@ -196,12 +199,14 @@ class Answers:
         frames = []
         walked, trace = 0, error.__traceback__
         files = []
+        # Bounded: a recursion may have left a very long traceback.
         while trace is not None and walked < 100_000:
             code = trace.tb_frame.f_code
             files.append(code.co_filename)
             if code.co_filename == self.filename:
                 frames.append([trace.tb_lineno or 0, str(code.co_name)[:100]])
             walked, trace = walked + 1, trace.tb_next
+        # Its `__str__` is foreign code, and may raise or return another type.
         try:
             message = str.__str__(str(error))[:2000]
         except BaseException as second:
@@ -223,6 +228,7 @@ class Answers:
             return "memory"
         chain: list[BaseException] = []
         link: BaseException | None = error
+        # The cause may be wrapped in other exceptions, possibly in a cycle.
         while link is not None and len(chain) < 20:
             chain.append(link)
             link = link.__cause__ or link.__context__
@@ -270,6 +276,7 @@ def _no_input(prompt: object = "") -> str:
 def _start() -> tuple[Answers, Any]:
     """Confine this process. Returns what the loop needs."""
     here = os.path.dirname(os.path.abspath(__file__))
+    # Imported by path, and then forgotten: the submission is not to find these modules.
     sys.path.insert(0, here)
     confine = importlib.import_module("confine")  # by path: the package is not reachable here
 
@@ -278,6 +285,7 @@ def _start() -> tuple[Answers, Any]:
 
     settings = json.loads(_frame())
     layers = set(settings["layers"])
+    # seccomp comes last: it restricts the very calls that set up the other layers.
     report = {"limits": confine.limit(settings["limits"])}
     if "capabilities" in layers:
         report["capabilities"] = confine.reached(confine.drop_capabilities)
@@ -326,6 +334,7 @@ def _serve(answers: Answers, report: dict[str, str]) -> None:
     def reply(identity: str, content: dict[str, Any]) -> None:
         if _getpid() != OWN:  # a copy of this process must not speak for it
             _exit(0)
+        # Flushed first, so that what a call printed arrives before its answer.
         for stream in own_streams:
             try:
                 stream.flush()
@@ -350,6 +359,7 @@ def _serve(answers: Answers, report: dict[str, str]) -> None:
     reply("ready", {"ok": report})
     while True:
         request = loads(_frame().decode())
+        # Handles that the grader no longer holds free their objects.
         for number in request["drop"]:
             answers.objects.pop(number, None)
         answers.attempts.clear()

@@ -52,6 +52,7 @@ def limit(desired: dict[str, int]) -> str:
             if name == "NPROC":
                 with open("/proc/loadavg") as file:
                     value += int(file.read().split()[3].split("/")[1])
+            # Only root may raise a hard limit; anyone may lower it.
             hard = resource.getrlimit(kind)[1]
             value = value if hard == resource.RLIM_INFINITY else min(value, hard)
             resource.setrlimit(kind, (value, value))
@@ -72,21 +73,24 @@ def drop_capabilities() -> str:
     except OSError as error:
         if error.errno != errno.EINVAL:  # older kernels have none
             raise
+    # Version 3 of the header, no process id (oneself), and three empty sets of capabilities.
     header = struct.pack("=Ii", 0x20080522, 0)
     _call(_libc().capset, header, bytes(24))
     return "on"
 
 
 def settle(parent: int, hidden: bool) -> str:
-    """Return no new privileges, death with the grader, and no inspection by others.
+    """Forbid new privileges and inspection by others, and die with the grader.
 
     Args:
         parent: the grader's process.
         hidden: whether others may not look; where the grader asks `ps`, it must see its mark.
     """
+    # Needed by Landlock and by seccomp where the caller is not root.
     _prctl(PR_SET_NO_NEW_PRIVS, 1)
     if hidden:
         _prctl(PR_SET_DUMPABLE, 0)
+    # SIGKILL when the parent dies; checked below, as it may have died before.
     _prctl(PR_SET_PDEATHSIG, 9)
     if os.getppid() != parent:  # it died before the call above
         os._exit(0)
@@ -109,8 +113,10 @@ def landlock(readable: list[str], listable: list[str], writable: list[str]) -> s
         writable: files or folders.
     """
     call = _libc().syscall
+    # The kernel's version of the interface (flag 1) says which rights it knows.
     version = _call(call, 444, None, ctypes.c_size_t(0), 1)
     handled = max(rights for since, rights in RIGHTS.items() if since <= version)
+    # Network rights came with version 4, scopes (signals, abstract sockets) with version 6.
     network = 3 if version >= 4 else 0
     scoped = 3 if version >= 6 else 0
     attributes = struct.pack("=QQQ", handled, network, scoped)
@@ -124,6 +130,7 @@ def landlock(readable: list[str], listable: list[str], writable: list[str]) -> s
             return  # what is not there needs no rule
         try:
             rights &= handled
+            # The kernel refuses rules for files that name rights of directories.
             if not os.path.isdir(path):
                 rights &= FILE_RIGHTS
             rule = struct.pack("=Qi", rights, place)
@@ -138,6 +145,7 @@ def landlock(readable: list[str], listable: list[str], writable: list[str]) -> s
         allow(path, READ_DIR)
     for path in writable:
         allow(path, everything)
+    # The rules take effect for this process and for all that it starts; they never loosen.
     _call(call, 446, ruleset, 0)
     os.close(ruleset)
     return f"on (version {version})"

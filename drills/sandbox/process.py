@@ -129,6 +129,7 @@ class Child:
     # Start and end
 
     def _start(self, layers: frozenset[str]) -> None:
+        # Three pipes: requests to the child, its replies, and what it prints.
         pipes: list[int] = []
         try:
             for _ in range(3):
@@ -141,6 +142,7 @@ class Child:
         self._files = {requests_in, replies_out, output_out}
         theirs = (requests_out, replies_in, output_in)
         self._requests, self._replies, self._prints = requests_in, replies_out, output_out
+        # Descendants inherit the token with the environment, and are recognized by it.
         token = secrets.token_hex(16)
         environment = {
             "HOME": self._folder,
@@ -153,8 +155,10 @@ class Child:
             "MUJOCO_GL": "off",  # MuJoCo looks for a window by starting a process
             "DRILLS_CHILD": token,
         }
+        # One thread for each library: processor time then does not depend on the number of cores.
         for library in ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA"):
             environment[f"{library}_NUM_THREADS"] = "1"
+        # -I and -S: no environment, user site or startup file; -B: no bytecode is written.
         command = [sys.executable, "-I", "-S", "-B", "-X", "utf8", str(SCRIPT)]
         command += [str(requests_out), str(replies_in), str(self._owner)]
         try:
@@ -174,6 +178,7 @@ class Child:
             for file in theirs:
                 os.close(file)
         tree.ROOTS.add(self._process.pid)
+        # Nothing here may block: a child that does not read or write must not hang the grader.
         for file in self._files:
             os.set_blocking(file, False)
         # A marker by the way: no other process has this odd limit, and no descendant can raise it.
@@ -197,6 +202,7 @@ class Child:
         self._poll = select.poll()
         self._poll.register(self._replies, select.POLLIN)
         self._poll.register(self._prints, select.POLLIN)
+        # The settings go out now; the child starts up while the caller goes on.
         self._send()
 
     def __enter__(self) -> Child:
@@ -224,6 +230,7 @@ class Child:
                     time.sleep(0.0005)
                 remaining = self._tree.kill()  # what that death has orphaned
                 process.wait()
+            # Only now, with all its processes dead, may its number and its folder be given up.
             tree.ROOTS.discard(process.pid)
             self._process = None
         while self._files:
@@ -255,6 +262,7 @@ class Child:
             self._limits.load,
             "while the file was loaded",
         )
+        # From here on everything received is untrusted: its types and lengths are checked first.
         described = answer.get("ok")
         if type(described) is not list or len(described) != 3:
             raise self._garbled()
@@ -419,10 +427,12 @@ class Child:
             raise ValueError("this child is closed")
         if not self._ready:
             raise ValueError("load() comes first")
+        # A random identity for each request: the submission cannot write an answer in advance.
         identity = secrets.token_hex(8)
         self._dropped, dropped = [], self._dropped
         self._pending = memoryview(wire.pack({"id": identity, "drop": dropped, **request}))
         self.spent = self.elapsed = 0.0
+        # A submission may call back a function of the grader before its answer is there.
         answer = self._wait(identity, seconds, where)
         while "ask" in answer:
             self._pending = memoryview(wire.pack({"id": identity, **self._answer_query(answer)}))
@@ -497,6 +507,7 @@ class Child:
 
         A child that waits itself uses none, so the wall clock ends it, much later.
         """
+        # Two clocks: processor time is what the limit means, wall time catches a child that sleeps.
         start, begun = time.monotonic(), self._tree.processor_time()
         total, patience = self._limits.total, self._limits.patience
         if self._ready:
@@ -506,6 +517,7 @@ class Child:
             largest, longest = math.inf, START
         deadline = start + longest
         try:
+            # Event loop: send, watch the process tree, and read until the answer is whole.
             self._send()
             while True:
                 now, spent = time.monotonic(), self._tree.processor_time() - begun
@@ -583,6 +595,7 @@ class Child:
                     pass
                 return
             self._printed += len(part)
+            # Output beyond the first 16 KiB is counted, and not kept.
             if len(self._text) < KEPT:
                 self._text += part[: KEPT - len(self._text)]
             if self._printed > self._limits.output:
@@ -598,11 +611,13 @@ class Child:
         if not part:
             raise self._pipe_ended(where)
         self._received += part
+        # Length-prefixed frame: four bytes, big-endian, then the payload.
         if len(self._received) < 4:
             return False
         length = int.from_bytes(self._received[:4], "big")
         if length > wire.FRAME:
             raise self._garbled()
+        # More than one frame: the child only speaks when asked, so this was forged.
         if len(self._received) > 4 + length:
             raise self._garbled()
         return len(self._received) == 4 + length
@@ -664,6 +679,7 @@ class Child:
 
     def _pipe_ended(self, where: str) -> Ended:
         """Return the verdict on a reply pipe that is at its end."""
+        # The pipe may close shortly before the process has ended; its status tells why.
         patience = time.monotonic() + 0.5
         while (status := self._status()) is None and time.monotonic() < patience:
             time.sleep(0.002)
@@ -671,6 +687,7 @@ class Child:
             return self._garbled("The grader's pipe was closed")
         if status >= 0:
             return self._end(Reason.EXITED, f"The process ended with status {status} {where}.")
+        # Killed by a signal, whose name says which limit was reached.
         try:
             name = signal.Signals(-status).name
         except ValueError:
@@ -699,6 +716,7 @@ class Child:
 
     def _drain_last(self) -> None:
         """Keep what was printed before the end, as far as it is in the pipe."""
+        # A bounded number of reads: a descendant that still prints must not keep us here.
         for _ in range(4):
             try:
                 part = os.read(self._prints, 65536)

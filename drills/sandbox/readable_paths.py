@@ -50,10 +50,7 @@ def search_path() -> list[str]:
 
 
 def _hidden(path: str) -> bool:
-    """Return whether a path belongs to the course.
-
-    In a checkout or among the installed packages.
-    """
+    """Return whether a path belongs to the course, in a checkout or among installed packages."""
     place, name = os.path.split(path)
     if place == str(HERE) and name in HIDDEN:
         return True

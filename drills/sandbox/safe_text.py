@@ -6,7 +6,7 @@ from __future__ import annotations
 def readable(text: str) -> str:
     """Return text of foreign origin, safe to print.
 
-    Control characters and half characters spelled out.
+    Control characters and lone surrogates are spelled out.
     """
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return "".join(

@@ -52,7 +52,7 @@ def excess(folder: str, limit: int) -> str:
 
 @contextlib.contextmanager
 def _opened(name: str, above: int | None = None) -> Iterator[int]:
-    """A folder, never through a link; one that is closed to its owner is opened to us first."""
+    """Open a folder, never through a link; one closed to its owner is opened to us first."""
     flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
     try:
         handle = os.open(name, flags, dir_fd=above)

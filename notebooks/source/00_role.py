@@ -1,8 +1,9 @@
 # %% [markdown]
 # # 0 · The role
 #
-# *Six boxes turn pictures into motor commands. Answer first; then run the cells and press* Play. {open minutes} minutes
-# to read and move, {folded minutes} minutes more for what is folded away, {exercise minutes} minutes of exercises.
+# *Six boxes turn pictures into motor commands. Answer first<span class="kernel-only">, run the cells</span>, then
+# press* Play. About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes};
+# exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -24,10 +25,10 @@ simulation("stack")
 #
 # ## How this course works
 #
-# Each chapter looks at its subject from five sides: concept, design, code, debugging, frontier. Most scenes begin with
-# a card: answer first; a click tells whether you are right. (What holds only under a condition is false as it stands.)
-# A number in the text comes from the cell above it, or from a check that `python -m course.derivations 0` runs again.
-# The code is `course.role`. These exercises wait in section 7:
+# Each chapter looks at its subject from five sides: concept, design, code, debugging, frontier. Most scenes begin
+# with a card: answer first; a click says whether you are right, and **Explanation** says why. A number in the text
+# comes from the cell above it, or from a check that `python -m course.derivations 0` runs again. The code is
+# `course.role`. These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -441,7 +442,7 @@ check(log_age)
 # %% [markdown]
 # ### Formulas
 #
-# Checked symbolically: any equivalent form is right. Change the text.
+# Checked symbolically: any equivalent form is right. <span class="kernel-only">Change the text.</span>
 
 # %%
 answer("deep_queue", "d*T")

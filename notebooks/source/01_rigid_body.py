@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 1 · Rigid bodies
 #
-# *A computer moves a box in small steps of time. Answer first; then run the cells, press* Play *and see.*
-# {open minutes} minutes to read and move, {folded minutes} minutes more for what is folded away, {exercise minutes}
-# minutes of exercises.
+# *A computer moves a box in small steps of time. Answer first<span class="kernel-only">, run the cells</span>, then
+# press* Play *and watch.* About {open minutes} minutes of reading, cards and charts; the collapsed parts add
+# {folded minutes}; exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -27,10 +27,10 @@ simulation("bouncing_box")
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) Then you move something, learn its name, and see one number. Derivations are folded away. A
-# number in the text comes from the cell above it, or from a check that `python -m course.derivations 1` runs again. The
-# code is `course.rigid_body`, as the tests run it. These exercises wait in section 8:
+# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why. Then
+# you move something, learn its name, and see one number. Derivations are folded away. A number in the text comes from
+# the cell above it, or from a check that `python -m course.derivations 1` runs again. The code is
+# `course.rigid_body`, as the tests run it. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -49,7 +49,7 @@ from course import rigid_body
 from course.cards import figures, interview
 from course.charts import read
 from course.charts.rigid_body import accuracy
-from course.derivations import show
+from course.derivations import more_claims, show
 from course.rigid_body import planar, problems, quaternion
 
 
@@ -80,7 +80,11 @@ show("state_is_six_quantities")
 # | rotation matrix | 9 | 18 | six constraints |
 #
 # In the plane one angle is enough: position, angle and their rates make six numbers.
-#
+
+# %%
+more_claims("state_with_quaternion", "planar_state")
+
+# %% [markdown]
 # ### Thrown, and left alone
 
 # %%
@@ -120,7 +124,11 @@ simulation("free_body")
 # **Key insight.** A free body keeps $L$, not $\omega$. The gyroscopic term is the price of standing in the body.
 #
 # </div>
-#
+
+# %%
+more_claims("force_is_mass_times_acceleration", "planar_torque")
+
+# %% [markdown]
 # ### The brick that flips
 
 # %%
@@ -148,6 +156,9 @@ simulation("flip")
 # %%
 show("principal_axis_is_stable")
 
+# %%
+more_claims("tumbling_is_irregular", "wobble_comes_from_the_term")
+
 # %% [markdown]
 # ### What keeps a spinning top up?
 
@@ -164,6 +175,14 @@ simulation("top")
 
 # %%
 show("top_condition")
+
+# %%
+more_claims(
+    "euler_equation_point",
+    "gyroscopic_term_always_there",
+    "gyroscopic_term_is_negligible",
+    "robotics_cannot_drop_the_term",
+)
 
 # %% [markdown]
 # ### Can these inertias be real?
@@ -223,7 +242,11 @@ for angle in (60.0, 89.0, 90.0):
 # **Key insight.** Coordinates lock, bodies don't. No other choice of three angles escapes it.
 #
 # </div>
-#
+
+# %%
+more_claims("gimbal_lock_at_one_attitude", "pointing_up_locks", "another_order_of_angles")
+
+# %% [markdown]
 # ### Four numbers without a lock
 
 # %%
@@ -283,7 +306,16 @@ show("swapping_two_lines")
 # An integrator turns the law into steps of length $h$ (in code and on charts: dt). **Explicit Euler** moves with the
 # old velocity: $q' = q + hv$, then $v' = v + ha$, with $a$ the acceleration at $q$. **Semi-implicit Euler** has the two
 # lines in the other order: $v' = v + ha$, then $q' = q + hv'$.
-#
+
+# %%
+more_claims(
+    "usual_listing_is_explicit",
+    "explicit_energy_factor",
+    "explicit_adds_always",
+    "explicit_adds_without_forces",
+)
+
+# %% [markdown]
 # ### Why the step has a limit
 
 # %%
@@ -329,7 +361,22 @@ show("semi_implicit_unconditional")
 # the model decides.
 #
 # </div>
-#
+
+# %%
+more_claims(
+    "explicit_eigenvalues",
+    "quoted_modulus",
+    "growing_determinant_has_a_limit",
+    "determinant_one_is_stable",
+    "stable_at_the_limit",
+    "explicit_damped_limit",
+    "limit_scales_with_root",
+    "contact_stable_at_1_khz",
+    "contact_rate_by_stability",
+    "penalty_listing_limits",
+)
+
+# %% [markdown]
 # ### Stepping an orientation
 
 # %%
@@ -340,7 +387,15 @@ show("renormalising_repairs")
 # body coordinates to world coordinates and $\omega$ is in the body frame; that is why exp stands on
 # the right. Adding $h\,\dot q$ leaves the unit sphere, and in a low-order step scaling back repairs the length, not
 # the angle. At fourth order it does no harm; section 7 measures both.
-#
+
+# %%
+more_claims(
+    "quaternion_norm_keeps_itself",
+    "added_quaternion_adds_energy",
+    "renormalised_rk4_order",
+)
+
+# %% [markdown]
 # ### Four more, and what a step costs
 #
 # Write $a = a(q, v)$ for the acceleration, and read $q \oplus u$ as "move from $q$ by $u$": plain addition for
@@ -370,6 +425,16 @@ show("renormalising_repairs")
 
 # %%
 show("semi_implicit_is_verlet")
+
+# %%
+more_claims(
+    "verlet_limit",
+    "explicit_midpoint_limit",
+    "rk4_limit",
+    "implicit_midpoint_limit",
+    "evaluations_per_step",
+    "semi_implicit_stability_per_cost",
+)
 
 # %% [markdown]
 # ### What "symplectic" promises
@@ -401,7 +466,20 @@ show("symplectic_conserves_energy")
 # discrete Moser-Veselov).
 #
 # </details>
-#
+
+# %%
+more_claims(
+    "semi_implicit_energy_swing",
+    "rk4_energy_factor",
+    "symplectic_with_varying_step",
+    "semi_implicit_arm_energy",
+    "semi_implicit_keeps_area_always",
+    "volume_kept_bounds_energy",
+    "symplectic_removes_stiffness",
+    "reason_for_symplectic",
+)
+
+# %% [markdown]
 # ### A ball that bounces, and its energy
 
 # %%
@@ -439,7 +517,26 @@ show("elastic_bounce_rule")
 # depth $d$.
 #
 # </details>
-#
+
+# %%
+more_claims(
+    "free_fall_energy_error",
+    "semi_implicit_free_fall",
+    "worked_step_1_semi_implicit",
+    "worked_step_100",
+    "worked_step_500",
+    "worked_ten_bounces_explicit",
+    "worked_ten_bounces_semi_implicit",
+    "worked_ten_bounces_rk4",
+    "worked_table_belongs_to_the_method",
+    "semi_implicit_bouncing_decays",
+    "bounce_rule_takes_energy",
+    "listing_box_tumbles",
+    "listing_energy_decay",
+    "explicit_in_the_listing_grows",
+)
+
+# %% [markdown]
 # ## 3 · Design: the loop around the equations
 #
 # A simulator does six things, here at four different rates. The physics step is fixed; everything else happens on
@@ -506,6 +603,14 @@ show("step_sweet_spot")
 
 # %%
 show("collisions_after_integration")
+
+# %%
+more_claims(
+    "cameras_in_every_step",
+    "clock_by_adding_dt",
+    "deformables_need_a_tenth",
+    "tenth_of_the_step",
+)
 
 # %% [markdown]
 # ## 4 · Code: the reference functions
@@ -690,7 +795,20 @@ figures(
 #    impact so that no wall is missed, not to place the impact. The error at a contact is of first order, RK4 or not.
 #
 # </details>
-#
+
+# %%
+more_claims(
+    "mujoco_defaults",
+    "mujoco_stable_by_euler",
+    "mujoco_euler_damping_explicit",
+    "mujoco_any_stiffness",
+    "mujoco_discrete_has_a_limit",
+    "mujoco_rk4_on_rotations",
+    "mujoco_free_spin_energy",
+    "mujoco_implicitfast_gyroscopic",
+)
+
+# %% [markdown]
 # ### Many bodies at once
 #
 # Training needs thousands of copies. (Most runs on GPUs today, in MuJoCo Warp, MJX or Isaac, not measured here.) The
@@ -787,7 +905,11 @@ show("mujoco_rk4")
 
 # %% [markdown]
 # ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
-#
+
+# %%
+more_claims("halving_dt_finds_the_culprit", "arm_drift_is_numerical")
+
+# %% [markdown]
 # ### Energy over a million steps
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
@@ -835,7 +957,11 @@ print(read("events_order"))
 # **Key insight.** An impact that the step does not resolve makes every method first order. Then the cheap one wins.
 #
 # </div>
-#
+
+# %%
+more_claims("mujoco_rk4_contact_order", "mujoco_contact_stiffness_limit")
+
+# %% [markdown]
 # ### Through the wall
 
 # %%
@@ -862,6 +988,14 @@ figures(
     "MuJoCo, one-step",
     "MuJoCo, default",
     summary="All speeds and steps",
+)
+
+# %%
+more_claims(
+    "contact_seen_is_contact_stopped",
+    "continuous_detection_or_smaller_step",
+    "penetration_limit_catches",
+    "mujoco_ccd_is_continuous",
 )
 
 # %% [markdown]
@@ -1226,7 +1360,7 @@ check(tumble)
 # ### Formulas
 #
 # These are checked symbolically: any equivalent form is right, and a wrong one gets numbers at which it differs.
-# Change the texts.
+# <span class="kernel-only">Change the texts.</span>
 
 # %%
 answer("semi_implicit_limit", "2*sqrt(m/k)")
@@ -1325,6 +1459,14 @@ for dt in (1e-2, 1e-3):
     print(
         f"fixed steps of {1e3 * dt:4.0f} ms:       {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
     )
+
+# %%
+more_claims(
+    "gradient_search_is_linear",
+    "every_recording_identifies",
+    "smooth_gradients_by_draws",
+    "mjx_is_differentiable",
+)
 
 # %% [markdown]
 # ## 10 · Interview

@@ -653,11 +653,13 @@ mine = measured.with_method(Method("yours", once, STEPS, "yours"), repeats=1)
 print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm")
 TradeOff(mine)
 # %% [markdown]
-# Two of the others, beside MuJoCo with three solvers and two cones. Under a heavy body MuJoCo misses at every step:
+# Two of the others, beside MuJoCo with three solvers and two cones at its default softness, and hardened: a time
+# constant of 4 ms, an impedance near 1 and an impratio of 100. Under a heavy body MuJoCo's defaults miss at every step,
+# and hardening it cures that:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
-# A held glass creeps in every soft model, however short the step:
+# By default a held glass creeps in MuJoCo, however short the step. Hardened it creeps within the tolerance:
 #
 # ![How far a held glass slips, error against cost](../docs/charts/contact_glass.png)
 #
@@ -686,7 +688,8 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 # Read the cost with care: MuJoCo's step is compiled, a step of ours is a few lines of NumPy, so compare *counts*
 # between the two and times within each.
 #
-# **The narrow phase beside Coal** (the library that Pinocchio uses), pair by pair in one process, both exact:
+# **The narrow phase beside Coal** (the library that Pinocchio uses): our public `distance` against Pinocchio's
+# `computeDistances`, one call in C++ for all pairs, and against one call a pair from Python. Poses are set beforehand:
 #
 # ![Narrow phase: time over that of Coal, and error](../docs/charts/narrow_phase.png)
 # %% jupyter={"source_hidden": true}
@@ -700,7 +703,8 @@ show("coal_is_the_truth")
 #
 # * *A robot arm, learning at scale*: soft and convex (MuJoCo). Unique, fast, smooth enough; raise impratio where things
 #   are held, use the elliptic cone where they slide.
-# * *Stacks, large mass ratios, exact standstill*: the rigid law by Newton or pivots; sweeps only with light on heavy.
+# * *Stacks, large mass ratios*: the rigid law by Newton or pivots, or MuJoCo hardened; sweeps only with light on heavy.
+# * *Exact standstill*: the rigid law. A hardened contact creeps, too, only more slowly.
 # * *A few soft contacts, gradients, no solver at hand*: penalty, with a step below its limit and a depth you can
 # accept.
 # * *Games*: ten sweeps with a warm start. It looks right.
@@ -730,6 +734,14 @@ for mu in (1.0, 2.0):
     )
 # %% [markdown]
 # The convex model has an answer here too, as it always has. It is not Coulomb's: below the limit it makes the rod hop.
+#
+# ### Thrown out of the ground
+#
+# A body that starts too deep has to come out. Rigid models take back a share of the depth in each step, 0.2 here. The
+# field calls this **Baumgarte stabilisation**. A fixed share per step is a speed of share times depth over step, so a
+# shorter step throws the body out faster. Our models cap that speed at 1 m/s (`max_recovery_speed`):
+#
+# ![How fast a ball that starts 1 cm deep leaves the ground, over the step](../docs/charts/contact_recovery.png)
 #
 # ### Debugging table
 #
@@ -874,8 +886,7 @@ card("pgs_sweep")
 
 # %%
 def pgs_sweep(impulses, A, b, mu):
-    """Return one sweep of projected Gauss-Seidel over contacts with friction, each in its true
-    cone.
+    """Return the impulses after one sweep of projected Gauss-Seidel with friction cones.
 
     Args:
         impulses: of each contact: normal, then two tangents, shape (n, 3) [N s].
@@ -1000,8 +1011,8 @@ show("penalty_is_differentiable")
 #
 # **Interview tip.** *Penalty or constraint?* Say first what is asked of the contact. "Penalty: a spring, nothing to
 # solve, smooth force; it sinks in, its friction creeps, and $h < 2(\sqrt{1+\zeta^2}-\zeta)/\omega$. Constraint: no
-# depth, sticks exactly, has no step limit of its own; it needs a solver, whose iterations grow with the mass ratio,
-# and its gradients are zero or set-valued. MuJoCo is in between: constraints with softness, convex, unique, and it
+# depth, sticks exactly, has no step limit of its own; it needs a solver, and the sweeps of Gauss-Seidel grow with the
+# mass ratio (Newton's steps do not). Its gradients are zero before touch and ordinary numbers behind it. MuJoCo is in between: constraints with softness, convex, unique, and it
 # creeps. For a grasp I take the true cone and print the residual."
 #
 # </div>

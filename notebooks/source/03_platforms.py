@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 3 · Simulation platforms
 #
-# *The same model, the same step, four simulators. Which of them is right? Answer first; then run the cells.*
-# {open minutes} minutes to read and move, {folded minutes} minutes more for what is folded away, {exercise minutes}
-# minutes of exercises.
+# *The same model, the same step, four simulators. Which of them is right? Answer first<span class="kernel-only">,
+# then run the cells</span>.* About {open minutes} minutes of reading, cards and charts; the collapsed parts add
+# {folded minutes}; exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -24,9 +24,8 @@ simulation("platforms")
 #
 # ## How this chapter works
 #
-# Answer each card first; a click tells whether you are right. (What holds only under a condition is false as it
-# stands.) A number in the text comes from the cell above it, or from a check that `python -m course.derivations 3` runs
-# again.
+# Answer each card first; a click tells whether you are right. A number in the text comes from the cell above it, or
+# from a check that `python -m course.derivations 3` runs again.
 #
 # MuJoCo and our own code run here. The figures of Drake and PyBullet come from a stored record, whether or not they are
 # installed. `make platforms` installs them (PyBullet: on Python 3.11), `make charts` measures again. Section 8 has
@@ -51,7 +50,7 @@ from course.cards import figures, interview
 from course.charts import read
 from course.charts.platforms import jobs
 from course.charts.platforms.record import AXES
-from course.derivations import show
+from course.derivations import more_claims, show
 from course.oracles.engines import engines
 from course.oracles.mujoco.kit import library
 from course.platforms import AS_SHIPPED, FAIR, SCENES, measures, prepared, scenes, theory
@@ -363,7 +362,18 @@ for claim in (
 # </table>
 #
 # </details>
-#
+
+# %%
+more_claims(
+    "built_on",
+    "default_of_learning",
+    "drake_planners",
+    "proof_never_falls",
+    "python_first",
+    "bullet_on_gpu",
+)
+
+# %% [markdown]
 # ### Five axes
 
 # %%
@@ -431,7 +441,7 @@ for attempt in (
 # The shortest model in **MJCF**, MuJoCo's own format: two links, two motors. Below it runs three times, with the same
 # two constant torques:
 
-# %%
+# %% tags=["show-code"]
 MJCF = """<mujoco model="two links">
   <option timestep="0.001"/>
   <default><joint type="hinge" axis="0 1 0" {joint}/></default>
@@ -701,6 +711,9 @@ print(", ".join(f"{theory.sag_growth(n):g}" for n in (1, 2, 3, 4)))
 
 # %%
 show("tower_by_engine")
+
+# %%
+more_claims("bullet_less_accurate")
 
 # %% [markdown]
 # ### Run it again
@@ -1014,7 +1027,7 @@ check(compare_engines)
 # %% [markdown]
 # ### A formula: the share of the way that is missing
 #
-# Any equivalent form is right. Change the text.
+# Any equivalent form is right. <span class="kernel-only">Change the text.</span>
 
 # %%
 answer("braking_short", "v*dt/2")

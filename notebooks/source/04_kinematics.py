@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 4 · Kinematics and dynamics of arms
 #
-# *Two links follow a target, one small step after the other. Answer first; then run the cells, press* Play *and click
-# anywhere in the picture.* {open minutes} minutes to read and move, {folded minutes} minutes more for what is folded
-# away, {exercise minutes} minutes of exercises.
+# *Two links follow a target, one small step after the other. Answer first<span class="kernel-only">, run the
+# cells</span>, then press* Play *and click anywhere in the picture.* About {open minutes} minutes of reading, cards
+# and charts; the collapsed parts add {folded minutes}; exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -28,10 +28,10 @@ simulation("arm")
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) Then you move something, learn its name, and see one number. A number in the text comes from
-# the cell above it, or from a check that `python -m course.derivations 4` runs again. The code is `course.kinematics`.
-# These exercises wait in section 7:
+# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why. Then
+# you move something, learn its name, and see one number. A number in the text comes from the cell above it, or from a
+# check that `python -m course.derivations 4` runs again. The code is `course.kinematics`. These exercises wait in
+# section 7:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -51,7 +51,7 @@ from IPython.display import Markdown
 from course import kinematics, rigid_body
 from course.cards import figures, interview
 from course.charts import read
-from course.derivations import show
+from course.derivations import more_claims, show
 from course.kinematics import ik, jacobian, panda, planar, tip, two_link_ik
 
 
@@ -262,6 +262,9 @@ show("condition_above_hundred")
 
 # %%
 show("euler_jacobian_locks")
+
+# %%
+more_claims("condition_needs_a_length")
 
 # %% [markdown]
 # ### A step towards the target
@@ -1140,7 +1143,7 @@ check(wrist_ik)
 # ### Formulas
 #
 # These are checked symbolically: any equivalent form is right, and a wrong one gets numbers at which it differs.
-# Change the texts.
+# <span class="kernel-only">Change the texts.</span>
 
 # %%
 answer("two_link_jacobian", "l1*l2*sin(q2)")

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 5 · Motion planning
 #
-# *From the green spot to the yellow one without touching red. Answer first; then run the cells and press* Play.
-# {open minutes} minutes to read and move, {folded minutes} minutes more for what is folded away, {exercise minutes}
-# minutes of exercises.
+# *From the green spot to the yellow one without touching red. Answer first<span class="kernel-only">, run the
+# cells</span>, then press* Play. About {open minutes} minutes of reading, cards and charts; the collapsed parts add
+# {folded minutes}; exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -25,10 +25,10 @@ simulation("growing")
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) Derivations are folded away. A number in the text comes from the cell above it, or from a
-# check that `python -m course.derivations 5` runs again. Every path on this page went through one judge, `check_path`,
-# which shares no code with the planners. These exercises wait in section 8:
+# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why.
+# Derivations are folded away. A number in the text comes from the cell above it, or from a check that `python -m
+# course.derivations 5` runs again. Every path on this page went through one judge, `check_path`, which shares no code
+# with the planners. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -45,7 +45,7 @@ from IPython.display import Markdown
 from course import planning
 from course.cards import figures, interview
 from course.charts import read
-from course.derivations import show
+from course.derivations import more_claims, show
 from course.planning import check_path, length, plan, scenes, time_parameterise, trees
 
 # %% [markdown]
@@ -373,7 +373,7 @@ show("optimisers_get_stuck")
 #
 # </details>
 
-# %%
+# %% tags=["show-code"]
 motion = time_parameterise(cut, (1.0, 1.0), blend=0.5, free=scene.world)
 times = np.linspace(0.0, motion.duration, 4001)
 q, rate, push = motion(times)
@@ -599,7 +599,11 @@ figures(
 # %% [markdown]
 # A number for each dimension from two on; *inf*: half of the runs or more ran out. So dimension is no excuse by itself.
 # Count the directions in which your passage is narrow, and give up some of them: a posture before the slot.
-#
+
+# %%
+more_claims("gap_table")
+
+# %% [markdown]
 # ### Debugging
 #
 # <div class="alert alert-block alert-danger">
@@ -796,8 +800,8 @@ check(rrt_star)
 # %% [markdown]
 # ### A formula: what points miss
 #
-# Half a chord, its depth, the radius: a right triangle. Any equivalent form is right, and a wrong one is named. Change
-# the text.
+# Half a chord, its depth, the radius: a right triangle. Any equivalent form is right, and a wrong one is named.
+# <span class="kernel-only">Change the text.</span>
 
 # %%
 answer("edge_by_ten_points", "s^2/(8*r)")

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 6 · Control
 #
-# *A joint is told where to be: the dashed line. Answer first; then run the cells, press* Play *and drag the target.*
-# {open minutes} minutes to read and move, {folded minutes} minutes more for what is folded away, {exercise minutes}
-# minutes of exercises.
+# *A joint has to follow its target, the dashed line. Answer first<span class="kernel-only">, run the cells</span>,
+# then press* Play *and drag the target.* About {open minutes} minutes of reading, cards and charts; the collapsed
+# parts add {folded minutes}; exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -25,10 +25,9 @@ simulation("joint")
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) Derivations are folded away. A number in the text comes from the cell above it, or from a
-# check that `python -m course.derivations 6` runs again. The code is `course.control`. These exercises wait in section
-# 8:
+# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why.
+# Derivations are folded away. A number in the text comes from the cell above it, or from a check that `python -m
+# course.derivations 6` runs again. The code is `course.control`. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -49,7 +48,7 @@ from course.cards import figures, interview
 from course.charts import read
 from course.charts.control import limits, touch
 from course.control import Actuator, Encoder, Gains, Joint, identify, run_joint, sampled
-from course.derivations import show
+from course.derivations import more_claims, show
 from course.kinematics import TwoLink
 from course.oracles.mujoco import chain as mujoco
 
@@ -100,7 +99,11 @@ show("error_derivative_kick")
 
 # %% [markdown]
 # The rate of the *measurement* has no such spike, and the loop around it is the same: compare the margins of the two.
-#
+
+# %%
+more_claims("critical_settles_fastest", "one_gain_one_symptom")
+
+# %% [markdown]
 # ### What happens at the motor's limit
 
 # %%
@@ -256,7 +259,11 @@ print_figures("saturation_region", "from rest")
 # sum, the inertia and the friction decide how much gain there is. Tuning only finds it again.
 #
 # </div>
-#
+
+# %%
+more_claims("encoder_ripple", "listing_friction")
+
+# %% [markdown]
 # ### Tuning by rule
 #
 # **Ziegler-Nichols** (1942) is the procedure that everybody can recite: (1) set $K_i$ and $K_d$ to zero; (2) raise
@@ -309,6 +316,9 @@ show("half_the_ultimate_gain")
 
 # %%
 show("ziegler_nichols_is_safe")
+
+# %%
+more_claims("quoted_ku_tu", "safer_set")
 
 # %% [markdown]
 # ## 2 · Concept: many joints
@@ -415,6 +425,9 @@ show("acceleration_means_inertia")
 # %%
 print_figures("what_a_log_tells", "integral", "second", "coulomb")
 
+# %%
+more_claims("inertia_by_differences")
+
 # %% [markdown]
 # ### The best law: Riccati, limits, samples
 #
@@ -488,6 +501,9 @@ show("damping_is_safe")
 # %%
 print_figures("touching", "P on the force", "impedance", "least virtual")
 
+# %%
+more_claims("force_gain_is_free", "admittance_is_light")
+
 # %% [markdown]
 # ### The first blow
 
@@ -528,7 +544,11 @@ show("axes_of_a_surface")
 # loop, the error of a place, the virtual mass you may show.
 #
 # </div>
-#
+
+# %%
+more_claims("impedance_holds_a_force")
+
+# %% [markdown]
 # ## 4 · Design: regimes, levels, rates
 #
 # Four regimes, four controllers. The rate in the table is the least at which the loop stands at all, measured on one
@@ -651,12 +671,6 @@ print_figures("pid_stability", "largest", "MuJoCo")
 # %%
 show("servo_is_a_sampled_loop")
 
-# %%
-show("delay_delays_the_loop")
-
-# %%
-show("contact_is_the_wall")
-
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
@@ -664,7 +678,16 @@ show("contact_is_the_wall")
 # loop outside, at the robot's rate, with several steps a sample, or you tune the simulator.
 #
 # </div>
-#
+
+# %%
+more_claims(
+    "delay_delays_the_loop",
+    "contact_is_the_wall",
+    "pid_actuator_guards",
+    "friction_loss_holds",
+)
+
+# %% [markdown]
 # ### Debugging
 #
 # Say the cause before you open the answer.
@@ -784,9 +807,7 @@ card("hybrid")
 
 # %%
 def hybrid_torque(J, frame, forced, error, velocity, force, wanted, gains):
-    """Return joint torques that press along some axes of a surface and follow a place along the
-    others.
-    """
+    """Return joint torques that press along some axes of a surface and move along the others."""
     # Impedance along all axes: no force is controlled.
     return np.asarray(J).T @ (gains[0] * np.asarray(error) - gains[1] * np.asarray(velocity))
 
@@ -857,7 +878,7 @@ check(hold_joint)
 # ### Formulas: three triangles
 #
 # PD on a free inertia. Write one sample as a matrix or as a polynomial in $z$, and ask when its roots leave the unit
-# circle (Jury's conditions). Any equivalent form is right. Change the texts.
+# circle (Jury's conditions). Any equivalent form is right. <span class="kernel-only">Change the texts.</span>
 
 # %%
 answer("pd_exact_rate", "4*J/h^2")

@@ -2,8 +2,8 @@
 # # 7 · Perception
 #
 # *A depth camera looks at a table. Where is the known part: to 2 mm and 2 degrees, so that a gripper closes on it?
-# Answer first; then run the cells and drag a part.* {open minutes} minutes to read and move, {folded minutes} minutes
-# more for what is folded away, {exercise minutes} minutes of exercises.
+# Answer first<span class="kernel-only">, run the cells, then drag a part</span>.* About {open minutes} minutes of
+# reading, cards and charts; the collapsed parts add {folded minutes}; exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -25,10 +25,10 @@ simulation("perception")
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) Derivations are folded away. A number in the text comes from the cell above it, or from a
-# check that `python -m course.derivations 7` runs again. All pictures are computed, so that every step has a truth to
-# be compared with. These exercises wait in section 8:
+# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why.
+# Derivations are folded away. A number in the text comes from the cell above it, or from a check that `python -m
+# course.derivations 7` runs again. All pictures are computed, so that every step has a truth to be compared with.
+# These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -50,12 +50,11 @@ from course import perception
 from course.cards import figures, interview
 from course.charts import read
 from course.charts.perception.poses import BOX, EYE, SENSOR, TABLE
-from course.derivations import show
+from course.derivations import more_claims, show
 from course.kinematics.chain import compose
 from course.measure.timing import calls, interleaved
 from course.oracles import open3d
-from course.perception import Camera, Sensor, locate, pose, render, sense, shape, together
-from course.perception import yaw_net
+from course.perception import Camera, Sensor, locate, pose, render, sense, shape, together, yaw_net
 from course.rigid_body.quaternion import conjugate, exp, rotate
 
 
@@ -319,6 +318,9 @@ print(f"{points.shape[1]} points, {above.shape[1]} above the plane, {means.shape
 print(f"DBSCAN: clusters of {np.bincount(by_density[~noise])} voxels, {noise.sum()} noise")
 print(f"pixels: clusters of {counts[counts >= 40]}, {counts[counts < 40].sum()} in smaller ones")
 
+# %%
+more_claims("dbscan_has_no_order")
+
 # %% [markdown]
 # ## 3 · Concept: from a cluster to a pose
 #
@@ -446,6 +448,9 @@ show("averaging_pictures_helps")
 
 # %%
 print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "its own")
+
+# %%
+more_claims("picture_to_picture")
 
 # %% [markdown]
 # ## 4 · Design: which estimate for which question
@@ -952,7 +957,7 @@ check(point_in_base)
 # %% [markdown]
 # ### Formulas: a calibration, half a pixel, a box, two fingers
 #
-# Any equivalent form is right. Change the texts.
+# Any equivalent form is right. <span class="kernel-only">Change the texts.</span>
 
 # %%
 answer("calibration_residual", "sigma")

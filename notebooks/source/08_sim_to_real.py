@@ -2,8 +2,8 @@
 # # 8 · From simulation to the real robot
 #
 # *Six gains that never fail in their simulator meet the arm that it was made for. What is lost, and what brings it
-# back? Answer first; then run the cells and pull the gap up.* {open minutes} minutes to read and move, {folded minutes}
-# minutes more for what is folded away, {exercise minutes} minutes of exercises.
+# back? Answer first<span class="kernel-only">, run the cells, then pull the gap up</span>.* About {open minutes}
+# minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -25,9 +25,8 @@ simulation("sim_to_real")
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) A number in the text comes from the cell above it, or from a check that `python -m
-# course.derivations 8` runs again.
+# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why. A
+# number in the text comes from the cell above it, or from a check that `python -m course.derivations 8` runs again.
 #
 # The "real" arm is simulated too, so that the truth is known; MuJoCo's **twin** of it has what our simulator has no
 # words for. **Reward shaping** adds to a reward what makes learning easier; a **potential**, a number for each state,
@@ -50,7 +49,7 @@ from course import sim_to_real
 from course.cards import interview
 from course.charts import read
 from course.charts.sim_to_real import logs
-from course.derivations import show
+from course.derivations import more_claims, show
 from course.measure.success import wilson
 from course.sim_to_real import (
     Log,
@@ -143,7 +142,7 @@ for gap in (0.5, 1.0):
 # </table>
 
 # %%
-predict("late_command")
+predict("gains_and_a_late_command")
 
 # %% [markdown]
 # Chapter 6 said when: a loop has a **delay margin**, the lateness at which it becomes unstable. It belongs to the gains
@@ -230,6 +229,9 @@ worst = 100 * np.abs(wrong.value / truth - 1).max()
 print(f"off by up to {error.max():.0f} standard deviations, {worst:.1f} %;", end=" ")
 print(f"residual {wrong.noise / result.noise:.2f} times the right one")
 print(f"against the speed: {1e3 * lag:.2f} +- {1e3 * sure:.2f} ms late, of {1e3 * log.dt:.0f}")
+
+# %%
+more_claims("one_sample_late")
 
 # %% [markdown]
 # ### What a log can tell
@@ -392,8 +394,8 @@ for k, n in ((7, 10), (70, 100), (700, 1000)):
 predict("shaping_at_the_end")
 
 # %% [markdown]
-# *Prove it yourself*: what do the added terms of a way from $s_0$ to $s_{T+1}$ sum up to? Hints first, then change the
-# text below.
+# *Prove it yourself*: what do the added terms of a way from $s_0$ to $s_{T+1}$ sum up to? Look at the hints
+# first<span class="kernel-only">, then change the text below</span>.
 #
 # <details><summary>Hint 1</summary>Is what is added to $Q$ the same for all actions in a state? Then nothing
 # changes.</details>
@@ -763,6 +765,21 @@ for attempt in (
 # %%
 simulation("sim_to_real", "Cancelling errors")
 
+# %%
+more_claims(
+    "mass_without_set_const",
+    "set_const_data",
+    "set_const_compiles",
+    "mass_and_period",
+    "one_geom_friction",
+    "friction_in_all_directions",
+    "factors_compound",
+    "vector_zip_of_actions",
+    "vector_same_step_reset",
+    "vector_one_seed",
+    "vector_processes_pay",
+)
+
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
@@ -958,9 +975,7 @@ card("output_error")
 
 # %%
 def output_error(q, tau, dt, start, guess):
-    """Return inertia and damping of a joint with the smallest squared error of its simulated
-    angles.
-    """
+    """Return inertia and damping of a joint that minimise the squared error of simulated angles."""
     # By differences of the angles.
     rate = np.gradient(q, dt)
     return np.linalg.lstsq(np.column_stack((np.gradient(rate, dt), rate)), tau, rcond=None)[0]
@@ -1079,7 +1094,7 @@ check(tune_randomised)
 # %% [markdown]
 # ### A formula: the grip
 #
-# Any equivalent form is right. Change the texts.
+# Any equivalent form is right. <span class="kernel-only">Change the texts.</span>
 
 # %%
 answer("slip_force", "m*g")

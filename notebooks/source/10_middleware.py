@@ -1,9 +1,10 @@
 # %% [markdown]
 # # 10 · Middleware and real time
 #
-# *Thirty pictures a second leave the camera, and the controller runs a thousand times a second. Who hears whom, how old
-# is what arrives, and is it in time? Answer first; then run the cells.* {open minutes} minutes to read and move,
-# {folded minutes} minutes more for what is folded away, {exercise minutes} minutes of exercises.
+# *Thirty pictures a second leave the camera, and the controller runs a thousand times a second. Who hears whom, how
+# old is what arrives, and is it in time? Answer first<span class="kernel-only">, then run the cells</span>.* About
+# {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
+# {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -24,9 +25,8 @@ simulation("middleware")
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) A number in the text comes from the cell above it, or from a check that `python -m
-# course.derivations 10` runs again.
+# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why. A
+# number in the text comes from the cell above it, or from a check that `python -m course.derivations 10` runs again.
 #
 # *What runs here.* No ROS 2 is needed. DDS (Data Distribution Service, a standard of the OMG) is what ROS 2 stands on
 # by default. A **bus** in this course does what DDS does between two ends, in virtual time: the same nodes run in a
@@ -332,7 +332,7 @@ show("deadline_is_one_event")
 # ### A loop that keeps its phase
 
 # %%
-predict("relative_sleep")
+predict("sleep_for_a_period")
 
 
 # %%
@@ -1074,8 +1074,7 @@ card("keep_last")
 
 # %%
 def keep_last(stamps, arrivals, reads, depth, lifespan):
-    """Return what a reader takes out of a cache that keeps the last messages, none longer than they
-    live.
+    """Return what a reader takes out of a cache of the last messages with a lifespan.
 
     Args:
         stamps: when each message was written, shape (n,) [s].
@@ -1229,7 +1228,7 @@ check(follow_part)
 # %% [markdown]
 # ### A formula: a message of twelve packets
 #
-# Any equivalent form is right. Change the text.
+# Any equivalent form is right. <span class="kernel-only">Change the text.</span>
 
 # %%
 answer("picture_lost_like_packet", "12*p")

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 11 · The whole pipeline
 #
-# *An arm looks, plans, follows and moves; at the end its tip is some millimetres beside the target. Whose millimetres?
-# Answer first; then run the cells.* {open minutes} minutes to read and move, {folded minutes} minutes more for what is
-# folded away, {exercise minutes} minutes of exercises.
+# *An arm looks, plans, follows and moves; at the end its tip is some millimetres beside the target. Whose
+# millimetres? Answer first<span class="kernel-only">, then run the cells</span>.* About {open minutes} minutes of
+# reading, cards and charts; the collapsed parts add {folded minutes}; exercises {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -25,9 +25,8 @@ simulation("pipeline")
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) A number in the text comes from the cell above it, or from a check that `python -m
-# course.derivations 11` runs again.
+# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why. A
+# number in the text comes from the cell above it, or from a check that `python -m course.derivations 11` runs again.
 #
 # *The scene, and no more.* A two-link arm in a plane, discs not to touch, a target that drifts. Is the tip within
 # 20 mm, half a gripper's opening, after 4 s? Left out: the camera itself (section 6 measures what that costs), the
@@ -51,7 +50,7 @@ from IPython.display import Markdown
 from course.cards import interview
 from course.charts import read
 from course.control import Actuator
-from course.derivations import figure, show
+from course.derivations import figure, more_claims, show
 from course.pipeline import Scenario, Settings, Stages, theory
 from course.pipeline import blame as procedure
 from course.pipeline.blame import CASE, FAULTS, Fault, blame, contracts, injected
@@ -305,7 +304,11 @@ print_figures("swap_matrix", "Open3D", "MuJoCo", "OMPL", "Pinocchio", "all of", 
 # with new objects for each call, and our own run is compiled as a whole. The row *ours, through Python* is the control.
 # It is our own motion, called the same way. Compare it with *MuJoCo moves* before you call either program fast. A loop
 # of MuJoCo in C takes about as long as our compiled run.
-#
+
+# %%
+more_claims("contracts_before_sliders")
+
+# %% [markdown]
 # ## 4 · Code
 #
 # The procedure of section 7 is short. It rests on records and on **replays**: the failed run's own seed, with some
@@ -907,7 +910,7 @@ check(reach_target)
 # %% [markdown]
 # ### Two formulas: the noise of look and move, a discount in seconds
 #
-# Any equivalent form is right. Change the texts.
+# Any equivalent form is right. <span class="kernel-only">Change the texts.</span>
 
 # %%
 answer("look_and_move_noise", "g^2")
@@ -927,7 +930,7 @@ answer("reward_by_the_step", "1 - dt/H")
 # **effective number** is $(\sum w)^2/\sum w^2$, the failures that would say as much if all weighed the same.
 
 # %%
-predict("rare_and_sure")
+predict("trusted_rare_rate")
 
 # %% [markdown]
 # ![Answers of narrow and wide proposals, and which alarm sees them](../docs/charts/rare_failure.png)

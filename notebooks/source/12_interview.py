@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 12 · The interview
 #
-# *Everything that the eleven chapters before measured, asked back. Answer aloud, then turn the card.* {open minutes}
-# minutes to read and answer, {folded minutes} minutes more for what is folded away, {exercise minutes} minutes of
-# exercises; and as many evenings of cards as you have.
+# *Everything that the eleven chapters before measured, asked back. Answer aloud, then turn the card.* About
+# {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
+# {exercise minutes}. Add as many evenings of cards as you have.
 
 # %%
 from course.cards import predict
@@ -379,9 +379,7 @@ card("catch_the_slip")
 
 # %%
 def catch_the_slip(turns, rates, moments, step):
-    """Return what is wrong with each of several implementations of a free body, none of which is
-    known.
-    """
+    """Return what is wrong with each of several implementations of a free body."""
     # Columns of length 1, at the first sample.
     lengths = np.linalg.norm(turns[:, 0], axis=1)
     return np.any(np.abs(lengths - 1.0) > 1e-3, axis=1).astype(int)
@@ -451,9 +449,7 @@ card("truncated_advantages")
 
 # %%
 def truncated_advantages(reward, value, starts, ended, final, last, gamma, lam):
-    """Return generalised advantages of a buffer of episodes, some of which a time limit has cut
-    off.
-    """
+    """Return generalised advantages of a buffer of episodes, some cut off by a time limit."""
     # As if the buffer were one episode, one step ahead.
     target = np.asarray(reward, dtype=float) + gamma * np.append(value[1:], last)
     return target - value, target

@@ -71,7 +71,8 @@ ticks()
 # ## Three doors
 #
 # - **You want to learn the subject.** Open the first chapter that is ready in the table above and
-#   run it: *Run, Run All Cells*. It needs no network.
+#   <span class="kernel-only">run it (*Run, Run All Cells*, which needs no network), then</span> work
+#   through it from top to bottom.
 # - **You have an interview soon.** Each chapter ends with the questions and their follow-ups. In a
 #   terminal, `.venv/bin/drills` lists coding drills that are graded in a second or two; the exercises of a
 #   chapter are graded in its notebook, which shows at its top which of them you have attempted and

@@ -7,12 +7,17 @@ import pytest
 
 from course import cards, derivations
 from course.cards.formula import tex
+from tools import form
 
 TOPICS = sorted(path.stem for path in cards.FOLDER.glob("*.toml"))
 
 
 def open_text(markdown: str) -> str:
-    return re.sub(r"<details>.*?</details>", "", markdown, flags=re.S)
+    """Return what is seen before anything is unfolded."""
+    innermost = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.S)
+    while innermost.search(markdown):
+        markdown = innermost.sub("", markdown)
+    return markdown
 
 
 @pytest.mark.parametrize(
@@ -55,9 +60,9 @@ def test_every_corrected_statement_can_be_set():
 @pytest.mark.parametrize(
     ("id", "right"),
     [
-        ("renormalising_repairs", ["False"]),
-        ("top_condition", ["True only if ...", "False"]),  # false without its condition
-        ("quaternion_has_no_lock", ["True"]),
+        ("renormalising_repairs", "False"),
+        ("top_condition", "Only under a condition"),
+        ("quaternion_has_no_lock", "True"),
     ],
 )
 def test_a_claim_is_asked_before_it_is_settled(id, right):
@@ -65,13 +70,67 @@ def test_a_claim_is_asked_before_it_is_settled(id, right):
     outcome = block.outcome
     text = block._repr_markdown_()
     observed = open_text(text)
-    assert "True, false, or only if?" in observed
-    assert block.verdict not in text.split("<details>")[0]
+    assert "**Common claim:**" in observed and outcome.claim.claim[:10] in observed
     for hidden in (outcome.corrected[:20], outcome.finding.statement[:20], "Right."):
         assert hidden in text and hidden not in observed
-    options = re.findall(r"<summary>(.*?)</summary>\n\n\*\*(Right|No)[.,]", text)
-    assert [label for label, text in options if text == "Right"] == right
-    assert len(options) == 3
+    answers = re.findall(
+        r'<details class="answer" data-answer="(.*?)" data-right="(yes|no)"><summary>\1</summary>'
+        r"\n\n\*\*(Right|No)\.\*\*\n\n</details>",
+        text,
+    )
+    assert [answer[0] for answer in answers] == ["True", "False", "Only under a condition"]
+    assert [label for label, flag, word in answers if (flag, word) == ("yes", "Right")] == [right]
+    assert sum(flag == "no" and word == "No" for _, flag, word in answers) == 2
+    for once in (outcome.corrected[:20], block.verdict[:10], "How it was settled"):
+        assert text.count(once) == 1
+    assert f'<div class="card" id="claim-{id}" data-card="rigid_body.{id}"' in text
+
+
+def test_a_fold_out_holds_compact_cards_and_costs_no_check(monkeypatch):
+    monkeypatch.setattr(derivations, "run", lambda id: pytest.fail(f"{id} was run"))
+    ids = ("top_condition", "renormalising_repairs")
+    shown = derivations.more_claims(*ids)
+    assert repr(shown) == "More claims about this:\n  top_condition\n  renormalising_repairs"
+    text = shown.markdown
+    assert text.startswith('<details class="more-claims"><summary>More claims about this</summary>')
+    assert text.endswith("</details>") and text.count("<details") == text.count("</details>")
+    cards_ = text.split('<div class="card"')[1:]
+    assert len(cards_) == 2
+    for id, card in zip(ids, cards_, strict=True):
+        block = derivations.Block(derivations.recorded(id, derivations.CLAIMS[id].file))
+        first = card.split("<details")[0]
+        assert f'id="claim-{id}" data-card="rigid_body.{id}"' in first
+        assert derivations.CLAIMS[id].claim[:12] in first and "It is" not in first
+        assert cards.tex(block.verdict) in card and "How it was settled" in card
+        assert f"--id {id}" in card and 'class="answer"' not in card
+
+
+def test_a_fold_out_needs_claims_each_once():
+    for ids in ((), ("top_condition", "top_condition"), ("no_such_claim",)):
+        with pytest.raises(ValueError, match="id"):
+            derivations.more_claims(*ids)
+
+
+def test_claims_that_no_notebook_shows_are_listed(tmp_path):
+    (tmp_path / "01_x.py").write_text(
+        '# %%\nshow("top_condition")\n# %%\nmore_claims(\n    "wobble_comes_from_the_term",\n'
+        '    "renormalising_repairs",\n)\n# %%\nanswer("semi_implicit_limit", "2*(1/omega)")\n'
+        '# show("quaternion_has_no_lock")\n'
+    )
+    placed = ["top_condition", "wobble_comes_from_the_term", "renormalising_repairs"]
+    assert derivations.placed_in((tmp_path / "01_x.py").read_text()) == [
+        *placed,
+        "semi_implicit_limit",
+    ]
+    missing = derivations.unplaced("rigid_body", tmp_path)
+    everything = [item.id for item in derivations.claims(1)]
+    claims = {*placed, "semi_implicit_limit", *cards.gate("rigid_body")}
+    assert missing == [id for id in everything if id not in claims]
+    assert "quaternion_has_no_lock" in missing
+    with pytest.raises(ValueError, match="topic must be one of"):
+        derivations.unplaced("cooking")
+    with pytest.raises(ValueError, match="sources"):
+        derivations.unplaced("rigid_body", tmp_path / "none")
 
 
 def test_a_claim_is_short_as_text():
@@ -107,11 +166,54 @@ def test_the_file_of_a_chapter_is_whole(topic):
     assert len(set(labels)) > 1, "the right answer always stands at the same place"
 
 
+# Chapters whose questions are being rewritten; empty when they have landed.
+AWAITED = {"contact", "learning"}
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_the_shape_of_the_answers_does_not_give_the_right_one_away(topic):
+    """Neither a length that is its own, nor a figure or a formula that only it has."""
+    if topic in AWAITED:
+        return
+    longest = shortest = 0
+    claims = cards.predictions(topic)
+    for name, question in claims.items():
+        labels = {option.label for option in question.options}
+        (right,) = (option.label for option in question.options if option.right)
+        wrong = labels - {right}
+        lengths = [len(label) for label in wrong]
+        assert 0.6 * min(lengths) <= len(right) <= 1.5 * max(lengths), (name, right)
+        for mark in (r"[$`*_]", r"[0-9{]"):
+            bare = {re.sub(r"\$.*?\$", "$", label) for label in wrong}
+            if re.search(mark, re.sub(r"\$.*?\$", "$", right)):
+                assert any(re.search(mark, label) for label in bare), (name, right)
+        longest += len(right) > max(lengths)
+        shortest += len(right) < min(lengths)
+    assert max(longest, shortest) <= 0.67 * len(claims), (longest, shortest, len(claims))
+
+
+def test_a_claim_s_answers_differ_in_nothing_but_one_word():
+    text = derivations.show("top_condition")._repr_markdown_()
+    bodies = re.findall(r'<details class="answer"[^>]*><summary>.*?</summary>\n\n(.*?)\n\n</', text)
+    assert sorted(bodies) == ["**No.**", "**No.**", "**Right.**"]
+
+
+def test_a_question_and_a_claim_have_different_names():
+    """So that a page can remember a card by its name."""
+    claims = {name for topic in TOPICS for name in cards.predictions(topic)}
+    assert len(claims) == sum(len(cards.predictions(topic)) for topic in TOPICS)
+    assert not claims & {claim.id for claim in derivations.claims()}
+
+
 @pytest.mark.parametrize("topic", TOPICS)
 def test_no_card_shows_an_unfilled_field(topic):
     shown = [cards.predict(name) for name in cards.predictions(topic)]
-    for card in [*shown, cards.interview(topic), cards.checkpoint(topic)]:
-        assert not re.search(r"\{[a-z]\w*\.[a-z]", card.markdown + repr(card))
+    shown += [cards.interview(topic), cards.checkpoint(topic)]
+    texts = [card.markdown for card in shown] + [repr(card) for card in shown]
+    for claim in derivations.claims():
+        if claim.file.partition(".")[0] == topic:
+            texts.append(derivations.more_claims(claim.id).markdown)
+    assert [form.unfilled(text) for text in texts if form.unfilled(text)] == []
 
 
 def test_fields_are_filled_wherever_a_question_has_them(monkeypatch):
@@ -121,7 +223,7 @@ def test_fields_are_filled_wherever_a_question_has_them(monkeypatch):
     monkeypatch.setattr(cards, "predictions", lambda topic: requested)
     shown = cards.predict("one")
     assert repr(shown) == "Predict: one\n  by -1\n  not"
-    for text in ("Is it -1?", "<summary>by -1</summary>", "**Right.** -1"):
+    for text in ("Is it -1?", 'data-answer="by -1"', "<summary>by -1</summary>", "**Right.** -1"):
         assert text in shown.markdown
 
 
@@ -177,6 +279,7 @@ def test_the_checkpoint_opens_when_all_is_right():
     for name in right:
         closed = cards.checkpoint("rigid_body", **(right | {name: "omega"}))
         assert "gate closed" in repr(closed) and f"{len(right) - 1} of {len(right)}" in repr(closed)
+        assert "not right" in repr(closed) and "**Not right.**" in closed.markdown  # not "open"
     blank = cards.checkpoint("rigid_body")
     assert f"0 of {len(right)} right" in repr(blank)
     for name, expression in right.items():

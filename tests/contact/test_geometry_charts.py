@@ -33,7 +33,8 @@ def test_the_broad_phase_has_the_exponents_of_theory():
 @pytest.mark.slow
 def test_the_narrow_phase_is_exact_where_coal_is_not():
     apart, inside, boxes = charts.build("narrow_phase", count=50, repeats=1, boxes=100)
-    assert len(apart["Coal"].x) == len(inside["Coal"].x) == 10
+    for rival in ("Coal, one call for all", "Coal, a call a pair"):
+        assert len(apart[rival].x) == len(inside[rival].x) == 10
     assert np.max(boxes["GJK and EPA"].y) < 1e-14
     assert np.max(boxes["Coal, default tolerance"].y) > 1e-8
 

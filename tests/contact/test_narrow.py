@@ -54,6 +54,18 @@ def test_agrees_with_coal(first, second, spread):
     assert np.abs(back.distance - result.distance).max() < 1e-13
 
 
+def test_the_batch_that_is_timed_computes_every_pair():
+    """Pinocchio's one call for all pairs finds what single calls of Coal find."""
+    rng = np.random.default_rng(8)
+    a, b = SHAPES["box"], SHAPES["capsule"]
+    pose_a, pose_b = random_poses(rng, 40, 0.8), random_poses(rng, 40, 0.8)
+    batch = coal.Batch(a, pose_a, b, pose_b)
+    batch.compute()
+    expected = coal.Pair(a, b).distances(pose_a, pose_b)
+    assert batch.distances() == pytest.approx(expected, abs=1e-9)
+    assert (expected > 0.0).any() and (expected < 0.0).any()
+
+
 @pytest.mark.parametrize(
     ("first", "second"),
     [("box", "box"), ("capsule", "box"), ("sphere", "box"), ("capsule", "capsule")],

@@ -143,7 +143,7 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_is_named(name):
-    with pytest.raises(ValueError, match=rf"^{name.strip()}[ .\[].*allowed is"):
+    with pytest.raises(ValueError, match=rf"^{name.strip()}[ .\[].*must be"):
         BAD[name]()
 
 

@@ -183,7 +183,7 @@ def test_a_measurement_that_is_not_finite_is_refused_and_leaves_no_trace(bad):
     for one in (pid, twin):
         one.update(1.0, 0.2)
     for pair in ((bad, 0.0), (0.0, bad)):
-        with pytest.raises(ValueError, match="allowed is a finite number"):
+        with pytest.raises(ValueError, match="must be a finite number"):
             pid.update(*pair)
     assert pid.update(1.0, 0.3) == twin.update(1.0, 0.3)
 

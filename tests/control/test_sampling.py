@@ -167,5 +167,5 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_is_named(name):
-    with pytest.raises(ValueError, match=rf"^{name}[ .\[].*allowed is"):
+    with pytest.raises(ValueError, match=rf"^{name}[ .\[].*must be"):
         BAD[name]()

@@ -430,3 +430,15 @@ def test_a_symbol_may_carry_the_name_of_a_function():
     formula = Formula("x", "exp + 1", {"exp": Symbol("a number")})
     assert answer_formula(formula, "1 + exp").correct
     assert not answer_formula(formula, "1 - exp").correct
+
+
+def test_an_answer_stands_on_a_page_without_its_cell() -> None:
+    """The site shows no cell, so the answer repeats the question and the formula, once each."""
+    wrong = derivations.answer("semi_implicit_limit", "sqrt(m/k)")
+    question = derivations.formula("semi_implicit_limit").question
+    text = wrong._repr_markdown_()
+    assert text.startswith("Asked: ") and question[:20] in text and "**Not right.**" in text
+    assert text.count("Your answer: `sqrt(m/k)`") == text.count("Asked:") == 1
+    unread = derivations.answer("semi_implicit_limit", "`<b>`")._repr_markdown_()
+    assert unread.count("Asked:") == 1 and "Your answer: `'<b>'`" in unread
+    assert "Your answer" not in wrong.verdict() and "Asked:" not in wrong.verdict()

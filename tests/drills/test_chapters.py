@@ -341,8 +341,8 @@ def test_reading_time_is_that_of_the_open_text(tmp_path: Path) -> None:
     path.write_text(json.dumps(book))
     first, second = chapters.sections(path)
     assert (first.number, first.title) == (1, "Concept")
-    assert first.minutes == pytest.approx(1 + 1 + 1)
-    assert (second.number, second.minutes, second.about) == (2, pytest.approx(3 / 180), 1)
+    assert first.minutes == pytest.approx(360 / 150 + 0.5)  # words, and a card of 30 s
+    assert (second.number, second.minutes, second.about) == (2, pytest.approx(3 / 150), 1)
     assert chapters.sections(tmp_path / "nowhere.ipynb") == []
 
 

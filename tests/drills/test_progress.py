@@ -287,7 +287,7 @@ def test_a_derivation_a_lab_and_a_design_have_their_badges(
     assert "● derivation/deep_queue: solved" in repr(notebook.badges(0))
     out = CliRunner().invoke(cli, ["status"]).output
     assert "● derivation/deep_queue" in out.replace("[x]", "●")
-    with pytest.raises(ValueError, match="kind is 'quiz'"):
+    with pytest.raises(ValueError, match=r"kind must be .*, got 'quiz'"):
         notebook.tried("quiz", "x", 0)
     content = json.loads(path.read_text(encoding="utf-8"))
     content["chapters"]["0"]["tried"]["lab/late_messages"] = "perhaps"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import partial
 
 import numpy as np
@@ -183,17 +184,17 @@ def test_for_ever_and_idle_parameters(discount: float, wrong: float) -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: invariants.gap([1.0], [1.0, 2.0]), "other.shape is"),
-        (lambda: invariants.rotation_error([1.0]), "matrix.shape is"),
-        (lambda: invariants.derivative_error(abs, abs, 1.0, step=0.0), "step is 0.0"),
-        (lambda: invariants.unit_error(abs, [1.0], [], 1.0), "factors is 0, allowed is 1 factors"),
+        (lambda: invariants.gap([1.0], [1.0, 2.0]), "other.shape must be"),
+        (lambda: invariants.rotation_error([1.0]), "matrix.shape must be"),
+        (lambda: invariants.derivative_error(abs, abs, 1.0, step=0.0), r"step must be .*, got 0.0"),
+        (lambda: invariants.unit_error(abs, [1.0], [], 1.0), r"factors must be 1 factors.*, got 0"),
         (lambda: invariants.weight_error([1.0], [0.0]), "masses"),
-        (lambda: invariants.fall_error(1.0, 0.0), "seconds is 0.0"),
-        (lambda: invariants.refined_ratio(abs, 1.0, parts=1), "parts is 1"),
-        (lambda: invariants.forever_error(1.0, 1.0), "discount is 1.0"),
+        (lambda: invariants.fall_error(1.0, 0.0), r"seconds must be .*, got 0.0"),
+        (lambda: invariants.refined_ratio(abs, 1.0, parts=1), r"parts must be .*, got 1"),
+        (lambda: invariants.forever_error(1.0, 1.0), r"discount must be .*, got 1.0"),
     ],
 )
 def test_bad_input_is_named(call, message: str) -> None:
-    with pytest.raises(ValueError, match="allowed is") as rejected:
+    with pytest.raises(ValueError, match="must be") as rejected:
         call()
-    assert message in str(rejected.value)
+    assert re.search(message, str(rejected.value))

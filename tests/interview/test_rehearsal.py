@@ -92,7 +92,7 @@ def test_the_follow_up_is_on_the_weakest_line(marks: list[int]) -> None:
     result = rehearsal.follow_up(one, [MARKS[mark] for mark in marks])
     weakest = marks.index(0)
     assert result == (lines[weakest], requested[(2, 3, 0, 1)[weakest]])
-    with pytest.raises(ValueError, match="allowed is 4 of missing"):
+    with pytest.raises(ValueError, match="must be 4 of missing"):
         rehearsal.follow_up(one, ["named"])
 
 

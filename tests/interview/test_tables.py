@@ -98,17 +98,17 @@ def test_a_pick_is_the_cheapest_within_the_tolerance(monkeypatch, tmp_path, step
 @pytest.mark.parametrize(
     ("field", "text"),
     [
-        ("chart.made/0/nothing", "is 'nothing', allowed is .*a line, of two"),
-        ("chart.made/0/a", "allowed is 0 to 1"),
+        ("chart.made/0/nothing", r"must be .*a line, of two.*, got 'nothing'"),
+        ("chart.made/0/a", "must be 0 to 1"),
         ("chart.made/0/a line", "to a number or a word"),
-        ("chart.made/0/a line/y@6", "allowed is an x from 1 to 5"),
+        ("chart.made/0/a line/y@6", "must be an x from 1 to 5"),
         ("chart.made/0/a line/x@10", "a y between 0 and 9"),
-        ("chart.lost/0", "chart is 'lost'"),
-        ("chart.made/0/a line/y@b", "place of .* is 'b'"),
-        ("estimate.lost", "estimate is 'lost'"),
-        ("estimate.rays.colour", "input of rays is 'colour', allowed is robots"),
-        ("no_such_claim.x", "id is 'no_such_claim'"),
-        ("trials_to_tell.x", "name is 'x'"),
+        ("chart.lost/0", r"chart must be .*, got 'lost'"),
+        ("chart.made/0/a line/y@b", r"place of .* must be .*, got 'b'"),
+        ("estimate.lost", r"estimate must be .*, got 'lost'"),
+        ("estimate.rays.colour", r"input of rays must be one of robots.*, got 'colour'"),
+        ("no_such_claim.x", r"id must be .*, got 'no_such_claim'"),
+        ("trials_to_tell.x", r"name must be .*, got 'x'"),
     ],
 )
 def test_a_field_that_nothing_fills_is_refused(monkeypatch, tmp_path, field, text) -> None:
@@ -213,7 +213,7 @@ def test_a_terminal_shows_80_columns_and_a_page_all_cells() -> None:
 
 
 def test_a_row_that_lacks_a_cell_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"a row of T is .*, allowed is 2 cells, none empty"):
+    with pytest.raises(ValueError, match=r"a row of T must be 2 cells, none empty"):
         tables.Table("T", ("a", "b"), (("1", ""),))
 
 

@@ -91,9 +91,9 @@ def test_executors_without_a_delay_or_a_chunk_are_the_policy_itself():
 def test_bad_chunks_are_refused_by_shape():
     rng = np.random.default_rng(0)
     for act, expected in (
-        (Commit(labelled_chunk, 7), r"chunk.shape is \(3, 6, 2\), allowed is \(3, 7 or more, a\)"),
+        (Commit(labelled_chunk, 7), r"chunk.shape must be \(3, 7 or more, a\).*, got \(3, 6, 2\)"),
         (Delayed(labelled_chunk, 6), r"\(3, 7 or more, a\)"),
-        (Commit(lambda s, rng: s, 1), r"chunk.shape is \(3, 1\)"),
+        (Commit(lambda s, rng: s, 1), r"chunk.shape must be .*, got \(3, 1\)"),
     ):
         with pytest.raises(ValueError, match=expected):
             act(np.zeros((3, 1)), rng)
@@ -106,8 +106,8 @@ def test_bad_chunks_are_refused_by_shape():
 @pytest.mark.parametrize(
     ("make", "value", "message"),
     [
-        (Commit, 0, "executed is 0"),
-        (Commit, 1.5, "executed is 1.5"),
+        (Commit, 0, r"executed must be .*, got 0"),
+        (Commit, 1.5, r"executed must be .*, got 1.5"),
         (Delayed, -1, "delay is -1"),
         (Ensemble, np.inf, "decay is inf"),
     ],
@@ -168,5 +168,5 @@ def test_policies_on_record_do_what_they_are_shown_for_and_can_be_made_again():
     # The same to rounding on one machine; on another CPU training ends at other weights, whose
     # steps are nearly the same beside the deviation of those that were shown [m].
     assert np.sqrt(np.mean((old - new) ** 2)) < 0.2 * np.std(windows(SHOWN, 8)[1])
-    with pytest.raises(ValueError, match="name is 'median'"):
+    with pytest.raises(ValueError, match=r"name must be .*, got 'median'"):
         partial(recorded, "median")()

@@ -184,17 +184,21 @@ def test_a_loss_without_end_stops_and_keeps_the_last_good_weights():
 def test_bad_data_are_refused_by_name():
     x, y = np.random.default_rng(0).standard_normal((2, 20, 2))
     for states, actions, report in (
-        (x[:0], y[:0], "demonstrated steps is 0"),
-        (x[:1], y[:1], "demonstrated steps is 1"),
-        (x, y[:-1], r"actions.shape is \(19, 2\)"),
-        (x * np.nan, y, r"states\[0, 0\] is nan"),
-        (x * [1.0, 0.0], y, r"variance of states\[:, 1\] is 0.0, allowed .* leave it out"),
+        (x[:0], y[:0], r"demonstrated steps must be .*, got 0"),
+        (x[:1], y[:1], r"demonstrated steps must be .*, got 1"),
+        (x, y[:-1], r"actions.shape must be .*, got \(19, 2\)"),
+        (x * np.nan, y, r"states\[0, 0\] must be .*, got nan"),
+        (
+            x * [1.0, 0.0],
+            y,
+            r"variance of states\[:, 1\] must be .*leave it out",
+        ),
         (x, 0.0 * y, r"variance of actions\[:, 0\]"),
     ):
         for make in (partial(clone, seed=0), nearest):
             with pytest.raises(ValueError, match=report):
                 make(states, actions)
-    with pytest.raises(ValueError, match="head is 'median'"):
+    with pytest.raises(ValueError, match=r"head must be .*, got 'median'"):
         clone(x, y, 0, head="median")
 
     requested = iter(range(100))
@@ -203,7 +207,7 @@ def test_bad_data_are_refused_by_name():
         return states[:, :1] * (np.nan if next(requested) > 40 else -5.0)
 
     observed, rng = [], np.random.default_rng(0)
-    with pytest.raises(ValueError, match=r"label of round 1\[0, 0\] is nan"):
+    with pytest.raises(ValueError, match=r"label of round 1\[0, 0\] must be .*, got nan"):
         observed += list(dagger(REGULATOR, broken, linear, REGULATOR.starts, 40, rng))
     requested, laps = iter(range(100)), dagger(REGULATOR, broken, linear, REGULATOR.starts, 40, rng)
     retained = next(laps).policy

@@ -71,18 +71,22 @@ def test_bad_demonstrations_are_refused_by_name():
         ([], [], "two runs or more"),
         (states[:1], actions[:1], "two runs or more"),
         (states, actions[:2], "as many of both"),
-        ([*states[:2], states[2][:-1]], actions, r"states\[2\].shape is \(16, 2\)"),
-        (states, [*actions[:2], actions[2][:-1]], r"actions\[2\].shape is \(15, 2\)"),
-        ([s[:-1] for s in states], actions, "one less than states"),
-        (states, [actions[0], actions[1] * np.nan, actions[2]], r"actions\[1\]\[0, 0\] is nan"),
+        ([*states[:2], states[2][:-1]], actions, r"states\[2\].shape must be .*, got \(16, 2\)"),
+        (states, [*actions[:2], actions[2][:-1]], r"actions\[2\].shape must be .*, got \(15, 2\)"),
+        ([s[:-1] for s in states], actions, "one fewer than the states"),
+        (
+            states,
+            [actions[0], actions[1] * np.nan, actions[2]],
+            r"actions\[1\]\[0, 0\] must be .*, got nan",
+        ),
     ):
         with pytest.raises(ValueError, match=report):
             runs(bad_states, bad_actions)
-    with pytest.raises(ValueError, match="length is 17, allowed is a whole number from 1 to 16"):
+    with pytest.raises(ValueError, match=r"length must be an integer from 1 to 16.*, got 17"):
         windows(shown, 17)
-    with pytest.raises(ValueError, match="demonstrations is 1"):
+    with pytest.raises(ValueError, match=r"demonstrations must be .*, got 1"):
         windows(Runs(shown.states[:1], shown.actions[:1]), 4)
-    with pytest.raises(ValueError, match=r"action at step 2\[0, 0\] is nan"):
+    with pytest.raises(ValueError, match=r"action at step 2\[0, 0\] must be .*, got nan"):
         text = iter([0.0, 0.0, np.nan])
         rng = np.random.default_rng(0)
         roll(WAYS, lambda states, rng: np.full((1, 2), next(text)), np.zeros((1, 2)), 5, rng)

@@ -314,9 +314,9 @@ def test_six_curves_are_shown_and_the_others_are_named():
 
 
 def test_bad_input():
-    with pytest.raises(ValueError, match="key is 'rk5'"):
+    with pytest.raises(ValueError, match=r"key must be .*, got 'rk5'"):
         Series("", [1.0], [1.0], "rk5")
-    with pytest.raises(ValueError, match="is 2, allowed is that of x, 1"):
+    with pytest.raises(ValueError, match="must be that of x, 1, got 2"):
         Series("", [1.0], [1.0, 2.0])
-    with pytest.raises(ValueError, match="scale is 'loglog'"):
+    with pytest.raises(ValueError, match=r"scale must be .*, got 'loglog'"):
         Panel("", scale="loglog")

@@ -99,7 +99,7 @@ def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path):
     assert ran(log) == list(range(6))
     # A file that was being written when the light went out is beside it, not in its place.
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith("saved")] == ["saved"]
-    with pytest.raises(ValueError, match=r"saved is 'a file of .*logged'"):
+    with pytest.raises(ValueError, match=r"saved must be .*, got 'a file of .*logged'"):
         sweep(draw, JOBS, saved=saved)
 
 

@@ -96,3 +96,13 @@ def test_clocks():
 def test_numbers_out_of_range(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         timing.interleaved([lambda n: 1.0], **wrong)
+
+
+def test_ratios_are_of_samples_of_one_round(quiet):
+    """Each round is slower than the one before, for both alike: their ratio doesn't notice."""
+    slower = [2.0**k for k in range(20)]
+    first = _costs([1.0, 1.0, *slower])
+    second = _costs([3.0, 3.0, *(3.0 * x for x in slower)])
+    (ratio,) = timing.pairwise_ratios([first, second], pairs=5)
+    assert ratio == pytest.approx((3.0, 3.0, 3.0))
+    assert str(ratio) == "3 times (quartiles 3 to 3)"

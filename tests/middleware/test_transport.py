@@ -148,7 +148,7 @@ def test_a_full_ring_refuses_and_an_empty_one_has_nothing():
         assert not ring.put(b"9", 0.0)  # what was taken is still being read
         assert bytes(ring.take(0.0) or b"") == b"\1"
         assert ring.put(b"9", 0.0) and bytes(ring.take(0.0) or b"") == b"9"
-        with pytest.raises(ValueError, match="size is 9"):
+        with pytest.raises(ValueError, match=r"size must be .*, got 9"):
             ring.put(bytes(9))
     finally:
         ring.close()
@@ -183,12 +183,12 @@ def test_the_formulas_are_those_of_the_textbook():
 @pytest.mark.parametrize(
     ("call", "report"),
     [
-        (lambda: transport.Ring(0, 8), "slots is 0"),
-        (lambda: transport.lossy(1, 1, 1.0, seed=0), "loss is 1.0"),
-        (lambda: transport.lossy(0, 1, 0.1, seed=0), "messages is 0"),
-        (lambda: transport.stream(0, 480, 3, 30.0), "width is 0"),
-        (lambda: cyclonedds.echo(8, "sure").__enter__(), "reliability is 'sure'"),
-        (lambda: cyclonedds.payload_type(8, "list"), "kind is 'list'"),
+        (lambda: transport.Ring(0, 8), r"slots must be .*, got 0"),
+        (lambda: transport.lossy(1, 1, 1.0, seed=0), r"loss must be .*, got 1.0"),
+        (lambda: transport.lossy(0, 1, 0.1, seed=0), r"messages must be .*, got 0"),
+        (lambda: transport.stream(0, 480, 3, 30.0), r"width must be .*, got 0"),
+        (lambda: cyclonedds.echo(8, "sure").__enter__(), r"reliability must be .*, got 'sure'"),
+        (lambda: cyclonedds.payload_type(8, "list"), r"kind must be .*, got 'list'"),
     ],
 )
 def test_bad_input(call, report):

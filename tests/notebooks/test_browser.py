@@ -230,8 +230,8 @@ def open_notebook(page: Any, address: str) -> float:
     return page.evaluate("() => window.shown.find(([when, what]) => what)[0]")
 
 
-def run_notebook(page: Any) -> Any:
-    """Run all cells; the canvas of the simulation. Fails at the first cell that does."""
+def run_all_cells(page: Any) -> None:
+    """Run all cells. Fails at the first cell that does."""
     page.evaluate("() => window.jupyterapp.commands.execute('notebook:run-all-cells')")
     errors = page.evaluate(
         """async patience => {
@@ -254,6 +254,11 @@ def run_notebook(page: Any) -> Any:
         900,
     )
     assert errors == []
+
+
+def run_notebook(page: Any) -> Any:
+    """Run all cells; the canvas of the simulation."""
+    run_all_cells(page)
     canvas = page.locator("canvas.course-canvas").first
     canvas.wait_for()
     canvas.scroll_into_view_if_needed()

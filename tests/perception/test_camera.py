@@ -195,7 +195,7 @@ def test_dropout_range_and_unit():
 GOOD = np.ones((60, 80))
 BAD = [
     (lambda: SMALL.picture(np.ones((80, 60))), "depth.shape"),
-    (lambda: SMALL.picture(-GOOD), r"depth\[0, 0\] is -1"),
+    (lambda: SMALL.picture(-GOOD), r"depth\[0, 0\] must be .*, got -1"),
     (lambda: SMALL.picture(GOOD * np.nan), "at least one measurement"),
     (lambda: SMALL.picture((1000 * GOOD).astype(np.uint16)), "millimetres"),
     (lambda: SMALL.picture(800.0 * GOOD), "millimetres"),

@@ -257,7 +257,7 @@ BAD = [
     (lambda: back_project(np.zeros((60, 80)), SMALL), "0 everywhere"),
     (lambda: voxel_mean(np.zeros((2, 4)), 0.1), "points.shape"),
     (lambda: voxel_mean(np.zeros((3, 0)), 0.1), "points.shape"),
-    (lambda: voxel_mean(np.full((3, 4), np.nan), 0.1), r"points\[0, 0\] is nan"),
+    (lambda: voxel_mean(np.full((3, 4), np.nan), 0.1), r"points\[0, 0\] must be .*, got nan"),
     (lambda: voxel_mean(LINE, 0.0), "voxel"),
     (lambda: voxel_mean(LINE, -1.0), "voxel"),
     (lambda: voxel_mean(LINE, 1e-15), "voxel"),

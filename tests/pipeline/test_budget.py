@@ -138,7 +138,7 @@ def test_what_cannot_be_predicted_or_compared_is_refused():
         predicted(SCENE, Settings(overrun="queue"))
     # At 50 ms the arm rattles between its motors' limits: no formula says where.
     unstable = Settings(physics=0.05, control=0.05)
-    with pytest.raises(ValueError, match=r"physics is 0.05.*stability limit"):
+    with pytest.raises(ValueError, match=r"physics must be .*stability limit.*, got 0.05"):
         predicted(SCENE, unstable)
     with pytest.raises(ValueError, match="physics"):
         budget(SCENE, unstable, range(2), ("age",))

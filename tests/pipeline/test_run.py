@@ -331,10 +331,10 @@ def crossing(target, velocity, arm=None):
     [
         ("control", lambda *_: 1.0, "what control returns .* shape"),
         ("control", lambda *_: np.zeros(3), "what control returns .* shape"),
-        ("control", lambda *_: None, "what control returns is None"),
-        ("plan", lambda *_: None, "what plan returns is None"),
+        ("control", lambda *_: None, r"what control returns must be .*, got None"),
+        ("plan", lambda *_: None, r"what plan returns must be .*, got None"),
         ("plan", lambda *_: np.zeros((2, 5)), "what plan returns"),
-        ("perceive", lambda *_: None, "what perceive returns is None"),
+        ("perceive", lambda *_: None, r"what perceive returns must be .*, got None"),
         ("perceive", lambda *_: (np.zeros(3), np.eye(2), "base", 0), "the place"),
         ("perceive", lambda *_: (np.zeros(2), None, "base", 0), "the covariance"),
         ("perceive", lambda *_: (np.zeros(2), np.eye(2), "base", None), "stamp"),
@@ -343,7 +343,7 @@ def crossing(target, velocity, arm=None):
             lambda *_: (np.zeros(2), np.array([[1, 0.5], [0, 1]]), "base", 0),
             "covariance that perceive returns",
         ),
-        ("move", lambda *_: None, "what move returns is None"),
+        ("move", lambda *_: None, r"what move returns must be .*, got None"),
         ("move", lambda q, v, *_: (q, 0.0), "what move returns .* rates"),
     ],
 )

@@ -209,7 +209,7 @@ def test_a_roadmap_answers_for_no_other_robot(world, named) -> None:
     """What was free for one body says nothing of another."""
     roadmap = build_roadmap(planar_arm([1.0, 1.0], 0.02, discs=DISCS), 300, 0)
     ends = np.array([[-0.9] * world.dim, [-0.5] * world.dim])
-    with pytest.raises(ValueError, match=rf"{named} of the world is .*that of the roadmap"):
+    with pytest.raises(ValueError, match=rf"{named} of the world must be .*that of the roadmap"):
         plan(world, *ends, method="roadmap", roadmap=roadmap)
     with pytest.raises(ValueError, match=named):
         revalidated(roadmap, world)

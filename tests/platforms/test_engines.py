@@ -95,11 +95,11 @@ def test_degrees_of_freedom_and_units() -> None:
 
 
 def test_what_is_no_scene_is_refused() -> None:
-    with pytest.raises(ValueError, match="n is 65, allowed is a whole number from 1 to 64"):
+    with pytest.raises(ValueError, match=r"n must be an integer from 1 to 64.*, got 65"):
         chain(65)
-    with pytest.raises(ValueError, match="angle is 2"):
+    with pytest.raises(ValueError, match=r"angle must be .*, got 2"):
         slope(2.0)
-    with pytest.raises(ValueError, match="squeeze is 0"):
+    with pytest.raises(ValueError, match=r"squeeze must be .*, got 0"):
         grasp(0.0)
 
 
@@ -301,17 +301,17 @@ def test_every_change_says_why_and_where() -> None:
 @BOTH
 def test_unknown_names_are_refused(engine) -> None:
     scene = SCENES["tumble"]()
-    with pytest.raises(ValueError, match=r"settings\.scheme is 'rk5'"):
+    with pytest.raises(ValueError, match=r"settings\.scheme must be .*, got 'rk5'"):
         engine.build(scene, 1e-3, FAIR.using("rk5"))
-    with pytest.raises(ValueError, match=r"settings\.options is 'colour'"):
+    with pytest.raises(ValueError, match=r"settings\.options must be .*, got 'colour'"):
         engine.build(scene, 1e-3, FAIR.using(colour=1))
-    with pytest.raises(ValueError, match=r"settings\.but is 'cones'"):
+    with pytest.raises(ValueError, match=r"settings\.but must be .*, got 'cones'"):
         engine.build(scene, 1e-3, FAIR.using(but=("cones",)))
-    with pytest.raises(ValueError, match="dt is 0"):
+    with pytest.raises(ValueError, match=r"dt must be .*, got 0"):
         engine.build(scene, 0.0)
-    with pytest.raises(ValueError, match="scene is 'tumble', allowed is a scene of joints"):
+    with pytest.raises(ValueError, match=r"scene must be a scene of joints.*, got 'tumble'"):
         engine.build(scene, 1e-3).set_torque(np.zeros(6))
-    with pytest.raises(ValueError, match=r"settings\.name is 'best'"):
+    with pytest.raises(ValueError, match=r"settings\.name must be .*, got 'best'"):
         Settings("best")
 
 
@@ -322,7 +322,7 @@ def test_only_a_number_of_steps_is_run(engine, name: str) -> None:
     run.run(3)
     before = run.state()
     for steps in (-1, 2.5, 1.0, True, None, math.nan):
-        with pytest.raises(ValueError, match=r"steps is .*, allowed is a whole number from 0 on"):
+        with pytest.raises(ValueError, match=r"steps must be a non-negative integer"):
             run.run(steps)  # type: ignore[arg-type]
     run.run(0)
     assert run.state().same(before) and run.state().time == before.time
@@ -331,7 +331,7 @@ def test_only_a_number_of_steps_is_run(engine, name: str) -> None:
 
 
 def test_own_code_says_what_it_cannot_do() -> None:
-    with pytest.raises(ValueError, match=r"settings\.scheme is 'rk4'"):
+    with pytest.raises(ValueError, match=r"settings\.scheme must be .*, got 'rk4'"):
         OWN.build(brake(), 1e-3, FAIR.using("rk4"))
     two = replace(SCENES["tumble"](), bodies=SCENES["tumble"]().bodies * 2)
     with pytest.raises(ValueError, match="one body, where none touches"):

@@ -479,7 +479,7 @@ def test_exact_seconds_undoes_the_rounding_of_a_quotient(numerator, denominator)
 
 @pytest.mark.parametrize("bad", [math.pi, math.nan, math.inf, "soon", "1/0", True, None])
 def test_exact_seconds_refuses(bad):
-    with pytest.raises(ValueError, match=r"dt is .*allowed"):
+    with pytest.raises(ValueError, match=r"dt must be"):
         exact_seconds(bad, "dt")
 
 
@@ -498,7 +498,7 @@ def test_exact_seconds_refuses(bad):
     ],
 )
 def test_a_loop_refuses_impossible_times(bad):
-    with pytest.raises(ValueError, match=f"{next(iter(bad))} is .*allowed"):
+    with pytest.raises(ValueError, match=f"{next(iter(bad))} must be"):
         FixedStepLoop(0, Phases(integrate=counting), **bad)
 
 

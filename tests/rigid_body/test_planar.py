@@ -743,5 +743,5 @@ def test_attributes_may_be_set_and_are_checked() -> None:
     body.state = written
     body.step(1e-3)
     body.state = np.zeros(5)
-    with pytest.raises(ValueError, match=r"state.shape is \(5,\)"):
+    with pytest.raises(ValueError, match=r"state.shape must be .*, got \(5,\)"):
         body.step(1e-3)

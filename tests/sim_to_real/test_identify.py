@@ -213,7 +213,7 @@ def test_delay_by_scan_and_as_a_number_like_the_others():
     whole = fit(arm, log, GUESS | {"delay": result}, FREE | {"delay": (0.0, 0.05)})
     assert abs(whole.value[-1] - 0.0073) < 2.0 * whole.half_width()[-1] < 2e-4
     assert whole.noise < best.noise
-    with pytest.raises(ValueError, match=r"^values is .*both sides of 0.004"):
+    with pytest.raises(ValueError, match=r"^values must be .*both sides of 0.004"):
         scan(arm, log, GUESS | {"delay": 0.0}, FREE, "delay", np.array([0.0, 0.002, 0.004]))
 
 
@@ -282,6 +282,6 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_is_named(name):
-    with pytest.raises(ValueError, match=r".* is .*allowed is") as report:
+    with pytest.raises(ValueError, match=r".* must be") as report:
         BAD[name]()
     assert str(report.value).startswith(name.strip())

@@ -94,5 +94,5 @@ def test_the_path_ends_where_it_should_and_its_parts_agree():
 @pytest.mark.parametrize("name", ["friction", "mass", "dt", "kp", "opening"])
 def test_bad_input_is_named(name):
     zero: dict[str, Any] = {name: 0.0}
-    with pytest.raises(ValueError, match=f"^{name} is 0.0"):
+    with pytest.raises(ValueError, match=rf"^{name} must be .*, got 0.0"):
         Lab(**zero)

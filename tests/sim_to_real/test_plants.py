@@ -165,15 +165,24 @@ def test_an_arm_that_diverges_says_so():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: Plants(mass=-1.0), "mass is -1.0"),
-        (lambda: Plants(delay=-1e-3), "delay is -0.001"),
-        (lambda: Plants(mass=np.ones(3), torque=np.ones(2)), "torque.shape is"),
-        (lambda: real(3.0), "gap is 3.0"),
-        (lambda: real(0.0, -0.01), "delay is -0.01"),
-        (lambda: Tasks(np.zeros((2, 1)), np.array([[2.0], [0.0]])), "goal.* is .*0.1 to 0.9 m"),
-        (lambda: rollouts(nominal(2), STEADY, tasks(3, 0)), "plants.size is 2"),
-        (lambda: rollouts(nominal(), np.negative(STEADY), tasks(3, 0)), "gains.* is -20"),
-        (lambda: driven(-nominal().columns(), np.zeros((1, 2)), np.zeros(4)), "columns.* is -"),
+        (lambda: Plants(mass=-1.0), r"mass must be .*, got -1.0"),
+        (lambda: Plants(delay=-1e-3), r"delay must be .*, got -0.001"),
+        (lambda: Plants(mass=np.ones(3), torque=np.ones(2)), "torque.shape must be"),
+        (lambda: real(3.0), r"gap must be .*, got 3.0"),
+        (lambda: real(0.0, -0.01), r"delay must be .*, got -0.01"),
+        (
+            lambda: Tasks(np.zeros((2, 1)), np.array([[2.0], [0.0]])),
+            r"goal.* must be .*0.1 to 0.9 m",
+        ),
+        (lambda: rollouts(nominal(2), STEADY, tasks(3, 0)), r"plants.size must be .*, got 2"),
+        (
+            lambda: rollouts(nominal(), np.negative(STEADY), tasks(3, 0)),
+            r"gains.* must be .*, got -20",
+        ),
+        (
+            lambda: driven(-nominal().columns(), np.zeros((1, 2)), np.zeros(4)),
+            r"columns.* must be .*, got -",
+        ),
         (lambda: driven(nominal().columns(), np.full((1, 2), np.nan), np.zeros(4)), "torques.*nan"),
     ],
 )

@@ -310,15 +310,15 @@ def test_the_model_comes_back_when_the_episode_fails() -> None:
     assert bytes_of(model) == before
 
 
-def exhausted(left: int) -> Any:
-    """A generator that gives `left` draws and fails at the next."""
+def exhausted(calls: int) -> Any:
+    """A generator that gives `calls` draws and fails at the next."""
     rng = np.random.default_rng(15)
 
     class Exhausted:
         def __getattr__(self, name: str) -> Any:
-            nonlocal left
-            left -= 1
-            if left < 0:
+            nonlocal calls
+            calls -= 1
+            if calls < 0:
                 raise RuntimeError("no more numbers")
             return getattr(rng, name)
 
@@ -477,7 +477,7 @@ def test_without_noise_the_observation_is_a_copy() -> None:
 )
 def test_a_range_that_is_not_one_is_named(name: str, value: Any) -> None:
     model, _ = scene()
-    with pytest.raises(ValueError, match=f"^{name} is .*allowed is"):
+    with pytest.raises(ValueError, match=f"^{name} must be"):
         DomainRandomizer(model, **{name: value})
 
 
@@ -490,7 +490,7 @@ def test_data_of_another_model_is_refused() -> None:
         lambda: randomizer.randomize(other, np.random.default_rng(25)),
         lambda: randomizer.restore(other),
     ):
-        with pytest.raises(ValueError, match="allowed is that of the model that"):
+        with pytest.raises(ValueError, match="must be that of the model that"):
             change()
     assert bytes_of(model) == before
 

@@ -129,21 +129,30 @@ NONE, ALL = np.zeros(2, dtype=bool), np.ones(2, dtype=bool)
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: Process(0.9 * P2, 0.0 * P2, 0.9, NONE), r"sum of transition\[0, 0\] is 0.9"),
-        (lambda: Process(P2, P2, 0.9, ALL), r"reward\[0\] is 1.0, allowed is 0"),
-        (lambda: Process(P2[::-1], 0.0 * P2, 0.9, ALL), r"transition\[0\] is"),
-        (lambda: Process(P2, P2, 1.0, NONE), "gamma is 1.0"),
+        (
+            lambda: Process(0.9 * P2, 0.0 * P2, 0.9, NONE),
+            r"sum of transition\[0, 0\] must be .*, got 0.9",
+        ),
+        (lambda: Process(P2, P2, 0.9, ALL), r"reward\[0\] must be 0.*, got 1.0"),
+        (lambda: Process(P2[::-1], 0.0 * P2, 0.9, ALL), r"transition\[0\] must be"),
+        (lambda: Process(P2, P2, 1.0, NONE), r"gamma must be .*, got 1.0"),
         (lambda: Process(P2, P2[:1], 0.9, NONE), "reward.shape"),
-        (lambda: evaluate_policy(drawn(1), np.full(6, 2)), "policy is"),
-        (lambda: evaluate_policy(drawn(1), np.full((6, 2), 0.4)), "policy is"),
-        (lambda: shaped(drawn(1), np.zeros(3)), "phi.shape is"),
+        (lambda: evaluate_policy(drawn(1), np.full(6, 2)), "policy must be"),
+        (lambda: evaluate_policy(drawn(1), np.full((6, 2), 0.4)), "policy must be"),
+        (lambda: shaped(drawn(1), np.zeros(3)), "phi.shape must be"),
         (
             lambda: value_iteration(replace(drawn(1), gamma=0.999), max_sweeps=100),
-            "max_sweeps is 100, .*policy_iteration",
+            r"max_sweeps must be .*policy_iteration.*, got 100",
         ),
-        (lambda: value_iteration(drawn(1), max_sweeps=0), "max_sweeps is 0"),
-        (lambda: learning_steps(grid(2), np.random.default_rng(0), 2, chance=np.nan), "chance is"),
-        (lambda: learning_steps(grid(2), np.random.default_rng(0), 2, chance=5.0), "chance is 5"),
+        (lambda: value_iteration(drawn(1), max_sweeps=0), r"max_sweeps must be .*, got 0"),
+        (
+            lambda: learning_steps(grid(2), np.random.default_rng(0), 2, chance=np.nan),
+            "chance must be",
+        ),
+        (
+            lambda: learning_steps(grid(2), np.random.default_rng(0), 2, chance=5.0),
+            r"chance must be .*, got 5",
+        ),
     ],
 )
 def test_bad_input_is_named(call, message):

@@ -46,11 +46,15 @@ def letters(text: str) -> str:
 
 @pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES])
 def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
-    """Headings, code, what was printed and every table of figures, in order."""
+    """Headings, the code that teaches, what was printed and every table of figures, in order.
+
+    Code that only fetches, shows or draws is not on it, nor what makes sense only with a kernel.
+    """
     notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
     page = soup(site / f"{name}.html").article
     assert page is not None
     whole, at = letters(page.get_text()), 0
+    assert not page.select(".kernel-only")
     for number, cell in enumerate(notebook.cells):
         expected = []
         if (
@@ -58,7 +62,8 @@ def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
             and "home()" not in cell.source
             and "ticks()" not in cell.source
         ):
-            expected.append(cell.source)
+            hidden = "remove-input" in cell.metadata.get("tags", ())
+            expected += [] if hidden else [cell.source]
             for output in cell.outputs:
                 expected += [output.text] if output.output_type == "stream" else []
         elif cell.cell_type == "markdown" and "## Where you are" not in cell.source:
@@ -172,7 +177,11 @@ def test_every_claim_card_question_word_and_chart_is_there(site: Path) -> None:
 
 def test_the_verdicts_are_those_on_record(site: Path) -> None:
     """Each claim's verdict, read in the record itself."""
-    words = {"holds": "It is true.", "false": "It is false.", "holds only if": "It holds only if"}
+    words = {
+        "holds": "It is true.",
+        "false": "It is false.",
+        "holds only if": "It is true only if",
+    }
     places = {tag["id"]: tag for tag in soup(site / "claims.html").select(".course-claim")}
     for claim in derivations.claims():
         verdict = derivations.records.load(claim.file)[claim.id]["verdict"]
@@ -313,7 +322,7 @@ def test_mathml_says_what_the_formula_says() -> None:
 
 @pytest.mark.parametrize("tex", [r"\nonsense x", r"\frac{1}", "x^", "{a", "a}", r"\left( a"])
 def test_a_formula_that_does_not_convert_is_refused(tex: str) -> None:
-    with pytest.raises(ValueError, match=r"^formula is '"):
+    with pytest.raises(ValueError, match=r"^formula must be .*, got '"):
         formulas.mathml(tex)
 
 
@@ -388,7 +397,7 @@ def test_a_simulation_that_is_neither_compiled_nor_recorded(tmp_path: Path, monk
     made = {"01_rigid_body": notebooks.page(path)}
     monkeypatch.setattr(declaration, "module", lambda name: tmp_path / "nothing.wasm")
     monkeypatch.setattr(reference, "claims", lambda *_: "")  # not asked here
-    with pytest.raises(build.Unbuildable, match=r"^rigid_body.top: .* allowed is one with a .wasm"):
+    with pytest.raises(build.Unbuildable, match=r"^rigid_body.top: .* must be one with a .wasm"):
         build.write_sources(tmp_path, made)
 
 
@@ -447,7 +456,7 @@ def test_a_page_with_a_wrong_formula_or_link_is_named(tmp_path: Path) -> None:
 
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("kept")
-    with pytest.raises(ValueError, match=r"^target is "):
+    with pytest.raises(ValueError, match=r"^target must be"):
         build.build(tmp_path, work=tmp_path / "work")
     assert (tmp_path / "mine.txt").read_text() == "kept"
 

@@ -145,10 +145,10 @@ def test_a_single_environment_refuses_nonsense(env_fn) -> None:
         env.step(np.zeros(2))
     env.reset(seed=0)
     for bad, text in (
-        (np.zeros(3), r"action.shape is \(3,\), allowed is \(2,\)"),
-        (0.5, r"action.shape is \(\)"),
-        ([np.nan, 0.0], r"action\[0, 0\] is nan"),
-        (["a", "b"], "allowed is float32"),
+        (np.zeros(3), r"action.shape must be \(2,\).*, got \(3,\)"),
+        (0.5, r"action.shape must be .*, got \(\)"),
+        ([np.nan, 0.0], r"action\[0, 0\] must be a number, got nan"),
+        (["a", "b"], "must be float32"),
     ):
         with pytest.raises(ValueError, match=text):
             env.step(bad)
@@ -157,10 +157,10 @@ def test_a_single_environment_refuses_nonsense(env_fn) -> None:
     with pytest.raises(ValueError, match="substeps"):
         env_fn(substeps=0)
     with pytest.raises(
-        ValueError, match=r"masses\[1\] is -1.0, allowed is a positive finite number \[kg\]"
+        ValueError, match=r"masses\[1\] must be a positive finite number \[kg\].*, got -1.0"
     ):
         TwoLink(masses=(1.0, -1.0))
-    with pytest.raises(ValueError, match="integrator is 'euler', allowed is one of"):
+    with pytest.raises(ValueError, match=r"integrator must be one of.*, got 'euler'"):
         MujocoArmReach(integrator="euler")
 
 
@@ -216,7 +216,7 @@ def test_each_environment_has_its_own_arm(single, batch, n) -> None:
     for _ in range(110):
         actions = rng.uniform(-1, 1, (n, 2)).astype(np.float32)
         identical(envs.step(actions), loop.step(actions))
-    with pytest.raises(ValueError, match=r"arms is .*allowed is a TwoLink or"):
+    with pytest.raises(ValueError, match=r"arms must be a TwoLink or"):
         batch(n + 1, arms)
 
 
@@ -256,9 +256,9 @@ def test_a_batch_refuses_what_a_loop_refuses() -> None:
         with pytest.raises(ResetNeeded):
             envs.reset(options={"reset_mask": np.array([True, False, False])})
         envs.reset(seed=0)
-        with pytest.raises(ValueError, match=r"actions.shape is \(4, 2\), allowed is \(3, 2\)"):
+        with pytest.raises(ValueError, match=r"actions.shape must be \(3, 2\).*, got \(4, 2\)"):
             envs.step(np.zeros((4, 2)))
-        with pytest.raises(ValueError, match=r"actions\[1, 0\] is nan"):
+        with pytest.raises(ValueError, match=r"actions\[1, 0\] must be .*, got nan"):
             envs.step(np.array([[0, 0], [np.nan, 0], [0, 0]]))
     with pytest.raises(ValueError, match="num_envs"):
         ArmReachVector(0)
@@ -316,7 +316,9 @@ def test_who_is_not_asked_for_pictures_makes_none() -> None:
             env.render()
         env.reset(seed=0)
         assert env.render() is None
-    with pytest.raises(ValueError, match="render_mode is 'human', allowed is one of None, 'rgb_ar"):
+    with pytest.raises(
+        ValueError, match=r"render_mode must be one of None, 'rgb_ar.*, got 'human'"
+    ):
         ArmReachVector(2, render_mode="human")
 
 
@@ -349,7 +351,7 @@ def test_the_specification_states_the_length_of_an_episode(name: str) -> None:
     idle = np.zeros((len(first), 2), np.float32)
     ends = [np.all(np.logical_or(*envs.step(idle)[2:4])) for _ in range(7)]
     assert ends == [False] * 6 + [True]
-    with pytest.raises(ValueError, match="max_episode_steps is 0"):
+    with pytest.raises(ValueError, match=r"max_episode_steps must be .*, got 0"):
         gymnasium.make_vec(name, num_envs=1, max_episode_steps=0)
 
 

@@ -268,7 +268,7 @@ def caught(
 def edge_of_rest(share: float, gain: float = 30.0, linear: bool = False) -> float:
     """Return the largest angle from which a pendulum at rest is caught.
 
-    By three ever finer grids.
+    Three grids, each finer than the last, bracket it.
     """
     low, high = 0.0, 1.5
     for _ in range(4):
@@ -408,7 +408,7 @@ class Judged:
     settling: float
 
     def margins(self) -> sampled.Margins:
-        """Return its margins."""
+        """Return the gain, phase and delay margins of the loop."""
         dt = self.delay / SAMPLES
         system = sampled.joint_system(1.0, 1.0)
         return sampled.margins(*system, self.gains.law(dt), dt, self.delay)
@@ -445,9 +445,7 @@ def placed(delay: float) -> Judged:
 
 @chart
 def ziegler_nichols_rows(points: int = 15) -> Iterator[Panel]:
-    """Chart the rows of Ziegler and Nichols on a joint, judged by their matrix.
-
-    And what to do instead.
+    """Chart Ziegler and Nichols' rules on a joint, judged by their matrix, and an alternative.
 
     Args:
         points: delays.

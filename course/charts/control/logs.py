@@ -59,7 +59,7 @@ def record(
     seed: int = 0,
     speed: float = 1.0,
 ) -> list[Log]:
-    """Return one log for each model, all under the same PD loop on the same motion.
+    """Record one log for each model, all under the same PD loop on the same motion.
 
     The truth is stepped by Runge-Kutta ten times finer than the log; Coulomb friction turns round
     within 1 mrad/s. The loop sees noisy angles; `noise` is one number or one for each joint.
@@ -176,8 +176,7 @@ def what_a_log_tells(
 def learned_beside_adaptive(
     rounds: int = 6, seeds: int = 7, dt: float = 4e-3, outside: float = 1.6
 ) -> Iterator[Panel]:
-    """Chart a learned residual against data, inside and outside its motion, beside the adaptive
-    law.
+    """Chart a learned residual inside and outside its training motion, next to the adaptive law.
 
     Args:
         rounds: of collecting and fitting.

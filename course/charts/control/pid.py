@@ -136,8 +136,7 @@ def rate_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
 
 @chart
 def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
-    """Chart where the sampled PID loop is stable, over sample time and gain, measured and in
-    theory.
+    """Chart where the sampled PID loop is stable, measured and in theory.
 
     Args:
         nx: points of the map along the sample time.
@@ -313,8 +312,9 @@ def jam_scene() -> Scene:
 
 @chart
 def pid_windup() -> Iterator[Panel]:
-    """Chart a jam of two seconds with anti-windup and without, on the exact joint and on
-    MuJoCo's.
+    """Chart a jam of two seconds with and without anti-windup.
+
+    The joint is the exact one, and MuJoCo's.
     """
     left, right = (
         Panel(title, "time [s]", y, spans=[("x", 0.0, JAM, "jammed")], xlim=(0.0, 5.0))

@@ -255,9 +255,9 @@ def series_stiffness(law: TouchLaw, gap: float = 2e-3) -> float:
 
 
 def gain_margin(law: TouchLaw, wall: float = WALL) -> float:
-    """Return the factor on all gains of the law that it stands at the wall.
+    """Return the factor on all gains at which the law becomes unstable at the wall.
 
-    Of the virtual body's lightness for admittance.
+    For admittance the factor divides the virtual mass.
     """
 
     def scaled(factor: float) -> TouchLaw:

@@ -175,9 +175,9 @@ def rounds_until(
     shown: TwoLink | None = None,
     dt: float = 8e-3,
 ) -> float:
-    """Return rounds of collecting and fitting until a law's largest error is below a bar.
+    """Count rounds of collecting and fitting until a law's largest error is below a limit.
 
-    Or infinite.
+    The count is infinite if that never happens.
 
     With `shown` that model's law collects first.
     """

@@ -95,9 +95,9 @@ def closed(arm: TwoLink = ARM) -> Array:
 
 
 def spatial(tilt: float = 0.0, skew: float = 0.0, armature: float = 0.0) -> Array:
-    """Return the tip after the same motion of MuJoCo's arm in space.
+    """Return the tip of MuJoCo's arm in space after the same motion, (3,) [m].
 
-    As seen from the base, (3,) [m].
+    It is given in the base frame.
 
     The base is tilted about y, so that gravity pulls along x, the elbow's axis skewed about the
     first link [rad]; motors have an armature on their joints [kg m^2].
@@ -163,9 +163,7 @@ def reaching_arm() -> Scene:
 
 @chart
 def two_links_enough(angles: Sequence[float] = tuple(np.logspace(-3, 1, 17))) -> Iterator[Panel]:
-    """Chart error of the planar closed form against MuJoCo's arm in space.
-
-    And where the plane ends.
+    """Chart the error of the planar closed form against MuJoCo's arm in space.
 
     Args:
         angles: of the faults [degrees].

@@ -149,10 +149,7 @@ def ik_residual(
     budgets: Sequence[int] = (1, 2, 3, 4, 5, 6, 8, 10, 13, 17, 23, 30, 45, 70, 100),
     targets: int = 60,
 ) -> Iterator[Panel]:
-    """Chart what is left of the error after k steps: ordinary targets, and such on the edge.
-
-    Medians.
-    """
+    """Chart the median error after k steps, for ordinary targets and for targets on the edge."""
     rng, arm, two = np.random.default_rng(8), panda(), planar([1.0, 0.8])
     near = tip(arm, HOME[:, None] + rng.uniform(-0.4, 0.4, (7, targets)))
     angle = rng.uniform(-np.pi, np.pi, targets)
@@ -193,7 +190,7 @@ def trained(
 ) -> Callable[[Array, np.random.Generator], Array]:
     """Return a small network that proposes postures for a pose.
 
-    Several heads, the nearest one learns.
+    It has several heads, and only the nearest one learns.
 
     One head would learn the mean of all answers, which is none (Guzman-Rivera et al., Multiple
     choice learning, 2012). The network sees some rows of the pose, has two hidden layers and takes
@@ -274,9 +271,9 @@ def learned_seeds(
     draws: Sequence[int] = (1, 2, 4, 8, 16, 32, 64, 128),
     points: int = 40,
 ) -> Iterator[Panel]:
-    """Chart what a learned solver must beat.
+    """Chart the baselines that a learned solver must beat.
 
-    Starts for Levenberg-Marquardt, and the answers covered.
+    They are starts for Levenberg-Marquardt, and the share of answers that they cover.
 
     On the left `targets` of the 7-R arm, with so many steps of training and a table of so many
     postures; on the right `points` of the 3-R arm, by numbers of starts (`draws`).

@@ -59,15 +59,15 @@ def central(f: Callable[[Any], Any], q: Array, h: float) -> Array:
 
 
 def complex_step(f: Callable[[Any], Any], q: Array, h: float) -> Array:
-    """Return columns Im f(q + i h e) / h.
+    """Return columns Im f(q + i h e) / h, the complex-step derivative.
 
-    No difference, so nothing cancels (Squire and Trapp, 1998).
+    There is no difference, so nothing cancels (Squire and Trapp, 1998).
     """
     return np.stack([f(q + 1j * h * e).imag / h for e in np.eye(q.size)], axis=1)
 
 
 def autograd(chain: Chain, q: Array) -> Array:
-    """Return by PyTorch, backwards, a row at a time."""
+    """Return the Jacobian by PyTorch in reverse mode, one row at a time."""
     import torch
 
     result = torch.autograd.functional.jacobian(lambda x: placed(chain, x, torch), torch.tensor(q))
@@ -166,9 +166,9 @@ def jacobian_precision(
 def null_space_step(
     steps: Sequence[float] = tuple(np.logspace(-3, 0, 13)), postures: int = 200
 ) -> Iterator[Panel]:
-    """Chart how far a step of length h [rad] in the null space moves the tip.
+    """Chart how far a null-space step of length h [rad] moves the tip.
 
-    And what an IK step leaves.
+    It also shows the error that a following IK step leaves.
 
     At random postures of the 7-R arm, those with a singular value below 0.05 left out.
     """
@@ -259,9 +259,7 @@ def past_the_hole(damping: float, gap: float, step: float = 0.002) -> tuple[floa
 def damping_map(
     nx: int = 81, ny: int = 61, dampings: Sequence[float] = tuple(np.logspace(-3.5, 0, 15))
 ) -> Iterator[Panel]:
-    """Chart where damping [m/rad] keeps the joints within their speed.
-
-    And the tracking error it costs.
+    """Chart where damping [m/rad] keeps the joints within their speed, and the error it costs.
 
     The map has nx times ny points; `dampings` are those of the tracking error.
     """

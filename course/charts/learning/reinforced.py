@@ -36,9 +36,9 @@ class Trained(NamedTuple):
 
 
 def test(policy: Any, paid: str = "sparse", **task: Any) -> float:
-    """Return share of the exact optimum, over 64 common starts.
+    """Return the achieved share of the exact optimum, over 64 common starts.
 
-    Of the prize, or of a lasting bonus.
+    The optimum is that of the prize, or of a lasting bonus.
     """
     task = {k: v for k, v in task.items() if k not in ("prize", "max_steps")}
     late, bonus = (1000 if paid == "hover" else MAX_STEPS), task.get("bonus", 0.0)
@@ -125,9 +125,9 @@ def jobs(**lists: Any) -> list[dict[str, Any]]:
 def learning_curves(
     steps: int = 120_000, points: int = 8, seeds: int = 10, rounds: int = 12
 ) -> Iterator[Panel]:
-    """Chart share of the exact optimum over steps and time: ours, the library, a search.
+    """Chart the share of the exact optimum over steps and time: ours, the library, a search.
 
-    Ten seeds.
+    Ten seeds of each are run.
     """
     wide = replace(SMALL, hidden=(64, 64))
     same: dict[str, Any] = {"steps": steps, "points": points}
@@ -216,10 +216,7 @@ def banded(rows: dict[str, list[Trained]], report: str) -> Series:
 
 @chart(columns=2)
 def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
-    """Chart PPO without each detail on the usual task.
-
-    And a task for each on which it does matter.
-    """
+    """Chart PPO without each of its details, on the usual task and where the detail matters."""
     same: dict[str, Any] = {"steps": steps, "seeds": seeds}
     usual = {
         k: sweep(trained, jobs(settings=replace(SMALL, **change), **same))
@@ -245,9 +242,7 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
 
 
 def stumbles(radius: float) -> float:
-    """Return chance that a first policy.
-
-    Which knows nothing, meets the disc in an episode, predicted.
+    """Predict the chance that an untrained policy meets the disc in an episode.
 
     What a path sweeps, over the area where the goal may be: a disc once, and twice its radius times
     the way within that square. Speed and place go together there: who is fast is outside sooner.

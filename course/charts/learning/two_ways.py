@@ -123,7 +123,7 @@ def gap(samples: Array, exact: Array) -> float:
 
 
 def quantiles(mixture: learning.Mixture, share: Array) -> Array:
-    """Return of a mixture in one dimension, between -6 and 6, to about 1e-7."""
+    """Return quantiles of a one-dimensional mixture between -6 and 6, to about 1e-7."""
     x = np.linspace(-6.0, 6.0, 100_001)
     deviation = (x[:, None] - mixture.means[:, 0]) / mixture.deviations
     return np.interp(share, ndtr(deviation) @ mixture.weights, x)
@@ -213,10 +213,7 @@ def samplers(
 
 
 def switches_and_mismatch(policy: Any, executed: int, n: int, noise: float) -> tuple[float, float]:
-    """Return changes of side in a run before the obstacle.
-
-    And how far chunks end off their plan [m].
-    """
+    """Return how often a run changes sides before the obstacle, and its distance off plan [m]."""
     task, rng, step = learning.TwoWays(noise), np.random.default_rng(41), 0
     state, sides, deviation = task.starts(n, rng), [], []
     while step < task.steps // 2:

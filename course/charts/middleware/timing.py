@@ -256,9 +256,7 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
 def executor_waits(
     cameras: Sequence[float] = (0.005, 0.010, 0.015, 0.020, 0.025), phases: int = 12
 ) -> Iterator[Panel]:
-    """Chart a control callback of 1 ms beside a camera's.
-
-    How long from event to end, and the bound.
+    """Chart response times of a 1 ms control callback next to a camera's, and their bound.
 
     Args:
         cameras: what the camera's callback computes [s].

@@ -44,9 +44,9 @@ CURES: dict[str, dict[str, Any]] = {
 
 
 def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, float]:
-    """Return points of a cube of one size [m] after each stage, clusters of bare table.
+    """Return points of a cube of one size [m] after each stage, clusters of bare table, and time.
 
-    And the time [s].
+    Times are in s.
 
     A mean counts for the part if it is nearer than a voxel to a point of it; eps is 20 mm.
     """
@@ -102,10 +102,7 @@ def small_parts(
     sizes: Sequence[float] = (0.006, 0.008, 0.01, 0.012, 0.016, 0.02, 0.03, 0.04),
     pictures: int = 8,
 ) -> Iterator[Panel]:
-    """Chart cubes on a table, from a picture to a cluster.
-
-    Which stage loses them, and what helps.
-    """
+    """Chart which stage between depth image and cluster loses small cubes, and what helps."""
     rng = np.random.default_rng(7)
     runs = {
         name: [[chain(size, rng, **cure) for _ in range(pictures)] for size in sizes]

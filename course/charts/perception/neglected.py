@@ -72,7 +72,7 @@ def through_a_lens(shapes: Shapes, seed: int) -> Array:
 
 
 def mixed(shapes: Shapes, seed: int) -> Array:
-    """Return a pixel is the mean of all that it sees: at an edge of two surfaces."""
+    """Return a depth image whose pixels average all that they see, at an edge of two surfaces."""
     return _noisy(_fine(shapes).mean(axis=(1, 3)), seed)
 
 
@@ -93,9 +93,9 @@ def with_shadow(shapes: Shapes, seed: int) -> Array:
 
 
 def striped(shapes: Shapes, seed: int) -> Array:
-    """Return colour: every other 32 columns reflect little.
+    """Return a colour image whose every other 32 columns reflect little.
 
-    And the noise there is DARK times as much.
+    The noise there is DARK times as large.
     """
     exact = render(shapes, EYE)[0]
     rng = np.random.default_rng(seed)
@@ -116,7 +116,7 @@ def dazzled(shapes: Shapes, seed: int) -> Array:
 
 
 def moving(shapes: Shapes, seed: int) -> Array:
-    """Return the part moves during the exposure; its pose is that of the middle."""
+    """Return an image of a part that moves during the exposure; its pose is that of the middle."""
     del shapes
     distances = SPEED * EXPOSURE * np.linspace(-0.5, 0.5, 5)
     inverse = [1.0 / render(scene(YAWS[seed], ASIDE[seed] + x), EYE)[0] for x in distances]

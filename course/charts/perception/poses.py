@@ -27,10 +27,7 @@ def turned_by(pose: Array, *by: float) -> Array:
 
 
 def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return points on the sides and the top of a prism 60 mm across and 60 mm high.
-
-    And normals.
-    """
+    """Return points and normals on the sides and the top of a prism 60 mm across and 60 mm high."""
     inner = 0.03 * math.cos(math.pi / sides)
     side = rng.integers(0, sides, count)
     angle = 2.0 * math.pi * side / sides
@@ -46,8 +43,9 @@ def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Arra
 
 @chart(columns=2)
 def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
-    """Chart a prism turned by more than half of its period ends as the next one of its equal
-    poses.
+    """Chart how ICP, started too far off, ends in the next of a prism's equal poses.
+
+    That happens once the prism is turned by more than half of its period.
     """
     rng, degrees = np.random.default_rng(0), np.linspace(0.0, 70.0, turns)
     home = Panel(
@@ -104,10 +102,7 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
 def laid_again(
     part: perception.Shapes, yaw: float, tilt: float, window: int, rays: bool, runs: int
 ) -> tuple[float, Array]:
-    """Return normalised error squared per direction that is told.
-
-    And ratios of spread to prediction.
-    """
+    """Return the normalised squared error per known direction, and spread over prediction."""
     rng = np.random.default_rng(1)
     turn = product(exp(np.array([math.pi - tilt, 0.0, 0.0])), exp(np.array([0.0, 0.0, yaw])))
     pose = np.array([0.02 if yaw else 0.0, 0.03 if tilt else 0.0, 0.7, *turn])
@@ -181,10 +176,7 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
 
 @chart(columns=2)
 def silently_wrong(turns: int = 12) -> Iterator[Panel]:
-    """Chart what a residual and a share of matches say to wrong poses.
-
-    And what see-through says.
-    """
+    """Chart how residual, share of matches and see-through judge wrong poses."""
     rng = np.random.default_rng(2)
     result: dict[str, list[tuple[float, float, float]]] = {}
     for yaw in np.linspace(0.2, 2.9, turns):

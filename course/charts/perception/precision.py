@@ -59,17 +59,15 @@ Lay = Callable[[Any, Array], tuple[float, float, Array]]
 
 @functools.cache
 def methods(eye: Camera, model: int) -> dict[str, tuple[Callable[..., Any], Lay]]:
-    """Return each method as two functions: reduce a cloud to means, and register the means.
+    """Return for each method a function (points, voxel) -> means, and a registration function.
 
-    The first maps (points, voxel) to means, the second (means, start) to (left out, residual,
-    pose).
+    The second one maps (means, start) to (unmatched, residual, pose). All register the means to the
+    part's planes, within 30 mm at first and 6 mm in the end, until a step is below 10 um. The
+    cloud's normals are known to all but small_gicp, which fits them.
 
     Args:
         eye: the camera.
         model: points on the box, for the methods that register to a cloud.
-
-    All lay the means onto the part by its planes, within 30 mm at first and 6 mm in the end, until
-    a step is below 10 um. The cloud's normals are known but to small_gicp, which fits them.
     """
     points, normals = box_surface(BOX.sizes[:, 0], model, np.random.default_rng(0))
     own, theirs = Cloud.of(points, normals), open3d.Cloud(points)
@@ -212,9 +210,9 @@ FRAME = Camera.symmetric(320, 240, 1.0)
 def frame(
     depth: Array, eye: Camera, library: bool, voxel: float = 0.004
 ) -> tuple[list[Array], Array]:
-    """Return the chain on one picture, by the course or by Open3D.
+    """Run the chain on one depth image, with the course or Open3D.
 
-    Poses, and processor time a stage.
+    It returns poses, and processor time for each stage.
 
     Both: points, voxel means, RANSAC within 4 sigma, DBSCAN of 20 mm with 10 neighbours, then four
     starts for each cluster; of the answers the one that leaves out the fewest points, and of these

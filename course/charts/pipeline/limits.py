@@ -296,10 +296,7 @@ SHARE = 4.9e-4  # of a half-space, known exactly
 
 @chart(columns=2)
 def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
-    """Chart cross-entropy against plain sampling on a share that is known.
-
-    Errors stated, and true.
-    """
+    """Chart cross-entropy and plain sampling on a known failure rate: stated and true errors."""
 
     def severity(x: Array) -> Array:
         return np.asarray(0.8 * x[0] + 0.6 * x[1] - norm.isf(SHARE))

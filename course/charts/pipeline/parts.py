@@ -19,10 +19,7 @@ PARTS = ("perceive", "age", "control", "move")
 
 
 def vectors(result: Budget) -> Panel:
-    """Return the mean error of each part alone, put one behind the other.
-
-    And the mean of the whole.
-    """
+    """Return the mean error of each component alone, chained head to tail, and of the whole."""
     panel = Panel("Mean errors add up, with their signs", "x [mm]", "y [mm]", equal=True)
     at, report = np.zeros(2), np.zeros(2)
     for part in result.parts:
@@ -105,10 +102,7 @@ def owned(result: Budget) -> Panel:
 
 @chart(columns=2)
 def error_budget(seeds: int = 150) -> Iterator[Panel]:
-    """Chart all subsets of the parts on the same seeds.
-
-    Vectors, prediction, shares, and cancelling.
-    """
+    """Chart all subsets of the error sources on the same seeds: vectors, prediction and shares."""
     case = repair(Settings(), "plan")
     result = budget(Scenario(), case, range(seeds), PARTS)
     yield vectors(result)

@@ -118,9 +118,9 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
 
 
 def seen_shift(first: Array, second: Array, rng: np.random.Generator, tries: int = 200) -> float:
-    """Shift in deviations of the second that Kolmogorov and Smirnov's test sees four times in five.
+    """Return the shift that a Kolmogorov-Smirnov test detects four times in five.
 
-    With as many runs of each as there are.
+    It is in standard deviations of the second sample, for equally many runs of both.
     """
     for shift in np.arange(0.1, 3.0, 0.05):
         drawn = (rng.choice(second, n) for n in tries * [first.size])
@@ -196,9 +196,7 @@ def pipeline_speed(
     widths: Sequence[int] = (160, 320, 640),
     rates: Sequence[float] = (0.2, 0.1, 0.05, 0.02),
 ) -> Iterator[Panel]:
-    """Chart error against cost: physics by its step, perception by what it looks at.
-
-    Times real time.
+    """Chart error against real-time factor: physics by its step, perception by its image area.
 
     Args:
         steps: of the physics [s].

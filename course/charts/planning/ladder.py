@@ -49,10 +49,7 @@ def interpreted(world: World) -> World:
 def rungs(
     roadmap: Roadmap, experience: Roadmap, naive: float, samples: int
 ) -> dict[str, tuple[int, Any]]:
-    """Return of each rung which of the queries it is asked, every how many.
-
-    And the plan that it makes.
-    """
+    """Return for each rung the queries it solves, every how many, and the plan that it makes."""
 
     def ask(options: dict[str, Any], change: Callable[[World], World] = lambda w: w) -> Any:
         return lambda world, query, seed: plan(change(world), *query, rng=seed, **options)

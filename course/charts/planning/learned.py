@@ -40,9 +40,9 @@ TRIES = 8  # paths proposed for a question
 
 
 def searched(scene: Scene, count: int, rng: np.random.Generator) -> Array:
-    """Return states along the way that a search of the picture finds, (2, many).
+    """Return states along the path that a grid search of the image finds, (2, count).
 
-    What needs no training.
+    It needs no training.
 
     A cell is joined to its eight neighbours if both are free; which can't be proved, so this too is
     only a proposal. Without a way the states are uniform.
@@ -84,10 +84,7 @@ def checks(scene: Scene, seed: int, **options: Any) -> float:
 
 
 def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Success]:
-    """Return checks of each way to draw, or of some, with a seed for each network.
-
-    In held-out scenes.
-    """
+    """Return the checks that each sampler needs in held-out scenes, a seed for each network."""
 
     def listed(scene: Scene, seed: int, propose: Callable[..., Array], *first: Any) -> float:
         states = propose(*first, scene, STATES, np.random.default_rng(seed))
@@ -137,9 +134,9 @@ def pushed(scene: Scene, path: Array) -> Array:
 
 
 def first_free(scene: Scene, propose: Callable[[], Any], push: bool) -> tuple[float, bool, bool]:
-    """Return seconds to the first path that the planner's edge test passes, infinite without one.
+    """Return seconds to the first path that passes the planner's edge test, infinite without one.
 
-    Whether the first proposal collides as it comes, and after it was pushed.
+    It also returns whether the first proposal collides as it comes, and after it was pushed.
     """
     world, begun, free = scene.world, time.thread_time(), []
     proposals = propose()
@@ -155,10 +152,9 @@ def first_free(scene: Scene, propose: Callable[[], Any], push: bool) -> tuple[fl
 
 
 def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Success, Array, Array]]:
-    """Return of each way seconds to a free path.
+    """Return for each method seconds to a free path, and how often its first proposals collide.
 
-    And the shares of first proposals that collide before and after they are pushed, each with a
-    seed for each network.
+    Shares are counted before and after proposals are pushed, with a seed for each network.
     """
 
     def searching(net: Any, scene: Scene, rng: np.random.Generator) -> list[Array]:

@@ -66,7 +66,7 @@ def _hole_edge(obstacles, body, a, b):
 
 
 def _judge(world: World, a: Array, b: Array) -> Array | None:
-    """Return a state in the wall, by the half-lines of t in which it is too far to one side."""
+    """Return a state of the edge in the wall, or None, by an interval of t for each side."""
     half, depth, bounded = world.obstacles[0]
     for k in range(1, int(bounded) + 1):
         for side in (-1.0, 1.0):
@@ -349,10 +349,7 @@ def both_ways(path: Array, limits: Array, blend: float, grid: int) -> Array:
 
 @chart(columns=2)
 def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15) -> Iterator[Panel]:
-    """Chart a 7-joint motion past rounded corners.
-
-    Acceleration between grid points, and its duration.
-    """
+    """Chart acceleration between grid points, and duration, of a 7-joint motion past corners."""
     rng = np.random.default_rng(0)
     limits = np.array([[2.2] * 4 + [2.6] * 3, [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]])
     some = [rng.uniform(-1.5, 1.5, (7, 5)) for _ in range(paths)]

@@ -62,9 +62,9 @@ def theirs(
 
 
 def alone(run: Callable[..., Any], *args: Any) -> tuple[Any, float]:
-    """Return what a run gives, and the share of its time that it had a core.
+    """Return what a run returns, and the share of its time that it had a core.
 
-    What else ran is left out.
+    Other processes' time is not counted.
     """
     wall, own = time.perf_counter(), time.thread_time()
     result = run(*args)
@@ -72,9 +72,9 @@ def alone(run: Callable[..., Any], *args: Any) -> tuple[Any, float]:
 
 
 def asked_twice(world: World) -> World:
-    """Return the same world, each edge asked from both ends.
+    """Return the same world with each edge checked from both ends.
 
-    What that adds is the time of the edges.
+    The added time is that of the edge checks.
     """
     once = compiled(world.edge_free, EDGE)
 
@@ -89,10 +89,7 @@ def asked_twice(world: World) -> World:
 
 
 def planners(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, int], Any]]]:
-    """Return of each way of asking, every how many seeds it is.
-
-    And the plan of a scene with a seed.
-    """
+    """Return for each interface how often it is run, and the plan of a scene with a seed."""
     (state, edge), python = ompl.tests(world), ompl.plain(world)
     twice, rare = asked_twice(world), slow if world.dim == 2 else 4 * slow
 
@@ -109,9 +106,9 @@ def planners(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, i
 
 
 def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 1.0) -> Panel:
-    """Return the share of questions with a free path against time.
+    """Chart the share of queries with a free path against time.
 
-    One world, a seed each, from 1 on.
+    There is one world, with seeds from 1 up.
 
     A path that the exact judge refuses is a failure. OMPL's own part is its run with our edge check
     without the calls into Python. `slow` is every how many OMPL is asked with states in Python, in
@@ -238,10 +235,7 @@ def sample_counts(
     maps: int = 100,
     sizes: Sequence[int] = (10, 20, 40, 80, 160),
 ) -> Iterator[Panel]:
-    """Chart ours and OMPL's, the same edges asked.
-
-    Samples to a path, and what as many samples bring.
-    """
+    """Chart samples to a path, ours and OMPL's, with the same edge checks."""
     for method, name, places in (
         ("rrt", "RRT", (scenes.discs(), scenes.gap(0.1))),
         ("rrt_connect", "RRT-Connect", (scenes.discs(), scenes.gap(0.1), scenes.arm())),
@@ -322,9 +316,9 @@ def sample_counts(
 
 
 def exactly_known() -> list[tuple[Scene, float]]:
-    """Return scenes with the length of the shortest path [m].
+    """Return scenes with the exact length of the shortest path [m].
 
-    Two tangents and an arc, three segments.
+    It is two tangents and an arc, or three segments.
     """
     start, goal, radius = scenes.START, scenes.GOAL, 2.0
     far = float(np.linalg.norm(goal - start)) / 2
@@ -338,9 +332,9 @@ def exactly_known() -> list[tuple[Scene, float]]:
 def settings(
     scene: Scene, budgets: Sequence[int]
 ) -> dict[str, tuple[Sequence[int], Callable[[int, int], tuple[float, Any]]]]:
-    """Return of each way its settings, and what a seed and a setting give.
+    """Return for each method its settings, and a function of seed and setting.
 
-    Seconds and path (n, k).
+    The function returns seconds and a path (n, k).
     """
     tests = ompl.tests(scene.world)
 
@@ -377,8 +371,9 @@ def path_quality(
     budgets: Sequence[int] = (100, 300, 1000, 3000, 10_000),
     tolerance: float = 0.05,
 ) -> Iterator[Panel]:
-    """Chart length of a path over the exactly known shortest one against time, failures
-    infinite.
+    """Chart the ratio of path length to the exact shortest length against time.
+
+    A failure counts as infinite length.
     """
     planning.warm()
     for scene, best in exactly_known():

@@ -24,7 +24,7 @@ SIZES: dict[str, tuple[Callable[[int], Scene], Sequence[int], Mapping[str, int]]
 def step_costs(
     jobs: Sequence[tuple[Engine, Scene, int]], dt: float, repeats: int
 ) -> list[tuple[Timing, int]]:
-    """Return processor time of so many steps in one call, interleaved, and the number of steps."""
+    """Measure each job's processor time of all its steps in one call, interleaved."""
     samplers = []
     for engine, scene, steps in jobs:
         run = prepared(engine, scene, dt, FAIR)

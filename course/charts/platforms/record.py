@@ -59,9 +59,9 @@ def place(scene: Scene, state: State, time: float) -> tuple[float, float]:
 
 
 def path(engine: Engine, scene: Scene, dt: float, settings: Settings) -> tuple[Array, float]:
-    """Return what is drawn of a run, (SAMPLES, 2), and its error at the end.
+    """Return the plotted trajectory of a run, (SAMPLES, 2), and its final error.
 
-    Where it is not finite the last finite place is drawn on.
+    Once a state is not finite, the last finite position is repeated.
     """
     run = platforms.prepared(engine, scene, dt, settings)
     total = round(scene.duration / dt)

@@ -43,9 +43,9 @@ def first_order(steps: Sequence[float], errors: Sequence[float]) -> Callable[[fl
 def platform_accuracy(
     steps: Sequence[float] = (4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), share: float = 1.0
 ) -> Iterator[Panel]:
-    """Chart same scheme, same error.
+    """Chart whether the same scheme has the same error in every engine.
 
-    All engines on a tumble, a chain and an arm, fair and as shipped.
+    All engines run a tumble, a chain and an arm, with fair settings and as shipped.
 
     Args:
         steps: the largest first [s].

@@ -428,10 +428,7 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
 
 @chart(columns=2)
 def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
-    """Chart what an engine costs before its first step.
-
-    And whether a run can be repeated bit by bit.
-    """
+    """Chart an engine's cost before its first step, and whether its runs repeat bit by bit."""
     result = {name: install(name, processes) for name in here()}
     panels = []
     for title, unit, field_ in (

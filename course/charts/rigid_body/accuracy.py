@@ -315,7 +315,7 @@ def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -
 
 
 def draw(result: WorkPrecision) -> Any:
-    """Return the two panels of a work-precision result as a figure."""
+    """Draw the two panels of a work-precision result as a figure."""
     return figure.draw(result.panels())
 
 

@@ -111,9 +111,9 @@ def measured_pattern(steps: Sequence[float], cycles: int) -> tuple[Array, float]
 
 
 def resonant_pattern(long: float = 0.3, short: float = 0.1) -> list[float]:
-    """Return a quarter of a turn in long steps, a quarter in short ones.
+    """Return steps that are long for a quarter of a turn and short for a quarter.
 
-    Both far below the limit of 2.
+    Both are far below the limit of 2.
 
     Args:
         long: omega times the longer step.
@@ -240,9 +240,9 @@ FLOOR = 1e-17  # where an error of exactly zero is drawn
 
 
 def _spin(q, omega, h, steps, update):
-    """Return steps of a constant body rate.
+    """Integrate a constant body rate for some steps.
 
-    Update: 0 adds, 1 renormalises as well, 2 multiplies exp.
+    Update 0 adds, 1 renormalises as well, 2 multiplies by the exponential.
     """
     for _ in range(steps):
         if update == 2:

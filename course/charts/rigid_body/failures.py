@@ -207,10 +207,7 @@ def boundary_error(result: Map, method: str) -> float:
     title="Where a step decays and where it grows: measured boundary black, theory white, dashed",
 )
 def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
-    """Chart growth per step over step and damping.
-
-    With the theoretical boundary on the measured one.
-    """
+    """Chart growth per step over step and damping, with the theoretical boundary."""
     omega_dt, zeta = np.linspace(0.02, 4.0, nx), np.linspace(0.0, 2.0, ny)
     for method, label in LABELS.items():
         result = growth_map(method, omega_dt, zeta)

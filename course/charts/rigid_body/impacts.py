@@ -107,9 +107,9 @@ def point_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
 
 
 def swept_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
-    """Return as `point_misses`, but the impact is an event within the step.
+    """Count misses as `point_misses` does, with the impact as an event within the step.
 
-    Nothing gets through.
+    Nothing passes through.
     """
 
     def free(q: Array, v: Array, params: Array) -> Array:
@@ -185,9 +185,9 @@ _TIME_CONSTANT, _IMPEDANCE = 0.02, 0.95
 
 
 def stopping_time() -> float:
-    """Return depth that a ball sinks into MuJoCo's default contact, per unit of its speed [s].
+    """Return how deep a ball sinks into MuJoCo's default contact, per unit of its speed [s].
 
-    7.29 ms.
+    The value is 7.29 ms.
 
     It is a way over a speed, 0.36 of solref's time constant T = 20 ms, and not a time that passes:
     the deepest point is reached later. Beyond 1 mm the contact is r'' + d b r' + d k r = 0 with the
@@ -472,9 +472,9 @@ def mujoco_box_at_rest(
 def zeno_end(
     height: float, restitution: float, gravity: float = problems.STANDARD_GRAVITY
 ) -> float:
-    """Return when the last of infinitely many bounces is over.
+    """Return the time at which infinitely many bounces have ended [s].
 
-    sqrt(2 h / g) (1 + e) / (1 - e) [s].
+    It is sqrt(2 h / g) (1 + e) / (1 - e).
     """
     return math.sqrt(2.0 * height / gravity) * (1.0 + restitution) / (1.0 - restitution)
 

@@ -210,7 +210,7 @@ def measure_rates(
     horizon: float | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Rate]:
-    """Return body-steps per second of every contender at every size, interleaved in one process.
+    """Measure body-steps per second of every contender and size, interleaved in one process.
 
     Args:
         contenders: what to run; one thread each.
@@ -254,9 +254,9 @@ def memory_bandwidth(megabytes: int = 256) -> float:
 
 
 def ratios(rates: Sequence[Rate], ours: str, theirs: str) -> tuple[float, float]:
-    """Return best rate of ours over the best of theirs.
+    """Return our best rate over the other side's best rate.
 
-    (body-steps, simulated seconds) per second.
+    Rates are (body-steps, simulated seconds) per second.
     """
     steps, seconds = (
         {name: max(by(r) for r in rates if r.contender.name == name) for name in (ours, theirs)}

@@ -103,10 +103,7 @@ def shaping_speed(
     at_most: int = 300_000,
     epss: Sequence[float] = (0.1, 0.03, 0.01, 1e-3),
 ) -> Iterator[Panel]:
-    """Chart what a potential does to learning on a grid.
-
-    And how near a chain comes to the bound.
-    """
+    """Chart a potential's effect on learning in a grid, and how near a chain comes to the bound."""
     walk, far = grid(n), 2.0 * (n - 1)
     remaining = far - (np.arange(n * n) // n + np.arange(n * n) % n)
     phis = {

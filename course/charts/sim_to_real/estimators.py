@@ -44,9 +44,7 @@ def what_finds_the_numbers(
     lengths: Sequence[float] = (0.5, 1.0, 2.0, 4.0),
     seeds: int = 4,
 ) -> Iterator[Panel]:
-    """Chart error of five numbers over the noise.
-
-    And over the time it takes, `mujoco.sysid` beside.
+    """Chart the error of five parameters over noise and over time, next to `mujoco.sysid`.
 
     Args:
         noises: standard deviations of the angles [rad].
@@ -107,9 +105,7 @@ def believed_error_bars(
     delays: Sequence[float] = (5e-5, 1e-4, 2e-4, 5e-4, 2e-3, 1e-2),
     seeds: int = 8,
 ) -> Iterator[Panel]:
-    """Chart a fit whose model lacks something.
-
-    What it claims, how wrong it is, whether it is noticed.
+    """Chart a fit whose model lacks an effect: its stated errors, its true errors, and warnings.
 
     Args:
         frictions: dry friction of joint 1, joint 2 has half [N m].
@@ -163,9 +159,9 @@ def random_sines(seconds: float, seed: int) -> Array:
 
 
 def features(q: Array, u: Array, k: int) -> Array:
-    """Return what the next change of the angles may depend on.
+    """Return the features that the next change of the angles may depend on.
 
-    Earlier ones, torques, and the elbow.
+    They are earlier changes, torques, and the elbow angle.
     """
     moves, c, s = np.diff(q[:, k - LAGS : k + 1]), np.cos(q[1, k]), np.sin(q[1, k])
     line = np.concatenate([moves.ravel(), 0.01 * u[:, k - LAGS : k + 1].ravel()])

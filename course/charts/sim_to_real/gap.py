@@ -33,10 +33,7 @@ def banded(label: str, x: Sequence[float], rates: Sequence[float], n: int, key: 
 
 @chart
 def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
-    """Chart success on n tasks over the gap by what was tuned on.
-
-    And over the range, the twin beside.
-    """
+    """Chart success on n tasks over the gap and the width of the tuning range, with the twin."""
     record, posed = recorded(), tasks(n, SEEN)
     panel = Panel("The real arm, 10 ms late", "gap", "success")
     for label, kind, k in (
@@ -107,9 +104,9 @@ def about(columns: Array) -> Callable[[int, np.random.Generator], Array]:
 
 
 def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
-    """Return success of chapter 6's adaptive law along smooth ways of 0.5 s.
+    """Return the success of chapter 6's adaptive law along smooth paths of 0.5 s.
 
-    From the simulator's numbers.
+    It starts from the simulator's parameters.
 
     The setting was seen on the twin, one of eight slopes and dampings and of three rates: all never
     fail on `PLAIN`, and on the twin they gave 0.69 to 1.00, not adapting 0.78 to 0.92.
@@ -209,9 +206,9 @@ FINDINGS = (
 
 @chart
 def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
-    """Chart what mending each parameter of the simulator does to the real arm.
+    """Chart what fixing each parameter of the simulator does to success on the real arm.
 
-    All subsets, a trace.
+    All subsets of parameters are tried.
     """
     other, posed = real(1.0, LATE), tasks(n, SEEN)
 
@@ -266,7 +263,7 @@ def delay_limit(gains: Array, factor: float = 1.0) -> float:
 def swings(gains: Array, late: float, elbow: float = 1.2, dry: float = 0.0, **free: float) -> bool:
     """Return whether the swing of joint 2 after a step of a milliradian grows.
 
-    `f1=0` frees joint 1.
+    With `f1=0` joint 1 is free of friction.
     """
     body, start = plants.nominal().columns(), np.array([[0.3], [elbow]])
     body[[5, 6, 8], 0] = free.get("f1", 1e3), dry, late
@@ -286,10 +283,7 @@ def arm_limit(gains: Array, elbow: float = 1.2) -> float:
 
 @chart
 def late_commands(n: int = 200, points: int = 31, observed: int = 64) -> Iterator[Panel]:
-    """Chart success over delay and gain with the limit of stability.
-
-    And MuJoCo's own delay beside.
-    """
+    """Chart success over delay and gain, with the stability limit and MuJoCo's own delay."""
     gains, posed = recorded()["range"][0, 0], tasks(n, SEEN)
     late, factors = np.linspace(0.0, 0.06, points), np.linspace(0.2, 1.6, 15)
     fails = np.array(

@@ -47,9 +47,9 @@ def record(
     dt: float = DT,
     **changed: float,
 ) -> Log:
-    """Return a log of the arm, from rest, with what is `changed` in it.
+    """Record a log of the arm, from rest, with some parameters changed.
 
-    Rows of `plants.ROWS`, by name.
+    `changed` names rows of `plants.ROWS`.
     """
     sent = plan(kind, seconds, dt)
     times = dt * np.arange(sent.shape[1] + 1)
@@ -71,10 +71,7 @@ ALL = {
 def episode(
     real: plants.Plants, gains: Array, task: plants.Tasks
 ) -> tuple[Log, dict[str, float], Array]:
-    """Return the log of one arm's only episode; where a fit of `ALL` starts.
-
-    And what it should find.
-    """
+    """Return the log of an arm's only episode, the start of a fit of `ALL`, and the true values."""
     run = plants.watch(real, gains, task)
     q1, q2 = task.start[:, 0].tolist()
     # Too heavy, with too much dry friction: from the other side some fits end where a joint sticks.
@@ -88,7 +85,7 @@ def episode(
 
 
 def rods(parameters: Mapping[str, Array], log: Log) -> Array:
-    """Return as `arm`, of six numbers for the five that show.
+    """Simulate `arm` from six parameters, of which five combinations show.
 
     Mass m and inertia I about the centre of each link [kg, kg m^2], c1 and c2.
     """
@@ -159,6 +156,6 @@ def regress(log: Log, form: str, width: float | None = None, window: float = 0.3
 
 
 def _least(rows: Array, torque: Array) -> Array:
-    """Return of (2, 5, K) rows and (2, K) torques."""
+    """Solve (2, 5, K) rows for (2, K) torques by least squares."""
     answer, *_ = np.linalg.lstsq(rows.swapaxes(0, 1).reshape(5, -1).T, torque.ravel(), rcond=None)
     return np.asarray(answer, dtype=float)

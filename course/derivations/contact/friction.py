@@ -261,18 +261,40 @@ def box_of_limits(result):
 @claim(
     "Regularised friction is stable at any step that the contact's spring bears.",
     "Below the slip speed v_s it is a damper of mu f_n/v_s from the old velocity. A step "
-    "multiplies the speed by 1 - h mu f_n/(m v_s), in both Euler schemes, so h < 2 m v_s/(mu f_n). "
-    "At twice that, {step_ms:.2f} ms, a block at rest trembles for ever, by {trembles:.1f} times "
-    "the slip speed, where its spring would bear {spring_ms:.1f} ms.",
+    "multiplies the speed by 1 - h mu f_n/(m v_s), in both Euler schemes, so h < 2 m v_s/(mu f_n), "
+    "where m is the mass felt at the contact point: all of a block that cannot turn, {felt:.3f} of "
+    "a solid ball, which the same force also spins. At twice the limit, {step_ms:.2f} ms, a block "
+    "at rest trembles for ever, by {trembles:.1f} times the slip speed, where its spring would "
+    "bear {spring_ms:.1f} ms.",
 )
 def friction_has_a_step_limit(result):
     from course.charts.contact.models import step_limit
     from course.contact import scenes
 
-    def remaining(mu, slip, share):
-        """Return speed over slip speed after 400 steps of this share of the limit.
+    def rolling(mu, slip, share, moment):
+        """Return the contact point's speed over slip speed for a ball of 1 kg that can turn.
 
-        Step, spring's [s].
+        The share is of 2 v_s / (mu g), as if it could not; the moment of inertia is over m r^2.
+        """
+        radius, dt = 0.1, share * 2 * slip / (mu * scenes.GRAVITY)
+        stiffness = 0.02 / dt**2
+        ball = scenes.Scene(
+            np.diag([1.0, 1.0, moment * radius**2]),
+            np.array([[[0.0, 1.0, 0.0], [1.0, 0.0, radius]]]),
+            np.zeros(1),
+            np.array([0.0, -scenes.GRAVITY, 0.0]),
+            np.full((1, 1), mu),
+            np.array([0.0, -scenes.GRAVITY / stiffness, 0.0]),
+            np.array([0.3 * slip, 0.0, 0.0]),
+        )
+        options = {"stiffness": stiffness, "damping": 0.0, "slip": slip}
+        v = scenes.run(ball, "penalty", dt, 400, **options).v[:, -50:]
+        return np.abs(v[0] + radius * v[2]).max() / slip
+
+    def remaining(mu, slip, share):
+        """Return speed over slip speed after 400 steps, friction being this share of its limit.
+
+        The step and the spring's period are in s.
         """
         dt = share * 2 * slip / (mu * scenes.GRAVITY)
         stiffness = 0.02 / dt**2  # its own limit is 14 of these steps
@@ -288,15 +310,32 @@ def friction_has_a_step_limit(result):
     result.measure("step_ms", 1e3 * step, tolerance=1e-9)
     result.measure("spring_ms", 1e3 * bears, tolerance=1e-9)
     draws = result.rng.uniform((0.1, 1e-4, 0.05), (1.2, 1e-2, 0.95), (8, 3))
+    # Of a body with the moment i m r^2 the contact feels m i / (1 + i).
+    moments = result.rng.uniform(0.2, 1.0, 8)
+    masses = moments / (1 + moments)
+    moment = result.input("moment", 0.4)
+    ball = result.measure("felt", moment / (1 + moment), tolerance=1e-9)
     result.statement = f"At {1e3 * step:.3f} ms it trembles at {trembles:.3f} times the slip speed."
     result.statement_holds(
         trembles < 1e-3,
-        only_if="the step is also below 2 m v_s/(mu f_n)",
-        inside=[remaining(*draw)[0] < 1e-3 for draw in draws],
-        outside=[remaining(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws],
+        only_if="the step is also below 2 m v_s/(mu f_n), with m the mass felt at the contact",
+        inside=[remaining(*draw)[0] < 1e-3 for draw in draws]
+        + [
+            rolling(mu, slip, share * mass, i) < 1e-3
+            for (mu, slip, share), mass, i in zip(draws, masses, moments, strict=True)
+        ],
+        outside=[remaining(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws]
+        + [
+            rolling(mu, slip, 1.05 * mass, i) < 1e-3
+            for (mu, slip, _), mass, i in zip(draws, masses, moments, strict=True)
+        ],
     )
     result.correction_holds(
-        remaining(0.5, 1e-3, 0.98)[0] < 1e-3, remaining(0.5, 1e-3, 1.02)[0] > 0.1, trembles > 1
+        remaining(0.5, 1e-3, 0.98)[0] < 1e-3,
+        remaining(0.5, 1e-3, 1.02)[0] > 0.1,
+        trembles > 1,
+        rolling(0.5, 1e-3, 0.97 * ball, moment) < 1e-3,
+        rolling(0.5, 1e-3, 1.03 * ball, moment) > 0.1,
     )
 
 
@@ -453,9 +492,13 @@ def penalty_law_has_a_plus(result):
 
 @claim(
     "The damper of a penalty contact damps the oscillation.",
-    "It does below the largest stable step, which damping lowers, in semi-implicit Euler to "
-    "2 (sqrt(1 + zeta^2) - zeta)/omega. Past it the damper drives. What slides it leaves alone: a "
-    "block at {speed:.0f} m/s along the ground loses none of it to the damper.",
+    "It does while the contact stays closed and the step is below the largest stable one, which "
+    "damping lowers, in semi-implicit Euler to 2 (sqrt(1 + zeta^2) - zeta)/omega. Past it the "
+    "damper drives. A contact that opens and closes needs a smaller step: dropped from "
+    "{drop_mm:.0f} mm at a damping ratio of {ratio:.2f} and {share:.0%} of the limit, a ball "
+    "reaches more than {gained:.0f} times its energy. At {safe:.0%} of the limit, and from a ratio "
+    "of {least:.1f} on, none of ours gains any. What slides the damper leaves alone: a block at "
+    "{speed:.0f} m/s along the ground loses none of it.",
 )
 def damper_damps(result):
     from course.charts.contact.models import step_limit
@@ -470,6 +513,20 @@ def damper_damps(result):
         path = scenes.run(scene, "penalty", h, 600, stiffness=1e4, damping=200.0 * ratio)
         return np.ptp(path.q[0, -100:])
 
+    def gains(ratio, share, drop):
+        """Return the largest energy of a ball that bounces over that of its start."""
+        h = share * step_limit(ratio, "semi-implicit") / 100.0
+        path = scenes.run(
+            scenes.ball_drop(drop), "penalty", h, 1500, stiffness=1e4, damping=200.0 * ratio
+        )
+        energy = 0.5 * path.v[0] ** 2 + scenes.GRAVITY * path.q[0]
+        return energy.max() / (scenes.GRAVITY * drop)
+
+    ratio, share = result.input("ratio", 0.02), result.input("share", 0.95)
+    drop = 1e-3 * result.input("drop_mm", 10.0)
+    gained = result.input("gained", 100.0)
+    least, safe = result.input("least", 0.1), result.input("safe", 0.5)
+    bounces, damped = result.rng.uniform(1e-3, 0.1, 8), result.rng.uniform(least, 1.0, 8)
     ratios, shares = result.rng.uniform(0.1, 1.5, 8), result.rng.uniform(0.2, 0.95, 8)
     scene = scenes.block(0.0, 0.0, (speed, 0.0))
     slid = scenes.run(scene, "penalty", 1e-4, 1000, stiffness=1e4, damping=100.0)
@@ -477,11 +534,17 @@ def damper_damps(result):
     result.statement = "A ball on a damped spring, steps below and above the limit."
     result.statement_holds(
         swing(1.0, 1.1) < 1e-6,
-        only_if="the step is below the scheme's limit",
+        only_if="the contact stays closed and the step is below the scheme's limit",
         inside=[swing(z, s) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
-        outside=[swing(z, 1.02 + s / 3) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
+        outside=[swing(z, 1.02 + s / 3) < 1e-6 for z, s in zip(ratios, shares, strict=True)]
+        + [gains(ratio, share, height) < 1.0 + 1e-9 for height in bounces],
     )
     # Past the limit the contact may only rattle, but it leaves rest.
     result.correction_holds(
-        abs(retained - speed) < 1e-12, all(swing(z, 1.03) > 1e-6 for z in ratios)
+        abs(retained - speed) < 1e-12,
+        all(swing(z, 1.03) > 1e-6 for z in ratios),
+        gains(ratio, share, drop) > gained,
+        sum(gains(ratio, share, height) > 1.5 for height in bounces) > len(bounces) / 2,
+        all(gains(z, safe, height) < 1.0 + 1e-9 for z, height in zip(damped, bounces, strict=True)),
+        all(gains(least, safe, height) < 1.0 + 1e-9 for height in bounces),
     )

@@ -501,10 +501,7 @@ def circles_once_a_step(result):
     a, b = contact.sphere(0.3, 2), contact.sphere(0.5, 2)
 
     def flights(low, high, n=40):
-        """Return whether a test a step sees each hit, and whether the time of impact does.
-
-        At random.
-        """
+        """Return whether a test per step and whether the time of impact see each random hit."""
         h = result.rng.uniform(0.0, 0.75, n)
         step = 2.0 * np.sqrt(0.8**2 - h**2) * result.rng.uniform(low, high, n)
         start = -1.0 - step * result.rng.uniform(0.0, 1.0, n)

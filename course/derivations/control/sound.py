@@ -59,8 +59,8 @@ def filtered_rate_is_late(result):
 
     result.measure("filtered_ms", 1000 * lag("filtered", tau))
     result.measure("observer_ms", 1000 * lag("observer", tau))
-    remaining = [np.std(rates(noise, dt, kind, tau)[4000:]) for kind in ("observer", "filtered")]
-    result.measure("share", remaining[0] / remaining[1], 0.05)
+    spreads = [np.std(rates(noise, dt, kind, tau)[4000:]) for kind in ("observer", "filtered")]
+    result.measure("share", spreads[0] / spreads[1], 0.05)
     taus = result.rng.uniform(10 * dt, 0.1, 8)
     result.statement = "Lag under a steady acceleration, and what white noise becomes."
     result.statement_holds(all(abs(lag("filtered", x) / x - 1) < 0.06 for x in taus))
@@ -80,14 +80,14 @@ def half_the_ultimate_gain(result):
 
     shares = np.geomspace(result.input("low", 0.01), result.input("high", 10), 5)
     rows = [ziegler_nichols("P", x) for x in shares]
-    remaining = [row.margins() for row in rows]
+    margins = [row.margins() for row in rows]
     over = [row.overshoot for row in rows]
-    result.measure("phase_deg", np.degrees(min(m.phase for m in remaining)), 1e-3)
+    result.measure("phase_deg", np.degrees(min(m.phase for m in margins)), 1e-3)
     result.measure("least", min(over), 1e-3)
     result.measure("most", max(over), 1e-3)
     result.statement = "Margins of the row for P at five delays, and its steps."
-    result.statement_holds(all(abs(m.gain - 2) < 1e-3 for m in remaining))
-    result.correction_holds(min(m.phase for m in remaining) < 0.1, max(over) > 0.5)
+    result.statement_holds(all(abs(m.gain - 2) < 1e-3 for m in margins))
+    result.correction_holds(min(m.phase for m in margins) < 0.1, max(over) > 0.5)
 
 
 @claim(

@@ -194,7 +194,7 @@ def adaptive_sum_can_only_fall(result):
 
     truth = tracking.ARM.parameters
 
-    def run(off, hz, seconds=1.0, bounds=None):
+    def run(offset, hz, seconds=1.0, bounds=None):
         """Return the largest sum over its start, and the error at the end [mrad]."""
         law = tracking.adaptive(tracking.ARM, 1.0 / hz, bounds=bounds)
         q, v, _ = tracking.motion(np.zeros(1))
@@ -206,7 +206,7 @@ def adaptive_sum_can_only_fall(result):
             sums.append(s @ tracking.ARM.mass_matrix(q) @ s / 2 + wrong @ wrong / (2 * 5.0))
             return step(q, v, q_ref, v_ref, a_ref)
 
-        start = np.asarray(q)[:, 0] + off, np.asarray(v)[:, 0]
+        start = np.asarray(q)[:, 0] + offset, np.asarray(v)[:, 0]
         done = track(tracking.ARM, watched, tracking.motion, 1.0 / hz, seconds, 10, start)
         error = 1e3 * np.abs(done.q[:, -2] - done.setpoint[:, -1]).max()
         return max(sums) / sums[0], sums[-1] / sums[0], error
@@ -219,31 +219,31 @@ def adaptive_sum_can_only_fall(result):
     grown = result.measure("coarse", run(far, coarse)[0], 0.1)
     fallen = result.measure("fine", run(far, fine)[1], 0.1)
     box = np.array([[0.5], [2.0]]) * truth
-    kept = [run(off, hz, 5.0, box) for off in (near, far) for hz in (slow, coarse)]
-    result.measure("kept_mrad", max(end for _, _, end in kept), 0.2)
+    bounded = [run(offset, hz, 5.0, box) for offset in (near, far) for hz in (slow, coarse)]
+    result.measure("kept_mrad", max(end for _, _, end in bounded), 0.2)
     lost = run(near, slow, 5.0)[2]
     result.statement = (
         "The sum on the chart's arm and motion; the estimate starts as the truth, so it is the "
         "error of the motion alone at first."
     )
 
-    def falls(off, ratio):
+    def falls(offset, ratio):
         """Return whether the sum never grows, at a ratio of dt rate |Y|^2 and the damping."""
         q, v, a = (np.asarray(x)[:, 0] for x in tracking.motion(np.zeros(1)))
-        Y = tracking.ARM.regressor(q + off, v, a, v - 10.0 * off)
+        Y = tracking.ARM.regressor(q + offset, v, a, v - 10.0 * offset)
         hz = 5.0 * np.linalg.norm(Y, 2) ** 2 / (2.5 * ratio)
-        return run(off, hz, 0.3)[0] <= 1.0 + 1e-9
+        return run(offset, hz, 0.3)[0] <= 1.0 + 1e-9
 
-    offs = result.rng.uniform(0.25, 0.4, (2, 8))
+    offsets = result.rng.uniform(0.25, 0.4, (2, 8))
     small, large = result.rng.uniform(0.01, 0.08, 8), result.rng.uniform(0.2, 0.8, 8)
     result.statement_holds(
         grown <= 1.0,
         only_if="dt rate |Y|^2 stays below a tenth of the damping where the motion starts",
-        inside=[falls(off, x) for off, x in zip(offs[0], small, strict=True)],
-        outside=[falls(off, x) for off, x in zip(offs[1], large, strict=True)],
+        inside=[falls(offset, x) for offset, x in zip(offsets[0], small, strict=True)],
+        outside=[falls(offset, x) for offset, x in zip(offsets[1], large, strict=True)],
     )
     result.correction_holds(
-        grown > 1.5, fallen < 1.0, not lost < 1e3, all(end < 100.0 for _, _, end in kept)
+        grown > 1.5, fallen < 1.0, not lost < 1e3, all(end < 100.0 for _, _, end in bounded)
     )
 
 

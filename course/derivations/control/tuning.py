@@ -140,9 +140,9 @@ def integral_removes_the_error(result):
 
 
 def _as_printed(seconds, steps=1000):
-    """Return the usual listing's controller and plant, step by step.
+    """Run the usual listing's controller and plant, step by step.
 
-    (times, angles, commands, speeds).
+    It returns (times, angles, commands, speeds).
 
     Derivative of the error by a difference, the sum of errors clamped to 10, the command to 50;
     friction taken from the acceleration, speed before angle.

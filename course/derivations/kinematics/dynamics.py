@@ -101,9 +101,9 @@ def two_link_mass_matrix(result):
 def exact_accelerations(
     lengths: Any, masses: Any, q: Any, v: Any, tau: Any, gravity: float = 0.0
 ) -> np.ndarray:
-    """Return the exact joint accelerations of planar rods under gravity along -y.
+    """Return the exact joint accelerations (n,) of planar rods under gravity along -y.
 
-    From Lagrange's equations with 60 digits, (n,).
+    They follow from Lagrange's equations with 60 digits.
     """
     import mpmath as mp
 

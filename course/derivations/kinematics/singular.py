@@ -177,10 +177,7 @@ def damping_is_free(result):
     U, values, _ = np.linalg.svd(stack)
 
     def remaining(i: int, value: float) -> np.ndarray:
-        """Return share of an error along singular direction i that a step leaves.
-
-        For all postures.
-        """
+        """Return the remaining share of an error along singular direction i, for all postures."""
         along = U[:, :, i : i + 1]
         return np.linalg.norm(along - stack @ (damped_inverse(J, value) @ along), axis=(1, 2))
 

@@ -63,7 +63,7 @@ def errors_compound(result):
     steps = np.array([5, 10, 20, 40, 80])
 
     def exponent(share, recovers):
-        """Return of 20,000 episodes that are played, with a thousand contexts."""
+        """Return the growth exponent of regret over 20,000 played episodes with 1000 contexts."""
         wrong = np.arange(1000) < 1000 * share
         played = [context_costs(wrong, T, 20_000, result.rng, recovers=recovers) for T in steps]
         return np.polyfit(np.log(steps), np.log([c.mean() for c in played]), 1)[0]
@@ -119,7 +119,7 @@ def clone_error_grows(result):
     result.formula = sum(x)
 
     def exponent(factor, steps=2000):
-        """Return of the second half of so many steps."""
+        """Return the growth exponent over the second half of the steps."""
         T = np.arange(steps // 2, steps)
         return np.polyfit(np.log(T), np.log(accumulated(factor, 0.01, steps)[T]), 1)[0]
 

@@ -27,7 +27,7 @@ SYMBOLS = {
 def drawn(rng, cut=0.0, T=40):
     """Return rewards, values, value after each step, ends and cuts of a run.
 
-    The next row's values.
+    The value after a step is that of the next row.
     """
     rewards, values, later = rng.normal(size=(3, T))
     ended, late = rng.random((2, T)) < [[0.1], [cut]]
@@ -344,10 +344,7 @@ def sparse_chance(result):
     dense = np.prod(np.clip(2.0 - np.abs(path), 0.0, None), axis=2) / 16.0  # of goals there, 1/S
 
     def law(radius):
-        """Return the swept share, where goals are dense and where they are not.
-
-        And the start's disc.
-        """
+        """Return the swept share for dense goals, for sparse ones, and on the start's disc."""
         swept = float(result.formula.subs({R: radius, L: 1, S: 1})) * np.sum(lengths * dense, 1)
         return swept.mean() + np.pi * radius**2 / 4.0
 

@@ -122,9 +122,9 @@ def reliable_resends_all(result):
     size, loss = int(result.input("n", 627)), result.input("p", 1e-3)
 
     def packets(size, loss, messages=300, rate=1e9):
-        """Return of each message in the mean, and rounds.
+        """Return packets of each message on average, and rounds.
 
-        The wire never rests before all is through.
+        The wire never rests before everything is delivered.
         """
         reader, link, bus = lossy("reliable", size, loss, messages, rate)
         sent = 1e-9 * bus.wires[link] * rate / link.fragment
@@ -365,9 +365,9 @@ def topics_many_to_many(result):
 
 
 def answered(work, busy=0.0, phase=0.0, clients=1):
-    """Return times until services answered on the bus.
+    """Return response times of services on the bus, by client [s].
 
-    By client [s], and whether each got its own.
+    It also returns whether each client got its own answer.
     """
     from course.middleware.bus import Bus, Group
     from course.middleware.executor import Executor

@@ -100,9 +100,9 @@ def mismatch_is_late(result):
 
 
 def drawn(rng, least=None):
-    """Return a quality of service by chance.
+    """Return a random quality of service.
 
-    At least as strong as another in each policy with an order.
+    It is at least as strong as another one in each policy with an order.
 
     Shared ownership, which has no order.
     """
@@ -283,9 +283,9 @@ def reliable_arrives(result):
 
 
 def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
-    """Return age of what a slow reader takes from a full queue on the bus.
+    """Return the age of samples that a slow reader takes from a full queue on the bus.
 
-    In periods of the writer.
+    It is in periods of the writer.
     """
     from course.middleware.bus import Bus
     from course.middleware.qos import QoS

@@ -54,10 +54,7 @@ print("alive")
 
 
 def told_of_a_crash(lease):
-    """Return whether a reader is told that its writer died on the bus.
-
-    And whether who asked got an answer.
-    """
+    """Return whether a reader learns that its writer died, and whether a client is answered."""
     from course.middleware.bus import Bus
     from course.middleware.qos import QoS
 

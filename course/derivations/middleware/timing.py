@@ -154,10 +154,7 @@ def by_rate_is_best(result):
 
 
 def high_waits(protocol, section, middle, between):
-    """Return how long a high task waits for a low one's section.
-
-    With so many tasks between them [s].
-    """
+    """Return how long a high task waits for a low one's section, with tasks between them [s]."""
     from course.middleware.schedule import run
 
     n = between + 2
@@ -380,9 +377,9 @@ def jitter_below_a_period(result):
     good = 1e-6 * result.input("good_us", 20)
 
     def error(jitter, period=1e-3, periods=20_000, late=None):
-        """Return of a velocity of 1 rad/s over the nominal period; intervals [s].
+        """Return the error of a velocity of 1 rad/s over the nominal period; intervals [s].
 
-        Periods skipped.
+        Skipped periods are included.
         """
         late = late or (lambda: result.rng.uniform(0.0, jitter))
         begun, record = looped(late, 0.0, periods, period=period)

@@ -228,10 +228,7 @@ def inverse_depth_is_better(result):
     eye, sensor = see.Camera.symmetric(160, 120, 1.0), see.Sensor(0.05, result.input("noise", 0.3))
 
     def times(sensor, tilts, even=0.0):
-        """Return the points' error of the angle over the linear fit's.
-
-        And both mean offsets [m].
-        """
+        """Return the angle error over that of the linear fit, and both mean offsets [m]."""
         deviation = []
         for tilt in tilts:
             turn = exp(np.array([np.pi - tilt, 0.0, 0.0]))

@@ -20,9 +20,9 @@ def kabsch_without_determinant(result):
     from course.rigid_body.quaternion import exp, to_matrix
 
     def fits(thick, runs=25, count=12):
-        """Return the share of reflections without the determinant.
+        """Return the share of reflections without the determinant, and whether all fits are best.
 
-        And whether with it all are best.
+        The second result is with the determinant.
         """
         mirrored, best = 0, True
         for _ in range(runs):
@@ -139,10 +139,7 @@ def not_looked_through_is_right(result):
     from course.perception import apart, locate, shape
 
     def first(cause, yaw):
-        """Return error to the nearer of part and twin, what is looked through, agrees.
-
-        And is said.
-        """
+        """Return the error to the nearer of part and twin, and the judgements of the pose."""
         depth, _, pose = picture_of(cause, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
         beside = turned_by(pose, 0.0, 0.1 * (cause != "as it is"), 0.0, 0.0, 0.0, 0.0)

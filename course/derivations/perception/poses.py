@@ -228,10 +228,7 @@ def averaging_pictures_helps(result):
     limit = result.measure("speed", 2 * sigma / np.sqrt(5 * 4) / period)
 
     def better(k, share, common=0.0):
-        """Return at a share of that speed.
-
-        And with a share of the variance that all pictures have.
-        """
+        """Return the gain at a share of that speed, all images sharing a part of the variance."""
         moved = share * 2 * sigma / np.sqrt(k * (k - 1)) * np.arange(1 - k, 1)
         own, same = result.rng.standard_normal((20_000, k)), result.rng.standard_normal((20_000, 1))
         z = sigma * (np.sqrt(1 - common) * own + np.sqrt(common) * same) + moved

@@ -108,7 +108,7 @@ def latency_is_not_age(result):
     scene = Scenario(velocity=(-0.02, 0.015), seconds=3.0)
 
     def ages(late, period):
-        """Return of what an arm without lag aims at, over the phases of the camera [s]."""
+        """Return the age of what an arm without lag aims at, over the phases of the camera [s]."""
         changed = {"noise": 0.0, "bias": (0.0, 0.0), "filtered": False, "frame": period}
         u = np.array(scene.velocity)
         return np.array(

@@ -27,7 +27,7 @@ SYMBOLS = {
 def swung(q, kp, kd, dt, steps, offset):
     """Return angles (steps, 2, N) of N arms under PD from an offset at rest.
 
-    By semi-implicit Euler.
+    They are integrated by semi-implicit Euler.
 
     Args:
         q: postures at which the arms are held, (2, N) [rad].
@@ -177,12 +177,14 @@ def largest_step(result):
     rng = result.rng
     wide = q, 10.0 ** rng.uniform(0.0, 3.0, q.shape[1]), rng.uniform(0.0, 60.0, q.shape[1])
     edge = limits(*wide)
-    many = np.stack([rng.uniform(-3.0, 3.0, 200), rng.uniform(0.0, 3.0, 200)])
+    postures = np.stack([rng.uniform(-3.0, 3.0, 200), rng.uniform(0.0, 3.0, 200)])
     gains = rng.uniform(10.0, 100.0, 200), rng.uniform(1.0, 10.0, 200)
     below, turn = result.input("below", 0.97), result.input("turn_rad", 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
         away = np.array([[0.5 * turn], [-turn]])
-        ends = swung(many, *gains, below * limits(many, *gains), 3000, away)[-50:] - many
+        ends = (
+            swung(postures, *gains, below * limits(postures, *gains), 3000, away)[-50:] - postures
+        )
         lost = ~(np.abs(ends).max(axis=(0, 1)) < 1e-2)
     far = result.measure("far", lost.mean(), 0.3)
     result.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
@@ -198,7 +200,7 @@ def largest_step(result):
         share > 0.7,
         wild > 10.0 * max(calm, 1e-3),
         far > 0.1,
-        not leaves(many, *gains, below * limits(many, *gains)).any(),
+        not leaves(postures, *gains, below * limits(postures, *gains)).any(),
     )
 
 
@@ -265,7 +267,7 @@ def swings_die(result):
     soft, stiff = result.input("soft", 25.0), result.input("stiff", 250.0)
 
     def rate(kp):
-        """Return of decay, from the largest swings of the first and of the last third [1/s]."""
+        """Return the rate of decay from the largest swings of first and last third [1/s]."""
         dt = 0.02 / np.sqrt(kp * value[0])
         away = 1e-5 * shapes[:, :1]
         observed = swung(np.array(bent)[:, None], kp, 0.0, dt, 3000, away)[:, :, 0] - bent

@@ -30,7 +30,7 @@ def numbers_in(words: str) -> list[float]:
 def within(panel: int, name: str, share: float) -> float:
     """Return the cost within which that share is solved, between points of a curve.
 
-    Infinite beyond.
+    It is infinite beyond the curve.
     """
     series = _panels()[panel][name]
     if max(series.y) < share:

@@ -74,7 +74,7 @@ def informed_rrt_star(result):
         return informed < star
 
     def ellipse(length):
-        """Return its share of the square; the ends are 8 m apart."""
+        """Return the ellipse's share of the square; the ends are 8 m apart."""
         return np.pi / 4 * length * np.sqrt(length**2 - 64.0) / 100.0
 
     pairs = [pair(seed) for seed in range(10)]
@@ -378,18 +378,12 @@ def limits_between_grid_points(result):
     times = np.linspace(0.0, 1.0, result.input("times", 20_001))
 
     def peaks(grid):
-        """Return largest acceleration, limit 1, of the chapter's motion.
-
-        And with one end constrained.
-        """
+        """Return the largest acceleration, limit 1, of the motion, and with one end constrained."""
         motion = time_parameterise(path, (9.0, 1.0), blend=0.3, grid=grid)
         h, f, c = np.diff(motion.stations), motion.first, motion.second
 
         def pushes(i, x, ahead):
-            """Return range of the acceleration along the path.
-
-            From the beginning of interval i alone.
-            """
+            """Return the range of path acceleration at the beginning of interval i alone."""
             with np.errstate(divide="ignore"):
                 ends = np.sort([(-1 - c[i] * x) / f[i], (1 - c[i] * x) / f[i]], axis=0)
             return max(*ends[0], -x / (2 * h[i])), min(*ends[1], (ahead - x) / (2 * h[i]))

@@ -106,8 +106,8 @@ def cached_roadmap(result):
     def joined(samples, seed):
         scene = scenes.gap(slit)
         graph = build_roadmap(scene.world, samples, seed)
-        remaining = graph.nodes[:, 0] < 5.0
-        crossing = remaining[graph.pairs[:, 0]] != remaining[graph.pairs[:, 1]]
+        in_left_half = graph.nodes[:, 0] < 5.0
+        crossing = in_left_half[graph.pairs[:, 0]] != in_left_half[graph.pairs[:, 1]]
         return bool((graph.status[crossing] == 1).any())
 
     sizes = result.input("few", 100), result.input("many", 2000)

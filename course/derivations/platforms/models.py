@@ -226,9 +226,9 @@ def lightest_install(result):
 
 
 def read_by(reader, texts):
-    """Return verdict on each model of a reader.
+    """Return a reader's verdict on each model.
 
-    In this process, without the models that crash one.
+    It runs in this process, without the models that crash one.
     """
     import io
     import logging

@@ -12,7 +12,7 @@ def simulators(*names):
     """Return engines by name.
 
     Raises:
-        ImportError: one is not installed; the text says what to install.
+        ImportError: one is not installed; the message names the package.
     """
     from course.oracles.engines import engines
 

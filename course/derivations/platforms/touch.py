@@ -466,8 +466,8 @@ def bullet_less_accurate(result):
     grasp = result.measure("grasp", over(scenes.grasp(result.input("gentle_n", 3.0))), 0.5)
     firm = result.measure("firm", over(scenes.grasp(result.input("firm_n", 10.0))), 0.5)
     high = result.measure("high", over(scenes.tower(5)), 0.3)
-    ways = [measures.path_error(engine, scenes.brake(), 1e-3).largest for engine in both]
-    hops = result.measure("hops", ways[0] / ways[1], 0.2)
+    largest = [measures.path_error(engine, scenes.brake(), 1e-3).largest for engine in both]
+    hops = result.measure("hops", largest[0] / largest[1], 0.2)
     tower = result.measure("tower", 1.0 / over(scenes.tower(3), AS_SHIPPED), 0.2)
     brake = measures.position_error(both[1], scenes.brake(), 1e-3, AS_SHIPPED)
     result.measure("brake", 1e3 * brake, 0.02)

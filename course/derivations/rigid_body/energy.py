@@ -22,9 +22,9 @@ def _energies(problem: Any, method: str, dt: float, steps: int, every: int = 1) 
 
 
 def _steps(method: str, system: Any, q: np.ndarray, v: np.ndarray, dt: Any, steps: int) -> Any:
-    """Return states of many runs side by side, each with its own start and step.
+    """Run many trajectories in parallel, each with its own start and step.
 
-    Q, v (steps + 1, nq, N).
+    It returns q and v, (steps + 1, nq, N).
 
     Args:
         method: name of an integrator.
@@ -66,7 +66,7 @@ def _matrix(name: str) -> tuple[Any, Any, Any]:
 def _energy_ratio(name: str) -> Any:
     """Return a^T E A E^-1 for the oscillator's energy E.
 
-    A multiple of 1 if all states gain alike.
+    It is a multiple of 1 if all states gain alike.
     """
     import sympy
 
@@ -130,7 +130,7 @@ def explicit_growth_per_second(result):
         return float(np.log(energy[1] / energy[0]))
 
     def power(dt: float, omega: float = 2 * np.pi) -> float:
-        """Return of dt in the growth of the logarithm over the same time."""
+        """Return the power of dt in the growth of the logarithm over the same time."""
         return float(np.log2(growth(2 * dt, 1000, omega) / growth(dt, 2000, omega)))
 
     _, h, omega = _matrix("explicit_euler")
@@ -200,10 +200,7 @@ def explicit_adds_without_forces(result):
     q = np.vstack((np.zeros((3, n)), np.tile(quaternion.identity()[:, None], n)))
 
     def gains(method: str, spin: np.ndarray, steps: int = 200) -> np.ndarray:
-        """Return energy after some steps less that at the start.
-
-        Of bodies that fly side by side.
-        """
+        """Return the energy of free bodies after some steps minus that at the start."""
         v = _steps(method, (flight, params), q, np.vstack((velocity, spin)), h, steps)[1]
         return (weights * (v[-1] ** 2 - v[0] ** 2)).sum(axis=0) / 2
 
@@ -395,7 +392,7 @@ def swapping_two_lines(result):
     large = result.input("pendulum_omega_h", 1.5)
 
     def share(u: float) -> float:
-        """Return of swings whose energy above the bottom grows more than tenfold in 2000 steps."""
+        """Return the share of swings whose energy above the bottom grows tenfold in 2000 steps."""
         rate = np.sqrt(params[0])
         start = result.rng.uniform(-1, 1, (2, 1, 200)) * np.reshape((3, rate), (2, 1, 1))
         q, v = _steps("semi_implicit_euler", (pull, params), start[0], start[1], u / rate, 2000)
@@ -514,7 +511,7 @@ def symplectic_with_varying_step(result):
         return -q / (q[0] * q[0] + q[1] * q[1]) ** 1.5
 
     def drifts(eccentricity: np.ndarray, reversible: bool) -> np.ndarray:
-        """Return of the median energy between the first and the last two orbits."""
+        """Return the drift of the median energy between the first and the last two orbits."""
         e, pace = eccentricity, 0.1
         q, v = np.array([1 - e, 0 * e]), np.array([0 * e, np.sqrt((1 + e) / (1 - e))])
         rate = (1 - e) ** -1.5  # of steps; its time derivative is integrated, half a step ahead

@@ -82,7 +82,7 @@ def drop(
     Args:
         method: "explicit_euler", "semi_implicit_euler", or "exact_flight".
         steps: steps at most.
-        bounces: a ball stops after so many.
+        bounces: number of bounces after which a ball stops.
         dt: step [s], one for all or one each, as the next three.
         e: restitution.
         height: at the start [m].
@@ -124,10 +124,7 @@ def worked_example(method: str) -> Bounces:
 
 @functools.cache
 def near(method: str, n: int = 500) -> Bounces:
-    """Return ten bounces from starts near the worked example's.
-
-    Up to 1 mm and one step's speed off.
-    """
+    """Return ten bounces from starts up to 1 mm and one step's speed from the worked example's."""
     heights, speeds = np.random.default_rng(10).uniform(-1, 1, (2, n)) * [[1e-3], [GRAVITY * STEP]]
     return drop(method, height=HEIGHT + heights, speed=speeds)
 

@@ -9,9 +9,9 @@ from course.derivations.rigid_body.flight import GRAVITY, METHODS, START, drop, 
 
 
 def _listing(method: str, e: float = 0.6, spin: float = 0.0, dt: float = 1e-3) -> Any:
-    """Return the usual first listing of a planar box.
+    """Run the usual first listing of a planar box.
 
-    A state of six numbers, gravity, and a bounce rule.
+    It has a state of six numbers, gravity, and a bounce rule.
 
     Below the floor y becomes 0, vy becomes -e vy and omega is scaled by 0.95; then comes the step,
     with the force of gravity and no torque. 1 kg, 0.1 kg m^2, from 5 m at 0.3 rad, 5 s.

@@ -87,9 +87,9 @@ def cameras_in_every_step(result):
     delay = result.input("delay_ms", 20)
 
     def ages(camera_hz, delay_ms):
-        """Return ages of what each control tick sees after the first.
+        """Return the ages of what each control tick after the first sees, and the images.
 
-        (encoders, image) [ms], images.
+        Ages are (encoders, image) [ms].
         """
         observed = []
 
@@ -619,10 +619,7 @@ def smooth_gradients_by_draws(result):
     spread = 0.1  # standard deviation of the start [m]
 
     def slope(moved):
-        """Return one pair of perturbed fixed-step runs.
-
-        Their difference, by the score of the draw.
-        """
+        """Return the difference of two perturbed fixed-step runs, weighted by the score."""
         up, down = (
             differentiable.naive_drop(height + x, e, 2e-3, duration) for x in (moved, -moved)
         )

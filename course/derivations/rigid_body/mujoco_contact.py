@@ -100,8 +100,10 @@ def mujoco_rk4_contact_order(result):
     "By default MuJoCo keeps the contact's time constant at two steps or more, so asking for a "
     "stiffer one changes nothing: a ball sinks in by {depth_asked_1_ms_um:.1f} um whether a half "
     "or two steps are asked for. With the flag off, a time constant below a step explodes; and "
-    "stiffness and damping given directly, as a negative solref, are taken as they are. The "
-    "discrete integrator is stable with either.",
+    "stiffness and damping given directly, as a negative solref, are taken as they are. "
+    "For a single contact the discrete integrator is stable with either. With several it need not "
+    "be: a tower of three stiff boxes with hardly a damper, at {tower_ms:.0f} ms, goes from "
+    "{start_j:.1f} J up to {most_j:.1f} J under it.",
 )
 def mujoco_contact_stiffness_limit(result):
     import mujoco
@@ -141,13 +143,41 @@ def mujoco_contact_stiffness_limit(result):
         f"flag off by {rest('0.001 1', 'disable')[1]:.1g} m, with 1 MN/m and 2 kN s/m asked for "
         f"directly by {rest('-1e6 -2000')[1]:.1g} m."
     )
+    tower_ms = result.input("tower_ms", 20.0)
+
+    def energies(boxes, solref, ms):
+        """Return start and largest energy of boxes on each other in the discrete integrator [J]."""
+        bodies = "".join(
+            f'<body pos="0 0 {0.1 + 0.2 * i}"><freejoint/><geom type="box" size=".1 .1 .1" '
+            f'mass="1" solref="{solref}"/></body>'
+            for i in range(boxes)
+        )
+        model, data = small_model(
+            f'<geom type="plane" size="9 9 1" solref="{solref}"/>{bodies}',
+            1e-3 * ms,
+            "discrete",
+        )
+        model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+        mujoco.mj_forward(model, data)
+        start = highest = float(data.energy.sum())
+        for _ in range(round(4000 / ms)):
+            mujoco.mj_step(model, data)
+            highest = max(highest, float(data.energy.sum()))
+        return start, highest
+
+    start, highest = energies(3, "-1e6 -2", tower_ms)
+    result.measure("start_j", start, tolerance=1e-6)
+    result.measure("most_j", highest, tolerance=0.2)
+    towers = [energies(3, "-1e6 -2", ms) for ms in (15.0, 30.0, 50.0)]
+    jumps = [after > 1.02 * before for before, after in towers]
     constants = dt * result.rng.uniform(0.3, 0.9, 5)
     result.statement_holds(
         needs("0.001 1"),
-        only_if="the refsafe flag is off, or stiffness and damping are given as numbers, under an "
-        "integrator other than discrete",
+        only_if="the refsafe flag is off, or stiffness and damping are given as numbers, and the "
+        "integrator is not discrete or several points touch",
         inside=[needs(f"{t} 1", "disable") for t in constants]
-        + [needs(direct(t)) for t in constants],
+        + [needs(direct(t)) for t in constants]
+        + jumps,
         outside=[needs(f"{t} 1") for t in constants]
         + [needs(direct(t), integrator="discrete") for t in constants],
     )
@@ -155,6 +185,7 @@ def mujoco_contact_stiffness_limit(result):
         abs(requested / clamped - 1) < 1e-6,
         not any(needs(f"{t} 1", "disable", "discrete") for t in constants),
         not any(needs(direct(t), integrator="discrete") for t in constants),
+        highest > 1.1 * start,
     )
 
 
@@ -170,10 +201,7 @@ def contact_seen_is_contact_stopped(result):
     constant = result.input("time_constant_ms", 20) / 1000
 
     def passes(speed):
-        """Return whether the ball gets through in some phase.
-
-        And the fewest steps it is seen to touch.
-        """
+        """Return whether the ball passes through in some phase, and the fewest steps it touches."""
         through, touched, _ = zip(*(_thrown(speed, phase) for phase in _PHASES), strict=True)
         return any(through), min(touched)
 
@@ -263,10 +291,7 @@ def penetration_limit_catches(result):
     import mujoco
 
     def observed(speed, contact="", flags="", dt=0.002, phase=0.5):
-        """Return whether a plate of 1 cm touches a wall of 1 cm at any step.
-
-        And stays before it.
-        """
+        """Return whether a plate of 1 cm touches a wall of 1 cm at any step and stays before it."""
         model, data = small_model(
             f'<geom type="box" size=".005 1 1" {contact}/><body>'
             '<joint type="slide" axis="1 0 0"/>'

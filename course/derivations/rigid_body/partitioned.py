@@ -74,9 +74,9 @@ def symplectic_removes_stiffness(result):
     result.measure("lobatto_growth_at_3", lobatto)
 
     def bounced(x: float, steps: int, gravity: float = 0.1) -> np.ndarray:
-        """Return energy over that at the start of balls on a one-sided spring.
+        """Return the energy of balls on a one-sided spring over that at the start.
 
-        By implicit midpoint.
+        They are integrated by implicit midpoint.
         """
         q, v = result.rng.uniform(0.1, 3, 200), np.zeros(200)
         start = gravity * q

@@ -46,9 +46,7 @@ def _state_rank(spatial: bool) -> tuple[int, int]:
 
 
 def _turns(order: Any, middle: float) -> np.ndarray:
-    """Return body axes about which the three rates of an order turn, as rows.
-
-    At a middle angle [rad].
+    """Return the body axes of the three rates of an order, as rows, at a middle angle [rad].
 
     The last turn is left at zero: it rotates all three axes alike.
     """
@@ -64,9 +62,7 @@ def _rank(rows: np.ndarray) -> int:
 
 
 def _spun(rate: np.ndarray, h: float, steps: int, after: Any = None) -> tuple[Any, Any]:
-    """Return quaternions after `steps` of a steady spin.
-
-    By adding the rate and by the exponential map.
+    """Return quaternions after `steps` of a steady spin, by adding the rate and by the exponential.
 
     Args:
         rate: body rate [rad/s].

@@ -37,10 +37,7 @@ def _spin(moments: Any, omega: Any, seconds: float, steps: int = 1000) -> Any:
 
 
 def _wander(q: np.ndarray, omega: np.ndarray) -> float:
-    """Return largest angle between a body's axis of rotation at the start and later.
-
-    In space [deg].
-    """
+    """Return the largest angle in space of a body's axis of rotation from its start [deg]."""
     from course.rigid_body import quaternion
 
     axis = quaternion.rotate(q.T, omega.T)
@@ -57,10 +54,7 @@ def _without_term(moments: Any, omega: Any, seconds: float) -> float:
 
 
 def _top_run(inertia: Any, spin: float, tilt: float, duration: float, dt: float = 5e-4) -> Any:
-    """Return cosines of the tilt along a run of a top with m g l = 1 N m, the run.
-
-    And the system.
-    """
+    """Run a top with m g l = 1 N m; return the cosines of its tilt, the run and the system."""
     from course.rigid_body import problems, simulate
 
     system = problems.heavy_top(inertia, 1.0, tilt, spin, duration).system
@@ -489,7 +483,7 @@ def gyroscopic_term_is_negligible(result):
     allowed = result.input("allowed_rad", 0.01)
 
     def harmless(low: float, high: float) -> bool:
-        """Return at a random body and spin with spread x (omega t)^2 = small times low ... high."""
+        """Return whether a spread x (omega t)^2 = small times low ... high is harmless."""
         body, rates = _moments(result.rng) ** result.rng.uniform(0.1, 1), result.rng.normal(size=3)
         size = result.rng.uniform(low, high) * small / (body[2] / body[0] - 1)
         seconds = result.rng.uniform(0.1, 3)

@@ -20,7 +20,7 @@ SYMBOLS = {
 
 
 def success(kind, k, gap, delay=0.01, seed=41):
-    """Return on 400 tasks at a gap, the mean over the seeds of a recorded tuning."""
+    """Return the success on 400 tasks at a gap, the mean over the seeds of a recorded tuning."""
     from course.sim_to_real import real, recorded, rollouts, tasks
 
     return float(rollouts(real(gap, delay), recorded()[kind][k].T, tasks(400, seed)).rate.mean())
@@ -28,7 +28,7 @@ def success(kind, k, gap, delay=0.01, seed=41):
 
 @functools.cache
 def after_mending(part, gap, delay, seeds=(0, 1, 2)):
-    """Return on these tasks, of gains tuned on the simulator with one part set right."""
+    """Return the success on these tasks after one parameter of the simulator was corrected."""
     from course.sim_to_real import mended, only, real, rollouts, tasks, tune
 
     other = real(gap, delay)
@@ -220,10 +220,7 @@ def one_sample_late(result):
     truth = np.array(list(TRUTH.values()))
 
     def moved(**changed):
-        """Return errors, over the true values and over the error bars, growth.
-
-        And how late it says.
-        """
+        """Return errors over the true values and the error bars, growth, and the stated delay."""
         log, right, _ = fitted(**changed)
         shifted = np.column_stack([log.measured[:, 0], log.measured[:, :-1]])
         stamped = Log(log.times, shifted, log.command)

@@ -129,7 +129,7 @@ def mass_without_set_const(result):
         return free(factor, recompute, 500.0)
 
     def depth(factor, recompute):
-        """Return of the sled at rest [m]."""
+        """Return how deep the sled rests in the floor [m]."""
         data = mujoco.MjData(model := _scaled(_sled(0.5, 0.5), factor, recompute=recompute))
         mujoco.mj_step(model, data, nstep=1500)
         return data.contact.dist.min()
@@ -335,10 +335,7 @@ def mass_and_period(result):
 
 
 def _drawn(model, draws, rng, **ranges):
-    """Return arrays of a model over draws of the course's randomiser.
-
-    (masses, damping, friction).
-    """
+    """Return (masses, damping, friction) of a model over samples of the course's randomiser."""
     import mujoco
 
     from course.drills import DomainRandomizer
@@ -580,7 +577,7 @@ def queue_of_k(result):
     sent = result.rng.normal(size=400)
 
     def late(received):
-        """Return by how many steps, from the cross-correlation."""
+        """Return the delay in steps, from the cross-correlation."""
         return np.argmax(np.correlate(np.ravel(received), sent, "full")) - (sent.size - 1)
 
     def lag(places):

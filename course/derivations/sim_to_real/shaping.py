@@ -135,10 +135,7 @@ def two_routes(result):
     from course.sim_to_real import Process, shaped, value_iteration
 
     def choice(distances, paid):
-        """Return which of two ways from state 0 is best: the first or the second.
-
-        Distances of both.
-        """
+        """Return which of two paths from state 0 is best, and both distances."""
         sizes = [len(path) for path in distances]
         S = sum(sizes) + 2
         P, starts = np.zeros((S, 2, S)), (1, 1 + sizes[0])

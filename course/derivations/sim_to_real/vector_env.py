@@ -63,10 +63,7 @@ def vector_one_done_flag(result):
     discount, clock = result.input("discount", 0.9), result.input("clock_steps", 10)
 
     def learned(clock, merged, gamma=discount):
-        """Return the value that agrees with the mean of its targets.
-
-        Of a learner without a clock.
-        """
+        """Return the value equal to the mean of its targets, for a learner without a clock."""
         envs = VectorizedEnv(lambda: _Clocked(clock), 4)
         envs.reset(seed=0)
         rewards, goes_on = [], []

@@ -86,13 +86,13 @@ class Design:
 
     Attributes:
         name: of its file.
-        title: the question, as it is asked.
+        title: the wording of the question.
         minutes: for all of it, five of them for `clarify`.
-        clarify: what to ask first, each with what the interviewer says.
+        clarify: questions to ask first, each with the interviewer's reply.
         boxes: name -> (column, row) in the drawing.
         arrows: between them, along a row or a column.
         path: what flows along the chain whose age counts.
-        follow_ups, red_flags: what is asked next, and what ends the talk.
+        follow_ups, red_flags: the next questions, and answers that end the interview.
         rubric: what an answer is scored by.
         answer: the model answer, Markdown.
     """
@@ -112,7 +112,7 @@ class Design:
     def __post_init__(self) -> None:
         def held(holds: bool, name: str, value: object, allowed: str) -> None:
             if not holds:
-                raise ValueError(f"{self.name}: {name} is {value!r}, allowed is {allowed}")
+                raise ValueError(f"{self.name}: {name} must be {allowed}, got {value!r}")
 
         flows = {arrow.what: arrow for arrow in self.arrows}
         for arrow in self.arrows:
@@ -145,9 +145,9 @@ class Design:
         return filled(text, lambda a, b: self.drawn(b) if a == "drawing" else figure(a, b))
 
     def drawn(self, name: str) -> float:
-        """Return a figure of the drawing.
+        """Return a figure of the diagram.
 
-        The path's age, as `mean_ms`, or of an arrow, as `scan.hz`.
+        It is the path's age, as `mean_ms`, or a figure of an arrow, as `scan.hz`.
         """
         arrows = {arrow.what: arrow for arrow in self.arrows}
         if name in _AGES:
@@ -207,7 +207,7 @@ def passages(design: Design, figure: Figure) -> dict[str, str]:
 def levels(design: Design, text: str) -> dict[str, str]:
     """Return the level of each item in a text, by the words in it.
 
-    An aid, with the limits named above.
+    It is an aid, with the limits named above.
     """
     result = dict.fromkeys((item.name for item in design.rubric), 0)
     for block in re.split(r"\n\s*\n", text):
@@ -224,9 +224,9 @@ def levels(design: Design, text: str) -> dict[str, str]:
 
 
 def score(design: Design, answered: Mapping[str, str]) -> float:
-    """Return the share of all that could be earned, from a level for every item.
+    """Return the achieved share of the points, from a level for every item.
 
-    Each is worth three.
+    Each item is worth three points.
     """
     return sum(_points(design, answered).values()) / (3 * len(design.rubric))
 

@@ -77,7 +77,7 @@ class Scenario:
 
     Attributes:
         name: one of `NAMES`.
-        title, prompt: what the learner is told; Markdown.
+        title, prompt: the text for the learner, in Markdown.
         symptom_words, unit: what the figure of the symptom is.
         symptom: (cause, seed, repair or None) -> the figure.
         spread: how far the figures of the causes may lie apart, as a share of their mean.
@@ -167,7 +167,7 @@ def price(name: str, repair: str, cause: str, seed: int) -> float:
 def expected(name: str, probe: str, cause: str) -> tuple[float, float]:
     """Return the lowest and highest figure that a cause explains.
 
-    Those of `REFERENCE` and the noise.
+    They come from the figures of `REFERENCE` and the noise.
     """
     noise = scenario(name).a_probe(probe).noise
     figures = [figure(name, probe, cause, seed) for seed in REFERENCE]
@@ -263,9 +263,9 @@ def drawn(name: str, seed: int) -> Case:
 
 
 def _sealed(case: Case, act: Callable[[str, int], float]) -> float:
-    """Return what `act` gives for the drawn cause.
+    """Return what `act` returns for the sampled cause.
 
-    What goes wrong in it is told without its lines.
+    An error in it is reported without its lines.
     """
     stopped: type[BaseException] | None = None
     try:
@@ -320,22 +320,22 @@ class Verdict:
 
     @property
     def right(self) -> bool:
-        """Whether the cause was named."""
+        """True if the cause was named."""
         return self.diagnosis == self.cause
 
     @property
     def supported(self) -> bool:
-        """Whether it was named and the probes left no other."""
+        """True if the cause was named and the probes left no other."""
         return self.right and bool(self.rows) and self.rows[-1].remaining == (self.cause,)
 
     @property
     def cured(self) -> bool:
-        """Whether the repair removes the symptom at a price that can be paid."""
+        """True if the repair removes the symptom at an acceptable price."""
         return self.tried.removed and self.tried.affordable
 
     @property
     def points(self) -> int:
-        """Of three: the cause, its evidence, the repair."""
+        """Points out of three: for the cause, its evidence, and the repair."""
         return self.right + self.supported + self.cured
 
     def sentences(self) -> tuple[str, ...]:

@@ -31,7 +31,10 @@ class Tune:
         a: sqrt(stiffness / mass) dt.
         zeta: damping / (2 sqrt(stiffness mass)).
         rub: friction * gravity * dt / slow.
-        faults: what else is so.
+        points: number of stops that touch at once.
+        age: delay of the brake's measurement, in steps.
+        turned: whether the friction has the wrong sign.
+        blend: weight of the new velocity in the position update.
     """
 
     a: float
@@ -89,7 +92,7 @@ REPAIRS = {
 
 
 def lost(one: Machine, dt: float) -> float:
-    """Return steps of `dt` after which the slide is lost, at most `WINDOW`; never fewer are run."""
+    """Count the steps of `dt` until the slide is lost, at most `WINDOW`; never fewer are run."""
     steps = round(WINDOW * dt / one.dt)
     away = ~(np.abs(simulate(one, steps)["x"]) < LIMIT)
     return float(np.argmax(away) if away.any() else steps) * one.dt / dt
@@ -97,16 +100,13 @@ def lost(one: Machine, dt: float) -> float:
 
 @cache
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """Return steps after which the slide is lost, counted in the step of the machine as it came."""
+    """Count the steps until the slide is lost, in units of the machine's original step."""
     one = machine(cause, seed)
     return lost(REPAIRS[repair](one) if repair else one, one.dt)
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Return the dearer of steps a second.
-
-    And of sag under a force against one stop as designed.
-    """
+    """Return the larger price: of steps a second, or of sag under a force against one stop."""
     one = machine(cause, seed)
     after = REPAIRS[repair](one)
     sag = one.stiffness / (after.stiffness * len(after.stops) / 2)

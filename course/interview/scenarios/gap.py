@@ -121,9 +121,7 @@ def door_width(cause: str, seed: int) -> float:
 
 
 def cells(one: Room) -> tuple[Array, Mask]:
-    """Return areas [m^2] of a grid whose lines are the edges of all walls.
-
-    And what the start reaches.
+    """Return the areas [m^2] of a grid along the edges of all walls, and which cells are reachable.
 
     A cell is free or not as a whole, so that the flood is exact.
     """
@@ -142,16 +140,16 @@ def cells(one: Room) -> tuple[Array, Mask]:
 
 
 def flood(cause: str, seed: int) -> float:
-    """Return area that the carriage's middle can reach from the start.
+    """Return the area that the carriage's centre can reach from the start [m^2].
 
-    By the planner's walls [m^2].
+    The walls are those of the planner.
     """
     area, result = cells(room(cause, seed))
     return float(np.sum(area[result]))
 
 
 def edges_against_points(cause: str, seed: int) -> float:
-    """Return of random edges whose points are all free, the share that the planner refuses."""
+    """Return the share of random edges with free points that the planner rejects."""
     one, draw = room(cause, seed), np.random.default_rng([11, seed])
     a = draw.uniform(0.0, SIZE, (300, 2))
     b = a + draw.normal(0.0, 0.5, a.shape)
@@ -171,20 +169,20 @@ def joined(cause: str, seed: int) -> float:
 
 
 def points_in_door(cause: str, seed: int) -> float:
-    """Return of a hundred thousand points drawn anywhere, those in the door."""
+    """Count how many of a hundred thousand uniform points lie in the door."""
     points = np.random.default_rng([13, seed]).uniform(0.0, SIZE, (10_000, 2))
     points = points[np.abs(points[:, 0] - WALL) < HALF]
     return 10.0 * float(np.sum(free(room(cause, seed), points)))
 
 
 def wide_door(cause: str, seed: int) -> float:
-    """Return of ten roadmaps in a room without the wall, how many find no path."""
+    """Count how many of ten roadmaps find no path in a room without the wall."""
     one = room(cause, seed)
     return failures(replace(one, boxes=np.delete(one.boxes, [4, 5], axis=0)), seed)
 
 
 def triple(cause: str, seed: int) -> float:
-    """Return of three roadmaps with three times the points, how many find no path."""
+    """Count how many of three roadmaps with three times the points find no path."""
     return failures(repaired(cause, seed, "more_samples"), seed, 3)
 
 

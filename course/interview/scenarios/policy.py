@@ -102,7 +102,7 @@ def symptom(cause: str, seed: int, repair: str | None) -> float:
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Time until half of the presses are within a tenth of the way, by that on the model."""
+    """Return the time until half of the presses are nearly there, over the same on the model."""
     arrivals = []
     for one, policy in (repaired(cause, seed, repair), (MODEL, weights())):
         log, target = pressed(one, policy, seed)
@@ -150,13 +150,13 @@ def frozen(cause: str, seed: int) -> float:
 def recorded() -> tuple[Array, Array]:
     """Return torques and angles of one press on the model."""
     log = press(MODEL, weights(), np.array([0.9]), 100)
-    return log.asked[:, 0], log.q[:, 0]
+    return log.commanded[:, 0], log.q[:, 0]
 
 
 def replayed(first: int, last: int) -> Callable[[str, int], float]:
     """Return the probe that replays the torques.
 
-    Root mean square of the angles' difference [mrad].
+    Its figure is the root mean square difference of the angles [mrad].
     """
 
     def run(cause: str, seed: int) -> float:
@@ -176,7 +176,7 @@ def positions(cause: str, seed: int) -> float:
         return 8.0 * (path[i] - q) - 0.8 * v
 
     log = move(robot(cause, seed), servo, np.zeros(1), np.zeros(1), 250)
-    q, v, requested = log.q[200:], log.v[200:], log.asked[200:]
+    q, v, requested = log.q[200:], log.v[200:], log.commanded[200:]
     held = MODEL.stiffness * (q - SURFACE) + (MODEL.drag + MODEL.damping) * v + MODEL.friction
     return sensed(float(np.mean(requested - held)), 0.01, seed)
 

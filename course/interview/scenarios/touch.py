@@ -51,7 +51,7 @@ TUNES = {
 def lateness(at_most: float) -> NDArray[np.float64]:
     """Return a hundred ticks of which some are late by up to `at_most`.
 
-    Those behind them catch up.
+    Ticks behind a late one catch up.
     """
     draw = np.random.default_rng(4)
     late = np.where(draw.random(100) < 0.2, draw.random(100), 0.0) * at_most

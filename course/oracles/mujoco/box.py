@@ -90,6 +90,7 @@ def box_drop(
     positive("inertia", moment, unit="kg m^2")
     finite("restitution", restitution, 0.0, 1.0)
     finite("friction", friction, 0.0)
+    # MuJoCo has no restitution: a spring-damper is solved for that bounces by the same factor.
     stiffness, damping = _contact_reference(contact, restitution, dt, integrator, contact_steps)
     finite("friction_steps", friction_steps, 1.0)
     # Explicit rows multiply a slip by 1 - b dt, implicit ones divide it by 1 + b dt.
@@ -120,7 +121,7 @@ def batch_boxes(
 ) -> BatchRunner:
     """Return N planar boxes in `mujoco.batch`.
 
-    `box_drop` with q0 and v0 (3, N), and its keywords in box.
+    It is `box_drop` with q0 and v0 (3, N), and its keywords in box.
 
     `threads` counts the caller's own; 0 takes one a core.
     """
@@ -137,6 +138,7 @@ def spring_restitution(damping_ratio: float) -> float:
     Args:
         damping_ratio: zeta, not negative.
     """
+    # Closed form of the bounce of a linear spring-damper that lets go when the force is zero.
     zeta = damping_ratio
     if abs(zeta - 1.0) < 1e-9:
         return math.exp(-2.0)
@@ -180,11 +182,13 @@ def measured_restitution(
         contact_steps=contact_steps,
     )
     result = []
+    # The contact begins anywhere within a step: the drop is repeated over the phases of the grid.
     for phase in range(phases):
         gap = speed * dt * (3.0 + phase / phases)
         runner.q0[1] = half + gap
         path = runner.samples(int(20 + 4 * contact_steps))
         height, rate = path.q[1] - half, path.v[1]
+        # Speeds at the ground, from energy: the samples are a little above it.
         down = math.sqrt(speed**2 + 2.0 * gravity * gap)
         away = np.flatnonzero((rate > 0.0) & (height > 0.0))
         if away.size:
@@ -222,6 +226,7 @@ def _on_ground(
     deviation = 'contype="0" conaffinity="0"'
     ground = f'<geom name="ground" type="plane" size="0 0 1" pos="0 0 {-_CORNER}" {deviation}/>'
     geoms, pairs = "", ""
+    # Spheres of a nanometre at the corners: contact points whose set does not depend on the pose.
     for i, (x, y, z) in enumerate(corners):
         place = f"{x:.17g} {y:.17g} {z:.17g}"
         geoms += f'<geom name="c{i}" type="sphere" size="{_CORNER}" pos="{place}" {deviation}/>'
@@ -251,8 +256,10 @@ def _contact_reference(
                 f"'spring' with the integrator {integrator!r}: 'impulse' needs one explicit stage "
                 "(Euler, implicit, implicitfast)",
             )
+        # One explicit stage turns a damper of (1 + e) / dt into an impulse with restitution e.
         return 0.0, (1.0 + restitution) / dt
     positive("contact_steps", contact_steps)
+    # The bounce falls with damping: bisection for the damping ratio.
     low, high = 0.0, 1.0
     while spring_restitution(high) > restitution and high < 64.0:
         high *= 2.0
@@ -263,6 +270,7 @@ def _contact_reference(
         else:
             high = middle
     zeta = 0.5 * (low + high)
+    # Half a period of the damped oscillation is the duration of the contact.
     angle = 2.0 * math.acos(zeta) / math.sqrt(1.0 - zeta**2) if zeta < 0.999 else 2.0
     omega = angle / (contact_steps * dt)
     if integrator == "discrete":

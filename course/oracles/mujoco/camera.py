@@ -21,10 +21,7 @@ NEAR, FAR = 0.01, 10.0  # planes between which OpenGL draws [m]
 
 
 def scene(shapes: Shapes, camera: Camera) -> str:
-    """Return the model's text, with a camera of MuJoCo, which looks along -z with y up.
-
-    At the origin.
-    """
+    """Return the model's text, with a camera at the origin that looks along -z with y up."""
 
     def words(values: Array) -> str:
         return " ".join(f"{value:.17g}" for value in values)
@@ -59,7 +56,8 @@ class Rays:
         self._depth, self._ids = np.empty(x.size * y.size), np.empty(x.size * y.size, np.int32)
 
     def cast(self) -> None:
-        """All rays, in one call."""
+        """Cast all rays in one call."""
+        # One ray for each pixel, with z = 1, so the distance along the ray is the depth.
         self._mujoco.mj_multiRay(
             self.model,
             self.data,
@@ -76,10 +74,7 @@ class Rays:
         )
 
     def picture(self) -> tuple[Array, NDArray[np.int64]]:
-        """Return depth, 0 where nothing is, and the number of the shape, -1 where none is.
-
-        (H, W).
-        """
+        """Return depth, 0 without a hit, and the number of the shape, -1 without a hit; (H, W)."""
         self.cast()
         depth = np.where(self._ids < 0, 0.0, self._depth)
         return depth.reshape(self._shape), self._ids.astype(np.int64).reshape(self._shape)

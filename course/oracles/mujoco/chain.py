@@ -135,6 +135,7 @@ def chain(model: Any, tip: str | None = None) -> Chain:
     parent, placement = [], np.empty((7, n))
     mass, first, second = np.zeros(n), np.zeros((3, n)), np.zeros((3, 3, n))
     last = 0
+    # Bodies welded to each other are one link: their inertias are summed in the link's frame.
     for b in range(1, model.nbody):
         before = int(model.body_parentid[b])
         pose = np.concatenate([model.body_pos[b], model.body_quat[b]])
@@ -153,6 +154,7 @@ def chain(model: Any, tip: str | None = None) -> Chain:
             R, m, c = to_matrix(centre[3:]), model.body_mass[b], centre[:3]
             mass[joint] += m
             first[:, joint] += m * c
+            # Parallel-axis theorem, with respect to the frame of the joint.
             moments = R @ np.diag(model.body_inertia[b]) @ R.T
             second[:, :, joint] += moments + m * (c @ c * np.eye(3) - np.outer(c, c))
     carried, tool = _tool(model, tip, carrier, within, last)
@@ -161,6 +163,7 @@ def chain(model: Any, tip: str | None = None) -> Chain:
         raise invalid("tip", f"on the link of {result}", "on a link that carries no other")
     order = [i for i in range(n) if i != carried] + [carried]
     limited, dofs = model.jnt_limited.astype(bool), model.jnt_dofadr
+    # Back from first and second moments to centre of mass and central inertia.
     centre = first / np.maximum(mass, 1e-300)
     square = np.sum(centre**2, axis=0) * np.eye(3)[:, :, None]
     inertia = second - mass * (square - centre[:, None] * centre[None])

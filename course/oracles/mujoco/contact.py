@@ -94,6 +94,7 @@ def contact_xml(
         f'<flag {deviation} refsafe="{safe}"{exact}/></option>'
         f'<default><geom condim="{options.condim}" friction="{text(options.friction)}" '
         f'solref="{text(options.solref)}" solimp="{text(options.solimp)}" '
+        # MuJoCo adds the margins of both geoms, hence half of it each.
         f'margin="{0.5 * options.margin:.17g}"/></default>'
         f"<worldbody>{body}</worldbody></mujoco>"
     )
@@ -104,6 +105,7 @@ def _runner(body: str, options: Options, q0: Array, v0: Array, gravity: Sequence
 
 
 def _down(angle: float = 0.0) -> tuple[float, float, float]:
+    # The plane stays horizontal, and gravity is tilted instead.
     """Return gravity in the frame of a plane that goes down along x."""
     return (GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle))
 
@@ -114,7 +116,7 @@ _FLOOR = '<geom type="plane" size="9 9 1"/>'
 def _ball(joint: str = "") -> str:
     """Return a ball of 1 kg, 0.1 m and 0.005 kg m^2 on three slides above the floor.
 
-    With a joint more.
+    One more joint can be added.
     """
     return (
         f'{_FLOOR}<body pos="0 0 0.1">{_SLIDES}{joint}<inertial pos="0 0 0" mass="1" '
@@ -142,7 +144,7 @@ def spinning_disc(options: Options, spin: float = 10.0) -> Runner:
 def tower(options: Options, masses: Sequence[float]) -> Runner:
     """Return balls of 0.1 m on top of each other, each on one vertical slide.
 
-    The lowest first [kg].
+    Masses start with the lowest [kg].
     """
     body = _FLOOR + "".join(
         f'<body pos="0 0 {0.1 + 0.2 * i:.17g}"><joint type="slide" axis="0 0 1"/>'
@@ -168,6 +170,7 @@ def table(options: Options, load: Sequence[float] = (0.0, 0.0), side: float = 1.
         '<joint type="hinge" axis="1 0 0"/><joint type="hinge" axis="0 1 0"/>'
         f'<inertial pos="0 0 0" mass="10" diaginertia="{moment} {moment} {moment}"/>{legs}</body>'
     )
+    # The weight is applied as a force, so that an eccentric load can add its moments.
     runner = _runner(body, options, np.zeros(3), np.zeros(3), (0.0, 0.0, 0.0))
     weight = 10.0 * GRAVITY
     runner.data.qfrc_applied[:] = (-weight, -weight * load[1], weight * load[0])
@@ -177,7 +180,7 @@ def table(options: Options, load: Sequence[float] = (0.0, 0.0), side: float = 1.
 def pinch(options: Options, squeeze: float = 5.0, mass: float = 0.2) -> Runner:
     """Return a glass between two fingers of 50 g that press with `squeeze` [N].
 
-    Q as in the scene.
+    q is that of the scene.
     """
 
     def finger(x: float) -> str:
@@ -203,6 +206,7 @@ def box(options: Options, velocity: Sequence[float] = (0.0, 0.0), count: int = 1
         '<geom type="box" size="0.1 0.1 0.1" mass="1"/></body>'
         for i in range(count)
     )
+    # qpos of a free joint: position, then the quaternion (w, x, y, z).
     q0 = np.zeros((count, 7))
     q0[:, 2], q0[:, 3] = 0.1 + 0.2 * np.arange(count), 1.0
     v0 = np.zeros((count, 6))
@@ -246,7 +250,7 @@ class ContactState:
 def contact_state(runner: Runner) -> ContactState | None:
     """Return the contacts of the present state (`mj_forward` is called).
 
-    None where nothing touches.
+    It returns None where nothing touches.
 
     Raises:
         ValueError: for a model with other constraints, or contacts of several kinds.
@@ -256,11 +260,13 @@ def contact_state(runner: Runner) -> ContactState | None:
     mujoco.mj_forward(model, data)
     if not data.ncon or not data.nefc:
         return None
+    # Contacts beyond the margin have no rows in the solver (their address is -1).
     contacts = [c for c in data.contact if c.efc_address >= 0]
     dims = {int(c.dim) for c in contacts}
     if len(dims) != 1 or np.any(data.efc_type[: data.nefc] < 5):
         raise invalid("runner", sorted(dims), "a model with contacts of one condim and no more")
     (d,) = dims
+    # Our problem is dense; MuJoCo stores J sparse for large models.
     J = np.zeros((data.nefc, model.nv))
     if mujoco.mj_isSparse(model):
         mujoco.mju_sparse2dense(
@@ -274,6 +280,8 @@ def contact_state(runner: Runner) -> ContactState | None:
     for i, contact in enumerate(contacts):
         rows = J[contact.efc_address :]
         if pyramid:
+            # The pyramid's edges are n +- mu t: their mean is the normal, their difference the
+            # tangent.
             jacobian[i, 0] = 0.5 * (rows[0] + rows[1])
             for j in range(d - 1):
                 jacobian[i, j + 1] = (rows[2 * j] - rows[2 * j + 1]) / (2.0 * mu[i, j])
@@ -282,11 +290,13 @@ def contact_state(runner: Runner) -> ContactState | None:
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
     v, dt = data.qvel.copy(), model.opt.timestep
+    # v + dt * qacc_smooth is the velocity that the step would have without contact.
     problem = Problem(
         mass, jacobian, v, v + dt * data.qacc_smooth, np.array([c.dist for c in contacts]), mu, dt
     )
     bodies = np.array([model.geom_bodyid[c.geom] for c in contacts])
     return ContactState(
+        # MuJoCo's approximate diagonal of the contacts' matrix, which R follows unless diagexact.
         problem,
         model.body_invweight0[bodies].sum(axis=1),
         data.efc_force[: data.nefc].copy(),

@@ -101,7 +101,7 @@ def batch_free_bodies(
 ) -> BatchRunner:
     """Return N free bodies in `mujoco.batch`.
 
-    `free_body` with q0 (7, N), v0 (6, N), one inertia for all.
+    It is `free_body` with q0 (7, N), v0 (6, N), and one inertia for all.
 
     `threads` counts the caller's own; 0 takes one a core.
     """

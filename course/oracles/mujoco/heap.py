@@ -51,7 +51,7 @@ def hull(points: int, seed: int = 0) -> Array:
 
 
 class Heap:
-    """So many bodies of one shape that were dropped into a pen.
+    """Bodies of one shape that were dropped into a pen.
 
     Args:
         points: of a hull; 0 for spheres, 1 for boxes that just hold one.
@@ -95,7 +95,7 @@ class Heap:
         self._mujoco.mj_step(self.model, self.data, count("steps", steps, 1))
 
     def measure(self, steps: int) -> Cost:
-        """Return what the next steps take, one by one, by MuJoCo's own timers."""
+        """Measure the mean cost of the next steps, by MuJoCo's own timers."""
         names = ("STEP", "POS_COLLISION", "CONSTRAINT")
         timers = [self.data.timer[getattr(self._mujoco.mjtTimer, f"mjTIMER_{n}")] for n in names]
         before = [timer.duration for timer in timers]

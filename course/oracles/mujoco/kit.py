@@ -45,7 +45,7 @@ def library() -> ModuleType:
     """Return MuJoCo.
 
     Raises:
-        ImportError: it is not installed; the text says what to install.
+        ImportError: it is not installed; the message names the package.
     """
     try:
         import mujoco
@@ -126,7 +126,7 @@ class Runner:
         return Samples(times, q, v)
 
     def evaluations(self, steps: int) -> int:
-        """Force evaluations that `run(steps)` costs: one a step, four with RK4."""
+        """Return the force evaluations that `run(steps)` costs: one a step, four with RK4."""
         return EVALUATIONS_PER_STEP[self.integrator] * steps
 
 

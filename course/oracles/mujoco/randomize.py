@@ -106,6 +106,7 @@ def recompiled(
     factors = np.asarray(factors, dtype=float)
     for body in spec.bodies:
         factor = float(factors[body.id])
+        # A body has its mass from an inertial element or from its shapes, and both are scaled.
         if body.explicitinertial:
             body.mass *= factor
             body.inertia = factor * body.inertia
@@ -113,6 +114,7 @@ def recompiled(
         for geom in body.geoms:  # one of the two is in force, the other is not a number
             geom.mass *= factor
             geom.density *= factor
+    # An explicit contact pair overrides the friction of its geoms.
     if friction is not None:
         for geom in spec.geoms:
             geom.friction[0] = friction
@@ -149,6 +151,7 @@ def worst_constant(model: Any, truth: Any) -> tuple[float, str]:
     worst, name = 0.0, ""
     for field in DERIVED:
         have, want = getattr(model, field), getattr(truth, field)
+        # Relative differences; a constant that should be 0 and is not counts as infinite.
         gap = np.abs(have - want)
         errors = np.divide(gap, np.abs(want), out=np.where(gap > 0.0, np.inf, 0.0), where=want != 0)
         if errors.size and errors.max() > worst:
@@ -190,6 +193,7 @@ def sliding_friction(
     if data.qvel[x] <= 0.05 * speed:
         raise invalid("speed", speed, f"one that is enough to slide for {steps} steps")
     time = steps * model.opt.timestep
+    # Friction impulse over normal impulse, as the sled may press less or more than its weight.
     return float((speed - data.qvel[x]) / (-model.opt.gravity[2] * time + data.qvel[z] - rise))
 
 
@@ -242,6 +246,7 @@ def swing_period(model: Any, joint: str, angle: float, swings: int = 3) -> float
             raise invalid("angle", angle, "one from which the pendulum swings")
         before = data.qpos[q], data.time
         mujoco.mj_step(model, data)
+        # Linear interpolation of the time at which the angle changes sign.
         if before[0] * data.qpos[q] < 0.0:
             fraction = before[0] / (before[0] - data.qpos[q])
             passes.append(before[1] + fraction * (data.time - before[1]))

@@ -97,6 +97,7 @@ def prepared(
     sysid = toolbox()
     one_of("observe", observe, OBSERVE)
     l1, l2 = arm.lengths
+    # The arm shows only five combinations of its masses and inertias; `into` is that linear map.
     # Of (inertia 1, mass 2, inertia 2, damping 1, damping 2) into (a, b, d, c1, c2).
     into = np.eye(5)
     into[0, 1:3] = l1 * l1 + 0.25 * l2 * l2, 1.0
@@ -139,6 +140,7 @@ def prepared(
             best, result = sysid.optimize(params, residual, verbose=False)
         remaining = residual(best.as_vector(), best)[0]
         covariance, _ = sysid.calculate_intervals(remaining, result.jac)
+        # Covariance of the combinations, from that of the toolbox's parameters.
         spread = np.sqrt(np.diag(into @ covariance @ into.T))
         size = float(np.sqrt(np.mean(np.square(remaining))))
         return Fitted(into @ best.as_vector(), 1.96 * spread, size)

@@ -165,7 +165,7 @@ class Twin:
     def run(
         self, law: Law, start: ArrayLike, samples: int, seed: int = 0
     ) -> tuple[Array, Array, Array]:
-        """Return arms at rest under a law, one command a sample.
+        """Run arms from rest under a law, one command a sample.
 
         Args:
             law: (sample, measured angles (2, N)) -> torques (2, N) [rad, N m].
@@ -215,10 +215,7 @@ class Twin:
         return angles, measured, sent
 
     def rollouts(self, gains: ArrayLike, tasks: Tasks) -> Outcome:
-        """Return what `course.sim_to_real.rollouts` asks of its arms.
-
-        With one set of gains (6,).
-        """
+        """Return what `course.sim_to_real.rollouts` returns, for one set of gains (6,)."""
         numbers = vector("gains", gains, (6,), low=0.0).reshape(2, 3).tolist()
         N, T = tasks.size, round(SECONDS / DT)
         laws = [

@@ -1,4 +1,4 @@
-"""Chapter 2's simulation: one shape pressed against another by two contact models at once."""
+"""Chapter 2's simulations: one of two shapes that touch, and small ones that show one idea each."""
 
 from course.simulations.contact.touch import MODEL
 

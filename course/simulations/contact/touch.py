@@ -66,7 +66,7 @@ def touch(controls, x, y):
 
 @register_jitable
 def step(controls, dt, model, body, force):
-    """One step of a body (4,) by penalty (0) or constraint (1); its contact force (2,) [N]."""
+    """Advance a body (4,) by penalty (0) or constraint (1); return its contact force (2,) [N]."""
     gap, nx, ny = touch(controls, body[0], body[1])
     mu, hand = controls["friction"], controls["hand"]
     vx = body[2] + dt / MASS * (HAND * (hand[0] - body[0]) - HOLD * body[2])

@@ -44,9 +44,9 @@ STATE = Record(
 
 
 def judged(kp, ki, kd, dt, delay, target, q):
-    """Return overshoot, settling [s], error [rad]; growth.
+    """Return overshoot, settling [s], error [rad], growth, gain, phase and delay margin.
 
-    Gain, phase [rad] and delay margin [s].
+    The phase margin is in rad, the delay margin in s.
     """
     first, whole = math.ceil(STEP / dt), math.floor(delay / dt + 1e-9)
     times = dt * np.arange(q.size - first)

@@ -47,7 +47,7 @@ STATE = Record(
 def jacobian(q):
     """Return the positions of elbow and tip, (2,) each [m], and the Jacobian.
 
-    Rows x, y and angle of the Jacobian, (3, 2).
+    The rows of the Jacobian, (3, 2), are x, y and angle.
     """
     pose, whole = np.empty((3, 7)), np.zeros((6, 2, 1))
     place(_TABLE, q.reshape(2, 1), 0, pose)
@@ -59,10 +59,7 @@ def jacobian(q):
 
 @register_jitable
 def singular(rows):
-    """Return directions of the tip, (m, m), and singular values, (m,), of rows (m, n).
-
-    Largest first.
-    """
+    """Return directions of the tip, (m, m), and singular values, (m,), largest first."""
     m = rows.shape[0]
     moved, U = np.empty(rows.shape), np.empty((m, m))
     decompose(rows, moved, U)
@@ -106,7 +103,7 @@ def damping_of(controls, state):
 
 @register_jitable
 def follow(controls, state):
-    """One step; whether it was taken: Levenberg and Marquardt take none that is worse."""
+    """Take one step; return whether it was taken, as Levenberg-Marquardt refuses a worse one."""
     q, method = state["q"], controls["method"]
     _, tip, rows = jacobian(q)
     e, size = aim(controls, tip)

@@ -120,7 +120,7 @@ def _length(state):
 
 @register_jitable
 def _up(state, side, node):
-    """The way from a node up to its root goes behind the path; that to the start is turned."""
+    """Append the path from a node up to its root; the one to the start is reversed."""
     path, first = state["path"], state["corners"]
     while node >= 0:
         path[state["corners"]] = state["nodes"][side, node]
@@ -329,9 +329,9 @@ def frame(pen, state, controls):
 
 
 def grab(controls, state, x, y):
-    """Handle a press of the pointer: a button acts; start, goal, an obstacle or its rim is in hand.
+    """Handle a press: a button acts; start, goal, an obstacle or its rim is grabbed.
 
-    Elsewhere one begins.
+    A press elsewhere starts a new obstacle.
     """
     state["held"], pieces, vacant = 0, controls["pieces"], -1
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
@@ -388,9 +388,9 @@ def drag(controls, state, x, y):
 
 
 def press(controls, state, key):
-    """Handle a key: arrows move what is chosen by 0.1 m. + and - change an obstacle's size.
+    """Handle a key: arrows move the selection by 0.1 m, + and - change an obstacle's size.
 
-    With start or goal chosen + draws a sample and - tries shortcuts.
+    With start or goal selected + adds a sample and - tries shortcuts.
     """
     k, more = controls["piece"], 0.1 if key == 4 else -0.1
     p = controls["pieces"][max(k - 2, 0)]

@@ -80,7 +80,7 @@ def _reach(angle):
 
 @register_jitable
 def _method(controls):
-    """Step [s], flight coefficient, whether impacts are resolved, rest speed [m/s]."""
+    """Return step [s], flight coefficient, whether impacts are resolved, rest speed [m/s]."""
     coefficient = _COEFFICIENTS[controls["integrator"]]
     resolve = controls["resolve_impacts"] != 0
     return 1e-3 * controls["timestep"], coefficient, resolve, controls["rest_speed"]

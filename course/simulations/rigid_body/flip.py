@@ -35,7 +35,7 @@ STATE = Record(
 
 @register_jitable
 def rate_in_theory(spin):
-    """Return at which a small disturbance of a spin about the middle axis grows [1/s]."""
+    """Return the rate at which a disturbance of a middle-axis spin grows, in theory [1/s]."""
     return spin * math.sqrt((I2 - I1) * (I3 - I2) / (I1 * I3))
 
 

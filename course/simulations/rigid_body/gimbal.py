@@ -21,12 +21,12 @@ STATE = Record(time=Field(0.0, unit="s"))
 
 
 def initial(controls, state):
-    """Time zero; the rings stand where the sliders are."""
+    """Begin at time zero, with the rings where the sliders are."""
     state["time"] = 0.0
 
 
 def advance(state, controls, seconds):
-    """Time passes."""
+    """Advance the time."""
     state["time"] += seconds
 
 
@@ -42,10 +42,7 @@ def angles(state, controls):
 
 @register_jitable
 def axes_of(yaw, pitch, roll):
-    """Return axes of the outer, middle and inner ring.
-
-    And the axis that they turn about worst, (4, 3).
-    """
+    """Return the axes of the outer, middle and inner ring and the worst-turned axis, (4, 3)."""
     axes = np.zeros((4, 3))
     axes[0, 2], axes[1, 0], axes[1, 1] = 1.0, -math.sin(yaw), math.cos(yaw)
     axes[2] = rotate(from_euler_zyx(yaw, pitch, roll), np.array([1.0, 0.0, 0.0]))

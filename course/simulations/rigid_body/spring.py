@@ -77,10 +77,7 @@ def drag(controls, state, x, y):
 
 
 def frame(pen, state, controls):
-    """Draw the spring, its states, the eigenvalues of a step, the step's scale, the motion.
-
-    Numbers.
-    """
+    """Draw the spring, its states, the eigenvalues of a step, the step's scale, and numbers."""
     z, past, m = state["z"], state["past"][:, : state["samples"]], state["matrix"]
     a, b, c, d = m[0, 0], m[0, 1], m[1, 0], m[1, 1]
     values = 0.5 * (a + d) + np.array([0.5, -0.5]) * np.sqrt((a - d) ** 2 + 4.0 * b * c + 0j)

@@ -48,7 +48,7 @@ def initial(controls, state):
 
 
 def advance(state, controls, seconds):
-    """Time passes; the ring around the chosen point breathes with it."""
+    """Advance the time, with which the ring around the chosen point grows and shrinks."""
     state["time"] += seconds
 
 

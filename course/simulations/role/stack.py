@@ -117,7 +117,7 @@ def initial(controls, state):
 def advance(state, controls, seconds):
     """Advance the simulation: ten times slower than the stack.
 
-    At the end of the run from its start again.
+    At the end of the run it starts again.
     """
     passed = state["time"] + PACE * seconds - SETTLED
     state["time"] = SETTLED + passed % (SPAN - SETTLED - 1.0)
@@ -220,10 +220,7 @@ def _graph(pen, controls, given, interval):
 
 @register_jitable
 def _pulses(pen, state, now):
-    """Return what is being worked on, and what waits for its reader.
-
-    Age of the newest of each [s].
-    """
+    """Return the messages in work, those that wait for a reader, and the age of the newest [s]."""
     newest = np.zeros(2)
     for k in range(2):
         x, y = _AT[PERCEPTION + k]

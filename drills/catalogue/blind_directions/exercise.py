@@ -24,10 +24,7 @@ def clear(args: tuple[Any, ...]) -> bool:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return surfaces whose blind motions one knows, about the origin.
-
-    Then in any pose and size.
-    """
+    """Return surfaces with known blind motions, about the origin, then in any pose and size."""
 
     def surface(kind: str, n: int) -> tuple[Array, Array]:
         """Return points and normals of a surface of size one about its frame's origin."""
@@ -102,9 +99,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Return digits that are gone, or always one blind motion.
+    """Explain lost digits, or a single blind motion that is always returned.
 
-    Which of several it is, chance decides.
+    Chance decides which of several motions it is.
     """
     one = all(largest_error(a.parts[0], 1.0) == 0.0 for a in answers)
     return coarse(answers) or ("smallest_taken_for_null" if one else "")

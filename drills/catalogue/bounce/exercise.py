@@ -22,7 +22,7 @@ CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights 
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return steps that end in flight, on the floor, after one impact or after many."""
+    """Return cases that end in flight, on the floor, after one impact or after many."""
     from solutions.rigid_body import bounce_step
 
     def between(low: float, high: float) -> float:
@@ -85,9 +85,9 @@ def _rests(y: float, v: float, dt: float, e: float, gravity: float = 9.81, *shar
 
 
 def _small(speed: float, restitution: float, flights: float) -> Case:
-    """Return a ball that hops by a micrometre or less, some way into its second hop.
+    """Return a ball that hops by a micrometre or less and is not at rest yet.
 
-    Not at rest yet.
+    It is some time into its second hop.
     """
     return Case((0.0, speed, flights * 2.0 * speed / 9.81, restitution, 9.81), "small hops", "edge")
 
@@ -132,9 +132,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def _start_speed(a: Answer) -> bool:
-    """Return whether the one impact of a fall turns round the speed of the start, then or at the
-    end.
-    """
+    """Return whether the answer reverses the speed of the start instead of the impact's."""
     y, v, dt, e, gravity = (*a.case.args, 9.81)[:5]
     if a.case.label != "one impact" or v > -3.0:
         return False

@@ -2,6 +2,7 @@
 
 
 def drive(y, dt, restitution, gravity, steps):
+    """Return the height after `steps` steps of the submission, from rest at height y."""
     from submission import bounce_step
 
     v = 0.0

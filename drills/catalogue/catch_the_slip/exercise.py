@@ -23,10 +23,7 @@ PUSHED = (
 
 
 def tumble(kind: str, R: Array, w: Array, moments: Array, n: int) -> tuple[Array, Array]:
-    """Return attitudes (n, 3, 3) and rates in the body's axes (n, 3) of a body.
-
-    By the law of a kind.
-    """
+    """Return attitudes (n, 3, 3) and body rates (n, 3) of a body under the law of a kind."""
     sign = {"no gyroscopic torque": 0.0, "gyroscopic torque turned": -1.0}.get(kind, 1.0)
     drag = 1.0 if kind == "damped" else 0.0
 
@@ -56,10 +53,7 @@ def tumble(kind: str, R: Array, w: Array, moments: Array, n: int) -> tuple[Array
 
 
 def program(kind: str, rng: np.random.Generator, n: int) -> tuple[Array, Array, Array]:
-    """Return what a program of that kind gives: attitudes, rates in the world's axes.
-
-    And the moments.
-    """
+    """Return the attitudes, world rates and moments that a program of that kind returns."""
     Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     Q[:, 0] *= np.linalg.det(Q)
     moments = rng.permutation([2.0, 3.0, 4.0]) * 10.0 ** rng.uniform(-5.0, 2.0)
@@ -98,7 +92,7 @@ def program(kind: str, rng: np.random.Generator, n: int) -> tuple[Array, Array, 
 def cases(rng: np.random.Generator) -> list[Case]:
     """Return batches of programs: each family of slips alone, then all.
 
-    In every one right ones, too.
+    Every batch holds correct programs, too.
     """
 
     def batch(label: str, level: str, kinds: tuple[str, ...], n: int = 40) -> Case:

@@ -2,8 +2,7 @@ import numpy as np
 
 
 def catch_the_slip(turns, rates, moments, step):
-    """Return what is wrong with each of several implementations of a free body, none of which is
-    known.
+    """Return what is wrong with each of several implementations of a free body.
 
     Args:
         turns: attitudes that each gave, body to world, shape (k, n, 3, 3).

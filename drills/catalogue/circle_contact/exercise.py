@@ -17,10 +17,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return circles apart, overlapping, inside each other.
-
-    And with centres nearly at one place.
-    """
+    """Return circles apart, overlapping, inside each other, and nearly concentric."""
 
     def direction() -> Array:
         angle = rng.uniform(-math.pi, math.pi)

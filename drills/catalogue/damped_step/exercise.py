@@ -66,7 +66,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: Any) -> float:
-    """Return of the bound: 1e-10, and what rounding of the Jacobian makes."""
+    """Return the tolerance: 1e-10 of the bound plus the Jacobian's round-off."""
     J, error, damping = case.args
     bound = float(np.linalg.norm(error)) / (2.0 * damping)
     return bound * (1e-10 + 1e-14 * (1.0 + float(np.linalg.norm(J))) / damping) + 1e-15

@@ -36,9 +36,7 @@ def gaps(args: tuple[Any, ...], shares: Array) -> Array:
 
 
 def fair(args: tuple[Any, ...], hit: bool) -> bool:
-    """Return whether the motion is free with room to spare, or the first touch comes at a good
-    pace.
-    """
+    """Return whether the motion is clearly free or clearly hits, at a good speed."""
     lengths, _, a, b = args
     result, speed = gaps(args, SHARES), float(np.abs(b - a) @ np.cumsum(lengths[::-1])[::-1])
     near = result < CLEAR + 0.5 * speed / (len(SHARES) - 1)

@@ -12,8 +12,9 @@ from drills.grade_report import Shown
 
 
 def mixture(centres: Any, width: float) -> Callable[[Any, float], Any]:
-    """Return the field from a standard normal to equal normals about the centres, on straight
-    lines.
+    """Return the flow field from a standard normal to a mixture of equal normals.
+
+    Samples move along straight lines towards normals about the centres.
     """
 
     def field(x: Any, t: float) -> Any:

@@ -22,7 +22,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
     def sent(
         label: str, level: str = "core", *, n: float = 600.0, p: float = -3.0, full: bool = False
     ) -> Case:
-        """Return n and 10^p are those of the middle of the draw."""
+        """Return a message whose fragment count is near n and whose loss is near 10^p."""
         payload = int(rng.choice([1344, 1472, 8192, 65000]))
         fragments = max(round(n * rng.uniform(0.7, 1.4)), 2 if n > 1.0 else 1)
         short = 0 if full else int(rng.integers(1, payload))

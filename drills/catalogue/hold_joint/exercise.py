@@ -65,7 +65,7 @@ def allowed(case: Case, truth: tuple[Any, ...]) -> float:
 def pushed(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
     """Check how far a load has pushed the link when it should be farthest.
 
-    Said before the values.
+    It reports before the values are compared.
     """
     if case.label != PUSHED:
         return

@@ -2,8 +2,7 @@ import numpy as np
 
 
 def hybrid_torque(J, frame, forced, error, velocity, force, wanted, gains):
-    """Return joint torques that press along some axes of a surface and follow a place along the
-    others.
+    """Return joint torques that press along some axes of a surface and move along the others.
 
     Args:
         J: Jacobian of the tip, velocity in the world by joint rates, shape (3, n).

@@ -36,8 +36,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
         level: str = "core",
         sign: float = 1.0,
     ) -> Case:
-        """Return balls that close in from a gap along the motion, passing at `offset` times the
-        reach.
+        """Return balls that approach each other from a gap along the motion.
+
+        They pass each other at `offset` times the sum of their radii.
         """
         speed = speed or rng.uniform(0.5, 5.0)
         along = direction(d)

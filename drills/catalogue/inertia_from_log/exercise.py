@@ -46,7 +46,7 @@ def _swung(
 def cases(rng: np.random.Generator) -> list[Case]:
     """Return joints with and without friction and weight.
 
-    From rest and moving, noise of 0 to 0.1 mrad.
+    They start from rest and moving, with noise of 0 to 0.1 mrad.
     """
 
     def log(
@@ -130,7 +130,7 @@ def left_over(figure: Any, shown: Shown) -> None:
 
 
 def one_log(attempt: Attempt, drawn: Sequence[Case]) -> None:
-    """Time of a log."""
+    """Time the identification from one log."""
     attempt.time_call(*drawn[0].args, what="time per log")
 
 

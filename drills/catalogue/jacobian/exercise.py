@@ -31,7 +31,7 @@ def _planar(*lengths: float) -> Array:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return from one joint to ten, in the plane and in space."""
+    """Return arms from one joint to ten, in the plane and in space."""
 
     def rotation() -> Array:
         basis, upper = np.linalg.qr(rng.normal(size=(3, 3)))

@@ -2,8 +2,7 @@ import numpy as np
 
 
 def keep_last(stamps, arrivals, reads, depth, lifespan):
-    """Return what a reader takes out of a cache that keeps the last messages, none longer than they
-    live.
+    """Return what a reader takes out of a cache of the last messages with a lifespan.
 
     Args:
         stamps: when each message was written, shape (n,) [s].

@@ -11,7 +11,7 @@ from drills.exercise import Exercise, coarse_slips, slips, value_slips
 def cases(rng: np.random.Generator) -> list[Case]:
     """Return chains, then graphs in a hidden order.
 
-    With stages that the sensor's chains leave aside.
+    Some stages are on no chain of the sensor.
     """
 
     def graph(

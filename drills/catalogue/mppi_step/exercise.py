@@ -13,9 +13,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return costs near zero and far from it, within the limits and at them, rollouts that
-    failed.
-    """
+    """Return cases with costs near zero and far from it, limits, and failed rollouts."""
 
     def step(
         label: str = "random",

@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 
 
 def _planar(q: Array) -> tuple[Array, Array]:
-    """Return Jacobian (2, n) of the tip of an arm of equal links in the plane.
+    """Return the tip's Jacobian (2, n) of a planar arm, and the gradient of the elbow's height.
 
-    Gradient of the elbow's height, the point after two links.
+    Its links are equal; the elbow is the point after two of them.
     """
     angle = np.cumsum(q)
     links = np.stack((np.cos(angle), np.sin(angle))) * 0.4

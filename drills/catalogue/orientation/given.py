@@ -4,6 +4,7 @@ import numpy as np
 
 
 def drive(q, rates, dt):
+    """Return the orientation after one update of the submission for each of the rates."""
     from submission import update_orientation
 
     for rate in np.asarray(rates):

@@ -2,8 +2,7 @@ import numpy as np
 
 
 def output_error(q, tau, dt, start, guess):
-    """Return inertia and damping of a joint with the smallest squared error of its simulated
-    angles.
+    """Return inertia and damping of a joint that minimise the squared error of simulated angles.
 
     Args:
         q: measured angle at each sample, (n,) [rad].

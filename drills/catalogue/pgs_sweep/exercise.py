@@ -18,15 +18,16 @@ def cases(rng: np.random.Generator) -> list[Case]:
     """Return one contact on each part of the cone, then several that are coupled."""
 
     def delassus(n: int, coupling: float = 1.0) -> Array:
-        """Return of n contacts on bodies that share coordinates."""
+        """Return the Delassus matrix of n contacts on bodies that share coordinates."""
         J = rng.normal(size=(3 * n, 3 * n + 2))
         A = J @ J.T / 3.0 + 0.2 * np.eye(3 * n)
         blocks = np.kron(np.eye(n), np.ones((3, 3)))
         return np.asarray(A * (blocks + coupling * (1.0 - blocks)))
 
     def alone(normal: float, slip: float, mu: float, label: str, level: str = "core") -> Case:
-        """Return a contact whose step, before it is projected, is (normal, slip in some
-        direction).
+        """Return a contact whose impulse, before it is projected, is (normal, slip).
+
+        The slip points in a random direction.
         """
         A, turn = delassus(1), rng.uniform(-math.pi, math.pi)
         expected = np.array([normal, slip * math.cos(turn), slip * math.sin(turn)])

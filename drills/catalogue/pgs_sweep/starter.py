@@ -2,8 +2,7 @@ import numpy as np
 
 
 def pgs_sweep(impulses, A, b, mu):
-    """Return one sweep of projected Gauss-Seidel over contacts with friction, each in its true
-    cone.
+    """Return the impulses after one sweep of projected Gauss-Seidel with friction cones.
 
     Args:
         impulses: of each contact: normal, then two tangents, shape (n, 3) [N s].

@@ -57,9 +57,9 @@ def _continuous(
     looks: int,
     halves: int = 1,
 ) -> Array:
-    """Return angles of the linear loop in continuous time.
+    """Return angles of the linear loop in continuous time, (looks + 1,).
 
-    By the matrix exponential, (looks + 1,).
+    They come from the matrix exponential.
     """
     from scipy.linalg import expm
 

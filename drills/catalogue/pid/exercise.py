@@ -76,7 +76,7 @@ class Numbers:
     tau: float = 0.02
 
     def arguments(self) -> tuple[float, ...]:
-        """Return in their order."""
+        """Return the constructor's arguments in their order."""
         return self.kp, self.ki, self.kd, self.dt, self.u_min, self.u_max, self.tau
 
 
@@ -90,9 +90,9 @@ class Controller:
         self.over = 0.0  # N m, by which a command of `update` passed its limit
 
     def update(self, setpoint: float, measurement: float) -> float:
-        """Return one command, cut off as the motor does it.
+        """Return one command, clipped as the motor does it.
 
-        What is no finite number ends the grading.
+        A command that is not a finite number ends the grading.
         """
         got = self.attempt.learner.method(self.handle, "update", setpoint, measurement)
         command = got if type(got) is float and math.isfinite(got) else _number(got)
@@ -101,7 +101,7 @@ class Controller:
         return min(max(command, low), high)
 
     def run(self, setpoints: Any, measurements: Any) -> Array:
-        """Return the commands for two sequences, or one of them a number; in one request."""
+        """Run two sequences, or a sequence and a number, in one request; return the commands."""
         w, y = np.broadcast_arrays(setpoints, measurements)
         learner = self.attempt.learner
         got = learner.given("run", self.handle, w.tolist(), y.tolist())
@@ -501,8 +501,9 @@ def _windup(attempt: Attempt) -> None:
 
 
 def _leaves_limit(attempt: Attempt) -> None:
-    """Check an integral that alone holds the command at its limit lets go when the error turns
-    round.
+    """Check that the integral leaves the limit when the error changes sign.
+
+    The integral alone holds the command at that limit.
     """
     for side in (1.0, -1.0):
         numbers = Numbers(ki=float(attempt.rng.uniform(9.0, 12.0)), kd=1.0, u_min=-5.0, u_max=5.0)
@@ -526,9 +527,9 @@ def _leaves_limit(attempt: Attempt) -> None:
 
 
 def _winds_up(attempt: Attempt, side: float) -> bool:
-    """Return whether the integral goes on at the limit.
+    """Return whether the integral keeps growing at the limit.
 
-    By the sample at which the command leaves it.
+    The sample at which the command leaves the limit shows it.
     """
     numbers = Numbers(kp=1.2, ki=14.0, u_min=-4.0, u_max=4.0)
     controller = Controller(attempt, numbers)
@@ -698,7 +699,7 @@ def response(figure: Any, shown: Shown) -> None:
 
 
 def _time(attempt: Attempt) -> None:
-    """Time of one update."""
+    """Time one update."""
     arguments = Numbers(2.0, 3.0, 0.4, 0.01, -2.0, 2.0, 0.03).arguments()
 
     def sampler(place: Any) -> Callable[[int], float]:
@@ -718,9 +719,9 @@ def _near(got: Array, other: Array) -> bool:
 
 
 def _between(value: float, low: float, high: float) -> bool:
-    """Return whether a value lies between two of the same sign, in whichever order.
+    """Return whether a value lies between two of the same sign, in any order.
 
-    With 1 % to spare.
+    One per cent is allowed beyond either.
     """
     a, b = sorted((abs(low), abs(high)))
     return bool((value > 0.0) == (low > 0.0) and 0.99 * a <= abs(value) <= 1.01 * b)

@@ -13,9 +13,7 @@ TOLERANCE, MARGIN = 0.01, 1e-7
 
 
 def clear(points: Array, triples: Array) -> bool:
-    """Return whether no distance from a tried plane, or from a refit to the best so far, is
-    close.
-    """
+    """Return whether no point is close to the tolerance of a tried plane or of a refit."""
     best = 0
     for triple in triples:
         a, b, c = points[:, triple].T

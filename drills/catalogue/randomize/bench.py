@@ -56,6 +56,7 @@ class Setting:
 
 
 def draw_setting(rng: np.random.Generator) -> Setting:
+    """Draw a random scene, and ranges in which each mistake shows by itself."""
     low = float(rng.uniform(0.2, 0.5))
     high = low + float(rng.uniform(0.6, 1.0))
     # The floor is rougher than any draw, so that a draw for the other geom alone never shows.
@@ -74,7 +75,7 @@ def draw_setting(rng: np.random.Generator) -> Setting:
 def _scene(rng: np.random.Generator, floor: float) -> str:
     """Return a sled, a box, a puck with a contact pair of its own, and an arm.
 
-    With drawn numbers.
+    Their parameters are random.
     """
     sled, box, link, hand = (f"{value:.6f}" for value in rng.uniform(0.4, 2.5, size=4))
     slide, shoulder = (f"{value:.6f}" for value in rng.uniform(0.3, 0.9, size=2))
@@ -196,15 +197,16 @@ class Bench:
         return self.arrays()
 
     def draw(self, count: int, seed: int, actions: list[Array]) -> dict[str, Any]:
-        """Return many draws, each followed by these actions."""
+        """Draw many times, each draw followed by these actions."""
         like: dict[str, Any] = {k: np.repeat(self.before[k][None], count, axis=0) for k in PRIMARY}
         like["delayed"] = []
         args = self.randomizer, self.model, self.data, self.generator(seed), count, actions
         return self.read("draw", *args, like=like)
 
     def here(self, arrays: Arrays) -> Any:
-        """Return a model of this side with these masses, frictions, ..., and constants computed
-        here.
+        """Return a model of this side with these masses, frictions and so on.
+
+        Its derived constants are computed here.
         """
         import mujoco
 
@@ -238,6 +240,7 @@ def same_arrays(
     slip: Callable[[list[str]], str] = lambda changed: "",
     sentence: str = "Changed, and should be as before: ",
 ) -> bool:
+    """Require that no array but the allowed ones differs in any byte; return whether it is so."""
     changed = [
         key
         for key in before

@@ -46,8 +46,9 @@ ROUNDED = float(np.finfo(float).eps)  # the least error that the chart shows
 
 
 def judge(attempt: Attempt) -> None:
-    """Check one draw in every detail, then repetition, restoring, distributions, delay and
-    noise.
+    """Check one draw in every detail, then what must be true of many.
+
+    That is repetition, restoring, distributions, delay and noise.
     """
     try:
         _judge(attempt)
@@ -97,7 +98,7 @@ STAGES: tuple[tuple[str, str, bool, Callable[[Bench, list[Any], list[int]], obje
 
 
 def _time(bench: Bench) -> None:
-    """Time of one randomisation."""
+    """Time one randomisation."""
 
     def sampler(place: Any) -> Callable[[int], float]:
         model = place.given_new("build", bench.setting.xml, 1.0)
@@ -117,7 +118,7 @@ def _time(bench: Bench) -> None:
 
 
 def chart(attempt: Attempt, answer: Place) -> WorkPrecision:
-    """Time of 50 randomisations against the worst derived constant, over the size of the model."""
+    """Plot the time of 50 randomisations and the worst derived constant over the model's size."""
     import mujoco
 
     from course.measure.work_precision import Method, Result, measure

@@ -9,7 +9,7 @@ import numpy as np
 def build(xml, tuned):
     """Return a model in which somebody has set one constant by hand.
 
-    `tuned` times the compiled one.
+    It is `tuned` times the compiled one.
     """
     model = mujoco.MjModel.from_xml_string(xml)
     model.dof_invweight0[:] *= tuned
@@ -17,10 +17,12 @@ def build(xml, tuned):
 
 
 def fresh(model):
+    """Return new simulation data of a model."""
     return mujoco.MjData(model)
 
 
 def generator(seed):
+    """Return a generator that lives in the child and is passed by handle."""
     return np.random.default_rng(seed)
 
 
@@ -51,10 +53,7 @@ def computed(data):
 
 
 def draw(randomizer, model, data, rng, count, actions):
-    """Return many draws.
-
-    What was written, and what `delay` gives back for the actions after each.
-    """
+    """Return the arrays that were written, and the delayed actions after each write."""
     names = "geom_friction", "pair_friction", "body_mass", "body_inertia", "dof_damping"
     written: dict[str, list[np.ndarray]] = {name: [] for name in names}
     sent = []
@@ -89,11 +88,13 @@ def observe(randomizer, observation, rng):
 
 
 def observe_often(randomizer, observation, rng, count):
+    """Return `count` noisy copies of one observation, copied before the next call."""
     handed = np.array(observation)
     return [copy.deepcopy(randomizer.observe(handed, rng)) for _ in range(count)]
 
 
 def timed(randomizer, data, rng, count):
+    """Randomise `count` times; the judge times the call."""
     for _ in range(count):
         randomizer.randomize(data, rng)
 

@@ -143,7 +143,7 @@ def defaults(bench: Bench, seed: int) -> None:
 
 
 def distributions(bench: Bench, first: Arrays, seed: int, how: str = "") -> None:
-    """Whether many draws are spread as asked, and each body and joint has its own."""
+    """Check that draws have the right distribution, independent for each body and joint."""
     attempt, setting = bench.attempt, bench.setting
     actions = [np.full(bench.default.nu, float(k)) for k in range(1, 8)]
     drawn = bench.draw(DRAWS, seed, actions)
@@ -273,8 +273,9 @@ def _same(got: Any, expected: Array) -> bool:
 
 
 def _shifted(got: Array, sent: Array, idle: float) -> NDArray[np.bool_]:
-    """Return whether each draw's actions (draws, calls, n) come so many calls late, (calls,
-    draws).
+    """Return whether each draw's actions arrive the given number of calls late.
+
+    The actions have shape (draws, calls, n), the result (calls, draws).
     """
     calls = sent.shape[1]
     return np.array(
@@ -340,6 +341,7 @@ def reused_actions(bench: Bench, seed: int) -> None:
 
 
 def noise_added(bench: Bench, seed: int) -> None:
+    """Check one noisy observation against the worked answer's, drawn with the same seed."""
     attempt, learner, sigma = bench.attempt, bench.learner, bench.setting.noise
     truth = attempt.rng.uniform(-2.0, 2.0, size=5)
     rng = bench.generator(seed)
@@ -500,6 +502,7 @@ def equal_ends(bench: Bench, seed: int) -> None:
 
 
 def refusals(bench: Bench) -> None:
+    """Check that each impossible range raises ValueError when the randomiser is constructed."""
     good = bench.setting.ranges
     for place, value, what in (
         (0, (1.0, 0.5), "friction with its ends the wrong way round"),

@@ -129,7 +129,7 @@ def _damping(bench: Bench, arrays: Arrays) -> bool:
 
 
 def check_constants(bench: Bench, arrays: Arrays) -> None:
-    """The derived constants against those that this side computes from the primary values."""
+    """Check the derived constants against those computed here from the primary values."""
     truth = bench.here(arrays)
     worst, where = 0.0, ""
     for name in CONSTANTS:
@@ -154,7 +154,7 @@ def check_constants(bench: Bench, arrays: Arrays) -> None:
 
 
 def _friction(bench: Bench, arrays: Arrays) -> None:
-    """The friction that contacts get, and that a sliding sled feels, on this side."""
+    """Check the friction that contacts get, and that a sliding sled feels, computed here."""
     from course.oracles.mujoco.randomize import sliding_friction
 
     attempt, (low, high) = bench.attempt, bench.setting.friction
@@ -209,10 +209,7 @@ def friction_slip(bench: Bench, arrays: Arrays) -> str:
 
 
 def contact_frictions(model: Any) -> dict[str, float]:
-    """Return sliding coefficient of each contact: sled, box and puck on the floor.
-
-    The box on the puck.
-    """
+    """Check the friction of contacts, that of the box on the puck included."""
     import mujoco
 
     result: dict[str, float] = {}
@@ -233,7 +230,7 @@ def contact_frictions(model: Any) -> dict[str, float]:
 def check_state(
     bench: Bench, arrays: Arrays, state: Any, now: Any, method: str, before: Arrays
 ) -> None:
-    """The state is kept, and what follows from it is that of the model now, not as `before`."""
+    """Check that the state is kept, and that what follows from it is the present model's."""
     import mujoco
 
     attempt = bench.attempt

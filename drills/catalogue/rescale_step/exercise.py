@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return steps of some milliseconds, prices of time, goals."""
+    """Return cases with steps of some milliseconds, prices of time, and goals."""
 
     def task(
         label: str,

@@ -93,10 +93,7 @@ def explain(answers: Sequence[Answer]) -> str:
 
 
 def brought(figure: Any, shown: Shown) -> None:
-    """Plot the target, the second argument, and the first as both motions bring it there.
-
-    From above.
-    """
+    """Check where the answer brings a point that lies above the others."""
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
     axes.plot(*shown.args[1][:2], "o", color="0.75", label="target")
     for (R, p), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):

@@ -20,10 +20,7 @@ G = 9.81
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return holding, speeding up, coasting.
-
-    Cases in which one term stands alone, then all of them.
-    """
+    """Return cases in which one term stands alone, then all of them."""
 
     def moving(
         n: int,
@@ -89,7 +86,7 @@ def torques(figure: Any, shown: Shown) -> None:
 
 
 def twelve_links(attempt: Attempt, drawn: Sequence[Case]) -> None:
-    """Time of a long arm."""
+    """Time a long arm."""
     attempt.time_call(*next(case.args for case in drawn if case.label == "twelve links"))
 
 

@@ -118,7 +118,7 @@ def _typed(world: World) -> str:
 
 
 def _run(attempt: Attempt, world: World, seed: int | None = None) -> Run | None:
-    """Return one run as arrays, or None after a failed check."""
+    """Run the submission once; return the run as arrays, or None after a failed check."""
     got = _ask(attempt, world, seed)
     call = _typed(world)
     parts = attempt.parts(got, PARTS, call=call)
@@ -179,10 +179,7 @@ def _report(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
 
 
 def _telling(result: list[Fault]) -> str:
-    """Return the slip behind faults of one property.
-
-    The grossest of the edges, else the first named.
-    """
+    """Return the most telling failure: the grossest of the edges, else the first named."""
     named = [fault.slip for fault in result if fault.slip]
     return next((slip for slip in GROSSEST if slip in named), next(iter(named), ""))
 
@@ -243,10 +240,7 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
 
 
 def _alike(closed: list[tuple[World, Run]]) -> bool:
-    """Return whether two runs in one rectangle.
-
-    With generators of their own, drew the same targets.
-    """
+    """Return whether runs with generators of their own sampled the same targets."""
     first = [run.samples[:9] for world, run in closed if np.array_equal(world.bounds, [LOW, HIGH])]
     return len(first) > 1 and all(np.array_equal(first[0], other) for other in first[1:])
 
@@ -304,7 +298,7 @@ def _report_generator(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
 
 
 def _report_cost(attempt: Attempt, world: World) -> None:
-    """Time of the longest run, here and there, with the same random numbers."""
+    """Time the longest run, here and there, with the same random numbers."""
     seed = int(attempt.rng.integers(1 << 31))
     child, reference = attempt.learner.child, attempt.reference
     rng = child.given_new("generator", seed)

@@ -4,11 +4,12 @@ import numpy as np
 
 
 def generator(seed):
+    """Return a generator that the child owns, so that draws are counted there."""
     return np.random.default_rng(seed)
 
 
 def drive(start, goal, discs, bounds, step, max_samples, seeds):
-    """Return how many runs reached the goal, and how many targets all of them drew."""
+    """Run the submission; return how many runs reached the goal, and how many targets all drew."""
     from submission import rrt
 
     solved = drawn = 0

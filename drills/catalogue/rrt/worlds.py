@@ -155,10 +155,7 @@ def invalid_queries(rng: np.random.Generator) -> list[World]:
 
 
 def paths(figure: Any, discs: Any, before: Any, got: Any, right: Any) -> None:
-    """Plot paths [m] among discs, rows (x, y, radius).
-
-    What was given, what came back, what is right.
-    """
+    """Plot the given paths, the results, and the correct results."""
     from matplotlib.patches import Circle
 
     axes = picture.plane(figure, "x [m]", "y [m]", equal=True)

@@ -2,9 +2,7 @@ import numpy as np
 
 
 def edge_is_free(a, b, discs):
-    """Return whether the segment from a to b, each (2,), touches no disc, rows (x, y, radius)
-    [m].
-    """
+    """Return whether the segment from a to b, each (2,), touches no disc (x, y, radius) [m]."""
     along, to_centres = b - a, discs[:, :2] - a
     length_squared = max(float(along @ along), 1e-300)
     share = np.clip(to_centres @ along / length_squared, 0.0, 1.0)

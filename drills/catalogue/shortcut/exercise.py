@@ -20,14 +20,12 @@ EVERYWHERE = np.array([[-99.0, -99.0], [99.0, 99.0]])
 
 
 def length(path: Any) -> float:
-    """Return of all edges together."""
+    """Return the total length of all edges."""
     return float(np.hypot(*np.diff(np.asarray(path, dtype=float), axis=0).T).sum())
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return one corner, then zigzags among discs that lie beside the path, many of them in the
-    way.
-    """
+    """Return one corner, then zigzags among discs beside the path, many of them blocking it."""
 
     def zigzag(
         label: str,

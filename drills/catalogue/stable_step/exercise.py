@@ -66,9 +66,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def explain(answers: Sequence[Answer]) -> str:
-    """Return a factor that the simple cases show by themselves, whatever else is wrong in the
-    others.
-    """
+    """Name a wrong factor that the simple cases show, whatever else is wrong."""
     simple = [a for a in answers if a.case.level == "simple"]
     for name, factor in FACTORS.items():
         if simple and all(

@@ -2,8 +2,7 @@ import numpy as np
 
 
 def truncated_advantages(reward, value, starts, ended, final, last, gamma, lam):
-    """Return generalised advantages of a buffer of episodes, some of which a time limit has cut
-    off.
+    """Return generalised advantages of a buffer of episodes, some cut off by a time limit.
 
     Args:
         reward, value: of each step and of the state in which it begins, shape (n,).

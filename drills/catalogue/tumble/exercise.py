@@ -123,9 +123,9 @@ def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) 
 
 
 def smaller_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
-    """Check a wrong answer with smaller steps.
+    """Check that smaller steps converge.
 
-    Right equations, of too low an order, come closer.
+    Correct equations of too low an order only come closer.
     """
     case = next(a.case for a in answers if a.case.label == "three moments")
     if not attempt.failed or attempt.shown:
@@ -186,7 +186,7 @@ def tumbling(attempt: Attempt) -> Plan:
 
 
 def five_steps(attempt: Attempt, cases: Sequence[Case]) -> None:
-    """Time of a few steps."""
+    """Time a few steps."""
     attempt.time_call(*cases[0].args[:4], 5, what="time per 5 steps")
 
 

@@ -14,10 +14,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return no delay, whole samples, parts of one.
-
-    Friction from hardly any to almost nothing else.
-    """
+    """Return joints with friction from almost none to almost nothing else."""
 
     def joint(late: float, label: str, level: str = "core", *, friction: float = 0.0) -> Case:
         """Return a delay in samples, and damping dt / inertia, drawn when it is 0."""

@@ -52,7 +52,7 @@ class Pair:
         )
 
     def step(self, actions: Any) -> bool:
-        """Return one step on both sides, and compare."""
+        """Step both the submission and the solution; return whether the results agree."""
         attempt = self.attempt
         got = attempt.learner.method(self.envs, "step", actions)
         expected = attempt.reference.method(self.envs_here, "step", actions)
@@ -237,10 +237,7 @@ def _time(attempt: Attempt) -> None:
 
 
 def walked(attempt: Attempt) -> Plan:
-    """Return mean reward of the walk without actions, which is 0.
-
-    From more and more environments.
-    """
+    """Check walks of more and more environments."""
     from course.oracles.gymnasium import sync_vector_env, wrapped
 
     steps = 20

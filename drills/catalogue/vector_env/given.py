@@ -13,6 +13,7 @@ class Walk:
         self.closed = 0
 
     def reset(self, seed=None):
+        """Start an episode whose length is sampled; the observation array is reused."""
         if seed is not None or self.rng is None:
             self.rng = np.random.default_rng(seed)
         self.steps = 0
@@ -21,6 +22,7 @@ class Walk:
         return self.observation, {"length": self.length}
 
     def step(self, action):
+        """Move by the action; report the end and the time limit, even both at once."""
         self.steps += 1
         self.observation[:2] += np.asarray(action, dtype=float)
         assert self.rng is not None, "reset() comes first"
@@ -31,6 +33,7 @@ class Walk:
         return self.observation, reward, over, late, info
 
     def close(self):
+        """Count the calls, so that a missing or a second one shows."""
         self.closed += 1
 
 
@@ -42,15 +45,18 @@ class Factory:
         self.built = []
 
     def __call__(self):
+        """Return a new walk and remember it."""
         self.built.append(Walk(self.ends, self.clock))
         return self.built[-1]
 
 
 def factory(ends, clock):
+    """Return a factory of walks that the child remembers."""
     return Factory(ends, clock)
 
 
 def closings(factory):
+    """Return how often each environment of the factory was closed."""
     return [env.closed for env in factory.built]
 
 

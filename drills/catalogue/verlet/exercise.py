@@ -37,6 +37,7 @@ class Field:
         return Field(self.kind, self.numbers, self.shape)
 
     def __call__(self, place: Any) -> Array:
+        """Return the acceleration at a position and count the call, after checking its shape."""
         self.calls += 1
         q = numbers_of(place, "the position")
         if q.shape != self.shape:
@@ -105,7 +106,7 @@ def whole_runs(attempt: Attempt, answers: Sequence[Answer]) -> None:
 def _run(
     attempt: Attempt, q: Array, v: Array, omega: float, dt: float, steps: int
 ) -> tuple[Array, Array] | None:
-    """Return a run on a spring, or None after a failed check."""
+    """Run the submission on a spring and return the run, or None after a failed check."""
     field = Field("spring", (omega**2, 0.0), q.shape)
     a = field(q)
     for _ in range(steps):
@@ -168,7 +169,7 @@ def _reversal(attempt: Attempt) -> None:
 
 
 def one_step(attempt: Attempt, cases: Sequence[Case]) -> None:
-    """Time of a step, with a field on either side of the pipe."""
+    """Time one step, with a field on either side of the pipe."""
     start = np.array([1.0, 0.5]), np.zeros(2), np.array([-4.0, -2.0])
     fields = (
         place.given_new("field", "spring", [4.0, 0.0])

@@ -12,11 +12,13 @@ class Field:
         self.calls = 0
 
     def __call__(self, q):
+        """Return the acceleration at q and count the call."""
         self.calls += 1
         return acceleration(self.kind, self.numbers, q)
 
 
 def acceleration(kind, numbers, q):
+    """Return the acceleration at q for unit mass, one of four force fields."""
     q = np.array(q, dtype=float)
     if kind == "spring":
         return -numbers[0] * q - numbers[1] * q**3
@@ -28,11 +30,12 @@ def acceleration(kind, numbers, q):
 
 
 def field(kind, numbers):
+    """Return a force field that counts its evaluations."""
     return Field(kind, numbers)
 
 
 def drive(q, v, kind, numbers, dt, steps):
-    """Return a whole run with the submission's step, for the chart."""
+    """Run the submission's step to the end, and return the run for the chart."""
     from submission import verlet_step
 
     field = Field(kind, numbers)

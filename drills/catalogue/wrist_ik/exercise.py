@@ -57,10 +57,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def arrived(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
-    """Check whether the hand has the orientation asked for.
-
-    The check that the program's author made.
-    """
+    """Run the check that the program's author made."""
     try:
         q = as_float64(parts[0], (3,))
     except Mismatch:
@@ -106,7 +103,7 @@ def angles(figure: Any, shown: Shown) -> None:
 
 
 def five_steps(attempt: Attempt, drawn: Sequence[Case]) -> None:
-    """Time of a few steps."""
+    """Time a few steps."""
     attempt.time_call(*drawn[0].args[:3], 5, what="time per 5 steps")
 
 

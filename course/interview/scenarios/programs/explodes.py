@@ -15,11 +15,11 @@ class Machine:
         mass: of the slide [kg].
         stiffness: of one stop [N/m].
         stops: (place [m], direction in which it pushes, +1 or -1) of every contact point.
-        damping: of the brake, which is told the measured speed [N s/m].
+        damping: of the brake, which acts on the measured speed [N s/m].
         age: steps from a measurement to its use.
         friction: coefficient between slide and rail.
         slow: speed below which friction grows with the speed [m/s].
-        rail, guide: directions of the axes in which force and speed are told, +1 or -1.
+        rail, guide: directions of the axes of force and speed, +1 or -1.
         blend: how much of the new speed moves the slide, from 0 to 1.
         dt: step [s].
         start: place at the beginning [m].
@@ -45,7 +45,7 @@ GRAVITY = 9.81
 
 
 def contact_force(machine: Machine, x: float) -> tuple[float, int]:
-    """The force of the stops [N], and how many contact points push."""
+    """Return the force of the stops [N], and how many contact points push."""
     force, touching = 0.0, 0
     for place, direction in machine.stops:
         depth = direction * (place - x)
@@ -56,7 +56,7 @@ def contact_force(machine: Machine, x: float) -> tuple[float, int]:
 
 
 def friction_force(machine: Machine, v: float) -> float:
-    """The force of the rail [N]: Coulomb's, made smooth at low speed."""
+    """Return the force of the rail [N]: Coulomb's, made smooth at low speed."""
     slip = machine.guide * v
     share = min(max(slip / machine.slow, -1.0), 1.0)
     return -machine.rail * machine.friction * machine.mass * GRAVITY * share

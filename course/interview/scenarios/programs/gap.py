@@ -82,6 +82,6 @@ def reached(count: int, pairs: NDArray[np.int64], first: int = 0) -> Mask:
 
 
 def solved(room: Room, rng: np.random.Generator) -> bool:
-    """Whether a roadmap joins start and goal."""
+    """True if the roadmap joins start and goal."""
     points, pairs = roadmap(room, rng)
     return bool(reached(len(points), pairs)[1])

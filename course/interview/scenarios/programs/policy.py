@@ -39,7 +39,7 @@ class Log:
 
     q: Array
     v: Array
-    asked: Array
+    commanded: Array
 
 
 STEP = 0.004  # s
@@ -49,7 +49,7 @@ SMOOTH = 0.02  # rad
 
 
 def observe(target: Array, q: Array, v: Array) -> Array:
-    """What the policy is told, (5, arms): angle, speed, target, depth asked for, side."""
+    """Return the observation, (5, arms): angle, speed, target, commanded depth, side."""
     ahead = np.tanh((target - q) / SMOOTH)
     return np.array([q, v, target, np.maximum(target - SURFACE, 0.0), ahead])
 
@@ -67,15 +67,15 @@ def train(model: Robot, bandwidth: float) -> Array:
     spring of `bandwidth` [rad/s] would.
     """
     target, q, v = poses(np.random.default_rng(0), 2000)
-    seen = observe(target, q, v)
-    wanted = model.inertia * (bandwidth**2 * (target - q) - 2.0 * bandwidth * v) + model.drag * v
-    wanted = wanted + model.stiffness * seen[3] + model.friction * seen[4]
-    scaled = (seen - model.mean) / model.std
-    return np.linalg.lstsq(np.vstack((scaled, np.ones(2000))).T, wanted, rcond=None)[0]
+    observation = observe(target, q, v)
+    desired = model.inertia * (bandwidth**2 * (target - q) - 2.0 * bandwidth * v) + model.drag * v
+    desired = desired + model.stiffness * observation[3] + model.friction * observation[4]
+    scaled = (observation - model.mean) / model.std
+    return np.linalg.lstsq(np.vstack((scaled, np.ones(2000))).T, desired, rcond=None)[0]
 
 
 def torque(robot: Robot, weights: Array, target: Array, q: Array, v: Array) -> Array:
-    """What the policy asks for on a robot [N m]."""
+    """Return the torque that the policy commands on a robot [N m]."""
     scaled = (observe(target, q, v) - robot.mean) / robot.std
     return np.minimum(np.maximum(weights[:-1] @ scaled + weights[-1], -LIMIT), LIMIT)
 
@@ -86,10 +86,10 @@ def move(
     """Run a robot from angle `q` and speed `v`, with the torque that `ask(step, q, v)` gives."""
     arms, waiting = np.arange(len(q)), np.zeros((int(np.max(robot.delay)), len(q)))
     log = Log(*(np.zeros((steps, len(q))) for _ in range(3)))
-    queue = np.concatenate((waiting, log.asked))
+    queue = np.concatenate((waiting, log.commanded))
     drop = STEP * robot.friction / robot.inertia
     for i in range(steps):
-        queue[i + len(waiting)] = log.asked[i] = ask(i, q, v)
+        queue[i + len(waiting)] = log.commanded[i] = ask(i, q, v)
         given = queue[i + len(waiting) - robot.delay, arms]
         depth = q - SURFACE
         key = (depth > 0.0) * np.maximum(robot.stiffness * depth + robot.damping * v, 0.0)
@@ -107,5 +107,5 @@ def press(robot: Robot, weights: Array, target: Array, steps: int) -> Log:
 
 
 def success(log: Log, target: Array, width: Array, held: int) -> float:
-    """The share of presses that stay within the width in the last `held` steps."""
+    """Return the share of presses that stay within the width in the last `held` steps."""
     return float(np.mean(np.abs(log.q[-held:] - target).max(axis=0) < width))

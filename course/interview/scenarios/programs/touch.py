@@ -60,10 +60,10 @@ def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
         if (i + 0.5) * machine.dt > due:
             due += machine.periods[ticks % len(machine.periods)]
             error = machine.target - reading
-            wanted = machine.target + machine.gain * error + total - machine.brake * v
+            desired = machine.target + machine.gain * error + total - machine.brake * v
             total += machine.integral * error * machine.period
             total = min(max(total, -machine.room), machine.room)
-            commands.append(min(max(wanted, -machine.limit), machine.limit))
+            commands.append(min(max(desired, -machine.limit), machine.limit))
             applied = commands[ticks]
             ticks += 1
         log.append((x, force, reading, applied, ticks))
