@@ -71,7 +71,8 @@ def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_])
 
     Args:
         z: the image, shape (H, W) [m].
-        camera, sensor: whose image it is.
+        camera: intrinsics of the image.
+        sensor: noise of its depths.
         cluster: pixels of the part, shape (H, W).
     """
     found = []
@@ -280,7 +281,8 @@ def rows(
     Args:
         part: about its own origin.
         pose: in the camera's frame, shape (7,).
-        camera, sensor: whose image it is.
+        camera: intrinsics of the image.
+        sensor: noise of its depths.
         at: the border pixels.
         gate: largest distance from the contour [pixels].
     """
@@ -360,7 +362,8 @@ def refine(
         part: about its own origin.
         fit: of the points.
         of_points: its information about the six directions, shape (6, 6).
-        camera, sensor: whose image it is.
+        camera: intrinsics of the image.
+        sensor: noise of its depths.
         at: the border of the part.
 
     Returns:

@@ -849,7 +849,9 @@ toggles = {
 for name, (scene, report, caught) in toggles.items():
     held = lab.trials(scene, 20)
     low, high = wilson(held, 20)
-    print(f"{name:<25}expected: {report:<15}held {held:2d}/20 [{low:.2f}, {high:.2f}]; test: {caught}")
+    print(
+        f"{name:<25}expected: {report:<15}held {held:2d}/20 [{low:.2f}, {high:.2f}]; test: {caught}"
+    )
 heavy, light = (lab.lift(lab.Lab(mass=m)).error for m in (0.55, 0.5))
 print(f"10 % more mass: lifted {100 * (heavy - light) / lab.Lab().height:.1f} % less high")
 
