@@ -324,7 +324,7 @@ for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
 try:
     Stage("slow", 0.060, 1 / 30)
 except ValueError as refusal:
-    print(str(refusal).replace(", allowed", ",\n  allowed"))
+    print(str(refusal).replace(", or more", ",\n  or more"))
 
 # %% [markdown]
 # ### Jitter

@@ -305,8 +305,7 @@ print_figures(
 # %% [markdown]
 # **Fine-tuning** searches on the robot itself. It needs no model, and far more robot time than a single log. A
 # longer log, or a range about it, buys nothing that these bands show. Chapter 6's adaptive law learns within each
-# reach; its setting was seen on the twin, which is robot time. Compare it with *its law, not adapting*: most of the gain
-# is computed torque along a smooth motion, not adaptation.
+# reach, but most of its gain is there without adapting (*its law, not adapting*).
 #
 # ### When each of them wins
 #
@@ -336,9 +335,8 @@ for name, gains in sets.items():
     print(f"{name:<24} {rollouts(there_is, gains, tasks(1000, 42)).rate:.3f}")
 
 # %% [markdown]
-# So "identify what is fixed, randomise what varies" is half of the answer. Randomising what varies buys little by
-# itself here. The recurrent policies of section 4 measured the plant within the episode. Whether that helps on this arm
-# is not measured on this page: the adaptive law above ran on one twin, and most of its gain is there without adapting.
+# So "identify what is fixed, randomise what varies" is half of the answer: randomising what varies buys little here.
+# A policy that measures the plant within the episode may do better; this page does not run one.
 #
 # ### A mended parameter can hurt
 #
@@ -846,12 +844,11 @@ toggles = {
     "camera 30 mm off": (lab.Lab(offset=0.03), "misses", "touch a known point"),
     "camera 20 mm, box + 10 %": (lab.Lab(offset=0.02, mass=0.55), "misses", "one at a time"),
 }
+print(f"{'what is wrong':<25}{'expected':<16}{'held, with its band':<21}what tells")
 for name, (scene, report, caught) in toggles.items():
     held = lab.trials(scene, 20)
     low, high = wilson(held, 20)
-    print(
-        f"{name:<25}expected: {report:<15}held {held:2d}/20 [{low:.2f}, {high:.2f}]; test: {caught}"
-    )
+    print(f"{name:<25}{report:<16}{held:2d}/20 [{low:.2f}, {high:.2f}]   {caught}")
 heavy, light = (lab.lift(lab.Lab(mass=m)).error for m in (0.55, 0.5))
 print(f"10 % more mass: lifted {100 * (heavy - light) / lab.Lab().height:.1f} % less high")
 

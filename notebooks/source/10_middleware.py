@@ -678,7 +678,7 @@ for node in ours:
     for (topic, end), qos in launch.overrides(node.parameters).items():
         unlike = [v for k, v in vars(qos).items() if v != getattr(QoS(), k) and isinstance(v, str)]
         times = [
-            f"{k.split('_')[0]} {1e3 * v:g} ms"
+            f"{k.removeprefix('liveliness_').split('_')[0]} {1e3 * v:g} ms"
             for k, v in vars(qos).items()
             if v != getattr(QoS(), k) and isinstance(v, float)
         ]
