@@ -151,7 +151,7 @@ def mass_without_set_const(result):
         return pulled(factor, recompute, 50.0)
 
     def moved(measure, factor):
-        """Return largest relative difference that mj_setConst makes."""
+        """Return the largest relative difference that mj_setConst makes."""
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
 
     def centre(recompute):
