@@ -107,8 +107,8 @@ def _box_edges() -> tuple[Array, Array]:
         corner = np.zeros((2, 3))
         corner[:, axis], corner[:, a], corner[:, b] = (1.0, -1.0), sign_a, sign_b
         ends.append(corner)
-        faces.append(sign_a * np.eye(3)[a]), faces.append(sign_b * np.eye(3)[b])
-    return np.moveaxis(ends, 0, 2), np.moveaxis(np.reshape(faces, (12, 2, 3)), 0, 2)
+        faces.append(np.stack((sign_a * np.eye(3)[a], sign_b * np.eye(3)[b])))
+    return np.stack(ends, axis=2), np.stack(faces, axis=2)
 
 
 _ENDS, _FACES = _box_edges()
@@ -190,7 +190,8 @@ def _cylinder_lines(eye: Array, radius: float, half: float) -> tuple[Array, Arra
     first, last, heights = [], [], []
     if reach:
         touching = np.array([towards - reach, towards + reach])
-        first.append(touching), last.append(touching)
+        first.append(touching)
+        last.append(touching)
         heights.append(np.array([[half, half], [-half, -half]]))
     for height, end_is_seen in ((half, eye[2] > half), (-half, eye[2] < -half)):
         begin, stop = towards - reach, towards + reach
@@ -198,7 +199,8 @@ def _cylinder_lines(eye: Array, radius: float, half: float) -> tuple[Array, Arra
             begin, stop = stop, begin + 2.0 * math.pi
         if stop > begin:
             angles = np.linspace(begin, stop, _CHORDS + 1)
-            first.append(angles[:-1]), last.append(angles[1:])
+            first.append(angles[:-1])
+            last.append(angles[1:])
             heights.append(np.full((2, _CHORDS), height))
     if not first:
         return np.zeros((2, 3, 0)), np.zeros((2, 0))

@@ -88,7 +88,14 @@ def test_a_handle_that_is_busy_is_no_number(program, tmp_path):
     )
     made = tmp_path / "busy"
     folder = controller.SOURCE.parent
-    command = [controller.compiler(), *controller.FLAGS, f"-I{folder}", str(code), "-o", str(made)]
+    command = [
+        controller.compiler() or "",
+        *controller.FLAGS,
+        f"-I{folder}",
+        str(code),
+        "-o",
+        str(made),
+    ]
     subprocess.run(command, check=True)
     done = subprocess.run([str(made)], capture_output=True, text=True, check=True)
     assert done.stdout.split("\n")[:3] == ["1 2", "0 0", "0 0"]
@@ -191,7 +198,9 @@ def test_a_wrong_override_is_named(name: str, value, report: str):
 def test_the_lease_outlasts_the_lateness_that_was_measured():
     """Of an ordinary process beside busy ones; a lease of 10 ms declared a healthy one dead."""
     report = charts.read("loop_lateness")
-    worst = float(re.search(r"default: .*, ([\d.]+) \(all\)", report).group(1)) / 1000.0
+    found = re.search(r"default: .*, ([\d.]+) \(all\)", report)
+    assert found is not None
+    worst = float(found.group(1)) / 1000.0
     ends = [launch.overrides(node.parameters) for node in launch.nodes(launch.OURS)]
     leases = {q.liveliness_lease_duration for e in ends for q in e.values()} - {math.inf}
     assert leases and min(leases) > 2.0 * worst
