@@ -263,7 +263,7 @@ class Work:
 
 
 def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) -> dict[str, float]:
-    """Return longest response time of each callback [s]; infinite where none is found.
+    """Return the longest response time of each callback [s]; infinite where none is found.
 
     With S the sum of all executions:
 
@@ -335,7 +335,7 @@ def _start(base: float, late: float, before: Sequence[Work]) -> float:
 
 
 def _least(x: float, base: float, works: Sequence[Work], runs: Callable) -> float:
-    """Return least fixed point of x = base + sum of C runs(x) from x on.
+    """Return the least fixed point of x = base + sum of C runs(x) from x on.
 
     Infinite where there is none.
     """

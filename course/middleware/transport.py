@@ -309,12 +309,12 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
 
 
 def expected_loss(fragments: int, loss: float) -> float:
-    """Return probability that a message lacks a fragment: 1 - (1 - p)^n."""
+    """Return the probability that a message lacks a fragment: 1 - (1 - p)^n."""
     return -math.expm1(fragments * math.log1p(-loss))
 
 
 def expected_rounds(fragments: int, loss: float) -> float:
-    """Return mean rounds until all n are there: the mean of the largest of n geometric numbers.
+    """Return the mean rounds until all n are there: the mean of the largest of n geometric numbers.
 
     A round k + 1 is needed if any of them was lost k times: the sum over k of 1 - (1 - p^k)^n.
     """

@@ -94,7 +94,7 @@ STATE = Record(
 
 @register_jitable
 def profile(controls, topic, reader):
-    """Return number of the profile of an end of a topic."""
+    """Return the number of the profile of an end of a topic."""
     if topic == controls["topic"]:
         return controls["requested"] if reader else controls["offered"]
     return DEFAULTS[topic]

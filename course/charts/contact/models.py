@@ -199,7 +199,7 @@ def _mujocos(
 def work_precision(
     name: str, steps: Sequence[float] = STEPS, repeats: int = 3, names: Sequence[str] | None = None
 ) -> WorkPrecision:
-    """Return error against cost of every model and of MuJoCo's solvers on one of `QUESTIONS`.
+    """Return the error against cost of every model and of MuJoCo's solvers on one of `QUESTIONS`.
 
     Args:
         name: of the question.
@@ -417,7 +417,7 @@ def calm(zeta: float, ratio: float, refsafe: bool, time: float = 0.02) -> bool:
 
 
 def soft_limit(zeta: float) -> float:
-    """Return largest stable step over time constant T of MuJoCo's contact without refsafe.
+    """Return the largest stable step over time constant T of MuJoCo's contact without refsafe.
 
     One body's, of constant impedance, is a spring and damper of omega = 1 / (T zeta) and the ratio
     zeta.

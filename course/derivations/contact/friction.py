@@ -297,7 +297,7 @@ def friction_has_a_step_limit(result):
         return np.abs(v[0] + radius * v[2]).max() / slip
 
     def remaining(mu, slip, share):
-        """Return speed over slip speed after 400 steps, friction being this share of its limit.
+        """Return the speed over slip speed after 400 steps, friction being this share of its limit.
 
         The step and the spring's period are in s.
         """
@@ -515,7 +515,7 @@ def damper_damps(result):
     speed = result.input("speed", 1.0)
 
     def swing(ratio, share):
-        """Return height [m] over which a ball that starts off its rest still swings."""
+        """Return the height [m] over which a ball that starts off its rest still swings."""
         h = share * step_limit(ratio, "semi-implicit") / 100.0
         scene = scenes.ball_drop(-1.5 * scenes.GRAVITY / 1e4)
         path = scenes.run(scene, "penalty", h, 600, stiffness=1e4, damping=200.0 * ratio)

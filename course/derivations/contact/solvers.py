@@ -402,7 +402,7 @@ def default_tolerance(result):
     from course.oracles.mujoco import contact
 
     def worst(solver, tolerance, ls_tolerance):
-        """Return largest difference from our forces over the largest force, on the way."""
+        """Return the largest difference from our forces over the largest force, on the way."""
         options, deviation = contact.Options(solver=solver, tolerance=tolerance), []
         runner = contact.box(options, (0.5, 0.2))
         runner.model.opt.ls_tolerance = ls_tolerance

@@ -47,7 +47,7 @@ STATE = Record(
 
 @register_jitable
 def predicted(controls):
-    """Return least, mean and greatest age and the intervals of perception and planning [s].
+    """Return the least, mean and greatest age and the intervals of perception and planning [s].
 
     The formula is that of `role.age`.
     """
