@@ -661,7 +661,7 @@ def gc_hits_the_loop(result):
     from course.middleware import loop
 
     def collections(apart, times):
-        """Return counted by a loop, in each of whose periods somebody collects once."""
+        """Return what a loop counts in whose every period somebody collects once."""
         import gc
 
         code = "import gc; gc.collect(); print(sum(s['collections'] for s in gc.get_stats()))"
