@@ -238,7 +238,7 @@ def _of_segments(
     line = end - start
     length = np.maximum(np.sum(line * line, axis=0), 1e-300)
     offset = rays[:2, :, None] - start[:, None, :]
-    share = np.clip(np.einsum("ine,ie->ne", offset, line) / length, 0.0, 1.0)
+    share = np.clip(np.einsum("kne,ke->ne", offset, line) / length, 0.0, 1.0)
     gap = offset - share * line[:, None, :]
     distance = np.sqrt(np.sum(gap * gap, axis=0))
     nearest = distance.argmin(axis=1)
