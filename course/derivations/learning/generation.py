@@ -474,10 +474,10 @@ def pauses(result):
 
 @claim(
     "Fifty demonstrations are enough to contain the rarer way.",
-    "A way that a share p of people use is missing from n demonstrations with probability (1 - "
-    "p)^n: {rare:.0%} for n of {n:.0f} and p of {share:.0%}. If a share p uses one of two ways "
-    "and the others use the second, five demonstrations miss one of them with probability "
-    "{formula}.",
+    "A way that each demonstration uses with probability p, independently, is missing from n of "
+    "them with probability (1 - p)^n: {rare:.0%} for n of {n:.0f} and p of {share:.0%}. Operators "
+    "who each always go the same way count once. If a share p uses one of two ways and the others "
+    "use the second, five demonstrations miss one of them with probability {formula}.",
     ask=(
         "A share p of people passes left, the others pass right. With what probability do five "
         "demonstrations show only one side?",
@@ -511,11 +511,16 @@ def ways_missed(result):
         [bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(result.rng.uniform(*some, 8))]
         for some in ((limit, 0.5), (0.1 * limit, 0.5 * limit))
     )
+
+    def by_operators(share, operators=5):
+        """Return whether it is rarely missed where each of five operators always goes one way."""
+        return bool(np.mean(~(result.rng.random((300, operators)) < share).any(axis=1)) < 0.03)
+
     result.statement_holds(
         rare < 0.03,
-        only_if="a share above 1 - (1/100)^(1/n) uses it",
+        only_if="each demonstration uses it independently with probability above 1 - (1/100)^(1/n)",
         inside=inside,
-        outside=outside,
+        outside=outside + [by_operators(x) for x in result.rng.uniform(limit, 0.3, 4)],
     )
     five = missed(0.3, 5, 4000, 1)[1]
     result.correction_holds(
