@@ -125,7 +125,7 @@ plt.show()
 # $$J\,\ddot q + (b + K_d)\,\dot q + K_p\,q = K_p\,q_d .$$
 #
 # This is a mass on a spring with a damper. A constant load torque $\tau_L$ stretches the spring: the joint stops with
-# the error $\tau_L / K_p$. The I term grows until it carries that load. Here is a load of 2 N m on the same joint:
+# the error $\tau_L / K_p$. The I term grows until it carries that load. Here a load of 2 N m pushes the joint forwards:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.9), layout="constrained")
@@ -426,7 +426,7 @@ for label, static in (("static = Coulomb = 2 N m", 2.0), ("static 3, Coulomb 2 N
     run = run_joint(stuck, Actuator(), Encoder(), Gains(40.0, 150.0, 6.0), 1.0, 1e-3, 12.0)
     _ = axes.plot(run.times, run.q, label=label)
 _ = axes.axhline(1.0, color="0.3", ls="--", lw=1)
-_ = axes.set(xlabel="time [s]", ylabel="angle [rad]", ylim=(0.8, 1.3))
+_ = axes.set(xlabel="time [s]", ylabel="angle [rad]", ylim=(0.95, 1.05))
 _ = axes.legend(fontsize=9)
 plt.show()
 
