@@ -59,7 +59,7 @@ def gae(
 def ppo_objective(
     new: ArrayLike, old: ArrayLike, advantage: ArrayLike, clip: float
 ) -> tuple[float, np.ndarray]:
-    """Return PPO's clipped objective, which is to be raised, and its gradient by `new`.
+    """Return PPO's clipped objective, which is to be maximised, and its gradient by `new`.
 
     Args:
         new, old: log-probabilities of the actions taken, now and when they were taken, (n,).
@@ -132,7 +132,7 @@ def flow_sample(
 
 
 def execute_chunks(chunks: ArrayLike, every: int, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is executed of a chunk policy: committed for some steps, and ensembled over time.
+    """Return the executed actions of a chunk policy: committed, and with temporal ensembling.
 
     Args:
         chunks: what is proposed at step t for step t + j, (T, H, m).
