@@ -69,19 +69,53 @@ def source(*functions):
 # Before a simulator can move a body, it has to store what the body is doing. How many numbers does that take? Too few,
 # and the future is not determined. Too many, and they can contradict each other.
 #
-# A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate
-# about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
+# A **rigid body
+# ** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
 # alone does not say where the body goes next: Newton's law gives accelerations, so you also need the six velocities.
 # The **state** is all that you need to predict the future, here pose and velocities: twelve numbers.
-#
+# %% tags=["hide-code"]
+corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+edges = [(a, b) for a in range(8) for b in range(a) if np.sum(corner[a] != corner[b]) == 1]
+sheet = np.array([[-0.55, 1.0, 0.0], [-0.35, -0.17, 1.0]])  # x to the front, y right, z up
+
+
+def draw_box(axes, pose, colour, sides=(0.5, 0.8, 0.3)):
+    """Draw the edges of a box, and its long axis, in an oblique view."""
+    flat = (corner * sides) @ pose.T @ sheet.T
+    for a, b in edges:
+        axes.plot(*flat[[a, b]].T, color=colour, lw=1.4)
+    mark = np.array([[0, 0.8, 0], [0, 1.25, 0]]) @ pose.T @ sheet.T
+    axes.plot(*mark.T, color=colour, lw=3)
+
+
+figure_, axes_ = plt.subplots(figsize=(6.5, 3.6), layout="constrained")
+draw_box(axes_, np.eye(3), "0.35")
+round_ = np.linspace(0.3, 2 * np.pi - 0.7, 40)
+for k, (colour, name) in enumerate((("tab:blue", "x"), ("tab:orange", "y"), ("tab:green", "z"))):
+    unit, across = np.eye(3)[k], np.roll(np.eye(3), -k - 1, axis=0)[:2]
+    tip, base = sheet @ (2.0 * unit), sheet @ (0.75 * unit)
+    axes_.annotate("", tip, base, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2})
+    ring = 1.5 * unit + 0.3 * (
+        np.cos(round_)[:, None] * across[0] + np.sin(round_)[:, None] * across[1]
+    )
+    flat = ring @ sheet.T
+    axes_.plot(*flat.T, color=colour, lw=1.5)
+    axes_.annotate("", flat[-1], flat[-4], arrowprops={"arrowstyle": "-|>", "color": colour})
+    axes_.annotate(
+        f"along and about {name}", tip, (6, -4), textcoords="offset points", color=colour
+    )
+axes_.set(aspect="equal", title="six degrees of freedom", xlim=(-2.4, 3.6), ylim=(-1.3, 2.3))
+axes_.axis("off")
+plt.show()
+# %% [markdown]
 # How many numbers you *store* depends on how you write the orientation. The set of all orientations is called
 # **SO(3)**. It has three dimensions, but it closes on itself, like the surface of a ball does, and this is why three
 # numbers never cover it without trouble:
 #
 # | orientation stored as | numbers | with position and velocities | drawback |
 # |---|---|---|---|
-# | three successive rotation angles, the **Euler angles** | 3 | 12 | singular at some orientations |
-# | a unit **quaternion**, four numbers of length one | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
+# | three successive rotation angles, the **Euler angles
+# ** | 3 | 12 | singular at some orientations | | a unit **quaternion**, four numbers of length one | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
 # | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
 #
 # In the plane everything is simpler: two coordinates, one angle and their three rates make six numbers.
@@ -99,12 +133,12 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # $$I_x = \int (y^2+z^2)\,dm, \qquad I_y = \int (x^2+z^2)\,dm, \qquad I_z = \int (x^2+y^2)\,dm .$$
 #
 # For a body in a general position there are also mixed terms such as $-\int xy\,dm$. All of them together form the
-# **inertia tensor** $I$, a symmetric 3 × 3 matrix. Like every symmetric matrix it has three perpendicular eigenvectors.
-# An eigenvector of $I$ is called a **principal axis**, and its eigenvalue a principal moment. In these axes $I$ is
+# **inertia tensor
+# ** $I$, a symmetric 3 × 3 matrix. Like every symmetric matrix it has three perpendicular eigenvectors. An eigenvector of $I$ is called a **principal axis**, and its eigenvalue a principal moment. In these axes $I$ is
 # diagonal. For a box they are the axes of symmetry.
 #
-# The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
-# rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$. Now look at a body without torque.
+# The tensor connects the **angular velocity
+# ** $\omega$ (its direction is the axis of rotation, its length the rate in rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$. Now look at a body without torque.
 # $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. If $L = I\omega$ is to stay
 # constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves although nothing pushes. There is
 # one exception. If the body spins about a principal axis, $L$ and $\omega$ are parallel and stay so.
@@ -285,8 +319,7 @@ show("gyroscopic_term_holds_the_top_up")
 simulation("top")
 # %% [markdown]
 # An upright top stands only if it spins fast enough. With $I_3$ about its axis and $I_1$ across it (both about the
-# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$. For the top of the simulation the limit is
-# {top_condition.critical_rad_per_s:.1f} rad/s. Try both sides of it with the presets.
+# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$. Try both sides of it with the presets.
 # %%
 more_claims(
     "top_condition",
@@ -310,16 +343,17 @@ try:
 except ValueError as problem:
     print(textwrap.fill(str(problem), 96))
 # %% [markdown]
-# The second thing to check is the point about which the tensor is given. About an axis at the distance $d$ from the
-# parallel axis through the centre of mass, the moment is larger by $m d^2$. This is the **parallel axis** theorem. A
+# The second thing to check is the point about which the tensor is given. The **parallel axis** theorem says how it
+# changes: about an axis at the distance $d$ from the one through the centre of mass, and parallel to it, the moment is
+# larger by $m d^2$. A
 # rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 + m(\tfrac a2)^2 =
 # \tfrac13ma^2$ about its end: four times as much. For the whole tensor and a displacement vector $d$ one adds $m(\lvert
 # d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
 #
 # ### Euler angles and gimbal lock
 #
-# Pilots describe the attitude of a plane by three angles. First turn by the **yaw** about the vertical axis $z$, then
-# by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. Now pitch the
+# Pilots describe the attitude of a plane by three angles. First turn by the **yaw
+# ** about the vertical axis $z$, then by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. Now pitch the
 # nose straight up, by 90 degrees. The roll axis is vertical, and so is the yaw axis. Two of the three rotations do the
 # same, and one direction of rotation is missing. This is **gimbal lock**. Play the first preset and watch the two
 # rings, then lock them:
@@ -367,8 +401,8 @@ more_claims(
 #
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
-# A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the **rotation
-# vector** $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$, and its inverse is the logarithm.
+# A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the
+# **rotation vector** $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$, and its inverse is the logarithm.
 #
 # To do one rotation after the other, multiply the quaternions. With the scalar part $w$ and the vector part $u =
 # (x,y,z)$,
@@ -546,11 +580,10 @@ show("semi_implicit_unconditional")
 #
 # $$\boxed{\; h < \frac{2}{\omega_{\max}} = 2\sqrt{\frac{m}{k}} \;}$$
 #
-# **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to their
-# overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
-# limit is $2/316$ s, or 6.3 ms. With four times the stiffness it is half as long. At 6.3 ms and 6.5 ms, on either side
-# of it, the largest amplitudes in a hundred steps are {semi_implicit_unconditional.largest_6_3_ms_m:.0f} and
-# {semi_implicit_unconditional.largest_6_5_ms_m:.0e} times the one at the start.
+# **Worked example.
+# ** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to their overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
+# limit is $2/316$ s, or 6.3 ms. At 6.3 ms
+# the amplitude stays bounded. At 6.5 ms the simulation explodes within a hundred steps.
 #
 # The controller of a robot rarely needs such short steps. So simulators take several physics steps per controller step;
 # each of them is called a **substep**.
@@ -600,8 +633,8 @@ more_claims(
 # If forces depend on positions only, the $a'$ of this step is the $a$ of the next, so one evaluation per step is
 # enough.
 #
-# The **explicit midpoint** rule takes half an explicit Euler step, evaluates there, and uses that derivative for the
-# full step. The **implicit midpoint** rule uses the derivative at the average of old and new state. The new state
+# The **explicit midpoint
+# ** rule takes half an explicit Euler step, evaluates there, and uses that derivative for the full step. The **implicit midpoint** rule uses the derivative at the average of old and new state. The new state
 # appears on both sides, so an equation has to be solved in every step.
 #
 # **RK4**, the classical Runge-Kutta method of fourth order, evaluates four slopes. With the state $y = (q, v)$ and
@@ -825,7 +858,7 @@ print(f"the body should turn by {2 * half:.2f} rad; scaled back it turns by {2 *
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
 # scaling turns it by $2\arctan(0.05) = 0.09992$ rad. The error of 0.00008 rad looks harmless, but after 1000 steps the
-# wheel lags by {renormalising_repairs.behind_rad:.3f} rad, or almost five degrees. With RK4, on the other hand, adding
+# wheel lags by 0.083 rad, or almost five degrees. With RK4, on the other hand, adding
 # the rates of the four numbers and scaling is accurate to fourth order.
 # %%
 more_claims(
@@ -852,8 +885,8 @@ more_claims(
 # the floor and reverse its velocity. The drawing shows what this does. During the step the ball falls to the depth $d$
 # below the floor. Putting it back lifts it by $d$, and this adds the energy $mgd$.
 #
-# The remedy is to find the **time of
-# impact** inside the step, to reverse the velocity there, and to continue with the rest of the step:
+# The remedy is to find the
+# **time of impact** inside the step, to reverse the velocity there, and to continue with the rest of the step:
 # %% tags=["hide-code"]
 figure_, panels = plt.subplots(1, 3, figsize=(11, 3.7), layout="constrained")
 g, h, y0, v0 = 9.81, 0.1, 0.25, -3.2
@@ -948,8 +981,8 @@ more_claims(
 # ### Six tasks at four rates
 #
 # One program has to run a robot's controller, its camera and the physics at different rates. It performs six tasks: it
-# reads the **sensors**, asks the **controller** for a command, collects the **forces**, **integrates** the state,
-# detects **collisions**, and now and then **renders** an image. The physics step is fixed, and the loop schedules the
+# reads the **sensors**, asks the **controller** for a command, collects the **forces**, **integrates
+# ** the state, detects **collisions**, and now and then **renders** an image. The physics step is fixed, and the loop schedules the
 # other tasks by counting physics steps.
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(10, 2.6), layout="constrained")
@@ -997,8 +1030,8 @@ figures("\n".join(rows), rows[0], "1.000", "16.667", summary="All 18 ms, event b
 # %% [markdown]
 # Three details make the difference between a loop that works and one that nearly does:
 #
-# * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts you. An
-#   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself never
+# * **The accumulator.
+# ** Real time arrives in uneven pieces, because the operating system interrupts you. An   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself never
 #   reads a clock, so the same inputs give the same motion, bit for bit.
 # * **Interpolation.** The rest in the accumulator, divided by $h$, says how far between the last two states the image
 #   lies. If you draw the latest state instead, the motion judders by up to one step. Interpolation costs one step of delay.
@@ -1017,11 +1050,39 @@ print(
 #
 # This course measures itself against the libraries that professionals use. For this chapter that is **MuJoCo**
 # (Multi-Joint dynamics with Contact; Todorov, Erez and Tassa, 2012), an open-source physics engine that much of robot
-# learning runs on. Its step has the same six tasks in another order: it detects collisions *before* it integrates, so
-# after a step its contacts belong to the positions before the step. Call `mj_forward` if you need them for the new
-# positions. MuJoCo offers several integrators. `Euler` is semi-implicit Euler with implicit joint damping. `RK4` is the
-# classical method. `implicitfast` treats the damping of actuators and tendons implicitly too, and `discrete` also the
-# springs.
+# learning runs on.
+# Its step has the same six tasks in another order:
+# %% tags=["hide-code"]
+tasks = {
+    "this course": ("sensors", "controller", "forces", "integrate", "collisions"),
+    "MuJoCo": ("collisions", "sensors", "controller", "forces", "integrate"),
+}
+figure_, axes_ = plt.subplots(figsize=(10, 2.2), layout="constrained")
+for row, (who, names) in enumerate(reversed(tasks.items())):
+    for column, name in enumerate(names):
+        colour = {"collisions": "tab:red", "integrate": "tab:blue"}.get(name, "0.6")
+        axes_.add_patch(plt.Rectangle((2 * column, row), 1.6, 0.6, color=colour, alpha=0.35))
+        axes_.text(2 * column + 0.8, row + 0.3, name, ha="center", va="center")
+        axes_.annotate(
+            "",
+            (2 * column + 2, row + 0.3),
+            (2 * column + 1.6, row + 0.3),
+            arrowprops={"arrowstyle": "->"},
+        )
+    axes_.text(-0.2, row + 0.3, who, ha="right", va="center")
+axes_.text(10.1, 0.8, "next\nstep", va="center")
+axes_.set(
+    xlim=(-1.8, 10.9),
+    ylim=(-0.2, 1.8),
+    title="the order within a step (images are drawn between steps)",
+)
+axes_.axis("off")
+plt.show()
+# %% [markdown]
+# MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
+# step. Call `mj_forward` if you need them for the new positions. MuJoCo offers several integrators. `Euler` is
+# semi-implicit Euler with implicit joint damping. `RK4` is the classical method. `implicitfast` treats the damping of
+# actuators and tendons implicitly too, and `discrete` also the springs.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1046,8 +1107,31 @@ more_claims(
 source(rigid_body.retract, rigid_body.semi_implicit_euler)
 # %% [markdown]
 # RK4 needs one more idea. Its four angular velocities belong to four *different* orientations, and rotations do not
-# commute: a turn about $x$ and then about $y$ is not the same as $y$ first. If you average the four like ordinary
-# vectors, the order drops from 4 to {rotation_stages_add.order_added:.0f}. The Munthe-Kaas form of RK4 (Munthe-Kaas and
+# commute. Turn a box by a quarter about $x$ and then about $z$, and in the other order:
+# %% tags=["hide-code"]
+quarter = {
+    "about x": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "about z": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+}
+figure_, panels = plt.subplots(2, 3, figsize=(8.5, 4.6), layout="constrained")
+ends = []
+for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
+    pose = np.eye(3)
+    for column, axes_ in enumerate(panels[row]):
+        if column:
+            pose = quarter[order[column - 1]] @ pose
+        draw_box(axes_, pose, ("0.5", "tab:blue", "tab:red")[column])
+        axes_.set(aspect="equal", xlim=(-1.5, 1.5), ylim=(-1.4, 1.4))
+        axes_.set_title(
+            "start" if column == 0 else f"a quarter turn {order[column - 1]}", fontsize=10
+        )
+        axes_.axis("off")
+    ends.append(pose)
+plt.show()
+print("same orientation at the end:", bool(np.allclose(*ends)))
+# %% [markdown]
+# If you average the four like ordinary
+# vectors, the order drops from 4 to 2. The Munthe-Kaas form of RK4 (Munthe-Kaas and
 # Owren 1999) adds two correction terms, cross products of the velocities of two stages, called *brackets*. The step
 # then ends with a single exponential. For ordinary coordinates the brackets are zero, and the code is the RK4 of
 # section 2:
@@ -1078,8 +1162,8 @@ more_claims("rotation_stages_add")
 # ### A box that tumbles, hits the floor and slides
 #
 # A ball is a point with a radius. A box has corners, and a force at a corner exerts a torque. The course's planar box
-# finds the time at which a corner hits the floor inside the step, and solves the impact with restitution and **Coulomb
-# friction**: the friction force opposes the sliding, and it is at most $\mu$ times the normal force.
+# finds the time at which a corner hits the floor inside the step, and solves the impact with restitution and
+# **Coulomb friction**: the friction force opposes the sliding, and it is at most $\mu$ times the normal force.
 #
 # With friction, the definition of restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact with
 # friction can *gain* energy, as Kane showed in 1984. So the box uses Stronge's definition (1990): the contact returns
@@ -1151,7 +1235,7 @@ TradeOff(result)
 # know: the errors of its `Euler` and of our semi-implicit Euler agree to several digits, and so do those of the two
 # RK4s. Only the time per step differs, because MuJoCo is a general engine that does more in each step.
 #
-# For one part in a million on a smooth motion, RK4 needs {rk4_costs_four_times.euler_over_rk4:.0f} times fewer force
+# For one part in a million on a smooth motion, RK4 needs thousands of times fewer force
 # evaluations than semi-implicit Euler. You can put an integrator of your own on the chart. It runs as plain Python, so
 # compare it in the left panel, which counts evaluations instead of time:
 
@@ -1397,8 +1481,8 @@ simulation("tunnelling")
 #
 # $$P = 1 - \frac{D}{v\,h}, \qquad v\,h > D .$$
 #
-# **Worked example.** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100 mm per
-# step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is **continuous collision detection**: test the
+# **Worked example.
+# ** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100 mm per step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is **continuous collision detection**: test the
 # whole motion between two steps, or compute the time of impact.
 #
 # There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast ball
@@ -1513,8 +1597,6 @@ figures(
 # </div>
 # %%
 predict("perfect_energy_wrong_momentum")
-# %%
-predict("drift_of_joints")
 # %% [markdown]
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
@@ -1544,7 +1626,9 @@ predict("drift_of_joints")
 # <tr><td>joints creep without a command</td> <td>gravity is on and no motor balances it, or the engine's friction is
 # soft</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffer friction</td></tr>
 # </table>
-#
+# %%
+predict("drift_of_joints")
+# %% [markdown]
 # ## 8 · Exercises
 #
 # Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function on
@@ -1805,8 +1889,8 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # recording. If you knew the *derivative* of the error with respect to each parameter, you could walk downhill instead
 # of trying many values.
 #
-# **Finite differences** change one parameter at a time, so each parameter costs one more run. But a simulation is a long
-# chain of simple operations, and the chain rule applies. **Reverse mode** (backpropagation, the adjoint method) runs the
+# **Finite differences
+# ** change one parameter at a time, so each parameter costs one more run. But a simulation is a long chain of simple operations, and the chain rule applies. **Reverse mode** (backpropagation, the adjoint method) runs the
 # simulation once forward, stores its states, and goes through it once backward. It returns the derivatives of one number,
 # such as the error, with respect to *all* parameters, for about the cost of a few runs.
 #

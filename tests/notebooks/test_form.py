@@ -268,6 +268,7 @@ def test_a_wide_or_long_output_is_a_fault() -> None:
         code("", stream(rows[: rows.rindex("row")])),
         code("", output(text_plain=rows, image_png="x")),
         code("", output(text_plain="", text_markdown=folded)),
+        code('simulation("x")', output(text_plain=rows)),  # the text that stands for its panel
     ):
         assert form.faults([cell]) == []
 
