@@ -51,7 +51,7 @@ def hyperbolic(execution: ArrayLike, period: ArrayLike) -> NDArray[np.bool_]:
 def response_times(
     execution: ArrayLike, period: ArrayLike, blocking: ArrayLike = 0.0, jitter: ArrayLike = 0.0
 ) -> Array:
-    """Return longest response time of each task.
+    """Return the longest response time of each task.
 
     R = J + w with the least w = C + B + the sum over all tasks above of ceil((w + J) / T) C
     (Audsley 1993); exact where all can be released at once.

@@ -90,7 +90,7 @@ class Smooth(Run):
         self.q, self.v, self.time = end.q[-1], end.v[-1], self.time + steps * self.dt
 
     def state(self) -> State:
-        """Return time, positions and velocities as copies."""
+        """Return the time, positions and velocities as copies."""
         shape = (len(self.q),) if self.scene.chain else (len(self.q), 1)
         return State(self.time, self.q.reshape(shape).copy(), self.v.reshape(-1, *shape[1:]).copy())
 
@@ -200,7 +200,7 @@ class Touching(Run):
         return list(groups.values())
 
     def state(self) -> State:
-        """Return time, poses and velocities as copies."""
+        """Return the time, poses and velocities as copies."""
         return State(self.time, self.q.copy(), self.v.copy())
 
     def contacts(self) -> ContactReport:

@@ -59,7 +59,7 @@ def lowest_corners(angle, width, height):
 
 @register_jitable
 def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
-    """Return impulse of a hard impact with Coulomb friction and energetic restitution.
+    """Return the impulse of a hard impact with Coulomb friction and energetic restitution.
 
     The impact takes no time; its clock is the normal impulse p. While the corner slides one way
     its velocity is linear in p. It may stop sliding; then it sticks, or slides back where the
@@ -134,7 +134,7 @@ def stopping_impulse(vt, vn, rx, ry, inverse_mass, inverse_inertia):
 
 @register_jitable
 def newton_impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
-    """Return impulse by Newton's rule vn' = -e vn with friction, for comparison.
+    """Return the impulse by Newton's rule vn' = -e vn with friction, for comparison.
 
     It can create energy.
 
@@ -360,7 +360,7 @@ def time_to_face(angle, omega, beta, horizon, flat):
 
 @register_jitable
 def height_on_face(angle, width, height):
-    """Return height of the centre of a box that lies on the face nearest to the angle [m]."""
+    """Return the height of the centre of a box that lies on the face nearest to the angle [m]."""
     nearest = math.floor(angle / QUARTER_TURN + 0.5)
     return 0.5 * height if nearest == 2.0 * math.floor(0.5 * nearest) else 0.5 * width
 

@@ -131,7 +131,7 @@ def informed_area(result):
     area = sympy.lambdify((c, d), result.formula)
 
     def share(start, goal, length, low, high):
-        """Return share of uniform states by which a path of that length could pass."""
+        """Return the share of uniform states by which a path of that length could pass."""
         q = result.rng.uniform(low, high, (200_000, 2))
         return np.mean(
             np.linalg.norm(q - start, axis=1) + np.linalg.norm(q - goal, axis=1) < length
@@ -325,7 +325,7 @@ def trajopt_minimises_jerk(result):
 
 
 def _turns(path):
-    """Return angle of each corner of a path [deg]."""
+    """Return the angle of each corner of a path [deg]."""
     edges = np.diff(path) / np.linalg.norm(np.diff(path), axis=0)
     return np.degrees(np.arccos(np.clip(np.sum(edges[:, 1:] * edges[:, :-1], axis=0), -1.0, 1.0)))
 

@@ -323,7 +323,7 @@ def friction_rules(result):
     from course.platforms import prepared, scenes
 
     def slowed(run):
-        """Return coefficient by which a block loses speed."""
+        """Return the coefficient by which a block loses speed."""
         before = run.state()
         run.run(200)
         lost = before.v[0, 0] - run.state().v[0, 0]
@@ -404,7 +404,7 @@ def drake_hydroelastic(result):
 
 
 def _fallen(engine, scene, settings):
-    """Return error of a scene at 2 ms [m]."""
+    """Return the error of a scene at 2 ms [m]."""
     from course.platforms import measures
 
     return measures.position_error(engine, scene, 2e-3, settings)

@@ -52,7 +52,7 @@ def posed(q):
 
 @register_jitable
 def error_of(pose, goal):
-    """Return twist from the tip to its goal, (6,) [m, rad]."""
+    """Return the twist from the tip to its goal, (6,) [m, rad]."""
     away = np.empty(6)
     away[:3] = goal[:3] - pose[7, :3]
     away[3:] = log(product(goal[3:], conjugate(pose[7, 3:])))
@@ -201,4 +201,29 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)
+
+# What each number below the picture means.
+READOUTS = {
+    "the tip is off by": "Distance of the tip from where it should stay.",
+    "and turned by": "Angle between the tip's orientation and the one it should keep.",
+    "steps": "Steps along the null space so far.",
+    "along the null space": "Distance covered in joint space along the null space.",
+    "the elbow has moved": "Length of the elbow's path.",
+    "off by one step / h²": (
+        "Tip error of a single uncorrected step, divided by the square of the step. It is "
+        "constant if the error is of second order."
+    ),
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    **space.ORBIT,
+    readouts=READOUTS,
+)

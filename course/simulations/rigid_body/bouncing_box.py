@@ -346,8 +346,9 @@ PRESETS = {
     "Semi-implicit Euler loses energy": Preset(
         _ELASTIC | {"integrator": "semi-implicit Euler"},
         "The same drop with the order of two lines swapped. In flight the same m g² h²/2 is now "
-        "taken at every step. Symplectic keeps the energy of a smooth oscillator near its start; "
-        "it promises nothing about a constant force and bounces.",
+        "taken at every step. Being symplectic, the method conserves a nearby energy exactly in "
+        "flight: m g y + m v²/2 - m g h v/2. An impact turns v around, and with it the last term: "
+        "each bounce lowers that energy.",
     ),
     "Exact flight, late impacts": Preset(
         _ELASTIC | {"integrator": "RK4", "resolve_impacts": False},
@@ -373,6 +374,33 @@ PRESETS = {
     ),
 }
 
+# What each number below the picture means.
+READOUTS = {
+    "time": "Simulated time since the box was released.",
+    "kinetic": "Kinetic energy of the box, translation and rotation together.",
+    "potential": "Potential energy of the box in gravity, zero at the ground.",
+    "total": "Kinetic plus potential energy.",
+    "energy change": (
+        "Change of the total energy since the start, as a fraction of the energy at the start."
+    ),
+    "height": "Height of the box's centre above the ground.",
+    "highest so far": "Largest height of the centre since the start.",
+    "impacts": "Number of impacts with the ground so far.",
+    "steps not resolved": (
+        "Steps that contained more impacts than the integrator resolves in one step."
+    ),
+    "deepest in ground": "Largest penetration of a corner into the ground so far.",
+}
+
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour), CONTROLS, STATE, PRESETS, initial, advance, frame, drag
+    TITLE,
+    draw.Paper(TITLE, word, colour),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    readouts=READOUTS,
 )
