@@ -600,13 +600,8 @@ show("semi_implicit_unconditional")
 # </details>
 # <div class="alert alert-block alert-warning">
 #
-<<<<<<< HEAD
-# **Key insight.** No step size is safe in itself. The limit is $h < 2/\omega_{\max}$, so the stiffest spring in the model
-# decides.
-=======
-# **Key insight.** There is no good step in milliseconds. For semi-implicit Euler there is $h < 2/\omega_{\max}$: the
-# fastest oscillation in the model decides, and a contact that opens and closes needs a smaller step.
->>>>>>> 55d2e13dd196466712a52f7ce0daa6c9187eca4c
+# **Key insight.** No step size is safe in itself. Semi-implicit Euler needs $h < 2/\omega_{\max}$, so the fastest
+# oscillation in the model decides. A contact that opens and closes needs a smaller step.
 #
 # </div>
 # %%
@@ -1945,47 +1940,6 @@ from course.rigid_body.differentiable import (
     recover,
 )
 
-<<<<<<< HEAD
-=======
-scene = Setup((0.0, 0.5), (2.0, 0.0), push=((1.2, 1.5, 8.0),))
-times = np.linspace(0.0, 2.0, 101)
-truth = (0.6, 0.25, 1.3)
-recorded = record(truth, scene, times, noise=1e-3, generator=np.random.default_rng(0))
-print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
-
-# %%
-predict("what_a_drop_tells")
-
-# %% [markdown]
-# **Recordings that say nothing.** A gradient can only find what the motion depends on. A drop without
-# tilt and without spin carries no information about friction or mass, and a block that sticks tells only a *bound* on
-# the friction, however long you record it and however good the optimiser is. The singular values of the Jacobian say so
-# before you start:
-
-# %%
-for label, poor in (
-    ("a drop without tilt or spin", Setup((0.0, 0.5))),
-    ("a block that sticks under a push", Setup((0.0, 0.0), push=((0.2, 1.0, 2.0),))),
-):
-    print(f"--- {label}\n{information(truth, poor, times)}\n")
-
-# %% [markdown]
-# **Gradients through an impact.** As a function of time, the derivative of the height with respect to the drop height
-# $H$ jumps at the impact, from 1 to $-e$ (and then rises by $(1+e)\,g/\sqrt{2gH}$ per second). A fixed-step simulation
-# that looks for penetration at the end of each step and puts the body on the floor there gets the height right and
-# this gradient *wrong*, at every step size.
-#
-# <details><summary>Why it comes out as zero</summary>
-#
-# After the impact its state depends on the drop height only through the number of steps before it, which is a whole
-# number. The derivative of the impact time is lost, and what is left is whatever the position rule does: zero where the
-# body is put on the floor (Hu et al. 2020 correct it by the time of impact; Suh et al. 2022 show what it does to policy
-# gradients).
-#
-# </details>
-
-# %%
->>>>>>> 55d2e13dd196466712a52f7ce0daa6c9187eca4c
 exact = drop_gradients(1.0, 0.6, 0.8)
 print("derivative of the height at 0.8 s with respect to the drop height of 1 m")
 print(f"time of impact solved for:   {exact.by_height:+.4f}   (height {exact.height:.4f} m)")
@@ -2020,7 +1974,7 @@ predict("what_a_drop_tells")
 # a push gives only a lower *bound* for the friction, however long you record it:
 # %% tags=["hide-code"]
 for label, poor in (
-    ("a vertical drop", Setup((0.0, 0.5))),
+    ("a drop without tilt or spin", Setup((0.0, 0.5))),
     ("a block that sticks under a push", Setup((0.0, 0.0), push=((0.2, 1.0, 2.0),))),
 ):
     print(f"--- {label}\n{information(truth, poor, times)}\n")
