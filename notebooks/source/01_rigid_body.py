@@ -69,8 +69,8 @@ def source(*functions):
 # Before a simulator can move a body, it has to store what the body is doing. How many numbers does that take? Too few,
 # and the future is not determined. Too many, and they can contradict each other.
 #
-# A **rigid body
-# ** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
+# A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate
+# about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
 # alone does not say where the body goes next: Newton's law gives accelerations, so you also need the six velocities.
 # The **state** is all that you need to predict the future, here pose and velocities: twelve numbers.
 # %% tags=["hide-code"]
@@ -114,8 +114,8 @@ plt.show()
 #
 # | orientation stored as | numbers | with position and velocities | drawback |
 # |---|---|---|---|
-# | three successive rotation angles, the **Euler angles
-# ** | 3 | 12 | singular at some orientations | | a unit **quaternion**, four numbers of length one | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
+# | three successive rotation angles, the **Euler angles** | 3 | 12 | singular at some orientations |
+# | a unit **quaternion**, four numbers of length one | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
 # | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
 #
 # In the plane everything is simpler: two coordinates, one angle and their three rates make six numbers.
@@ -133,12 +133,12 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # $$I_x = \int (y^2+z^2)\,dm, \qquad I_y = \int (x^2+z^2)\,dm, \qquad I_z = \int (x^2+y^2)\,dm .$$
 #
 # For a body in a general position there are also mixed terms such as $-\int xy\,dm$. All of them together form the
-# **inertia tensor
-# ** $I$, a symmetric 3 × 3 matrix. Like every symmetric matrix it has three perpendicular eigenvectors. An eigenvector of $I$ is called a **principal axis**, and its eigenvalue a principal moment. In these axes $I$ is
+# **inertia tensor** $I$, a symmetric 3 × 3 matrix. Like every symmetric matrix it has three perpendicular eigenvectors.
+# An eigenvector of $I$ is called a **principal axis**, and its eigenvalue a principal moment. In these axes $I$ is
 # diagonal. For a box they are the axes of symmetry.
 #
-# The tensor connects the **angular velocity
-# ** $\omega$ (its direction is the axis of rotation, its length the rate in rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$. Now look at a body without torque.
+# The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
+# rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$. Now look at a body without torque.
 # $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. If $L = I\omega$ is to stay
 # constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves although nothing pushes. There is
 # one exception. If the body spins about a principal axis, $L$ and $\omega$ are parallel and stay so.
@@ -352,8 +352,8 @@ except ValueError as problem:
 #
 # ### Euler angles and gimbal lock
 #
-# Pilots describe the attitude of a plane by three angles. First turn by the **yaw
-# ** about the vertical axis $z$, then by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. Now pitch the
+# Pilots describe the attitude of a plane by three angles. First turn by the **yaw** about the vertical axis $z$, then
+# by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. Now pitch the
 # nose straight up, by 90 degrees. The roll axis is vertical, and so is the yaw axis. Two of the three rotations do the
 # same, and one direction of rotation is missing. This is **gimbal lock**. Play the first preset and watch the two
 # rings, then lock them:
@@ -402,7 +402,8 @@ more_claims(
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
 # A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the
-# **rotation vector** $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$, and its inverse is the logarithm.
+# **rotation vector** $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$. Its inverse is the
+# logarithm.
 #
 # To do one rotation after the other, multiply the quaternions. With the scalar part $w$ and the vector part $u =
 # (x,y,z)$,
@@ -580,8 +581,8 @@ show("semi_implicit_unconditional")
 #
 # $$\boxed{\; h < \frac{2}{\omega_{\max}} = 2\sqrt{\frac{m}{k}} \;}$$
 #
-# **Worked example.
-# ** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to their overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
+# **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to their
+# overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
 # limit is $2/316$ s, or 6.3 ms. At 6.3 ms
 # the amplitude stays bounded. At 6.5 ms the simulation explodes within a hundred steps.
 #
@@ -633,8 +634,8 @@ more_claims(
 # If forces depend on positions only, the $a'$ of this step is the $a$ of the next, so one evaluation per step is
 # enough.
 #
-# The **explicit midpoint
-# ** rule takes half an explicit Euler step, evaluates there, and uses that derivative for the full step. The **implicit midpoint** rule uses the derivative at the average of old and new state. The new state
+# The **explicit midpoint** rule takes half an explicit Euler step, evaluates there, and uses that derivative for the
+# full step. The **implicit midpoint** rule uses the derivative at the average of old and new state. The new state
 # appears on both sides, so an equation has to be solved in every step.
 #
 # **RK4**, the classical Runge-Kutta method of fourth order, evaluates four slopes. With the state $y = (q, v)$ and
@@ -981,8 +982,8 @@ more_claims(
 # ### Six tasks at four rates
 #
 # One program has to run a robot's controller, its camera and the physics at different rates. It performs six tasks: it
-# reads the **sensors**, asks the **controller** for a command, collects the **forces**, **integrates
-# ** the state, detects **collisions**, and now and then **renders** an image. The physics step is fixed, and the loop schedules the
+# reads the **sensors**, asks the **controller** for a command, collects the **forces**, **integrates** the state,
+# detects **collisions**, and now and then **renders** an image. The physics step is fixed, and the loop schedules the
 # other tasks by counting physics steps.
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(10, 2.6), layout="constrained")
@@ -1030,8 +1031,8 @@ figures("\n".join(rows), rows[0], "1.000", "16.667", summary="All 18 ms, event b
 # %% [markdown]
 # Three details make the difference between a loop that works and one that nearly does:
 #
-# * **The accumulator.
-# ** Real time arrives in uneven pieces, because the operating system interrupts you. An   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself never
+# * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts you. An
+#   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself never
 #   reads a clock, so the same inputs give the same motion, bit for bit.
 # * **Interpolation.** The rest in the accumulator, divided by $h$, says how far between the last two states the image
 #   lies. If you draw the latest state instead, the motion judders by up to one step. Interpolation costs one step of delay.
@@ -1481,8 +1482,8 @@ simulation("tunnelling")
 #
 # $$P = 1 - \frac{D}{v\,h}, \qquad v\,h > D .$$
 #
-# **Worked example.
-# ** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100 mm per step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is **continuous collision detection**: test the
+# **Worked example.** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100 mm per
+# step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is **continuous collision detection**: test the
 # whole motion between two steps, or compute the time of impact.
 #
 # There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast ball
@@ -1889,8 +1890,8 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # recording. If you knew the *derivative* of the error with respect to each parameter, you could walk downhill instead
 # of trying many values.
 #
-# **Finite differences
-# ** change one parameter at a time, so each parameter costs one more run. But a simulation is a long chain of simple operations, and the chain rule applies. **Reverse mode** (backpropagation, the adjoint method) runs the
+# **Finite differences** change one parameter at a time, so each parameter costs one more run. But a simulation is a long
+# chain of simple operations, and the chain rule applies. **Reverse mode** (backpropagation, the adjoint method) runs the
 # simulation once forward, stores its states, and goes through it once backward. It returns the derivatives of one number,
 # such as the error, with respect to *all* parameters, for about the cost of a few runs.
 #
