@@ -20,7 +20,7 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# Choose the two presets with Euler in their name. They have perfectly elastic impacts, so all the change of energy that
+# Choose the two presets with Euler in their name, one after the other. They have perfectly elastic impacts, so all the change of energy that
 # you see is an error of the steps in flight.
 #
 # **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from; store
@@ -345,8 +345,7 @@ except ValueError as problem:
 # %% [markdown]
 # The second thing to check is the point about which the tensor is given. The **parallel axis** theorem says how it
 # changes: about an axis at the distance $d$ from the one through the centre of mass, and parallel to it, the moment is
-# larger by $m d^2$. A
-# rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 + m(\tfrac a2)^2 =
+# larger by $m d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 + m(\tfrac a2)^2 =
 # \tfrac13ma^2$ about its end: four times as much. For the whole tensor and a displacement vector $d$ one adds $m(\lvert
 # d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
 #
@@ -362,8 +361,9 @@ simulation("gimbal")
 # %% [markdown]
 # In formulas: a matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det
 # E\rvert = \lvert\cos\theta\rvert$. At $\theta = 90°$ its rank is only two: there is one direction of $\omega$ that no
-# finite angle rates can produce. Close to the lock the rates exist, but they are huge. How slowly unit angle rates can
-# turn the body about its worst axis is the smallest **singular value** of $E$, the curve in the picture.
+# finite angle rates can produce. Close to the lock the rates exist, but they are huge. Let the three
+# rates together have the length 1 rad/s. The slowest rotation that they can then produce is the smallest
+# **singular value** of $E$, the curve in the picture.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the worst axis")
 for angle in (60.0, 89.0, 90.0):
@@ -583,11 +583,10 @@ show("semi_implicit_unconditional")
 #
 # **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to their
 # overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
-# limit is $2/316$ s, or 6.3 ms. At 6.3 ms
-# the amplitude stays bounded. At 6.5 ms the simulation explodes within a hundred steps.
+# limit is $2/316$ s, or 6.3 ms. At 6.5 ms the simulation explodes within a hundred steps.
 #
-# The controller of a robot rarely needs such short steps. So simulators take several physics steps per controller step;
-# each of them is called a **substep**.
+# A robot's controller rarely needs such short steps. So simulators take several physics steps, **substeps**, per
+# controller step.
 #
 # <details><summary>Derive it: both Eulers on the spring</summary>
 #
@@ -645,8 +644,8 @@ more_claims(
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
 # The drawing shows one large step on a spring. The dots are the positions at which the method evaluates the force, the
-# square is where the step ends, and the line is the exact motion. You can see that more looks into the step bring the
-# square closer to the line. (Verlet and explicit midpoint end at the same position here; they differ in the velocity.)
+# square is where the step ends, and the line is the exact motion. The more a method looks ahead, the closer the square
+# is to the line. (Verlet and explicit midpoint end at the same position here; they differ in the velocity.)
 # %% tags=["hide-code"]
 h = 1.2
 methods = {
@@ -886,8 +885,8 @@ more_claims(
 # the floor and reverse its velocity. The drawing shows what this does. During the step the ball falls to the depth $d$
 # below the floor. Putting it back lifts it by $d$, and this adds the energy $mgd$.
 #
-# The remedy is to find the
-# **time of impact** inside the step, to reverse the velocity there, and to continue with the rest of the step:
+# The remedy is to find the **time of impact** inside the step, to reverse the velocity there, and to continue with the
+# rest of the step:
 # %% tags=["hide-code"]
 figure_, panels = plt.subplots(1, 3, figsize=(11, 3.7), layout="constrained")
 g, h, y0, v0 = 9.81, 0.1, 0.25, -3.2
@@ -1228,8 +1227,11 @@ simulation("bouncing_box")
 from course.simulations.trade_off import TradeOff
 
 result = accuracy.work_precision("double_pendulum", repeats=3, best=True)
+orders = {}
 for curve in result.curves:
-    print(f"{curve.name:<22} observed order {result.observed_order(curve.name):.1f}")
+    orders.setdefault(round(result.observed_order(curve.name)), []).append(curve.name)
+for order, names in sorted(orders.items()):
+    print(textwrap.fill(f"observed order {order}: {', '.join(names)}", 90, subsequent_indent="  "))
 TradeOff(result)
 # %% [markdown]
 # The buttons switch on the other methods, MuJoCo's among them. On systems without orientations they are the methods you
