@@ -40,6 +40,8 @@ SIMULATIONS = (
     "sim_to_real",
     "learning.point",
     "learning.two_ways",
+    "learning.gae_weights",
+    "learning.clipped_objective",
     "middleware",
     "pipeline",
     "interview",
