@@ -76,9 +76,9 @@ def moving() -> str:
     names = declaration.names()
     recorded = [name for name in names if name in declaration.RECORDED]
     lines = [
-        f"Of {len(names)} simulations {len(names) - len(recorded)} are *live* there: they are "
-        "computed in the page, as you move them.",
-        "The others are *recorded*, each of their presets as a small film:",
+        f"{len(names) - len(recorded)} of the {len(names)} simulations are *live* on the site: the "
+        "page computes them while you move a slider.",
+        "The others are *recorded*, one short film for each preset:",
         "",
     ]
     for name in recorded:

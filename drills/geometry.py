@@ -142,7 +142,7 @@ def edge_faults(
 
 
 def missed_by_sampling(spacing: float, radius: float) -> float:
-    """Return share of the lines crossing a disc that points at a spacing along them all miss.
+    """Return the share of the lines crossing a disc that points at a spacing along them all miss.
 
     A line at distance y from the centre leaves a chord c = 2 sqrt(radius^2 - y^2) in the disc;
     points at a spacing h with a random offset miss it with probability 1 - c/h if c < h. The mean

@@ -100,7 +100,7 @@ class Result(Shown):
         self._source = source
 
     def chart(self) -> Shown:
-        """Return speed against accuracy: this answer beside the reference and a library."""
+        """Return the speed against accuracy: this answer beside the reference and a library."""
         if not self.passed:
             return Shown("Only a right answer goes on the chart.")
         with tempfile.TemporaryDirectory() as folder:

@@ -96,7 +96,7 @@ def update_orientation(q: Array, omega: Array, dt: float) -> Array:
 def bounce_step(
     y: float, v: float, dt: float, restitution: float, gravity: float = 9.81
 ) -> tuple[float, float]:
-    """Return height and velocity of a bouncing point after a step with any number of bounces.
+    """Return the height and velocity of a bouncing point after a step with any number of bounces.
 
     The impact time is the root of a parabola; after it come flights of 2 u / g, 2 e u / g, ...,
     whose sum is finite for e < 1: what bounces infinitely often is at rest at a known time. Nothing

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 
 def chain_age(executions: ArrayLike, periods: ArrayLike) -> np.ndarray:
-    """Return least, mean and greatest age of the information behind the command in force.
+    """Return the least, mean and greatest age of the information behind the command in force.
 
     Args:
         executions: of each stage, shape (n,) [s].

@@ -29,7 +29,7 @@ def lattice(count: int, dimensions: int) -> Array:
 
 
 def sampled(phases: Array) -> float:
-    """Return mean age at one moment of as many runs of the chain [s].
+    """Return the mean age at one moment of as many runs of the chain [s].
 
     Rows hold phases and a moment.
     """

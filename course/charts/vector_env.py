@@ -147,7 +147,7 @@ def paired_ratio(
 
 
 def tip_error(make: Callable[[int], Any], samples: int = 32, steps: int = 99) -> float:
-    """Return largest distance [m] of the tip from the truth, over an episode of many arms.
+    """Return the largest distance [m] of the tip from the truth, over an episode of many arms.
 
     Truth: the closed form with 64 Runge-Kutta steps in a control step, whose own error, judged by
     32, is below 1e-11 m. The actions change every tenth of an episode, at random.
@@ -458,7 +458,7 @@ class Arm:
         return np.clip(features(states) @ BY_HAND[0].T, -1.0, 1.0)
 
     def reached(self, act: Any, number: int) -> float:
-        """Return share of so many common targets that a policy reaches within an episode."""
+        """Return the share of so many common targets that a policy reaches within an episode."""
         rng = np.random.default_rng(9)
         distance = roll(self, act, self.starts(number, rng), MAX_STEPS, rng).states[:, 1:, 6:]
         return float((np.hypot(*np.moveaxis(distance, 2, 0)) < RADIUS).any(axis=1).mean())

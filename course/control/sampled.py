@@ -516,7 +516,7 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
 
 
 def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float, float]:
-    """Return largest gain of P on a joint whose command is late, and its period [s].
+    """Return the largest gain of P on a joint whose command is late, and its period [s].
 
     w tan(w lateness) = damping / inertia and K = w sqrt((inertia w)^2 + damping^2); a hold is half
     a sample of lateness (Franklin, Powell and Workman, Digital Control, 1998, sec. 4.3).
@@ -536,7 +536,7 @@ def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float,
 
 
 def pd_limit(kd: float, inertia: float, dt: float, rate: str = "exact") -> float:
-    """Return largest kp of PD on a free inertia; 0 where none is stable.
+    """Return the largest kp of PD on a free inertia; 0 where none is stable.
 
     Args:
         kd: [N m s/rad].

@@ -228,6 +228,7 @@ def track(
     largest = bounds("limit", limit, n)
     if not (largest > 0.0).all():
         raise invalid("limit", limit, "positive numbers [N m]")
+    # A held command acts half a sample late on average: the reference is read that much ahead.
     times, half = np.linspace(0.0, T * dt, T + 1), 0.5 * float(getattr(law, "preview", 0.0))
     if callable(reference):
         lasts = float(getattr(reference, "duration", times[-1]))
@@ -245,6 +246,7 @@ def track(
     q[0], v[0] = first.reshape(n, -1), like("state[1]", start[1], first).reshape(n, -1)
     rows = np.concatenate(desired).T[:, :, None]
     model = getattr(law, "model", None)
+    # The compiled path: everything that the law needs is handed over as numbers.
     if isinstance(chain, TwoLink) and isinstance(law, JointLaw) and isinstance(model, TwoLink):
         gains = np.concatenate([gain("kp", law.kp, 2), gain("kd", law.kd, 2)])
         arms = [np.repeat(arm.column(), size, axis=1) for arm in (model, chain)]

@@ -441,7 +441,7 @@ def complete_planners(result):
     narrow, wide = result.input("narrow", 0.15), result.input("wide", 0.2)
 
     def open_share(gap, places=200):
-        """Return share of places of the grid for which its free cells join the two halves."""
+        """Return the share of places of the grid for which its free cells join the two halves."""
         found_open = 0
         for shift in result.rng.uniform(0, cell, places):
             edges = np.arange(-10, 11) * cell + shift
@@ -453,7 +453,7 @@ def complete_planners(result):
         return found_open / places
 
     def turned_share(gap, angles, half=0.25):
-        """Return share of places at which a gap in a wall of twice the half thickness is open.
+        """Return the share of places at which a gap in a wall of twice the half thickness is open.
 
         Args:
             gap: its width [m].

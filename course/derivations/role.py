@@ -48,7 +48,7 @@ def _at_read(period, phase, seconds=60.0, depth=1, camera=1 / 30):
 
 
 def _even(expression, over, width):
-    """Return mean of an expression over a wait that is spread evenly from 0 to a width."""
+    """Return the mean of an expression over a wait that is spread evenly from 0 to a width."""
     import sympy
 
     return sympy.simplify(sympy.integrate(expression, (over, 0, width)) / width)

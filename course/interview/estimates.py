@@ -197,13 +197,13 @@ def tracking_error_mm(speed_m_per_s: float, delay_ms: float) -> float:
 
 
 def sine_error_mm(amplitude_mm: float, frequency_hz: float, delay_ms: float) -> float:
-    """Return largest difference of a sine and its late copy: 2 A |sin(pi f delay)|."""
+    """Return the largest difference of a sine and its late copy: 2 A |sin(pi f delay)|."""
     turn = math.pi * positive("frequency_hz", frequency_hz) * finite("delay_ms", delay_ms, 0) / 1e3
     return 2.0 * finite("amplitude_mm", amplitude_mm, 0.0) * abs(math.sin(turn))
 
 
 def stopping_m(speed_m_per_s: float, reaction_s: float, braking_m_per_s2: float) -> float:
-    """Return way to a stand: on at full speed while nothing has reacted, then an even brake."""
+    """Return the way to a stand: on at full speed while nothing has reacted, then an even brake."""
     speed = finite("speed_m_per_s", speed_m_per_s, 0.0)
     braking = 0.5 * speed**2 / positive("braking_m_per_s2", braking_m_per_s2)
     return speed * finite("reaction_s", reaction_s, 0.0) + braking

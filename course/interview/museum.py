@@ -156,7 +156,7 @@ def cart_pole_evidence(wrong: bool, seed: int) -> float:
 
 
 def fall(mass: float, seconds: float, step: float, wrong: bool) -> float:
-    """Return speed gained in a free fall, m/s.
+    """Return the speed gained in a free fall, m/s.
 
     Wrong is PyBullet's default: a damping of 0.04 that acts on the speed and on its square, so that
     nothing falls faster than 15 m/s, and a limit of 100 m/s, which only a body without damping

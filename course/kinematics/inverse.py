@@ -553,7 +553,7 @@ def ik(
 
 
 def elbow_height(chain: Chain, q: ArrayLike, joint: int = 3) -> tuple[float, Array]:
-    """Return height of a joint's frame [m], and its gradient by the joints, shape (n,)."""
+    """Return the height of a joint's frame [m], and its gradient by the joints, shape (n,)."""
     slope = jacobian(chain, vector("q", q, (chain.n,)), joint=joint)[2]
     return float(frames(chain, q)[2, joint]), slope
 

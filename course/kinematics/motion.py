@@ -344,7 +344,7 @@ def manipulability(J: ArrayLike) -> Any:
 
 
 def condition_number(J: ArrayLike, length: float) -> Any:
-    """Return largest over smallest singular value of a whole Jacobian, (6, n) or (6, n, N).
+    """Return the largest over smallest singular value of a whole Jacobian, (6, n) or (6, n, N).
 
     It is infinite at a singularity.
 

@@ -136,7 +136,7 @@ def band(scores: ArrayLike, seed: int = 0, *, draws: int = 2_000, share: float =
         raise invalid("scores.shape", rows.shape, "(seeds, ...), three seeds or more")
 
     def middle(table: Array) -> Array:
-        """Return mean of the middle half along the second axis, its ends counted in part."""
+        """Return the mean of the middle half along the second axis, its ends counted in part."""
         n = table.shape[1]
         weight = np.clip(np.arange(1, n + 1) - 0.25 * n, 0.0, 1.0)
         weight = np.minimum(weight, weight[::-1])

@@ -231,7 +231,7 @@ def context_costs(
 
 
 def expected_cost(share: ArrayLike, steps: ArrayLike, *, recovers: bool) -> Array:
-    """Return mean of `context_costs` for a share of wrong contexts.
+    """Return the mean of `context_costs` for a share of wrong contexts.
 
     eps T with recovery; without it the sum of 1 - (1 - eps)^t for t = 1 ... T, about eps T^2 / 2
     as long as eps T is small (Ross and Bagnell, Efficient reductions for imitation learning, 2010),

@@ -377,6 +377,7 @@ def draw(
     height: float = 0.0,
     share_y: bool = False,
     also: Sequence[str] = (),
+    narrow: bool = False,
     figure: Figure | None = None,
 ) -> Figure:
     """Draw the panels, two in a row; those of a last row that is not full are wider.
@@ -388,18 +389,21 @@ def draw(
         height: of a row [inches]; 0 for what suits the number of columns.
         share_y: one y axis for a row.
         also: labels of the curves that are switched on, see `Panel.shown`.
+        narrow: one panel below the other, half as wide, for a phone.
         figure: an empty figure to draw on; None for a new one of pyplot's.
     """
     import matplotlib as mpl
 
     shown = [panel for panel in panels if panel.drawn]
-    across = columns or min(2, len(shown))
+    across = 1 if narrow else columns or min(2, len(shown))
     rows = math.ceil(len(shown) / across)
+    halves = 2 if narrow else across  # how often a panel fits into `WIDTH`
     if figure is None:
         import matplotlib.pyplot as plt
 
         figure = plt.figure(layout="constrained")
-    figure.set_size_inches(WIDTH, rows * (height or (3.6 if across > 1 else 4.2)))
+    wide = WIDTH / 2 if narrow else WIDTH
+    figure.set_size_inches(wide, rows * (height or (3.6 if halves > 1 else 4.2)))
     with mpl.rc_context(
         {
             "font.size": NORMAL,
@@ -414,12 +418,12 @@ def draw(
         axes: list[Axes] = []
         for i in range(len(shown)):
             row, k = divmod(i, across)
-            wide = across if row == rows - 1 else last
+            span = across if row == rows - 1 else last
             first = axes[row * across] if share_y and k else None
-            place = cells[row, k * wide : (k + 1) * wide]
+            place = cells[row, k * span : (k + 1) * span]
             axes.append(figure.add_subplot(place, sharey=first))
             axes[-1].tick_params(labelleft=first is None)
-        every = [_draw_panel(*pair, also, across) for pair in zip(axes, shown, strict=True)]
+        every = [_draw_panel(*pair, also, halves) for pair in zip(axes, shown, strict=True)]
         for i, ax in enumerate(axes):
             if share_y and i % across:
                 ax.set_ylabel("")
@@ -431,12 +435,12 @@ def draw(
             bar = figure.colorbar(owners[0].collections[0], ax=owners, extend="both", shrink=0.85)
             bar.set_label(textwrap.fill(maps[0][1], 44), fontsize=SMALL)
         if title:
-            figure.suptitle(textwrap.fill(title, 96))
+            figure.suptitle(textwrap.fill(title, 48 if narrow else 96))
         footers = [panel.footer for panel in shown if panel.footer][:1]
         footers += _switched_off(shown, also)
         if footers:
             # Not a plain text: with the constrained layout this one gets its own space.
-            small = "\n".join(textwrap.fill(line, 120) for line in footers)
+            small = "\n".join(textwrap.fill(line, 60 if narrow else 120) for line in footers)
             figure.supxlabel(small, x=0.01, ha="left", fontsize=SMALL, color="0.4")
         arrange(figure, every)
     return figure
@@ -464,6 +468,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
             _draw_series(ax, series, colour, marker, log_x)
             _add_notes(words, series)
     if names:
+        # Bars are read from the top down.
         ax.invert_yaxis()
         ax.tick_params(axis="y", labelleft=panel.ticks is None)
     # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
@@ -509,9 +514,11 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
             handlelength=1.6,
             columnspacing=1.2,
         )
+        # Out of the layout, which would shrink the axes by the height of the legend.
         box.set_in_layout(False)
     elif panel.legend and not boxed:
         _name_ends(words, panel, shown, looks)
+    # The title stands above the legend, the failures' crosses and the names at the top.
     above = max(
         [
             0.3 + 1.1 * math.ceil(len(handles) / per_row) if handles else 0.4 * bool(crosses),

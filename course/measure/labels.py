@@ -84,7 +84,7 @@ def spread(desired: ArrayLike, sizes: ArrayLike, low: float, high: float) -> Arr
 def free_place(
     size: ArrayLike, anchor: ArrayLike, points: Array, boxes: Array, room: Sequence[float]
 ) -> tuple[float, float]:
-    """Return centre of a box near a point that covers nothing, or the least.
+    """Return the centre of a box near a point that covers nothing, or the least.
 
     Args:
         size: width and height of the box [pixels], its margin with it.

@@ -72,7 +72,7 @@ class Success:
         object.__setattr__(self, "cost", cost)
 
     def shares(self, budgets: ArrayLike) -> Array:
-        """Return share solved within each budget by each seed, shape (seeds, budgets)."""
+        """Return the share solved within each budget by each seed, shape (seeds, budgets)."""
         within = vector("budgets", budgets, (None,), low=0.0)
         return np.mean(self.cost[:, :, None] <= within, axis=1)
 
@@ -114,7 +114,7 @@ class Success:
         return median, float(needed.min()), float(needed.max())
 
     def series(self, budgets: ArrayLike, key: str = "", style: str = "-") -> Series:
-        """Return share solved against budget, with its band, for a `Panel`."""
+        """Return the share solved against budget, with its band, for a `Panel`."""
         low, high = self.band(budgets)
         median, *_ = self.budget()
         half = "never" if math.isinf(median) else f"within {median:.3g} {self.unit}"

@@ -175,7 +175,7 @@ def pairwise_ratios(
 
 
 def core_share() -> float:
-    """Return share of a core that this thread got while it computed for 2 ms, from 0 to 1."""
+    """Return the share of a core that this thread got while it computed for 2 ms, from 0 to 1."""
     wall, own = time.perf_counter(), time.thread_time()
     while (passed := time.perf_counter() - wall) < _PROBE:
         pass

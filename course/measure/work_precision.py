@@ -430,7 +430,7 @@ class WorkPrecision:
 
 
 def max_norm(answer: Array, reference: Array) -> float:
-    """Return largest difference of a component."""
+    """Return the largest difference of a component."""
     return float(np.max(np.abs(answer - reference)))
 
 

@@ -85,6 +85,7 @@ class Executor:
                 self.bus.changed.notify_all()
         elif not self._woken:
             self._woken = True
+            # At the same time, but after all arrivals: rank START is the last.
             self.bus.push(self.bus.ns, START, self._dispatch)
 
     def responses(self, name: str) -> NDArray[np.float64]:
@@ -114,6 +115,7 @@ class Executor:
     def _pick(self) -> Callback | None:
         if len(self.running) >= self.threads:
             return None
+        # Mutual exclusion: a group that is not reentrant runs one callback at a time.
         waiting = [
             c
             for c in self.callbacks
@@ -175,6 +177,7 @@ class Executor:
                 if begun is None:
                     return
                 run, given = begun
+            # Outside the lock: callbacks of several threads run at the same time.
             steps, value = run.callback.function(*given), None
             while type(steps) is GeneratorType:
                 try:
@@ -260,7 +263,7 @@ class Work:
 
 
 def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) -> dict[str, float]:
-    """Return longest response time of each callback [s]; infinite where none is found.
+    """Return the longest response time of each callback [s]; infinite where none is found.
 
     With S the sum of all executions:
 
@@ -291,6 +294,7 @@ def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) ->
             result |= _single(group, order)
         return result
     for group in groups.values():
+        # With a thread for each group, only callbacks of the same group delay each other.
         S = sum(w.execution for w in group)
         # Busy period of the group: the least fixed point of its own demand.
         busy = _least(S, 0.0, group, lambda w, x: math.ceil(x / w.period - 1e-9))
@@ -308,12 +312,14 @@ def _single(works: Sequence[Work], order: str) -> dict[str, float]:
         return {w.name: R for w in works}
     timers = [w for w in works if w.kind == "timer" and order == "timers first"]
     for i, timer in enumerate(timers):
+        # Not preemptive: a lower callback that has just begun blocks for its whole execution.
         begun = max(w.execution for w in works if w not in timers[:i])
         result[timer.name] = _start(begun, 0.0, timers[:i]) + timer.execution
     rest = [w for w in works if w not in timers]
     S = sum(w.execution for w in rest)
     late = max(result.values(), default=0.0)
     for i, work in enumerate(rest):
+        # Its event may just miss a ready set: it waits for that set, and for its turn in the next.
         two = 2.0 * S - work.execution
         start = S - work.execution + sum(w.execution for w in rest[:i] if timers or w.period <= two)
         for base in (start, max(start, S)):  # the second: it runs itself when its event comes
@@ -329,10 +335,11 @@ def _start(base: float, late: float, before: Sequence[Work]) -> float:
 
 
 def _least(x: float, base: float, works: Sequence[Work], runs: Callable) -> float:
-    """Return least fixed point of x = base + sum of C runs(x) from x on.
+    """Return the least fixed point of x = base + sum of C runs(x) from x on.
 
     Infinite where there is none.
     """
+    # At a utilization of 1 or more the demand never falls behind the time: no fixed point.
     if sum(w.execution / w.period for w in works) >= 1.0 or math.isinf(base):
         return math.inf
     while (more := base + sum(w.execution * runs(w, x) for w in works)) > x + 1e-12:
@@ -426,6 +433,7 @@ def _stage(bus: Bus, stages: Sequence[Stage], k: int, phase: float) -> None:
 
     def work(sample: Sample | None = None) -> Generator:
         nonlocal until, newest
+        # Still busy with the last one: this start is skipped.
         if stage.overload != "pipelined" and bus.ns < until - 1:  # a period may round up
             return
         if inbox and not sample:

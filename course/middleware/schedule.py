@@ -51,7 +51,7 @@ def hyperbolic(execution: ArrayLike, period: ArrayLike) -> NDArray[np.bool_]:
 def response_times(
     execution: ArrayLike, period: ArrayLike, blocking: ArrayLike = 0.0, jitter: ArrayLike = 0.0
 ) -> Array:
-    """Return longest response time of each task.
+    """Return the longest response time of each task.
 
     R = J + w with the least w = C + B + the sum over all tasks above of ceil((w + J) / T) C
     (Audsley 1993); exact where all can be released at once.
@@ -68,6 +68,7 @@ def response_times(
     C, T = _sets(execution, period)
     B, J = (_like(name, value, C) for name, value in (("blocking", blocking), ("jitter", jitter)))
     loop = compiled(_analyse, _TABLE(*[_TABLE] * 4))
+    # In integer nanoseconds: a ceiling of rounded floats could be off by a whole period.
     result = loop(*(_whole(x) for x in (C, T, B, J))).reshape(C.shape)
     return np.asarray(np.where(result == LATE, np.inf, 1e-9 * result))
 
@@ -105,6 +106,7 @@ def _scale(C, T):
     result = np.full(C.shape[1], np.inf)
     for s in range(C.shape[1]):
         for i in range(C.shape[0]):
+            # Task i meets its deadline if its demand fits into the time at some scheduling point.
             best = 0.0
             for j in range(i + 1):
                 # Scheduling points: the time demand changes only at multiples of the periods of
@@ -138,8 +140,10 @@ def blocking(section: ArrayLike, lock: ArrayLike, protocol: str) -> Array:
             result[i] = np.inf
         elif protocol == "inheritance":
             locks = {int(L[j]) for j in below}
+            # Inheritance: at most one section for each lock (Sha, Rajkumar and Lehoczky, 1990).
             result[i] = sum(max(S[j] for j in below if L[j] == k) for k in locks)
         else:
+            # Ceiling: one section at most, as a second lock could not have been taken below it.
             result[i] = max((S[j] for j in below), default=0.0)
     return result
 
@@ -244,6 +248,7 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
                 stop = before[i, s]
             elif holds[i]:
                 stop = finish
+            # Until the next event: the end of this piece of work, or a release.
             step = min(stop - done[i], until - t)
             t += step
             done[i] += step

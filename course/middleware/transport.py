@@ -159,6 +159,7 @@ class Ring:
         if not self.free.acquire(timeout=patience):
             return False
         at = self._advance("put")
+        # Length first, so that messages shorter than the slot can be told apart.
         struct.pack_into("!I", self.room, at, len(payload))
         self.room[at + 4 : at + 4 + len(payload)] = payload
         self.full.release()
@@ -286,6 +287,7 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
         for _ in range(messages):
             desired = list(range(fragments))
             for turn in itertools.count(1):
+                # The loss is drawn before sending, as the loopback itself loses nothing.
                 selected = rng.random(len(desired)) >= loss
                 have = set()
                 for number in itertools.compress(desired, selected):
@@ -307,12 +309,12 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
 
 
 def expected_loss(fragments: int, loss: float) -> float:
-    """Return probability that a message lacks a fragment: 1 - (1 - p)^n."""
+    """Return the probability that a message lacks a fragment: 1 - (1 - p)^n."""
     return -math.expm1(fragments * math.log1p(-loss))
 
 
 def expected_rounds(fragments: int, loss: float) -> float:
-    """Return mean rounds until all n are there: the mean of the largest of n geometric numbers.
+    """Return the mean rounds until all n are there: the mean of the largest of n geometric numbers.
 
     A round k + 1 is needed if any of them was lost k times: the sum over k of 1 - (1 - p^k)^n.
     """

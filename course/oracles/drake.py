@@ -103,6 +103,7 @@ class DrakeRun(Run):
         self._drake, self._settings = drake, settings
         scheme, options = settings.checked(engine, OPTIONS), settings.options
         discrete = scheme == "discrete"
+        # A time step of 0 makes the plant continuous, for the error-controlled integrators.
         config = drake.multibody.plant.MultibodyPlantConfig(time_step=dt if discrete else 0.0)
         approximation = options.get("approximation", config.discrete_contact_approximation)
         config.discrete_contact_approximation = approximation
@@ -111,6 +112,7 @@ class DrakeRun(Run):
         self._bodies: list[Any] = []
         if scene.urdf:
             drake.multibody.parsing.Parser(plant).AddModelsFromString(scene.urdf, "urdf")
+            # The URDF's base is free unless it is welded to the world.
             plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
         self._numbers: dict[Any, int] = {}
         if scene.ground:
@@ -133,6 +135,7 @@ class DrakeRun(Run):
         self.context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         self._push()
         self._start()
+        # Saved before the first step, for `reset`.
         self._first = simulator.get_context().Clone()
 
     # --- building -----------------------------------------------------------------------------
@@ -155,6 +158,7 @@ class DrakeRun(Run):
     def _add_bodies(self) -> None:
         plant, tree = self.plant, self._drake.multibody.tree
         for i, body in enumerate(self.scene.bodies):
+            # Drake takes moments of inertia for a mass of 1.
             unit = tree.UnitInertia(*(np.array(body.moments) / body.mass))
             part = plant.AddRigidBody(body.name, tree.SpatialInertia(body.mass, np.zeros(3), unit))
             self._bodies.append(part)
@@ -164,6 +168,7 @@ class DrakeRun(Run):
                 pose = np.array(body.pose)
                 place, world = self._transform(pose), plant.world_frame()
                 rail = plant.AddFrame(tree.FixedOffsetFrame(f"{body.name} rail", world, place))
+                # The joint's axis is given in the rail's frame, the guide in the world's.
                 axis = rotate(conjugate(pose[3:]), np.array(body.guide))
                 slide = tree.PrismaticJoint(f"{body.name} slide", rail, part.body_frame(), axis)
                 plant.AddJoint(slide)
@@ -202,6 +207,7 @@ class DrakeRun(Run):
     def advance(self, steps: int) -> None:
         """Advance the simulator by this many steps of dt."""
         self._steps += steps
+        # From the count of steps, so that rounding errors of the time do not add up.
         self.simulator.AdvanceTo(self._steps * self.dt)
 
     def state(self) -> State:
@@ -217,6 +223,7 @@ class DrakeRun(Run):
             speed = plant.EvalBodySpatialVelocityInWorld(context, part)
             q[:3, i], q[3:, i] = pose.translation(), pose.rotation().ToQuaternion().wxyz()
             v[:3, i] = speed.translational()
+            # Drake's angular velocity is in the world, the course's in the body.
             v[3:, i] = pose.rotation().matrix().T @ speed.rotational()
         return State(time, q, v)
 
@@ -252,6 +259,7 @@ class DrakeRun(Run):
         point, normal, force, gap = *np.empty((3, 3, len(rows))), np.empty(len(rows))
         for k, (first, second, place, push) in enumerate(rows):
             bodies[:, k] = self._numbers[first], self._numbers[second]
+            # A patch has no gap: the signed distance of both shapes stands for it.
             near = query.ComputeSignedDistancePairClosestPoints(first, second)
             point[:, k], force[:, k], gap[k] = place, push, near.distance
             # Drake's gradient points from B into A.

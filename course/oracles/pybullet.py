@@ -145,6 +145,7 @@ class PyBulletRun(Run):
         flags = lib.URDF_USE_INERTIA_FROM_FILE if self._settings.applies("inertia") else 0
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "model.urdf")
+            # PyBullet loads a URDF only from a file.
             path.write_text(self.scene.urdf, encoding="utf-8")
             arm = self._ask("loadURDF", str(path), useFixedBase=True, flags=flags)
         self.bodies.append(arm)
@@ -165,6 +166,7 @@ class PyBulletRun(Run):
 
     def _add_bodies(self) -> None:
         scene, lib = self.scene, self._lib
+        # Bullet multiplies the coefficients of both bodies.
         mu = np.sqrt(scene.friction) if self._settings.applies("friction") else scene.friction
         if scene.ground:
             size = (_GROUND, _GROUND, 0.5)
@@ -175,6 +177,7 @@ class PyBulletRun(Run):
             shape, pose = -1, np.array(body.pose)
             if body.half:
                 shape = self._ask("createCollisionShape", lib.GEOM_BOX, halfExtents=body.half)
+            # Bullet's quaternions have the scalar last: (x, y, z, w).
             place, turn = pose[:3].tolist(), np.roll(pose[3:], -1).tolist()
             if any(body.force) and not body.guide:
                 raise invalid(f"force of {body.name}", body.force, "none: it isn't on a rail")
@@ -219,6 +222,7 @@ class PyBulletRun(Run):
         turn, mode, turning = lib.setJointMotorControlArray, lib.TORQUE_CONTROL, self._torque.any()
         for _ in range(steps):
             for number, force in self._forces:
+                # Bullet clears external forces and torques after each step.
                 lib.applyExternalForce(number, 0, force, (0, 0, 0), lib.LINK_FRAME, client)
             if turning:
                 turn(self.bodies[0], self._links, mode, forces=self._torque, physicsClientId=client)
@@ -240,6 +244,7 @@ class PyBulletRun(Run):
                 place, turn = self._ask("getBasePositionAndOrientation", number)
                 speed, spin = self._ask("getBaseVelocity", number)
             q[:3, i], q[3:, i], v[:3, i] = place, (turn[3], *turn[:3]), speed
+            # Bullet's angular velocity is in the world, the course's in the body.
             v[3:, i] = rotate(conjugate(q[3:, i]), np.array(spin))
         return State(time, q, v)
 

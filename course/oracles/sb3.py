@@ -74,6 +74,7 @@ def vec_env(envs: Any) -> VecEnv:
 
         def step_wait(self) -> Any:
             observations, rewards, over, late, infos = envs.step(self.actions)
+            # SB3 has one flag `done`; truncation is told apart in the info, for bootstrapping.
             dones, result = over | late, rows(infos, self.num_envs)
             for i, info in enumerate(result):
                 if dones[i]:

@@ -160,7 +160,7 @@ def _at_edge(mask: NDArray[np.bool_]) -> bool:
 
 
 def _extent(part: Shapes) -> tuple[Array, Array]:
-    """Return least and greatest coordinates of a part in its own frame [m]."""
+    """Return the least and greatest coordinates of a part in its own frame [m]."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for i, kind in enumerate(part.kinds):
         size, pose = part.sizes[:, i], part.poses[:, i]

@@ -43,7 +43,7 @@ def steady_gains(index: float) -> tuple[float, float]:
 
 
 def averaged_error(k: ArrayLike, sigma: float, period: float, speed: float) -> Array:
-    """Return error of the mean of k pictures of a part that moves: noise falls, the lag grows.
+    """Return the error of the mean of k pictures of a part that moves: noise falls, the lag grows.
 
     Args:
         k: numbers of pictures.
@@ -129,7 +129,7 @@ class Tracker:
         self.rejected = 0
 
     def _at(self, stamp: float) -> tuple[Array, Array]:
-        """Return state and covariance at a time from the last picture on."""
+        """Return the state and covariance at a time from the last picture on."""
         if self.stamp == -math.inf:
             raise invalid("stamp", stamp, "a time after the first update")
         dt = finite("stamp", stamp, self.stamp, unit="s") - self.stamp

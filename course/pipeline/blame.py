@@ -119,7 +119,7 @@ def _gaps(scenario: Scenario, waypoints: np.ndarray) -> np.ndarray:
 
 
 def gained(record: Record, kp: float, kd: float) -> float:
-    """Return energy that appeared without a source, over the most that arm and spring had.
+    """Return the energy that appeared without a source, over the most that arm and spring had.
 
     With PD, W = v^T M v / 2 + kp e^2 / 2 rises by no more than what is brought: by the moving
     reference kp e . dr, and by torques that are not those of the law, such as at their limit,

@@ -99,7 +99,7 @@ class Budget:
         return frozenset(self.parts) - frozenset(parts)
 
     def mean(self, mended: Subset) -> tuple[Array, Array]:
-        """Return mean error and its standard error, each (2,) [m]."""
+        """Return the mean error and its standard error, each (2,) [m]."""
         result = self.errors[mended]
         return result.mean(axis=1), result.std(axis=1, ddof=1) / math.sqrt(result.shape[1])
 
@@ -121,7 +121,7 @@ class Budget:
         return error.mean(axis=1), error.std(axis=1, ddof=1) / math.sqrt(error.shape[1])
 
     def squares(self, runs: NDArray[np.int64] | None = None) -> dict[Subset, float]:
-        """Return mean squared error with each subset mended, of all runs or of some [m^2]."""
+        """Return the mean squared error with each subset mended, of all runs or of some [m^2]."""
         each = {some: np.sum(result**2, axis=0) for some, result in self.errors.items()}
         return {some: float(np.mean(x if runs is None else x[runs])) for some, x in each.items()}
 

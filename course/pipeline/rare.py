@@ -97,7 +97,7 @@ def _severities(severity: Severity, disturbances: Array) -> Array:
 
 
 def plain(severity: Severity, size: int, runs: int, rng: np.random.Generator) -> Rare:
-    """Return share of runs that fail, of so many; arguments as for `cross_entropy`."""
+    """Return the share of runs that fail, of so many; arguments as for `cross_entropy`."""
     failed = _severities(severity, rng.standard_normal((size, count("runs", runs, 1)))) > 0.0
     return _estimate(failed.astype(float), runs, runs, np.zeros(size), np.ones(size))
 
@@ -114,7 +114,7 @@ def cross_entropy(
     least: float = 0.0,
     defence: float = 0.0,
 ) -> Rare:
-    """Return share of failures under disturbances that are standard normal.
+    """Return the share of failures under disturbances that are standard normal.
 
     Args:
         severity: disturbances (size, N) -> how bad each run was, above 0 a failure.

@@ -224,7 +224,7 @@ def modes(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> Modes:
 
 
 def look_limit(frames: int) -> float:
-    """Return largest gain of e[t + 1] = e[t] - g e[t - k]: 2 sin(pi / (2 (2 k + 1))).
+    """Return the largest gain of e[t + 1] = e[t] - g e[t - k]: 2 sin(pi / (2 (2 k + 1))).
 
     On the circle z^k (z - 1) = -g means that w k + w / 2 + pi / 2 = pi at |z - 1| = 2 sin(w / 2).
 

@@ -17,7 +17,7 @@ LEFT, RIGHT, AXIS, CHILD, SIBLING, WIDTH = 0, 1, 2, 3, 4, 5
 
 @register_jitable
 def brute_below(n):
-    """Return number of nodes below which looking at all is faster, in n dimensions."""
+    """Return the number of nodes below which looking at all is faster, in n dimensions."""
     return 40 + 10 * n**3
 
 

@@ -685,6 +685,7 @@ def on_roadmap(query: Query) -> Plan:
         _kernel(_list)(edge, *tables, roadmap.nodes, trees, hooks, counts, side, largest)
     code, side = 1, 0
     while True:
+        # Both ends hang on the roadmap: search it, with the edges to the trees as outer edges.
         if code == 1 and counts[HOOKS : HOOKS + 2].all():
             outer = [
                 _outside(roadmap, trees[k], parents[k], hooks[k, : counts[HOOKS + k]])
@@ -696,6 +697,7 @@ def on_roadmap(query: Query) -> Plan:
                 path = (trees[0, chains[0][::-1]], roadmap.nodes[route], trees[1, chains[1]])
                 return query.answer(SOLVED, np.concatenate(path))
         if attach == "list":
+            # The list found no way: a fresh search with RRT-Connect, as the option promises.
             query.method, query.options = "rrt_connect", {"step": step}
             counts[:] = 0
             return METHODS["rrt_connect"](query)
@@ -722,6 +724,7 @@ def on_roadmap(query: Query) -> Plan:
             room,
             gaps,
         )
+        # Both trees have met before the roadmap could join them.
         if code == 2:
             here = _chain(parents[side], int(counts[TREES + side]) - 1)
             other = _chain(parents[1 - side], int(hooks[side, 0, 1]))

@@ -435,7 +435,7 @@ class Trajectory:
         return float(self.times[-1])
 
     def __call__(self, t: ArrayLike) -> Array:
-        """Return state, rate and acceleration at times (...), shape (3, n, ...).
+        """Return the state, rate and acceleration at times (...), shape (3, n, ...).
 
         Before and after the motion it is at rest.
         """
@@ -478,7 +478,7 @@ class Trajectory:
 
 @register_jitable
 def state_at(table, t, i, out):
-    """Return state, rate and acceleration at a time t into `out` (3, n), for compiled loops.
+    """Return the state, rate and acceleration at a time t into `out` (3, n), for compiled loops.
 
     `table` is that of a `Trajectory`, i the interval of an earlier time. Returns the interval of
     this one, and the share of the path's length that lies behind it; at rest outside.

@@ -76,6 +76,7 @@ class Step:
 
     def spread(self, velocity: Array) -> Array:
         """Return velocities of the members (6, m) from generalised ones (nv,)."""
+        # The generalised velocities lie one body after the other, six or one each.
         parts = np.split(velocity, np.cumsum([b.shape[1] for b in self.basis])[:-1])
         return np.stack([b @ part for b, part in zip(self.basis, parts, strict=True)], axis=1)
 
@@ -108,6 +109,7 @@ def step_of(
     # Each contact row is +1 for one body and -1 for the other, with the lever arm in the body's
     # axes.
     for here, sign in zip(report.bodies, (-1.0, 1.0), strict=True):
+        # Angular velocities are in the body's axes, so the moment arm is turned back into them.
         arm, back = report.point - state.q[:3, here], conjugate(state.q[3:, here])
         rows = np.stack([np.vstack((d, rotate(back, cross(arm, d)))) for d in frame])  # (3, 6, n)
         for i, b, low, high in zip(members, basis, ends, ends[1:], strict=False):
@@ -120,6 +122,7 @@ def step_of(
             for i, b in zip(members, basis, strict=True)
         ]
     )
+    # Projected on the guide, or all six numbers where there is none.
     before, after = (
         np.concatenate([v[:, i] @ b for i, b in zip(members, basis, strict=True)])
         for v in (state.v, free)

@@ -99,6 +99,7 @@ def slope(x: ArrayLike, y: ArrayLike) -> float:
     x, y = (vector(name, value, (None,), low=POSITIVE) for name, value in (("x", x), ("y", y)))
     if x.size != y.size or x.size < 2:
         raise invalid("(x.size, y.size)", (x.size, y.size), "two equal sizes of at least 2")
+    # A power law is a straight line in log-log axes, and its exponent the slope.
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
@@ -122,6 +123,7 @@ def energy_drift(
 ) -> Drift:
     """Return drift and oscillation of the energy that the engine reports at equal times."""
     run = prepared(engine, scene, dt, settings)
+    # A whole number of steps between samples, so that they are equally spaced.
     every = max(1, round(scene.duration / dt / count("samples", samples, 2)))
     energies = [run.energy()]
     for _ in range(samples):
@@ -159,6 +161,7 @@ def judged(
         ValueError: where nothing touches in that step.
     """
     run = prepared(engine, scene, dt, settings)
+    # All steps but the last: the judged one needs the state before it.
     run.run(count("steps", steps, 1) - 1)
     before = run.state()
     run.run(1)
@@ -198,6 +201,7 @@ def largest_step(
     """Return the largest step [s] up to which every tried step meets the tolerance, or 0."""
     best = 0.0
     for dt in sorted(steps):
+        # The first step that fails ends the search, even if a larger one would pass by luck.
         if position_error(engine, scene, dt, settings) > scene.tolerance:
             break
         best = dt
@@ -222,7 +226,7 @@ class Repeat:
 def repeatability(
     engine: Engine, scene: Scene, dt: float, steps: int, settings: Settings = FAIR
 ) -> Repeat:
-    """Return whether a run can be repeated bit by bit: 0 where all bits are equal."""
+    """Return by how much repeated runs differ: 0 where all bits are equal."""
     first, second = (engine.build(scene, dt, settings) for _ in range(2))
     half = count("steps", steps, 2) // 2
     # The same half run three times: continued, from the saved state, and from a new build.
@@ -419,10 +423,12 @@ def reach(
         )
         run.run(1)
         now = run.state()
+        # Diverged (also NaN, which compares as false).
         if not np.max(np.abs(now.q)) < 1e3:
             run.close()
             return Reach(math.inf, math.inf, False)
     run.close()
+    # Errors of the hand, not of the joints: place [m] and speed [m/s].
     other, aim = kinematics.tip(chain, now.q), kinematics.tip(chain, goal)
     error = float(np.linalg.norm(other[:3] - aim[:3]))
     speed = float(np.linalg.norm(kinematics.jacobian(chain, now.q)[:3] @ now.v))

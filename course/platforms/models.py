@@ -245,6 +245,6 @@ def verdict(model: Model, reading: Reading) -> str:
 
 
 def honesty(verdicts: dict[str, str]) -> float:
-    """Return share of the faulty models, features aside, that were refused or warned about."""
+    """Return the share of the faulty models, features aside, that were refused or warned about."""
     faulty = [model.name for model in MODELS if model.kind != "feature"]
     return sum(verdicts[name] in ("refused", "warned") for name in faulty) / len(faulty)

@@ -52,6 +52,7 @@ class Own(Engine):
         """Return a run without contact where nothing can touch, else one with a contact model."""
         scheme = settings.checked(self, ("model", "recovery"))
         positive("dt", dt, unit="s")
+        # Without shapes nothing can touch: the integrators of chapter 1 do, at any order.
         if scene.chain or all(body.half is None for body in scene.bodies):
             if len(scene.bodies) > 1:
                 raise invalid("scene", scene.name, "one body, where none touches anything")
@@ -89,7 +90,7 @@ class Smooth(Run):
         self.q, self.v, self.time = end.q[-1], end.v[-1], self.time + steps * self.dt
 
     def state(self) -> State:
-        """Return time, positions and velocities as copies."""
+        """Return the time, positions and velocities as copies."""
         shape = (len(self.q),) if self.scene.chain else (len(self.q), 1)
         return State(self.time, self.q.reshape(shape).copy(), self.v.reshape(-1, *shape[1:]).copy())
 
@@ -148,6 +149,7 @@ class Touching(Run):
         free = free_velocity(scene, before, dt)
         pose = self.q
         if scene.ground:
+            # The ground is shape 0, at the origin; below it has the number -1.
             pose = np.column_stack((np.array([0.0, 0, 0, 1, 0, 0, 0]), self.q))
         # Speculative contacts: within the travel of a step anything may touch.
         travel = float(np.max(np.abs(free[:3]))) * dt
@@ -198,7 +200,7 @@ class Touching(Run):
         return list(groups.values())
 
     def state(self) -> State:
-        """Return time, poses and velocities as copies."""
+        """Return the time, poses and velocities as copies."""
         return State(self.time, self.q.copy(), self.v.copy())
 
     def contacts(self) -> ContactReport:

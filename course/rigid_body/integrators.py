@@ -504,7 +504,7 @@ def simulate(
 def evaluations_per_step(
     system: System, integrator: str | Step, dt: float, steps: int = 20
 ) -> float:
-    """Return mean number of force evaluations a step takes, counted on a short plain run.
+    """Return the mean number of force evaluations a step takes, counted on a short plain run.
 
     Args:
         system: what to integrate.

@@ -139,7 +139,7 @@ def step_matrix(method: str, omega_dt: Any, zeta: Any) -> Array:
 
 
 def limit(method: str, zeta: float) -> float:
-    """Return largest stable omega dt of a method.
+    """Return the largest stable omega dt of a method.
 
     Closed forms among them: explicit Euler 2 zeta, or 2 / (zeta + sqrt(zeta^2 - 1)) when
     overdamped; semi-implicit Euler with the damper explicit 2 (sqrt(1 + zeta^2) - zeta); velocity

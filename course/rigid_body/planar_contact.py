@@ -360,7 +360,7 @@ def time_to_face(angle, omega, beta, horizon, flat):
 
 @register_jitable
 def height_on_face(angle, width, height):
-    """Return height of the centre of a box that lies on the face nearest to the angle [m]."""
+    """Return the height of the centre of a box that lies on the face nearest to the angle [m]."""
     nearest = math.floor(angle / QUARTER_TURN + 0.5)
     return 0.5 * height if nearest == 2.0 * math.floor(0.5 * nearest) else 0.5 * width
 

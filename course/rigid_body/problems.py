@@ -55,7 +55,7 @@ class Problem:
 
 
 def tight_reference(system: System, t: float, rtol: float = 1e-13) -> tuple[Array, Array]:
-    """Return state at time t by SciPy's DOP853 at a tolerance near the rounding limit.
+    """Return the state at time t by SciPy's DOP853 at a tolerance near the rounding limit.
 
     Args:
         system: what to integrate, one body.
@@ -98,7 +98,7 @@ def oscillator_acceleration(q, v, params):
 
 
 def oscillator_energy(q: Array, v: Array, params: Array) -> Array:
-    """Return energy per unit of mass [J/kg] of the oscillator, shape q.shape[1:]."""
+    """Return the energy per unit of mass [J/kg] of the oscillator, shape q.shape[1:]."""
     return 0.5 * v[0] ** 2 + 0.5 * (params[0] * q[0]) ** 2
 
 
@@ -147,7 +147,7 @@ def pendulum_acceleration(q, v, params):
 
 
 def pendulum_energy(q: Array, v: Array, params: Array) -> Array:
-    """Return energy per m l^2 [1/s^2] of the pendulum, zero when it hangs at rest."""
+    """Return the energy per m l^2 [1/s^2] of the pendulum, zero when it hangs at rest."""
     return 0.5 * v[0] ** 2 + params[0] * (1.0 - np.cos(q[0]))
 
 
@@ -484,7 +484,7 @@ def bounce_times(
 def bounce_height(
     t: float, height: float, restitution: float, gravity: float = STANDARD_GRAVITY
 ) -> float:
-    """Return height [m] at time t [s] of a point dropped from rest on a rigid floor.
+    """Return the height [m] at time t [s] of a point dropped from rest on a rigid floor.
 
     Zero from the moment at which infinitely many bounces have come to their end.
 

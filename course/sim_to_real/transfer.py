@@ -165,7 +165,7 @@ def transfer_bound(gamma: float, eps: float, reward: float = 1.0) -> float:
 
 
 def reached(gamma: float, eps: float) -> float:
-    """Return share of the bound that the worst chain of two states reaches.
+    """Return the share of the bound that the worst chain of two states reaches.
 
     It pays in the first, where the simulator stays for ever and the real one leaves for good with
     probability eps.

@@ -49,8 +49,8 @@ SIMULATIONS = (
 
 # Those that no browser computes, by their name, and why: their presets are shown as recorded.
 RECORDED = {
-    "perception": "a picture goes through NumPy and SciPy: rendering, trees of neighbours, poses",
-    "sim_to_real": "each change counts hundreds of episodes, or tunes a policy anew",
+    "perception": "each image goes through NumPy and SciPy: rendering, k-d trees, poses",
+    "sim_to_real": "each change runs hundreds of episodes, or tunes a policy again",
     "learning.point": "each change trains a policy",
     "learning.two_ways": "each change runs a network a hundred times",
     "pipeline": "each change runs the whole pipeline a hundred times, its planner in Python",

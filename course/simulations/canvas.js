@@ -10,6 +10,70 @@ const SLACK = 2; // what is cut off may stand out by this much: half of a line [
 const LETTERS = 8; // no smaller ones however narrow the picture [pixels]
 const NARROW = 0.7; // such are this narrow at most, so that words stay apart where there is room
 const MINUS = "\u2212";
+const SLOP = 8; // a finger that moved less than this may still be about to scroll [CSS pixels]
+
+// --- Light and dark ------------------------------------------------------------------------------
+
+const linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+const encoded = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
+const times = (rows, v) => rows.map((row) => row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
+
+// From linear sRGB to the cone responses of Oklab and to its coordinates, and back (Ottosson, 2020).
+const TO_LMS = [
+  [0.4122214708, 0.5363325363, 0.0514459929],
+  [0.2119034982, 0.6806995451, 0.1073969566],
+  [0.0883024619, 0.2817188376, 0.6299787005],
+];
+const TO_LAB = [
+  [0.2104542553, 0.793617785, -0.0040720468],
+  [1.9779984951, -2.428592205, 0.4505937099],
+  [0.0259040371, 0.7827717662, -0.808675766],
+];
+const FROM_LAB = [
+  [1, 0.3963377774, 0.2158037573],
+  [1, -0.1055613458, -0.0638541728],
+  [1, -0.0894841775, -1.291485548],
+];
+const FROM_LMS = [
+  [4.0767416621, -3.3077115913, 0.2309699292],
+  [-1.2684380046, 2.6097574011, -0.3413193965],
+  [-0.0041960863, -0.7034186147, 1.707614701],
+];
+
+// The colour that stands for "#rrggbb" on a dark page: the same hue, and light where that is dark.
+// White becomes the page's own near-black, black a soft white. Between them the curve keeps the
+// contrast of each colour of the palette with the background above 4.5, as it is on white.
+export function darkened(colour) {
+  const rgb = [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16) / 255);
+  const [light, a, b] = times(TO_LAB, times(TO_LMS, rgb.map(linear)).map(Math.cbrt));
+  const wanted = 0.95 - 0.76 * Math.max(light, 0) ** 1.4;
+  const lms = times(FROM_LAB, [wanted, a, b]).map((v) => v ** 3);
+  const bytes = times(FROM_LMS, lms).map((v) => Math.round(255 * encoded(Math.min(Math.max(v, 0), 1))));
+  return "#" + bytes.map((v) => v.toString(16).padStart(2, "0")).join("");
+}
+
+// Whether the page around a picture is dark: JupyterLab and Furo say so on the body, else the system.
+export function isDark() {
+  const { jpThemeLight, theme } = document.body.dataset;
+  if (matchMedia("print").matches) return false;
+  if (jpThemeLight) return jpThemeLight === "false";
+  if (theme === "light" || theme === "dark") return theme === "dark";
+  return matchMedia("(prefers-color-scheme: dark)").matches;
+}
+
+// Call back whenever that may have changed; what is returned stops it.
+function whenThemeChanges(call) {
+  const queries = ["(prefers-color-scheme: dark)", "print"].map((query) => matchMedia(query));
+  const observer = new MutationObserver(call);
+  observer.observe(document.body, { attributeFilter: ["data-theme", "data-jp-theme-light"] });
+  for (const query of queries) query.addEventListener("change", call);
+  return () => {
+    observer.disconnect();
+    for (const query of queries) query.removeEventListener("change", call);
+  };
+}
+
+// --- The picture ---------------------------------------------------------------------------------
 
 // A number as `written` in pen.py writes it.
 export function written(value, form) {
@@ -22,8 +86,9 @@ export function written(value, form) {
 }
 
 // `wide` comes from the observer: asking the element would lay out the whole notebook for a frame.
+// `ink` has the colours of the table and of the background, as the page is light or dark.
 // Returns the readouts, or nothing where there is no room yet.
-export function paint(canvas, paper, at, wide) {
+export function paint(canvas, paper, at, wide, ink = paper) {
   const [xmin, xmax, ymin, ymax] = paper.window;
   if (!wide) return null;
   const high = (wide * (ymax - ymin)) / (xmax - xmin);
@@ -45,7 +110,7 @@ export function paint(canvas, paper, at, wide) {
 
   context.setTransform(1, 0, 0, 1, 0, 0);
   context.globalAlpha = 1;
-  context.fillStyle = paper.background;
+  context.fillStyle = ink.background;
   context.fillRect(0, 0, columns, rows);
   context.lineJoin = "round";
   context.lineCap = "butt";
@@ -53,11 +118,11 @@ export function paint(canvas, paper, at, wide) {
 
   const fillAndStroke = (fill, edge, width) => {
     if (fill >= 0) {
-      context.fillStyle = paper.colours[fill];
+      context.fillStyle = ink.colours[fill];
       context.fill();
     }
     if (edge >= 0) {
-      context.strokeStyle = paper.colours[edge];
+      context.strokeStyle = ink.colours[edge];
       context.lineWidth = width * size;
       context.stroke();
     }
@@ -103,7 +168,7 @@ export function paint(canvas, paper, at, wide) {
     } else if (kind === LINE) {
       const [colour, width, alpha, on, off] = at.subarray(start, end);
       context.globalAlpha = alpha;
-      context.strokeStyle = paper.colours[colour];
+      context.strokeStyle = ink.colours[colour];
       context.lineWidth = width * size;
       context.setLineDash(on ? [on * size, off * size] : []);
       context.beginPath();
@@ -145,7 +210,7 @@ export function paint(canvas, paper, at, wide) {
         const [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
         const [bx, by] = [x1 - ux * long, y1 - uy * long];
         context.globalAlpha = alpha;
-        context.strokeStyle = context.fillStyle = paper.colours[colour];
+        context.strokeStyle = context.fillStyle = ink.colours[colour];
         context.lineWidth = width * size;
         context.beginPath();
         context.moveTo(x0, y0);
@@ -169,7 +234,7 @@ export function paint(canvas, paper, at, wide) {
       const letter = Math.max(letters * size, Math.min(LETTERS, letters) * ratio);
       context.scale(Math.max((letters * size) / letter, NARROW), 1);
       context.font = `${bold ? "bold " : ""}${letter}px ${FONT}`;
-      context.fillStyle = paper.colours[colour];
+      context.fillStyle = ink.colours[colour];
       context.textAlign = ALIGN[align];
       context.textBaseline = BASELINE[baseline];
       context.fillText(join(start + 11, end), 0, 0);
@@ -182,27 +247,36 @@ export function paint(canvas, paper, at, wide) {
   return readouts;
 }
 
-// The numbers below the picture: name above value.
-function print(list, entries) {
+// The numbers below the picture: name above value. What a number means, `explained` by its name, is
+// a tooltip, and a click writes it below all of them: a finger has no tooltips.
+function print(list, note, entries, explained) {
   if (list.children.length !== entries.length) {
     list.replaceChildren(
       ...entries.map(() => {
         const cell = document.createElement("div");
         const [name, value] = [document.createElement("div"), document.createElement("div")];
-        cell.style.cssText = "flex:0 0 112px";
-        name.style.cssText = "font-size:11px;opacity:0.7;white-space:nowrap";
-        value.style.cssText = "font-size:14px;font-variant-numeric:tabular-nums;white-space:nowrap";
+        cell.style.cssText = "flex:0 1 auto;min-width:104px;max-width:100%;cursor:help";
+        name.style.cssText = "font-size:11px;opacity:0.75;text-decoration:underline dotted 1px;"
+          + "text-underline-offset:2px";
+        value.style.cssText = "font-size:14px;font-variant-numeric:tabular-nums";
         cell.append(name, value);
+        cell.addEventListener("click", () => {
+          const words = cell.title && `${name.textContent}: ${cell.title}`;
+          note.textContent = note.textContent === words ? "" : words;
+        });
         return cell;
       }),
     );
   }
-  entries.forEach((entry, k) =>
+  entries.forEach((entry, k) => {
+    const cell = list.children[k];
     entry.forEach((words, part) => {
-      const place = list.children[k].children[part];
+      const place = cell.children[part];
       if (place.textContent !== words) place.textContent = words;
-    }),
-  );
+    });
+    const meaning = explained?.[entry[0]] ?? "";
+    if (cell.title !== meaning) cell.title = meaning;
+  });
 }
 
 // The picture and its numbers on a page, drawn again whenever there is something new to see. What
@@ -218,8 +292,11 @@ export function view(place, paper, hear) {
   const numbers = document.createElement("div");
   numbers.className = "course-numbers";
   numbers.style.cssText =
-    "display:flex;flex-wrap:wrap;gap:6px 10px;margin:4px 8px 8px;line-height:1.35";
-  place.append(canvas, numbers);
+    "display:flex;flex-wrap:wrap;gap:6px 14px;margin:4px 8px 8px;line-height:1.35";
+  const note = document.createElement("div");
+  note.className = "course-meaning";
+  note.style.cssText = "margin:0 8px 8px;font-size:12.5px;line-height:1.35";
+  place.append(canvas, numbers, note);
 
   // What changes in here can't move anything outside, so the page need not be laid out again.
   place.style.contain = "layout style";
@@ -228,7 +305,19 @@ export function view(place, paper, hear) {
   let wide = 0;
   let requested = false;
   let move = null;
-  let wanted = { pointer: false, keys: [] };
+  let wanted = { pointer: false, keys: [], upright: true };
+  let held = null; // a finger went down there, and it may be about to scroll the page
+
+  const table = { colours: paper.colours, background: paper.background };
+  const night = {
+    colours: paper.colours.map(darkened),
+    background: darkened(paper.background),
+  };
+  let ink = isDark() ? night : table;
+  const stopWatching = whenThemeChanges(() => {
+    ink = isDark() ? night : table;
+    if (frame) paint(canvas, paper, frame.numbers, wide, ink); // at once: a printer does not wait
+  });
 
   const request = () => {
     if (!requested) {
@@ -245,11 +334,11 @@ export function view(place, paper, hear) {
     // Cleared after the tick: a picture shown in the tick is painted now, not requested again.
     hear.tick?.(now);
     requested = false;
-    const readouts = frame && paint(canvas, paper, frame.numbers, wide);
+    const readouts = frame && paint(canvas, paper, frame.numbers, wide, ink);
     if (readouts && frame.id !== Number(canvas.dataset.frame)) {
       const said = readouts.map(([name, value]) => `${name} ${value}`);
       canvas.setAttribute("aria-label", [paper.label, ...said].join(", "));
-      print(numbers, readouts);
+      print(numbers, note, readouts, paper.readouts);
       canvas.dataset.frame = frame.id;
       hear.drawn(frame.id, readouts);
     }
@@ -268,11 +357,19 @@ export function view(place, paper, hear) {
     if (!frame || !wanted.pointer || event.button !== 0) return;
     // With the pointer captured a drag continues, and ends, outside of the canvas.
     canvas.setPointerCapture(event.pointerId);
-    canvas.focus();
-    hear.pointer(...at("down", event));
+    canvas.focus({ preventScroll: true });
+    held = null;
+    if (event.pointerType === "touch" && !wanted.upright) held = event;
+    else hear.pointer(...at("down", event));
   });
+  const begin = () => {
+    if (held) hear.pointer(...at("down", held));
+    held = null;
+  };
   canvas.addEventListener("pointermove", (event) => {
     if (!canvas.hasPointerCapture(event.pointerId)) return;
+    if (held && Math.abs(event.clientX - held.clientX) < SLOP) return;
+    begin();
     move = at("move", event); // one per picture is enough
     request();
   });
@@ -280,7 +377,11 @@ export function view(place, paper, hear) {
     if (!canvas.hasPointerCapture(event.pointerId)) return;
     canvas.releasePointerCapture(event.pointerId);
     move = null;
-    hear.pointer(...at("up", event));
+    // The browser cancels a pointer with which it scrolls: nothing was dragged then.
+    const scrolled = held && event.type === "pointercancel";
+    if (scrolled) held = null;
+    begin();
+    if (!scrolled) hear.pointer(...at("up", event));
   };
   canvas.addEventListener("pointerup", release);
   canvas.addEventListener("pointercancel", release);
@@ -304,14 +405,18 @@ export function view(place, paper, hear) {
       frame = { id, numbers };
       request();
     },
-    // Which events are wanted: those of the pointer, and these keys.
-    listen(pointer, keys) {
-      wanted = { pointer, keys };
-      canvas.style.touchAction = pointer ? "none" : "auto"; // else a drag would scroll the page
+    // Which events are wanted: those of the pointer, and these keys. Where nothing is dragged up or
+    // down (not `upright`) a finger that moves so scrolls the page.
+    listen(pointer, keys, upright = true) {
+      wanted = { pointer, keys, upright };
+      canvas.style.touchAction = !pointer ? "auto" : upright ? "none" : "pan-y";
       canvas.style.cursor = pointer ? "grab" : "default";
       if (keys.length) canvas.tabIndex = 0;
       else canvas.removeAttribute("tabindex");
     },
-    close: () => observer.disconnect(),
+    close() {
+      observer.disconnect();
+      stopWatching();
+    },
   };
 }

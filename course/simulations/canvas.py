@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import anywidget
@@ -66,14 +67,32 @@ class Canvas(anywidget.AnyWidget):
     """
 
     _esm = f"{joined('canvas', 'live', 'widget')}\nexport default {{ render }};\n"
+    _css = (Path(__file__).parent / "panel.css").read_text(encoding="utf-8")
     _paper = traitlets.Dict().tag(sync=True)
     _first = traitlets.Bytes().tag(sync=True)  # to be drawn while the kernel is still busy
     _bundle = traitlets.Dict().tag(sync=True)  # with which the page can run it, or nothing
     _pointer = traitlets.Bool(False).tag(sync=True)
+    _upright = traitlets.Bool(True).tag(sync=True)
     _keys = traitlets.List(traitlets.Unicode()).tag(sync=True)
 
-    def __init__(self, frame: Picture, **options: Any) -> None:
-        super().__init__(_paper=frame.paper.declaration(), _first=_buffer(frame), **options)
+    def __init__(
+        self,
+        frame: Picture,
+        *,
+        readouts: Mapping[str, str] | None = None,
+        upright: bool = True,
+        **options: Any,
+    ) -> None:
+        """Show a first picture.
+
+        Args:
+            frame: the picture.
+            readouts: what each number below it means, by its name.
+            upright: whether something is dragged up or down, see `Model`.
+            **options: of the widget.
+        """
+        paper = frame.paper.declaration() | {"readouts": dict(readouts or {})}
+        super().__init__(_paper=paper, _first=_buffer(frame), _upright=upright, **options)
         self._frame = frame
         self._traffic = _Traffic()
         self._lock = threading.RLock()

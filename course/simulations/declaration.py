@@ -94,12 +94,12 @@ def declaration(name: str) -> dict[str, Any]:
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
     """
-    made = model(name)
+    made, why = model(name), why_recorded(name)
     functions = ("initial", "advance", "frame", "drag", "grab", "press")
     return {
         "name": name,
         "title": made.title,
-        "paper": made.paper.declaration(),
+        "paper": made.paper.declaration() | {"readouts": dict(made.readouts)},
         "pen": {
             "size": drawing.HEADER + made.paper.room,
             "header": made.paper.pen()[: drawing.HEADER].tolist(),
@@ -108,13 +108,18 @@ def declaration(name: str) -> dict[str, Any]:
         "state": _layout(made.state),
         "inputs": [_input(key, field, made.controls) for key, field in made.controls.panel()],
         "presets": [
-            {"name": key, "note": preset.note, "words": _runs(made.controls.new(**preset.values))}
+            {
+                "name": key,
+                "note": (why and preset.recorded) or preset.note,
+                "words": _runs(made.controls.new(**preset.values)),
+            }
             for key, preset in made.presets.items()
         ],
         "functions": [each for each in functions if getattr(made, each) is not None],
         "keys": list(KEYS) if made.press is not None else [],
         "live_drag": made.live_drag,
-        "recorded": why_recorded(name),
+        "upright": made.upright,
+        "recorded": why,
     }
 
 

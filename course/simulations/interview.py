@@ -307,6 +307,16 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
+
+# What each number below the picture means.
+READOUTS = {
+    "chance now": "Predicted probability that you recall this card now.",
+    "stability": "Days until the chance of recall falls to 90 %.",
+    "difficulty": "Difficulty of the card on the scheduler's scale from 1 to 10.",
+    "asked again in": "Days until the scheduler shows this card again.",
+    "reviews of all four": "Reviews of all four cards so far.",
+}
+
 MODEL = Model(
     TITLE,
     PAPER,
@@ -320,4 +330,6 @@ MODEL = Model(
     grab=grab,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
+    upright=False,
 )

@@ -25,7 +25,7 @@ export function allowed(input, value) {
 }
 
 const passing = (seconds) => {
-  if (!(seconds >= 0)) throw new RangeError(`seconds is ${seconds}, allowed is a number from 0 on`);
+  if (!(seconds >= 0)) throw new RangeError(`seconds must be a non-negative number, got ${seconds}`);
   return Math.min(seconds, LONGEST);
 };
 
@@ -203,7 +203,8 @@ const STYLE = `
 .course-live label select,.course-live label input[type=range]{display:block;width:100%;
   max-width:100%;box-sizing:border-box;accent-color:var(--accent)}
 .course-live label input[type=range]{height:1.6em;margin:0}
-.course-live output{float:right;font-variant-numeric:tabular-nums}
+.course-live .named{display:flex;gap:.8em;justify-content:space-between;align-items:baseline}
+.course-live output{font-variant-numeric:tabular-nums;white-space:nowrap}
 .course-live .wrong{border-left:4px solid #c1272d;padding:.2em .8em}
 .course-live .quiet{color:var(--quiet)}
 .course-simulation.in-page .course-side,.course-simulation .course-live .title{display:none}
@@ -229,6 +230,7 @@ export function dress() {
 function field(input, changed) {
   const { name, label, unit, choices } = input;
   const dataset = { control: name };
+  const named = unit ? `${label} [${unit}]` : label;
   if (choices.length) {
     const options = choices.map((words, value) => make("option", { value, textContent: words }));
     const menu = make("select", { dataset }, ...options);
@@ -244,14 +246,15 @@ function field(input, changed) {
   const slider = make("input", { type: "range", dataset });
   const value = make("output");
   Object.assign(slider, { min: input.low, max: input.high, step: input.step });
-  slider.setAttribute("aria-label", label);
+  slider.setAttribute("aria-label", named);
   slider.addEventListener("input", () => changed(slider.value));
   const put = (number) => {
     slider.value = number;
-    value.textContent = written(number, input.kind === "f" ? input.decimals : 0) + (unit && ` ${unit}`);
-    slider.setAttribute("aria-valuetext", value.textContent);
+    value.textContent = written(number, input.kind === "f" ? input.decimals : 0);
+    slider.setAttribute("aria-valuetext", value.textContent + (unit && ` ${unit}`));
   };
-  return { shown: make("label", {}, label, value, slider), put };
+  const head = make("span", { className: "named" }, make("span", {}, named), value);
+  return { shown: make("label", {}, head, slider), put };
 }
 
 // The panel in the element `place`, whose saved picture stays until the first one is drawn. It is
@@ -409,7 +412,8 @@ export function panel(place, { declaration: told, wasm, pictures }) {
         if (playing) picture.request();
       },
     });
-    picture.listen(live && told.functions.includes("drag"), [" ", "r", "R", ...keys]);
+    const drags = live && told.functions.includes("drag");
+    picture.listen(drags, [" ", "r", "R", ...keys], told.upright);
     if (saved) saved.style.position = "absolute"; // until the first picture is drawn in its place
     experiment = made;
     place.courseLive = experiment;

@@ -94,7 +94,7 @@ STATE = Record(
 
 @register_jitable
 def profile(controls, topic, reader):
-    """Return number of the profile of an end of a topic."""
+    """Return the number of the profile of an end of a topic."""
     if topic == controls["topic"]:
         return controls["requested"] if reader else controls["offered"]
     return DEFAULTS[topic]
@@ -550,6 +550,21 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
+
+# What each number below the picture means.
+READOUTS = {
+    "command age": "Age of the camera image behind the command that acts right now.",
+    "mean of the run": "Mean age of the command over the run.",
+    "loop late by": "Largest delay between the control loop's due time and its start so far.",
+    "bound of it": "Upper bound of that delay from response-time analysis.",
+    "ticks skipped": "Control ticks that did not run because the previous one had not finished.",
+    "images lost": "Images that never arrived at perception, measured.",
+    "expected": "Fraction of lost images that theory predicts for these settings.",
+    "queue dropped": "Messages that a full queue discarded.",
+    "deadlines missed": "How often a message arrived later than the subscriber's deadline.",
+    "monitor": "Whether the safety monitor still receives the data of its zone.",
+}
+
 MODEL = Model(
     TITLE,
     PAPER,
@@ -562,4 +577,6 @@ MODEL = Model(
     drag,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
+    upright=False,
 )

@@ -23,10 +23,17 @@ KEYS = ("ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "+", "-")
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls worth looking at (what differs from the defaults), and what to look for."""
+    """Controls worth looking at (what differs from the defaults), and what to look for.
+
+    Attributes:
+        values: what differs from the defaults.
+        note: what happens, and what to try.
+        recorded: what happens, for a page that can only play a recording; the note if empty.
+    """
 
     values: Mapping[str, Any]
     note: str
+    recorded: str = ""
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,9 @@ class Model:
             what they did to the controls.
         recorded: the pictures were computed beforehand, as a library had to come along.
         aside: words that only a running panel shows, such as milliseconds, and no saved page.
+        readouts: what each number below the picture means, by its name: a tooltip.
+        upright: whether something is dragged up or down; where it is not, a finger that moves up or
+            down on the picture scrolls the page.
     """
 
     title: str
@@ -66,6 +76,8 @@ class Model:
     live_drag: bool = False
     recorded: bool = field(default=False)
     aside: Callable[[], str] | None = None
+    readouts: Mapping[str, str] = field(default_factory=dict)
+    upright: bool = True
 
 
 class Experiment:

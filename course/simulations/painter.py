@@ -58,6 +58,7 @@ def draw(picture: Picture, axes: Any) -> None:
         axes.add_patch(artist)
         artist.set_clip_box(cut)
 
+    # Items are painted in their order, which matplotlib keeps by `zorder`.
     for order, item in enumerate(decode(picture)):
         points = np.clip(item.points, -_FAR, _FAR)
         if item.kind == pen.CUT:
@@ -100,6 +101,7 @@ def draw(picture: Picture, axes: Any) -> None:
             tail, tip = points.T
             distance = float(np.hypot(*(tip - tail)))
             if distance > 0.0:
+                # The head is given in pixels, and is never longer than the arrow.
                 long = min(head * (xmax - xmin) / paper.width, distance)
                 back = long * (tip - tail) / distance
                 side = 0.4 * np.array([-back[1], back[0]])

@@ -19,9 +19,8 @@ from course.simulations.model import KEYS, Experiment, Model
 from course.simulations.record import Field
 
 _PICTURES_PER_SECOND = 40.0
-# As wide as the column of the controls.
-_STYLE = {"style": {"description_width": "118px"}, "layout": {"width": "auto"}}
-_SHORT = {"style": {"description_width": "initial"}}  # the words of a menu need the room
+# As wide as the column of the controls; `panel.css` puts the label above.
+_WIDE = {"layout": {"width": "auto"}}
 # After a pause of the kernel the simulation goes on from where it was, it does not catch up [s].
 _LONGEST_ADVANCE = 0.1
 # How far into its motion a saved notebook shows a simulation, where no kernel runs [s].
@@ -44,7 +43,9 @@ class Panel(ipywidgets.VBox):
         self._lock = threading.RLock()
         self._setting = False
         self._task: asyncio.Task[None] | None = None
-        self.canvas = Canvas(self.experiment.picture())
+        self.canvas = Canvas(
+            self.experiment.picture(), readouts=model.readouts, upright=model.upright
+        )
         turns = KEYS if model.press is not None else ()
         self.canvas.on_key([" ", "r", "R", *turns], lambda key: self._key(key.key))
         if model.drag is not None:
@@ -253,7 +254,7 @@ def _input(field: Field) -> Any:
         return ipywidgets.Checkbox(description=field.label, indent=False, layout={"width": "auto"})
     if field.choices:
         options = [(words, k) for k, words in enumerate(field.choices)]
-        return ipywidgets.Dropdown(options=options, description=field.label, **_STYLE | _SHORT)
+        return ipywidgets.Dropdown(options=options, description=field.label, **_WIDE)
     label = f"{field.label} [{field.unit}]" if field.unit else field.label
     whole = isinstance(field.default, int)
     kind = ipywidgets.IntSlider if whole else ipywidgets.FloatSlider
@@ -264,5 +265,5 @@ def _input(field: Field) -> Any:
         step=field.step,
         description=label,
         readout_format="d" if whole else f".{field.decimals}f",
-        **_STYLE,
+        **_WIDE,
     )

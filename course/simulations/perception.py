@@ -110,6 +110,7 @@ def process_image(values, pieces):
     cells, _ = chapter.voxel_mean(points, voxel)
     clock.append(time.perf_counter())
     plane = _plane(z, points, cells, tolerance, linear, rng)
+    # Signed distances to the plane, of the voxel means and of all points.
     height, high = (plane[:3] @ some + plane[3] for some in (cells, points))
     clock.append(time.perf_counter())
     up, over = height > tolerance, high > tolerance
@@ -120,6 +121,7 @@ def process_image(values, pieces):
             above = np.zeros(z.size)
             above[pixels[over]] = inner[2]
             labels = chapter.components(above.reshape(z.shape), CAMERA, eps).ravel()
+            # Small components become noise, and the rest is numbered anew without gaps.
             enough = np.bincount(labels[labels >= 0]) >= least
             labels = np.append(np.where(enough, np.cumsum(enough) - 1, NOISE), NOISE)[labels]
             kinds[up] = labels[pixels[over]][chapter.Cloud.of(inner).nearest(some)[1]]
@@ -133,6 +135,7 @@ def process_image(values, pieces):
     on_table = some_of(points[:, on], np.maximum(sensor.sigma(points[2, on], CAMERA), 1e-7))
     result = np.where(np.arange(9) == TRUST, 1.0 * LOST, np.zeros((PARTS, 9)))
     for number, k in enumerate(np.flatnonzero(pieces[:, 0])):
+        # The cluster that most of the part's own pixels belong to is judged as the part.
         part, votes = parts[number], labels[(ids.ravel() == number + 1) & (labels >= 0)]
         cluster = (labels == np.bincount(votes, minlength=1).argmax()).reshape(z.shape)
         best = votes.size and pose_of(z, CAMERA, sensor, part, cluster, plane, on_table)
@@ -344,32 +347,62 @@ def press(controls, state, key):
 
 PRESETS = {
     "Clean": Preset({}, "Dashed is the truth. Drag a part, turn it by its knob, click on the bare "
-        "table for a thin one; arrows, + and - do it too. Then play: new noise in each picture."),
+        "table for a thin one; arrows, + and - do it too. Then play: new noise in each picture.",
+        "Dashed outlines are the truth, solid ones the estimate. Every frame has new noise."),
     "Small parts lost": Preset({"tolerance": 10.0, "least": 50, "eps": 17.0, "pieces": _placed(
         (*_SMALL, 0.003, -0.1, 0.07, 0.5), (*_SMALL, 0.006, -0.1, -0.06, 0.5),
         (*_SMALL, 0.008, 0.0, 0.07, 0.9), (*_SMALL, 0.01, 0.0, -0.08, 0.3),
         (*_BLOCK, 0.1, 0.0, 0.3))},
         "The plane takes the lowest, the cluster's least neighbours the others. Take 4 mm and 12: "
-        "all are found. Then raise the noise, and see what that asks of the table."),
+        "all are found. Then raise the noise, and see what that asks of the table.",
+        "The plane swallows the lowest parts, and the others have too few points for a cluster. "
+        "With a tolerance of 4 mm and at least 12 points all of them are found."),
     "Table in clusters": Preset({"tolerance": 3.0, "noise": 0.1, "window": 3}, "Tighter than the "
         "noise: the bare table stands above the plane, in lumps where the noise is correlated. "
         "8 mm cure it, and take the thin parts along."),
     "Touching": Preset({"pieces": _placed((*_BLOCK, -0.03, 0.0, 0.0), (*_BLOCK, 0.051, 0.0, 0.0))},
         "Two parts, one cluster, and the same pose fits anywhere along it. Nothing is seen through "
-        "it; what tells is how much it leaves over: ambiguous. Pull them apart."),
+        "it; what tells is how much it leaves over: ambiguous. Pull them apart.",
+        "Two parts form one cluster, and the same pose fits anywhere along it. No pixel looks "
+        "through it; the points that it leaves unexplained show that the pose is ambiguous."),
     "Cut off": Preset({"pieces": _placed((*_BLOCK, 0.245, 0.0, 0.4), (*_ROUND, -0.08, 0.05, 0.0))},
         "What is left in the picture fits a part that lies across, and nothing is seen through "
-        "it. What warns is the picture's edge, and a place that is not seen. Pull it in."),
+        "it. What warns is the picture's edge, and a place that is not seen. Pull it in.",
+        "The visible rest of the part also fits a part that lies across, and no pixel looks "
+        "through it. The warning comes from the edge of the image, where the part ends."),
     "Symmetric part": Preset({"pieces": _placed((*_ROUND, -0.06, 0.03, 0.0),
         (*_BLOCK, 0.08, 0.0, 0.4))}, "The picture is the same however the can is turned: not "
-        "seen, which is another thing than a small number. Pick part 2."),
+        "seen, which is another thing than a small number. Pick part 2.",
+        "The image is the same however the can is turned. Its rotation is reported as not "
+        "observable, which is not the same as a small error."),
     "Two planes": Preset({"pieces": _placed((*_BLOCK, -0.1, 0.0, 0.4),
         (BOX, 0.12, 0.16, 0.012, 0.12, 0.03, 0.0))}, "A plate of 24 mm beside the table: a plane "
-        "that slants through both has most points within 8 mm. Take 4 mm; then the linear fit."),
+        "that slants through both has most points within 8 mm. Take 4 mm; then the linear fit.",
+        "A plate of 24 mm lies beside the table. With a tolerance of 8 mm a plane that slants "
+        "through both has most points."),
     "Scale error": Preset({"scale": 1.01}, "Depths 1 % too long: each pose is about 8 mm off, with "
         "less than 0.1 mm predicted and nothing seen through. Only a length known from "
         "outside tells."),
 }  # fmt: skip
+
+# What each number below the picture means.
+READOUTS = {
+    "pixels measured": "Pixels of the depth image with a valid measurement.",
+    "voxels": "Points left after averaging within each voxel.",
+    "above the plane": "Points that are farther above the fitted table than the plane tolerance.",
+    "in clusters": "Points that DBSCAN assigns to a cluster. The others count as noise.",
+    "clusters": "Clusters found.",
+    "plane is off": "Error of the fitted table plane: distance and angle.",
+    "picked part": "What the pipeline reports about the selected part.",
+    "error, place": "Distance between the estimated and the true position of the selected part.",
+    "predicted": "Standard deviation of the position that the method predicts for itself.",
+    "error, turn": "Angle between the estimated and the true orientation of the selected part.",
+    "predicted turn": "Standard deviation of the orientation that the method predicts for itself.",
+    "see-through": (
+        "Fraction of pixels that look through the part in its estimated pose. A correct pose has "
+        "nearly none."
+    ),
+}
 
 MODEL = Model(
     TITLE,
@@ -385,4 +418,5 @@ MODEL = Model(
     press,
     live_drag=True,
     aside=spent,
+    readouts=READOUTS,
 )

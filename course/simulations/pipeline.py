@@ -422,9 +422,9 @@ def frame(pen, state, controls):
         draw.text(pen, 0.2, 0.52, _FIX, draw.INK, 13.0)
         draw.words(pen, _CONTRACT + int(report[BROKEN]))
     draw.key(pen, 0.15, 0.15, _SEEN, draw.BLUE, 3.0)
-    draw.key(pen, 1.05, 0.15, _BELIEVED, draw.BLUE, 1.6)
-    draw.key(pen, 2.35, 0.15, _PATH, draw.ORANGE, 2.0)
-    draw.key(pen, 3.6, 0.15, _WANTED, draw.ORANGE, 4.0, 0.35)
+    draw.key(pen, 1.25, 0.15, _BELIEVED, draw.BLUE, 1.6)
+    draw.key(pen, 2.45, 0.15, _PATH, draw.ORANGE, 2.0)
+    draw.key(pen, 3.65, 0.15, _WANTED, draw.ORANGE, 4.0, 0.35)
     draw.reading(pen, _NOW, 1e3 * far, 1, _MILLI)
     draw.reading(pen, _GOOD, 100.0 * report[SHARE], 0)
     draw.words(pen, _BAND)
@@ -460,9 +460,13 @@ def drag(controls, state, x, y):
 
 PRESETS = {
     "All stages": Preset({}, "Seen with noise, planned, tracked, moved. The arrows are what an "
-        "ideal stage would take away. Drag the target while the arm is on its way."),
+        "ideal stage would take away. Drag the target while the arm is on its way.",
+        "Seen with noise, planned, tracked, moved. Each arrow shows how far the tip would move "
+        "if one stage were ideal."),
     "Noise, no filter": Preset({"filtered": False}, "Each picture is believed as it is: the goal "
-        "jumps, the plan is thrown away, and the arm waits for the next. Turn the filter on."),
+        "jumps, the plan is thrown away, and the arm waits for the next. Turn the filter on.",
+        "Every image is believed as it is: the goal jumps, the plan is thrown away, and the arm "
+        "waits for the next plan."),
     "Planner step to minimum": Preset({"edge": 0.01}, "Thousands of checks at 20 us each: the "
         "plan runs out of samples or comes late, and the arm waits."),
     "Kp high, Kd zero": Preset({"kp": 150.0, "kd": 0.0}, "Overshoots and rings at the rate of the "
@@ -472,13 +476,31 @@ PRESETS = {
         "is. More damping lowers the limit; a folded arm raises it."),
     "Cancelling errors": Preset({"speed": 0.03, "noise": 0.01, "bias": (-0.012, -0.005)},
         "Bias points ahead, the lag points back: the tip is nearer than either allows. Mend "
-        "perception alone, and it is further away."),
+        "perception alone, and it is further away.",
+        "The bias of perception points ahead and the lag points back, so the tip ends closer to "
+        "the target than either error alone would allow."),
     "Stale camera": Preset({"latency": 600.0, "speed": 0.06, "noise": 0.01}, "The estimate is "
         "where the target was. A better camera does not help; one that is sooner does."),
     "All to extremes": Preset({"noise": 0.2, "filtered": False, "edge": 0.02, "kp": 200.0,
         "kd": 0.0, "dt": 20.0, "latency": 600.0, "speed": 0.1}, "Nothing works, and no single "
-        "stage cures it. Read the contract that broke first, mend that stage, and read again."),
+        "stage cures it. Read the contract that broke first, mend that stage, and read again.",
+        "Nothing works, and no single stage cures it. The contract that broke first says which "
+        "stage to repair first."),
 }  # fmt: skip
+
+# What each number below the picture means.
+READOUTS = {
+    "tip to target": "Distance between the arm's tip and the target now.",
+    "successes [%]": "Successful runs among the seeds counted, with a 95 % confidence interval.",
+    "age of a picture": "Age of the newest camera image when the pipeline uses it.",
+    "collision checks": "Collision checks of the planner in this run, and how many plans it made.",
+    "largest stable dt": "Largest physics step that is stable in this posture.",
+    "energy from nowhere": (
+        "Rise of the energy that no motor or gravity explains: a sign of an unstable integrator."
+    ),
+    "this run": "How the run shown ends.",
+    "cured alone by": "The single stage whose ideal version turns this failure into a success.",
+}
 
 MODEL = Model(
     TITLE,
@@ -491,4 +513,5 @@ MODEL = Model(
     frame,
     drag,
     live_drag=True,
+    readouts=READOUTS,
 )

@@ -295,6 +295,22 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
+
+# What each number below the picture means.
+READOUTS = {
+    "error at the end": (
+        "Difference between the selected simulator's final state and the reference solution."
+    ),
+    "tolerance": "Largest error that counts as correct in this scene.",
+    "verdict": "Whether the error is within the tolerance.",
+    "cost of a step": "Computing time of one step, as a multiple of MuJoCo's.",
+    "ends apart": "Largest distance between the final states of any two simulators.",
+    "area of the five": (
+        "Area of the selected simulator's radar polygon, as a fraction of the full pentagon. It "
+        "changes when the axes change their order, so it is a poor score."
+    ),
+}
+
 MODEL = Model(
     TITLE,
     PAPER,
@@ -307,4 +323,6 @@ MODEL = Model(
     drag,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
+    upright=False,
 )

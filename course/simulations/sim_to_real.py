@@ -248,9 +248,13 @@ def drag(controls, state, x, y):
 
 PRESETS = {
     "Gap": Preset({}, "A policy that never fails in its simulator, on an arm that is not quite "
-        "it. Pull the gap up; drag the target: the ghost is what the simulator promised."),
+        "it. Pull the gap up; drag the target: the ghost is what the simulator promised.",
+        "A policy that never fails in its simulator, on an arm that differs a little from the "
+        "simulated one. The ghost shows what the simulator promised."),
     "No gap": Preset({"gap": 0.0, "delay": 0.0}, "The arm it was tuned on. All succeed, and it "
-        "is the only place where that says anything. Then give it 10 ms of delay."),
+        "is the only place where that says anything. Then give it 10 ms of delay.",
+        "The arm that the policy was tuned on. All episodes succeed, which says nothing about any "
+        "other arm."),
     "Gap and range": Preset({"width": 0.4, "policy": RANGE}, "Tuned on arms drawn anew for each "
         "episode: part of the loss comes back, and none of it costs a success at home."),
     "Wide range, far gap": Preset({"gap": 1.0, "width": 1.0, "policy": RANGE}, "The widest range "
@@ -261,11 +265,32 @@ PRESETS = {
         "arm ends folded."),
     "Cancelling errors": Preset({"gap": 0.3, "delay": 20.0}, "The same delay on an arm that is "
         "wrong in all else too: most succeed. Its load makes it slower, and a slower arm stands a "
-        "later command: see the limit. Take the gap away, and they fail."),
+        "later command: see the limit. Take the gap away, and they fail.",
+        "The same delay on an arm that is wrong in all else too: most episodes succeed. The load "
+        "makes the arm slower, and a slower arm tolerates a later command: see the limit."),
     "Mended delay alone": Preset({"gap": 1.0, "policy": DELAY}, "The simulator learned the true "
         "delay, and the arm does worse than with the one that knew nothing: its gains are "
-        "lower, and the load needs more. Mend the load."),
+        "lower, and the load needs more. Mend the load.",
+        "The simulator learned the true delay, and the arm does worse than with the policy that "
+        "knew nothing: its gains are lower, and the load needs higher ones."),
 }  # fmt: skip
+
+# What each number below the picture means.
+READOUTS = {
+    "success, simulated": "Successful episodes in the simulator, with a 95 % confidence interval.",
+    "success, real": (
+        "Successful episodes on the arm that stands for the real one, with a 95 % confidence "
+        "interval."
+    ),
+    "this one, simulated": "How the episode shown ended in the simulator.",
+    "this one, real": "How the same episode ended on the real arm.",
+    "limit, joint alone": (
+        "Largest delay with which the loop of one joint is stable, according to theory."
+    ),
+    "left of that": "Delay margin that is left: that limit minus the actuator delay.",
+    "gain margin": "Factor by which the loop gain can rise before the joint becomes unstable.",
+    "costs most alone": "The modelling error that alone costs the most successes, and how many.",
+}
 
 MODEL = Model(
     TITLE,
@@ -277,4 +302,5 @@ MODEL = Model(
     advance,
     frame,
     drag,
+    readouts=READOUTS,
 )

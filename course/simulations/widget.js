@@ -70,7 +70,8 @@ function render({ model, el }) {
     choice.append(box, " runs in this page, not in the kernel");
     el.append(choice);
   }
-  const listens = () => picture.listen(model.get("_pointer"), model.get("_keys"));
+  const listens = () =>
+    picture.listen(model.get("_pointer"), model.get("_keys"), model.get("_upright"));
   listens();
   model.on("change:_pointer", listens);
   model.on("change:_keys", listens);

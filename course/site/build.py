@@ -22,7 +22,7 @@ import nbformat
 from course import CHAPTERS, cards
 from course.check import invalid
 from course.simulations import declaration
-from course.site import notebooks, reference
+from course.site import charts, notebooks, reference
 
 HERE = Path(__file__).parent
 WORK = notebooks.ROOT / "build" / "site"
@@ -106,17 +106,21 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
     if faults:
         raise Unbuildable(faults)
     moving = reference.moving({name: page.simulations for name, page in made.items()})
-    added = {"moving": f"## What moves on this site\n\n{moving}", "contents": _contents()}
+    added = {
+        "scores": reference.scores(made),
+        "moving": f"## What moves on this site\n\n{moving}",
+        "contents": _contents(),
+    }
     for id, text in added.items():
         made["index"].notebook.cells.append(nbformat.v4.new_markdown_cell(text, id=id))
     for name, page in made.items():
         nbformat.write(page.notebook, folder / f"{name}.ipynb")
     for name, text in texts.items():
         (folder / f"{name}.md").write_text(text, encoding="utf-8")
-    charts = folder / notebooks.CHARTS
-    charts.mkdir()
+    wide = folder / notebooks.CHARTS
+    wide.mkdir()
     for picture in (notebooks.ROOT / "docs" / "charts").glob("*.png"):
-        shutil.copy(picture, charts)
+        shutil.copy(picture, wide)
     pictures = folder / notebooks.PICTURES
     pictures.mkdir(parents=True)
     for page in made.values():
@@ -124,6 +128,7 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
             (pictures / file).write_bytes(png)
     static = folder / "_static"
     shutil.copy(HERE / "course.css", static)
+    shutil.copy(HERE / "page.js", static)
     (static / "live.js").write_text(declaration.script(), encoding="utf-8")
 
 
@@ -178,7 +183,7 @@ class _Read(html.parser.HTMLParser):
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
         report = {name: value or "" for name, value in attributes}
         self.anchors.add(report.get("id", ""))
-        address = report.get("src") or report.get("href") or ""
+        address = report.get("src") or report.get("srcset") or report.get("href") or ""
         if not address:
             return
         loads = tag in ("img", "script", "iframe", "source") or (
@@ -237,8 +242,15 @@ def build(
     source.mkdir(parents=True)
     made = pages(folder)
     write_sources(source, made)
-    with scripts(name for page in made.values() for name in page.simulations) as simulations:
+    shown = sorted(path.stem for path in (source / notebooks.CHARTS).glob("*.png"))
+    with (
+        scripts(name for page in made.values() for name in page.simulations) as simulations,
+        charts.pictures(shown) as narrow,
+    ):
         sphinx(source, out, {name: page.simulations for name, page in made.items()})
+        (out / "_static" / "charts").mkdir()
+        for name, text in narrow:
+            (out / "_static" / "charts" / f"{name}.svg").write_text(text, encoding="utf-8")
         (out / "_static" / "simulations").mkdir()
         for name, text in simulations:
             script = out / "_static" / "simulations" / f"{name}.js"

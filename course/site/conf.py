@@ -19,6 +19,11 @@ myst_update_mathjax = False
 suppress_warnings = ["myst.header", "toc.not_included"]
 
 html_theme = "furo"
+# Pictures that are drawn on white: see course.css.
+html_theme_options = {
+    "light_css_variables": {"picture-filter": "none"},
+    "dark_css_variables": {"picture-filter": "invert(0.93) hue-rotate(180deg)"},
+}
 html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["course.css"]

@@ -9,8 +9,14 @@ from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util import logging
 
 from course.site.formulas import in_html, mathml
+from course.site.notebooks import CHARTS
 
 _TABLE = re.compile(r"<table\b")
+_CHART = re.compile(rf"{CHARTS}/(\w+)\.png")
+_NARROW = (
+    '<picture><source media="(max-width: 640px)" srcset="_static/charts/{}.svg" '
+    'type="image/svg+xml">'
+)
 _LOG = logging.getLogger(__name__)
 
 
@@ -21,6 +27,10 @@ def _formula(page: str, tex: str, block: bool) -> str:
     except ValueError as problem:
         _LOG.warning(f"{page}: {problem}")
         return ""
+
+
+def _raw(text: str) -> nodes.raw:
+    return nodes.raw("", text, format="html")
 
 
 def _visit_math(self: Any, node: nodes.math) -> None:
@@ -50,8 +60,12 @@ class Page(SphinxPostTransform):
             else:
                 text = _TABLE.sub(r'<div class="table-wrapper">\g<0>', text)
                 raw.children[:] = [nodes.Text(text.replace("</table>", "</table></div>"))]
-        for image in self.document.findall(nodes.image):
+        for image in list(self.document.findall(nodes.image)):
             image["loading"] = "lazy"
+            if chart := _CHART.fullmatch(image["uri"]):
+                # On a phone the narrow one, which `course.site.charts` draws.
+                image.parent.insert(image.parent.index(image), _raw(_NARROW.format(chart[1])))
+                image.parent.insert(image.parent.index(image) + 1, _raw("</picture>"))
             if not image.get("alt"):
                 section = image.parent
                 while section and not isinstance(section, nodes.section):
@@ -63,7 +77,8 @@ class Page(SphinxPostTransform):
 def _scripts(
     app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: nodes.document
 ) -> None:
-    """Add the simulations of a page, and what runs them."""
+    """Add the simulations of a page, what runs them, and what every page does."""
+    app.add_js_file("page.js", loading_method="defer", priority=910)
     for name in dict.fromkeys(app.config.course_simulations.get(page, ())):
         app.add_js_file(f"simulations/{name}.js", loading_method="defer")
     if app.config.course_simulations.get(page):

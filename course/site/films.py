@@ -58,10 +58,22 @@ def fingerprint(name: str) -> str:
     for path in reached(name):
         state.update(path.relative_to(COURSE).as_posix().encode())
         if path.suffix == ".py":
-            state.update(bare(path.read_text(encoding="utf-8")).encode())
+            state.update(_without_notes(bare(path.read_text(encoding="utf-8"))).encode())
         else:
             state.update(path.read_bytes())
     return state.hexdigest()
+
+
+def _without_notes(source: str) -> str:
+    """Return source without the notes of its presets and the tooltips of its readouts."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("Preset"):
+            node.args = node.args[:1]
+            node.keywords = [each for each in node.keywords if each.arg == "values"]
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "READOUTS":
+            node.value = ast.Constant(None)
+    return ast.unparse(tree)
 
 
 def stale(name: str) -> bool:

@@ -31,6 +31,16 @@ _LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 _FENCE = re.compile(r"^```.*?^```|`[^`\n]+`", re.S | re.M)
 _CARD = re.compile(r'(<div class="card") id="((?:claim|card)-\w+)"')
 _KERNEL_ONLY = re.compile(r'[ \t]*<(span|div) class="kernel-only">.*?</\1>', re.S)
+# The same phrases where a text does not mark them: what is there, and what stays.
+_PHRASES = tuple(
+    (re.compile(pattern.replace(" ", r"\s+"), re.S), stays)
+    for pattern, stays in (
+        (r"; then run the cells[^.]*\.", "."),
+        (r" \(?A number in the text comes from the cell above it,.*?runs again\.\)?", ""),
+        (r" Change the texts( until they are right:|\.)", ""),
+    )
+)
+_CHANGE_ME = re.compile(r"\b[Cc]hange me: (\w)")
 # What needs Python: the function that a cell calls last, and what a reader is told below it.
 _LAB = "in a copy of this page, which <code>make lab</code> opens"
 _NEEDS = {
@@ -205,7 +215,11 @@ def without_kernel(text: str) -> str:
     Such a phrase stands in `<span class="kernel-only">`, whole blocks in
     `<div class="kernel-only">`; they are not nested.
     """
-    return _KERNEL_ONLY.sub("", text)
+    text = _KERNEL_ONLY.sub("", text)
+    for pattern, stays in _PHRASES:
+        # Where emphasis begins before the phrase and ends within it, it ends with what stays.
+        text = pattern.sub(lambda m, s=stays: s + "*" * (m[0].count("*") % 2), text)
+    return text
 
 
 def term_pattern(term: str) -> re.Pattern[str]:
@@ -257,6 +271,7 @@ def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
             if not cell.source.strip():
                 continue
         elif cell.cell_type == "code":
+            cell.source = _CHANGE_ME.sub(lambda match: match[1].upper(), cell.source)
             if called(cell.source)[0] in ("home", "ticks"):
                 continue  # how far a reader is, which a page doesn't know
             if cell.source.strip() and cell.execution_count is None:

@@ -20,6 +20,13 @@ _WHY = re.compile(
     r'<details class="why"><summary>[^<]*</summary>\n\n\*\*(.*?)\*\* (.*?)\n\n<details>', re.S
 )
 
+# A card that can be answered; a compact one has no answers.
+_CARD = re.compile(
+    r'<div class="card"[^>]* data-card="([\w.]+)"[^>]*>'
+    r'(?:(?!<div class="card").)*?<details[^>]* data-answer=',
+    re.S,
+)
+
 
 def page_of(chapter: Chapter) -> str:
     """Return the name of a chapter's page."""
@@ -163,6 +170,27 @@ def predictions(anchors: Anchors) -> str:
             link = _link(chapter, f"card-{name}", anchors, f"chapter {chapter.number}")
             parts.append(f'<p class="course-source">{link}</p>')
     return "\n\n".join(parts) + "\n"
+
+
+def scores(pages: Mapping[str, notebooks.Page]) -> str:
+    """Return where a reader sees how many cards of each chapter are answered; page.js fills it in.
+
+    Args:
+        pages: of the notebooks, by name.
+    """
+    rows = []
+    for chapter in CHAPTERS:
+        page = page_of(chapter)
+        outputs = [out for cell in pages[page].notebook.cells for out in cell.get("outputs", ())]
+        texts = [out.get("data", {}).get("text/markdown", "") for out in outputs]
+        answered = [card for text in texts for card in _CARD.findall(text)]
+        names = " ".join(dict.fromkeys(answered))
+        rows.append(
+            f'<li data-cards="{names}"><a href="{page}.html">{_title(chapter)}</a> '
+            '<span class="score"></span></li>'
+        )
+    listed = "\n".join(rows)
+    return f'## Your answers\n\n<div class="course-scores"><ul>\n{listed}\n</ul></div>'
 
 
 def moving(pages: Mapping[str, Sequence[str]]) -> str:

@@ -97,6 +97,7 @@ def fingerprint(model: Model) -> str:
         state.update((bare(text) if path.suffix == ".py" else text).encode())
 
     def visit(value: Any) -> None:
+        # A compiled function stands for its Python source.
         value = getattr(value, "py_func", value)
         if isinstance(value, python.FunctionType):
             if id(value) in observed or not value.__module__.startswith(("course.", "tests.")):
@@ -104,6 +105,8 @@ def fingerprint(model: Model) -> str:
             observed.add(id(value))
             state.update(_text(value.__code__.co_filename, value.__code__).encode())
             inner = [value.__code__, *_inner(value.__code__)]
+            # Follow the names that the bytecode mentions: constants, functions, parts of our
+            # modules.
             used = sorted({name for code in inner for name in code.co_names})
             for name in used:
                 result = value.__globals__.get(name)
@@ -119,6 +122,7 @@ def fingerprint(model: Model) -> str:
         elif isinstance(value, tuple | list):
             for each in value:
                 visit(each)
+        # Rounded, so that a last digit that differs between machines does not count.
         elif isinstance(value, np.ndarray | np.generic):
             state.update(f"{value.dtype}{value.shape}".encode() + _rounded(value).tobytes())
         elif isinstance(value, float):

@@ -76,6 +76,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
                 self.observation_space.shape or (), dtype=self.observation_space.dtype
             )
         for i in ids:
+            # Without a seed the generator goes on where it was, as Gymnasium prescribes.
             if seeds[i] is not None or self.generators[i] is None:
                 self.generators[i], _ = seeding.np_random(seeds[i])
         self._over[ids] = False
@@ -111,6 +112,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             last = self._final_info(finished, terminations)
             masked = {}
             for key, value in last.items():
+                # Gymnasium's vector infos: each array with a mask `_key` of the rows that are set.
                 masked[key], masked[f"_{key}"] = value, finished.copy()
             # SAME_STEP: keep the last observation for bootstrapping before it is overwritten.
             if self.autoreset_mode is AutoresetMode.SAME_STEP:

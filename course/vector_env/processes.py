@@ -94,6 +94,7 @@ class _Shared:
 
     def _array(self, shape: Any, dtype: Any = np.float64) -> Any:
         shape = (shape,) if isinstance(shape, int) else tuple(shape)
+        # Without memory this only adds up the sizes, for the block that is then allocated.
         n = int(np.prod(shape))
         begin = self.size
         # Each array on cache lines of its own.
@@ -136,6 +137,7 @@ def _watch(parent: int) -> None:
     # A worker must not outlive its owner, even one that was killed.
     process = multiprocessing.parent_process()
     assert process is not None
+    # The sentinel shows that the parent is dead; a changed parent shows it for forked workers.
     while not wait([process.sentinel], 1.0) and os.getppid() == parent:
         pass
     os.killpg(os.getpid(), signal.SIGKILL)
@@ -178,6 +180,7 @@ class _Worker:
         if command == "step":
             actions = self.actions if payload is None else payload
             if payload is None:
+                # Copies: an environment may keep its action, and the shared array is overwritten.
                 actions = iterate(self.action_space, _copy(actions))
             for i, (lane, action) in enumerate(zip(self.lanes, actions, strict=True), self.first):
                 shared.busy[self.number] = i
@@ -225,6 +228,7 @@ def _work(
     rest: tuple[Any, ...],
 ) -> None:
     """A worker process: build the environments, then answer commands until told to close."""
+    # A process group of its own, which can be killed with all that the worker starts.
     os.setpgid(0, 0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C before the group was its own
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -319,6 +323,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
             workers = min(num_envs, len(os.sched_getaffinity(0)))
         else:
             workers = count("num_workers", num_workers, 1, num_envs)
+        # One environment is built here only to learn the spaces, and closed again.
         first = env_fn()
         try:
             self._adopt(first, num_envs, autoreset_mode)
@@ -338,6 +343,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         # The finaliser holds no reference to the object, so it can run when the object is
         # collected.
         self._finalizer = weakref.finalize(self, _end, os.getpid(), self._processes, self._pipes)
+        # Contiguous blocks of nearly equal size, one for each worker.
         bounds = np.linspace(0, num_envs, workers + 1).astype(int)
         self._firsts = [int(i) for i in bounds[:-1]]
         plan = (num_envs, observation, action, self.autoreset_mode)
@@ -367,6 +373,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
                 )
                 process.start()
                 self._processes.append(process)
+                # Only the worker may hold these ends: else its death would not close the pipes.
                 theirs.close()
                 speak.close()
             self._collect()
@@ -412,6 +419,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
 
     def _observations(self, replies: list[Any]) -> Any:
         if self._shared.observations is not None:
+            # A copy, since the next step overwrites the shared arrays.
             return _copy(self._shared.observations)
         latest = [observation for _, part in replies for observation in part]
         space = self.single_observation_space
@@ -529,6 +537,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
     def _hanging(self, worker: int) -> WorkerError:
         what = f"has not answered for {self.timeout:g} s"
         text = "it didn't say where"
+        # `faulthandler` in the worker answers this signal with its stack.
         os.kill(self._processes[worker].pid, signal.SIGUSR1)
         stacks = self._stacks[worker]
         if stacks.poll(_STACK_WAIT):

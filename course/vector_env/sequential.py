@@ -51,6 +51,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
         try:
             for i in range(num_envs):
                 env = env_fn()
+                # A function that returns the same object would step one environment several times.
                 if any(env is other for other in self.envs):
                     raise invalid("env_fn()", "the same", "a new environment at every call")
                 self.envs.append(env)
@@ -127,6 +128,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of every environment, or read an attribute, through its wrappers."""
         self._assert_open()
+        # All are looked up first, so that a missing attribute fails before any call.
         result = [env.get_wrapper_attr(name) for env in self.envs]
         return tuple(item(*args, **kwargs) if callable(item) else item for item in result)
 

@@ -54,7 +54,7 @@ def _read(path: str) -> str:
 
 
 def _status(process: int) -> tuple[str, int, int, int] | None:
-    """Return state, parent, session and start time of a process; None when there is none."""
+    """Return the state, parent, session and start time of a process; None when there is none."""
     text = _read(f"/proc/{process}/stat")
     fields = text[text.rfind(")") + 2 :].split()
     if len(fields) < 20:

@@ -100,9 +100,11 @@ def encode(value: Any, unknown: Callable[[Any, str], Any], text: int = TEXT) -> 
         kind = type(x)
         if x is None or kind is bool:
             return x
+        # JSON has no infinity and no NaN.
         if kind is float:
             return x if math.isfinite(x) else {"f": repr(x)}
         if kind is int:
+            # Beyond 2^53 some readers of JSON would round.
             if -(1 << 53) <= x <= 1 << 53:
                 return x
             if x.bit_length() > INTEGER:
@@ -115,6 +117,7 @@ def encode(value: Any, unknown: Callable[[Any, str], Any], text: int = TEXT) -> 
             raise TooLarge(f"nested more than {DEPTH} deep")
         if kind is list:
             return [put(item, depth + 1) for item in x]
+        # JSON knows lists and objects only: all else is an object with one key, its tag.
         if kind is tuple:
             return {"t": [put(item, depth + 1) for item in x]}
         if kind is dict:
@@ -131,6 +134,7 @@ def encode(value: Any, unknown: Callable[[Any, str], Any], text: int = TEXT) -> 
             name = x.dtype.name
             if name not in DTYPES:
                 return unknown(x, type_name(x))
+            # An array of shape (10**9, 0) has no bytes, and is still expensive to make.
             spend("array", max(x.nbytes, extent(x.shape)))
             data = x.astype(x.dtype.newbyteorder("="), copy=False).tobytes()
             content = binascii.b2a_base64(data, newline=False).decode("ascii")
@@ -155,6 +159,7 @@ def decode(data: Any, special: Callable[[str, Any], Any]) -> Any:
     def array(parts: Any) -> np.ndarray:
         if type(parts) is not list or len(parts) != 3:
             raise Malformed("an array is [dtype, shape, content]")
+        # Everything is checked before NumPy sees it: the sender may be hostile.
         name, shape, content = parts
         if type(name) is not str or name not in DTYPES:
             raise Malformed("unknown dtype")

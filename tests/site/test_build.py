@@ -44,6 +44,18 @@ def letters(text: str) -> str:
 # --- What is on it --------------------------------------------------------------------------------
 
 
+CHANGE_ME = re.compile(r"[Cc]hange me: (\w)")
+
+
+@pytest.mark.parametrize("name", CHAPTER_PAGES)
+def test_plumbing_is_not_on_a_page(site: Path, name: str) -> None:
+    """No code that only shows a card, a claim or a simulation."""
+    code = [tag.get_text() for tag in soup(site / f"{name}.html").select("article pre")]
+    assert code, "what teaches is there"
+    shows = re.compile(r"^(predict|show|simulation|more_claims|interview)\(", re.M)
+    assert [text for text in code if shows.search(text)] == []
+
+
 @pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES])
 def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
     """Headings, the code that teaches, what was printed and every table of figures, in order.
@@ -62,8 +74,8 @@ def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
             and "home()" not in cell.source
             and "ticks()" not in cell.source
         ):
-            hidden = "remove-input" in cell.metadata.get("tags", ())
-            expected += [] if hidden else [cell.source]
+            if "remove-input" not in cell.metadata.get("tags", ()):
+                expected.append(CHANGE_ME.sub(lambda match: match[1].upper(), cell.source))
             for output in cell.outputs:
                 expected += [output.text] if output.output_type == "stream" else []
         elif cell.cell_type == "markdown" and "## Where you are" not in cell.source:
@@ -112,6 +124,22 @@ def test_pictures_and_simulations_of_a_page_are_those_of_its_notebook(
     )
 
 
+def test_a_phone_gets_the_narrow_picture_of_each_chart(site: Path) -> None:
+    shown = 0
+    for page in sorted(site.glob("*.html")):
+        for image in soup(page).select("article img"):
+            name = Path(unquote(str(image["src"]))).stem
+            if not (ROOT / "docs" / "charts" / f"{name}.png").is_file():
+                continue
+            assert image.parent.name == "picture", (page.name, name)
+            source = image.parent.source
+            assert source["srcset"] == f"_static/charts/{name}.svg"
+            assert "max-width" in source["media"]
+            assert (site / source["srcset"]).read_text("utf-8").lstrip().startswith("<?xml")
+            shown += 1
+    assert shown > 200
+
+
 def test_what_a_preset_was_chosen_for_starts_with_it(site: Path) -> None:
     places = soup(site / "02_contact.html").select(".course-live")
     assert [place.get("data-preset") for place in places] == [
@@ -129,6 +157,53 @@ def test_no_page_shows_an_unfilled_field(site: Path) -> None:
         text = page.read_text("utf-8").partition("<article")[2]
         prose = re.sub(r"<(pre|code|math|script)\b.*?</\1>|<[^>]*>", "", text, flags=re.S)
         assert not re.search(r"\{[a-z]\w*\.[a-z]", prose), page.name
+
+
+# What makes sense only where a kernel runs.
+KERNEL = re.compile(
+    r"\b(run (the|these|this|all|a) cells?|change me|change the texts|shift\W?enter|restart the"
+    r"|the cell above it)\b",
+    re.I,
+)
+
+
+def kernel_sentences(article: Any) -> list[str]:
+    """What a page says of a kernel, apart from the notes below what needs Python."""
+    article = BeautifulSoup(str(article), "html.parser")
+    for note in article.select(".needs-python, .kernel-only"):
+        note.decompose()
+    text = re.sub(r"\s+", " ", article.get_text())
+    return [text[max(0, m.start() - 40) : m.end() + 40] for m in KERNEL.finditer(text)]
+
+
+@pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES])
+def test_no_sentence_is_about_a_kernel(site: Path, name: str) -> None:
+    page = soup(site / f"{name}.html")
+    assert page.select(".kernel-only") == []
+    assert kernel_sentences(page.article) == []
+
+
+def test_a_sentence_about_a_kernel_is_found_and_left_out() -> None:
+    text = (
+        "*A box falls. Answer first; then run the cells, press* Play *and see.* It takes a while."
+    )
+    assert kernel_sentences(BeautifulSoup(f"<p>{text}</p>", "html.parser"))
+    assert notebooks.without_kernel(text) == "*A box falls. Answer first.* It takes a while."
+    text = 'Answer. <span class="kernel-only">Run this cell.</span> Then read.'
+    assert notebooks.without_kernel(text) == "Answer. Then read."
+
+
+def test_the_home_page_counts_the_cards_of_every_chapter(site: Path) -> None:
+    rows = soup(site / "index.html").select(".course-scores [data-cards]")
+    assert len(rows) == len(CHAPTERS)
+    for row, name in zip(rows, CHAPTER_PAGES, strict=True):
+        cards_there = soup(site / f"{name}.html").select(".card[data-card]")
+        asked = {card["data-card"] for card in cards_there if card.select("details[data-answer]")}
+        assert set(row["data-cards"].split()) == asked, name
+        assert row.a["href"] == f"{name}.html"
+        for card in cards_there:
+            right = [each["data-right"] for each in card.select("details[data-answer]")]
+            assert not right or right.count("yes") == 1, card["data-card"]
 
 
 @pytest.mark.parametrize("name", CHAPTER_PAGES)

@@ -68,7 +68,8 @@ def test_a_declaration_is_what_the_model_declares(name: str, monkeypatch: Any) -
         experiment.choose(preset["name"])
         controls = record(preset["words"], model.controls.dtype)
         assert controls.tobytes() == experiment.controls.tobytes()
-        assert preset["note"] == model.presets[preset["name"]].note
+        note, of_a_film = model.presets[preset["name"]].note, model.presets[preset["name"]].recorded
+        assert preset["note"] == ((made["recorded"] and of_a_film) or note)
         # An input finds its value where it is told to look.
         for each in made["inputs"]:
             observed = np.frombuffer(controls.tobytes(), f"<{each['kind']}8", 1, each["offset"])
@@ -207,6 +208,17 @@ def test_a_recording_knows_what_it_was_made_from(monkeypatch: Any, tmp_path: Any
     (tmp_path / "simulations/walk.py").write_text('"""It walks."""\nfrom course.topic import far\n')
     (tmp_path / "nobody.py").write_text("x = 2\n")
     assert films.fingerprint("walk") == before
+    text = "from course.topic import far\nPRESETS = {'A': Preset({'a': %s}, '%s', recorded='%s')}\n"
+    texts = [text % each for each in ((1, "a", "b"), (1, "c", "d"), (2, "a", "b"))]
+    texts.append(texts[0] + "READOUTS = {'time': 'It passes.'}\n")
+    texts.append(texts[0] + "READOUTS = {'time': 'Simulated time.'}\n")
+    prints = []
+    for each in texts:
+        (tmp_path / "simulations/walk.py").write_text(each)
+        prints.append(films.fingerprint("walk"))
+    assert prints[0] == prints[1] != prints[2], "notes do not count, values do"
+    assert prints[3] == prints[4], "tooltips do not count"
+    before = prints[4]
     for name, text in (
         ("other.py", "near = 2\n"),
         ("topic/far.py", "STEP = 2.0\n"),

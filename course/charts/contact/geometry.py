@@ -49,7 +49,7 @@ def broad_phase(
 ) -> Iterator[Panel]:
     """Chart overlap tests, which no machine changes, and times; sweeping one axis, three crowds."""
     counts = Panel(
-        "Overlap tests of one sweep, and the pairs that are left", "boxes N", "count", scale="log"
+        "Overlap tests of one sweep, and the pairs that remain", "boxes N", "count", scale="log"
     )
     for kind, theory in THEORY.items():
         n = [size for size in sizes if kind != "aligned" or size <= aligned]
@@ -229,7 +229,7 @@ def _box_panel(n: int, repeats: int) -> Panel:
         "time of a pair [s]",
         "largest error / size",
         scale="log",
-        lines=[("y", 1e-9, "asked of a planner: a nanometre on a metre")],
+        lines=[("y", 1e-9, "enough for a planner: a nanometre per metre")],
     )
     rows: dict[str, list[tuple[float, float]]] = {}
     scenes = box_scenes(n)
@@ -313,7 +313,7 @@ def tunnelling_limit(
     speeds = np.geomspace(1.0, 400.0, grid)
     soft = math.e * REACH / (DMAX * TIMECONST)
     panel = Panel(
-        "A ball of 20 mm radius at a wall of 10 mm: the least speed that comes through",
+        "A ball of 20 mm radius, a wall of 10 mm: the lowest speed that passes",
         "step [s]",
         "speed [m/s]",
         scale="log",

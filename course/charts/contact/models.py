@@ -199,7 +199,7 @@ def _mujocos(
 def work_precision(
     name: str, steps: Sequence[float] = STEPS, repeats: int = 3, names: Sequence[str] | None = None
 ) -> WorkPrecision:
-    """Return error against cost of every model and of MuJoCo's solvers on one of `QUESTIONS`.
+    """Return the error against cost of every model and of MuJoCo's solvers on one of `QUESTIONS`.
 
     Args:
         name: of the question.
@@ -417,7 +417,7 @@ def calm(zeta: float, ratio: float, refsafe: bool, time: float = 0.02) -> bool:
 
 
 def soft_limit(zeta: float) -> float:
-    """Return largest stable step over time constant T of MuJoCo's contact without refsafe.
+    """Return the largest stable step over time constant T of MuJoCo's contact without refsafe.
 
     One body's, of constant impedance, is a spring and damper of omega = 1 / (T zeta) and the ratio
     zeta.
@@ -435,7 +435,7 @@ def _clamped(zetas: Sequence[float]) -> Panel:
         "damping ratio",
         "step / time constant",
         ylim=(0.0, 1.2),
-        lines=[("y", 0.5, "clamp"), ("x", SAVED, "cured from here on")],
+        lines=[("y", 0.5, "refsafe's limit"), ("x", SAVED, "enough for one contact")],
     )
 
     def limited(zeta: float, safe: bool) -> float:
@@ -555,7 +555,7 @@ def contact_recovery(
     a cap on the speed a shorter step throws the ball out faster.
     """
     panel = Panel(
-        "A ball starts 1 cm deep: a shorter step throws it out faster",
+        "A ball starts 1 cm deep: a shorter step ejects it faster",
         "step [s]",
         "largest upward speed [m/s]",
         scale="log",
@@ -684,6 +684,12 @@ def stopped(
     return distance, math.degrees(math.atan2(end[1], end[0]))
 
 
+TITLES = {
+    "stretched": "How far a braking block slides",
+    "turned": "In which direction it stops",
+}
+
+
 @chart
 def contact_steering(
     degrees: Sequence[float] = (0.0, 10.0, 22.5, 35.0, 45.0, 60.0, 75.0, 90.0), dt: float = 1e-3
@@ -722,19 +728,19 @@ def contact_steering(
     }
     theories = [
         (
-            "way to the stop over Coulomb's",
+            "stopping distance / Coulomb's",
             "stretched",
             {"exact pyramid (LCP)": stretched, "box of limits (LCP)": shortened},
         ),
         (
-            "direction at rest, less that of the start [degrees]",
+            "final minus initial direction [degrees]",
             "turned",
             {"exact pyramid (LCP)": turned, "box of limits (LCP)": boxed},
         ),
     ]
     at = [int(np.argmin(np.abs(t - a))) for a in (22.5, 45.0)]
     for which, (what, short, laws) in enumerate(theories):
-        panel = Panel(f"The way of a braking block is {short}", "sent off at [degrees]", what)
+        panel = Panel(TITLES[short], "pushed off at [degrees]", what)
         for label, pairs in result.items():
             y = np.array([pair[which] - which * a for pair, a in zip(pairs, t, strict=True)])
             panel.series.append(
@@ -830,9 +836,9 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     rng = np.random.default_rng(0)
     speeds = np.linspace(0.1, 0.4, points)
     panel = Panel(
-        "A finger pushes a block: does it learn to push?",
+        "A finger pushes a block: derivative of the outcome",
         "speed of the finger [m/s]",
-        "derivative of where the block ends [s]",
+        "derivative of the final position [s]",
         ylim=(-0.5, 0.75),
         lines=[("x", 0.2, "touch")],
     )
@@ -862,9 +868,9 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     yield panel
     starts = np.linspace(0.3, 0.5, 600)
     panel = Panel(
-        "A bounce at the end of its step",
-        "distance of the start from the wall [m]",
-        "where it is after 1 s [m]",
+        "A bounce that is applied at the end of its step",
+        "initial distance from the wall [m]",
+        "position after 1 s [m]",
     )
     panel.series.append(
         Series(

@@ -206,7 +206,7 @@ WALL = 1e4  # N/m
 
 
 def tracking(law: TouchLaw) -> float:
-    """Return largest error in free space after the start, on a slow sine of 0.1 m [m]."""
+    """Return the largest error in free space after the start, on a slow sine of 0.1 m [m]."""
     t = DT * np.arange(4000)
     free = replace(ARM, surface=9.0)
     law = replace(law, force=0.0)

@@ -47,7 +47,7 @@ def error(
     last: float = 2.0,
     **how: float,
 ) -> float:
-    """Return largest error of an angle at the samples of the last seconds [rad].
+    """Return the largest error of an angle at the samples of the last seconds [rad].
 
     Infinite if it falls.
     """

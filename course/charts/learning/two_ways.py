@@ -28,7 +28,7 @@ def driven(executor: Any, n: int, noise: float = 0.0) -> NDArray[np.int64]:
 
 
 def passed(executor: Any, n: int, noise: float = 0.0) -> float:
-    """Return share of n runs that pass on either side."""
+    """Return the share of n runs that pass on either side."""
     return float(np.mean(driven(executor, n, noise) != 0))
 
 

@@ -17,7 +17,7 @@ PACKET = 1472  # bytes
 
 
 def on_the_bus(messages: int, packets: int, loss: float, reliability: str, seed: int) -> float:
-    """Return share of messages that the bus loses, or under "reliable" its mean rounds."""
+    """Return the share of messages that the bus loses, or under "reliable" its mean rounds."""
     bus, link = Bus(seed), Link(loss=loss, fragment=PACKET)
     qos = QoS(reliability, history="keep_all")
     writer = bus.node("camera").writer("image", qos)

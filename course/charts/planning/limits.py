@@ -221,7 +221,7 @@ def _samples(
 
 
 def disc_missed(x: float) -> float:
-    """Return share of edges across a disc of diameter x spacings that points miss."""
+    """Return the share of edges across a disc of diameter x spacings that points miss."""
     r = 0.5 * x
     y = math.sqrt(max(r * r - 0.25, 0.0)) / r  # nearer to the middle no chord is missed
     return 1.0 - y - r * (math.pi / 2 - y * math.sqrt(1 - y * y) - math.asin(y))

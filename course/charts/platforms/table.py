@@ -51,7 +51,7 @@ def with_rows(panels: Sequence[Panel], rows: Any) -> list[Panel]:
 
 
 def errors(rows: Rows, scene: str, settings: str = "fair") -> dict[str, float]:
-    """Return error of every engine in a scene."""
+    """Return the error of every engine in a scene."""
     return {row[1]: row[4] for row in rows if row[0] == scene and row[2] == settings}
 
 

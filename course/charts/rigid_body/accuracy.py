@@ -159,7 +159,7 @@ def work_precision(
     names: tuple[str, ...] | None = None,
     best: bool = False,
 ) -> WorkPrecision:
-    """Return error against cost of every integrator, ours and MuJoCo's, on one problem.
+    """Return the error against cost of every integrator, ours and MuJoCo's, on one problem.
 
     Args:
         name: "oscillator", "pendulum", "tumble", "heavy_top" or "double_pendulum".
@@ -237,7 +237,7 @@ _BOX_STEPS = (10, 20, 40, 80, 160, 320, 640, 1280, 2560, 5120)
 
 
 def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -> WorkPrecision:
-    """Return error of the bouncing box's position after 1 s against cost, beside MuJoCo.
+    """Return the error of the bouncing box's position after 1 s against cost, beside MuJoCo.
 
     Args:
         repeats: timed rounds.
@@ -351,7 +351,7 @@ def table_at(
     repeats: int = 5,
     problems: tuple[str, ...] = ("tumble", "heavy_top", "oscillator"),
 ) -> list[Row]:
-    """Return error and time per step of MuJoCo's integrators and ours at one step.
+    """Return the error and time per step of MuJoCo's integrators and ours at one step.
 
     Args:
         dt: step [s].

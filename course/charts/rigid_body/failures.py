@@ -185,7 +185,7 @@ def growth_map(method: str, omega_dt: Array, zeta: Array) -> Map:
 
 
 def boundary_error(result: Map, method: str) -> float:
-    """Return largest distance of a map's boundary from theory.
+    """Return the largest distance of a map's boundary from theory.
 
     In cells of the map (0.5 is perfect).
     """

@@ -158,7 +158,7 @@ def mujoco_wall(
 def mujoco_through(
     thickness: float, radius: float, speed: float, dt: float, phases: ArrayLike, one_step: bool
 ) -> float:
-    """Return share of the phases in which MuJoCo's ball comes out on the far side of the wall.
+    """Return the share of the phases in which MuJoCo's ball comes out on the far side of the wall.
 
     Args:
         thickness: as for `mujoco_wall`.

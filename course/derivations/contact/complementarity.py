@@ -10,9 +10,9 @@ SYMBOLS = {
     "m": Symbol("mass [kg]"),
     "g": Symbol("gravity [m/s^2]"),
     "k": Symbol("stiffness of a spring that holds it [N/m]"),
-    "c": Symbol("way from the spring's rest down to the ground [m]"),
+    "c": Symbol("distance from the spring's rest position down to the ground [m]"),
     "h": Symbol("step [s]"),
-    "v": Symbol("velocity of the contact apart, before the step [m/s]"),
+    "v": Symbol("separating velocity of the contact before the step [m/s]"),
     "a": Symbol("its acceleration without contact [m/s^2]"),
 }
 RIGID = ("lcp", "pgs", "coulomb", "convex")
@@ -27,9 +27,10 @@ def _ball(gap, speed, dt):
 
 @claim(
     "At a contact the velocity jumps.",
-    "It jumps where bodies are rigid: whatever the step, all of the approach is gone at its end. "
-    "With a spring, a damper or MuJoCo's softness it changes over a time, and less in a step the "
-    "shorter the step: by {soft_share:.1%} of the approach in {dt_us:.0f} us.",
+    "It jumps if the bodies are rigid: however short the step, the whole approach speed is gone "
+    "at its end. A spring, a damper or MuJoCo's soft contact changes the velocity over a certain "
+    "time, so a short step changes it only a little: by {soft_share:.1%} of the approach speed in "
+    "{dt_us:.0f} us.",
 )
 def contact_velocity_jumps(result):
     from course.contact import solve
@@ -46,7 +47,7 @@ def contact_velocity_jumps(result):
     result.statement = f"A ball at 1 m/s, a step of {dt:g} s: the soft model takes {soft:.4f} m/s."
     result.statement_holds(
         lost("soft", 1.0, dt),
-        only_if="bodies are rigid",
+        only_if="the bodies are rigid",
         inside=[lost(m, *row) for m in RIGID for row in zip(speeds, steps, strict=True)],
         outside=[
             lost(m, *row) for m in ("soft", "penalty") for row in zip(speeds, steps, strict=True)
@@ -58,9 +59,10 @@ def contact_velocity_jumps(result):
 
 @claim(
     "Exactly one of contact force and gap is zero at any time.",
-    "Of rigid bodies at least one is, and both may be: of a table's four legs, all of which touch, "
-    "exact pivoting leaves {idle:.0f} without force, and a ball thrown straight up has neither as "
-    "it leaves. In a soft contact at rest neither is zero: it is {sunk_mm:.2f} mm deep and pushes.",
+    "For rigid bodies at least one of them is zero, and both may be. All four legs of a table "
+    "touch the floor, and yet exact pivoting leaves {idle:.0f} of them without force. A ball that "
+    "is thrown straight up has neither gap nor force at the moment it leaves. In a soft contact "
+    "at rest neither is zero: the ball is {sunk_mm:.2f} mm deep and pushed.",
 )
 def one_of_force_and_gap_is_zero(result):
     from course.contact import scenes, solve
@@ -80,9 +82,10 @@ def one_of_force_and_gap_is_zero(result):
 
 @claim(
     "Contact force and gap are never both positive.",
-    "In the rigid law they are not. A soft contact with a margin pushes before bodies touch: "
-    "{force_n:.2f} N at a gap of {gap_mm:.0f} mm under a margin of {margin_mm:.0f} mm. A step also "
-    "gives an impulse at a gap that would close within it.",
+    "In the rigid law they are not. But a soft contact with a margin already pushes before the "
+    "bodies touch: with {force_n:.2f} N at a gap of {gap_mm:.0f} mm, for a margin of "
+    "{margin_mm:.0f} mm. And a time step applies an impulse to a contact whose gap would close "
+    "within the step.",
 )
 def never_both_positive(result):
     from course.contact import solve
@@ -109,20 +112,22 @@ def never_both_positive(result):
 @claim(
     "Complementarity follows from minimising the contact's potential energy U = f phi with f >= 0 "
     "and phi >= 0.",
-    "f phi is no energy. Its minima are all pairs with f phi = 0, so the law comes out because it "
-    "was put in, and no load is in it: every force at gap zero is a minimum. Minimise the bodies' "
-    "own potential with phi >= 0 as constraint; the force is its multiplier. A mass on a spring "
-    "that rests on the ground is held up by f = {formula}.",
+    "f phi is not an energy. Its minima are all pairs with f phi = 0, so the law only comes out "
+    "because it was put in. The load does not appear in it: at gap zero every force is a minimum. "
+    "Instead, minimise the bodies' own potential subject to phi >= 0; the contact force is the "
+    "multiplier of that constraint. A mass that hangs on a spring and rests on the ground is held "
+    "up by f = {formula}.",
     ask=(
-        "A mass m hangs on a spring k, whose rest position is a height c above the ground. It "
-        "touches the ground, q = -c. Minimise V = k q^2/2 + m g q with phi = q + c >= 0: what is "
-        "the multiplier, the contact force?",
+        "A mass m hangs on a spring k whose rest position is at a height c above the ground. The "
+        "mass touches the ground, at q = -c. Minimise V = k q^2/2 + m g q subject to "
+        "phi = q + c >= 0. What is the multiplier f, the contact force?",
         "f = m*g - k*c",
         {
-            "m*g": "The spring carries a part.",
-            "k*c": "That is the spring's force; the contact carries what it leaves.",
-            "m*g + k*c": "Stretched downwards the spring pulls up: k q + m g - f = 0 at q = -c.",
-            "k*c - m*g": "The sign of the multiplier: V - f phi, with f >= 0.",
+            "m*g": "The spring carries part of the weight.",
+            "k*c": "That is the force of the spring. The contact carries the rest of the weight.",
+            "m*g + k*c": "The spring is stretched downwards, so it pulls up: k q + m g - f = 0 "
+            "at q = -c.",
+            "k*c - m*g": "The sign of the multiplier is reversed: L = V - f phi, with f >= 0.",
         },
     ),
     source="Signorini 1933; Moreau 1988",
@@ -154,9 +159,10 @@ def potential_of_contact(result):
 
 
 @claim(
-    "At gap zero the force may have any value from 0 on: the law is set-valued.",
-    "The law alone allows any; which one it is follows from the load. Under loads from {low_n:.0f} "
-    "to {high_n:.0f} N a body at gap zero stays, each time with its own force.",
+    "At gap zero the law of rigid contact allows every force from zero upwards: it is set-valued.",
+    "The law alone allows any of these forces. The load decides which one occurs: under loads "
+    "from {low_n:.0f} to {high_n:.0f} N, a body at gap zero stays where it is, each time with a "
+    "different contact force.",
 )
 def contact_law_is_set_valued(result):
     from course.contact import scenes, solve
@@ -175,10 +181,10 @@ def contact_law_is_set_valued(result):
 
 @claim(
     "The contact problem is a linear complementarity problem.",
-    "It is one without friction, in the plane, or with a pyramid for the cone. With the round cone "
-    "in space friction is a nonlinear condition: at {degrees:.1f} degrees to an edge one step "
-    "by the pyramid, {step_ms:.0f} ms at a coefficient of {mu:.1f}, ends {missed_mm_s:.0f} mm/s "
-    "beside the true velocity.",
+    "It is one without friction, with friction in one direction, or with a pyramid instead of the "
+    "cone. With the round cone, friction is a nonlinear condition. For a block that slides at "
+    "{degrees:.1f} degrees to an edge with a friction coefficient of {mu:.1f}, the pyramid's "
+    "velocity after a single step of {step_ms:.0f} ms is off by {missed_mm_s:.0f} mm/s.",
 )
 def contact_is_an_lcp(result):
     from course.contact import scenes, solve
@@ -205,7 +211,8 @@ def contact_is_an_lcp(result):
     mus = result.rng.uniform(0.05, 1.0, 10)
     result.statement_holds(
         between < 1e-9,
-        only_if="there is no friction, one direction of it, or a pyramid instead of the cone",
+        only_if="there is no friction, friction in one direction only, or a pyramid instead of "
+        "the cone",
         inside=[planar(mu) for mu in mus] + [linear(0.0, 0.0, a) < 1e-9 for a in 90 * mus],
         outside=[linear(0.0, mu, a) < 1e-9 for mu, a in zip(mus, 10 + 70 * mus, strict=True)],
     )
@@ -214,20 +221,20 @@ def contact_is_an_lcp(result):
 
 @claim(
     "f >= 0, J v + h J M^-1 (f_ext + J^T f) >= 0, one of them zero, governs the contact.",
-    "At a contact that is closed. Written without the gap it acts on bodies that are apart as "
-    "well, and a ball falling {height_m:.0f} m above the ground stops in the air. With the gap in "
-    "it, phi / h is added to the velocity; at gap zero the force over the step is {formula}, "
-    "and none where that is negative.",
+    "It does for a closed contact. The gap is missing, so the condition also acts on bodies that "
+    "are apart: a ball that falls {height_m:.0f} m above the ground would stop in the air. With "
+    "the gap, phi / h is added to the velocity. At gap zero the force over the step is {formula}, "
+    "and zero if that is negative.",
     ask=(
-        "A body of mass m touches (phi = 0), with the velocity v apart (v < 0: approaching) and "
-        "the acceleration a without contact. Which constant force over a step h brings its "
-        "velocity to 0 at the end?",
+        "A body of mass m touches (phi = 0). Its velocity is v (negative: approaching) and its "
+        "acceleration without contact is a. Which constant force f over a step h makes its "
+        "velocity 0 at the end of the step?",
         "f = -m*(v/h + a)",
         {
-            "-m*a": "That holds a body at rest; the approach has to be stopped too.",
+            "-m*a": "That holds a body at rest. Here the approach has to be stopped too.",
             "-m*v/h": "The free acceleration acts during the step as well.",
-            "m*(v/h + a)": "The sign: v + h (a + f / m) = 0.",
-            "-m*(v + a)": "An impulse and a force differ by the step.",
+            "m*(v/h + a)": "The sign is reversed: v + h (a + f / m) = 0.",
+            "-m*(v + a)": "That mixes a force and an impulse, which differ by the factor h.",
         },
     ),
 )
@@ -266,9 +273,9 @@ def velocity_lcp_without_gap(result):
 
 @claim(
     "The penalty force max(0, -k phi) is a step function of the gap.",
-    "It is a ramp: continuous, with a kink at gap zero, where the slope goes from 0 to -k. What "
-    "jumps is the damper's force, by damping times the speed of approach: {jump_n:.0f} N at "
-    "{speed:.0f} m/s with {damping:.0f} N s/m.",
+    "It is a ramp: continuous, with a kink at gap zero, where the slope changes from 0 to -k. "
+    "What jumps at touch is the damper's force, by the damping times the approach speed: "
+    "{jump_n:.0f} N at {speed:.0f} m/s and {damping:.0f} N s/m.",
 )
 def penalty_is_a_step(result):
     from course.contact import solve
@@ -291,10 +298,10 @@ def penalty_is_a_step(result):
 
 @claim(
     "Backpropagation through contact gives zero or undefined gradients.",
-    "Zero before touch, two one-sided values at the kink, an ordinary number behind it: a finger "
-    "that reaches a block moves it by {after_s:.3f} s for each m/s more. What is wrong is another "
-    "thing: a bounce applied at the end of its step gives the derivative {stepped:.0f} for a truth "
-    "of 1.",
+    "It gives zero before touch, two one-sided values at touch, and an ordinary number after it: "
+    "a finger that reaches the block moves it {after_s:.3f} m farther for each m/s more. What "
+    "does go wrong is another thing. A bounce that is applied at the end of its step has the "
+    "derivative {stepped:.0f}, although the truth is 1.",
 )
 def contact_gradients_vanish(result):
     from course.charts.contact.models import pushed, rebound, slope
@@ -319,9 +326,10 @@ def contact_gradients_vanish(result):
 @claim(
     "Penalty contact is differentiable.",
     "The force is continuous, but its slope is 0 on one side of touch and -k on the other, and "
-    "with a damper the force itself jumps. A run inherits that: where a pushed block ends has the "
-    "slope {slope_s:.2f} s almost everywhere and rises by {rise_s:.2f} s on the whole; the "
-    "difference is in jumps that no gradient sees (steps of {step_ms:.0f} ms).",
+    "with a damper the force itself jumps. A simulation inherits this. The final position of a "
+    "pushed block has the local slope {slope_s:.2f} s almost everywhere, but over the whole range "
+    "it rises by only {rise_s:.2f} s. The difference is in jumps that no gradient sees (with "
+    "steps of {step_ms:.0f} ms).",
     source="Suh, Simchowitz, Zhang and Tedrake, Do differentiable simulators give better policy "
     "gradients?, 2022",
 )

@@ -29,10 +29,9 @@ def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
 
 @claim(
     "Below the limit of friction a contact sticks; at the limit it slides.",
-    "It sticks where friction is Coulomb's, and at the limit itself it still does: to slide takes "
-    "more. Regularised friction and MuJoCo's soft contact hold a "
-    "load only while it creeps, here at {creep_mm_s:.2f} mm/s on a slope of {slope:.0%} of the "
-    "limiting one.",
+    "It sticks if friction is Coulomb's. Exactly at the limit it still sticks; only more than "
+    "that makes it slide. Regularised friction and MuJoCo's soft contact hold a load only while "
+    "they creep: at {creep_mm_s:.2f} mm/s here, on a slope of {slope:.0%} of the limiting one.",
 )
 def below_the_limit_sticks(result):
     from course.contact import scenes
@@ -53,7 +52,7 @@ def below_the_limit_sticks(result):
     result.statement = f"MuJoCo's model creeps at {1e3 * creep:.3f} mm/s."
     result.statement_holds(
         abs(creep) < 1e-9,
-        only_if="friction is Coulomb's, not regularised and not soft",
+        only_if="friction is Coulomb's, neither regularised nor soft",
         inside=[sticks(m, *draw) for m in RIGID for draw in zip(mus, parts, strict=True)],
         outside=[
             sticks(m, *draw) for m in ("soft", "penalty") for draw in zip(mus, parts, strict=True)
@@ -67,21 +66,24 @@ def below_the_limit_sticks(result):
 
 
 @claim(
-    "In MuJoCo friction above what is needed keeps a body where it is.",
-    "With elliptic cones it creeps at {formula}, whatever the coefficient: {creep_mm_s:.4f} mm/s "
-    "on a slope of {angle_rad:.1f} rad, and as much with twice the friction. The pyramid, the "
-    "default, multiplies it by {pyramid:.2f} at a coefficient of {mu:.1f} and by "
-    "{pyramid_twice:.2f} at twice that. More friction is no cure; a larger impratio, which divides "
-    "the creep, or a smaller time constant is.",
+    "In MuJoCo, more friction than needed keeps a body where it is.",
+    "With elliptic cones the body creeps at {formula}, whatever the friction coefficient: at "
+    "{creep_mm_s:.4f} mm/s on a slope of {angle_rad:.1f} rad, and just as fast with twice the "
+    "friction. The pyramid, which is the default, multiplies that by {pyramid:.2f} at a "
+    "coefficient of {mu:.1f} and by {pyramid_twice:.2f} at twice that. So more friction is no "
+    "remedy. A larger impratio is, because it divides the creep speed, and so is a shorter time "
+    "constant.",
     ask=(
-        "MuJoCo holds a sticking contact by f = (a_ref - a) / R in a friction row, with "
-        "a_ref = -b v. Steady, a = 0: at which speed does it creep under the friction force f?",
+        "In a sticking contact, a friction row of MuJoCo has the force f = (a_ref - a) / R with "
+        "a_ref = -b v. In steady creep a = 0. What is the size of the creep speed v under the "
+        "friction force f?",
         "v = R*f/b",
         {
-            "f/b": "The row is a spring and damper per unit of 1/R, not of mass.",
-            "R*f": "That is the reference acceleration; divide by b.",
-            "b*f/R": "More damping makes it slower, more compliance faster.",
-            "mu*R*f/b": "The coefficient does not appear while it sticks.",
+            "f/b": "The compliance R is missing: f is a force, b v is an acceleration.",
+            "R*f": "That is the reference acceleration. Divide by b.",
+            "b*f/R": "That is upside down: more damping makes the creep slower, more compliance "
+            "faster.",
+            "mu*R*f/b": "While the contact sticks, the friction coefficient does not appear.",
         },
     ),
     source="MuJoCo 4.0 documentation, Modeling, Preventing slip",
@@ -130,20 +132,21 @@ def mujoco_creeps(result):
 
 
 @claim(
-    "A glass slips out of two fingers because friction is too low; more of it stops that.",
-    "Below mu = {formula} it falls. Above, rigid models hold it, and soft ones let it creep: "
-    "{creep_mm_s:.2f} mm/s in MuJoCo with elliptic cones, whatever the friction. With pyramids "
-    "more of it first helps, then harms: {pyramid_2:.0f}, {pyramid_4:.0f} and {pyramid_8:.0f} mm/s "
-    "with two, four and eight times what is needed.",
+    "A glass slips out of two fingers because friction is too low; more friction stops that.",
+    "Below mu = {formula} the glass falls. Above it, rigid models hold the glass, and soft ones "
+    "let it creep: at {creep_mm_s:.2f} mm/s in MuJoCo with elliptic cones, whatever the friction. "
+    "With pyramids, more friction even makes it worse after a while: the glass creeps at "
+    "{pyramid_2:.0f}, {pyramid_4:.0f} and {pyramid_8:.0f} mm/s with two, four and eight times the "
+    "friction that is needed.",
     ask=(
-        "Two fingers press a glass of mass m from both sides, each with the force F. From which "
-        "coefficient of friction on is it held?",
+        "Two fingers press a glass of mass m from both sides, each with the force F. Above which "
+        "friction coefficient mu do they hold it?",
         "mu > m*g/(2*F)",
         {
-            "m*g/F": "Both contacts carry: the limit of friction is 2 mu F.",
-            "2*m*g/F": "Two contacts halve what each has to carry.",
-            "F/(m*g)": "Upside down: more weight asks for more friction.",
-            "2*F/(m*g)": "Upside down, though with both contacts.",
+            "m*g/F": "Both contacts carry the weight: the limit of friction is 2 mu F.",
+            "2*m*g/F": "With two contacts, each carries half of the weight, not twice.",
+            "F/(m*g)": "That is upside down: more weight needs more friction.",
+            "2*F/(m*g)": "That is upside down, though with both contacts.",
         },
     ),
 )
@@ -181,11 +184,11 @@ def more_friction_holds_the_glass(result):
 
 @claim(
     "A coarse friction pyramid makes grasped objects slip.",
-    "With four edges on the cone it is weaker between them: at t from an edge it holds the cone's "
-    "load over cos t + sin t, down to 1/sqrt(2). Along an edge it is as strong. While it slides it "
-    "also steers: sent "
-    "off at {degrees:.1f} degrees to an edge, a block goes {stretched:.3f} times as far and stops "
-    "at {turned:.1f} degrees.",
+    "A pyramid with four edges on the cone is weaker than the cone between its edges. At the "
+    "angle t to an edge it holds the cone's load divided by cos t + sin t, so at worst 1/sqrt(2) "
+    "of it. Along an edge it is as strong as the cone. While an object slides, the pyramid also "
+    "steers it: pushed off at {degrees:.1f} degrees to an edge, a block travels {stretched:.3f} "
+    "times as far and stops in the direction {turned:.1f} degrees.",
 )
 def pyramid_slips(result):
     from course.charts.contact.models import stopped
@@ -214,7 +217,8 @@ def pyramid_slips(result):
     )
     result.statement_holds(
         slips(0.0),
-        only_if="the load is above the cone's over |cos t| + |sin t|, t its angle to an edge",
+        only_if="the load is above the cone's divided by |cos t| + |sin t|, with t its angle to "
+        "an edge",
         inside=[slips(angle, 1.001 * share(angle)) for angle in between],
         outside=[slips(angle, 0.999 * share(angle)) for angle in between],
     )
@@ -229,11 +233,12 @@ def pyramid_slips(result):
 
 
 @claim(
-    "Friction that is limited on each axis by itself is Coulomb's, nearly.",
-    "It is a box around the cone, between its axes up to sqrt(2) times too strong. Each axis "
-    "brakes by itself: sent off at t to an axis a block goes sqrt(1 - sin(2t)^2/2) times as far, "
-    "in the direction atan(tan(t)^2). At {degrees:.1f} degrees that is {short:.4f} times, at "
-    "{turned:.2f} degrees; at {half:.0f} degrees {diagonal:.4f} times.",
+    "Limiting friction on each axis separately gives nearly Coulomb's friction.",
+    "It gives a box around the cone, which is up to sqrt(2) times too strong between the axes. "
+    "Each axis brakes on its own. Pushed off at the angle t to an axis, a block travels sqrt(1 - "
+    "sin(2t)^2/2) times as far, in the direction atan(tan(t)^2). At {degrees:.1f} degrees that is "
+    "{short:.4f} times as far, in the direction {turned:.2f} degrees; at {half:.0f} degrees it is "
+    "{diagonal:.4f} times as far.",
 )
 def box_of_limits(result):
     from course.charts.contact.models import stopped
@@ -259,13 +264,13 @@ def box_of_limits(result):
 
 
 @claim(
-    "Regularised friction is stable at any step that the contact's spring bears.",
-    "Below the slip speed v_s it is a damper of mu f_n/v_s from the old velocity. A step "
-    "multiplies the speed by 1 - h mu f_n/(m v_s), in both Euler schemes, so h < 2 m v_s/(mu f_n), "
-    "where m is the mass felt at the contact point: all of a block that cannot turn, {felt:.3f} of "
-    "a solid ball, which the same force also spins. At twice the limit, {step_ms:.2f} ms, a block "
-    "at rest trembles for ever, by {trembles:.1f} times the slip speed, where its spring would "
-    "bear {spring_ms:.1f} ms.",
+    "Regularised friction is stable at any step that the contact's spring allows.",
+    "Below the slip speed v_s, regularised friction is a damper of mu f_n/v_s that acts on the "
+    "old velocity. In both Euler schemes a step multiplies the speed by 1 - h mu f_n/(m v_s), so "
+    "the step must be below 2 m v_s/(mu f_n). Here m is the mass felt at the contact point: the "
+    "whole mass of a block that cannot turn, but only {felt:.3f} of a solid ball, which the same "
+    "force also spins. At twice the limit, {step_ms:.2f} ms, a block at rest trembles for ever at "
+    "{trembles:.1f} times the slip speed, although its spring would allow {spring_ms:.1f} ms.",
 )
 def friction_has_a_step_limit(result):
     from course.charts.contact.models import step_limit
@@ -292,7 +297,7 @@ def friction_has_a_step_limit(result):
         return np.abs(v[0] + radius * v[2]).max() / slip
 
     def remaining(mu, slip, share):
-        """Return speed over slip speed after 400 steps, friction being this share of its limit.
+        """Return the speed over slip speed after 400 steps, friction being this share of its limit.
 
         The step and the spring's period are in s.
         """
@@ -340,12 +345,12 @@ def friction_has_a_step_limit(result):
 
 
 @claim(
-    "In MuJoCo condim 4 gives the full friction cone.",
-    "condim counts the rows of a contact: 4 adds friction against spin to the two directions of "
-    "sliding that 3 has, and so stops what spins on one point; what stands on several, as a "
-    "cylinder does, 3 stops as well. The shape of the cone is another option, and "
-    "its default is the pyramid: halfway between its edges a block with condim 4 then goes "
-    "{stretched:.2f} times as far as with the elliptic cone.",
+    "In MuJoCo, condim 4 gives the full friction cone.",
+    "condim is the number of rows of a contact. 4 adds friction against spinning to the two "
+    "directions of sliding that 3 has. It stops what spins on one point; what stands on several "
+    "points, such as a cylinder, is stopped by 3 as well. The shape of the cone is a separate "
+    "option, and its default is the pyramid: pushed off halfway between two edges, a block with "
+    "condim 4 travels {stretched:.2f} times as far as with the elliptic cone.",
 )
 def condim_4_is_the_full_cone(result):
     import mujoco
@@ -387,9 +392,9 @@ def condim_4_is_the_full_cone(result):
 
 
 @claim(
-    "In MuJoCo condim 1 is frictionless.",
-    "It is, whatever coefficient the geom names: a block sent off keeps its speed to the last "
-    "digit.",
+    "In MuJoCo, condim 1 is frictionless.",
+    "It is, whatever friction coefficient the geom has: a block that is pushed off keeps its "
+    "speed to the last digit.",
 )
 def condim_1_is_frictionless(result):
     from course.oracles.mujoco import contact
@@ -407,9 +412,10 @@ def condim_1_is_frictionless(result):
 
 
 @claim(
-    "A simulator's friction coefficient is 0.5 unless one says otherwise.",
-    "That depends on the simulator: MuJoCo's is {default:.1f}, and of two geoms the larger "
-    "one counts, unless one has the higher priority: then that geom's.",
+    "A simulator's friction coefficient is 0.5 unless you set it.",
+    "That depends on the simulator. MuJoCo's default is {default:.1f}. If two geoms touch, the "
+    "larger coefficient counts, unless one geom has a higher priority: then that geom's "
+    "coefficient counts.",
 )
 def default_friction(result):
     import mujoco
@@ -452,9 +458,9 @@ def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
 
 @claim(
     "Too much damping in a penalty contact makes things stick together.",
-    "Only where the damper may pull, and from critical damping on: the bodies then never part, and "
-    "what parts them is held back. Clipped at zero the contact lets go at every damping, "
-    "critically damped with {left:.3f} of the speed.",
+    "It does only if the damper is allowed to pull and is at least critical: then the bodies "
+    "never part. If the force is clipped at zero, the contact lets go at every damping ratio. At "
+    "critical damping the bodies separate with {left:.3f} of their approach speed.",
 )
 def damping_makes_things_stick(result):
     from course.oracles.mujoco.box import spring_restitution
@@ -476,9 +482,10 @@ def damping_makes_things_stick(result):
 
 @claim(
     "The penalty force is F = k d n + b v_rel.",
-    "With a plus the damper drives: a ball comes back from such a contact with {gain:.2f} times "
-    "its speed, at a damping ratio of {zeta:.1f}. It acts against v_rel, the velocity of the body "
-    "that is pushed less the other's, along the normal: k d n - b (v_rel . n) n, clipped at zero.",
+    "With a plus sign the damper drives the bodies apart: at a damping ratio of {zeta:.1f} a ball "
+    "leaves such a contact with {gain:.2f} times its speed. The damper must act against v_rel, "
+    "the velocity of the pushed body minus that of the other one, along the normal: k d n - b "
+    "(v_rel . n) n, clipped at zero.",
 )
 def penalty_law_has_a_plus(result):
     zeta = result.input("zeta", 0.1)
@@ -493,12 +500,13 @@ def penalty_law_has_a_plus(result):
 @claim(
     "The damper of a penalty contact damps the oscillation.",
     "It does while the contact stays closed and the step is below the largest stable one, which "
-    "damping lowers, in semi-implicit Euler to 2 (sqrt(1 + zeta^2) - zeta)/omega. Past it the "
-    "damper drives. A contact that opens and closes needs a smaller step: dropped from "
-    "{drop_mm:.0f} mm at a damping ratio of {ratio:.2f} and {share:.0%} of the limit, a ball "
-    "reaches more than {gained:.0f} times its energy. At {safe:.0%} of the limit, and from a ratio "
-    "of {least:.1f} on, none of ours gains any. What slides the damper leaves alone: a block at "
-    "{speed:.0f} m/s along the ground loses none of it.",
+    "the damping itself lowers: in semi-implicit Euler to 2 (sqrt(1 + zeta^2) - zeta)/omega. "
+    "Above that limit the damper drives the oscillation. A contact that opens and closes needs a "
+    "shorter step. Dropped from {drop_mm:.0f} mm, at a damping ratio of {ratio:.2f} and "
+    "{share:.0%} of the limit, a ball reaches more than {gained:.0f} times its energy. At "
+    "{safe:.0%} of the limit and a damping ratio of {least:.1f} or more, none of our balls gains "
+    "energy. Sliding is not damped at all: a block that slides at {speed:.0f} m/s loses nothing "
+    "to the damper.",
 )
 def damper_damps(result):
     from course.charts.contact.models import step_limit
@@ -507,7 +515,7 @@ def damper_damps(result):
     speed = result.input("speed", 1.0)
 
     def swing(ratio, share):
-        """Return height [m] over which a ball that starts off its rest still swings."""
+        """Return the height [m] over which a ball that starts off its rest still swings."""
         h = share * step_limit(ratio, "semi-implicit") / 100.0
         scene = scenes.ball_drop(-1.5 * scenes.GRAVITY / 1e4)
         path = scenes.run(scene, "penalty", h, 600, stiffness=1e4, damping=200.0 * ratio)

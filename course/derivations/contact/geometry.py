@@ -55,9 +55,9 @@ def _depth_in_mesh(mesh, place):
 
 
 @claim(
-    "Two axis-aligned bounding boxes overlap only if they overlap on all three axes.",
-    "They overlap exactly then. It says little of the shapes inside: of random capsules four times "
-    "as long as wide whose boxes overlap, {apart_percent:.0f} % are apart.",
+    "Two axis-aligned bounding boxes overlap exactly if they overlap on all three axes.",
+    "They do. But that says little about the shapes inside: of random capsules, four times as "
+    "long as wide, whose boxes overlap, {apart_percent:.0f} % are apart.",
 )
 def aabb_all_axes(result):
     from course import contact
@@ -91,10 +91,10 @@ class _Watched:
 
 
 @claim(
-    "Whether two bounding boxes overlap is a trivial comparison of six numbers.",
-    "Two boxes in space are {numbers:.0f} numbers, and overlap takes {comparisons:.0f} comparisons "
-    "of them. Boxes that are apart take fewer, {mean_comparisons:.1f} on average for random ones, "
-    "as the first axis that separates them ends the test.",
+    "Testing two bounding boxes for overlap is a trivial comparison of six numbers.",
+    "Two boxes in space are {numbers:.0f} numbers, and boxes that overlap take {comparisons:.0f} "
+    "comparisons of them. Boxes that are apart take fewer, {mean_comparisons:.1f} on average for "
+    "random ones, because the first axis that separates them ends the test.",
 )
 def aabb_six_numbers(result):
     from course.contact import broad
@@ -118,10 +118,10 @@ def aabb_six_numbers(result):
 
 
 @claim(
-    "The usual listing, a_min[0] <= b_max[0] and a_max[0] >= b_min[0] and the same for [1], is the "
-    "test of bounding boxes in three dimensions.",
-    "It tests two axes. Of random boxes in space that it reports, {false_percent:.0f} % are apart "
-    "along z.",
+    "The usual listing, a_min[0] <= b_max[0] and a_max[0] >= b_min[0] and the same for [1], is "
+    "the test of bounding boxes in three dimensions.",
+    "It tests two axes only. Of the random boxes in space that it reports as overlapping, "
+    "{false_percent:.0f} % are apart along z.",
 )
 def aabb_listing_two_axes(result):
     from course import contact
@@ -151,16 +151,17 @@ def aabb_listing_two_axes(result):
 
 
 @claim(
-    "A naive broad phase of 100 objects tests 4,950 pairs, and grows with the square of N.",
-    "Every pair once is N (N - 1) / 2 tests: {tests:.0f} for {objects:.0f} objects.",
+    "Without a broad phase, 100 objects need 4,950 tests of pairs, and the number grows with the "
+    "square of N.",
+    "Testing every pair once takes N (N - 1) / 2 tests: {tests:.0f} for {objects:.0f} objects.",
     ask=Ask(
-        "N bodies, every pair tested once: how many tests?",
+        "How many tests does it take to test every pair of N bodies once?",
         "n*(n - 1)/2",
         {
             "n**2": "A body is not tested against itself, and (i, j) is (j, i).",
-            "n*(n - 1)": "That counts (i, j) and (j, i).",
+            "n*(n - 1)": "That counts each pair twice, as (i, j) and as (j, i).",
             "n**2/2": "A body is not tested against itself.",
-            "n*(n + 1)/2": "That tests each body against itself, too.",
+            "n*(n + 1)/2": "That also tests each body against itself.",
         },
     ),
 )
@@ -197,10 +198,11 @@ def _exponent(crowd, sizes=(500, 4000)):
 
 
 @claim(
-    "Sweep and prune sorts the boxes along an axis and so makes the broad phase O(N log N).",
-    "Sorting takes that. The overlap tests along one axis grow as N^{spread:.2f} for bodies spread "
-    "in a cube, where theory has 5/3, as N^{settled:.2f} in one layer (3/2), and as "
-    "N^{aligned:.2f} where all overlap on the axis; in a row along it as N^{row:.2f}.",
+    "Sweep and prune sorts the boxes along an axis, so it makes the broad phase O(N log N).",
+    "That is the cost of the sorting. The overlap tests along one axis grow as N^{spread:.2f} for "
+    "bodies that fill a cube, where theory says 5/3; as N^{settled:.2f} for bodies in one layer "
+    "(theory: 3/2); and as N^{aligned:.2f} if all bodies overlap on the axis. Only in a row along "
+    "the axis do they grow as N^{row:.2f}.",
 )
 def sweep_and_prune_n_log_n(result):
     from course.contact import broad
@@ -265,10 +267,10 @@ def _pile(geom, width, shape, count, seed=1):
 
 @claim(
     "A bin of 100 objects has 4,950 potential pairs; the broad phase leaves about 200.",
-    "How many are left is a property of the shapes and of the pile: of {bodies:.0f} balls settled "
-    "in a bin {balls:.0f}, of cubes {cubes:.0f} (dropped another time {cubes_again:.0f}), of rods "
-    "eight times as long as wide {rods:.0f}. Of these {balls_touch:.0f}, {cubes_touch:.0f} and "
-    "{rods_touch:.0f} touch.",
+    "How many pairs remain depends on the shapes and on the pile. Of {bodies:.0f} balls settled "
+    "in a bin it is {balls:.0f} pairs, of cubes {cubes:.0f} (dropped again: {cubes_again:.0f}), "
+    "of rods eight times as long as wide {rods:.0f}. Of these pairs, {balls_touch:.0f}, "
+    "{cubes_touch:.0f} and {rods_touch:.0f} really touch.",
 )
 def pile_of_a_hundred(result):
     from course import contact
@@ -301,12 +303,12 @@ def pile_of_a_hundred(result):
 
 
 @claim(
-    "Two shapes intersect exactly if their Minkowski difference holds the origin: that is what GJK "
-    "tests.",
-    "The first half holds for any two sets. GJK asks for support points, which only the convex "
-    "hull has, so it needs convex shapes: of balls in the notch of an angle {clear_percent:.0f} "
-    "% are clear of both plates, and by their hull {wrong_percent:.0f} % are clear and said to "
-    "touch.",
+    "Two convex shapes intersect exactly if their Minkowski difference contains the origin: this "
+    "is what GJK tests.",
+    "The first half is true of any two sets. GJK needs convex shapes, because it only asks for "
+    "support points, and a shape has the same support points as its convex hull. Of balls in the "
+    "notch of an angle, {clear_percent:.0f} % touch neither plate; but {wrong_percent:.0f} % of "
+    "all the balls touch neither plate and are still reported as touching the angle's hull.",
 )
 def gjk_minkowski(result):
     from scipy.spatial import ConvexHull
@@ -353,13 +355,14 @@ print(coal.Pair(cube, cube, float(sys.argv[2])).distances(still, still + 1.25 * 
 
 
 @claim(
-    "An established library, as Coal, is the truth that a narrow phase is measured by.",
-    "It is as exact as its tolerances, and has habits. By default, {usual:.0e}, it calls two "
-    "aligned faces touching up to a gap of {touch_um:.2f} um, and misses the distance of a box of "
-    "a kilometre from one of a millimetre by up to {far_um:.0f} um. With tolerances of {tight:.0e} "
-    "a cube of a metre is off by {large:.0e} m, if the first direction in which its process asked "
-    "for a box's corner had a zero in it, and by {plain:.0e} m if not. Trying every feature "
-    "shows it; the course's distance differs from that by {ours:.0e} of the size.",
+    "An established library such as Coal is the truth that a narrow phase is measured against.",
+    "It is as exact as its tolerances, and it has habits. With its default tolerance of "
+    "{usual:.0e} it reports two aligned faces as touching up to a gap of {touch_um:.2f} um, and "
+    "the distance between a box of a kilometre and one of a millimetre is off by up to "
+    "{far_um:.0f} um. With tolerances of {tight:.0e}, the distance from a cube of a metre is off "
+    "by {large:.0e} m if the first direction in which the process ever searched a box had a zero "
+    "in it, and by {plain:.0e} m otherwise. Enumerating all pairs of features shows this; the "
+    "course's own distance differs from the enumeration by {ours:.0e} of the size.",
     source="Coal 3 source, support_functions: a static factor of 1 + 1e-10 for boxes",
 )
 def coal_is_the_truth(result):
@@ -418,10 +421,11 @@ def coal_is_the_truth(result):
 
 @claim(
     "When shapes overlap, EPA gives the depth and the normal of the contact.",
-    "It gives the shortest way out. That is the way in only while a ball of {ball_mm:.0f} mm "
-    "radius is sunk less than {middle_mm:.1f} mm into a wall of {wall_mm:.0f} mm, the radius and "
-    "half the wall; beyond, it is pushed out behind. And it is one point: where faces meet, the "
-    "contact is a polygon, {corners:.0f} corners for a cube on a cube.",
+    "It gives the shortest way out. For a ball of {ball_mm:.0f} mm radius in a wall of "
+    "{wall_mm:.0f} mm, that is the way the ball came in only up to a depth of {middle_mm:.1f} mm, "
+    "the radius and half the wall. Beyond that, EPA pushes the ball out on the far side. And EPA "
+    "gives one point. Where faces meet, the contact is a polygon, with {corners:.0f} corners for "
+    "a cube on a cube.",
 )
 def epa_gives_the_contact(result):
     from course import contact
@@ -444,7 +448,7 @@ def epa_gives_the_contact(result):
     result.statement = "A ball is pressed into a wall from above, to random depths."
     result.statement_holds(
         back(1.5 * middle),
-        only_if="it is sunk by less than {middle_mm:.1f} mm",
+        only_if="the ball is less than {middle_mm:.1f} mm deep",
         inside=[back(share * middle) for share in result.rng.uniform(0.01, 0.999, 12)],
         outside=[back(share * middle) for share in result.rng.uniform(1.001, 1.9, 12)],
     )
@@ -456,9 +460,9 @@ def epa_gives_the_contact(result):
 
 @claim(
     "A circle test returns the depth and the normal of two circles that overlap.",
-    "The usual one divides by the distance of the centres, and where that is 0 it returns no "
-    "contact at all, at the deepest overlap there is: {depth_m:g} m here. Any direction is a right "
-    "normal then, and one has to be chosen.",
+    "The usual listing divides by the distance of the centres. If that is 0, it returns no "
+    "contact at all, although the overlap is as deep as it can be: {depth_m:g} m here. Any "
+    "direction is then a correct normal, and the code has to choose one.",
 )
 def circle_test_concentric(result):
     from course import contact
@@ -490,10 +494,11 @@ def circle_test_concentric(result):
 
 
 @claim(
-    "A test of the circles in every step finds their collisions.",
-    "Only while a step is no longer than the way on which they overlap, twice "
-    "sqrt((r1 + r2)^2 - h^2) for a path that passes at h. With steps up to three times as long "
-    "{missed_percent:.0f} % of random flights went unseen. The time of impact finds all.",
+    "Testing the circles in every step finds their collisions.",
+    "It does only while a step is no longer than the distance over which the circles overlap: "
+    "twice sqrt((r1 + r2)^2 - h^2) for a path that passes the centre at a distance h. With steps "
+    "up to three times as long, {missed_percent:.0f} % of random flights went undetected. The "
+    "time of impact finds all of them.",
 )
 def circles_once_a_step(result):
     from course import contact
@@ -521,7 +526,7 @@ def circles_once_a_step(result):
     result.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
     result.statement_holds(
         all(outside),
-        only_if="a step is no longer than the way on which the circles overlap",
+        only_if="a step is no longer than the distance over which the circles overlap",
         inside=inside,
         outside=outside,
     )
@@ -529,12 +534,13 @@ def circles_once_a_step(result):
 
 
 @claim(
-    "With a step that is small enough nothing passes a thin wall.",
-    "A test a step misses nothing below (2 r + w) / dt, {geometric_m_per_s:.0f} m/s for a ball of "
-    "{ball_mm:.0f} mm radius, a wall of {wall_mm:.0f} mm and {step_ms:g} ms. But a soft contact "
-    "gives way: pushed past its middle the ball comes out behind, in MuJoCo's critically damped "
-    "default from about e (r + w/2) / (dmax timeconst) on, {soft_m_per_s:.2f} m/s, whatever the "
-    "step: {smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s measured at three of them.",
+    "With a step that is small enough, nothing passes a thin wall.",
+    "With one test per step, a hit can be missed only at (2 r + w) / dt or faster: "
+    "{geometric_m_per_s:.0f} m/s for a ball of {ball_mm:.0f} mm radius, a wall of {wall_mm:.0f} "
+    "mm and a step of {step_ms:g} ms. But a soft contact gives way. Pushed past the middle of the "
+    "wall, the ball comes out on the far side. In MuJoCo's critically damped default this starts "
+    "at about e (r + w/2) / (dmax timeconst) = {soft_m_per_s:.2f} m/s, whatever the step; "
+    "measured at three steps, at {smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s.",
 )
 def soft_wall(result):
     from course.charts.contact.geometry import RADIUS, WALL, checked, in_mujoco
@@ -575,10 +581,10 @@ def soft_wall(result):
 
 
 @claim(
-    "For a mesh that is not convex the engine makes a convex decomposition by itself.",
-    "MuJoCo takes its convex hull: a ball that hangs free in the notch of an angle, "
+    "If a mesh is not convex, the engine decomposes it into convex pieces by itself.",
+    "MuJoCo uses the convex hull of the mesh. A ball that hangs freely in the notch of an angle, "
     "{free_mm:.0f} mm from both plates, is {depth_mm:.0f} mm deep in the mesh. The decomposition "
-    "is the user's work, with another tool.",
+    "is the user's job, with another tool.",
     source="MuJoCo 4 documentation, Computation, Convex decomposition",
 )
 def concave_mesh_is_its_hull(result):
@@ -644,10 +650,11 @@ def concave_mesh_is_its_hull(result):
 @claim(
     "Replace meshes by their convex hulls to make collisions fast: a mug of 5,000 triangles has a "
     "hull of about 20 faces.",
-    "The hull of a round mug of {triangles:.0f} triangles keeps both rims, {faces:.0f} triangles."
-    " In an engine that collides hulls anyway, such as MuJoCo, nothing gets faster: of both it "
-    "keeps the same {kept:.0f} corners, and both touch a ball equally deep. What the hull takes "
-    "is the inside of the mug: a ball that hangs free in it is {depth_mm:.0f} mm deep.",
+    "The hull of a round mug of {triangles:.0f} triangles keeps both rims and has {faces:.0f} "
+    "triangles. In an engine that collides hulls anyway, such as MuJoCo, nothing gets faster: for "
+    "the mesh and for its hull it stores the same {kept:.0f} corners, and both give the same "
+    "depth for a ball. What you lose is the inside of the mug: a ball that hangs freely in it is "
+    "{depth_mm:.0f} mm deep.",
 )
 def mug_and_its_hull(result):
     from scipy.spatial import ConvexHull

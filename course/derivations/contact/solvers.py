@@ -25,11 +25,10 @@ def _stack(**options):
 
 @claim(
     "MuJoCo's contact problem is convex and has a unique solution.",
-    "It has: on a stack of boxes and on a table, whose rigid forces are not unique, Newton from "
-    "any start and CG agree to {digits:.0f} digits or more when asked for all. That the problem "
-    "has a solution doesn't make every solver find "
-    "it: on a sliding impact PGS with elliptic cones returns no force where Newton finds "
-    "{newton_n:.0f} N.",
+    "It has. On a stack of boxes and on a table, whose rigid forces are not unique, Newton from "
+    "any start and CG agree to {digits:.0f} digits or more if they are run to convergence. Unique "
+    "does not mean that every solver finds it: on a sliding impact, PGS with elliptic cones "
+    "returns no force where Newton finds {newton_n:.0f} N.",
 )
 def mujoco_is_convex_and_unique(result):
     import mujoco
@@ -78,9 +77,9 @@ def mujoco_is_convex_and_unique(result):
 
 @claim(
     "The solver needs 50 to 100 iterations for complex contact scenes.",
-    "That depends on the solver and the masses. MuJoCo's Newton takes at most {newton:.0f} on a "
-    "stack of boxes; projected Gauss-Seidel needs {sweeps:.0f} sweeps for two bodies, the upper "
-    "{ratio:.0f} times the lower.",
+    "That depends on the solver and on the masses. MuJoCo's Newton solver takes at most "
+    "{newton:.0f} on a stack of boxes. Projected Gauss-Seidel needs {sweeps:.0f} sweeps for two "
+    "bodies, if the upper one has {ratio:.0f} times the mass of the lower one.",
 )
 def iterations_50_to_100(result):
     from course.charts.contact.models import sweeps_needed
@@ -99,10 +98,10 @@ def iterations_50_to_100(result):
 
 
 @claim(
-    "Raise nconmax and njmax where contacts stick or the solver doesn't converge.",
-    "They were sizes of memory, and where they sufficed more changed nothing. Version 4 doesn't "
-    "even look: with {allowed:.0f} contacts allowed a box rests on {contacts:.0f}, and ends where "
-    "it ends without the limit, to the last bit.",
+    "Increase nconmax and njmax if contacts stick or the solver does not converge.",
+    "These were sizes of memory. If they were large enough, increasing them changed nothing. "
+    "Version 4 ignores them: with {allowed:.0f} contacts allowed, a box rests on {contacts:.0f}, "
+    "and its final position is the same as without the limit, to the last bit.",
     source="MuJoCo 4.0 documentation, XML reference, size",
 )
 def nconmax_helps(result):
@@ -133,19 +132,20 @@ def nconmax_helps(result):
 
 
 @claim(
-    "Projected Gauss-Seidel converges as fast whatever the masses.",
-    "Light on heavy takes a few sweeps, heavy on light {formula}: the error of two bodies falls by "
-    "r/(1 + r) a sweep. At a ratio of {ratio:.0f} that is {sweeps:.0f} sweeps to a part in a "
-    "million, upside down {upside:.0f}.",
+    "Projected Gauss-Seidel converges equally fast whatever the masses.",
+    "A light body on a heavy one takes a few sweeps, a heavy body on a light one {formula}: the "
+    "error of two bodies falls by a factor of r/(1 + r) per sweep. At a mass ratio of "
+    "{ratio:.0f}, one part in a million takes {sweeps:.0f} sweeps; with the masses swapped it "
+    "takes {upside:.0f}.",
     ask=(
-        "A mass r stands on a mass 1 on the ground. A sweep multiplies the error of the forces by "
-        "r/(1 + r). About how many sweeps, for a large r, until it has fallen to e?",
+        "A mass r stands on a mass 1 that stands on the ground. Each sweep multiplies the relative "
+        "error of the forces by r/(1 + r). For large r, about how many sweeps n reduce it to e?",
         "n = (1 + r)*log(1/e)",
         {
             "r*log(e)": "The logarithm of a tolerance below 1 is negative.",
-            "log(1/e)/(1 + r)": "A heavier top takes more sweeps.",
-            "sqrt(r)*log(1/e)": "That is what conjugate gradients would need.",
-            "log(1/e)/log(1 + r)": "That is a factor of 1/(1 + r) a sweep, light on heavy.",
+            "log(1/e)/(1 + r)": "That is upside down: a heavier top takes more sweeps.",
+            "sqrt(r)*log(1/e)": "That is how conjugate gradients would scale.",
+            "log(1/e)/log(1 + r)": "That is for a factor of 1/(1 + r) per sweep: light on heavy.",
         },
     ),
 )
@@ -172,19 +172,20 @@ def sweeps_and_masses(result):
 
 
 @claim(
-    "A convex cone gives Coulomb's friction.",
-    "While it sticks. What slides at v also separates, at mu v: from touch a block hops to "
-    "{formula}, {hop_mm:.2f} mm at {speed:.0f} m/s. Braking distances hardly notice: of "
-    "{blocks:.0f} of MuJoCo's blocks, off the ground on {off:.0%} of their steps and up to "
-    "{high_mm:.0f} mm, all stop within {stop:.1%} of where Coulomb's does.",
+    "A convex friction cone gives Coulomb's friction.",
+    "It does while the contact sticks. What slides at v also separates, at mu v, so a block that "
+    "touches hops to {formula}: {hop_mm:.2f} mm at {speed:.0f} m/s. Braking distances hardly "
+    "change. Of {blocks:.0f} blocks in MuJoCo, which were off the ground on {off:.0%} of their "
+    "steps and up to {high_mm:.0f} mm high, all stopped within {stop:.1%} of Coulomb's distance.",
     ask=(
-        "One step of the convex model sends a block that slides at v, and touches, off at the "
-        "normal speed mu v/(1 + mu^2). How high does it fly?",
+        "A block touches the ground and slides at v. In one step of the convex model it takes off "
+        "with the normal speed mu v/(1 + mu^2). How high does it fly?",
         "H = (mu*v/(1 + mu^2))^2/(2*g)",
         {
-            "(mu*v)^2/(2*g)": "The same step also brakes it, so it slides at v/(1 + mu^2) then.",
-            "mu*v/(1 + mu^2)/g": "That is the time to the top.",
-            "mu*v*h": "That is the gap while it slides steadily.",
+            "(mu*v)^2/(2*g)": "The same step also brakes the block, so it slides at v/(1 + mu^2) "
+            "afterwards.",
+            "mu*v/(1 + mu^2)/g": "That is the time it takes to the highest point.",
+            "mu*v*h": "That is the gap while the block slides steadily.",
             "v^2/(2*mu*g)": "That is the braking distance.",
         },
     ),
@@ -226,13 +227,14 @@ def convex_cone_is_coulomb(result):
 
 @claim(
     "A light box sinks under a heavy one because the solver has not converged.",
-    "By {sweeps:.0f} sweeps of Gauss-Seidel it is so: {swept_mm:.0f} mm after {steps:.0f} steps. "
-    "In MuJoCo it sinks when solved to all digits: softness is scaled by the bodies' inverse "
-    "masses, so the light one sets it, and the heavy one loads it: {deep_mm:.1f} mm under "
-    "{heavy:.0f} times its mass, whatever the solver, {equal_mm:.2f} mm under its equal. Under "
-    "{huge:.0f} times its mass it is swallowed: the heavy one stands on the ground itself, "
-    "{swallowed_mm:.0f} mm deep in a light one of {radius_mm:.0f} mm radius. Rigid models, solved, "
-    "leave {rigid_mm:.0e} mm.",
+    "With {sweeps:.0f} sweeps of Gauss-Seidel that is the reason: {swept_mm:.0f} mm after "
+    "{steps:.0f} steps. With its default settings, MuJoCo lets it sink even if the solver is "
+    "exact, because the softness of a contact is scaled with the inverse masses. The light body "
+    "determines the softness, and the heavy one loads it: a light body sinks by {deep_mm:.1f} mm "
+    "under {heavy:.0f} times its mass, whatever the solver, and by {equal_mm:.2f} mm under its "
+    "equal. Under {huge:.0f} times its mass it is swallowed: the heavy body stands on the ground "
+    "itself, {swallowed_mm:.0f} mm deep in a light body of {radius_mm:.0f} mm radius. Rigid "
+    "models, solved, leave {rigid_mm:.0e} mm.",
 )
 def heavy_on_light_sinks(result):
     from course.contact import scenes
@@ -267,7 +269,7 @@ def heavy_on_light_sinks(result):
     result.statement = f"Newton {newton:.4f} mm, CG and PGS {others[0]:.4f}, {others[1]:.4f} mm."
     result.statement_holds(
         np.abs(np.array(others) / newton - 1).max() > 1e-3,
-        only_if="the contact is rigid and sweeps are cut short",
+        only_if="the contact is rigid and the sweeps are cut short",
         inside=[sunk(m, "pgs", sweeps=sweeps) > 1e-3 > 1e3 * sunk(m, "lcp") for m in masses],
         outside=[sunk(m, "pgs", sweeps=20000) > 1e-3 for m in masses],
     )
@@ -283,11 +285,12 @@ def heavy_on_light_sinks(result):
 
 
 @claim(
-    "A tower of n equal boxes sags at its top by n (n + 1)/2 times what the topmost contact does.",
-    "On equal springs. MuJoCo's contact with the ground counts one body, the others two: with "
-    "constant impedance n^2 of what one body on the ground would sink. Its default impedance grows "
-    "with the depth, and no law is left: {few:.0f} boxes sag by {share_few:.3f} of n (n + 1)/2, "
-    "{n:.0f} by {share:.3f}.",
+    "The top of a tower of n equal boxes sags by n (n + 1)/2 times what the topmost contact does.",
+    "It does on equal springs. In MuJoCo, the contact with the ground counts the mass of one body "
+    "and the others that of two; with constant impedance the top then sags by n^2 times the depth "
+    "of a single body on the ground. The default impedance grows with the depth, and then there "
+    "is no simple law: {few:.0f} boxes sag by {share_few:.3f} of n (n + 1)/2 times their topmost "
+    "contact, {n:.0f} boxes by {share:.3f} of it.",
 )
 def tower_sags(result):
     from course.contact import scenes
@@ -327,14 +330,14 @@ def tower_sags(result):
 
 @claim(
     "MuJoCo's refsafe, on by default, keeps a contact stable at any step.",
-    "It lifts the time constant T to two steps. One body's contact of constant impedance is a "
-    "spring and damper of omega = 1/(T zeta) and the ratio zeta: stable below 2 zeta T "
-    "(sqrt(1 + zeta^2) - zeta), which is above T/2 only from 1/sqrt(8) on. Below that the clamp "
-    "cures nothing: at a ratio of {zeta:.1f} all steps from {measured:.3f} T on fail, with it and "
-    "without. Bodies that touch at several points need more damping: at a ratio of {several:.2f} "
-    "a single ball rests, while a box on its four corners and a tower of three still move at more "
-    "than {moving:.0f} m/s or rad/s after {steps:.0f} steps. From {rests:.1f} on all of them rest. "
-    "Keep the default, 1.",
+    "It raises the time constant T to at least two steps. A single body's contact with constant "
+    "impedance is a spring and damper with omega = 1/(T zeta) and the ratio zeta. It is stable "
+    "below 2 zeta T (sqrt(1 + zeta^2) - zeta), which is above T/2 only if zeta is above "
+    "1/sqrt(8). Below that, refsafe does not help: at a ratio of {zeta:.1f} all steps above "
+    "{measured:.3f} T fail, with it and without. Bodies that touch at several points need more "
+    "damping. At a ratio of {several:.2f} a single ball comes to rest, while a box on its four "
+    "corners and a tower of three still move at more than {moving:.0f} m/s or rad/s after "
+    "{steps:.0f} steps. At {rests:.1f} all of them come to rest. Keep the default, 1.",
     source="MuJoCo 4.0 documentation, Modeling, Solver parameters",
 )
 def refsafe_keeps_it_stable(result):
@@ -386,10 +389,10 @@ def refsafe_keeps_it_stable(result):
 
 
 @claim(
-    "MuJoCo's contact forces are right to many digits.",
-    "Asked for all of them, with a tolerance of zero. By default, on a sliding box with elliptic "
-    "cones and no warm start, Newton's are off by up to {Newton:.0e} of the largest force, those "
-    "of CG by {CG:.0e}, of PGS by {PGS:.0e}.",
+    "MuJoCo's contact forces are accurate to many digits.",
+    "They are if you set the solver's tolerance to zero. With the default tolerance, for a "
+    "sliding box with elliptic cones and no warm start, Newton's forces are off by up to "
+    "{Newton:.0e} of the largest force, those of CG by {CG:.0e}, and those of PGS by {PGS:.0e}.",
     source="MuJoCo 4.0 documentation, XML reference, option",
 )
 def default_tolerance(result):
@@ -399,7 +402,7 @@ def default_tolerance(result):
     from course.oracles.mujoco import contact
 
     def worst(solver, tolerance, ls_tolerance):
-        """Return largest difference from our forces over the largest force, on the way."""
+        """Return the largest difference from our forces over the largest force, on the way."""
         options, deviation = contact.Options(solver=solver, tolerance=tolerance), []
         runner = contact.box(options, (0.5, 0.2))
         runner.model.opt.ls_tolerance = ls_tolerance
@@ -422,11 +425,12 @@ def default_tolerance(result):
 
 @claim(
     "MuJoCo, Drake and Bullet all solve contact at the level of velocities.",
-    "MuJoCo's standard integrators solve for forces and accelerations: the force of a given state"
-    " does not depend on the step ({change:.0e} from {short_ms:.1f} to {long_ms:.0f} ms; past "
-    "half the contact's time constant refsafe softens it), while the impulse of a velocity-level "
-    "model stops the approach within whatever step there is, with a force that grows as 1/dt. In "
-    "its integrator called discrete the force does depend on the step, by {discrete:.0%} here.",
+    "MuJoCo's standard integrators solve for forces and accelerations, so the force of a given "
+    "state does not depend on the step: it changes by {change:.0e} from {short_ms:.1f} to "
+    "{long_ms:.0f} ms. (Only if the step exceeds half the contact's time constant does refsafe "
+    "soften it.) The impulse of a velocity-level model stops the approach within the step, "
+    "however short it is, so its force grows as 1/dt. With MuJoCo's integrator called discrete "
+    "the force does depend on the step, by {discrete:.0%} here.",
     source="MuJoCo 4.0 documentation, Computation; Drake documentation, Contact modeling",
 )
 def mujoco_is_velocity_level(result):
@@ -471,12 +475,11 @@ def mujoco_is_velocity_level(result):
 
 @claim(
     "Constraint methods can take larger steps than penalty methods.",
-    "On the scenes of this chapter rigid ones stay stable at any step, where a penalty contact "
-    "has a limit, and a soft one too "
-    "without MuJoCo's refsafe: its tower is gone at {soft_ms:.0f} ms. Accuracy is another matter."
-    " At {dt_ms:.0f} ms rigid contact keeps a tower at rest to {rest_um:.0e} um, and misses the "
-    "place where a braking block stops by {missed_mm:.0f} mm of {way_mm:.0f}; the error falls "
-    "with the step itself.",
+    "On the scenes of this chapter, rigid methods stay stable at any step, while a penalty "
+    "contact has a limit. So has a soft contact without MuJoCo's refsafe: its tower collapses at "
+    "{soft_ms:.0f} ms. Stable is not accurate, though. At {dt_ms:.0f} ms a rigid contact keeps a "
+    "tower at rest to {rest_um:.0e} um, but it misses the point where a braking block stops by "
+    "{missed_mm:.0f} mm of {way_mm:.0f}, and that error is proportional to the step.",
 )
 def constraints_take_larger_steps(result):
     from course.charts.contact.models import measured_limit
@@ -519,9 +522,9 @@ def constraints_take_larger_steps(result):
 
 @claim(
     "500 kN/m is the contact stiffness of steel.",
-    "It is soft for steel. Hertz gives a steel ball of {radius_mm:.0f} mm on a steel plate "
-    "{stiffness_mn_m:.0f} MN/m under {load_n:.0f} N, and more under more load; of a "
-    "kilogram on it semi-implicit Euler asks for steps below {step_ms:.2f} ms.",
+    "That is soft for steel. According to Hertz, a steel ball of {radius_mm:.0f} mm on a steel "
+    "plate has {stiffness_mn_m:.0f} MN/m under {load_n:.0f} N, and more under a larger load. For "
+    "one kilogram on it, semi-implicit Euler needs steps below {step_ms:.2f} ms.",
     source="Johnson, Contact Mechanics, 1985, sec. 4.2",
 )
 def steel_stiffness(result):
@@ -549,8 +552,9 @@ def steel_stiffness(result):
 
 @claim(
     "MuJoCo has a built-in timer.",
-    "It has one for each stage of a step, in the data; the Python package sets its clock. A "
-    "stage's time is its duration over its number of calls, {calls:.0f} for {steps:.0f} steps.",
+    "It has one for each stage of a step, in the data; the Python package sets its clock. The "
+    "time of a stage is its duration divided by its number of calls, here {calls:.0f} for "
+    "{steps:.0f} steps.",
 )
 def mujoco_timer(result):
     import mujoco

@@ -162,7 +162,7 @@ def friction_loss_holds(result):
     dt, share, inertia = 0.005, result.input("share", 0.8), result.input("inertia", 0.2)
 
     def creep(inertia, defaults):
-        """Return speed over the second half of two seconds [rad/s]."""
+        """Return the speed over the second half of two seconds [rad/s]."""
         joint = MotorJoint(inertia, 0.1, dt, substeps=5, friction=0.2, defaults=defaults)
         q = [joint.step(share * 0.2) for _ in range(400)]
         return q[-1] - q[200]

@@ -176,7 +176,7 @@ def listing_friction(result):
     times, angles, sent, _ = _as_printed(1.0)
 
     def distance(damping):
-        """Return largest distance of the exact joint driven by the listing's commands [rad]."""
+        """Return the largest distance of the exact joint driven by the listing's commands [rad]."""
         plant = sampled.held(*sampled.joint_system(inertia, damping), times[1])
         x, worst = np.zeros(2), 0.0
         for u, q in zip(sent, angles, strict=False):

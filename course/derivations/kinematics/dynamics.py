@@ -144,7 +144,7 @@ def articulated_bodies_lose_fewer_digits(result):
     unit = 2.0**-53
 
     def errors(n: int, factor: float, postures: int) -> np.ndarray:
-        """Return median relative errors of articulated bodies and of Cholesky's factors."""
+        """Return the median relative errors of articulated bodies and of Cholesky's factors."""
         measured = []
         for _ in range(postures):
             lengths, masses = result.rng.uniform(0.3, 1, n), result.rng.uniform(0.5, 2, n)

@@ -135,7 +135,7 @@ def projector_of_the_null_space(result):
     J, N = (np.moveaxis(x, 2, 0) for x in (rows, null_space(rows)))
 
     def leaks(value: float) -> np.ndarray:
-        """Return largest speed of the tip over the length of a joint rate, by posture."""
+        """Return the largest speed of the tip over the length of a joint rate, by posture."""
         damped = np.eye(7) - damped_inverse(rows, value) @ J
         return np.linalg.norm(J @ damped, 2, axis=(1, 2))
 

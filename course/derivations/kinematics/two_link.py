@@ -239,7 +239,7 @@ def reachable_annulus(result):
         return bool((gets == inside).all())
 
     def hole(lengths: Any, beta: float) -> float:
-        """Return least distance of the tip from the base, from a sweep of the elbow [m]."""
+        """Return the least distance of the tip from the base, from a sweep of the elbow [m]."""
         bend = np.linspace(-beta, beta, 2001)
         return float(np.hypot(*planar_tip(lengths, np.array([0 * bend, bend]))).min())
 

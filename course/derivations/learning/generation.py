@@ -43,12 +43,12 @@ def aside(name, **how):
 
 
 def between(name, **how):
-    """Return share of them that lead into the obstacle."""
+    """Return the share of them that lead into the obstacle."""
     return np.mean(np.abs(aside(name, **how)) < 0.2)
 
 
 def passed(act, noise=0.0, seed=3, steps=16):
-    """Return share of 400 runs that pass the obstacle and arrive."""
+    """Return the share of 400 runs that pass the obstacle and arrive."""
     from course.learning import TwoWays, roll
 
     task, rng = TwoWays(noise=noise), np.random.default_rng(seed)
@@ -241,7 +241,7 @@ def sampler_orders(result):
     noise = np.linspace(-2.0, 2.0, 41)[:, None]
 
     def gain(solver, weights, means, deviations, n=80):
-        """Return error of n steps over that of twice as many, on the exact field."""
+        """Return the error of n steps over that of twice as many, on the exact field."""
         made, ends = Mixture(weights, means, deviations), []
         for steps in (n, 2 * n):
             if solver == "ddim":

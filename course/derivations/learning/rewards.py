@@ -502,7 +502,7 @@ def two_gains(result):
     from course.vector_env.point import optimum
 
     def played(gains, first, n):
-        """Return mean return of each law (k, 2) over n common starts, and all steps."""
+        """Return the mean return of each law (k, 2) over n common starts, and all steps."""
         each = np.repeat(gains, n, axis=0)
 
         def act(observed):

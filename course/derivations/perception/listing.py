@@ -237,7 +237,7 @@ def two_millimetres_will_do(result):
     play, turn = result.input("play", 2.5) / 1000, np.radians(result.input("turn_deg", 2))
 
     def gap(finger, shift=error, angle=turn):
-        """Return least distance of a finger from the turned part, of one on each side."""
+        """Return the least distance of a finger from the turned part, of one on each side."""
         part, tool = box((0.1, 0.5 * width)), box((0.5 * finger, 0.01))
         far = 0.5 * width + play + 0.01
         return min(

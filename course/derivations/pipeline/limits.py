@@ -56,7 +56,7 @@ def drawn(rng, n=12):
 
 
 def limits(q, kp, kd):
-    """Return largest stable steps (N,) [s]."""
+    """Return the largest stable steps (N,) [s]."""
     from course.kinematics import TwoLink
     from course.pipeline import theory
 
@@ -547,7 +547,7 @@ def overrun_ages(result):
     plain = replace(Settings(), noise=0.0, bias=(0.0, 0.0), filtered=False)
 
     def age(rule, late, period):
-        """Return mean over the phases of what an arm without lag aims at [s]."""
+        """Return the mean over the phases of what an arm without lag aims at [s]."""
         cycle = {"drop": period * np.ceil(late / period), "block": late, "queue": period}[rule]
         aimed = []
         for phase in (seconds - late - cycle * (np.arange(8) + 0.5) / 8) % cycle:

@@ -131,7 +131,7 @@ def informed_area(result):
     area = sympy.lambdify((c, d), result.formula)
 
     def share(start, goal, length, low, high):
-        """Return share of uniform states by which a path of that length could pass."""
+        """Return the share of uniform states by which a path of that length could pass."""
         q = result.rng.uniform(low, high, (200_000, 2))
         return np.mean(
             np.linalg.norm(q - start, axis=1) + np.linalg.norm(q - goal, axis=1) < length

@@ -123,7 +123,7 @@ def damping_realism(result):
         return np.array(angles)
 
     def remaining(robot, added, start=0.5, dry=0.0):
-        """Return error of the model with the damping over that of the one without."""
+        """Return the error of the model with the damping over that of the one without."""
         true = swing(robot, start, dry)
         with_it, without = (swing(x, start) - true for x in (added, 0.0))
         return float(np.linalg.norm(with_it) / np.linalg.norm(without))

@@ -24,7 +24,7 @@ def simulators(*names):
 
 
 def errors(names, scene, dt, **settings):
-    """Return error of a scene at its end in each engine with its fair settings [m or rad]."""
+    """Return the error of a scene at its end in each engine with its fair settings [m or rad]."""
     from course.platforms import FAIR, measures
 
     report = FAIR.using(**settings)

@@ -404,7 +404,7 @@ def drake_hydroelastic(result):
 
 
 def _fallen(engine, scene, settings):
-    """Return error of a scene at 2 ms [m]."""
+    """Return the error of a scene at 2 ms [m]."""
     from course.platforms import measures
 
     return measures.position_error(engine, scene, 2e-3, settings)

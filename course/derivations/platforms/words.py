@@ -18,7 +18,7 @@ SYMBOLS = {
 
 
 def seconds(call, repeats):
-    """Return least processor time of one of so many calls, five times tried [s]."""
+    """Return the least processor time of one of so many calls, five times tried [s]."""
     result = []
     for _ in range(5):
         start = time.process_time()

@@ -343,7 +343,7 @@ def worked_ten_bounces_semi_implicit(result):
 
 
 def _resolved(method: str, start: Any, handled: bool = True) -> float:
-    """Return energy right after ten elastic bounces over that at the start, for one ball.
+    """Return the energy right after ten elastic bounces over that at the start, for one ball.
 
     Args:
         method: name of an integrator.
@@ -566,7 +566,7 @@ def bounce_rule_takes_energy(result):
     )  # fmt: skip
 
     def full_depth(speed: float) -> float:
-        """Return energy that a bounce adds at the depth of a whole step's travel."""
+        """Return the energy that a bounce adds at the depth of a whole step's travel."""
         h = step / 1000
         run = drop("semi_implicit_euler", 1, 2, h, rest, 0.0, GRAVITY * h - speed)
         return float(run.by_rule[0] + run.by_restitution[0])
@@ -598,7 +598,7 @@ def order_survives_bounces(result):
     true = [problems.bounce_height(1.8, x, 1.0, GRAVITY) for x in heights]
 
     def error(n: int) -> float:
-        """Return mean error 1.8 s after the drop: one bounce each."""
+        """Return the mean error 1.8 s after the drop: one bounce each."""
         run = drop("exact_flight", n, dt=1.8 / n, height=heights)
         return float(np.abs(run.q[-1] - true).mean())
 

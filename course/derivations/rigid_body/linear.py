@@ -20,7 +20,7 @@ def symbols() -> Any:
 
 @functools.cache
 def step_matrix(name: str, damped: bool = False) -> Any:
-    """Return matrix A of (x, v) -> A (x, v) for x'' = -omega^2 x - 2 zeta omega x'.
+    """Return the matrix A of (x, v) -> A (x, v) for x'' = -omega^2 x - 2 zeta omega x'.
 
     Args:
         name: name of an integrator of `course.rigid_body`. `implicit_midpoint` iterates on
@@ -64,14 +64,14 @@ def numeric_matrix(name: str, omega_h: float, zeta: float = 0.0) -> np.ndarray:
 
 
 def spectral_radius(name: str, omega_h: float, zeta: float = 0.0) -> float:
-    """Return largest modulus of the eigenvalues of one step."""
+    """Return the largest modulus of the eigenvalues of one step."""
     from course.measure import stability
 
     return stability.spectral_radius(numeric_matrix(name, omega_h, zeta))
 
 
 def measured_limit(name: str, zeta: float = 0.0, low: float = 0.0, high: float = 8.0) -> float:
-    """Return largest stable omega * h by bisection on the spectral radius, to eleven digits.
+    """Return the largest stable omega * h by bisection on the spectral radius, to eleven digits.
 
     Args:
         name: name of an integrator.

@@ -604,7 +604,7 @@ def smooth_gradients_by_draws(result):
     runs = result.input("runs", 800)
 
     def bounced(h):
-        """Return height after the first bounce, in closed form [m]."""
+        """Return the height after the first bounce, in closed form [m]."""
         fall = np.sqrt(2 * h / g)
         return e * g * fall * (duration - fall) - g * (duration - fall) ** 2 / 2
 

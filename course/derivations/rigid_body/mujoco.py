@@ -52,7 +52,7 @@ def _grows(integrator, timestep, damping=0.0, steps=3000):
 
 
 def _limit(integrator, damping=0.0):
-    """Return largest stable omega h by bisection, to a part in 2000."""
+    """Return the largest stable omega h by bisection, to a part in 2000."""
     low, high = 0.1, 16.0
     if not _grows(integrator, 1000.0, damping):
         return float("inf")
@@ -445,7 +445,7 @@ def mujoco_free_spin_energy(result):
     import mujoco
 
     def fastest(integrator):
-        """Return largest rate within 1000 steps of 10 ms from 135 rad/s, to 10,000 [rad/s]."""
+        """Return the largest rate within 1000 steps of 10 ms from 135 rad/s, to 10,000 [rad/s]."""
         model, data = _free_body(integrator, 0.01, spin=(50.0, 100.0, 75.0))
         rate = 0.0
         for _ in range(1000):

@@ -43,7 +43,7 @@ _PHASES = np.linspace(0.01, 0.99, 16)
 
 
 def _stop_time(time_constant):
-    """Return way to a stop of MuJoCo's default contact over the speed [s].
+    """Return the way to a stop of MuJoCo's default contact over the speed [s].
 
     Beyond 1 mm it is r'' + d b r' + d k r = 0 with the impedance d = 0.95, b = 2 / (d T) and
     k = 1 / (d T)^2 (MuJoCo documentation, Solver parameters). The deepest point of that oscillator

@@ -46,7 +46,7 @@ def _wander(q: np.ndarray, omega: np.ndarray) -> float:
 
 
 def _without_term(moments: Any, omega: Any, seconds: float) -> float:
-    """Return error of the attitude of a free body whose gyroscopic term is left out [rad]."""
+    """Return the error of the attitude of a free body whose gyroscopic term is left out [rad]."""
     from course.rigid_body import quaternion
 
     end = _spin(moments, omega, seconds).q[-1]
@@ -145,7 +145,7 @@ def planar_torque(result):
     from course.rigid_body import PlanarBody
 
     def felt(place: np.ndarray, arm: np.ndarray, force: np.ndarray) -> float:
-        """Return torque on a box, from the rate it gains [N m]."""
+        """Return the torque on a box, from the rate it gains [N m]."""
         body = PlanarBody(ground=False)
         body.state[:2] = place
         body.apply_force(force, place + arm)
@@ -291,7 +291,7 @@ def top_condition(result):
     def tilt(
         i1: float, ratio: float, share: float, seconds: float = 3.0, dt: float = 1e-3
     ) -> float:
-        """Return largest tilt, started at 0.001 rad with a share of the critical spin [rad]."""
+        """Return the largest tilt, started at 0.001 rad with a share of the critical spin [rad]."""
         spin = share * 2 * np.sqrt(i1) / (ratio * i1)
         return float(np.arccos(_top_run((i1, ratio * i1), spin, 1e-3, seconds, dt)[0].min()))
 

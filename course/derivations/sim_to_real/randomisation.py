@@ -116,7 +116,7 @@ def mass_without_set_const(result):
         return data.contact.dist.min()
 
     def moved(measure, factor):
-        """Return largest relative difference that mj_setConst makes."""
+        """Return the largest relative difference that mj_setConst makes."""
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
 
     change = result.measure("acceleration_free", moved(free, 4.0), tolerance=1e-9)

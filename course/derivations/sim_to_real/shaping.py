@@ -190,7 +190,7 @@ def q_of_shaped(result):
     phi = result.rng.normal(size=6)
 
     def deviation(ends, factor, free_end=False):
-        """Return largest difference of the shaped Q from Q - factor phi, 0 at the ends."""
+        """Return the largest difference of the shaped Q from Q - factor phi, 0 at the ends."""
         process, live = drawn(result.rng, ends), phi * (np.arange(6) < 6 - ends)
         change = value_iteration(shaped(process, phi, free_end=free_end)).q
         return np.abs(change - value_iteration(process).q + factor * live[:, None]).max()

@@ -139,7 +139,7 @@ def brake_lag(log: Rows) -> int:
 
 
 def stops_gain(cause: str, seed: int) -> float:
-    """Return share of energy gained in ten steps with neither brake nor friction."""
+    """Return the share of energy gained in ten steps with neither brake nor friction."""
     one = replace(machine(cause, seed), damping=0.0, friction=0.0)
     log = simulate(one, 1001)  # a thousand steps lie between its rows
     x, v, old = log["x"], log["v"], 1.0 - one.blend

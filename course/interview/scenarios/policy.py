@@ -169,7 +169,7 @@ def replayed(first: int, last: int) -> Callable[[str, int], float]:
 
 
 def positions(cause: str, seed: int) -> float:
-    """Return torque of a slow servo deep in a key, above what the model needs there [N m]."""
+    """Return the torque of a slow servo deep in a key, above what the model needs there [N m]."""
     path = np.linspace(0.0, 0.8, 250)
 
     def servo(i: int, q: Array, v: Array) -> Array:
@@ -188,7 +188,7 @@ def strike(cause: str, seed: int) -> float:
 
 
 def coast(cause: str, seed: int) -> float:
-    """Return speed lost in a tenth of a second without a torque [rad/s]."""
+    """Return the speed lost in a tenth of a second without a torque [rad/s]."""
     log = driven(robot(cause, seed), np.zeros(25), 3.0)
     return sensed(3.0 - float(log.v[-1, 0]), 0.02, seed)
 

@@ -92,11 +92,13 @@ def _xml(hidden: Hidden, step: float, integrator: str) -> str:
     for i, (m, length, inertia) in enumerate(
         zip(ARM.masses, ARM.lengths, ARM.inertias, strict=True)
     ):
+        # The second motor is half as strong as the first.
         share, k = 1.0 / (i + 1), i + 1
         at = f'pos="{ARM.lengths[0] if i else 0.0} 0 0"'
         rotor = f'armature="{share * h.armature:.17g}"'
         damped = f'damping="{ARM.damping[i]:.17g}"'
         axis = 'type="hinge" axis="0 0 1"'
+        # Backlash: a nearly massless body between motor and link, whose joint plays in its limits.
         if h.backlash:
             bodies += (
                 f'<body {at}><joint name="motor{k}" {axis} {rotor} {damped}/>'
@@ -111,6 +113,7 @@ def _xml(hidden: Hidden, step: float, integrator: str) -> str:
         if i and h.payload:
             mass = m + h.payload
             centre = (0.5 * m + h.payload) * length / mass
+            # Steiner's theorem, for the common centre of link and payload.
             about += m * (0.5 * length - centre) ** 2 + h.payload * (length - centre) ** 2
         bodies += (
             f'<inertial pos="{centre:.17g} 0 0" mass="{mass:.17g}" '

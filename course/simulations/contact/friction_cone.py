@@ -270,4 +270,16 @@ READOUTS = {
 }
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    **space.ORBIT,
+    readouts=READOUTS,
+)

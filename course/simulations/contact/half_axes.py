@@ -200,6 +200,7 @@ READOUTS = {
 }
 
 PAPER = draw.Paper(TITLE, word, colour)
+
 MODEL = Model(
     TITLE,
     PAPER,
@@ -212,4 +213,5 @@ MODEL = Model(
     drag,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
 )

@@ -242,4 +242,6 @@ READOUTS = {
 }
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag)
+MODEL = Model(
+    TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, readouts=READOUTS
+)

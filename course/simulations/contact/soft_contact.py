@@ -202,4 +202,16 @@ READOUTS = {
 }
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, grab=grab)
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    grab=grab,
+    readouts=READOUTS,
+)

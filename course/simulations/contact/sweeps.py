@@ -216,4 +216,5 @@ MODEL = Model(
     frame,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
 )

@@ -26,13 +26,13 @@ _SAMPLE = 0.004  # s
 _REACH = 1.6  # of the hand, along each axis [m]
 
 CONTROLS = Record(
-    fixed=menu("Standing", ("floor", "circle", "thin wall")),
-    moving=menu("Pulled", ("circle", "box"), 1),
+    fixed=menu("Fixed body", ("floor", "circle", "thin wall")),
+    moving=menu("Moving body", ("circle", "box"), 1),
     stiffness=slider("Stiffness", 3000.0, 500.0, 50000.0, 500.0, "N/m", 0),
     zeta=slider("Damping ratio", 0.3, 0.0, 2.0, 0.05),
-    friction=slider("Friction μ", 0.70, 0.0, 1.5, 0.05),
-    timestep=slider("Timestep", 5.0, 0.5, 40.0, 0.5, "ms", 1),
-    pull=switch("the damper may pull", False),
+    friction=slider("Friction coefficient μ", 0.70, 0.0, 1.5, 0.05),
+    timestep=slider("Step", 5.0, 0.5, 40.0, 0.5, "ms", 1),
+    pull=switch("Damper may pull", False),
     hand=Field((0.0, 0.2), low=-_REACH, high=_REACH, unit="m"),
     start=Field((0.0, 0.2, 0.0, 0.0)),  # x, y, vx, vy [m, m/s]
 )
@@ -287,29 +287,48 @@ def press(controls, state, key):
 PRESETS = {
     "Drag it": Preset(
         {"hand": (0.9, 0.17), "start": (-1.2, 0.9, 0.0, 2.0)},
-        "Press play and drag the hand. Both bodies hang on it by the same spring. The penalty "
-        "sinks in before it pushes; the constraint doesn't."),
+        "Two boxes start at the same place. Press play and drag the hand: the same spring pulls "
+        "both. The penalty box has to overlap before it is pushed. The constraint box never does."),
     "Stick": Preset(
-        {"hand": (0.03, 0.2)}, "The hand pulls sideways, with less than μ times the normal force. "
-        "The constraint holds. The penalty creeps: its friction needs a little speed."),
+        {"hand": (0.03, 0.2)}, "The hand pulls sideways with less than μ times the normal force. "
+        "The constraint box stays. The penalty box creeps, because its friction is zero at rest. "
+        "Move the hand a little and compare the speeds."),
     "Slip": Preset(
-        {"hand": (1.2, 0.2)}, "More than the cone allows: both forces lie on its edge, and the "
-        "bodies slide until the pull fits into it."),
+        {"hand": (1.2, 0.2)}, "The pull exceeds the friction limit. Both contact forces lie on the "
+        "edge of the friction cone. The boxes slide until the pull fits into the cone."),
     "Pull-back": Preset(
         {"pull": True, "zeta": 2.0, "stiffness": 500.0, "hand": (0.0, 0.45),
          "start": (0.0, 0.15, 0.0, 0.0), "timestep": 2.0},
-        "The hand lifts the body out of an overlap. While it still overlaps, the penalty's damper "
-        "holds it back: a normal force below zero, as if the floor were sticky."),
+        "The hand lifts the boxes out of an overlap. As long as the penalty box overlaps, its "
+        "damper pulls it back: the normal force is negative, as if the floor were sticky."),
     "Explosion": Preset(
         {"stiffness": 50000.0, "timestep": 15.0, "zeta": 0.0},
-        "ω h is above 2: the penalty throws the body off again and again. At the same step the "
-        "constraint lies still. Shorten the step until the penalty holds."),
+        "ω h is above 2, so the contact spring throws the penalty box off again and again. At the "
+        "same step, the constraint box lies still. Shorten the step until both do."),
     "Tunnelling": Preset(
         {"fixed": 2, "moving": 0, "stiffness": 500.0, "zeta": 0.0, "hand": (0.6, 0.3),
-         "start": (-0.4, 0.3, 9.0, 0.0)}, "A fast body, a soft contact, a wall of 4 cm. Past its "
-        "middle the nearest way out is on the far side, and the penalty pushes there. The "
-        "constraint looks ahead and stays, though the hand is beyond."),
+         "start": (-0.4, 0.3, 9.0, 0.0)},
+        "A fast ball, a soft contact and a wall of 4 cm. Once the penalty ball is past the middle "
+        "of the wall, the shortest way out is the far side, and the spring pushes it there. The "
+        "constraint ball looks ahead by one step and stops, although the hand is behind the wall."),
 }  # fmt: skip
+
+# What each number below the picture means.
+READOUTS = {
+    "depth": "Penetration: first with the penalty model, then with the constraint.",
+    "normal force": (
+        "Contact force perpendicular to the surface: first the penalty model, then the constraint."
+    ),
+    "tangential force": (
+        "Friction force along the surface: first the penalty model, then the constraint."
+    ),
+    "normal": "Components of the unit normal at the contact of the constraint model.",
+    "contact": "Apart, sticking or sliding: first the penalty model, then the constraint.",
+    "ω h (penalty)": (
+        "Natural frequency of the penalty spring times the step size. Semi-implicit Euler is "
+        "unstable above 2."
+    ),
+}
 
 MODEL = Model(
     TITLE,
@@ -323,4 +342,5 @@ MODEL = Model(
     drag,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
 )

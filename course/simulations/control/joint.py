@@ -214,4 +214,21 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag)
+
+# What each number below the picture means.
+READOUTS = {
+    "overshoot": "How far the joint goes beyond the target, as a fraction of the step.",
+    "settled after": "Time after which the error stays within the settling band.",
+    "steady error": "Error at the end of the run.",
+    "growth a sample": (
+        "Spectral radius of the closed loop: the factor by which its slowest mode changes per "
+        "sample. Above 1 it is unstable."
+    ),
+    "gain margin": "Factor by which the loop gain can rise before the loop becomes unstable.",
+    "phase margin": "Extra phase lag at the crossover frequency that makes the loop unstable.",
+    "delay margin": "Extra delay that makes the loop unstable.",
+}
+
+MODEL = Model(
+    TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, readouts=READOUTS
+)

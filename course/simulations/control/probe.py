@@ -184,4 +184,27 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag)
+
+# What each number below the picture means.
+READOUTS = {
+    "largest force": "Largest contact force of the run.",
+    "force at the end": "Contact force at the end of the run.",
+    "growth a sample": "Spectral radius of the loop in contact: above 1 it is unstable.",
+    "in contact": "Whether the loop is stable while the probe touches the wall.",
+    "limit of K, B = 0": "Largest stiffness of the controller that is stable without damping.",
+    "limit of the gain": "Largest gain of the force controller that is stable on this wall.",
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    readouts=READOUTS,
+    upright=False,
+)

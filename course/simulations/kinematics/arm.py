@@ -339,6 +339,27 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
+
+# What each number below the picture means.
+READOUTS = {
+    "error": "Distance from the tip to the target, with the orientation error where it counts.",
+    "steps": "Steps of the inverse kinematics so far.",
+    "condition number": (
+        "Largest divided by smallest singular value of the Jacobian. At a singularity it is "
+        "infinite."
+    ),
+    "manipulability": (
+        "Product of the Jacobian's singular values (Yoshikawa). At a singularity it is zero."
+    ),
+    "smallest value": (
+        "Smallest singular value of the Jacobian: how fast the tip moves in its worst direction "
+        "at unit joint speed."
+    ),
+    "gain of the step": "Length of the last joint step divided by the error that it answered.",
+    "largest gain so far": "Largest gain of a step since the start.",
+    "its bound 1/(2λ)": "Upper bound of the gain with damping λ, for any Jacobian.",
+}
+
 MODEL = Model(
     TITLE,
     PAPER,
@@ -351,4 +372,5 @@ MODEL = Model(
     drag,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
 )

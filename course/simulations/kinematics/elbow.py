@@ -201,4 +201,29 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)
+
+# What each number below the picture means.
+READOUTS = {
+    "the tip is off by": "Distance of the tip from where it should stay.",
+    "and turned by": "Angle between the tip's orientation and the one it should keep.",
+    "steps": "Steps along the null space so far.",
+    "along the null space": "Distance covered in joint space along the null space.",
+    "the elbow has moved": "Length of the elbow's path.",
+    "off by one step / h²": (
+        "Tip error of a single uncorrected step, divided by the square of the step. It is "
+        "constant if the error is of second order."
+    ),
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    **space.ORBIT,
+    readouts=READOUTS,
+)

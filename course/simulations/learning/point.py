@@ -195,6 +195,7 @@ _UPPER, _LOWER = (5.35, 8.85, 3.05, 4.6), (5.35, 8.85, 0.55, 2.1)
 def frame(pen, state, controls):
     """Draw ways of this iteration's policy; success and return of all iterations up to it."""
     report, now = state["report"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
+    # The paths are drawn within 5/7 of a picture's time, and stand for the rest.
     phase = min(1.4 * max(state["time"] / PICTURE - now, 0.0), 1.0)
     reach = 1.2 * NEAR if controls["reward"] == HOVER else 2.1
     draw.area(pen, _SCENE, (-reach, reach, -reach, reach))
@@ -274,6 +275,9 @@ PRESETS = {
         "is. The first policy pushes at random. After fifty thousand steps more than nine "
         "starts in ten arrive, in the median of ten seeds; some seeds need longer. Drag along a "
         "chart to see an iteration again.",
+        "Paid for each step that comes nearer, by a potential that leaves the best policy "
+        "unchanged. The first policy pushes at random. After fifty thousand steps more than nine "
+        "starts in ten arrive, in the median of ten seeds; some seeds need longer.",
     ),
     "The disc alone": Preset(
         {"reward": SPARSE},
@@ -312,6 +316,9 @@ PRESETS = {
         "The potential changes by a few hundredths in a step. From rewards so small most of ten "
         "seeds learn nothing, and one or two learn the whole task (try seed 1). A single seed "
         "says little about a method.",
+        "The potential changes by a few hundredths in a step. From rewards so small most of ten "
+        "seeds learn nothing, and one or two learn the whole task. A single seed says little "
+        "about a method.",
     ),
     "Hovering": Preset(
         {"reward": HOVER},
@@ -328,6 +335,21 @@ PRESETS = {
     ),
 }
 
+# What each number below the picture means.
+READOUTS = {
+    "steps so far": "Environment steps used for training so far.",
+    "success": "Evaluation episodes that reach the disc, with a 95 % confidence interval.",
+    "first to finish": (
+        "Success rate counted over the first 64 episodes to finish. It is biased: failures take "
+        "longer."
+    ),
+    "return": "Mean return of the evaluation episodes.",
+    "optimum": "Return of the best possible policy for this reward.",
+    "of the prize": "Mean discounted prize earned, as a fraction of the most that can be earned.",
+    "divergence": "Mean KL divergence between the policy before and after this iteration.",
+    "action spread": "Standard deviation of the policy's actions: how much it explores.",
+}
+
 MODEL = Model(
     TITLE,
     draw.Paper(TITLE, word, colour, room=30_000),
@@ -339,4 +361,6 @@ MODEL = Model(
     frame,
     drag,
     live_drag=True,
+    readouts=READOUTS,
+    upright=False,
 )

@@ -139,8 +139,21 @@ PRESETS = {
         "than half pass."),
     "Diffusion": Preset({"head": "diffusion"}, "Noise is taken away bit by bit; ten steps do."),
     "Noise, eight blind steps": Preset({"head": "flow", "noise": 0.05}, "Each step is "
-        "disturbed, and eight are made before it looks again. Look after every second."),
+        "disturbed, and eight are made before it looks again. Look after every second.",
+        "Each step is disturbed, and eight steps are made before the policy observes again, so "
+        "the errors of eight steps add up uncorrected."),
 }  # fmt: skip
+
+# What each number below the picture means.
+READOUTS = {
+    "success": "Runs that pass the disc on either side, with a 95 % confidence interval.",
+    "pass left": "Runs that pass the disc on the left.",
+    "pass right": "Runs that pass the disc on the right.",
+    "hit or elsewhere": "Runs that hit the disc or end somewhere else.",
+    "plans in a run": (
+        "How often the policy observes and predicts a new chunk of actions during a run."
+    ),
+}
 
 MODEL = Model(
     TITLE,
@@ -151,4 +164,5 @@ MODEL = Model(
     initial,
     advance,
     frame,
+    readouts=READOUTS,
 )

@@ -443,6 +443,20 @@ PRESETS = {
         "spent. Two trees show it to the eye; drag a wall aside."),
 }  # fmt: skip
 
+# What each number below the picture means.
+READOUTS = {
+    "question": "State of the query: still searching, solved or given up.",
+    "samples": "Random configurations sampled so far.",
+    "edges tested": "Straight segments checked for collisions so far.",
+    "nodes": "Nodes of the tree or roadmap.",
+    "path": "Length of the present path.",
+    "before shortcuts": "Length of the path when it was found, before shortcutting.",
+    "edges of it that hit": (
+        "Edges of the path that a fine collision check finds in collision: the planner's check "
+        "was too coarse."
+    ),
+}
+
 MODEL = Model(
     TITLE,
     draw.Paper(TITLE, word, colour, room=60_000),
@@ -456,4 +470,5 @@ MODEL = Model(
     grab,
     press,
     live_drag=True,
+    readouts=READOUTS,
 )

@@ -373,6 +373,33 @@ PRESETS = {
     ),
 }
 
+# What each number below the picture means.
+READOUTS = {
+    "time": "Simulated time since the box was released.",
+    "kinetic": "Kinetic energy of the box, translation and rotation together.",
+    "potential": "Potential energy of the box in gravity, zero at the ground.",
+    "total": "Kinetic plus potential energy.",
+    "energy change": (
+        "Change of the total energy since the start, as a fraction of the energy at the start."
+    ),
+    "height": "Height of the box's centre above the ground.",
+    "highest so far": "Largest height of the centre since the start.",
+    "impacts": "Number of impacts with the ground so far.",
+    "steps not resolved": (
+        "Steps that contained more impacts than the integrator resolves in one step."
+    ),
+    "deepest in ground": "Largest penetration of a corner into the ground so far.",
+}
+
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour), CONTROLS, STATE, PRESETS, initial, advance, frame, drag
+    TITLE,
+    draw.Paper(TITLE, word, colour),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    readouts=READOUTS,
 )

@@ -104,4 +104,28 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)
+
+# What each number below the picture means.
+READOUTS = {
+    "turned by": "Angle of the rotation that the quaternion stands for.",
+    "w = cos(half)": "Scalar part of the quaternion: the cosine of half the angle.",
+    "off the start": "Angle between the present orientation and the one at the start.",
+    "off the end": "Angle between the present orientation and the one at the end.",
+    "q · end, at the start": (
+        "Dot product of the first and the last quaternion. If it is negative, interpolation "
+        "takes the long way round."
+    ),
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    **space.ORBIT,
+    readouts=READOUTS,
+)

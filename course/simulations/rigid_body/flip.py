@@ -117,4 +117,30 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)
+
+# What each number below the picture means.
+READOUTS = {
+    "time": "Simulated time since the start.",
+    "growth, measured": (
+        "Rate at which a small wobble grows, fitted to the motion: it grows by a factor e in one "
+        "over this time."
+    ),
+    "growth, in theory": (
+        "The same rate according to Euler's equations, linearised about the middle axis."
+    ),
+    "flips": "How often the body has turned over.",
+    "between two flips": "Time between the last two flips.",
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    **space.ORBIT,
+    readouts=READOUTS,
+)

@@ -120,4 +120,25 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)
+
+# What each number below the picture means.
+READOUTS = {
+    "time": "Simulated time since the start.",
+    "energy": "Kinetic energy of the rotation. Without a torque it is constant.",
+    "size of L": "Magnitude of the angular momentum. Without a torque it is constant.",
+    "angle of ω and L": "Angle between the angular velocity and the angular momentum.",
+    "ω has moved by": "Angle between the angular velocity now and at the start, seen from outside.",
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    **space.ORBIT,
+    readouts=READOUTS,
+)

@@ -117,4 +117,29 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)
+
+# What each number below the picture means.
+READOUTS = {
+    "yaw, pitch, roll": "The three angles of the rings, from the outer to the inner one.",
+    "weakest turn": (
+        "Smallest singular value of the map from ring rates to angular velocity: how fast the "
+        "body turns about its worst axis when the rings turn at 1 rad/s."
+    ),
+    "in theory": "The same value from the formula sqrt(1 - |sin(pitch)|).",
+    "rings, for 1 rad/s of it": (
+        "How fast the rings have to turn to rotate the body at 1 rad/s about its worst axis."
+    ),
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    **space.ORBIT,
+    readouts=READOUTS,
+)

@@ -123,4 +123,30 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag)
+
+# What each number below the picture means.
+READOUTS = {
+    "steps": "Steps of the integrator so far.",
+    "largest |eigenvalue|": (
+        "Largest modulus of the eigenvalues of one step. Above 1 the motion grows."
+    ),
+    "determinant": "Determinant of one step: the factor by which it changes areas in phase space.",
+    "area of the patch": "Area of the coloured patch of states, relative to its area at the start.",
+    "determinant ^ steps": (
+        "The area that theory predicts: the determinant to the power of the number of steps."
+    ),
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    readouts=READOUTS,
+    upright=False,
+)

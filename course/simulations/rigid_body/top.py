@@ -115,4 +115,27 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)
+
+# What each number below the picture means.
+READOUTS = {
+    "time": "Simulated time since the start.",
+    "turns at": "Measured rate of precession: how fast the axis goes round the vertical.",
+    "fast-top theory": "Rate of precession of a fast top: torque divided by spin angular momentum.",
+    "ω × I ω": "Magnitude of the gyroscopic term of Euler's equations.",
+    "energy": (
+        "Kinetic plus potential energy. It is constant apart from the error of the integrator."
+    ),
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    **space.ORBIT,
+    readouts=READOUTS,
+)

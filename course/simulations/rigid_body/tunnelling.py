@@ -135,4 +135,19 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame)
+
+# What each number below the picture means.
+READOUTS = {
+    "v h, a step's way": "Distance that the ball moves in one step: speed times step size.",
+    "D = ball + wall": (
+        "Diameter of the ball plus thickness of the wall: positions within this distance overlap."
+    ),
+    "missed, of 1000": (
+        "Fraction of 1000 shots with random starting points for which no step ended in an overlap."
+    ),
+    "1 − D / (v h)": "The same fraction according to theory.",
+    "shots": "Shots fired so far.",
+    "missed": "Shots that went through the wall unnoticed.",
+}
+
+MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, readouts=READOUTS)

@@ -127,4 +127,29 @@ PRESETS = {
 }
 
 PAPER = draw.Paper(TITLE, word, colour)
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, live_drag=True)
+
+# What each number below the picture means.
+READOUTS = {
+    "on the robot": (
+        "Time that the experiments take on the real robot, resets and repairs included."
+    ),
+    "in simulation": "Time that the same number of experiments takes in the simulator.",
+    "tries a day there": "Experiments that one day on the real robot allows.",
+    "tries a day here": "Experiments that one day of computing allows.",
+    "damages expected": "Expected number of experiments that damage the robot.",
+}
+
+MODEL = Model(
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    live_drag=True,
+    readouts=READOUTS,
+    upright=False,
+)

@@ -47,7 +47,7 @@ STATE = Record(
 
 @register_jitable
 def predicted(controls):
-    """Return least, mean and greatest age and the intervals of perception and planning [s].
+    """Return the least, mean and greatest age and the intervals of perception and planning [s].
 
     The formula is that of `role.age`.
     """
@@ -337,6 +337,25 @@ PRESETS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
+
+# What each number below the picture means.
+READOUTS = {
+    "age of the command": (
+        "Age of the measurement behind the command that acts right now: from the camera's "
+        "exposure to the motor."
+    ),
+    "least predicted": (
+        "Smallest age of a command according to the formula: every stage finds its input fresh."
+    ),
+    "mean predicted": "Mean age of a command according to the formula.",
+    "mean of the run": "Mean age of a command over the whole run, measured.",
+    "bound predicted": (
+        "Largest age of a command according to the formula: every stage just misses its input."
+    ),
+    "planner's results": "Plans that are finished per second.",
+    "age in this box": "Age of the newest data that the selected box works with.",
+}
+
 MODEL = Model(
     TITLE,
     PAPER,
@@ -349,4 +368,6 @@ MODEL = Model(
     drag,
     press=press,
     live_drag=True,
+    readouts=READOUTS,
+    upright=False,
 )

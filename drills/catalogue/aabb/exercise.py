@@ -54,7 +54,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         apart(3, 3, "apart on all axes"),
         Case((corner, corner[:, ::-1] + [1.0, 0.25]), "just touching", "edge"),
         Case((corner, np.array([[0.2, 0.3], [0.9, 0.3]])), "a flat box", "edge"),
-        Case((box(3, 1e3), box(3, 1e-3)), "a crumb and a hall", "edge"),
+        Case((box(3, 1e3), box(3, 1e-3)), "boxes of very different size", "edge"),
         Case((box(2) + 1e3, box(2) + 1e3), "far from the origin", "edge"),
         Case((np.array([[0, 0], [4, 5]]), np.array([[3, 3], [9, 7]])), "integers", "edge"),
     ]
@@ -86,69 +86,70 @@ SLIPS = slips(
     shared_length=(
         OVERLAP,
         "np.minimum(high_a, high_b) - np.maximum(low_a, low_b)",
-        "On an axis on which one box lies inside the other you return the length that both share. "
-        "To part them takes more: the smaller of high_a - low_b and high_b - low_a.",
+        "On an axis where one box lies inside the other, you return the length that both share. "
+        "Getting out takes a longer move: the smaller of high_a - low_b and high_b - low_a.",
     ),
     largest_overlap=(
         "np.argmin(overlap)",
         "np.argmax(overlap)",
-        "You take the axis of the largest overlap. The shortest way out is along the smallest, and "
-        "a single axis with a gap parts the boxes.",
+        "You choose the axis with the largest overlap. The shortest way out is along the axis with "
+        "the smallest one, and a single axis with a gap keeps the boxes apart.",
     ),
     pushes_the_other=(
         PUSH,
         "-depth if up[axis] < down[axis] else depth",
-        "The push has the right length and the other direction: it moves a out of b, or b deeper "
-        "into a. It is b that is moved.",
+        "The push has the right length but the opposite direction, so it moves b deeper into a. "
+        "The push is the move of b.",
     ),
     always_up=(
         PUSH,
         "depth",
-        "Your push always goes up the axis. Down is the shorter way when b lies below.",
+        "Your push always points up the axis. If b lies below a, down is the shorter way.",
     ),
     one_way_only=(
         OVERLAP,
         "up",
-        "Only the way up, high_a - low_b, is looked at. A box below is parted by the way down, "
-        "high_b - low_a; the smaller of the two counts.",
+        "You only consider the move up, high_a - low_b. A box below a leaves faster by moving "
+        "down, high_b - low_a. Take the smaller of the two.",
     ),
     two_axes_only=(
         "axis = int(np.argmin(overlap))",
         "axis = int(np.argmin(overlap[:2]))",
-        "Only the first two axes are looked at. Boxes have as many as their corners have numbers.",
+        "You only check the first two axes. Check all axes that the corners have.",
     ),
     pushed_when_apart=(
         "if depth > 0.0:",
         "if True:",
-        "Boxes that are apart are pushed too. Return zeros there.",
+        "You push boxes that are apart. Return zeros for them.",
     ),
     gap_not_told=(
         "return depth, push",
         "return max(depth, 0.0), push",
-        "The depth is cut off at zero. When the boxes are apart it is minus the largest gap.",
+        "You clip the depth at zero. If the boxes are apart, it is minus the largest gap.",
     ),
     centre_distance=(
         "axis = int(np.argmin(overlap))",
         "axis = int(np.argmax(np.abs(low_a + high_a - low_b - high_b)))",
-        "You take the axis on which the centres are farthest apart. The box's size counts as well: "
-        "take the axis of the smallest overlap.",
+        "You choose the axis on which the centres are farthest apart. The sizes of the boxes "
+        "matter too: choose the axis with the smallest overlap.",
     ),
     half_of_it=(
         "push[axis] = depth",
         "push[axis] = 0.5 * depth",
         "else -depth",
         "else -0.5 * depth",
-        "You push by half of the depth, as if both boxes moved. Here b alone is moved.",
+        "You push by half the depth, as if both boxes moved. Here only b moves.",
     ),
     low_and_high_swapped=(
         "up, down = high_a - low_b, high_b - low_a",
         "up, down = low_b - high_a, low_a - high_b",
-        "The signs are turned: positive is an overlap, high_a - low_b, not a gap.",
+        "The signs are reversed: an overlap, such as high_a - low_b, is positive; a gap is "
+        "negative.",
     ),
     columns_for_rows=(
         "np.asarray(a, dtype=float), np.asarray(b, dtype=float)",
         "np.asarray(a, float).reshape(-1, 2).T, np.asarray(b, float).reshape(-1, 2).T",
-        "The corners are read as columns. A box has two rows: its lowest and its highest "
+        "You read the corners as columns. A box has two rows: its lowest and its highest "
         "coordinates.",
     ),
 )
@@ -157,7 +158,7 @@ EXERCISE = Exercise(
     judge=judge_of(
         cases,
         lambda case, truth: 1e-12 * float(max(np.abs(box).max() for box in case.args)),
-        "differences of coordinates: only their rounding is left",
+        "the result is a difference of coordinates, so only rounding remains",
         explain=coarse,
     ),
     examples=(
@@ -168,6 +169,6 @@ EXERCISE = Exercise(
     ),
     picture=boxes,
     slips=SLIPS
-    + coarse_slips("aabb_contact", "A touch then looks like a gap.")
+    + coarse_slips("aabb_contact", "Touching boxes then look as if there were a gap.")
     + value_slips("aabb_contact", whole=False),
 )

@@ -181,7 +181,7 @@ def energy(attempt: Attempt, answers: Sequence[Answer]) -> None:
 
 
 def dropped(attempt: Attempt) -> Plan:
-    """Return height of a ball 1.5 s after its drop, with five steps or with thousands."""
+    """Return the height of a ball 1.5 s after its drop, with five steps or with thousands."""
     from course.oracles.mujoco import box
     from course.rigid_body import problems
 

@@ -1,5 +1,5 @@
 def bounce_step(y, v, dt, restitution, gravity=9.81):
-    """Return height and velocity of a bouncing point after dt.
+    """Return the height and velocity of a bouncing point after dt.
 
     Args:
         y: height above the floor, not negative [m].

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def chain_age(executions, periods):
-    """Return least, mean and greatest age of the information behind the command in force.
+    """Return the least, mean and greatest age of the information behind the command in force.
 
     Args:
         executions: of each stage, shape (n,) [s].

@@ -41,7 +41,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(pair(share, "apart") for share in rng.uniform(1.1, 3.0, 3)),
         pair(1.0 + 1e-9, "nearly touching"),
         pair(rng.uniform(0.02, 0.1), "one inside the other"),
-        Case((np.array([0.3, -0.2]), 0.5, np.array([0.3, -0.2]), 0.8), "one centre", "edge"),
+        Case((np.array([0.3, -0.2]), 0.5, np.array([0.3, -0.2]), 0.8), "the same centre", "edge"),
         tiny(1e-7),
         tiny(1e-20),
         tiny(1e-200),
@@ -82,20 +82,20 @@ SLIPS = slips(
         SCALED,
         "    with np.errstate(all='ignore'):\n"
         "        normal = np.array([x, y]) / np.float64(distance)\n",
-        "Where the centres coincide the normal is 0/0. There the task asks for (1, 0).",
+        "If the centres coincide, your normal is 0/0. The task requires (1, 0) there.",
     ),
     small_number_added=(
         SCALED,
         "    normal = np.array([x, y]) / (distance + 1e-9)\n",
-        "A small number in the denominator keeps 0/0 away and makes every normal too short: none "
-        "at all where the centres coincide, wrong in the ninth digit elsewhere. Treat the one "
-        "case by itself.",
+        "A small number in the denominator avoids 0/0 but makes every normal too short: zero if "
+        "the centres coincide, and wrong in the ninth digit elsewhere. Handle that one case "
+        "separately.",
     ),
     threshold=(
         "if size > 0.0:",
         "if size > 1e-6:",
-        "Centres that nearly coincide are treated as if they did. Their direction still counts, "
-        "however small the distance.",
+        "You treat centres that nearly coincide as if they did. Their direction still counts, "
+        "however small the distance is.",
     ),
     squares_underflow=(
         SCALED,
@@ -103,57 +103,57 @@ SLIPS = slips(
         "    length = math.sqrt(x * x + y * y)\n"
         "    if length > 0.0:\n"
         "        normal = np.array([x, y]) / length\n",
-        "The square of 1e-200 is zero, and with it the distance. Scale x and y by the larger of "
-        "them before you square, or use math.hypot.",
+        "The square of 1e-200 underflows to zero, so your distance is zero. Divide x and y by the "
+        "larger of them before you square, or use math.hypot.",
     ),
     from_b_to_a=(
         "x, y = q - p",
         "x, y = p - q",
-        "The normal points from b to a. It goes from the first to the second.",
+        "Your normal points from b to a. It must point from the first circle to the second.",
     ),
     depth_for_gap=(
         "gap = distance - (radius_a + radius_b)",
         "gap = radius_a + radius_b - distance",
-        "The sign of the gap is turned: it is negative when the circles overlap. (What you return "
-        "is the depth.)",
+        "The sign of the gap is reversed: it is negative if the circles overlap. What you return "
+        "is the depth.",
     ),
     one_radius_forgotten=(
         "(radius_a + radius_b)\n",
         "radius_a\n",
-        "One radius is missing: the gap is the distance of the centres less both radii.",
+        "One radius is missing: the gap is the distance between the centres minus both radii.",
     ),
     on_the_surface_of_a=(
         "radius_a + 0.5 * gap",
         "radius_a",
-        "Your point lies on the surface of a. It lies half way between the two surfaces: go on by "
-        "half of the gap, which is negative in an overlap.",
+        "Your point is on the surface of a. It should be halfway between the two surfaces: go on "
+        "by half of the gap, which is negative for an overlap.",
     ),
     half_way_between_centres=(
         "p + (radius_a + 0.5 * gap) * normal",
         "0.5 * (p + q)",
-        "Your point lies half way between the centres, which is right for equal radii only. Half "
-        "way between the surfaces is meant.",
+        "Your point is halfway between the centres. That is right for equal radii only; the point "
+        "should be halfway between the surfaces.",
     ),
     radii_swapped=(
         "(radius_a + 0.5 * gap)",
         "(radius_b + 0.5 * gap)",
-        "From the centre of a one goes the radius of a, not that of b.",
+        "Starting at the centre of a, go the radius of a, not that of b.",
     ),
     no_normal=(
         "normal = np.array([1.0, 0.0])\n",
         "normal = np.array([0.0, 0.0])\n",
-        "Where the centres coincide your normal is zero: a contact without direction can't push "
-        "anything. The task asks for (1, 0).",
+        "If the centres coincide, your normal is zero. A contact without a direction cannot push "
+        "anything; the task requires (1, 0).",
     ),
     not_a_unit_vector=(
         "normal = normal / math.hypot(*normal)",
         "normal = normal * min(1.0, distance)",
-        "The normal has not length one: divide the difference of the centres by its length.",
+        "Your normal does not have length one. Divide the difference of the centres by its length.",
     ),
     gap_squared=(
         "distance - (radius_a + radius_b)",
         "distance**2 - (radius_a + radius_b) ** 2",
-        "Squares of lengths are compared. That tells whether they overlap, not by how much.",
+        "You compare squared lengths. That shows whether the circles overlap, but not by how much.",
     ),
 )
 
@@ -161,7 +161,7 @@ EXERCISE = Exercise(
     judge=judge_of(
         cases,
         allowed,
-        "a closed form: only the rounding of the coordinates is left",
+        "a closed form: only the rounding of the coordinates remains",
         explain=coarse,
     ),
     examples=(
@@ -171,6 +171,6 @@ EXERCISE = Exercise(
     ),
     picture=circles,
     slips=SLIPS
-    + coarse_slips("circle_contact", "A touch then looks like a gap.")
+    + coarse_slips("circle_contact", "Touching circles then look as if there were a gap.")
     + value_slips("circle_contact"),
 )

@@ -68,7 +68,7 @@ def acceleration(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str
     attempt.require(
         f"{case.label}: acceleration",
         abs(result - expected) <= 1e-6 * (1.0 + expected),
-        sentence=f"Down a slope of {slope:.3g} rad with mu {mu:.3g} the block goes with "
+        sentence=f"Down a slope of {slope:.3g} rad with mu {mu:.3g} the block accelerates at "
         f"{result:.4g} m/s^2; g (sin - mu cos) is {expected:.4g}.",
         got=f"{result:.6g}",
         expected=f"{expected:.6g}",
@@ -88,73 +88,74 @@ SLIPS = slips(
     bug_still_there=(
         "friction = " + FRICTION,
         _WEIGHT.format("") + _BOUND,
-        "The bug is still there: friction is bounded by mu times the weight. On a slope the plane "
-        "carries less, at a landing much more; the normal impulse of this step knows.",
+        "The bug is still there: you limit friction to mu times the weight. On a slope the plane "
+        "carries less, at a landing much more. Use the normal impulse of this step.",
     ),
     cosine_put_in=(
         "friction = " + FRICTION,
         _WEIGHT.format(" * math.cos(slope)") + _BOUND,
-        "The bound is mu times the weight's part across the slope: right for a block that lies on "
-        "it. At a landing the normal impulse is many times that, and friction with it. Bound it by "
-        "the impulse itself.",
+        "You use mu times the part of the weight that is perpendicular to the slope. That is right "
+        "for a block that lies on the plane. At a landing the normal impulse is many times larger, "
+        "and so is friction. Use the impulse itself.",
     ),
     always_full_friction=(
         FRICTION,
         "-math.copysign(mu * normal, v[0])",
-        "Friction is always mu times the normal impulse. A block at rest is then pushed to and "
-        "fro: friction takes what is needed to stop it, at most that.",
+        "Your friction is always mu times the normal impulse, which pushes a block at rest back "
+        "and forth. Friction is what is needed to stop the block, and at most that.",
     ),
     sticks_always=(
         FRICTION,
         "-v[0] if normal > 0.0 else 0.0",
-        "Friction stops the block at once, without a bound: nothing slides any more.",
+        "Your friction stops the block at once, without a limit, so nothing slides any more.",
     ),
     no_friction=(
         FRICTION,
         "0.0 * normal",
-        "There is no friction at all. It takes what stops the block, at most mu times the normal "
+        "There is no friction at all. It is what stops the block, and at most mu times the normal "
         "impulse.",
     ),
     friction_in_the_air=(
         "-mu * normal), mu * normal)",
         "-mu * abs(v[1] + x[1] / dt)), mu * abs(v[1] + x[1] / dt))",
-        "There is friction in the air: its bound is not zero where the normal impulse is.",
+        "There is friction in the air: where the normal impulse is zero, friction must be zero "
+        "too.",
     ),
     friction_before_gravity=(
         "v = v + dt * gravity",
         "old, v = v[0], v + dt * gravity",
         "max(-v[0], -mu",
         "max(-old, -mu",
-        "Friction is computed from the velocity before gravity has acted in this step: a block "
-        "that should stick creeps downhill by g sin(slope) dt.",
+        "You compute friction from the velocity before gravity has acted in this step. A block "
+        "that should stick then creeps downhill at g sin(slope) dt.",
     ),
     no_place_in_the_normal=(
         "-(v[1] + x[1] / dt)",
         "-v[1] if x[1] <= 0.0 else 0.0",
-        "The normal impulse comes a step late: it acts only where the block has sunk in already. "
-        "The task's scheme lets it just touch at the end of the step.",
+        "Your normal impulse acts a step late, only after the block has already sunk in. In the "
+        "task's scheme the block just touches at the end of the step.",
     ),
     bounces=(
         "np.array([friction, normal])",
         "np.array([friction, 2.0 * normal])",
-        "The normal impulse is taken twice: the block bounces. It is the one that lets it just "
-        "touch.",
+        "You apply the normal impulse twice, so the block bounces. Apply the impulse that makes it "
+        "just touch.",
     ),
     explicit_position=(
         "v = v + np.array([friction, normal])\n        x = x + dt * v",
         "x = x + dt * v\n        v = v + np.array([friction, normal])",
-        "The position moves with the velocity from before the impulses, so the block sinks in. "
-        "First the impulses, then the position.",
+        "You move the block with the velocity from before the impulses, so it sinks in. Apply the "
+        "impulses first, then move the block.",
     ),
     slope_reversed=(
         "[math.sin(slope), -math.cos(slope)]",
         "[-math.sin(slope), -math.cos(slope)]",
-        "Gravity pulls uphill: the first axis points down the slope.",
+        "Your gravity pulls uphill. The first axis points down the slope.",
     ),
     one_step_off=(
         "range(steps)",
         "range(steps + 1)",
-        "It is right, and one step off: the loop makes `steps` of them.",
+        "This is right, but the loop makes one step too many.",
     ),
 )
 
@@ -162,7 +163,7 @@ EXERCISE = Exercise(
     judge=judge_of(
         cases,
         allowed,
-        "some hundred steps of additions: their rounding is below 1e-12",
+        "a few hundred additions, whose rounding stays below 1e-12",
         first=acceleration,
     ),
     examples=(

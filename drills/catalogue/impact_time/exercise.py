@@ -119,74 +119,73 @@ SLIPS = slips(
     squares_subtracted=(
         "root = speed * (reach * reach - float(across @ across))",
         "root = closing * closing - speed * c",
-        "The formula is right and its digits are gone: far away closing^2 and speed * c are two "
-        "huge numbers, equal to nearly all digits. Take the part of the distance across the "
-        "motion: speed * (reach^2 - across^2) is the same number.",
+        "The formula is right, but it loses its digits: far away, closing^2 and speed * c are two "
+        "huge numbers that agree in nearly all digits. Use the part of the distance that is "
+        "perpendicular to the motion: speed * (reach^2 - across^2) has the same value.",
     ),
     second_root=(
         TIME,
         "return (closing + math.sqrt(root)) / speed",
-        "That is the time at which they come apart again, the larger root. They touch at the "
-        "smaller one.",
+        "That is the larger root, the time at which they separate again. They touch at the smaller "
+        "root.",
     ),
     flying_apart_counted=(
         "if closing <= 0.0:",
         "if closing == 0.0:",
-        "Balls that fly apart get a time, a negative one or one of the past. Only balls that close "
-        "in can touch.",
+        "You return a time for balls that fly apart: a negative one, or one in the past. Only "
+        "balls that approach each other can touch.",
     ),
     miss_not_seen=(
         "    if root < 0.0:\n        return -1.0\n",
         "    root = abs(root)\n",
-        "Balls that pass at a distance get a time. When the number under the root is negative "
-        "they never touch.",
+        "You return a time for balls that pass at a distance. If the value under the root is "
+        "negative, they never touch.",
     ),
     nearest_approach=(
         TIME,
         "return closing / speed",
-        "That is the time of the nearest approach. They touch before it.",
+        "That is the time of closest approach. They touch before it.",
     ),
     distance_over_speed=(
         TIME,
         "return (apart - reach) / math.sqrt(speed)",
-        "Gap over speed is right head on only. The ball that passes aside has a longer way.",
+        "Gap over speed is right only for a head-on impact. Off-centre, the balls travel farther.",
     ),
     own_velocity_only=(
         RELATIVE,
         "-np.asarray(velocity, dtype=float)",
-        "Only the first ball moves. What counts is the velocity of one against the other.",
+        "You move only the first ball. Use the relative velocity.",
     ),
     velocities_added=(
         RELATIVE,
         "np.asarray(other_velocity, dtype=float) + np.asarray(velocity, dtype=float)",
-        "The velocities are added. What counts is the velocity of one against the other, their "
-        "difference.",
+        "You add the velocities. The relative velocity is their difference.",
     ),
     reach_halved=(
         "c = (apart - reach) * (apart + reach)",
         "reach = 0.5 * reach\n    c = (apart - reach) * (apart + reach)",
-        "You take half of reach. It holds both radii already: centres touch at a distance of "
-        "reach.",
+        "You use half of reach. It already is the sum of both radii: the balls touch when the "
+        "centres are reach apart.",
     ),
     reach_forgotten=(
         "c = (apart - reach) * (apart + reach)",
         "reach = 0.0\n    c = (apart - reach) * (apart + reach)",
-        "The balls are taken for points: they touch when the centres are reach apart.",
+        "You treat the balls as points. They touch when the centres are reach apart.",
     ),
     overlap_ignored=(
         "if c <= 0.0:",
         "if False:",
-        "Balls that overlap now are touching now: time 0, wherever they fly to.",
+        "Balls that overlap now are in contact now: the time is 0, wherever they are flying.",
     ),
     overlap_only_when_closing=(
         "if c <= 0.0:",
         "if c <= 0.0 and d @ v < 0.0:",
-        "Balls that overlap and fly apart are overlapping all the same: time 0.",
+        "Balls that overlap while they fly apart still overlap now: the time is 0.",
     ),
     clearance_of_a_second=(
         "return c / (closing + math.sqrt(root))",
         "time = c / (closing + math.sqrt(root))\n    return time if time <= 1.0 else -1.0",
-        "Impacts later than some limit are not reported. The task sets none.",
+        "You do not report impacts later than some limit. The task sets no limit.",
     ),
 )
 
@@ -194,7 +193,7 @@ EXERCISE = Exercise(
     judge=judge_of(
         cases,
         allowed,
-        "a closed form that keeps its digits everywhere: what is left is the arguments' rounding",
+        "a closed form without cancellation: only the rounding of the arguments remains",
         explain=squares,
     ),
     examples=(
@@ -204,6 +203,6 @@ EXERCISE = Exercise(
     ),
     picture=balls,
     slips=SLIPS
-    + coarse_slips("impact_time", "An impact in the next microsecond is then missed.")
+    + coarse_slips("impact_time", "You then miss an impact within the next microsecond.")
     + value_slips("impact_time", in_part=False),
 )

@@ -61,67 +61,68 @@ SLIPS = slips(
     friction_scaled_back=(
         "on_cone = (normal + mu * slip) / (1.0 + mu * mu)",
         "on_cone = max(normal, 0.0)",
-        "The normal impulse is kept and friction is scaled back to mu times it. That point is on "
-        "the cone and not the nearest one: the projection moves both, and other impulses are left "
-        "at rest by it than by yours.",
+        "You keep the normal impulse and shorten friction to mu times it. That point is on the "
+        "cone but not the nearest one. The projection changes both, and it converges to other "
+        "impulses than yours.",
     ),
     tangents_one_by_one=(
         "            g[i] = " + CONE,
         "            normal = max(normal, 0.0)\n"
         "            g[i] = normal, *np.clip(tangent, -mu * normal, mu * normal)",
-        "Each tangent is clamped by itself: that is a box, not a cone. In a diagonal direction it "
-        "lets through up to sqrt(2) times as much friction. The length of both together counts.",
+        "You clamp each tangent on its own. That is a box, not a cone: on the diagonal it allows "
+        "sqrt(2) times as much friction. Limit the length of both tangents together.",
     ),
     old_impulses=(
         "velocity = A[rows] @ g.ravel()",
         "velocity = A[rows] @ np.asarray(impulses, dtype=float).ravel()",
-        "All contacts use the impulses from before the sweep. That is Jacobi; Gauss-Seidel uses "
-        "what the contacts before it have just become.",
+        "You use the impulses from before the sweep for all contacts. That is the Jacobi method. "
+        "Gauss-Seidel uses the new impulses of the contacts that it has already visited.",
     ),
     against_the_sign=(
         "g[i] - step * velocity",
         "g[i] + step * velocity",
-        "The impulses move along the velocity. They must act against it.",
+        "You change the impulses along the velocity. They must act against it.",
     ),
     apex_forgotten=(
         "elif mu * slip <= -normal:",
         "elif False:",
-        "Contacts that come apart get the wrong impulse: behind the apex, where mu |t| <= -n, the "
-        "nearest point of the cone is the apex, zero.",
+        "Separating contacts get the wrong impulse. Behind the apex, where mu |t| <= -n, the "
+        "nearest point of the cone is the apex: zero.",
     ),
     zero_when_negative=(
         "elif mu * slip <= -normal:",
         "elif normal <= 0.0:",
-        "Every step with a negative normal impulse is set to zero. Where the tangents are long the "
-        "nearest point of the cone is on its side.",
+        "You set every contact with a negative normal impulse to zero. If the tangents are long, "
+        "the nearest point of the cone is on its side.",
     ),
     not_projected=(
         "if slip <= mu * normal:",
         "if True:",
-        "The impulses are moved and not projected: contacts pull, and friction has no bound.",
+        "You change the impulses but do not project them: contacts pull, and friction is "
+        "unlimited.",
     ),
     diagonal_for_eigenvalue=(
         "np.linalg.eigvalsh(A[rows, rows])[-1]",
         "A[3 * i, 3 * i]",
-        "The step is one over the normal entry of A. The task divides by the largest eigenvalue of "
-        "the whole block.",
+        "You divide by the normal entry of A. The task divides by the largest eigenvalue of the "
+        "whole block.",
     ),
     trace_for_eigenvalue=(
         "np.linalg.eigvalsh(A[rows, rows])[-1]",
         "np.trace(A[rows, rows])",
-        "The step is one over the trace of the block: safe and shorter than the task's, which "
-        "divides by the largest eigenvalue.",
+        "You divide by the trace of the block. That is safe, but the step is shorter than the "
+        "task's, which divides by the largest eigenvalue.",
     ),
     smallest_eigenvalue=(
         "np.linalg.eigvalsh(A[rows, rows])[-1]",
         "np.linalg.eigvalsh(A[rows, rows])[0]",
-        "You divide by the smallest eigenvalue. Steps that are too long for the stiff direction do "
-        "not converge: the largest is due.",
+        "You divide by the smallest eigenvalue. In the stiff direction such steps are too long and "
+        "do not converge. Divide by the largest one.",
     ),
     block_alone=(
         "velocity = A[rows] @ g.ravel()",
         "velocity = A[rows, rows] @ g[i]",
-        "Only the contact's own block is used: the impulses of the others move it too. Take all "
+        "You use only the contact's own block, but the impulses of the others move it too. Use all "
         "columns of its rows.",
     ),
     free_velocity_forgotten=(
@@ -132,12 +133,12 @@ SLIPS = slips(
     impulse_forgotten=(
         "*tangent = g[i] - step * velocity",
         "*tangent = -step * velocity",
-        "The new impulse is the old one less a step, not the step alone.",
+        "The new impulse is the old one minus a step, not the step alone.",
     ),
     cone_turned=(
         "(normal + mu * slip) / (1.0 + mu * mu)",
         "(mu * normal + slip) / (1.0 + mu * mu)",
-        "Normal and tangent have changed places in the projection: the cone's side is the line "
+        "You swapped normal and tangent in the projection. The side of the cone is the line "
         "t = mu n, so n becomes (n + mu |t|) / (1 + mu^2).",
     ),
     normal_last=(
@@ -147,7 +148,7 @@ SLIPS = slips(
         "g[i] = *tangent, normal",
         "g[i] = " + CONE,
         "g[i] = *(mu * on_cone / slip * np.array(tangent)), on_cone",
-        "The last of a contact's three impulses is taken for the normal one. It is the first.",
+        "You treat the last of a contact's three impulses as the normal one. It is the first.",
     ),
 )
 
@@ -161,7 +162,7 @@ EXERCISE = Exercise(
     judge=judge_of(
         cases,
         allowed,
-        "a sweep is some dozens of products; eigenvalues are known to 1e-14",
+        "a sweep is a few dozen products, and the eigenvalues are accurate to 1e-14",
         explain=coarse,
     ),
     examples=(
@@ -170,6 +171,6 @@ EXERCISE = Exercise(
         "pgs_sweep(np.ones((2, 3)), np.eye(6) + 0.2, np.array([-1.0, 0, 0, 3.0, 1.0, 0]), 0.5)",
     ),
     slips=SLIPS
-    + coarse_slips("pgs_sweep", "A sweep can't converge beyond its rounding.")
+    + coarse_slips("pgs_sweep", "The solver could then not converge any further than that.")
     + value_slips("pgs_sweep", in_part=False),
 )

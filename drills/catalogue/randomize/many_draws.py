@@ -50,6 +50,7 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
     ]
     gap = max(gaps) if np.isfinite(gaps).all() else np.inf
     back = _equal(restored, bench.before, ("body_mass", "body_inertia", "dof_damping"))
+    # One draw cannot leave these ranges: whoever does has multiplied draw upon draw.
     drifted = bool(
         np.any(bench.factors(again["body_mass"]) < bench.setting.mass[0])
         or np.any(bench.factors(again["body_mass"]) > bench.setting.mass[1])
@@ -433,6 +434,7 @@ def noise_added(bench: Bench, seed: int) -> None:
     )
     beyond = float(np.mean(np.abs(noise) > 2.0 * sigma))
     share = erfc(np.sqrt(2.0))  # of normal numbers, beyond two standard deviations
+    # Standard deviation of a binomial share, times seven.
     allowed = 7.0 * np.sqrt(share * (1.0 - share) / noise.size)
     attempt.require(
         "normal distribution of the noise",

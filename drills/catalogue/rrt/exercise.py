@@ -192,6 +192,7 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
     if total == 0:
         return
     share = sum(int(mask.sum()) for mask in goals) / total
+    # Standard deviation of a binomial share.
     allowed = SIGMAS * math.sqrt(BIAS * (1.0 - BIAS) / total)
     attempt.require(
         "one target in ten is the goal",
@@ -207,6 +208,7 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
     )
     if not attempt.failed:
         _report_chance(attempt, goals)
+    # Scaled to the unit square, so that worlds of all sizes can be pooled.
     places = [
         (run.samples[~mask] - world.bounds[0]) / (world.bounds[1] - world.bounds[0])
         for (world, run), mask in zip(closed, goals, strict=True)

@@ -180,7 +180,7 @@ def one_step(attempt: Attempt, cases: Sequence[Case]) -> None:
 
 
 def pendulum(attempt: Attempt) -> Plan:
-    """Return error of a pendulum's angle after 2 s against evaluations and time."""
+    """Return the error of a pendulum's angle after 2 s against evaluations and time."""
     from course.oracles.mujoco import oscillator
     from course.rigid_body import problems, simulate
 

@@ -476,7 +476,8 @@ class TestTheBox:
         page = open_page(reduced_motion="reduce")
         model = told.model(BOX)
         for _, field in model.controls.panel():
-            assert page.get_by_label(field.label, exact=not field.choices).count() >= 1
+            named = f"{field.label} [{field.unit}]" if field.unit else field.label
+            assert page.get_by_label(named, exact=not field.choices).count() >= 1
         assert "nothing moves before Play" in page.locator(".side").inner_text()
         assert page.locator("[aria-live=polite]").inner_text() == ""
         press_button(page, "Step")

@@ -1,0 +1,84 @@
+"""The charts of a page as a phone shows them: one panel below the other, as SVG.
+
+A wide picture (`docs/charts/NAME.png`) shrinks to half on a phone, and its letters with it. So
+each chart is drawn once more from its data (`course/charts/data`), as narrow as a phone. What
+was drawn stays in `CACHE`, under a name that depends on all that it was drawn from.
+"""
+
+import functools
+import hashlib
+import io
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+
+from course import charts
+from course.measure import data, figure, labels
+from course.site.notebooks import ROOT
+
+CACHE = ROOT / "build" / "charts"
+
+
+@functools.cache
+def _drawn_with() -> bytes:
+    """Return a hash of the code that draws."""
+    import matplotlib
+
+    state = hashlib.sha256(matplotlib.__version__.encode())
+    for path in (__file__, figure.__file__, labels.__file__, data.__file__):
+        state.update(Path(path).read_bytes())
+    return state.digest()
+
+
+def cached(name: str) -> Path:
+    """Return where the narrow picture of a chart is kept, whether it has been drawn or not."""
+    state = hashlib.sha256(_drawn_with() + (charts.FOLDER / f"{name}.json").read_bytes())
+    return CACHE / f"{name}-{state.hexdigest()[:16]}.svg"
+
+
+def svg(name: str) -> str:
+    """Return the narrow picture of a chart.
+
+    Args:
+        name: of a chart with stored data.
+
+    Raises:
+        ValueError: there are no such data.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    # Letters are paths: no page has to have the font, and no word is wider than where it was put.
+    # Without a salt of its own each file would have other ids.
+    with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": name}):
+        drawn = figure.draw(charts.stored(name), narrow=True, figure=Figure(layout="constrained"))
+        drawn.set_layout_engine("none")  # it has been laid out; a second time costs as much again
+        buffer = io.StringIO()
+        drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def narrow(name: str) -> str:
+    """Return the narrow picture of a chart, drawn now if it was not drawn before."""
+    path = cached(name)
+    if not path.is_file():
+        for old in CACHE.glob(f"{name}-{'[0-9a-f]' * 16}.svg"):
+            old.unlink(missing_ok=True)
+        figure.write(path, svg(name))
+    return path.read_text(encoding="utf-8")
+
+
+@contextmanager
+def pictures(names: Iterable[str]) -> Iterator[Iterator[tuple[str, str]]]:
+    """The narrow picture of each chart, (name, SVG), drawn beside whatever else is done meanwhile.
+
+    Args:
+        names: of charts with stored data.
+    """
+    ordered = sorted(set(names))
+    missing = [name for name in ordered if not cached(name).is_file()]
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        drawn = dict(zip(missing, pool.map(narrow, missing, chunksize=4), strict=True))
+        yield ((name, drawn.get(name) or narrow(name)) for name in ordered)

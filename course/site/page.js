@@ -1,0 +1,169 @@
+// What a page of the site does by itself: it remembers the answers to its cards, counts them, and
+// enlarges a picture. The simulations are live.js.
+
+"use strict";
+(() => {
+  const KEY = "course.cards"; // in localStorage: card -> [answer, whether it was right]
+  const make = (tag, options = {}, ...children) => {
+    const element = Object.assign(document.createElement(tag), options);
+    element.append(...children);
+    return element;
+  };
+
+  // --- The answers to cards ----------------------------------------------------------------------
+
+  let fallback = {}; // where nothing may be stored, answers last as long as the page
+  const answers = () => {
+    let stored = fallback;
+    try {
+      stored = JSON.parse(localStorage.getItem(KEY)) ?? fallback;
+    } catch {
+      // Nothing may be stored here, or somebody else stored something.
+    }
+    const good = ([, given]) => Array.isArray(given) && typeof given[0] === "string";
+    return Object.fromEntries(Object.entries(stored).filter(good));
+  };
+  const store = (all) => {
+    fallback = all;
+    try {
+      localStorage.setItem(KEY, JSON.stringify(all));
+    } catch {
+      // A private window, or no room: see `fallback`.
+    }
+  };
+
+  const options = (card) => [...card.querySelectorAll("details[data-answer]")];
+
+  // Show on a card which answer counts, if one has been given.
+  function mark(card, given) {
+    card.querySelector(":scope > .card-answered")?.remove();
+    card.classList.toggle("answered", Boolean(given));
+    for (const option of options(card))
+      option.classList.toggle("chosen", given?.[0] === option.dataset.answer);
+    if (!given) return;
+    const [answer, right] = given;
+    const verdict = make("strong", { textContent: right ? "Right" : "Not right" });
+    const words = make("p", { className: `card-answered ${right ? "right" : "wrong"}` });
+    words.append(verdict, `: your first answer was “${answer}”.`);
+    words.setAttribute("role", "status");
+    card.append(words);
+  }
+
+  // The first answer counts; the others can be read afterwards.
+  function listen(card) {
+    for (const option of options(card))
+      option.addEventListener("toggle", () => {
+        const all = answers();
+        if (!option.open || all[card.dataset.card]) return;
+        const right = option.dataset.right === "yes";
+        store({ ...all, [card.dataset.card]: [option.dataset.answer, right] });
+        const why = card.querySelector(":scope > details.why");
+        if (why) why.open = true;
+        refresh();
+      });
+  }
+
+  function score(names) {
+    const all = answers();
+    const given = names.filter((name) => all[name]);
+    return { of: names.length, given: given.length, right: given.filter((n) => all[n][1]).length };
+  }
+  const inWords = ({ of, given, right }) =>
+    given ? `${right} right of ${given} answered, ${of} cards` : `none of ${of} cards answered`;
+
+  function forget(names) {
+    const all = answers();
+    for (const name of names) delete all[name];
+    store(all);
+    for (const name of names)
+      for (const card of document.querySelectorAll(`.card[data-card="${CSS.escape(name)}"]`))
+        for (const details of card.querySelectorAll("details")) details.open = false;
+    refresh();
+  }
+  const forgets = (names, label) => {
+    const button = make("button", { type: "button", textContent: "Forget my answers" });
+    button.setAttribute("aria-label", label);
+    button.addEventListener("click", () => forget(names));
+    return button;
+  };
+
+  const cards = [...document.querySelectorAll(".card[data-card]")].filter((card) => options(card)[0]);
+  const here = [...new Set(cards.map((card) => card.dataset.card))];
+  const shown = []; // what is written anew when an answer is given: functions
+
+  function refresh() {
+    const all = answers();
+    for (const card of cards) mark(card, all[card.dataset.card]);
+    for (const write of shown) write();
+  }
+
+  // The score of this page stands below its title.
+  function countHere() {
+    const words = make("span");
+    const button = forgets(here, "Forget my answers to the cards of this page");
+    const line = make("p", { className: "course-score" }, words, " ", button);
+    document.querySelector("article h1")?.after(line);
+    shown.push(() => {
+      const counted = score(here);
+      words.textContent = `Your answers: ${inWords(counted)}.`;
+      button.hidden = !counted.given;
+    });
+  }
+
+  // The home page has a row for each chapter, whose cards stand in its attribute.
+  function countChapters(place) {
+    const rows = [...place.querySelectorAll("[data-cards]")].map((row) => {
+      const cell = row.querySelector(".score");
+      return [row.dataset.cards.split(" ").filter(Boolean), cell];
+    });
+    const every = rows.flatMap(([names]) => names);
+    const total = make("span");
+    const button = forgets(every, "Forget all my answers");
+    place.append(make("p", {}, total, " ", button));
+    shown.push(() => {
+      for (const [names, cell] of rows) cell.textContent = inWords(score(names));
+      const counted = score(every);
+      total.textContent = `All chapters: ${inWords(counted)}.`;
+      button.hidden = !counted.given;
+    });
+  }
+
+  // --- Pictures ----------------------------------------------------------------------------------
+
+  const picture = make("img");
+  const close = make("button", { type: "submit", textContent: "Close" });
+  const form = make("form", { method: "dialog" }, close);
+  const large = make("dialog", { className: "course-large" }, form, make("div", {}, picture));
+  large.setAttribute("aria-label", "Enlarged picture");
+  large.addEventListener("click", (event) => {
+    if (event.target === large) large.close(); // beside the picture
+  });
+
+  // A link to the picture, so that it has the focus and opens without this script too.
+  function enlarges(image) {
+    const link = make("a", { className: "course-enlarge", href: image.src, title: "Enlarge" });
+    const whole = image.parentElement.tagName === "PICTURE" ? image.parentElement : image;
+    whole.replaceWith(link);
+    link.append(whole);
+    link.addEventListener("click", (event) => {
+      if (event.ctrlKey || event.metaKey || event.shiftKey) return;
+      event.preventDefault();
+      picture.src = image.currentSrc || image.src;
+      picture.alt = image.alt;
+      large.showModal();
+    });
+  }
+
+  function begin() {
+    for (const card of cards) listen(card);
+    if (here.length) countHere();
+    for (const place of document.querySelectorAll(".course-scores")) countChapters(place);
+    refresh();
+    // An answer that is given in another window counts here too.
+    addEventListener("storage", (event) => event.key === KEY && refresh());
+    document.body.append(large);
+    for (const image of document.querySelectorAll("article img"))
+      if (!image.closest(".course-live, a")) enlarges(image);
+  }
+  begin();
+})();

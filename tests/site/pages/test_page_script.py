@@ -1,0 +1,156 @@
+"""What a page of the site remembers of its cards, and its pictures: page.js in Chromium.
+
+A page is made of the markup that `course.cards.markup` promises; nothing else of the site is there.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from course.cards import markup
+from course.site import build
+from tests.conftest import chromium
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+SCRIPT = build.HERE / "page.js"
+STYLE = build.HERE / "course.css"
+DOT = (
+    "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGNg"
+    "YGBgAAAABQABh6FO1AAAAABJRU5ErkJggg=="
+)
+
+
+def card(name: str) -> str:
+    """A card with a wrong and a right answer and its explanation, as HTML."""
+    answers = (
+        markup.Answer("It falls", False, "No, it does not."),
+        markup.Answer("It stays", True, "It does."),
+    )
+    return markup.card(name, "Predict.", "What does it do?", answers, "Because it is held.")
+
+
+PAGE = f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>A page</title>
+<link rel="stylesheet" href="course.css"><body><article><h1>A chapter</h1>
+{card("contact.mug")} {card("contact.tray")}
+<p><img src="{DOT}" alt="a chart" style="width:200px;height:100px"></p>
+<div class="course-live"><img src="{DOT}" alt="a simulation"></div></article>
+<script src="page.js" defer></script></body></html>"""
+HOME = """<!doctype html><html lang="en"><meta charset="utf-8"><title>Home</title>
+<body><article><h1>Home</h1><div class="course-scores"><ul>
+<li data-cards="contact.mug contact.tray contact.other"><a href="page.html">2</a>
+<span class="score"></span></li>
+<li data-cards="control.pid"><a href="x.html">6</a> <span class="score"></span></li>
+</ul></div></article><script src="page.js" defer></script></body></html>"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    flags = ["--no-sandbox", "--disable-gpu", "--disable-quic"]
+    with sync_playwright() as playwright:
+        made = playwright.chromium.launch(executable_path=chromium(), args=flags)
+        yield made
+        made.close()
+
+
+@pytest.fixture
+def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
+    for file in (SCRIPT, STYLE):
+        (tmp_path / file.name).write_text(file.read_text("utf-8"), "utf-8")
+    (tmp_path / "page.html").write_text(PAGE, "utf-8")
+    (tmp_path / "index.html").write_text(HOME, "utf-8")
+    context = browser.new_context(viewport={"width": 390, "height": 844})
+    made = context.new_page()
+    wrong: list[str] = []
+    made.on("console", lambda message: wrong.append(message.text))
+    made.on("pageerror", lambda error: wrong.append(str(error)))
+    made.home = (tmp_path / "index.html").as_uri()
+    made.goto((tmp_path / "page.html").as_uri())
+    yield made
+    context.close()
+    assert wrong == []
+
+
+def answer(page: Any, name: str, label: str) -> None:
+    page.locator(f'[data-card="{name}"] summary', has_text=label).click()
+
+
+def said(page: Any, name: str) -> str:
+    line = page.locator(f'[data-card="{name}"] .card-answered')
+    return line.inner_text() if line.count() else ""
+
+
+def test_the_first_answer_counts(page: Any) -> None:
+    score = page.locator(".course-score span")
+    assert score.inner_text() == "Your answers: none of 2 cards answered."
+    assert not page.locator(".course-score button").is_visible()
+    assert not page.locator("[data-card='contact.mug'] .why").evaluate("e => e.open")
+    answer(page, "contact.mug", "It falls")
+    page.wait_for_selector(".card-answered")
+    assert said(page, "contact.mug") == "Not right: your first answer was “It falls”."
+    assert page.locator("[data-card='contact.mug'] .why").evaluate("e => e.open"), "it explains"
+    answer(page, "contact.mug", "It stays")  # can be read, and changes nothing
+    page.wait_for_timeout(100)
+    assert said(page, "contact.mug") == "Not right: your first answer was “It falls”."
+    assert score.inner_text() == "Your answers: 0 right of 1 answered, 2 cards."
+    answer(page, "contact.tray", "It stays")
+    page.wait_for_function("() => document.querySelectorAll('.card-answered').length === 2")
+    assert said(page, "contact.tray") == "Right: your first answer was “It stays”."
+    assert score.inner_text() == "Your answers: 1 right of 2 answered, 2 cards."
+
+
+def test_answers_are_remembered_and_counted_at_home_until_they_are_forgotten(page: Any) -> None:
+    answer(page, "contact.tray", "It stays")
+    page.wait_for_selector(".card-answered")
+    page.reload()
+    assert said(page, "contact.tray") == "Right: your first answer was “It stays”."
+    assert page.locator(".card .chosen summary").inner_text() == "It stays"
+    assert said(page, "contact.mug") == ""
+    address = page.url
+    page.goto(page.home)
+    scores = page.locator(".score").all_inner_texts()
+    assert scores == ["1 right of 1 answered, 3 cards", "none of 1 cards answered"]
+    total = page.locator(".course-scores > p span")
+    assert total.inner_text() == "All chapters: 1 right of 1 answered, 4 cards."
+    page.get_by_role("button", name="Forget all my answers").click()
+    assert total.inner_text() == "All chapters: none of 4 cards answered."
+    page.goto(address)
+    assert said(page, "contact.tray") == ""
+    answer(page, "contact.tray", "It falls")
+    page.wait_for_selector(".card-answered")
+    assert said(page, "contact.tray").startswith("Not right")
+    page.get_by_role("button", name="Forget my answers to the cards of this page").click()
+    assert said(page, "contact.tray") == ""
+    assert page.locator("details[open]").count() == 0
+
+
+@pytest.mark.parametrize("stored", ["not json", "[]", '{"contact.mug": 3}'])
+def test_what_others_have_stored_does_no_harm(page: Any, stored: str) -> None:
+    page.evaluate("text => localStorage.setItem('course.cards', text)", stored)
+    page.reload()
+    answer(page, "contact.tray", "It stays")
+    page.wait_for_selector("[data-card='contact.tray'] .card-answered")
+    assert said(page, "contact.tray") == "Right: your first answer was “It stays”."
+    assert said(page, "contact.mug") == ""
+
+
+def test_a_picture_is_enlarged_and_closed_with_the_keyboard(page: Any) -> None:
+    dialog, chart = page.locator("dialog"), page.locator("article a.course-enlarge")
+    assert chart.count() == 1, "a simulation is not enlarged"
+    assert not dialog.is_visible()
+    chart.focus()
+    page.keyboard.press("Enter")
+    assert dialog.is_visible() and dialog.locator("img").get_attribute("alt") == "a chart"
+    wide = dialog.locator("img").evaluate("e => e.getBoundingClientRect().width")
+    assert wide >= 640, "as wide as its letters want, on a phone too"
+    assert page.evaluate("document.activeElement.textContent") == "Close"
+    page.keyboard.press("Escape")
+    assert not dialog.is_visible()
+    assert page.evaluate("document.activeElement.className") == "course-enlarge"
+    chart.click()
+    dialog.get_by_role("button", name="Close").click()
+    assert not dialog.is_visible()
