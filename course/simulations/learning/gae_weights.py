@@ -259,4 +259,4 @@ READOUTS = {
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour, window=(0.0, 9.0, 0.0, 6.0))
-MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame)
+MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, readouts=READOUTS)
