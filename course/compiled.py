@@ -76,7 +76,7 @@ _KEEP = 3  # folders of earlier states of the sources
 
 @functools.cache
 def _cache_folder() -> str:
-    """Return folder for this state of the sources; older ones are removed, but for a few.
+    """Return the folder for this state of the sources; older ones are removed, but for a few.
 
     It is below NUMBA_CACHE_DIR if that is set, else below the package's own __pycache__; where
     that can't be written, numba's default applies ("").

@@ -168,7 +168,7 @@ def hybrid_torque(
 
 
 def inertia_from_log(q: ArrayLike, tau: ArrayLike, dt: float) -> float:
-    """Return inertia of a joint with friction and gravity, from a log of angles and torques.
+    """Return the inertia of a joint with friction and gravity, from a log of angles and torques.
 
     The equation of motion is integrated twice, so that nothing has to be differentiated.
 

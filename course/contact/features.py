@@ -319,8 +319,9 @@ def contacts(shapes: Sequence[Shape], pose: ArrayLike, margin: float = 0.0) -> C
     """Return all contacts of a scene: bounding boxes first, then each pair that is left.
 
     Two boxes that meet with a face get the corners of the faces' common part, up to eight, a shape
-    on a plane one for every corner of its core; any other pair one. Bodies that share a `Shape`
-    are worked out together.
+    on a plane one for every corner of its core. Any other pair has one contact point: a capsule or
+    a mesh (`points`) that lies on a box can tip over it, which an engine with full manifolds would
+    not let it do. Bodies that share a `Shape` are worked out together.
 
     Args:
         shapes: of each body, of one dimension.

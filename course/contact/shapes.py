@@ -19,6 +19,7 @@ from course.check import finite, invalid, one_of, positive, vector
 from course.rigid_body.quaternion import normalise, to_matrix, unit_quaternion
 
 Array = NDArray[np.float64]
+FARTHEST = 1e150  # m; the square of a number ten thousand times as large is no float any more
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +144,14 @@ def poses(name: str, value: ArrayLike, dim: int) -> Array:
         Shape (7, N), contiguous.
 
     Raises:
-        ValueError: for another shape, a NaN, or a quaternion that is not of unit length.
+        ValueError: for another shape, a NaN, a position beyond `FARTHEST`, or a quaternion that is
+            not of unit length.
     """
     rows = {2: 3, 3: 7}[dim]
     given = vector(name, value, (rows,), (rows, None)).reshape(rows, -1)
+    if np.any(np.abs(given[:dim]) > FARTHEST):
+        allowed = f"positions within {FARTHEST:g} m, as a distance is a root of squares"
+        raise invalid(name, float(np.abs(given[:dim]).max()), allowed)
     if dim == 2:
         zero, half = np.zeros_like(given[0]), given[2] / 2
         return np.stack((given[0], given[1], zero, np.cos(half), zero, zero, np.sin(half)))

@@ -127,6 +127,11 @@ class Record:
     measured: Array
     setpoint: Array
 
+    @property
+    def diverged(self) -> bool:
+        """Whether the loop was unstable beyond the largest float: angles are infinite or NaN."""
+        return not bool(np.isfinite(self.q).all() and np.isfinite(self.v).all())
+
 
 # --- between two events ---------------------------------------------------------------------------
 
@@ -332,6 +337,10 @@ def run_joint(
         start: (angle, speed, torque) [rad, rad/s, N m].
         extra: torque beside the motor's, a number or shape (n,) [N m]: a kick.
         blocked: whether the joint is jammed, for each sample or for all.
+
+    Returns:
+        The run; of a loop that diverges past the largest float it holds infinities and NaN, and
+        `Record.diverged` says so.
 
     Raises:
         ValueError: for a number that is not finite or out of its range, and for a set-point that

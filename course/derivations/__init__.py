@@ -172,7 +172,9 @@ class Ask:
         try:
             parse(right, frozenset(symbols))
         except ValueError as problem:
-            raise ValueError(f"expression is {self.expression!r}: {problem}") from None
+            raise ValueError(
+                f"expression must be a formula, got {self.expression!r}: {problem}"
+            ) from None
         return Formula(
             self.question, right, symbols, self.also, left, relation, self.tolerance, self.slips
         )
@@ -315,7 +317,7 @@ def claim(
     needs: tuple[str, ...] = (),
     registry: dict[str, Claim] | None = None,
 ) -> Callable[[Check], Check]:
-    """Return decorator that registers a check as a claim; see the top of this file.
+    """Return the decorator that registers a check as a claim; see the top of this file.
 
     Args:
         received: the claim as it is commonly stated.

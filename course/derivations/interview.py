@@ -286,7 +286,7 @@ def derivative_is_filtered(result):
 )
 def growing_energy(result):
     def growth(step, dt, damping):
-        """Return growth of ln E per second of an oscillator with 10 rad/s over 4 s."""
+        """Return the growth of ln E per second of an oscillator with 10 rad/s over 4 s."""
         state = np.array([1.0, 0.0])
 
         def rate(x, v):

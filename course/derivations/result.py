@@ -96,9 +96,9 @@ class Result:
 
     def _name(self, name: str) -> None:
         if not name.isidentifier() or name == "formula":
-            raise ValueError(f"name is {name!r}; a figure has a name in snake_case, not 'formula'")
+            raise ValueError(f"name must be in snake_case and not 'formula', got {name!r}")
         if name in self.figures or name in self.inputs:
-            raise ValueError(f"name is {name!r}, which is taken")
+            raise ValueError(f"name must be one that is not taken, got {name!r}")
 
     def statement_holds(
         self,

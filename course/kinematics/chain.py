@@ -253,7 +253,7 @@ def planar(lengths: ArrayLike, masses: ArrayLike | None = None, damping: ArrayLi
 
 
 def _rod(mass: float, line: Array, radius: float) -> Array:
-    """Return inertia of a solid cylinder along `line` about its centre."""
+    """Return the inertia of a solid cylinder along `line` about its centre."""
     length = float(np.linalg.norm(line))
     along = line / length if length else np.array([0.0, 0.0, 1.0])
     across = mass * (3.0 * radius**2 + length**2) / 12.0

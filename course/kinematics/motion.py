@@ -1,9 +1,10 @@
 """Where an arm is and how its tip moves: frames, Jacobians, and how near they are to singular.
 
-q is (n,) for one posture, (n, N) for a batch; a pose is (x, y, z, qw, qx, qy, qz); a twist is the
-velocity of a point [m/s] over the angular velocity [rad/s], both in world axes. Joints lie along
-axis 1, the batch comes last: a Jacobian is (6, n) or (6, n, N). The compiled loops take batches; a
-single posture is a batch of one.
+q is (n,) for one posture, (n, N) for a batch of N columns: a square (n, n) array counts as n
+postures, so transpose an array that has one posture in each row. A pose is (x, y, z, qw, qx, qy,
+qz); a twist is the velocity of a point [m/s] over the angular velocity [rad/s], both in world axes.
+Joints lie along axis 1, the batch comes last: a Jacobian is (6, n) or (6, n, N). The compiled loops
+take batches; a single posture is a batch of one.
 
 Source: Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), ch. 2-3.
 """
@@ -346,7 +347,7 @@ def manipulability(J: ArrayLike) -> Any:
 def condition_number(J: ArrayLike, length: float) -> Any:
     """Return the largest over smallest singular value of a whole Jacobian, (6, n) or (6, n, N).
 
-    It is infinite at a singularity.
+    It is infinite at a singularity: where the smallest is no more than the rounding of the largest.
 
     Metres and radians have no common scale: without the length [m] by which the rows of velocity
     are divided it has no meaning. In millimetres (0.001) the same arm has another one.
@@ -355,7 +356,8 @@ def condition_number(J: ArrayLike, length: float) -> Any:
     J[:3] /= positive("length", length, unit="m")
     s = singular_values(J)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(s[-1] > 0.0, s[0] / s[-1], np.inf)[()]
+        present = s[-1] > max(J.shape[:2]) * np.finfo(float).eps * s[0]
+        return np.where(present, s[0] / s[-1], np.inf)[()]
 
 
 def null_space(J: ArrayLike) -> Array:

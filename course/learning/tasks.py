@@ -361,5 +361,5 @@ class Circle:
         return (np.cos(inward) / r + 4.0 * (r - 1.0) - 4.0 * inward)[:, None]
 
     def cost(self, states: Array) -> Array:
-        """Return distance from the circle, of states (..., 4)."""
+        """Return the distance from the circle, of states (..., 4)."""
         return np.abs(np.hypot(states[..., 0], states[..., 1]) - 1.0)

@@ -116,6 +116,7 @@ KEYS: dict[str, tuple[str, str]] = {
     # engines
     "course": (BLUE, "o"),
     "mujoco.batch": (PURPLE, "X"),
+    "mujoco.rollout": (WINE, "p"),
     "closed form": (BLUE, "o"),
     "mujoco.batch, Euler": (VERMILION, "s"),
     "mujoco.batch, RK4": (AMBER, "P"),
@@ -158,7 +159,9 @@ KEYS: dict[str, tuple[str, str]] = {
     "usual loop": (VERMILION, "s"),
     "usual loop, clamped, 20 starts": (AMBER, "P"),
     "same with full steps": (PINK, "v"),
+    "our method in Python": (PURPLE, "X"),
     "Pinocchio": (GREEN, "D"),
+    "Pinocchio, a batch": (AMBER, "P"),
     # perception
     "Open3D": (VERMILION, "s"),
     "Embree": (AMBER, "P"),

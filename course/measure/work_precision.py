@@ -177,7 +177,7 @@ class WorkPrecision:
         return Pick(name, point, by)
 
     def observed_order(self, name: str) -> float:
-        """Return slope of log(error) against log(parameter) in the asymptotic range.
+        """Return the slope of log(error) against log(parameter) in the asymptotic range.
 
         The coarse end (not yet asymptotic, or failed) and the fine end (rounding, or the
         reference's own uncertainty) bend the line, so the fit takes the longest run of points

@@ -188,7 +188,7 @@ class Cloud:
         to_plane: bool = False,
         change: float = 1e-12,
     ) -> Registered:
-        """Return registration of this cloud to a target (`registration_icp`).
+        """Return the registration of this cloud to a target (`registration_icp`).
 
         Args:
             target: with normals if `to_plane` is set.

@@ -200,6 +200,29 @@ class Arm:
 
         return jacobians if what == "jacobian" else dynamics
 
+    def parallel(self, what: str, q: Array, v: Array, x: Array) -> Callable[[], Array]:
+        """Return a function that evaluates N states in one call of Pinocchio's, on one thread.
+
+        It returns the answers (n, N), in Pinocchio's order of joints.
+
+        Args:
+            what: "rnea" (x: accelerations) or "aba" (x: torques).
+            q: angles, shape (n, N); laid out beforehand as Pinocchio reads them.
+            v: rates, likewise.
+            x: accelerations or torques, likewise.
+        """
+        one_of("what", what, ("rnea", "aba"))
+        compute = getattr(self._library, f"{what}InParallel")
+        pool = self._library.ModelPool(self.model, 1)
+        states = [np.asfortranarray(state[self.order]) for state in (q, v, x)]
+        result = np.empty_like(states[0])
+
+        def run() -> Array:
+            compute(1, pool, *states, result)
+            return result
+
+        return run
+
     def follow(self, motion: Array, kp: Array, kd: Array, dt: float) -> Callable[[], Array]:
         """Return a loop of computed torque with half-sample preview, by `rnea`, RK4 by `aba`.
 
@@ -237,6 +260,69 @@ class Arm:
             return places
 
         return run
+
+    def marquardt_ik(
+        self,
+        target: Array,
+        starts: Array,
+        limits: tuple[Array, Array],
+        damping: float = 0.1,
+        at_most: int = 100,
+        tolerance: float = 1e-6,
+    ) -> tuple[Array, bool, int]:
+        """Return the result of the course's own method, Levenberg-Marquardt, in Python.
+
+        Pinocchio's calls give pose and Jacobian, NumPy solves the equations. Steps, limits and
+        ends are those of `course.kinematics.ik`, so what is left between the two is the language.
+
+        Args:
+            target: pose of the tip, shape (7,).
+            starts: shape (S, n), tried one after the other.
+            limits: lower and upper, shape (n,) each.
+            damping: the first lambda.
+            at_most: steps from each start.
+            tolerance: distance and angle that count as there [m, rad].
+
+        Returns:
+            The last posture, whether its tip is there, and the steps of all starts.
+        """
+        library, model, data = self._library, self.model, self.data
+        goal = library.SE3(library.Quaternion(*target[3:]).matrix(), target[:3])
+        low, high = (limit[self.order] for limit in limits)
+        axes, steps = library.LOCAL_WORLD_ALIGNED, 0
+
+        def miss(q: Array) -> Array:
+            library.framesForwardKinematics(model, data, q)
+            here = data.oMf[self._tip]
+            turn = library.log3(goal.rotation @ here.rotation.T)
+            return np.concatenate([goal.translation - here.translation, turn])
+
+        for start in starts:
+            q = np.clip(start[self.order], low, high)
+            e, mu, slow, fresh = miss(q), damping**2, 0, True
+            for _ in range(at_most):
+                if max(np.linalg.norm(e[:3]), np.linalg.norm(e[3:])) <= tolerance:
+                    return q[self._back], True, steps
+                if fresh:
+                    J = library.computeFrameJacobian(model, data, q, self._tip, axes)
+                    pull = J.T @ e
+                    J = J * ~((q <= low) & (pull < 0.0) | (q >= high) & (pull > 0.0))
+                trial = np.clip(q + J.T @ np.linalg.solve(J @ J.T + mu * np.eye(6), e), low, high)
+                steps += 1
+                if not np.abs(trial - q).max() > 1e-13:
+                    break
+                new = miss(trial)
+                slow = 0 if new @ new < 0.9 * (e @ e) else slow + 1
+                fresh = bool(new @ new < e @ e)
+                if fresh:
+                    q, e, mu = trial, new, 0.1 * mu
+                else:
+                    mu *= 8.0
+                if slow > 6:
+                    break
+            if max(np.linalg.norm(e[:3]), np.linalg.norm(e[3:])) <= tolerance:
+                return q[self._back], True, steps
+        return q[self._back], False, steps
 
     def usual_ik(
         self,

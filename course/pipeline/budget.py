@@ -104,7 +104,7 @@ class Budget:
         return result.mean(axis=1), result.std(axis=1, ddof=1) / math.sqrt(result.shape[1])
 
     def rms(self, mended: Subset) -> tuple[float, float]:
-        """Return root of the mean squared error, measured and predicted [m]."""
+        """Return the root of the mean squared error, measured and predicted [m]."""
         mean, covariance = self.moments[mended]
         square = float(np.mean(np.sum(self.errors[mended] ** 2, axis=0)))
         return math.sqrt(square), math.sqrt(float(mean @ mean + np.trace(covariance)))

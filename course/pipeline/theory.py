@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def filter_gain(alpha: float, beta: float, ahead: float = 0.0) -> float:
-    """Return variance of an alpha-beta filter's place over that of one picture.
+    """Return the variance of an alpha-beta filter's place over that of one picture.
 
     With x as the error of the place and T v of the rate, the filter is the linear system
     x' = (1 - alpha)(x + T v) + alpha n, T v' = T v - beta (x + T v) + beta n, whose covariance is
@@ -243,7 +243,7 @@ def look_matrix(gain: float, frames: int) -> Array:
 
 
 def look_noise(gain: float, frames: int) -> float:
-    """Return variance of the place over that of one picture.
+    """Return the variance of the place over that of one picture.
 
     From P = A P A^T + B B^T, solved as linear equations; gain / (2 - gain) for fresh pictures.
     ValueError beyond `look_limit`.

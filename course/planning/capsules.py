@@ -68,7 +68,7 @@ def _dot(a, b):
 
 @register_jitable
 def _to_point(p, d, c):
-    """Return distance of the segment from p along d from the point c."""
+    """Return the distance of the segment from p along d from the point c."""
     e = scaled(c, p, -1.0)
     length, along = _dot(d, d), _dot(e, d)
     t = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0

@@ -128,7 +128,7 @@ def _obstacles(world: World) -> Iterator[tuple[Any, float]]:
 
 
 def _to_segments(p: Any, a: Any, b: Any) -> Any:
-    """Return distance of points from segments, complex arrays that broadcast."""
+    """Return the distance of points from segments, complex arrays that broadcast."""
     along = b - a
     square = np.maximum(np.abs(along) ** 2, np.finfo(float).tiny)
     t = np.clip(((p - a) * np.conj(along)).real / square, 0.0, 1.0)

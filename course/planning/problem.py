@@ -204,7 +204,7 @@ LOOPS: dict[str, Callable[[], Any]] = {}
 
 
 def length(path: ArrayLike) -> float:
-    """Return length of a path of states, shape (n, k), in the unit of a state."""
+    """Return the length of a path of states, shape (n, k), in the unit of a state."""
     states = np.asarray(path, dtype=float).T.tolist()  # a path is short: lists are faster
     return math.fsum(map(math.dist, states, states[1:]))
 

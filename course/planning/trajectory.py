@@ -240,7 +240,7 @@ def _between(states: int, pieces: int) -> Array:
 
 
 def _slope(distance: Callable[[Array], Array], X: Array, step: float = 1e-6) -> Array:
-    """Return gradient of the distance at states (N, n) by central differences, (N, n)."""
+    """Return the gradient of the distance at states (N, n) by central differences, (N, n)."""
     N, n = X.shape
     near = X[:, None] + np.array([step, -step])[:, None, None, None] * np.eye(n)
     d = distance(near.reshape(-1, n)).reshape(2, N, n)

@@ -170,7 +170,7 @@ def _passes(px, py, qx, qy, x, y):
 
 @register_jitable
 def _point_to_segment(x, y, ax, ay, bx, by):
-    """Return distance of a point from a segment, which may have no length."""
+    """Return the distance of a point from a segment, which may have no length."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     t = 0.0
@@ -227,7 +227,7 @@ def segment_free(obstacles, ax, ay, bx, by):
 
 @register_jitable
 def segment_gap(obstacles, ax, ay, bx, by):
-    """Return distance of a segment to the nearest obstacle [m].
+    """Return the distance of a segment to the nearest obstacle [m].
 
     Negative inside, by the way to the nearest side or to the circle; zero where it crosses a side.
     """

@@ -121,7 +121,7 @@ class Scene:
         return replace(self, bodies=still, v0=None if self.v0 is None else 0.0 * self.v0)
 
     def error(self, state: State, time: float | None = None) -> float:
-        """Return distance of a state from the truth at a time, by default the end.
+        """Return the distance of a state from the truth at a time, by default the end.
 
         Infinite if not finite.
 

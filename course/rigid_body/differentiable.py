@@ -153,7 +153,7 @@ def _fall_time(y: Any, vy: Any, gravity: float) -> Any:
 
 
 def _impact(vx: Any, vy: Any, e: Any, mu: Any, rest_speed: float) -> tuple[Any, Any, float]:
-    """Return velocity after an impact, and the friction that sticking took (0 if it slipped).
+    """Return the velocity after an impact, and the friction that sticking took (0 if it slipped).
 
     The normal impulse is (1 + e) m |vy|. Friction can give up to mu times that, and not more than
     it takes to stop the sliding.
@@ -281,7 +281,7 @@ def _positions_and_velocities(table: Any, times: Any, xp: Any) -> Any:
 
 
 def jacobian(parameters: Sequence[float] | np.ndarray, scene: Setup, times: Any) -> np.ndarray:
-    """Return derivative of the trajectory with respect to the parameters.
+    """Return the derivative of the trajectory with respect to the parameters.
 
     Reverse-mode automatic differentiation, all outputs in one batch, through the event times.
 
@@ -374,7 +374,7 @@ def loss(parameters: Any, recorded: Recording, scene: Setup) -> Any:
 def gradient(
     parameters: Sequence[float] | np.ndarray, recorded: Recording, scene: Setup
 ) -> np.ndarray:
-    """Return gradient of the loss, by reverse-mode differentiation.
+    """Return the gradient of the loss, by reverse-mode differentiation.
 
     Args:
         parameters: (restitution, friction, mass).

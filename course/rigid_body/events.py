@@ -38,7 +38,7 @@ _WIDTH = 4.0 * np.finfo(np.float64).eps
 
 @register_jitable
 def time_of_event(q, v, step, acceleration, dt, params, gap):
-    """Return length of the partial step at whose end the gap closes.
+    """Return the length of the partial step at whose end the gap closes.
 
     The Illinois form of regula falsi (Dowell and Jarratt 1971) on the length of a partial step,
     with a bisection every third time, so that the bracket is sure to shrink to rounding.

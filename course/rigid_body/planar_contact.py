@@ -59,7 +59,7 @@ def lowest_corners(angle, width, height):
 
 @register_jitable
 def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
-    """Return impulse of a hard impact with Coulomb friction and energetic restitution.
+    """Return the impulse of a hard impact with Coulomb friction and energetic restitution.
 
     The impact takes no time; its clock is the normal impulse p. While the corner slides one way
     its velocity is linear in p. It may stop sliding; then it sticks, or slides back where the
@@ -134,7 +134,7 @@ def stopping_impulse(vt, vn, rx, ry, inverse_mass, inverse_inertia):
 
 @register_jitable
 def newton_impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
-    """Return impulse by Newton's rule vn' = -e vn with friction, for comparison.
+    """Return the impulse by Newton's rule vn' = -e vn with friction, for comparison.
 
     It can create energy.
 

@@ -36,7 +36,7 @@ class Problem:
     unit: str
 
     def error(self, q: Array, t: float | None = None) -> float:
-        """Return distance of positions q from the truth at time t (default: the end).
+        """Return the distance of positions q from the truth at time t (default: the end).
 
         Args:
             q: positions, shape (nq,).
@@ -321,7 +321,7 @@ def top_acceleration(q, v, params):
 
 @register_jitable
 def top_height(q: Array) -> Array:
-    """Return cosine of the tilt of the body's z axis from the vertical, shape q.shape[1:]."""
+    """Return the cosine of the tilt of the body's z axis from the vertical, shape q.shape[1:]."""
     return 1.0 - 2.0 * (q[-3] ** 2 + q[-2] ** 2)
 
 

@@ -51,7 +51,7 @@ _LEAST, _MOST = 0.001, 36500.0  # days
 
 @register_jitable
 def recall(days, stability):
-    """Return chance to recall so many days after a review; 0.9 where they are the stability."""
+    """Return the chance to recall so many days after a review; 0.9 where they are the stability."""
     return (1.0 + _FACTOR * days / stability) ** -W[20]
 
 

@@ -60,7 +60,7 @@ class Table:
         self.entries = list(entries)
 
     def __call__(self, *entries: str) -> tuple[int, ...]:
-        """Append entries; their numbers."""
+        """Append entries and return their numbers."""
         self.entries += entries
         return tuple(range(len(self.entries) - len(entries), len(self.entries)))
 
@@ -153,7 +153,7 @@ def _full(kind):
 
 @register_jitable
 def _more(pen, count):
-    """Return room for so many more numbers of the item begun last; where it is."""
+    """Reserve so many more numbers for the item begun last; return where they go."""
     at, item = int(pen[_FREE]), int(pen[_ITEM])
     if at == HEADER:
         raise ValueError("points or words before the item that they belong to")
@@ -167,7 +167,7 @@ def _more(pen, count):
 
 @register_jitable
 def _begin(pen, kind, count):
-    """Begin an item with so many numbers; where they go."""
+    """Begin an item with so many numbers; return where they go."""
     at = int(pen[_FREE])
     if at + 2 + count > pen.size:
         _full(kind)

@@ -218,7 +218,8 @@ def without_kernel(text: str) -> str:
     text = _KERNEL_ONLY.sub("", text)
     for pattern, stays in _PHRASES:
         # Where emphasis begins before the phrase and ends within it, it ends with what stays.
-        text = pattern.sub(lambda m, s=stays: s + "*" * (m[0].count("*") % 2), text)
+        for phrase in dict.fromkeys(match[0] for match in pattern.finditer(text)):
+            text = text.replace(phrase, stays + "*" * (phrase.count("*") % 2))
     return text
 
 

@@ -130,7 +130,7 @@
 
   // --- Pictures ----------------------------------------------------------------------------------
 
-  const picture = make("img");
+  const picture = make("img", { alt: "The enlarged picture" });
   const close = make("button", { type: "submit", textContent: "Close" });
   const form = make("form", { method: "dialog" }, close);
   const large = make("dialog", { className: "course-large" }, form, make("div", {}, picture));

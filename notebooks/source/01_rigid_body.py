@@ -357,8 +357,8 @@ show("semi_implicit_unconditional")
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** There is no good step in milliseconds. There is $h < 2/\omega_{\max}$, and the stiffest spring in
-# the model decides.
+# **Key insight.** There is no good step in milliseconds. For semi-implicit Euler there is $h < 2/\omega_{\max}$: the
+# fastest oscillation in the model decides, and a contact that opens and closes needs a smaller step.
 #
 # </div>
 
@@ -1424,13 +1424,14 @@ print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
 predict("what_a_drop_tells")
 
 # %% [markdown]
-# **Recordings that say nothing.** A gradient can only find what the motion depends on. A vertical drop carries no
-# information about friction or mass, and a block that sticks tells only a *bound* on the friction, however long you
-# record it and however good the optimiser is. The singular values of the Jacobian say so before you start:
+# **Recordings that say nothing.** A gradient can only find what the motion depends on. A drop without
+# tilt and without spin carries no information about friction or mass, and a block that sticks tells only a *bound* on
+# the friction, however long you record it and however good the optimiser is. The singular values of the Jacobian say so
+# before you start:
 
 # %%
 for label, poor in (
-    ("a vertical drop", Setup((0.0, 0.5))),
+    ("a drop without tilt or spin", Setup((0.0, 0.5))),
     ("a block that sticks under a push", Setup((0.0, 0.0), push=((0.2, 1.0, 2.0),))),
 ):
     print(f"--- {label}\n{information(truth, poor, times)}\n")

@@ -313,7 +313,7 @@ show("damping_is_free")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** The dangerous place is not the singularity but its neighbourhood. Damping bounds the step there by
-# $1/(2\lambda)$, and pays with error everywhere.
+# $1/(2\lambda)$ times the error, and leaves a share of the error everywhere.
 #
 # </div>
 #
@@ -622,9 +622,10 @@ simulation("arm")
 predict("one_call_or_a_batch")
 
 # %% [markdown]
-# The 7-R arm, random states, one core, called from Python; Pinocchio (Carpentier and others 2019) is what
-# professionals use for rigid-body algorithms, MuJoCo you know from chapter 1. Our batch is one call, theirs one call a
-# state:
+# The 7-R arm, random states, one core, called from Python; Pinocchio (Carpentier and others 2019) is what professionals
+# use for rigid-body algorithms, MuJoCo you know from chapter 1. Our batch is one call. Pinocchio is called once a state
+# and, for torques and accelerations, once for the whole batch (`rneaInParallel` and `abaInParallel`, on one thread).
+# MuJoCo is called once a state:
 #
 # ![States a second against the size of the batch](../docs/charts/arm_throughput.png)
 
@@ -665,12 +666,13 @@ show("converged_within_limits")
 # %% [markdown]
 # Each answer was checked by forward kinematics, and none of ours contradicted. Right, the same for poses beside a
 # singular posture of the shoulder; and of poses beyond the reach none is claimed. The rates compare one compiled batch
-# with a loop in Python around Pinocchio's calls, one pose after the other, as its users write it: a good part of the
-# factor is that, and the steps in the fold-out are the rest.
+# with a loop in Python around Pinocchio's calls, one pose after the other, as its users write it. That mixes three
+# things, so two more rows take them apart: *our method in Python* takes our steps with Pinocchio's calls, and *a call
+# a pose* calls our compiled method for one pose at a time.
 
 # %%
 rates = [line for line in read("ik_success").splitlines() if "solved a second" in line]
-print("\n".join(rates[:5]))  # of the picture on the left
+print("\n".join(rates[: len(rates) // 2]))  # of the picture on the left
 print_figures("ik_success", "poses 5 %")
 figures(read("ik_success"), summary="Steps, starts, and poses solved a second")
 

@@ -646,7 +646,10 @@ print_figures("control_speed", "")
 # plan ahead, by a quadratic program while the model is linear enough, by samples when it is not.
 #
 # With the model wrong as here, PD with gravity is ahead of computed torque in this chart, but not by its law: its
-# spring at the elbow is seven times as stiff. Compare laws at equal stiffness.
+# spring at the elbow is seven times as stiff. At equal stiffness the two err about alike with the wrong model. With the
+# right one computed torque is ahead by a factor of more than a hundred:
+#
+# ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
 # ## 7 · Debug: what a simulator hides
 #
@@ -735,8 +738,8 @@ show("vibration_needs_softness")
 # band; friction compensation from the reference's speed</td></tr>
 # <tr><td>torque noise at rest</td> <td>encoder lines times Kd</td> <td>count lines</td> <td>filter; observer; sample
 # slower</td></tr>
-# <tr><td>error like the acceleration</td> <td>inertia or torque constant</td> <td>`diagnose`</td> <td>identify,
-# payload</td></tr>
+# <tr><td>error like the acceleration</td> <td>inertia or torque constant; on a sine, gravity too</td>
+# <td>`diagnose`</td> <td>identify, payload</td></tr>
 # <tr><td>fine in the simulator, swings on the robot</td> <td>the simulator's hold, or a delay of the target only</td>
 # <td>ten steps a sample, the loop outside</td> <td>tune with the true lateness</td></tr>
 # </table>

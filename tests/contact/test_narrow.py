@@ -54,6 +54,15 @@ def test_agrees_with_coal(first, second, spread):
     assert np.abs(back.distance - result.distance).max() < 1e-13
 
 
+def test_positions_whose_squares_overflow_are_rejected():
+    """At 1e155 m the distance of two boxes came out as 0."""
+    box = contact.box([0.5, 0.5, 0.5])
+    here, far = (np.array([x, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) for x in (0.0, 1e150))
+    assert contact.distance(box, here, box, far).distance == pytest.approx(1e150)
+    with pytest.raises(ValueError, match="pose_b"):
+        contact.distance(box, here, box, 1e5 * far)
+
+
 def test_the_batch_that_is_timed_computes_every_pair():
     """Pinocchio's one call for all pairs finds what single calls of Coal find."""
     rng = np.random.default_rng(8)

@@ -337,3 +337,11 @@ PARTS = (Joint(1.0), Actuator(), Encoder(), Gains(1.0))
 def test_wrong_numbers_are_refused(call, word):
     with pytest.raises(ValueError, match=word):
         call()
+
+
+def test_a_loop_that_diverges_says_so() -> None:
+    """A gain far beyond the ultimate one: the angles pass the largest float."""
+    joint = Joint(1.0, 0.1)
+    calm = run_joint(joint, Actuator(), Encoder(), Gains(10.0, 0.0, 5.0), 0.5, 0.01, 1.0)
+    wild = run_joint(joint, Actuator(), Encoder(), Gains(1e9, 0.0, 0.0), 0.5, 0.01, 2.0)
+    assert wild.diverged and not calm.diverged

@@ -48,7 +48,27 @@ def test_rollouts_are_mujocos_and_answers_scipys() -> None:
     rates, answers = build(
         "control_speed", plans=(8,), samples=20, sizes=(4,), systems=5, repeats=1
     )
-    assert float(rates.notes[0].split()[-2]) < 1e-12
+    assert float(rates.notes[-1].split()[-2]) < 1e-12  # of both rivals
+    assert [series.label for series in rates.series] == ["course", "mujoco.batch", "mujoco.rollout"]
+    assert "quartiles" in rates.notes[0] and "quartiles" in answers.notes[0]
     assert len(answers.series) == 4
     system = plans.drawn(np.random.default_rng(1), 6)
     assert plans.residual(system, plans.lqr(*system).P) < 1e-12
+
+
+def test_laws_are_compared_at_equal_stiffness() -> None:
+    """With a wrong model the law hardly matters; with the right one it decides."""
+    right, wrong = build("equal_stiffness", gains=(100.0, 800.0))
+    for panel, low, high in ((right, 100.0, 1000.0), (wrong, 0.5, 1.0)):
+        ratio = np.array(panel["PD + gravity"].y) / panel["computed torque"].y
+        assert low < ratio.min() and ratio.max() < high
+    # The springs are those of the law: a small angle costs both the same torque at the start.
+    stiff, damp = tracking.springs(tracking.WRONG, 800.0, 20.0)
+    law = tracking.JointLaw("computed_torque", tracking.WRONG, 800.0, 20.0)
+    still = np.array([0.0, 0.6]), np.zeros(2)
+    torque = [
+        law(*still, still[0] + push, np.zeros(2), np.zeros(2))
+        for push in (np.zeros(2), np.array([0.0, 1e-3]))
+    ]
+    assert (torque[1] - torque[0])[1] == pytest.approx(1e-3 * stiff[1], rel=1e-6)
+    assert np.divide(damp, stiff) == pytest.approx(20.0 / 800.0)

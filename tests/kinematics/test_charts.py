@@ -78,6 +78,10 @@ def test_shares_solved_keep_their_order() -> None:
         share = {series.label: series.y[-1] for series in panel.series}
         assert share["uniform starts"] > 0.95 and share["nearest of a table"] > 0.95
         assert share["usual loop"] < 0.7 < share["usual loop, clamped, 20 starts"]
+        assert share["our method in Python"] > 0.95
+        assert {"uniform starts, a call a pose", "uniform starts"} <= {
+            line.split("  ")[0] for line in panel.notes
+        }
         assert all(" 0 claims that FK contradicts" in line for line in panel.notes[:2])
     assert " 0 claimed" in far.notes[0]
 
@@ -106,7 +110,10 @@ def test_learned_starts_are_solved_in_fewer_steps_than_random_ones() -> None:
 def test_the_throughput_chart_asks_all_three_the_same() -> None:
     panels = charts.build("arm_throughput", sizes=(1, 50), at_most=1, repeats=1)
     for panel in panels:
-        assert [list(s.x) for s in panel.series] == [[1, 50], [1], [1]]
+        single = [[1, 50], [1], [1]]
+        assert [list(s.x) for s in panel.series if "batch" not in s.label] == single
+        batched = [list(s.x) for s in panel.series if "batch" in s.label]
+        assert batched == ([] if "Jacobian" in panel.title else [[1, 50]])
         assert all(min(s.y) > 0 for s in panel.series)
     arm = replace(panda(), damping=0.0)
     q, v, x = np.random.default_rng(0).uniform(-1, 1, (3, 7, 5))
@@ -114,6 +121,24 @@ def test_the_throughput_chart_asks_all_three_the_same() -> None:
         answer = ours(arm, q, v, x)[..., -1]
         for other in (Arm(arm).calls(theirs, q, v, x), chain.calls(arm, mujocos, q, v, x)):
             assert other() == pytest.approx(answer, rel=1e-9, abs=1e-9)
+        if theirs in ("rnea", "aba"):
+            whole = Arm(arm).parallel(theirs, q, v, x)()
+            assert whole == pytest.approx(ours(arm, q, v, x), rel=1e-9, abs=1e-9)
+
+
+def test_the_same_method_in_python_takes_the_same_steps() -> None:
+    """On Pinocchio's calls, from the same starts: the same end after as many steps."""
+    arm, rng = panda(), np.random.default_rng(5)
+    library, steps = Arm(arm), np.zeros(2)
+    for target in inverse.reachable(arm, 20, 3):
+        start = rng.uniform(arm.lower, arm.upper)
+        ours = ik(arm, target, start, restarts=0)
+        q, solved, taken = library.marquardt_ik(target, start[None], (arm.lower, arm.upper))
+        assert solved == bool(ours.success)
+        if solved:
+            assert q == pytest.approx(ours.q, abs=1e-6)
+        steps += (taken, int(ours.iterations))
+    assert steps[0] == pytest.approx(steps[1], rel=0.02)
 
 
 def test_the_plane_ends_at_a_fault_of_a_tenth_of_a_degree() -> None:

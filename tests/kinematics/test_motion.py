@@ -121,6 +121,18 @@ def test_manipulability_of_two_links_is_the_area_of_their_parallelogram(q1, q2) 
     assert abs(kinematics.manipulability(J) - 0.7 * abs(np.sin(q2))) < 1e-14
 
 
+def test_the_condition_number_is_infinite_where_the_rank_is_lost() -> None:
+    """Rounding leaves a smallest singular value of 1e-17, which is not a number of 6e16."""
+    arm = panda()
+    straight = jacobian(arm, np.zeros(7))
+    assert np.linalg.matrix_rank(straight) == 5
+    assert condition_number(straight, 1.0) == np.inf
+    near = jacobian(arm, np.array([0.0, 1e-6, 0.0, -1e-6, 0.0, 1e-6, 0.0]))
+    assert np.linalg.matrix_rank(near) == 6 and 1e3 < condition_number(near, 1.0) < np.inf
+    both = condition_number(np.stack([straight, near], axis=2), 1.0)
+    assert both[0] == np.inf and both[1] == pytest.approx(condition_number(near, 1.0), rel=1e-6)
+
+
 def test_metres_and_millimetres_give_other_condition_numbers() -> None:
     """The same posture: which rows were divided by what has to be said."""
     q = np.array([0.3, -0.5, 0.2, -1.8, 0.4, 1.6, 0.7])

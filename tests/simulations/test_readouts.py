@@ -101,6 +101,7 @@ def test_whoever_lets_a_finger_scroll_drags_nothing_up_or_down(name: str) -> Non
     model = told.model(name)
     if model.upright or name in CHOSEN_BY_A_CLICK:
         return
+    assert model.drag is not None
     xmin, xmax, ymin, ymax = model.paper.window
     run = Experiment(model)
     for x in np.linspace(xmin, xmax, 9):

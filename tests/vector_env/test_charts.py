@@ -8,6 +8,7 @@ import pytest
 
 from course.charts import build, stored
 from course.charts import vector_env as chart
+from course.measure import timing
 from course.measure.timing import Timing
 from course.vector_env import ArmReach, ArmReachVector, training
 from tests.vector_env.test_vector_env import identical
@@ -31,9 +32,10 @@ def test_a_ratio_is_the_median_of_its_pairs(monkeypatch: pytest.MonkeyPatch) -> 
 
     def timed(samplers, **settings):
         factor = next(slowed)
-        return [Timing(x * factor, x * factor, x * factor, x * factor) for x in (8.0, 2.0)]
+        # The denominator, the fast contender, comes first.
+        return [Timing(x * factor, x * factor, x * factor, x * factor) for x in (2.0, 8.0)]
 
-    monkeypatch.setattr(chart, "interleaved", timed)
+    monkeypatch.setattr(timing, "interleaved", timed)
     contender = chart.CONTENDERS[chart.CLOSED]
     assert chart.paired_ratio(contender, contender, 1, 5) == (4.0, 4.0, 4.0)
     assert str(chart.Ratio(123.4, 118.0, 131.0)) == "120 times (quartiles 120 to 130)"

@@ -13,7 +13,7 @@ from course.control import box_qp, horizon, lqr, mpc, mppi, rollouts
 from course.control.sampling import shifted
 from course.measure.figure import Panel, Series
 from course.measure.success import wilson
-from course.measure.timing import calls, interleaved
+from course.measure.timing import calls, interleaved, pairwise_ratios
 from course.oracles.mujoco import chain as mujoco
 
 Array = NDArray[np.float64]
@@ -211,10 +211,12 @@ def control_speed(
     samples: int = 50,
     sizes: Sequence[int] = (2, 4, 8),
     systems: int = 1000,
-    repeats: int = 5,
+    repeats: int = 15,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
-    """Chart rollouts beside `mujoco.batch` on one core, regulators and boxes beside SciPy's.
+    """Chart rollouts beside `mujoco.batch` and `mujoco.rollout`, regulators and boxes beside SciPy.
+
+    All on one core.
 
     Args:
         plans: at a time.
@@ -225,26 +227,32 @@ def control_speed(
         clock: of the timing.
     """
     dt, start = 0.01, (np.array([0.3, 0.5]), np.array([0.1, -0.2]))
-    rates: dict[str, list[float]] = {"course": [], "mujoco.batch": []}
-    deviation = 0.0
+    rivals = {"mujoco.batch": mujoco.rollouts, "mujoco.rollout": mujoco.thread_pool_rollouts}
+    rates: dict[str, list[float]] = {name: [] for name in ("course", *rivals)}
+    deviation, notes = 0.0, []
     for n in plans:
         torques = np.random.default_rng(n).normal(size=(n, samples, 2))
-        theirs = mujoco.rollouts(ARM.chain(), torques, dt, start, DOWN)
+        theirs = [rival(ARM.chain(), torques, dt, start, DOWN) for rival in rivals.values()]
 
         def ours(torques: Array = torques) -> Array:
             return rollouts(ARM, torques, dt, start)[0][-1].T
 
-        deviation = max(deviation, float(np.abs(ours() - theirs()).max()))
-        timed = interleaved([calls(run, clock=clock) for run in (ours, theirs)], repeats=repeats)
+        here = ours()
+        deviation = max(deviation, *(float(np.abs(here - run()).max()) for run in theirs))
+        samplers = [calls(run, clock=clock) for run in (ours, *theirs)]
+        timed = interleaved(samplers, repeats=repeats)
         for name, result in zip(rates, timed, strict=True):
             rates[name].append(n * samples / result.median)
-    ratio = np.array(rates["course"]) / rates["mujoco.batch"]
-    note = f"{np.median(ratio):.0f} times mujoco.batch on one core ({ratio.min():.0f} to "
+        ratios = pairwise_ratios(samplers, pairs=repeats)
+        notes.append(
+            f"{n:5d} plans at a time, one core, over the course's time: "
+            + ", ".join(f"{name} {r}" for name, r in zip(rivals, ratios, strict=True))
+        )
     panel = Panel(
         "Rollouts of two links", "plans at a time", "samples a second", scale="log", ticks=plans
     )
     panel.series = [Series(name, plans, y, name) for name, y in rates.items()]
-    panel.notes = [f"{note}{ratio.max():.0f}); largest difference {deviation:.0e} rad"]
+    panel.notes = [*notes, f"largest difference {deviation:.0e} rad"]
     yield panel
     yield _beside_scipy(sizes, systems, repeats, clock)
 
@@ -275,6 +283,7 @@ def _beside_scipy(
     )
     names = ("regulator", "SciPy's Riccati", "box", "SciPy's BVLS")
     spent: dict[str, list[float]] = {name: [] for name in names}
+    ratios: dict[str, list[str]] = {names[1]: [], names[3]: []}
     worst, apart = np.zeros(2), 0.0
     for n in sizes:
         for _ in range(systems // len(sizes)):
@@ -290,14 +299,18 @@ def _beside_scipy(
             functools.partial(lsq_linear, M, b, (-0.3, 0.3), method="bvls", tol=1e-15),
         )
         apart = max(apart, float(np.abs(runs[2]().x - runs[3]().x).max()))
-        timed = interleaved([calls(run, clock=clock) for run in runs], repeats=repeats)
-        for name, result in zip(names, timed, strict=True):
+        samplers = [calls(run, clock=clock) for run in runs]
+        for name, result in zip(names, interleaved(samplers, repeats=repeats), strict=True):
             spent[name].append(1e6 * result.median)
-    ratio = [np.median(np.array(spent[b]) / spent[a]) for a, b in (names[:2], names[2:])]
+        for k in (0, 2):
+            (ratio,) = pairwise_ratios(samplers[k : k + 2], pairs=repeats)
+            ratios[names[k + 1]].append(f"size {n}: {ratio}")
     panel.series = [Series(name, sizes, y) for name, y in spent.items()]
     panel.notes = [
-        f"regulator {ratio[0]:.0f} times SciPy's speed; largest residual of {systems} systems "
-        f"{worst[0]:.0e}, SciPy's {worst[1]:.0e}",
-        f"box {ratio[1]:.0f} times SciPy's BVLS; largest difference {apart:.0e}",
+        f"{name} over the course's time, {', '.join(rows)}" for name, rows in ratios.items()
+    ]
+    panel.notes += [
+        f"largest residual of {systems} Riccati equations {worst[0]:.0e}, SciPy's {worst[1]:.0e}",
+        f"boxes: largest difference {apart:.0e}",
     ]
     return panel

@@ -194,6 +194,52 @@ def rounds_until(
     return float(good[0]) if good.size else np.inf
 
 
+def springs(model: TwoLink, kp: float, kd: float) -> tuple[Array, Array]:
+    """Return gains of PD that are as stiff at the joints as computed torque is by this model.
+
+    Computed torque multiplies kp and kd by the mass matrix; its diagonal in the middle of the
+    motion is what a joint feels.
+
+    Returns:
+        Stiffness [N m/rad] and damping [N m s/rad], shape (2,) each.
+    """
+    middle = np.array([0.0, 0.6])
+    felt = np.diag(model.mass_matrix(middle))
+    return kp * felt, kd * felt
+
+
+@chart(columns=2)
+def equal_stiffness(
+    gains: Sequence[float] = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0), dt: float = 1e-3
+) -> Iterator[Panel]:
+    """Chart the error of PD with gravity and of computed torque over one and the same stiffness.
+
+    Args:
+        gains: kp of computed torque [1/s^2]; damping is critical.
+        dt: sample time [s].
+    """
+    for words, model in (("right", ARM), ("wrong", WRONG)):
+        panel = Panel(
+            f"The model {words}",
+            "stiffness of the elbow [N m/rad]",
+            "largest error [rad]",
+            scale="log",
+        )
+        stiffness: list[float] = []
+        rows: dict[str, list[float]] = {"PD + gravity": [], "computed torque": []}
+        for kp in gains:
+            kd = 2.0 * np.sqrt(kp)
+            stiff, damp = springs(model, kp, kd)
+            stiffness.append(float(stiff[1]))
+            rows["PD + gravity"].append(error(JointLaw("pd_gravity", model, stiff, damp), dt))
+            rows["computed torque"].append(error(JointLaw("computed_torque", model, kp, kd), dt))
+        for name, y in rows.items():
+            message = ", ".join(f"{x:.3g}: {e:.2g}" for x, e in zip(stiffness, y, strict=True))
+            note = f"{name:<16} model {words}, stiffness of the elbow: error [rad] {message}"
+            panel.series.append(Series(name, stiffness, y, name, note=note))
+        yield panel
+
+
 SLOW = ("MPC", "MPPI")
 # The same computed torque with preview, the loop in Python, law and arm by a library.
 FOLLOW: dict[str, Callable[..., Callable[[], Array]]] = {

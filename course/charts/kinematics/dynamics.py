@@ -12,7 +12,7 @@ from course.kinematics import TwoLink, forward_dynamics, inverse_dynamics, jacob
 from course.kinematics.two_link import TORQUES, acceleration
 from course.measure.figure import Panel, Series
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
-from course.measure.timing import calls, interleaved
+from course.measure.timing import calls, interleaved, pairwise_ratios
 from course.measure.work_precision import machine
 from course.oracles.mujoco import chain as mujoco_chain
 from course.oracles.pinocchio import Arm
@@ -35,13 +35,14 @@ ASKED = {
 def arm_throughput(
     sizes: Sequence[int] = (1, 10, 100, 1000, 10_000, 100_000),
     at_most: int = 10_000,
-    repeats: int = 7,
+    repeats: int = 15,
     clock: Callable[[], float] = time.process_time,
 ) -> Iterator[Panel]:
     """Chart states of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
 
     Libraries are called once a state, up to N = `at_most`, from where their time a state is the
-    same; `clock` as for `course.measure.timing.calls`.
+    same; Pinocchio's parallel calls take a batch, on one thread. Ratios are those of interleaved
+    pairs at N = `at_most`; `clock` as for `course.measure.timing.calls`.
     """
     arm = replace(panda(), damping=0.0)  # Pinocchio's calls know none
     states = np.random.default_rng(0).uniform(-1, 1, (3, 7, max(sizes)))
@@ -49,7 +50,7 @@ def arm_throughput(
     for title, (ours, theirs, mujocos) in ASKED.items():
         panel = Panel(title, "states at a time N", "states per second", scale="log")
         rates: dict[str, list[tuple[int, float, float, float]]] = {}
-        busy = 0.0
+        busy, notes = 0.0, []
         for n in sizes:
             q, v, x = (np.ascontiguousarray(s[:, :n]) for s in states)
             given = (q[:, 0], v[:, 0], x[:, 0]) if n == 1 else (q, v, x)
@@ -57,6 +58,16 @@ def arm_throughput(
             if n <= at_most:
                 runs["Pinocchio"] = calls(other.calls(theirs, q, v, x), clock=clock)
                 runs["MuJoCo"] = calls(mujoco_chain.calls(arm, mujocos, q, v, x), clock=clock)
+            if theirs in ("rnea", "aba"):
+                runs["Pinocchio, a batch"] = calls(other.parallel(theirs, q, v, x), clock=clock)
+            if n in (1, at_most):
+                rivals = [name for name in runs if name != "course"]
+                samplers = [runs["course"], *(runs[name] for name in rivals)]
+                both = pairwise_ratios(samplers, pairs=repeats, sample=3e-3)
+                notes.append(
+                    f"{title:<36} N = {n:<6} time over the course's: "
+                    + ", ".join(f"{name} {r}" for name, r in zip(rivals, both, strict=True))
+                )
             timed = interleaved(list(runs.values()), repeats=repeats, sample=3e-3)
             for name, result in zip(runs, timed, strict=True):
                 row = (n, n / result.median, n / result.high, n / result.low)
@@ -65,13 +76,7 @@ def arm_throughput(
         for name, rows in rates.items():
             n, middle, low, high = np.array(rows).T
             panel.series.append(Series(name, n, middle, name, low=low, high=high))
-        one = {name: rows[0][1] for name, rows in rates.items()}
-        batch = {name: max(row[1] for row in rows) for name, rows in rates.items()}
-        panel.notes = [
-            f"{title:<36} one at a time {one['course'] / one['Pinocchio']:5.2f} times Pinocchio's "
-            f"call, in batch {batch['course'] / batch['Pinocchio']:5.2f} times; MuJoCo's call "
-            f"{one['course'] / one['MuJoCo']:.2f} and {batch['course'] / batch['MuJoCo']:.2f} times"
-        ]
+        panel.notes = notes
         panel.footer = machine(busy) + "; one core"
         yield panel
 

@@ -284,7 +284,7 @@ def spin_errors(update: str, angle: float, steps: Sequence[int]) -> tuple[Array,
 
 
 def added_length(angle: float, steps: float | Array) -> Array:
-    """Return length after n steps q + h q' / 1.
+    """Return the length after n steps q + h q' / 1.
 
     (1 + (h w / 2)^2)^(n / 2), because q' is perpendicular.
 

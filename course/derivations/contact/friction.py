@@ -43,7 +43,15 @@ def below_the_limit_sticks(result):
         moved = scenes.run(scene, model, 0.002, 100, **options)
         return bool(np.abs(moved.v[0, -1]) < 1e-9)
 
+    def holds_aside(model, mu, part, turn):
+        """Return whether a block sticks that is pushed at an angle to the axes of friction."""
+        base = scenes.block(0.0, mu)
+        push = part * mu * scenes.GRAVITY * np.array([np.cos(turn), np.sin(turn), 0.0])
+        moved = scenes.run(replace(base, force=base.force + push), model, 0.002, 50)
+        return bool(np.abs(moved.v[:2, -1]).max() < 1e-9)
+
     mus, parts = result.rng.uniform(0.2, 1.2, 8), result.rng.uniform(0.1, 0.95, 8)
+    aside = result.rng.uniform((0.2, 0.9, 0.35), (1.2, 0.99, 1.2), (8, 3))
     creep = scenes.run(
         scenes.block(np.arctan(0.5) * share, 0.5), "soft", 0.002, 500, cone="elliptic"
     ).v[0, -1]
@@ -52,11 +60,15 @@ def below_the_limit_sticks(result):
     result.statement = f"MuJoCo's model creeps at {1e3 * creep:.3f} mm/s."
     result.statement_holds(
         abs(creep) < 1e-9,
-        only_if="friction is Coulomb's, neither regularised nor soft",
-        inside=[sticks(m, *draw) for m in RIGID for draw in zip(mus, parts, strict=True)],
+        only_if="friction is Coulomb's, with a round cone or along an edge of the pyramid, neither "
+        "regularised nor soft",
+        inside=[sticks(m, *draw) for m in RIGID for draw in zip(mus, parts, strict=True)]
+        + [holds_aside(m, *draw) for m in RIGID if m != "lcp" for draw in aside],
+        # Chosen to break it: a load between two edges of the pyramid.
         outside=[
             sticks(m, *draw) for m in ("soft", "penalty") for draw in zip(mus, parts, strict=True)
-        ],
+        ]
+        + [holds_aside("lcp", *draw) for draw in aside],
     )
     result.correction_holds(
         creep > 1e-4,
@@ -437,16 +449,17 @@ def default_friction(result):
     )
 
 
-def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
+def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5, start=(-1e-12, -1.0)):
     """Return the speed of a ball of 1 kg after it hits a spring-damper at 1 m/s [m/s].
 
-    Gravity is neglected. The result is NaN if the ball has not left after 60 / omega.
+    Or starts otherwise, at a height [m] and a speed [m/s]. Gravity is neglected. The result is NaN
+    if the ball has not left after 60 / omega.
     """
     from course.contact.models import penalty_force
 
     omega = np.sqrt(stiffness)
     damping = 2.0 * zeta * omega
-    x, v, force = -1e-12, -1.0, np.zeros(1)
+    (x, v), force = start, np.zeros(1)
     for _ in range(round(60.0 / omega / dt)):
         penalty_force(-x, np.array([v]), stiffness, -sign * damping, np.zeros(0), 1.0, pull, force)
         v += dt * force[0]
@@ -459,11 +472,16 @@ def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
 @claim(
     "Too much damping in a penalty contact makes things stick together.",
     "It does only if the damper is allowed to pull and is at least critical: then the bodies "
-    "never part. If the force is clipped at zero, the contact lets go at every damping ratio. At "
-    "critical damping the bodies separate with {left:.3f} of their approach speed.",
+    "never part by themselves. If the force is clipped at zero, the contact lets go at every "
+    "damping ratio. At critical damping the bodies separate with {left:.3f} of their approach "
+    "speed.",
 )
 def damping_makes_things_stick(result):
     from course.oracles.mujoco.box import spring_restitution
+
+    def tears(zeta):
+        """Return the speed apart at 1 mm depth beyond which the damper loses the bodies [m/s]."""
+        return 1e-3 * 100.0 * (zeta + np.sqrt(zeta**2 - 1))
 
     remaining = result.measure("left", _hit(1.0, False), tolerance=1e-2)
     zetas = result.rng.uniform(1.05, 3.0, 8)
@@ -472,10 +490,14 @@ def damping_makes_things_stick(result):
     )
     result.statement_holds(
         bool(np.isnan(_hit(1.5, False))),
-        only_if="the damper may pull and is at least critical",
-        inside=[bool(np.isnan(_hit(z, True))) for z in zetas],
+        only_if="the damper may pull and is at least critical, and nothing parts the bodies faster "
+        "than (zeta + sqrt(zeta^2 - 1)) omega times their depth",
+        inside=[bool(np.isnan(_hit(z, True))) for z in zetas]
+        + [bool(np.isnan(_hit(z, True, start=(-1e-3, 0.95 * tears(z))))) for z in zetas],
         outside=[bool(np.isnan(_hit(z, False))) for z in zetas]
-        + [bool(np.isnan(_hit(z, True))) for z in 0.3 * zetas],
+        + [bool(np.isnan(_hit(z, True))) for z in 0.3 * zetas]
+        # Chosen to break it: bodies that start in contact and part fast.
+        + [bool(np.isnan(_hit(z, True, start=(-1e-3, 1.05 * tears(z))))) for z in zetas],
     )
     result.correction_holds(abs(remaining - spring_restitution(1.0)) < 0.01)
 

@@ -534,7 +534,7 @@ def steel_stiffness(result):
     modulus = 210e9 / (1 - 0.3**2) / 2  # both of steel
 
     def stiffness(force):
-        """Return slope of F = 4/3 E sqrt(R) d^(3/2), by differences [N/m]."""
+        """Return the slope of F = 4/3 E sqrt(R) d^(3/2), by differences [N/m]."""
 
         def depth(f):
             return (0.75 * f / (modulus * np.sqrt(radius))) ** (2 / 3)

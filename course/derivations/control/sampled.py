@@ -373,6 +373,7 @@ def encoder_ripple(result):
     result.correction_holds(
         all(size <= bound * (1 + 1e-9) for bound, size, flickers in draws if flickers),
         sum(flickers for *_, flickers in draws) > 3,
-        plain > kd * line / dt,
+        # A line of our own: an encoder on another grid is noticed.
+        1.5 < plain / (kd / dt * 2 * np.pi / 2**bits) < 2 * (1 + kp * dt / kd),
         soft < plain / 5,
     )

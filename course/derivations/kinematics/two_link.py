@@ -288,7 +288,7 @@ def number_of_solutions(result):
         return other.count(True) if apart else int(other[0])
 
     def free(links: int) -> float:
-        """Return dimension of the answers around a random posture that places the tip."""
+        """Return the dimension of the answers around a random posture that places the tip."""
         arm, q = planar(result.rng.uniform(0.3, 1, links)), result.rng.uniform(-3, 3, links)
         return float(np.trace(null_space(jacobian(arm, q)[:2])))
 

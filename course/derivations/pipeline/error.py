@@ -32,7 +32,7 @@ def ends(mended=(), seeds=(0,), scenario=None, **changed):
 
 
 def rms(away):
-    """Return root of the mean square of errors (2, N) [m], in millimetres."""
+    """Return the root of the mean square of errors (2, N) [m], in millimetres."""
     return 1e3 * float(np.sqrt(np.mean(np.sum(np.asarray(away) ** 2, axis=0))))
 
 

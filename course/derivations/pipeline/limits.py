@@ -214,7 +214,7 @@ def high_gain_overshoots(result):
     from course.pipeline import theory
 
     def beyond(kp, kd, q):
-        """Return overshoot of a small step of the slow mode, measured and as predicted."""
+        """Return the overshoot of a small step of the slow mode, measured and as predicted."""
         modes = theory.modes(TwoLink(), q, kp, kd)
         shapes = np.linalg.eigh(np.linalg.inv(TwoLink().mass_matrix(np.array(q))))[1]
         dt = 0.004 / float(modes.omega[0])
@@ -384,7 +384,7 @@ def look_and_move_noise(result):
     gain, late = result.input("gain", 0.3), int(result.input("late", 2))
 
     def measured(gain, late):
-        """Return variance over that of a picture, of 400 places after 400 frames each."""
+        """Return the variance over that of a picture, of 400 places after 400 frames each."""
         past = list(np.zeros((late + 1, 2000)))
         for _ in range(200):
             past.append(past[-1] - gain * (past[-1 - late] + result.rng.standard_normal(2000)))

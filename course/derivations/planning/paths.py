@@ -325,7 +325,7 @@ def trajopt_minimises_jerk(result):
 
 
 def _turns(path):
-    """Return angle of each corner of a path [deg]."""
+    """Return the angle of each corner of a path [deg]."""
     edges = np.diff(path) / np.linalg.norm(np.diff(path), axis=0)
     return np.degrees(np.arccos(np.clip(np.sum(edges[:, 1:] * edges[:, :-1], axis=0), -1.0, 1.0)))
 

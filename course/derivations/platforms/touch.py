@@ -323,7 +323,7 @@ def friction_rules(result):
     from course.platforms import prepared, scenes
 
     def slowed(run):
-        """Return coefficient by which a block loses speed."""
+        """Return the coefficient by which a block loses speed."""
         before = run.state()
         run.run(200)
         lost = before.v[0, 0] - run.state().v[0, 0]

@@ -152,11 +152,21 @@ def clock_by_adding_dt(result):
         f"At 1 kHz the clock is off by {short:.1e} s after 10 s and by {long:.1e} s after an hour."
     )
     periods = result.rng.choice(np.arange(3, 999), 10, replace=False)
+
+    def late(start, n, steps=1000):
+        """Return how wrong a clock is that starts at `start` and adds n/1024 s a step [s]."""
+        reading = float(np.cumsum(np.append(start, np.full(steps, n / 1024)))[-1])
+        return (reading - start) - steps * n / 1024
+
     result.statement_holds(
         long == 0.0,
-        only_if="dt is a multiple of a short binary fraction of a second, such as 1/1024",
-        inside=[float_clock_error(n / 1024, 50_000) == 0.0 for n in periods],
-        outside=[float_clock_error(n / 1000, 50_000) == 0.0 for n in periods],
+        only_if="dt is a multiple of a short binary fraction of a second, such as 1/1024, and the "
+        "clock stays below 2^53 of these fractions",
+        inside=[float_clock_error(n / 1024, 50_000) == 0.0 for n in periods]
+        + [late(2.0**42, n) == 0.0 for n in periods],
+        outside=[float_clock_error(n / 1000, 50_000) == 0.0 for n in periods]
+        # Chosen to break it: a clock that starts far away, where doubles are wider apart than dt.
+        + [late(2.0**44, n) == 0.0 for n in 2 * periods + 1],
     )
     result.correction_holds(long > 360 * short)
 
@@ -557,7 +567,7 @@ def every_recording_identifies(result):
         return all(differentiable.information((e, friction, 1.0), scene, times).identified[:2])
 
     def dropped(angle, friction):
-        """Return angle of a box 0.6 s after it was dropped without speed [rad]."""
+        """Return the angle of a box 0.6 s after it was dropped without speed [rad]."""
         state = np.array([0.0, 0.6, angle, 0.0, 0.0, 0.0])[:, None]
         return planar.advance_boxes(state, planar.box_parameters(friction=friction), 1e-3, 600)[0][
             2, 0

@@ -270,7 +270,7 @@ def mujoco_euler_damping_explicit(result):
     h = 0.002
 
     def remaining(c, flag="enable"):
-        """Return velocity after a step from 1 m/s, 1 kg."""
+        """Return the velocity after a step from 1 m/s, 1 kg."""
         model, data = _spring("Euler", h, 0.0, c, f'eulerdamp="{flag}"')
         data.qvel[0] = 1.0
         mujoco.mj_step(model, data)

@@ -366,6 +366,13 @@ def determinant_one_is_stable(result):
         a, b = result.rng.uniform(-3, 3), result.rng.uniform(0.5, 2)
         return np.array([[a, b], [(a * (trace - a) - 1) / b, trace - a]])
 
+    def two(trace: float) -> np.ndarray:
+        """Return the step of two oscillators: determinant 1 and a trace of 2.5 more than this."""
+        matrix = np.zeros((4, 4))
+        matrix[:2, :2], matrix[2:, 2:] = np.diag([2.0, 0.5]), drawn(trace)
+        assert abs(np.linalg.det(matrix) - 1) < 1e-9 and -2 < np.trace(matrix) < 2
+        return matrix
+
     outer, inner = np.sort(np.linalg.eigvals(numeric_matrix("semi_implicit_euler", 2.1)).real)
     result.measure("outer_at_2_1", outer)
     result.measure("inner_at_2_1", inner)
@@ -373,9 +380,10 @@ def determinant_one_is_stable(result):
     outside = result.rng.uniform(2.001, 2.2, 20) * result.rng.choice([-1, 1], 20)
     result.statement_holds(
         on_circle(numeric_matrix("semi_implicit_euler", 2.1)),
-        only_if="its trace lies between -2 and 2",
+        only_if="it is that of one oscillator, 2 by 2, and its trace lies between -2 and 2",
         inside=[on_circle(drawn(trace)) for trace in result.rng.uniform(-1.999, 1.999, 50)],
-        outside=[on_circle(drawn(trace)) for trace in outside],
+        outside=[on_circle(drawn(trace)) for trace in outside]
+        + [on_circle(two(trace)) for trace in result.rng.uniform(-1.999, -0.8, 8)],
     )
     result.correction_holds(
         step_matrix("semi_implicit_euler").det() == 1,
@@ -553,9 +561,12 @@ def verlet_limit(result):
 def explicit_midpoint_limit(result):
     import sympy
 
-    def grows(x: float, third: float) -> bool:
-        """Return whether 1 + z + z^2/2 + third z^3 leaves the unit circle at z = i x."""
-        return bool(abs(np.polyval([third, 0.5, 1, 1], 1j * x)) > 1)
+    def grows(x: float, third: float, fourth: float = 0.0) -> bool:
+        """Return whether 1 + z + z^2/2 + third z^3 + fourth z^4 leaves the unit circle at z = i x.
+
+        Its square is 1 + (1/4 - 2 third + 2 fourth) x^4 and terms of higher order.
+        """
+        return bool(abs(np.polyval([fourth, third, 0.5, 1, 1], 1j * x)) > 1)
 
     result.formula = sympy.expand(step_matrix("explicit_midpoint").det())
     tenth = spectral_radius("explicit_midpoint", 0.1) ** 2 - 1
@@ -570,8 +581,7 @@ def explicit_midpoint_limit(result):
     result.statement_holds(
         tenth <= 0,
         only_if="it is symplectic, as velocity Verlet is, or a Runge-Kutta method with a third "
-        "stage "
-        "that gives z^3 a weight above 1/8",
+        "stage that gives z^3 a weight above 1/8, and above 1/8 more than z^4 if there is a fourth",
         inside=[
             *verlet,
             *(
@@ -579,7 +589,9 @@ def explicit_midpoint_limit(result):
                 for x, c in zip(limits, heavy, strict=True)
             ),
         ],
-        outside=[not grows(result.rng.uniform(0.1, 1), c) for c in light],
+        outside=[not grows(result.rng.uniform(0.1, 1), c) for c in light]
+        # Chosen to break it: z^3 has its weight, and a fourth stage takes the cure away.
+        + [not grows(0.1, c, c - 0.12) for c in heavy],
     )
     result.correction_holds(
         abs(tenth / (0.1**4 / 4) - 1) < 1e-6,

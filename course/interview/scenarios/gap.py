@@ -106,7 +106,7 @@ def path_edges(cause: str, seed: int) -> float:
 
 
 def margin(cause: str, seed: int) -> float:
-    """Return distance from a wall at which a point is refused [m]."""
+    """Return the distance from a wall at which a point is refused [m]."""
     away = np.arange(0.005, 1.0, 0.01)
     points = np.column_stack((away, np.full(len(away), 2.0)))
     return float(away[np.argmax(free(room(cause, seed), points))])

@@ -131,7 +131,7 @@ def batch_boxes(
 
 
 def spring_restitution(damping_ratio: float) -> float:
-    """Return restitution of a spring-damper contact that cannot pull, gravity neglected.
+    """Return the restitution of a spring-damper contact that cannot pull, gravity neglected.
 
     exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2)), with acosh and zeta^2 - 1 for zeta > 1.
 

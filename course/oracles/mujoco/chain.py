@@ -322,6 +322,39 @@ def follow(
     return run
 
 
+def thread_pool_rollouts(
+    chain: Chain, plans: Array, dt: float, start: tuple[Array, Array], gravity: ArrayLike
+) -> Callable[[], Array]:
+    """Return a function that rolls out K plans of torques with `mujoco.rollout`, on one thread.
+
+    One call in C++ for all plans and steps; arguments and result are those of `rollouts`.
+    """
+    mujoco, mj = library(), model(chain, gravity)
+    from mujoco import rollout
+
+    mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
+    data, kind = mujoco.MjData(mj), mujoco.mjtState.mjSTATE_FULLPHYSICS
+    data.qpos[:], data.qvel[:] = start
+    begin = np.zeros(mujoco.mj_stateSize(mj, kind))
+    mujoco.mj_getState(mj, data, begin, kind)
+    first = np.tile(begin, (len(plans), 1))
+    states = np.empty((*plans.shape[:2], begin.size))
+    torques, pool = np.ascontiguousarray(plans), rollout.Rollout(nthread=0)
+
+    def run() -> Array:
+        pool.rollout(
+            mj,
+            data,
+            first,
+            torques,
+            control_spec=mujoco.mjtState.mjSTATE_QFRC_APPLIED,
+            state=states,
+        )
+        return states[:, -1, 1 : 1 + mj.nq].copy()  # the first number is the time
+
+    return run
+
+
 def rollouts(
     chain: Chain, plans: Array, dt: float, start: tuple[Array, Array], gravity: ArrayLike
 ) -> Callable[[], Array]:

@@ -97,7 +97,7 @@ def aim(controls, tip):
 
 @register_jitable
 def damping_of(controls, state):
-    """Return lambda of the next step: Levenberg and Marquardt have their own."""
+    """Return the lambda of the next step: Levenberg and Marquardt have their own."""
     return state["lam"] if controls["method"] == MARQUARDT else controls["damping"]
 
 

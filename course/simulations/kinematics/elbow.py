@@ -52,7 +52,7 @@ def posed(q):
 
 @register_jitable
 def error_of(pose, goal):
-    """Return twist from the tip to its goal, (6,) [m, rad]."""
+    """Return the twist from the tip to its goal, (6,) [m, rad]."""
     away = np.empty(6)
     away[:3] = goal[:3] - pose[7, :3]
     away[3:] = log(product(goal[3:], conjugate(pose[7, 3:])))

@@ -346,8 +346,9 @@ PRESETS = {
     "Semi-implicit Euler loses energy": Preset(
         _ELASTIC | {"integrator": "semi-implicit Euler"},
         "The same drop with the order of two lines swapped. In flight the same m g² h²/2 is now "
-        "taken at every step. Symplectic keeps the energy of a smooth oscillator near its start; "
-        "it promises nothing about a constant force and bounces.",
+        "taken at every step. Being symplectic, the method conserves a nearby energy exactly in "
+        "flight: m g y + m v²/2 - m g h v/2. An impact turns v around, and with it the last term: "
+        "each bounce lowers that energy.",
     ),
     "Exact flight, late impacts": Preset(
         _ELASTIC | {"integrator": "RK4", "resolve_impacts": False},

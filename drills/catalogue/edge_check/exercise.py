@@ -26,7 +26,7 @@ def swept(args: tuple[Any, ...], shares: Array) -> Array:
 
 
 def gaps(args: tuple[Any, ...], shares: Array) -> Array:
-    """Return distance of the arm to the nearest disc, shape (shares,)."""
+    """Return the distance of the arm to the nearest disc, shape (shares,)."""
     at, discs = swept(args, shares)[:, :, None], np.asarray(args[1], dtype=float)
     p, along = at[:, :-1], np.diff(at, axis=1)
     to = discs[:, :2] - p

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def inertia_from_log(q, tau, dt):
-    """Return inertia of a joint with friction and gravity, from a log of angles and torques.
+    """Return the inertia of a joint with friction and gravity, from a log of angles and torques.
 
     Args:
         q: measured angle at each sample, shape (n,) [rad].

@@ -68,7 +68,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def _away(p: Array, q: Array, centre: Array) -> float:
-    """Return distance of a point to a segment: the best of many points on it will do here."""
+    """Return the distance of a point to a segment: the best of many points on it will do here."""
     on = p + np.linspace(0.0, 1.0, 200)[:, None] * (q - p)
     return float(np.hypot(*(on - centre).T).min()) - 0.5 * math.dist(p, q) / 199
 
