@@ -1185,7 +1185,8 @@ print("written" if len(mine_too.split()) > 30 else "open: thirty words or more")
 # in the target, and it can't make a weak motor strong.
 #
 # *Where plants differ each time* neither wins by itself: gains for the mean and for the spread are equal. What could
-# help is a policy that measures the plant within the episode, which this chapter did not run. "Measuring is strictly better" fails three times: a mended part may hurt, a
+# help is a policy that measures the plant within the episode, which this chapter did not run. "Measuring is strictly
+# better" fails three times: a mended part may hurt, a
 # number with a wrong model is wrong and sure, and what varies can't be measured beforehand.
 #
 # </details>

@@ -968,7 +968,7 @@ with loop.urgent() as granted:
 # %% [markdown]
 # What is left even then: a page fault, a garbage collection, a lock, interrupts, tasks under SCHED_DEADLINE, and
 # **real-time throttling**: by default Linux gives real-time tasks 950 ms of each second
-# (`/proc/sys/kernel/sched_rt_runtime_us`), so a FIFO loop that spins is stopped for the other 50. A kernel for real time
+# (`/proc/sys/kernel/sched_rt_runtime_us`), so a FIFO loop that spins is stopped for the other 50. A real-time kernel
 # does not take these away. *PREEMPT_RT* is
 # a configuration of the Linux kernel, which makes most of it interruptible; Xenomai's *Cobalt* is a second kernel
 # beside Linux, with threads of its own (Xenomai 3 documentation). Neither makes a thread real-time that allocates,

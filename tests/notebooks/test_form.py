@@ -24,8 +24,8 @@ BUILT = {
 }
 CHAPTER = {f"{chapter.number:02d}_{chapter.topic}": chapter.topic for chapter in CHAPTERS}
 WRITTEN = sorted(set(BUILT) & set(CHAPTER))
-REWRITTEN: set[str] = {"contact"}  # and "learning" when its rewrite lands
-AWAITED = {"learning"}  # empty then
+REWRITTEN: set[str] = {"contact", "learning"}
+AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {
     "Interview question": "info",
     "Interview tip": "success",
