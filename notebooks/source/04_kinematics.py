@@ -18,7 +18,7 @@ from course.simulations import simulation
 predict("inward_from_stretched")
 
 # %% [markdown]
-# ![An arm of two links moves towards a target; dashed, the two postures that reach it](attachment:kinematics.arm.png)
+# ![Two links follow a target](attachment:kinematics.arm.png)
 
 # %%
 simulation("arm")
@@ -108,12 +108,12 @@ figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
 for axis, title in zip(axes, ("a frame in each joint", "two conventions for q2"), strict=True):
     _ = axis.plot(*joints, "o-", color="#9bb7d4", linewidth=8, markersize=10)
     _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=title)
-    _ = axis.set(xlim=(-0.3, 1.9), ylim=(-0.2, 1.5))
+    _ = axis.set(xlim=(-0.3, 1.9), ylim=(-0.2, 1.8))
 for i, heading in enumerate((posture[0], posture.sum(), posture.sum())):
     for turn, colour in ((0.0, "tab:red"), (np.pi / 2, "tab:green")):
         way = 0.25 * np.array([np.cos(heading + turn), np.sin(heading + turn)])
         _ = axes[0].quiver(
-            *joints[:, i], *way, color=colour, angles="xy", scale_units="xy", scale=1
+            *joints[:, i], *way, color=colour, angles="xy", scale_units="xy", scale=1, zorder=5
         )
     _ = axes[0].text(*(joints[:, i] + [0.1, -0.13]), ("joint 1", "joint 2", "tip")[i])
 _ = axes[1].plot([joints[0, 1], 1.6 * joints[0, 1]], [joints[1, 1], 1.6 * joints[1, 1]], "k:")
@@ -211,7 +211,7 @@ for points, colour, name in (
     (joints, "#3b6ea5", "3. then joint 1 by 30°"),
 ):
     _ = axes[1].plot(*points, "o-", color=colour, linewidth=6, markersize=9, label=name)
-_ = axes[1].set(title="the product, read from right to left", xlim=(-0.2, 2.0), ylim=(-0.2, 1.6))
+_ = axes[1].set(title="the product, read from right to left", xlim=(-0.2, 2.2), ylim=(-0.2, 2.2))
 _ = axes[1].legend(loc="upper left")
 for axis in axes:
     _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
@@ -301,11 +301,7 @@ for i in range(2):
 # %% [markdown]
 # **Worked example.** In the same posture the columns are $(-1.3,\; 0.866)$ and $(-0.8,\; 0)$ m/rad. Turn both joints
 # at 1 rad/s and the tip moves at $(-2.1,\; 0.866)$ m/s.
-
-# %%
-show("two_link_jacobian")
-
-# %% [markdown]
+#
 # In space a column has six numbers. With the axis $z_i$ of the joint, and the line $p - p_i$ from the joint to the
 # tip, both in world axes,
 #
@@ -456,6 +452,9 @@ for axis, bend in zip(axes, (90.0, 8.0), strict=True):
     _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.2, 2.5), ylim=(-0.9, 1.5))
     _ = axis.set(title=f"elbow bent by {bend:.0f} degrees")
 plt.show()
+
+# %%
+show("two_link_jacobian")
 
 # %% [markdown]
 # For two links $\det J = l_1l_2\sin q_2$. The determinant is zero exactly where the elbow is stretched or folded, and
