@@ -607,8 +607,10 @@ def test_no_file_is_large() -> None:
     "path", sorted((ROOT / "notebooks" / "source").glob("*.py")), ids=lambda p: p.stem
 )
 def test_no_line_of_a_notebook_is_long(path: Path) -> None:
+    """Lines have at most 120 columns, but for the rows of a Markdown table."""
     lines = path.read_text(encoding="utf-8").splitlines()
-    assert [f"{n}: {line}" for n, line in enumerate(lines, 1) if len(line) > 120] == []
+    long = [f"{n}: {line}" for n, line in enumerate(lines, 1) if len(line) > 120]
+    assert [line for line in long if not re.match(r"\d+: # \|", line)] == []
 
 
 def test_every_dependency_is_pinned() -> None:

@@ -409,13 +409,13 @@ def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Pane
     by_hand = play(BY_HAND, *JUDGES)[:, 0]
     steps = curves[0, :, 0]
     panels = (
-        ("collected in an episode", "mean sum of rewards", ".1f"),
-        ("targets reached within 2 s", "share of 200 targets", ".2f"),
+        ("Return of an episode", "mean sum of rewards", ".1f"),
+        ("Targets reached within 2 s", "share of 200 targets", ".2f"),
     )
     for k, (title, unit, form) in enumerate(panels, 1):
         low, middle, high = np.quantile(curves[:, :, k], (0.0, 0.5, 1.0), axis=0)
         panel = Panel(title, "environment steps", unit)
-        panel.lines = [("y", by_hand[k - 1], "written by hand")]
+        panel.lines = [("y", by_hand[k - 1], "hand-written law")]
         panel.series.append(
             Series(
                 f"learned: median and range of {seeds} runs",
@@ -489,14 +489,14 @@ def arm_learned(
     methods = {
         "DAgger": [(number, rounds, small)],
         "cloned": [(number, 0, small), (largest, 0, small)],
-        "cloned, a better fit": [(largest, 0, {"width": 128, "steps": 2 * fit})],
+        "cloned, longer training": [(largest, 0, {"width": 128, "steps": 2 * fit})],
     }
     by_hand = arm.reached(arm.expert, judged)
     panel = Panel(
-        "Copied, at equal labels",
-        "runs of 2 s that were labelled",
-        "targets reached",
-        lines=[("y", by_hand, "the law itself")],
+        "Cloned, same number of labels",
+        "labelled runs of 2 s",
+        "share of targets reached",
+        lines=[("y", by_hand, "hand-written law")],
         ylim=(0.0, 1.0),
     )
     for label, kinds in methods.items():
@@ -533,10 +533,10 @@ def arm_learned(
     at, share = np.moveaxis(np.array(curves), 2, 0)
     middle = share.mean(axis=0)
     panel = Panel(
-        "From reward: torques of PPO",
+        "PPO, torques as actions",
         "environment steps",
-        "targets reached",
-        lines=[("y", by_hand, "the law itself")],
+        "share of targets reached",
+        lines=[("y", by_hand, "hand-written law")],
         ylim=(0.0, 1.0),
     )
     panel.series.append(

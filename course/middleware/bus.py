@@ -104,12 +104,19 @@ class Group:
 
 
 class Future:
-    """An answer that is still to come, and the callbacks that have to run before it is there."""
+    """An answer that is still to come, and the callbacks that have to run before it is there.
 
-    __slots__ = ("_then", "done", "needs", "value")
+    Attributes:
+        done, value: whether the answer is there, and the answer.
+        needs: callbacks that have to run before.
+        unserved: name of the service that nobody served when the request was sent, or "". Such a
+            request is lost: a server that starts later does not see it.
+    """
 
-    def __init__(self, *needs: "Callback") -> None:
-        self.done, self.value, self.needs = False, None, list(needs)
+    __slots__ = ("_then", "done", "needs", "unserved", "value")
+
+    def __init__(self, *needs: "Callback", unserved: str = "") -> None:
+        self.done, self.value, self.needs, self.unserved = False, None, list(needs), unserved
         self._then: list[Callable[[Any], Any]] = []
 
     def then(self, call: Callable[[Any], Any]) -> None:
@@ -670,6 +677,7 @@ class Client:
     """Asks a service. Made by `Node.client`."""
 
     def __init__(self, node: Node, name: str, group: Group | None, link: Link) -> None:
+        self.name = name
         self._requests = node.writer(f"{name}/request")
         self._servers = node.bus.ends[f"{name}/request"][1]
         self._open: dict[int, Future] = {}
@@ -678,10 +686,17 @@ class Client:
         )
 
     def call(self, request: Any, size: int = 0) -> Future:
-        """Ask; the answer is there once this client's own callback has run, too."""
+        """Send a request; the answer is there once this client's own callback has run, too.
+
+        Where nobody serves the service yet the answer never comes, as in ROS 2 without
+        `wait_for_service`; `Future.unserved` says so, and `executor.deadlocks` reports it.
+        """
         needs = [*self._servers[:1], self._reader]
         number = self._requests.number + 1
-        future = self._open[number] = Future(*(end.callback for end in needs if end.callback))
+        future = self._open[number] = Future(
+            *(end.callback for end in needs if end.callback),
+            unserved="" if self._servers else self.name,
+        )
         self._requests.publish((self, number, request), size)
         return future
 

@@ -26,6 +26,9 @@ FLAGS = (
     " -fsanitize=address,undefined -fno-sanitize-recover=all"
 ).split()
 
+# What the driver prints before it ends by itself.
+REFUSALS = ("on_configure failed", "on_activate failed")
+
 
 def torques(
     position: ArrayLike,
@@ -85,7 +88,8 @@ class Driven:
         good: of each row, whether the controller was content.
         allocations: in each row, inside update or the callback.
         torque: of each row [N m].
-        report: the sanitizer's first line that names the fault, or "".
+        report: the first line of the sanitizer that names the fault, or why the controller was
+            not started, or "".
     """
 
     code: int
@@ -109,6 +113,10 @@ def drive(
         first: for "update" the target, stiffness, damping and limit; for "callback" the targets.
         rows: for "update" positions and velocities in each row; for "callback" the number of
             positions, those, the number of velocities, those.
+
+    Raises:
+        RuntimeError: the program ended early and neither the sanitizer nor the controller says
+            why; the text is what it printed.
     """
     text = "\n".join(" ".join(f"{value:.17g}" for value in row) for row in (*first, *rows))
     done = subprocess.run(
@@ -120,10 +128,16 @@ def drive(
     )
     result = [line.split() for line in done.stdout.splitlines()]
     faults = [line for line in done.stderr.splitlines() if "ERROR: " in line or "error: " in line]
+    if done.returncode and not faults and not done.stderr.startswith(REFUSALS):
+        reason = done.stderr.strip() or "it printed nothing"
+        hint = ""
+        if "initial library list" in done.stderr:
+            hint = " (unset LD_PRELOAD)"
+        raise RuntimeError(f"{program.name} ended with code {done.returncode}: {reason}{hint}")
     return Driven(
         done.returncode,
         [line[0] == "1" for line in result],
         [int(line[1]) for line in result],
         [[float(value) for value in line[2:]] for line in result],
-        faults[0].split("ror: ")[-1].split("ERROR: ")[-1] if faults else "",
+        faults[0].split("ror: ")[-1].split("ERROR: ")[-1] if faults else done.stderr.strip(),
     )

@@ -201,7 +201,9 @@ class Executor:
 
 
 def deadlocks(bus: Bus) -> list[str]:
-    """Return why runs that wait for an answer will never get it; nothing: all may.
+    """Return why runs that wait for an answer will never get it, empty if all may get theirs.
+
+    A request to a service that nobody served is lost, whatever the executors do.
 
     An answer needs its server's callback to run, then its client's. One of them is stuck if its
     group is held, or all threads of its executor are, by runs that are stuck themselves; who is not
@@ -222,17 +224,29 @@ def deadlocks(bus: Bus) -> list[str]:
 
     while True:
         # Remove runs that can proceed until none is left; what remains waits for itself.
-        free = [run for run, future in stuck.items() if not any(map(hindrance, future.needs))]
+        free = [
+            run
+            for run, future in stuck.items()
+            if not future.unserved and not any(map(hindrance, future.needs))
+        ]
         if not free:
             break
         for run in free:
             del stuck[run]
-    return [
-        f"{_name(run.callback)} waits for {_name(need)}, which needs {hindrance(need)}"
-        for run, future in stuck.items()
-        for need in future.needs
-        if hindrance(need)
-    ]
+    reasons = []
+    for run, future in stuck.items():
+        if future.unserved:
+            reasons.append(
+                f"{_name(run.callback)} waits for the service {future.unserved!r}, which nobody "
+                "served when it was called: wait for the service first"
+            )
+            continue
+        reasons += [
+            f"{_name(run.callback)} waits for {_name(need)}, which needs {hindrance(need)}"
+            for need in future.needs
+            if hindrance(need)
+        ]
+    return reasons
 
 
 def _name(callback: Callback) -> str:

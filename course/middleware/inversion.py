@@ -17,7 +17,7 @@ from typing import Any
 
 from course.check import finite, positive
 from course.middleware.loop import become, compute
-from course.middleware.transport import elsewhere
+from course.middleware.transport import UNGUARDED, elsewhere, no_answer
 
 PRIORITIES = {"low": 10, "middle": 20, "high": 30}
 _PROCESS_SHARED, _INHERIT, _PATIENCE = 1, 1, 10.0  # pthread.h, pthread.h, s
@@ -75,12 +75,12 @@ def measure(
         _make_lock(shared, inherit)
         for child in children:
             child.start()
-        ready = [report.get() for _ in children]  # each says what it was refused
+        ready = [_received(report, children) for _ in children]  # each says what it was refused
         rejected = next((text for text in ready if text), "")
         if rejected:
             return Inversion(float("nan"), theory, (), rejected)
         gates["low"].release()
-        done = sorted(report.get() for _ in children)
+        done = sorted(_received(report, children) for _ in children)
         (wait,) = (waited for _, name, waited in done if name == "high")
         return Inversion(wait, theory, tuple(name for _, name, _ in done))
     finally:
@@ -90,6 +90,23 @@ def measure(
                 child.join()
         shared.close()
         shared.unlink()
+
+
+def _received(report: Any, children: list[Any]) -> Any:
+    """Return the next report of a child.
+
+    Raises:
+        RuntimeError: a child died before it reported.
+        TimeoutError: there is none in time.
+    """
+    end = time.monotonic() + 2.0 * _PATIENCE
+    while report.empty():
+        if any(child.exitcode not in (None, 0) for child in children):
+            raise RuntimeError(UNGUARDED)
+        if time.monotonic() > end:
+            raise no_answer("the three processes", 2.0 * _PATIENCE)
+        time.sleep(0.005)
+    return report.get()
 
 
 def _make_lock(shared: SharedMemory, inherit: bool) -> None:
@@ -121,6 +138,8 @@ def _part(
         become(PRIORITIES[name])
     except OSError as error:
         report.put(f"SCHED_FIFO was refused: {error}")
+        del lock  # it points into the memory, which Python closes when the process ends
+        shared.close()
         return
     report.put("")
     if not gates[name].acquire(timeout=_PATIENCE):

@@ -32,6 +32,13 @@ PATIENCE = 20.0  # s: a partner that is silent for so long is gone
 DATAGRAM = 1472
 
 
+# Python runs the main script again in each new process, up to this line.
+UNGUARDED = (
+    'a child process died while it started; a script needs `if __name__ == "__main__":` around '
+    "what it runs, as Python imports the script again in each child"
+)
+
+
 def no_answer(what: str, patience: float = PATIENCE) -> TimeoutError:
     """Return the error when a partner did not answer in time [s]."""
     return TimeoutError(f"{what} did not answer within {patience:g} s")
@@ -51,11 +58,19 @@ def elsewhere() -> Any:
 
 @contextlib.contextmanager
 def partner(target: Callable[..., None], *args: Any) -> Iterator[Any]:
-    """Another process that runs target(*args); it is ended with the context."""
+    """Another process that runs target(*args); it is ended with the context.
+
+    Raises:
+        RuntimeError: it died while it started, so that it never answered.
+    """
     child = elsewhere().Process(target=target, args=args, daemon=True)
     child.start()
     try:
         yield child
+    except TimeoutError as error:
+        if child.exitcode == 1:  # it died while it started
+            raise RuntimeError(UNGUARDED) from error
+        raise
     finally:
         child.kill()
         child.join()

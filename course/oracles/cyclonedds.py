@@ -1,7 +1,9 @@
 """Eclipse Cyclone DDS asked who hears whom, what a late joiner gets, and what a message costs.
 
-Nothing leaves the machine: `library` confines Cyclone to the interface lo, without multicast, with
-127.0.0.1 as the only peer, in a domain and under a tag of its own, before it is imported first.
+Nothing leaves the machine: `library` confines what Cyclone sends to the interface lo, without
+multicast, with 127.0.0.1 as the only peer, in a domain and under a tag of its own, before it is
+imported first. Listening is not confined: Cyclone binds its sockets to all interfaces, so a packet
+from outside would be read, and dropped where domain and tag differ.
 Whoever hears it is in this process or was started by it. In one process a sample is with its
 readers when `write` returns; `echo` goes through the sockets of two processes.
 """

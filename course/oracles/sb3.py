@@ -1,4 +1,4 @@
-"""Stable-Baselines3: its interface around the vector environments of the course, and its PPO."""
+"""Stable-Baselines3: its interface around the course's vector environments, its PPO and its SAC."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import invalid, one_of
+from course.check import count, invalid, one_of
 from course.learning.network import one_thread
 from course.learning.ppo import Settings
 from course.libraries import import_error
@@ -223,5 +223,84 @@ def ppo(
         model.learn(steps // batch * batch, callback=watch)
         if not rows or rows[-1][0] < model.num_timesteps:
             watch.record_progress()
+    table = np.array(rows)
+    return Curve(table[:, 0].astype(np.int64), table[:, 1], table[:, 2])
+
+
+def sac(
+    envs: Any,
+    judge: Any,
+    *,
+    steps: int,
+    seed: int,
+    every: int,
+    hidden: tuple[int, ...] = (64, 64),
+    rate: float = 1e-3,
+    batch: int = 128,
+    first: int = 512,
+    entropy: float = 0.01,
+) -> Curve:
+    """Return the learning curve of the library's SAC, soft actor-critic.
+
+    SAC (Haarnoja et al., 2018) is off-policy: it stores every step in a replay buffer and learns
+    from random samples of all of them, here with one gradient step for each environment step. What
+    is not an argument has the library's default.
+
+    Args:
+        envs: see `vec_env`.
+        judge: function (policy) -> score, where policy(observations (n, d)) are mean actions.
+        steps: of all environments together.
+        seed: of weights, environments and all that is sampled.
+        every: environment steps between two scores.
+        hidden: widths of the layers, of the actor's and of each critic's network.
+        rate: of Adam.
+        batch: steps in a gradient step.
+        first: environment steps with random actions before the first gradient step.
+        entropy: weight of the entropy at the start; the library's default of 1 is far above the
+            rewards of the point, a few hundredths a step, and takes thousands of steps to fall.
+
+    Returns:
+        Its learning curve.
+    """
+    venv = vec_env(envs)
+    count("every", every, 1)
+    from stable_baselines3 import SAC
+    from stable_baselines3.common.callbacks import BaseCallback
+
+    rows: list[tuple[int, float, float]] = []
+
+    class Watch(BaseCallback):
+        def _on_step(self) -> bool:
+            if self.num_timesteps // every > len(rows):
+                self.record_progress()
+            return True
+
+        def record_progress(self) -> None:
+            spent = time.process_time() - self.started
+
+            def policy(observations: Any) -> Any:
+                return self.model.predict(observations, deterministic=True)[0]
+
+            rows.append((self.num_timesteps, spent, judge(policy)))
+            self.started = time.process_time() - spent
+
+        started = 0.0
+
+    with one_thread():
+        model = SAC(
+            "MlpPolicy",
+            venv,
+            seed=seed,
+            device="cpu",
+            learning_rate=rate,
+            batch_size=batch,
+            learning_starts=first,
+            ent_coef=f"auto_{entropy:g}",
+            gradient_steps=-1,  # as many as steps were made in all environments
+            policy_kwargs={"net_arch": list(hidden)},
+        )
+        watch = Watch()
+        watch.started = time.process_time()
+        model.learn(steps, callback=watch)
     table = np.array(rows)
     return Curve(table[:, 0].astype(np.int64), table[:, 1], table[:, 2])

@@ -7,12 +7,15 @@ more to a neighbour through shared memory; `shared` says whether it may.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import functools
 import json
 import queue
 import socket
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -77,6 +80,8 @@ def echo(shared: bool = False) -> Iterator[Trip]:
         shared: whether larger messages may go through shared memory, as by default in zenoh;
             otherwise all go over TCP.
     """
+    if shared:
+        _clean_at_exit()
     port, inbox = free_port(), queue.SimpleQueue[Any]()
     with library().open(configuration(port, True, shared)) as session:
         outbox = _publisher(session, "course/out")
@@ -93,6 +98,24 @@ def echo(shared: bool = False) -> Iterator[Trip]:
 
             yield trip
         back.undeclare()
+
+
+@functools.cache
+def _clean_at_exit() -> None:
+    """Remove this process's segments of shared memory when it ends, once.
+
+    zenoh removes those of processes that are dead, such as the partner's, but leaves its own, of 16
+    MiB and more, until the next process that uses it.
+    """
+    maps = Path("/proc/self/maps")
+
+    def clean() -> None:
+        for line in maps.read_text(encoding="utf-8").splitlines():
+            if line.endswith(".zenoh") and "/dev/shm/" in line:
+                Path("/dev/shm", line.rsplit("/", 1)[1]).unlink(missing_ok=True)
+
+    if maps.is_file():
+        atexit.register(clean)
 
 
 def _publisher(session: Any, key: str) -> Any:

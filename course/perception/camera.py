@@ -152,11 +152,14 @@ class Camera:
         return np.stack((self.cx + self.fx * x / z, self.cy + self.fy * y / z))
 
     def picture(self, depth: ArrayLike) -> Array:
-        """Check a picture from outside: contiguous floats (H, W) [m].
+        """Check a picture from outside; return it as contiguous floats (H, W) [m].
+
+        NaN and infinity become 0, no measurement: depth images of ROS mark a pixel without a
+        measurement, or beyond the range, like that (REP 118).
 
         Raises:
             ValueError: for another shape, whole numbers or depths that can only be millimetres, a
-                negative depth, a NaN, or no measurement at all.
+                negative depth, or no measurement at all.
         """
         given = np.asarray(depth)
         if given.dtype.kind in "iub":
@@ -164,8 +167,10 @@ class Camera:
             raise invalid("depth.dtype", str(given.dtype), report)
         shape = (self.height, self.width)
         z = np.ascontiguousarray(given, dtype=float)
-        if z.shape != shape or not (z.min() >= 0.0 and z.max() < np.inf):
-            vector("depth", given, shape, low=0.0, unit="m")
+        if z.shape == shape and not (z.min() >= 0.0 and z.max() < np.inf):
+            z = np.where(np.isfinite(z), z, 0.0)
+        if z.shape != shape or z.min() < 0.0:
+            vector("depth", z, shape, low=0.0, unit="m")
         if not z.any():
             raise invalid("depth", "0 everywhere", "a picture with at least one measurement")
         if z.max() > _FARTHEST and 2 * np.sum(z > _FARTHEST) > np.count_nonzero(z):

@@ -424,11 +424,11 @@ def fit_plane(points: ArrayLike) -> Array:
     if values[1] <= 1e-12 * values[2]:
         # Two equal smallest variances: the points lie on a line, which has no plane.
         raise invalid("points", given, "points that are not all in one line")
-    return _facing(np.append(axes[:, 0], -axes[:, 0] @ middle))
+    return facing(np.append(axes[:, 0], -axes[:, 0] @ middle))
 
 
-def _facing(plane: Array) -> Array:
-    """Return the plane with its normal towards the camera."""
+def facing(plane: Array) -> Array:
+    """Return a plane, shape (4,), with its normal towards the camera."""
     return -plane if plane[3] < 0.0 else plane
 
 
@@ -460,7 +460,7 @@ def inverse_depth_plane(
         raise invalid("mask", f"{n} pixels", "3 or more that are not all in one line")
     right = np.array([x @ inverse.sum(axis=0), y @ inverse.sum(axis=1), inverse.sum()])
     slope = np.linalg.solve(normal, right)
-    return _facing(np.append(-slope, 1.0) / np.linalg.norm(slope))
+    return facing(np.append(-slope, 1.0) / np.linalg.norm(slope))
 
 
 def draws_needed(share: float, confidence: float, sample: int = 3) -> float:
@@ -518,7 +518,7 @@ def ransac_plane(
     for _ in range(count("refits", refits)):
         inner = given[:, np.abs(plane[:3] @ given + plane[3]) <= near]
         plane = fit_plane(inner)
-    return _facing(plane), np.abs(plane[:3] @ given + plane[3]) <= near, tried
+    return facing(plane), np.abs(plane[:3] @ given + plane[3]) <= near, tried
 
 
 def _ransac(points, tolerance, triples, missed, plane):

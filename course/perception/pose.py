@@ -1,9 +1,10 @@
 """Where is the part? From a picture to poses, each with a covariance and a word on its trust.
 
 The chain: table, what stands above it, clusters on the grid of pixels, some starts for each, the
-closest points, the choice by what the picture shows, and a last fit along the rays. A residual does
-not tell a right pose from a wrong one, since a wrong one also lies on the points. What tells is the
-picture itself: it looks through a part that is not there. The covariance, of the six directions in
+closest points, the choice by what the picture shows, and a last fit along the rays and to the
+outline (`outline`), which tells x and y where the faces don't. A residual does not tell a right
+pose from a wrong one, since a wrong one also lies on the points. What tells is the picture itself:
+it looks through a part that is not there. The covariance, of the six directions in
 the part's frame, is that of the fit plus the table that the part stands on, times w^2 where
 neighbours share their noise over a window of w pixels: so many measurements count as one.
 """
@@ -19,8 +20,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, invalid, vector
 from course.kinematics.chain import turn_to
-from course.perception.camera import Array, Camera, Sensor, Shapes, render, sense
-from course.perception.cloud import back_project, components, inverse_depth_plane, ransac_plane
+from course.perception.camera import Array, Camera, Sensor, Shapes, render, sense, shape, together
+from course.perception.cloud import (
+    back_project,
+    components,
+    facing,
+    inverse_depth_plane,
+    ransac_plane,
+)
+from course.perception.outline import border, refine, rows
+from course.perception.outline import information as outline_information
 from course.perception.registration import DIRECTIONS, Fit, icp, known
 from course.rigid_body.quaternion import (
     conjugate,
@@ -39,6 +48,7 @@ _SIGMAS = 4.0  # of a depth: what is farther off is another thing
 _SEES_THROUGH = 0.1  # share of pixels that may look past a pose, or be left over: right ones 0.03
 _AGREES = 0.5  # share of a pose's visible pixels that the picture must show where it says
 _RIVAL = 0.02  # by how much less another pose may agree, and still be as good an answer
+_OFF_OUTLINE = 0.75  # root mean square distance of border and outline; 0.25 if right [pixels]
 _DISTINCT = math.radians(5.0)
 _SAMPLE = 400  # points of a cluster that the starts are tried with
 
@@ -57,7 +67,9 @@ class Estimate:
         unobserved: names of the directions that the image does not constrain.
         status: one of `STATUS`. Cut: it reaches the picture's edge, so what is missing is not seen;
             ambiguous: another pose, not the same by symmetry, agrees as well, or a shift is
-            unobserved, or a tenth of what is seen agrees with it not: there is more than the part.
+            unobserved, or a tenth of what is seen does not agree with it, or its border is off the
+            outline by three quarters of a pixel in the root mean square: there is more than the
+            part, or it is of another size.
     """
 
     R: Array
@@ -252,7 +264,8 @@ def locate(
         camera: intrinsics of the image.
         sensor: noise and resolution of the depth.
         part: one shape, or several posed in the part's frame.
-        table: (nx, ny, nz, d), towards the camera [m]; None to find the largest plane.
+        table: (nx, ny, nz, d) [m], with the normal to either side: the camera is above it; None
+            to find the largest plane.
         standing: whether the part stands on the table with its z up, so that only place and turn
             are free; else it may lie anyhow.
         starts: turns to start from, evenly over the period of the part.
@@ -280,6 +293,7 @@ def locate(
         plane = vector("table", table, (4,))
         if abs(np.linalg.norm(plane[:3]) - 1.0) > 1e-6:
             raise invalid("table", plane, "a normal of unit length, and a distance")
+        plane = facing(plane)
     # Refine it by all points near it, then classify what is above.
     for _ in range(2 if table is None else 1):
         slope = np.abs(plane[:3] @ points) / points[2]
@@ -387,9 +401,15 @@ def pose_of(
     covered, _ = back_project(np.where(mask | cluster, z, 0.0), camera)
     # Fine registration of all covered points from the best start.
     spread = np.maximum(sensor.sigma(covered[2], camera), 1e-7)
-    fit = icp(covered, part, first.pose, gate=last, sigma=spread, free=free)
-    if not np.isfinite(fit.residual):
-        return None
+    fit = first
+    # What the faces do not show, the outline does: x and y of a part that is seen from above.
+    at, weight, off = border(z, camera, sensor, cluster), 1.0 / sensor.window**2, 0.0
+    of_outline = np.zeros((6, 6))
+    for _ in range(2):  # points near an edge are chosen again once the edge is known
+        fit = icp(covered, part, fit.pose, gate=last, sigma=spread, free=free)
+        if not np.isfinite(fit.residual):
+            return None
+        fit, of_outline, off = refine(part, fit, fit.information * weight, camera, sensor, at)
     through, agree, score, mask = verdict(z, camera, sensor, part.moved(fit.pose), cluster)
     # A different pose that explains the picture about as well makes the answer ambiguous.
     rival = any(
@@ -402,8 +422,9 @@ def pose_of(
     if set(part.kinds) == {"sphere"}:  # it touches the table in a point, whatever its turn
         also[3:], also[:, 3:] = 0.0, 0.0
     # Neighbouring pixels of a stereo window share their noise: fewer independent points.
-    covariance, unobserved = known((fit.information + also) / sensor.window**2)
-    left_over, blind = score < 1.0 - _SEES_THROUGH, {"x", "y", "z"} & set(unobserved)
+    covariance, unobserved = known((fit.information + also) * weight + of_outline)
+    left_over = score < 1.0 - _SEES_THROUGH or off > _OFF_OUTLINE
+    blind = {"x", "y", "z"} & set(unobserved)
     status = "ambiguous" if rival or left_over or blind else "found"
     if _at_edge(mask) or _at_edge(cluster):
         status = "cut"
@@ -429,22 +450,24 @@ def stand_in(
 
     The bias is that of an image without noise.
 
-    The spread is that of the exact picture's information. What averaging does not remove are the
-    sensor's steps: of the error that they make without noise exp(-2 pi^2 (noise / step)^2) is
-    left (Widrow and Kollar, Quantization Noise, 2008, ch. 4). A part that is alone in the picture.
+    The spread is that of the exact picture's information, and of its outline against the table
+    where the part stands on one. What averaging does not remove are the sensor's steps: of the
+    error that they make without noise exp(-2 pi^2 (noise / step)^2) is left (Widrow and Kollar,
+    Quantization Noise, 2008, ch. 4). A part that is alone in the picture.
 
     Args:
         camera: as for `locate`.
         sensor: as for `locate`.
         part: as for `locate`.
         places: poses in the camera's frame, shape (7, N).
-        standing: whether the table is known, and with it height and tilts.
+        standing: whether the part stands on a table that is known, and with it height and tilts.
 
     Returns:
         Bias (6, N) and covariance (6, 6, N) of `DIRECTIONS` in the part's frame [m, rad]; infinite
         variance where nothing is seen.
     """
     poses = vector("places", places, (7, None))
+    foot = _extent(part)[0][2]
     free = STANDING if standing else DIRECTIONS
     moving = np.array([name in free for name in DIRECTIONS])
     bias, covariance = np.zeros((6, poses.shape[1])), np.zeros((6, 6, poses.shape[1]))
@@ -458,6 +481,7 @@ def stand_in(
         steps = max(sensor.step * depth**2 / (camera.fx * sensor.baseline), sensor.unit)
         noise = sensor.noise * depth**2 / (camera.fx * sensor.baseline)
         remaining = math.exp(-2.0 * (math.pi * noise / steps) ** 2) if steps else 0.0
+        offset = np.zeros(6)
         for picture in (sense(exact, camera, coarse, np.random.default_rng(0)), exact):
             points, _ = back_project(picture, camera)
             sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
@@ -466,6 +490,17 @@ def stand_in(
             if picture is not exact:
                 back = conjugate(pose[3:])
                 turned = log(product(back, fit.pose[3:]))
-                bias[:, i] = remaining * np.append(rotate(back, fit.p - pose[:3]), turned)
-        covariance[:, :, i], _ = known(fit.information / sensor.window**2, free)
+                offset = remaining * np.append(rotate(back, fit.p - pose[:3]), turned)
+        of_points, of_outline = fit.information / sensor.window**2, np.zeros((6, 6))
+        if standing:
+            low = np.array([0.0, 0.0, foot, 1.0, 0.0, 0.0, 0.0])
+            table = shape("plane", pose=low).moved(pose)
+            scene, _ = render(together([table, part.moved(pose)]), camera)
+            at = border(scene, camera, sensor, exact > 0.0)
+            of_outline, _ = outline_information(rows(part, pose, camera, sensor, at, 1.0), free)
+        covariance[:, :, i], _ = known(of_points + of_outline, free)
+        # The points alone would be off by this; the outline, which has no steps, holds against it.
+        finite = np.isfinite(np.diag(covariance[:, :, i]))
+        share = np.where(np.outer(finite, finite), covariance[:, :, i], 0.0) @ of_points
+        bias[:, i] = share @ offset
     return bias, covariance

@@ -8,6 +8,7 @@ wrong and does not say so. What says so is the picture, by `see_through`.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 
@@ -27,7 +28,9 @@ L_PART = together(
         shape("box", 0.02, 0.03, 0.5 * TALL, pose=(-0.04, 0.05, 0.0, 1.0, 0.0, 0.0, 0.0)),
     ]
 )
-_HIDDEN = (128, 48)  # with 24 x 24 inputs and two outputs 80,146 weights
+_HIDDEN = (128, 48)
+_LAYERS = (SIDE * SIDE, *_HIDDEN, 2)
+WEIGHTS = sum((a + 1) * b for a, b in itertools.pairwise(_LAYERS))  # with a bias for each output
 
 Network = Callable[[Array], Array]
 """Patches (n, SIDE, SIDE) -> turns about the table's normal (n,) [rad]."""

@@ -382,7 +382,7 @@ PRESETS = {
         "through both has most points."),
     "Scale error": Preset({"scale": 1.01}, "Depths 1 % too long: each pose is about 8 mm off, with "
         "less than 0.1 mm predicted and nothing seen through. Only a length known from "
-        "outside tells."),
+        "outside tells, or the outline once it is off by a pixel."),
 }  # fmt: skip
 
 # What each number below the picture means.

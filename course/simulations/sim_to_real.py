@@ -248,7 +248,8 @@ def drag(controls, state, x, y):
 
 PRESETS = {
     "Gap": Preset({}, "A policy that never fails in its simulator, on an arm that is not quite "
-        "it. Pull the gap up; drag the target: the ghost is what the simulator promised.",
+        "it. Pull the gap up; drag the target: the ghost is what the simulator promised. DR Range "
+        "acts once 'Tuned on' is a range.",
         "A policy that never fails in its simulator, on an arm that differs a little from the "
         "simulated one. The ghost shows what the simulator promised."),
     "No gap": Preset({"gap": 0.0, "delay": 0.0}, "The arm it was tuned on. All succeed, and it "

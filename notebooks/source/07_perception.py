@@ -54,7 +54,7 @@ from course.derivations import more_claims, show
 from course.kinematics.chain import compose
 from course.measure.timing import calls, interleaved
 from course.oracles import open3d
-from course.perception import Camera, Sensor, locate, pose, render, sense, shape, together
+from course.perception import Camera, Sensor, locate, pose, render, sense, shape, together, yaw_net
 from course.rigid_body.quaternion import conjugate, exp, rotate
 
 
@@ -387,6 +387,11 @@ print_figures("pose_covariance", "closest", "along", "w = 7")
 # `icp` compare each point with the shape *along its own ray*. And shared noise makes every covariance too small by up
 # to the window squared: that factor has to come from the sensor.
 #
+# Where no face tells a direction, the **outline** may. From straight above the faces of a box tell its height and two
+# tilts. But a border pixel, where the part hides something farther away, lies within half a pixel of the model's
+# contour. Its distance from the contour is one more residual, with a row of the same form, and the rows together tell
+# $x$, $y$ and the turn. A border that something nearer cuts is not used: it is no outline of the part.
+#
 # ### Right, or only consistent?
 
 # %%
@@ -513,7 +518,7 @@ figures(read("scene_known_part"), *rows, summary="The whole scene")
 
 # %% [markdown]
 # All together stay below the tolerance. One thing that does not: a depth scale that is 1 % wrong moves a pose by
-# several tolerances (a card above), and no test inside sees it.
+# several tolerances (a card above), and no test inside sees it. At some per cent the outline does: it no longer fits.
 #
 # ### Interfaces, and what a failure says
 #
@@ -692,7 +697,7 @@ simulation("perception", "Touching")
 print_figures("cloud_speed", "picture", "points", "voxels of 5", "plane, early", "course", "Open3D")
 
 # %% [markdown]
-# A whole frame, three boxes on a table in 640 x 480 pixels, with the chain of the listing in both and then ICP:
+# A whole frame, three boxes on a table in 320 x 240 pixels, with the chain of the listing in both and then ICP:
 #
 # ![Where the time of a frame goes, beside Open3D](../docs/charts/frame_speed.png)
 
@@ -987,9 +992,11 @@ answer("two_millimetres_will_do", "e")
 # tolerance among its tests</td></tr>
 # </table>
 #
-# None of these is measured here. What runs here is small: a network with 80,146 weights that looks at a patch of
-# 24 x 24 heights and says how an L-shaped part is turned. It was trained on some thousand of our pictures, and its
-# answer is where ICP starts.
+# None of these is measured here. What runs here is small: a network that looks at a patch of heights and says how
+# an L-shaped part is turned. It was trained on some thousand of our pictures, and its answer is where ICP starts.
+
+# %%
+print(f"{yaw_net.WEIGHTS:,} weights, a patch of {yaw_net.SIDE} x {yaw_net.SIDE} heights")
 
 # %%
 predict("network_and_mirror")

@@ -303,9 +303,9 @@ print_figures(
 )
 
 # %% [markdown]
-# **Fine-tuning** searches on the robot itself. It needs no model, and a hundred times the robot time of a single log. A
+# **Fine-tuning** searches on the robot itself. It needs no model, and far more robot time than a single log. A
 # longer log, or a range about it, buys nothing that these bands show. Chapter 6's adaptive law learns within each
-# reach; its setting was seen on the twin, which is robot time.
+# reach, but most of its gain is there without adapting (*its law, not adapting*).
 #
 # ### When each of them wins
 #
@@ -318,8 +318,8 @@ print_figures(
 # <tr><td>one arm, no robot yet</td> <td>a range</td> <td>nothing to identify; modest gains against delay</td></tr>
 # <tr><td>a new plant each episode, the spread known</td> <td>the mean, and a range about it</td> <td>one set of gains
 # is a compromise anyway; these are nearly equal here</td></tr>
-# <tr><td>a new plant each episode, and it can be looked at</td> <td>feedback, memory, a second try</td> <td>what was
-# unknown is measured within the episode</td></tr>
+# <tr><td>a new plant each episode, and it can be observed</td> <td>in the literature: memory, adaptation</td>
+# <td>what was unknown is measured within the episode; not run on this page</td></tr>
 # </table>
 
 # %%
@@ -335,9 +335,8 @@ for name, gains in sets.items():
     print(f"{name:<24} {rollouts(there_is, gains, tasks(1000, 42)).rate:.3f}")
 
 # %% [markdown]
-# So "identify what is fixed, randomise what varies" is half of the answer. Randomising what varies buys little by
-# itself: the large step is a policy that *notices*. The recurrent policies of section 4 did that; so does chapter 6's
-# adaptive law, and so does anybody who lifts a thing a second time.
+# So "identify what is fixed, randomise what varies" is half of the answer: randomising what varies buys little here.
+# A policy that measures the plant within the episode may do better; this page does not run one.
 #
 # ### A mended parameter can hurt
 #
@@ -814,10 +813,10 @@ show("same_as_mujoco")
 print_figures("believed_error_bars", "dry friction", "delay")
 
 # %% [markdown]
-# ### Break it: three toggles, one gripper
+# ### Break it: one gripper, one error at a time
 #
 # A gripper on a gantry lowers two fingers around a box, closes, lifts. Its policy is a grip force and a servo, tuned
-# where the model is right. Turn the switches, one at a time; then turn two:
+# where the model is right. Each row of the table below changes one thing, and the last one two:
 
 # %%
 show("large_step_at_contact")
@@ -843,11 +842,13 @@ toggles = {
     "box 10 % heavier": (lab.Lab(mass=0.55), "lifts 10 % less", "weigh it: the torque"),
     "camera 20 mm off": (lab.Lab(offset=0.02), "misses", "touch a known point"),
     "camera 30 mm off": (lab.Lab(offset=0.03), "misses", "touch a known point"),
+    "camera 20 mm, box + 10 %": (lab.Lab(offset=0.02, mass=0.55), "misses", "one at a time"),
 }
+print(f"{'what is wrong':<25}{'expected':<16}{'held, with its band':<21}what tells")
 for name, (scene, report, caught) in toggles.items():
     held = lab.trials(scene, 20)
     low, high = wilson(held, 20)
-    print(f"{name:<24}told: {report:<15}held {held:2d}/20 [{low:.2f}, {high:.2f}]; test: {caught}")
+    print(f"{name:<25}{report:<16}{held:2d}/20 [{low:.2f}, {high:.2f}]   {caught}")
 heavy, light = (lab.lift(lab.Lab(mass=m)).error for m in (0.55, 0.5))
 print(f"10 % more mass: lifted {100 * (heavy - light) / lab.Lab().height:.1f} % less high")
 
@@ -1183,8 +1184,9 @@ print("written" if len(mine_too.split()) > 30 else "open: thirty words or more")
 # *A range wins* where there is no robot yet, and where what is unknown is of the careful kind: a delay. It costs time
 # in the target, and it can't make a weak motor strong.
 #
-# *Where plants differ each time* neither wins by itself: gains for the mean and for the spread are equal. What wins
-# there is feedback, memory, a second try. "Measuring is strictly better" fails three times: a mended part may hurt, a
+# *Where plants differ each time* neither wins by itself: gains for the mean and for the spread are equal. What could
+# help is a policy that measures the plant within the episode, which this chapter did not run. "Measuring is strictly
+# better" fails three times: a mended part may hurt, a
 # number with a wrong model is wrong and sure, and what varies can't be measured beforehand.
 #
 # </details>

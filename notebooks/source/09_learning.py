@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 9 · Robot learning
 #
-# *A point learns to reach a disc, while you watch. The best that is possible is known exactly; which reward gets near
-# it? Answer first; then run the cells.* {open minutes} minutes to read and move, {folded minutes} minutes more for what
-# is folded away, {exercise minutes} minutes of exercises.
+# *A point learns to reach a disc, starting from random pushes. Which reward teaches it best? Guess first, then watch it
+# learn.* About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
+# {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -18,25 +18,23 @@ predict("three_rewards")
 simulation("point")
 
 # %% [markdown]
-# **You will be able to** choose between a policy that learns from reward, one that copies, and one that is written; say
-# when the errors of a copy grow and how fast; make a policy that keeps several ways apart; and test any of them so that
-# the number means something. **Know first:** chapter 8's potentials, chapter 6's loops, some probability.
+# **You will be able to** explain how a policy learns from reward, and what PPO's clip does and does not do; say when the
+# errors of a copied policy grow, and how fast; choose a policy that can hold several ways of doing a task; and test any
+# of them so that the number means something. **Know first:** potentials and shaping from chapter 8, feedback loops from
+# chapter 6, expectation and the normal distribution.
 #
-# ## How this chapter works
-#
-# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
-# is false as it stands.) A number in the text comes from the cell above it, or from a check that `python -m
-# course.derivations 9` runs again. Each method is shown on the smallest task that has its point, beside an optimum that
-# is known. Section 9 has these exercises:
+# A **policy** is a rule that turns an observation into an action. This chapter has three sources of policies. You can
+# write one down, as chapter 6 did. In **reinforcement learning** the policy acts, receives a number called the reward,
+# and changes so that the sum of rewards grows. In **imitation learning** somebody demonstrates the task, and the policy
+# learns to act as they did.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(9)
 
-# %%
+# %% tags=["hide-code"]
 import inspect
-import textwrap
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
@@ -45,114 +43,289 @@ from IPython.display import Markdown
 
 from course import learning
 from course.cards import interview
-from course.charts import read
-from course.derivations import figure, show
+from course.charts import stored
+from course.derivations import figure, more_claims, show
 from course.learning import Commit, Delayed, Regulator, Settings, TwoWays, evaluate, objective, roll
-from course.measure.success import wilson
 from course.measure.sweep import sweep
 from course.vector_env import PointReachVector
 from course.vector_env.point import optimum, plan
 
-
-def print_figures(chart, *rows):
-    """Print the lines of a chart's key figures that begin so, no wider than a page."""
-    for line in read(chart).splitlines():
-        if line.lstrip().startswith(rows):
-            print(textwrap.fill(" ".join(line.split()), 96, subsequent_indent="    "))
+BLUE, ORANGE, GREY, GREEN = "#0072b2", "#d55e00", "#7f7f7f", "#009e73"
 
 
-def source(*functions):
-    """Show functions as they stand in the module."""
-    text = "\n\n".join(inspect.getsource(f) for f in functions)
-    return Markdown(f"```python\n{text}```")
+def source(function, begin):
+    """Return the body of a function as it stands in its module, from the line that begins so."""
+    lines = inspect.getsource(function).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.lstrip().startswith(begin))
+    head = f"def {function.__name__}({', '.join(inspect.signature(function).parameters)}):"
+    return Markdown("\n".join(["```python", head, *lines[first:], "```"]))
+
+
+def table(*rows):
+    """Return rows of text as a table; the first one is the head."""
+    lines = [f"| {' | '.join(map(str, row))} |" for row in rows]
+    return Markdown("\n".join([lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]))
+
+
+def last(chart, panel=0):
+    """Return the last value of each curve of a stored chart, with its band, by the curve's name."""
+    return {
+        one.label: (one.y[-1], one.low[-1], one.high[-1]) for one in stored(chart)[panel].series
+    }
 
 
 # %% [markdown]
 # ## 1 · Concept: learning from reward
 #
-# ### A task whose best is known
+# ### The yardstick: a task whose optimum is known exactly
 #
-# In **reinforcement learning** a policy acts, is paid, and changes so that it will be paid more. It is shown what to do
-# in **imitation learning**. Written laws are the third way, and the yardstick here.
+# Learning curves usually show that a number rises. They rarely show how far it could rise. This chapter therefore works
+# on a task so small that the best possible result is known exactly, and reports every learner as a share of that
+# optimum.
 #
-# The point has a bounded acceleration along each axis. After $k$ steps it can be anywhere in a box that grows with
-# $k(k+1)/2$; the first box that meets the disc gives the least number of steps. A prize of 1 that many steps away,
-# discounted by 0.99 a step, is the optimum; every learner is charted by its share of it.
+# The task is the point from the simulation above. It starts at rest, somewhere up to 2 m from its goal along each axis.
+# The policy observes the vector to the goal and the velocity. It chooses an acceleration of at most 1 m/s² along each
+# axis, and holds it for 50 ms. The episode ends successfully when the point enters a disc of 5 cm radius around the goal.
+# Otherwise it ends after 100 steps.
+#
+# The plots show six runs each of two policies: the fastest that is possible, and one that was written by hand. The
+# written one is a PD law, with one gain on the remaining distance and one on the velocity.
 
-# %%
+# %% tags=["hide-code"]
 envs = PointReachVector(64, "sparse", autoreset_mode="SameStep")
 best = optimum(envs.reset(seed=1000)[0])
 
 
 def fastest(observed):
-    """Return the best policy, from the boxes."""
+    """Return the actions of the optimal policy."""
     return plan(observed)[1].astype(np.float32)
 
 
 def written(observed):
-    """Return two gains, on what is left of the way and on the speed."""
+    """Return the actions of a PD law."""
     return np.clip(4.0 * observed[:, :2] - 3.5 * observed[:, 2:], -1.0, 1.0).astype(np.float32)
 
 
+rows = [("policy", "share of the optimum", "steps to the disc, mean")]
 figure_, axes = plt.subplots(1, 2, figsize=(7, 3), layout="constrained", sharey=True)
-for axis, (name, act) in zip(axes, (("fastest", fastest), ("two gains", written)), strict=True):
+for axis, (name, act) in zip(axes, (("optimal", fastest), ("PD law", written)), strict=True):
     ran = evaluate(act, envs, 1000)
-    share = ran.returns.mean() / best.mean()
-    print(f"{name:<10} {share:.2f} of the optimum, {ran.steps.mean():.1f} steps")
+    rows.append((name, f"{ran.returns.mean() / best.mean():.2f}", f"{ran.steps.mean():.1f}"))
     few = PointReachVector(6, "sparse")
     measured, route = few.reset(seed=1000)[0], []
     for _ in range(60):
-        route.append(few.task.p.copy())
+        route.append(-measured[:, :2])
         measured = few.step(act(measured))[0]
     route = np.array(route)
-    for i, last in enumerate(evaluate(act, PointReachVector(6, "sparse"), 1000).steps):
-        _ = axis.plot(route[:last, 0, i], route[:last, 1, i], ".-", ms=2, lw=0.7)
-    _ = axis.set(title=name, aspect="equal", xlabel="x [m]")
+    for i, end in enumerate(evaluate(act, PointReachVector(6, "sparse"), 1000).steps):
+        _ = axis.plot(route[:end, i, 0], route[:end, i, 1], ".-", ms=2, lw=0.7)
+    axis.add_patch(plt.Circle((0.0, 0.0), 0.05, color=GREEN))
+    _ = axis.set(title=f"six starts, {name}", aspect="equal", xlabel="x from the goal [m]")
+_ = axes[0].set_ylabel("y from the goal [m]")
 plt.show()
 
 # %% [markdown]
-# ### Whose merit was it?
+# How fast can it be? After $k$ steps, a point at rest can be anywhere in a square around its start. The half-width of
+# that square is $\Delta t^2\,k(k+1)/2$, with $\Delta t = 50$ ms. So we increase $k$ until the square touches the disc:
+# that $k$ is the least number of steps. Success pays a prize of 1, and each step of delay multiplies it by the
+# **discount** $\gamma = 0.99$. The optimal return is therefore $0.99^{\,k-1}$.
 #
-# A policy that draws its actions can be improved by the **policy gradient**: raise the probability of an action in
-# proportion to its *advantage*, how much better it turned out than what a critic expected. What it turned out to be is
-# known in many ways: the next reward and the critic's word for the rest, or two rewards, or all of them.
+# **A worked example.** A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches
+# $0.0025 \cdot 27 \cdot 28/2 = 0.945$ m, 5.5 cm short of the goal and just outside the disc. In 28 steps it reaches
+# 1.015 m. So 28 steps are needed, and the optimum is $0.99^{27} = 0.76$.
 #
-# **Generalised advantage estimation** takes all at once, with weights. Where the clock cuts an episode off, the
-# critic's word for what would have come is added, which is **bootstrapping**; where it ended, nothing comes.
+# The table compares both policies on 64 starts:
+
+# %% tags=["hide-code"]
+table(*rows)
+
+# %% [markdown]
+# ### The policy gradient
+#
+# How can a policy improve when nobody tells it the right action? It tries actions at random and repeats those that
+# turned out well. For this the policy must be random itself. It samples its action $a$ from a distribution
+# $\pi_\theta(a \mid s)$ that depends on the state $s$ and on parameters $\theta$, usually the weights of a network. Here
+# it is a normal distribution: the network computes the mean, and the standard deviation $\sigma$ sets how much the
+# policy explores.
+#
+# The **return** is the discounted sum of rewards, and $J(\theta)$ is its expected value. The **policy gradient** is the
+# gradient of $J$ with respect to the parameters:
+#
+# $$\nabla_\theta J = \mathbb{E}\Big[\sum_t A_t\,\nabla_\theta \log \pi_\theta(a_t \mid s_t)\Big].$$
+#
+# Read it from the right. The vector $\nabla_\theta \log \pi_\theta(a_t \mid s_t)$ is the direction that makes the
+# sampled action more likely. The **advantage** $A_t$ is a number: how much better that action turned out than the
+# policy's average in the same state. So every sample votes for itself if it was good and against itself if it was bad,
+# and $\mathbb{E}$ averages the votes over many episodes.
+#
+# For a normal distribution with mean $\mu$ and standard deviation $\sigma$, the derivative with respect to the mean is
+# $\partial \log \pi / \partial \mu = (a - \mu)/\sigma^2$. The picture shows these votes as arrows.
+
+# %% tags=["hide-code"]
+rng = np.random.default_rng(3)
+mean, spread, goal = 0.0, 1.0, 1.2
+actions = mean + spread * rng.standard_normal(9)
+advantage = (mean - goal) ** 2 + spread**2 - (actions - goal) ** 2
+grid = np.linspace(-3.0, 3.0, 200)
+figure_, axis = plt.subplots(figsize=(6.5, 2.7), layout="constrained")
+_ = axis.plot(grid, np.exp(-0.5 * (grid - mean) ** 2), color=GREY, label="policy")
+for k, (a, A) in enumerate(zip(actions, advantage, strict=True)):
+    ink, pull = (BLUE if A > 0 else ORANGE), 0.12 * A * (a - mean)
+    _ = axis.plot(a, 0.0, "o", color=ink)
+    _ = axis.annotate("", (a + pull, -0.1 - 0.06 * k), (a, -0.1 - 0.06 * k),
+                      arrowprops={"arrowstyle": "->", "color": ink})  # fmt: skip
+step = 0.12 * np.mean(advantage * (actions - mean))
+_ = axis.annotate("", (mean + 3 * step, 1.1), (mean, 1.1),
+                  arrowprops={"arrowstyle": "-|>", "lw": 2.5, "color": "black"})  # fmt: skip
+_ = axis.axvline(goal, color=GREEN, ls="--", label="best action")
+_ = axis.text(
+    0.02, 0.9, "blue: better than average\norange: worse", transform=axis.transAxes, va="top"
+)
+_ = axis.set(xlabel="action", ylim=(-0.7, 1.25), yticks=())
+_ = axis.legend(loc="upper right", fontsize=8)
+plt.show()
+
+# %% [markdown]
+# Each dot is a sampled action; its arrow is its vote, advantage times $(a - \mu)/\sigma^2$. A good action to the right
+# pulls the mean to the right. A bad action to the left pushes it to the right too, because moving away from it is an
+# improvement. The thick arrow on top is the average of all votes (drawn larger): it points to the best action, although
+# no sample knew where that is.
+#
+# **A worked example.** Let $\mu = 0$ and $\sigma = 1$. The action 0.5 had an advantage of +2, so it votes
+# $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
+# mean to the right.
+#
+# <details><summary>Why the formula is right, in three lines</summary>
+#
+# Take one action with reward $R(a)$. Then
+# $\nabla_\theta \mathbb{E}[R] = \int R(a)\,\nabla_\theta \pi_\theta(a)\,da$, and since
+# $\nabla \pi = \pi\,\nabla \log \pi$, this equals
+# $\int R(a)\,\pi_\theta(a)\,\nabla_\theta \log \pi_\theta(a)\,da = \mathbb{E}[R\,\nabla_\theta \log \pi_\theta]$.
+#
+# For an episode, the probability of a whole path is a product of policy probabilities and of the plant's own
+# probabilities. The logarithm turns it into a sum, and the plant's terms do not depend on $\theta$. So the gradient
+# needs no model of the plant. A reward that was paid before an action cannot depend on that action, so each action is
+# weighted only with the rewards after it.
+#
+# </details>
+#
+# One question remains. Why an advantage, and not simply the return? If all returns are positive, every sampled action
+# votes for itself, and only the differences between large votes carry information. Subtracting a **baseline**, a number
+# that does not depend on the action, is meant to remove that noise. Does it also change the result?
+
+# %%
+show("baseline_is_free")
+
+# %% [markdown]
+# ### Credit assignment: advantages and GAE
+#
+# An episode of the point has dozens of actions and one prize at its end. Which of the actions deserve the credit? To
+# answer that, PPO (proximal policy optimisation, the algorithm in the simulation above) trains a second network besides
+# the policy. This **critic** estimates the value $V(s)$, the return to
+# expect from state $s$. After one step you can check its estimate against what actually happened. The difference is the
+# **temporal-difference error**
+#
+# $$\delta_t = r_t + \gamma V(s_{t+1}) - V(s_t).$$
+#
+# In words: the reward plus the value of where you are now, minus the value that you expected before. A positive
+# $\delta_t$ says that this step went better than expected, so $\delta_t$ is already an estimate of the advantage. It has
+# little noise, because it looks only one step ahead. But it believes whatever the critic says about the next state, and
+# early in training the critic knows nothing.
+#
+# The opposite choice waits for the whole return and subtracts $V(s_t)$. This needs no belief in later values, but it
+# contains the luck of every later step. **Generalised advantage estimation** (GAE) is the family between these two
+# extremes, with a parameter $\lambda$ from 0 to 1:
+#
+# $$A_t = \sum_{l \ge 0} (\gamma\lambda)^l\,\delta_{t+l}
+#       = \delta_t + \gamma\lambda\,A_{t+1}.$$
+#
+# The weight of a later error decays by the factor $\gamma\lambda$ per step. With $\lambda = 0$ only the first error
+# counts. With $\lambda = 1$ the sum telescopes, and what is left is the whole return minus $V(s_t)$. The usual value is
+# 0.95.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(8, 2.1), layout="constrained", sharey=True)
+for axis, lam in zip(axes, (0.0, 0.9, 1.0), strict=True):
+    _ = axis.bar(np.arange(25), (0.99 * lam) ** np.arange(25.0), color=BLUE)
+    _ = axis.set(title=f"$\\lambda$ = {lam:g}", xlabel="steps ahead, l")
+_ = axes[0].set_ylabel(r"weight of $\delta_{t+l}$")
+plt.show()
+
+# %% [markdown]
+# **A worked example**, with $\gamma = 1$ and $\lambda = 0.5$. Three steps are left with rewards 0, 0 and 1. The critic
+# says 0.2, 0.3 and 0.6 for their states, and after the last step the episode is over. The errors are
+# $\delta = (0.1,\ 0.3,\ 0.4)$. Backwards in time, the advantages are 0.4, then $0.3 + 0.5 \cdot 0.4 = 0.5$, then
+# $0.1 + 0.5 \cdot 0.5 = 0.35$. With $\lambda = 0$ the first step would get 0.1, and with $\lambda = 1$ it would get 0.8,
+# the return of 1 minus the expected 0.2.
+#
+# You can look at GAE in a second way. The *n-step estimate* adds up the first $n$ errors with their discounts. It uses
+# $n$ real rewards and then trusts the critic for the rest.
 
 # %%
 show("lambda_mixes")
 
-# %%
-show("next_row")
+# %% [markdown]
+# Two kinds of ends need care. If an episode **terminated**, say because the disc was reached, nothing comes after it,
+# and $V(s_{t+1})$ counts as 0. If a time limit **truncated** it, the state that was reached still has a value, and the
+# critic's estimate $V(s_{t+1})$ stands in for the rewards that were cut off. Using an estimate in place of rewards that
+# were not observed is called **bootstrapping**.
+#
+# At both ends the sum over later errors stops, because the next row of the batch belongs to another episode. The whole algorithm is a loop backwards in time (`r` and `v` are rewards and values,
+# `after` holds $V(s_{t+1})$, `over` and `late` mark the two kinds of end, and `decay` is $\lambda$):
+
+# %% tags=["hide-code"]
+source(learning.gae, "errors = r")
 
 # %% [markdown]
-# ### How far in one step?
+# ### How far in one step: PPO's clipped objective
+#
+# The policy gradient is exact only at the policy that collected the data. But collecting a batch is expensive, so you
+# would like to take many gradient steps on it. After the first one the policy has changed, and some actions in the batch
+# have become more or less likely. The **probability ratio** measures that for each action:
+#
+# $$\rho = \frac{\pi_{\text{new}}(a \mid s)}{\pi_{\text{old}}(a \mid s)} .$$
+#
+# It starts at 1. A ratio of 1.5 means that the action is now one and a half times as likely as when it was sampled.
+# Maximising the average of $\rho A$ would follow the gradient, but nothing would stop it: for a positive advantage, a
+# larger ratio is always better. PPO maximises the **clipped objective** instead:
+#
+# $$L = \mathbb{E}\big[\min\big(\rho A,\ \mathrm{clip}(\rho,\,1-\varepsilon,\,1+\varepsilon)\,A\big)\big] .$$
+#
+# The function clip replaces a ratio outside $1 \pm \varepsilon$ by the nearest end of that range; $\varepsilon$ is
+# usually 0.2. The minimum selects the smaller of the two terms. So going further in the profitable direction earns
+# nothing more, but an action that moved in the wrong direction keeps its full gradient.
 
 # %%
 predict("where_the_clip_bites")
 
-# %% [markdown]
-# The gradient is right at the policy that drew the data, and wrong far from it. PPO uses a batch for several epochs
-# nevertheless. Its **clipped objective** is the smaller of ratio times advantage and the same with the ratio held near
-# one. Both signs, three places each, are the six cases:
-
-# %%
+# %% tags=["hide-code"]
 ratio = np.linspace(0.4, 1.6, 241)
-figure_, axes = plt.subplots(1, 2, figsize=(7, 2.3), layout="constrained")
-for axis, A in zip(axes, (1.0, -1.0), strict=True):
-    value, slope = objective(ratio, np.full(ratio.size, A), 0.2)
-    _ = axis.plot(ratio, value, lw=2)
-    _ = axis.plot(ratio, ratio * A, ":", lw=1, color="grey")
+figure_, axes = plt.subplots(1, 2, figsize=(7, 2.4), layout="constrained")
+for axis, A, name in zip(axes, (1.0, -1.0), ("a good action", "a bad action"), strict=True):
+    value, _ = objective(ratio, np.full(ratio.size, A), 0.2)
+    _ = axis.plot(ratio, value, lw=2.5, color=BLUE, label="clipped objective")
+    _ = axis.plot(ratio, ratio * A, ":", lw=1.2, color=GREY, label=r"$\rho A$")
     _ = axis.axvspan(0.8, 1.2, color="#e8eaf6")
-    _ = axis.set(title=f"advantage {A:+.0f}", xlabel="ratio", ylabel="objective")
+    _ = axis.set(
+        title=f"{name}, A = {A:+.0f}", xlabel=r"probability ratio $\rho$", ylabel="objective"
+    )
+_ = axes[0].legend(fontsize=8)
 plt.show()
-for A in (1.0, -1.0):
-    slopes = objective(np.array([0.7, 1.0, 1.3]), np.full(3, A), 0.2)[1] + 0.0
-    print(f"advantage {A:+.0f}: slope {slopes} where the ratio is below, near and above one")
 
-# %%
-show("beyond_the_clip")
+# %% [markdown]
+# The two plots give six cases. Where the blue line is flat, the gradient is zero. That happens in only two of the six:
+#
+# | | $\rho$ below $1-\varepsilon$ | inside the range | $\rho$ above $1+\varepsilon$ |
+# |---|---|---|---|
+# | good action, $A > 0$ | full gradient: raise it again | full gradient | **none**: raised far enough |
+# | bad action, $A < 0$ | **none**: lowered far enough | full gradient | full gradient: lower it again |
+#
+# **A worked example**, with $\varepsilon = 0.2$. For $A = 2$ and $\rho = 1.5$ the two terms are 3 and 2.4; the minimum
+# is 2.4, which no longer depends on $\rho$. For $A = -2$ and the same ratio they are $-3$ and $-2.4$; the minimum is
+# $-3$, and its gradient lowers the ratio.
+#
+# It is tempting to conclude that the ratio now stays within the range. Before you answer, remember that all actions share
+# the same network weights.
 
 # %%
 show("clip_keeps")
@@ -160,263 +333,487 @@ show("clip_keeps")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** The clip does not hold the policy; it only stops paying for going further. What holds it is the
-# number of epochs times the step size. Measure the divergence of an iteration: section 8 has the map.
+# **Key insight.** The clip does not hold the policy in place. It only removes the incentive to go further. How far an
+# iteration moves the policy is decided by the number of epochs (passes over the batch) and the step size. So measure
+# it: section 8 maps the Kullback-Leibler divergence, a measure of how different two distributions are, here the old and the
+# new distribution of actions.
 #
 # </div>
 #
-# PPO is **on-policy**: each batch comes from the policy of the moment, and is thrown away. SAC and TD3 keep every step
-# in a **replay buffer**, a store from which they learn again and again. They win where a step is dear: on a real robot,
-# in a slow simulator; one pays more gradients a step, and more ways to diverge. They are not built here. "PPO
-# dominates" is true where steps are nearly free, as on a GPU, and of nothing wider.
+# ### On-policy and off-policy
 #
+# PPO is **on-policy**: it learns only from actions of the current policy, and throws each batch away after a few epochs.
+# An **off-policy** method stores every step in a **replay buffer** and learns from random samples of it, again and
+# again, whichever policy made them. SAC (soft actor-critic) and TD3 work like this. They train a critic $Q(s, a)$ for
+# state and action together, so an old step still says something true: this action, in this state, led there.
+#
+# The price is more gradient steps for each environment step, and a critic that learns from its own estimates and may
+# diverge. The gain is fewer environment steps. The chart shows both methods from the same library on the same task, as
+# a share of the exact optimum. PPO appears with two batch sizes: large batches suit it better, but leave it only three
+# updates in the steps that SAC takes.
+#
+# ![SAC and PPO: share of the optimum over environment steps](../docs/charts/off_policy.png)
+
+# %% tags=["hide-code"]
+off = stored("off_policy")[0]
+rows = [("method", "environment steps", "share of the optimum, median", "quartiles")]
+for one in off.series:
+    k = np.argmin(np.abs(np.array(one.x) - off["SAC"].x[-1])) if one.label != "SAC" else -1
+    for at in (k,) if k in (-1, len(one.x) - 1) else (k, -1):
+        band_ = f"{one.low[at]:.2f} to {one.high[at]:.2f}"
+        rows.append((one.label, f"{one.x[at]:,.0f}", f"{one.y[at]:.2f}", band_))
+table(*rows)
+
+# %% [markdown]
+# At equal environment steps SAC is far ahead; PPO needs several times as many to catch up. On a real robot or in a slow
+# simulator that decides. In a fast simulator it does not: SAC makes one gradient step for each environment step, PPO
+# about ten for each thousand. You will often read that "PPO dominates robot learning". That is true where environment steps
+# are nearly free, as in simulators on a GPU.
+
+# %%
+more_claims("next_row", "beyond_the_clip")
+
+# %% [markdown]
 # ## 2 · Concept: what to pay for
 #
-# Three rewards for the same task. A **sparse reward** pays for success only. Where it is not found by chance, nothing
-# is learned; how often chance finds it, can be told beforehand:
+# ### Sparse rewards, and how often chance finds them
+#
+# The honest reward for reaching the disc is 1 on arrival and 0 everywhere else. Such a **sparse reward** pays only for
+# success. Its problem is the beginning: until the policy arrives once by chance, every return is zero, and so is the
+# policy gradient.
+#
+# How often does chance find it? Picture the random path as a brush. A path of length $L$ with a disc of radius $R$
+# paints a strip of width $2R$ and area $2RL$. If the goal may be anywhere in an area $S$, the painted share is the
+# probability of success, as long as the path does not cross itself. The point's random path has about 0.9 m within the
+# goal area of 4 m². With $R = 5$ cm that makes $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$.
 
 # %%
 show("sparse_chance")
 
 # %% [markdown]
-# ![Share of the optimum by reward, and chance by the size of the disc](../docs/charts/rewards.png)
+# ### Dense rewards: minus the distance, or a potential
+#
+# A **dense reward** pays at every step. The obvious one is minus the distance to the goal. The other one is the
+# difference of a potential from chapter 8: with $\Phi(s)$ equal to minus the distance, it adds
+#
+# $$F_t = \gamma\,\Phi(s_{t+1}) - \Phi(s_t),$$
+#
+# which is positive for each step that comes closer. Both use the same distance, but they differ in what they add up to.
+# Let a path have the distances 3, 2, 1, 0, and take $\gamma = 1$. The potential pays $1 + 1 + 1 = 3$, and it pays 3 on
+# every other path from the same start: the differences telescope to $\Phi(\text{end}) - \Phi(\text{start})$. Minus the
+# distance pays $-(2 + 1 + 0) = -3$ on this path and another sum on another path. It rewards being near *on the way*, and
+# that is a different task. (For the potential to be safe it must be zero wherever the episode terminates,
+# as chapter 8 showed.)
+#
+# ![Share of the optimum over training for each reward, and the sparse reward by size of the disc](../docs/charts/rewards.png)
 
-# %%
-print_figures("rewards", "potential", "sparse", "minus", "the same", "chance")
-
-# %%
-show("minus_distance")
+# %% tags=["hide-code"]
+after = last("rewards")
+labels = {"potential": "sparse + difference of the potential", "sparse": "sparse",
+          "minus distance": "minus the distance + prize", "the same, not rescaled": "the same, rewards not rescaled"}  # fmt: skip
+table(("reward", "share of the optimum after training", "interval"),
+      *((labels[k], f"{y:.2f}", f"{low:.2f} to {high:.2f}") for k, (y, low, high) in after.items()))  # fmt: skip
 
 # %% [markdown]
-# **Reward hacking** is a policy that is paid well for what nobody wanted. It is no malice and often no accident: it is
-# the optimum of what was written. So ask for the optimum *before* training.
+# The potential teaches nearly the optimum. Minus the distance teaches no more than the sparse reward. The reason is
+# size: over an episode the distances add up to tens, the prize is 1, and a learner that rescales its rewards to a
+# standard deviation of 1 makes the prize invisible. Without the rescaling this reward does better, and still worse than
+# the potential.
+#
+# ### Reward hacking: compute the optimum of what you pay
+#
+# **Reward hacking** is a policy that collects much reward for something nobody wanted. The learner is not at fault: it
+# found the optimum of the reward that was written. So look for that optimum yourself, before you train.
+#
+# The classic case is a bonus for being near the goal. Suppose each step near it pays $b$, and entering the disc pays a
+# prize $P$ and ends the episode. Is it better to go in, or to wait another step? Waiting earns $b$ once more, a step
+# later, so $\gamma b$. It also delays the prize, which is then worth $\gamma P$ instead of $P$. So waiting pays if
+# $\gamma b > P - \gamma P$. With $P = 1$ and $\gamma = 0.99$ that is a bonus above 0.0101, one hundredth of the prize.
 
 # %%
 show("hovering")
 
-# %%
-show("no_time_penalty")
-
 # %% [markdown]
-# ### The listing: a reward to reach
-#
-# The usual listing takes minus the distance, adds 1 within 5 cm "for getting close, not for staying", and takes away
-# speed near the goal and angles near their limits. It runs, and two of its comments are wrong: the bonus has no memory,
-# so it *is* paid for staying; and minus the distance dictates a route. Ours ends the episode, pays once, and shapes by
-# a difference:
+# A table of returns finds such errors without any training. It compares the optimal policy for the real task with a point
+# that never moves, under five rewards:
 
-# %%
-for kind in ("sparse", "distance", "potential", "hover", "once"):
+# %% tags=["hide-code"]
+names = {"sparse": "prize only", "distance": "minus the distance + prize", "potential": "potential + prize",
+         "hover": "bonus of 0.02 for each step within 0.5 m + prize", "once": "the same bonus, paid once, + prize"}  # fmt: skip
+rows = [("reward", "optimal policy", "never moving")]
+for kind, name in names.items():
     paid = PointReachVector(64, kind, autoreset_mode="SameStep")
-    quick = evaluate(fastest, paid, 1000).returns.mean()
+    optimal = evaluate(fastest, paid, 1000).returns.mean()
     still = evaluate(lambda observed: 0.0 * observed[:, :2], paid, 1000).returns.mean()
-    print(f"{kind:<10} the fastest way is worth {quick:6.2f}, to stay away {still:6.2f}")
+    rows.append((name, f"{optimal:.2f}", f"{still:.2f}"))
+table(*rows)
 
 # %% [markdown]
-# With a bonus for each step near, doing nothing at all is worth more than the fastest way. The exercise `reach_reward`
-# is that listing, done right. Does it take a network, and no data?
+# (With a bonus, every start is within 0.5 m of the goal.) Under the bonus per step, never moving is worth *more* than the
+# optimal policy: the point stands where it is and collects the bonus a hundred times. Select *Hovering* in the simulation at the top to watch a learner discover
+# this.
+#
+# **The usual listing.** Tutorials show a reward for reaching that looks like this: minus the distance, plus a bonus of 1
+# within 5 cm "for getting close, not for staying", minus penalties for speed near the goal and for angles near their
+# limits. It runs. But two of its comments are wrong. The bonus has no memory, so it *is* paid for staying. And minus the
+# distance does favour certain paths. The exercise `reach_reward` in section 9 is that listing done right: the episode
+# ends, the prize is paid once, and the shaping is a difference.
 
 # %%
-show("two_gains")
+more_claims("minus_distance", "no_time_penalty", "two_gains")
 
 # %% [markdown]
-# ## 3 · Concept: copying, and when errors grow
+# ## 3 · Concept: copying a demonstrator
 #
-# ### One step at a time
+# ### Behaviour cloning, and how its errors grow
 #
-# **Behaviour cloning** is regression: states in, the expert's actions out. It errs a little, comes to states that
-# nobody showed, errs more: **compounding errors**.
+# Often somebody can do a task but nobody can write a reward for it. **Behaviour cloning** is the simplest answer: record
+# the states and actions of an expert, and fit a function from states to actions, by regression. The recorded action is
+# called the *label* of its state. Nothing else is needed, neither a simulator nor a reward.
+#
+# Its weakness is that regression assumes test data like the training data. A cloned policy creates its own test data. A
+# small error leads to a state that the expert never visited; there the policy is less accurate and errs more. Such
+# errors, each of which makes the next one more likely, are called **compounding errors**.
 
 # %%
 predict("how_errors_grow")
+
+# %% [markdown]
+# How much do they cost? Let each step go wrong with probability $\varepsilon$, and take the worst case: after the first
+# error the policy is lost for good. Step $t$ is correct only if no error has happened up to it, with probability
+# $(1-\varepsilon)^t$. So the expected number of wrong steps in $T$ steps is
+#
+# $$\sum_{t=1}^{T}\big(1 - (1-\varepsilon)^t\big) \approx \tfrac12\,\varepsilon\,T^2
+#   \qquad\text{as long as } \varepsilon T \text{ is small.}$$
+#
+# If instead the policy can return to the demonstrated states after an error, each error costs only itself, and the sum
+# is $\varepsilon T$. **A worked example**: with $\varepsilon = 0.001$ and $T = 100$, the lost policy spends about 5 steps
+# wrong, the recovering one 0.1.
 
 # %%
 show("errors_compound")
 
 # %% [markdown]
-# ![Cost over the horizon, the end of the square law, three plants, circling](../docs/charts/compounding.png)
-
-# %%
-print_figures("compounding", "a fall", "recovers", "the law", "a =", "cloned", "DAgger")
-
-# %% [markdown]
-# So "errors compound quadratically" is the worst case of a bound. A plant whose own dynamics forgive makes it linear,
-# an unstable one makes it exponential, and no average error on held-out data tells which.
+# ![Cost over the length of the task, the limit of the square law, three closed loops, the circle task](../docs/charts/compounding.png)
 #
-# ### The data that were not there
+# For a robot with continuous states the closed loop decides. A deviation $x$ changes in a step to $x' = a\,x + e$,
+# where $e$ is the policy's error. If $|a| < 1$ old errors die out, and the cost grows in proportion to time. If $a = 1$
+# they add up, and it grows with the square. If $a > 1$ the plant itself amplifies them, exponentially. So "cloning errors
+# grow quadratically" is the worst case of a bound, neither a law nor the worst that can happen.
+#
+# ### A perfect fit that falls over
+#
+# Now make the clone's fit perfect. The expert is a linear law $u = -Kx$ that balances an inverted pendulum, without any
+# noise. The state is the angle and its rate. After a short time the pendulum moves along its **slow mode**, the
+# direction in state space in which the closed loop decays most slowly. All recorded states lie on that line.
 
 # %%
 predict("perfect_and_useless")
 
 # %% [markdown]
-# Four ways to collect labels of the same perfect expert. **Dataset aggregation**, DAgger, lets the *learner* drive and
-# asks the expert what to do there. **Noise injection** pushes the expert while it demonstrates.
+# Along one line, infinitely many laws agree with the expert. Least squares picks the one of smallest norm, which has no
+# gain across the line. It fits every label, and its closed loop is unstable. The measure is the **spectral radius**, the
+# largest absolute eigenvalue of the closed loop: below 1 deviations decay, above 1 they grow.
+#
+# The cure is data from other states. **Dataset aggregation** (DAgger) lets the *learner* drive, asks the expert for the
+# right action in every state visited, adds these labels to the data and fits again. **Noise injection** disturbs the
+# expert's actions during the demonstration and records what the expert intended, so the data contain corrections.
 
-# %%
+# %% tags=["hide-code"]
 plant = Regulator()
-figure_, axis = plt.subplots(figsize=(6.5, 2.6), layout="constrained")
-for name, how in (
-    ("expert", None),
-    ("cloned", {"rounds": 0}),
-    ("two rounds of DAgger", {"rounds": 2}),
-    ("the same, labels with noise", {"rounds": 2, "label_noise": 1e-6}),
-    ("pushed, then cloned", {"rounds": 0, "injected": 0.01}),
+mode = plant.slow_mode()
+figure_, axes = plt.subplots(1, 2, figsize=(8, 2.8), layout="constrained")
+rows = [("policy", "spectral radius of the closed loop")]
+for name, how, ink, width in (
+    ("expert", None, GREEN, 5),
+    ("clone", {"rounds": 0}, ORANGE, 3),
+    ("two rounds of DAgger", {"rounds": 2}, GREY, 1.5),
+    ("two rounds of DAgger, noisy labels", {"rounds": 2, "label_noise": 1e-6}, "#cc79a7", 2.5),
+    ("clone of a disturbed expert", {"rounds": 0, "injected": 0.01}, BLUE, 1),
 ):
-    rng, act = np.random.default_rng(0), plant.expert
-    radius = plant.radius(plant.K)
+    rng, act, radius = np.random.default_rng(0), plant.expert, plant.radius(plant.K)
     if how is not None:
         rounds = learning.dagger(
             plant, plant.expert, learning.linear, plant.starts, 40, rng, number=10, **how
         )
-        *_, last = rounds
-        act, radius = last.policy, plant.radius(last.policy.gain[0])
+        *_, final = rounds
+        act, radius = final.policy, plant.radius(final.policy.gain[0])
+        if name in ("clone", "clone of a disturbed expert"):
+            along, across = np.array([mode, [-mode[1], mode[0]]]) @ final.states.T
+            _ = axes[0].plot(along, across, ".", ms=2, color=ink, label=f"data of the {name}")
     ran = roll(plant, act, np.array([[0.1, 0.0]]), 60, rng)
-    _ = axis.semilogy(np.abs(ran.states[0, :, 0]), label=name, lw=8 / (1 + len(axis.lines)))
-    print(f"{name:<28} spectral radius {radius:.3f}")
-_ = axis.set(xlabel="step", ylabel="angle [rad]", ylim=(1e-4, 1e2))
-_ = axis.legend(fontsize=7)
+    _ = axes[1].semilogy(np.abs(ran.states[0, :, 0]), label=name, lw=width, color=ink)
+    rows.append((name, f"{radius:.3f}"))
+_ = axes[0].set(title="demonstrated states", xlabel="along the slow mode", ylabel="across it")
+_ = axes[1].set(
+    title="from a start off the line", xlabel="step", ylabel="|angle| [rad]", ylim=(1e-4, 1e2)
+)
+_ = axes[0].legend(fontsize=7)
+_ = axes[1].legend(fontsize=7)
 plt.show()
+
+# %% tags=["hide-code"]
+table(*rows)
+
+# %% [markdown]
+# In the left plot, the clean demonstrations lie exactly on the line. Those of the disturbed expert leave it by only about
+# a thousandth, and that is enough. Two lines of the table deserve a second look. Noise-free DAgger is as unstable as the clone. And label noise of one
+# millionth repairs it. Can you explain both? Where does the learner drive, if it starts on the line and nothing
+# disturbs it?
 
 # %%
 show("dagger_fixes_drift")
 
-# %%
-show("dagger_needs_room")
-
 # %% [markdown]
-# Drift is an identification problem, like chapter 8's null directions: the labels don't hold what the policy needs.
-# A richer network doesn't add it:
+# The core of DAgger, as it stands in the module, is short. The first driver is the expert; after that the learner
+# drives, and the expert labels:
 
-# %%
-show("diffusion_mends_drift")
+# %% tags=["hide-code"]
+source(learning.dagger, "states, labels = np.zeros")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A copy fails where it was not shown what to do. So what counts is not how well it fits, but which
-# states are in the data, and whether the plant leads back by itself.
+# **Key insight.** A clone fails in states for which it was shown nothing. So what matters is not how well it fits its
+# data but which states the data contain, and whether the plant corrects errors by itself. A more powerful network adds
+# no missing states.
 #
 # </div>
+
+# %%
+more_claims("perfect_fit", "dagger_needs_room", "diffusion_mends_drift")
+
+# %% [markdown]
+# ## 4 · Concept: several ways of doing the same task
 #
-# ## 4 · Concept: many ways to do it
+# ### Two routes, and the mean of both
 #
 # <div class="alert alert-block alert-info">
 #
-# **Interview question.** *You have 100 demonstrations of a folding task. Some fold the left sleeve first, some the
-# right. Which learning algorithm do you take, and why?*
+# **Interview question.** *You have 100 demonstrations of folding a shirt. Some people fold the left sleeve first, some
+# the right. Which learning algorithm do you choose, and why?*
 #
-# Answer aloud. The smallest such task is below: an obstacle, 100 demonstrations, half of them to each side.
+# Think aloud. The smallest such task is an obstacle with 100 demonstrations, half of which pass it on each side.
 #
 # </div>
-
-# %%
-predict("left_or_right")
-
-# %% [markdown]
-# *The squared error* is least at the mean, which nobody did: **mode averaging**. A **mixture head** gives weights,
-# means and widths of several answers, and picks one. **Denoising diffusion** learns to take noise away, a step at a
-# time; **flow matching** learns a velocity from noise to data, and follows it. A conditional
-# **variational autoencoder** has a code for what the state doesn't tell: ACT's encoder and decoder are one, built of
-# transformers. Here two small networks do, as there are no pictures to attend to.
-
-# %%
-paths = TwoWays()
-heads = {name: learning.recorded(name) for name in learning.recorded.__globals__["HEADS"]}
-heads["z = 0, as ACT runs"] = replace(heads["autoencoder"], zero=True)
-heads["nearest shown"] = learning.nearest(*learning.windows(paths.demonstrate(100, 0), 8))
-passed = {}
-figure_, axes = plt.subplots(1, 7, figsize=(11, 1.9), layout="constrained", sharey=True)
-for axis, (name, policy) in zip(axes, heads.items(), strict=True):
-    rng = np.random.default_rng(3)
-    ran = roll(paths, Commit(policy, 8), paths.starts(400, rng), 16, rng)
-    sides = paths.sides(ran.states)
-    _ = axis.plot(*ran.states[:40].transpose(2, 1, 0), lw=0.4, color="#0072b2")
-    axis.add_patch(plt.Circle((0.5, 0.0), 0.2, color="grey"))
-    _ = axis.set(title=name, aspect="equal", xticks=(), xlim=(-0.1, 1.15), ylim=(-0.6, 0.6))
-    passed[name] = np.mean(sides != 0)
-    low, high = wilson(400 * passed[name], 400)
-    print(f"{name:<19} passes {passed[name]:.2f} [{low:.2f}, {high:.2f}], ", end="")
-    print(f"left {np.mean(sides > 0):.2f}, right {np.mean(sides < 0):.2f}")
-plt.show()
+#
+# Data with several distinct right answers for one state are called **multimodal**, and each answer is a *mode*. Cloning
+# as in section 3 minimises the squared error. For demonstrations at $+w$ (a share $p$ of them) and at $-w$, the
+# prediction $x$ with the smallest mean squared error is found by setting the derivative of
+# $p\,(x-w)^2 + (1-p)\,(x+w)^2$ to zero. Solve it on paper
+# first.<span class="kernel-only"> Then replace the wrong answer in this cell by yours:</span>
 
 # %%
 answer("cloning_averages", "0*w")
+
+# %% [markdown]
+# For two equally frequent sides the result is the middle, which is the obstacle. This is **mode averaging**: the
+# prediction lies between the modes, where nobody was.
+#
+# The simulation shows a hundred runs of a policy that was trained on such demonstrations. A run has 16 steps. The policy
+# predicts them in *chunks*: eight actions at once, then the next eight. *The mean* is the policy that was trained with the
+# squared error. The other policies are explained below; look at their runs first.
+
+# %% [markdown]
+# ![Two routes around a disc](attachment:learning.two_ways.png)
+
+# %%
+simulation("two_ways")
+
+# %% [markdown]
+# There are three numbers by which you could choose among these policies: the training loss; the error on **held-out
+# demonstrations**, which were not used for training; and the success of actual runs.
+
+# %%
+predict("left_or_right")
 
 # %%
 show("cloning_averages")
 
 # %% [markdown]
-# ![Success over held-out error, over time, and the share of each side](../docs/charts/many_ways.png)
+# ### Four heads that can hold several modes
+#
+# The last part of a network, which turns features into an action, is called its *head*. To represent two modes, a head
+# has to produce a distribution instead of a number. Four kinds are common.
+#
+# A **mixture head** outputs weights $w_k$, means $\mu_k$ and standard deviations $\sigma_k$ of a few normal
+# distributions, and is trained with the negative log-likelihood
+#
+# $$-\log \sum_k w_k(s)\;\mathcal N\big(a;\ \mu_k(s),\ \sigma_k(s)^2\big) .$$
+#
+# To act, it selects one component at random with the probabilities $w_k$, then samples from that component. A component
+# that sits between two modes explains no demonstration, so the likelihood punishes it.
+#
+# A conditional **variational autoencoder** (VAE) explains the difference between demonstrations by a hidden code $z$,
+# such as "left". During training an encoder reads state and action and outputs a distribution $q$ of the code, and a
+# decoder $f$ reconstructs the action from state and code:
+#
+# $$\lVert a - f(s, z)\rVert^2 + \beta\;\mathrm{KL}\big(q(z \mid s, a)\,\Vert\,\mathcal N(0, 1)\big) .$$
+#
+# The second term, a Kullback-Leibler divergence, keeps the codes close to a standard normal distribution, so that one
+# can sample $z$ from it when there is no action to encode. ACT (Action Chunking with Transformers) is such an
+# autoencoder with transformers as encoder and decoder. When it runs, it sets $z = 0$.
+#
+# The other two heads start from random noise and turn it into an action gradually. **Denoising diffusion** learns to
+# remove noise step by step. **Flow matching** learns a velocity that carries noise to data. The picture shows what each
+# head does on the task, and the nearest demonstration, replayed, as a baseline.
 
-# %%
-print_figures("many_ways", "mean", "mixture", "flow", "diffusion", "autoencoder", "nearest", "left")
+# %% tags=["hide-code"]
+paths = TwoWays()
+heads = {name: learning.recorded(name) for name in learning.recorded.__globals__["HEADS"]}
+heads["autoencoder, z = 0"] = replace(heads["autoencoder"], zero=True)
+heads["nearest"] = learning.nearest(*learning.windows(paths.demonstrate(100, 0), 8))
+passed, rows = {}, [("policy", "passes the obstacle", "passes left")]
+figure_, axes = plt.subplots(1, 7, figsize=(11, 1.9), layout="constrained", sharey=True)
+for axis, (name, policy) in zip(axes, heads.items(), strict=True):
+    rng = np.random.default_rng(3)
+    ran = roll(paths, Commit(policy, 8), paths.starts(400, rng), 16, rng)
+    sides = paths.sides(ran.states)
+    _ = axis.plot(*ran.states[:40].transpose(2, 1, 0), lw=0.4, color=BLUE)
+    axis.add_patch(plt.Circle((0.5, 0.0), 0.2, color=GREY))
+    _ = axis.set(title=name, aspect="equal", xticks=(), xlim=(-0.1, 1.15), ylim=(-0.6, 0.6))
+    passed[name] = np.mean(sides != 0)
+    rows.append((name, f"{passed[name]:.0%}", f"{np.mean(sides > 0):.0%}"))
+plt.show()
 
-# %%
-show("held_out_error")
+# %% tags=["hide-code"]
+table(*rows)
 
 # %% [markdown]
-# *The answer, with these figures.* No squared error: it folds neither sleeve. On this task a mixture is as good as
-# anything, the cheapest to run, and it states its shares; for an action with many parts, where one doesn't know how
-# many ways there are, a flow or a diffusion policy, with a chunk so that one way is carried through.
+# The chart below adds the error on held-out demonstrations. It ranks the policies upside down. The mean has the smallest error, because it is never far from either side, and it fails nearly always. A
+# policy that samples left or right is, half of the time, on the other side than the demonstration it is compared with.
 #
-# And the nearest
-# demonstration first of all, as a yardstick that trains in no time: it passes everything here, and would pass little
-# where states have many numbers. Then count runs and sides; and ask whether fifty demonstrations of the rarer way are
-# in there.
-
-# %%
-show("diffusion_between")
+# ![Success over held-out error and over computing time; the share that passes left](../docs/charts/many_ways.png)
 
 # %%
 show("code_of_zero")
 
 # %% [markdown]
-# ### How many steps of a sampler?
+# *An answer to the interview question.* Not the squared error: it would fold neither sleeve. For two clear modes a
+# mixture is enough; it is the cheapest to run, and you can read off how probable each mode is. For actions with many
+# components, and an unknown number of modes, choose a flow or a diffusion policy. In both cases predict a chunk of
+# actions at once, so that one way is carried through. Always run the nearest demonstration as a baseline, which needs
+# no training; it gets worse as states gain dimensions. Then judge by runs: count successes and the share of each way.
 #
-# A flow is an ordinary differential equation, and chapter 1's orders hold for it. For a mixture of Gaussians the exact
-# field is known, so a sampler can be tested without any training. *Prove it yourself*: where does one Euler step end?
+# ### Denoising and flows, step by step
 #
-# <details><summary>Hint 1</summary>At time 0 the sample is noise and tells nothing of the data.</details>
+# Start with flow matching, which is the simpler one. Take a demonstrated action $x$ and a random noise vector
+# $\epsilon$, and connect them by a straight line. Time $t$ runs from 0 (noise) to 1 (data):
+# $x_t = (1-t)\,\epsilon + t\,x$. The velocity along the line is $x - \epsilon$. A network $v$ learns to predict it from
+# the point on the line, the time and the state:
+#
+# $$\text{loss} = \mathbb{E}\,\big\lVert v(x_t, t, s) - (x - \epsilon) \big\rVert^2 .$$
+#
+# Many lines cross at the same point, so the network can only learn their mean velocity. That is enough: moving noise
+# along this mean velocity from $t = 0$ to $1$ produces samples with the distribution of the data.
+#
+# A **sampler** carries out that motion numerically. It is the solver of an ordinary differential equation. With steps of
+# size $h$, *Euler's method* moves by $x \leftarrow x + h\,v(x, t)$. *Heun's method* evaluates the velocity at the
+# beginning, $v_1 = v(x, t)$, and where Euler would end, $v_2 = v(x + h v_1,\ t + h)$, and moves by their mean,
+# $x \leftarrow x + h\,(v_1 + v_2)/2$. The picture follows 40 samples to data with two modes, at $-1$ and $+1$.
+
+# %% tags=["hide-code"]
+modes = learning.Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.array([0.15, 0.15]))
+start = np.linspace(-2.2, 2.2, 40)[:, None]
+figure_, axes = plt.subplots(1, 4, figsize=(9, 2.3), layout="constrained", sharey=True)
+for axis, n in zip(axes, (1, 2, 5, 50), strict=True):
+    x, track = start, [start]
+    for k in range(n):
+        x = x + modes.velocity(x, k / n) / n
+        track.append(x)
+    times = np.linspace(0.0, 1.0, n + 1)
+    _ = axis.plot(times, np.array(track)[:, :, 0], lw=0.7, color=BLUE)
+    for mode in (-1.0, 1.0):
+        _ = axis.axhspan(mode - 0.3, mode + 0.3, color=GREEN, alpha=0.2)
+    _ = axis.set(title=f"{n} Euler step{'s' * (n > 1)}", xlabel="time t")
+_ = axes[0].set_ylabel("sample (noise to data)")
+plt.show()
+
+# %% [markdown]
+# With one step, all samples end in the middle. *Prove it yourself*: where does a single Euler step of size $h$ end, if
+# the noise is $z$ and the data have the mean $m$?
+#
+# <details><summary>Hint 1</summary>At time 0 the sample is only noise. It says nothing about the data.</details>
 # <details><summary>Hint 2</summary>The velocity is the mean of (data minus noise), given the sample.</details>
-# <details><summary>Hint 3</summary>Given noise that is known, what is random in it?</details>
+# <details><summary>Hint 3</summary>The noise is known, because it is the sample. What is still random?</details>
 
 # %%
 answer("one_euler_step", "z + h*m")
 
-# %%
-show("one_euler_step")
-
-# %%
-show("sampler_orders")
-
 # %% [markdown]
-# ![Error over calls of the field, exact and trained; success over calls](../docs/charts/samplers.png)
-
-# %%
-print_figures("samplers", "Euler", "Heun", "DDIM", "flow, euler", "flow, heun", "diffusion, ddim")
-
-# %%
-show("ten_denoising_steps")
-
-# %% [markdown]
-# Finer than the network's own error no solver gets. "Ten to fifty steps, hence slow" is a habit of the first papers:
-# here ten calls are near the floor of the network, and Heun's ten are on it.
+# **A worked example** in two steps. The data are $+1$ or $-1$, equally often, and the noise is 0.4. At $t = 0$ the mean
+# velocity is $0 - 0.4$, so the first step of $h = 0.5$ ends at 0.2. Now the sample is half data and half noise. It could
+# have come from $+1$ with noise $-0.6$, or from $-1$ with noise 1.4. The smaller noise is more likely: the probabilities
+# are 0.69 and 0.31. The mean velocity is $0.69 \cdot 1.6 - 0.31 \cdot 2.4 = 0.36$, and the second step ends at 0.38.
+# That is on the right side, but far from $+1$: two steps are too few.
 #
-# ### Commit or react
+# *Diffusion* works alike, with another path and another target. The path mixes signal and noise so that the variance
+# stays constant: $x_t = \alpha_t\,x + \sigma_t\,\epsilon$ with $\alpha_t = \sin(\pi t/2)$ and $\sigma_t = \cos(\pi t/2)$.
+# The network's output gives $\hat x$, its best guess of the clean action. The sampler DDIM goes from $t$ to a later $t'$
+# in two moves. It computes the noise that this guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it
+# mixes both again with less noise:
+#
+# $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
+#
+# DDPM, the original sampler, also adds fresh noise at each step. (Papers on diffusion often count time the other way
+# round.) Both samplers are a few lines. (`TABLEAUS` holds the
+# coefficients of Euler, Heun and the fourth-order Runge-Kutta method; `a` and `s` are $\alpha$ and $\sigma$.)
 
-# %%
-predict("length_of_a_chunk")
+# %% tags=["hide-code"]
+source(learning.integrate, "rows, ends")
+
+# %% tags=["hide-code"]
+source(learning.denoise, "a, s = mix")
 
 # %% [markdown]
-# An **action chunk** is what a policy plans ahead: eight to thirty-two steps in many papers, up to a hundred in ACT's.
-# Executed as a whole it is open loop. **Temporal ensembling** asks at every step and averages what older chunks say of
-# this one.
-
-# %% [markdown]
-# ![Success over the steps executed and over the pushes; wavering and drifting](../docs/charts/commit_or_react.png)
+# How many steps are enough? For a mixture of normal distributions the exact velocity is known, so the sampler's own
+# error can be measured without any training. The chart's left panel does that: Euler and DDIM are of first order, Heun
+# is of second. The dashed curves are trained networks. They flatten at the error of the network itself, and no solver
+# can be more accurate than the network it integrates.
+#
+# ![Error over evaluations of the field, exact and trained; success over evaluations](../docs/charts/samplers.png)
+#
+# You will often read that diffusion takes "10 to 50 steps and is therefore slow". Here ten evaluations come close to the
+# network's own error. Measure it for your network; the number is a habit of the first papers and not a constant.
 
 # %%
-print_figures("commit_or_react", "pushed", "changes", "off")
+more_claims(
+    "held_out_error", "diffusion_between", "one_euler_step", "sampler_orders", "ten_denoising_steps"
+)
+
+# %% [markdown]
+# ### Action chunks: commit or react
+#
+# A policy need not plan a single action. An **action chunk** is a sequence of $H$ actions that the policy predicts from
+# one observation. Chunks of 8 to 32 steps are common, and ACT uses up to 100. The robot executes the first $k$ of them,
+# takes a new observation and predicts the next chunk. The picture shows which observation each executed action is based
+# on.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9, 2.2), layout="constrained", sharey=True)
+for axis, k in zip(axes, (1, 2, 8), strict=True):
+    for row, t in enumerate(range(0, 16, k)):
+        height = -row if k > 1 else -0.5 * row
+        size = 0.7 if k > 1 else 0.35
+        _ = axis.broken_barh([(t, 8)], (height, size), facecolor="#d6e4f0")
+        _ = axis.broken_barh([(t, k)], (height, size), facecolor=BLUE)
+        _ = axis.plot(t, height + 0.5 * size, "o", color=ORANGE, ms=4)
+    _ = axis.set(title=f"{k} of 8 executed", xlabel="time step", xlim=(-0.5, 16), yticks=())
+_ = axes[0].set_ylabel("chunks")
+figure_.text(
+    0.5,
+    -0.06,
+    "orange: observation   blue: executed   pale: planned, discarded",
+    ha="center",
+    fontsize=8,
+)
+plt.show()
+
+# %% [markdown]
+# Executing one step and executing all eight are both bad, for opposite reasons. With $k = 1$ the policy reacts at once
+# to every disturbance, but each new sample may choose the other side: it wavers in front of the obstacle. With $k = 8$
+# it commits to one side, but disturbances during these steps go unanswered. How far off do they take it? Each step adds
+# an independent random disturbance of standard deviation $s$. What is the standard deviation after $k$ steps?
 
 # %%
 answer("react_less", "s*k")
@@ -424,108 +821,113 @@ answer("react_less", "s*k")
 # %%
 show("react_less")
 
-# %% [markdown]
-# Try it: the head, the steps that are carried out, the pushes, the steps of the sampler. Nothing is trained here; the
-# weights are on record, and `python -m course.learning` makes them anew.
-
 # %%
-simulation("two_ways")
+predict("length_of_a_chunk")
 
 # %% [markdown]
-# So a chunk limits reaction by what is *executed*, not by what is planned: "a fixed chunk limits reactivity" is true of
-# the whole chunk only. Nor does its length come from the task's demonstrations: "50 to 100" is what some papers had.
-# How many are needed depends on the rarest way that must be in there; the checkpoint asks. And people pause:
+# ![Success over executed steps and over disturbances; changes of side and drift explain both ends](../docs/charts/commit_or_react.png)
+#
+# The first panel shows the best compromise at two executed steps once there are disturbances. The second one compares
+# remedies. Under strong disturbances the best one by far is other data: a policy trained on disturbed demonstrations. The
+# lower panels explain the two ends: observing often changes sides more often, observing rarely lets the drift grow with
+# $\sqrt{k}$. So "a fixed
+# chunk limits reactivity" is true of the steps that are *executed*. The planned length may be longer.
+#
+# **Temporal ensembling** is a third option, from ACT. The policy predicts a chunk at every step, and the executed action
+# is the weighted mean of all predictions for this step. The weights are $e^{-m i}$, with $i = 0$ for the oldest chunk.
+# This smooths the motion. It also averages, so it is safe only if the chunks agree on the mode.
+#
+# How many demonstrations does all this need? "50 to 100" is what some papers had. The number depends on the rarest way
+# that has to be in the data; the checkpoint at the end asks you to derive it. And look for pauses: a person who waits
+# shows one state with two labels, *wait* and *go*.
 
 # %%
-show("pauses")
+more_claims("pauses")
 
 # %% [markdown]
 # ## 5 · Design: which method for what
 #
-# ### One table, and each sentence of it tested
+# ### One table, each line tested
+#
+# Each line of this table is backed by a test in its cell: if a number changed so that the sentence became wrong, the
+# page could not be built.
 
-# %%
+# %% tags=["hide-code"]
 f = figure
-rows = (
-    ("PPO", "a simulator, and a reward whose optimum you know", "no demonstrations; steps, and time",
-     f"finds a way that nobody showed; two gains searched for get {f('two_gains', 'share'):.0%} too",
-     f"sparse: chance finds it in {f('sparse_chance', 'measured'):.1%} of the episodes",
+methods = (
+    ("PPO", "a fast simulator, and a reward whose optimum you know", "no demonstrations, but many environment steps",
+     f"finds ways that nobody showed (but a search for two gains also reaches {f('two_gains', 'share'):.0%} of the optimum)",
+     f"sparse rewards: chance succeeds in {f('sparse_chance', 'measured'):.1%} of the episodes",
      f("two_gains", "share") > 0.8 and f("sparse_chance", "measured") < 0.05),
-    ("cloning", "an expert, one way, a plant that leads back", "labels that span the states",
-     f"trains in a second; as a mixture it passes {passed['mixture']:.0%} of two ways",
-     f"by squared error {passed['mean']:.0%}; a perfect fit may have radius "
-     f"{f('perfect_fit', 'copy'):.2f}",
+    ("cloning", "an expert, and a plant that corrects errors by itself", "labels that cover the states",
+     f"trains in seconds; with a mixture head {passed['mixture']:.0%} pass the two-route task",
+     f"with the squared error {passed['mean']:.0%} pass; a perfect fit can be unstable (radius "
+     f"{f('perfect_fit', 'copy'):.2f})",
      passed["mean"] < 0.05 < passed["mixture"] and f("perfect_fit", "copy") > 1.0),
-    ("DAgger", "an expert who can be asked anywhere", "labels on the learner's own states",
-     f"mends drift, radius {f('dagger_fixes_drift', 'mended'):.2f}, once noise takes it off the line",
-     f"none without noise ({f('dagger_fixes_drift', 'quiet'):.2f}), nor for a net trained too briefly",
+    ("DAgger", "an expert who can be asked in any state", "labels in the learner's own states",
+     f"repairs drift: radius {f('dagger_fixes_drift', 'mended'):.2f}, if noise takes the learner off the line",
+     f"changes nothing without noise ({f('dagger_fixes_drift', 'quiet'):.2f}); hurts a network that is trained too briefly",
      f("dagger_fixes_drift", "mended") < 1.0 < f("dagger_fixes_drift", "quiet")
      and f("dagger_needs_room", "short_dagger") > f("dagger_needs_room", "short_clone")),
-    ("diffusion, flow", "several ways, many numbers in an action", "the same labels; all ways in them",
-     f"keeps both ways: {passed['diffusion']:.0%} and {passed['flow']:.0%} pass",
-     f"ten calls an action; {f('diffusion_between', 'ten'):.0%} between the ways; drifts as any copy",
+    ("diffusion, flow matching", "several modes, actions with many components", "demonstrations that contain every mode",
+     f"holds both modes: {passed['diffusion']:.0%} and {passed['flow']:.0%} pass",
+     f"about ten evaluations per chunk; {f('diffusion_between', 'ten'):.0%} of first chunks fall between the modes; "
+     "drifts like any clone",
      min(passed["diffusion"], passed["flow"]) > 0.7 and f("diffusion_mends_drift", "lost") > 0.9),
-    ("ACT", "long smooth motions, people who pause", "the same labels",
-     f"a chunk carries through a pause ({f('pauses', 'through'):.0%} stuck, else "
+    ("ACT", "long smooth motions, demonstrators who pause", "the same demonstrations",
+     f"a chunk longer than a pause gets through it ({f('pauses', 'through'):.0%} stuck, otherwise "
      f"{f('pauses', 'stuck'):.0%})",
-     f"code at zero: {passed['z = 0, as ACT runs']:.0%} pass; a whole chunk reacts late",
-     f("pauses", "through") == 0.0 and passed["z = 0, as ACT runs"] < passed["autoencoder"]
+     f"with the code at zero {passed['autoencoder, z = 0']:.0%} pass; a whole chunk reacts late",
+     f("pauses", "through") == 0.0 and passed["autoencoder, z = 0"] < passed["autoencoder"]
      and f("react_less", "eight") < f("react_less", "two")),
 )  # fmt: skip
-assert all(row[-1] for row in rows)
-table = [
-    "| method | when to use it | what it needs | strength | weakness |",
-    "|---|---|---|---|---|",
-]
-table += [f"| {' | '.join(row[:5])} |" for row in rows]
-Markdown("\n".join(table))
+assert all(row[-1] for row in methods)
+table(
+    ("method", "when to use it", "what it needs", "strength", "weakness"),
+    *(row[:5] for row in methods),
+)
 
 # %% [markdown]
-# The last column of each row is a test that the cell above ran. No row says "precise" or "dexterous": none of these
-# methods is, by itself.
-#
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Which one?* Ask four things before you name a method. Is there a simulator whose reward means the
-# task? Then reinforcement learning, and say what its optimum is. Is there an expert? Then copy; and say how the data
-# get off the expert's line. Is there more than one way? Then a head that can hold two. Is there a law that can be
-# written? Then write it, and learn what is left. End with the test: runs, a band, and both sides.
+# **Interview tip.** *Which method?* Ask four questions before you name one. Is there a simulator with a reward that means
+# the task? Then use reinforcement learning, and say what the optimum of that reward is. Is there an expert? Then clone,
+# and say how the data get off the expert's usual states. Are there several ways? Then use a head that holds several modes.
+# Can you write a control law? Then write it, and learn only what is left. Finish with the test: runs, an interval, and the
+# share of each way.
 #
 # </div>
 #
-# ### Details that matter, and where
+# ### Which details of PPO matter, and where
 #
-# Implementations of PPO have dozens of details, and lists of them. Leave each out on the usual task, then on one that
-# is made so that it matters:
-
-# %% [markdown]
-# ![PPO without each detail, and tasks on which a detail matters](../docs/charts/details_that_matter.png)
+# Implementations of PPO contain dozens of details, and lists of them circulate. Which ones matter? The left panel removes
+# one at a time on the usual task. The right panel shows tasks that were made so that one detail matters.
+#
+# ![PPO without each of its details on the usual task, and tasks on which a detail matters](../docs/charts/details_that_matter.png)
+#
+# On the usual task four changes break the learner: $\lambda = 0$, a discount of 0.9 (it values only about ten steps
+# ahead), a single epoch per batch, and only four hidden units. Without normalised observations (rescaled to mean 0 and standard deviation 1)
+# it loses a sixth of its
+# result, and the worst seeds lose nearly half. No other detail costs a tenth. Some of those have a task of their own, though: observations far
+# from zero, a large step size, a prize of 10. The last one is paid for staying near the goal; there, a learner that takes
+# the time limit for an end overrates the prize.
+#
+# Normalising has a trap in vectorised environments, where each one could keep its own statistics:
 
 # %%
-print_figures("details_that_matter", "left out", "where")
-
-# %% [markdown]
-# Four changes break the learner on the usual task: lambda 0 and a discount of 0.9, which take credit from early steps;
-# one epoch; and four hidden units. Without normalised observations it reaches a sixth less of the optimum, and the low
-# end of its band is near half of it. No other detail costs a tenth.
-#
-# Each of those has a task on which it does matter: observations far from zero, large steps, large prizes, and a reward
-# for staying near the goal. In that last task a learner that counts the time limit as an end overrates the prize.
-# Normalisation has a trap when each environment has its own statistics:
-
-# %%
-show("own_normaliser")
+more_claims("own_normaliser")
 
 # %% [markdown]
 # ### Many seeds, many machines
 #
-# One seed says nothing: bands here are over several. Each job has its own seed, so results don't depend on who runs
-# them; `executor=` takes any pool, a cluster's too. A failed job names its arguments and costs no other.
+# Two seeds of one learner can differ more than two methods do, so the curves of this chapter have a band over several
+# seeds. `sweep` runs a function with many arguments. Its argument `executor` accepts any pool, also that of a cluster; the
+# results do not depend on where a job ran.
 
 
-# %%
-def one(gain, seed):
-    """Return what a law of two gains is worth."""
+# %% tags=["show-code"]
+def score(gain, seed):
+    """Return the mean return of a PD law with this gain."""
 
     def act(observed):
         push = gain * (observed[:, :2] - observed[:, 2:])
@@ -534,52 +936,59 @@ def one(gain, seed):
     return float(evaluate(act, PointReachVector(64, "sparse"), seed).returns.mean())
 
 
-jobs = [{"gain": gain, "seed": seed} for gain in (0.25, 1.0, 4.0) for seed in (0, 64)]
-for job, worth in zip(jobs, sweep(one, jobs), strict=True):
-    print(job, f"{worth:.3f}")
+tasks = [{"gain": gain, "seed": seed} for gain in (0.25, 1.0, 4.0) for seed in (0, 64)]
+results = sweep(score, tasks)
+table(("gain", "seed", "mean return"),
+      *((j["gain"], j["seed"], f"{r:.3f}") for j, r in zip(tasks, results, strict=True)))  # fmt: skip
 
 # %% [markdown]
-# ## 6 · Code, and the simulation in full
+# ## 6 · Code: a complete learner
 #
-# ### The listing: a policy and its update
+# ### What the usual listing leaves out
 #
-# The usual listing of "a PPO training loop" has a network with two layers and a Gaussian head, a clipped loss for some
-# epochs, and a reward. Its clipped surrogate is right. As listed, it stops in the second epoch with "Trying to backward
-# through the graph a second time": the old log-probabilities still carry their graph. Call `detach()` on them.
+# Tutorials on PPO often show three pieces: a network with a Gaussian head, an update with the clipped loss over a few
+# epochs, and a reward. The clipped loss in such listings is usually right. But as listed, the code stops in the second
+# epoch with "Trying to backward through the graph a second time": the old log-probabilities still belong to the
+# computation graph, and have to be detached.
 #
-# Even then the listing is an update and not a loop: nothing acts, nothing computes advantages, there is no critic, and
-# the reward of 10 inside the disc is paid at every step. Those missing parts are the ones that people get wrong. Ours:
+# Even then it is an update and not a training loop. Nothing acts, nothing computes advantages, there is no critic, and
+# the reward of 10 inside the disc is paid at every step there. The missing parts are the ones where errors hide. Our loop
+# is a generator that yields after each iteration, so you can plot, stop or save.
 
-# %%
-source(learning.gae, learning.objective)
-
-# %%
+# %% tags=["show-code"]
 small = Settings(epochs=5, rate=3e-3, hidden=(16, 16))
 train = PointReachVector(64, "potential", autoreset_mode="SameStep")
 for report in learning.ppo(train, small, steps=3 * 2048, seed=0):
-    print(f"{report.steps} steps, the actions have a standard deviation of {report.spread:.1f}")
-print("mean actions for 64 points:", report.policy(train.reset(seed=5)[0]).shape)
+    print(
+        f"{report.steps} environment steps, standard deviation of the actions {report.spread:.1f}"
+    )
+print("mean actions for 64 observations:", report.policy(train.reset(seed=5)[0]).shape)
 
 # %% [markdown]
-# The generator yields after each iteration, so a page can draw, and anybody can stop. Bad input is refused, by name:
+# The clipped objective and its derivative are the last lines of this function:
 
-# %%
+# %% tags=["hide-code"]
+source(learning.objective, "free = ratio")
+
+# %% [markdown]
+# Invalid input is rejected with the name of the argument and the rule:
+
+# %% tags=["show-code"]
 for attempt in (
     lambda: Settings(discount=1.5),
-    lambda: learning.gae(np.zeros(3), np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(3)),
-    lambda: learning.clone(np.zeros((1, 2)), np.zeros((1, 2)), 0),
-    lambda: learning.clone(np.ones((5, 2)), np.ones((5, 2)), 0),
-    lambda: learning.windows(paths.demonstrate(3, 0), 40),
-    lambda: next(learning.ppo(train, Settings(minibatches=7), steps=2048)),
+    lambda: Settings(clip="a"),
+    lambda: learning.gae([0.0, np.nan], np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)),
+    lambda: Commit(heads["mixture"], 0),
 ):
     try:
         attempt()
     except ValueError as problem:
-        print(textwrap.fill(str(problem), 96))
+        print(problem)
 
 # %% [markdown]
-# Now break it, with a preset each: *One epoch*, *Discount 0.9*, *No reward scaling*, *Hovering*, *First to finish*. Say
-# first what return and success will do. The line is the optimum.
+# Now break the learner. The presets of the simulation *A point learns to reach a disc* at the top remove one thing each:
+# *One epoch*, *Discount 0.9*, *No reward scaling*, *Hovering*, *First to finish*. Before you select one, say what return
+# and success rate will do. The dashed line is the exact optimum.
 
 # %%
 simulation("point")
@@ -587,17 +996,30 @@ simulation("point")
 # %% [markdown]
 # ## 7 · Speed against accuracy
 #
-# Ours beside Stable-Baselines3 in the same environments with the same settings, and beside a search for eight numbers:
+# The chart compares our PPO with the PPO of Stable-Baselines3, in the same environments with the same settings, and with
+# a search over a linear policy of eight numbers (the cross-entropy method of chapter 6). The left panel counts environment steps, the right panel
+# processor time.
 #
-# ![Share of the optimum over steps and over time](../docs/charts/learning_curves.png)
+# ![Share of the optimum over environment steps and over processor time](../docs/charts/learning_curves.png)
 
-# %%
-print_figures("learning_curves", "ours", "Stable", "search")
+# %% tags=["hide-code"]
+steps_, time_ = stored("learning_curves")
+names = {"ours, 16 wide": "this course, 16 units per layer", "ours, 64 wide": "this course, 64 units per layer",
+         "Stable-Baselines3": "Stable-Baselines3, 64 units per layer", "search, linear policy": "search, linear policy"}  # fmt: skip
+table(("method", "share of the optimum", "interval", "processor time [s]"),
+      *((names.get(a.label, a.label), f"{a.y[-1]:.2f}", f"{a.low[-1]:.2f} to {a.high[-1]:.2f}", f"{b.x[-1]:.1f}")
+        for a, b in zip(steps_.series, time_.series, strict=True)))  # fmt: skip
 
 # %% [markdown]
-# *What to pick.* For a point, two numbers of the right form: section 2 drew them in fewer steps than any of these
-# takes. Eight of no form stop at two thirds. Where nobody knows a form, ours or the library, which learn alike from
-# the same steps, within their bands: what differs is what a step costs. Where does that time go? Not into products:
+# With the same network, ours and the library learn equally well from the same steps, within their intervals. They differ
+# in what a step costs. The search is the fastest by far but ends lower, because it has to find the structure of a PD law by
+# itself. *What to choose?* For a point: two gains of the right form, which the claims of section 2 find with fewer steps than
+# any of these. Where nobody knows the form: PPO, ours or the library's.
+#
+# Where does the time go, when networks are this small? A natural guess is the arithmetic of the gradient. Count the
+# multiplications: a forward pass through $d$ inputs, two hidden layers of $h$ units and $m$ outputs takes
+# $dh + h^2 + hm$ per sample. In the backward pass each layer needs two such products, one for its weights and one to pass
+# the error on to its inputs. Only the first layer need not pass anything on.
 
 # %%
 answer("gradient_cost", "d*h + h^2 + h*m")
@@ -606,51 +1028,43 @@ answer("gradient_cost", "d*h + h^2 + h*m")
 show("gradient_cost")
 
 # %% [markdown]
-# On an arm everything is dearer. Chapter 8's arm, torques as actions, a linear policy found by search: more than a
-# million steps to pass a law that was written by hand, and by little:
+# An arm is a harder task. The next chart trains a linear policy with the torques of chapter 8's arm as actions, by
+# search. After more than a million environment steps it passes a hand-written law, by a small margin.
 #
-# ![Reward and success of the arm over the steps of its training](../docs/charts/learning_curve_reach.png)
-
-# %%
-print_figures("learning_curve_reach", "targets")
-
-# %% [markdown]
-# Copied from that law, networks come near it, and what they lack is fit: at equal labels DAgger gains some, a wider net
-# that is trained longer more. PPO, as it solves the point, is far below after half a million steps:
+# ![Reward and success of the arm over its training](../docs/charts/learning_curve_reach.png)
 #
-# ![Targets reached by copies of a written law, and by PPO](../docs/charts/arm_learned.png)
-
-# %%
-print_figures("arm_learned", "DAgger", "cloned", "PPO")
+# Copying that hand-written law is cheaper. At the same number of labels DAgger gains a little over plain cloning, and a
+# wider network with longer training gains more. PPO, with the settings that solve the point, is far below after half a
+# million steps. So nothing on this page shows that PPO solves a hard task; it shows what it costs on an easy one.
+#
+# ![Targets reached by clones of a hand-written law, and by PPO](../docs/charts/arm_learned.png)
 
 # %% [markdown]
 # ## 8 · Debug: where it fails
 #
 # ### Too far in one iteration
 #
-# Step size and epochs trade: both move the policy. One number tells how far, the divergence of an iteration. Who gets
-# far moves by about a hundredth each time; not all who move so far get far:
+# The step size and the number of epochs both decide how far one iteration moves the policy. One number summarises it, the
+# Kullback-Leibler divergence between the policies before and after. All seeds that come near the optimum move by about
+# 0.01 per iteration. The reverse is not true: some seeds move by 0.01 and still fail.
 #
-# ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)
-
-# %%
-print_figures("step_epochs", "3 ", "10 ", "30 ", "all")
-
-# %% [markdown]
-# ### Debugging
+# ![Share of the optimum over step size and epochs, and over the divergence per iteration](../docs/charts/step_epochs.png)
+#
+# ### Three tips for debugging
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *It doesn't converge.* Test the *task* before the learner: what does a policy that knows nothing
-# earn, a written law, and the best? If chance never succeeds, no detail of PPO helps: shape by a potential, or start
-# nearer. If the written law earns less than standing still, mend the reward. Does the policy see what it needs: the
-# goal, the speed? Then the learner: divergence of an iteration, loss of the critic, bands over five seeds.
+# **Debugging tip.** *Training does not converge.* Test the *task* before the learner. What do random actions earn, what
+# does a hand-written law earn, and what is the optimum? If chance never succeeds, no detail of PPO helps: add a
+# potential, or start closer to the goal. If the hand-written law earns less than standing still, the reward is wrong. Does
+# the policy observe what it needs, the goal and the velocity? Only then look at the learner: divergence per iteration,
+# loss of the critic, at least five seeds.
 #
 # <details><summary>What people get wrong there</summary>
 #
-# They add minus the distance. In the chart of section 2 that is no better than paying nothing on the way: scaled by its
-# running deviation, the prize for arriving is lost in it, and it pays for another way than the fastest. A difference of
-# the same distance does what they meant.
+# They add minus the distance. In the chart of section 2 this teaches no more than the sparse reward: rescaled by its
+# running standard deviation, it hides the prize, and it favours other paths than the fastest. The difference of a
+# potential does what they intended.
 #
 # </details>
 #
@@ -658,29 +1072,36 @@ print_figures("step_epochs", "3 ", "10 ", "30 ", "all")
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The copy drifts after some seconds.* Draw the states it visits over the states that were shown.
-# Off them: data are missing; ask the expert there, with DAgger, or push it while it demonstrates. On them, and wrong:
-# labels disagree; look for two ways, for a pause, for something that the expert saw and the policy doesn't. Then count
-# what the plant does with an error.
+# **Debugging tip.** *The clone drifts after some seconds.* Plot the states that it visits over the demonstrated states.
+# If they lie outside, data are missing: ask the expert there (DAgger), or disturb the expert during the demonstration. If
+# they lie inside and the actions are wrong, labels disagree: look for several modes, for pauses, or for something the
+# expert saw and the policy does not. Then ask what the plant does with an error.
 #
 # <details><summary>What people get wrong there</summary>
 #
-# They take a larger head. A diffusion policy drifts on the regulator as any other copy does; with the same network and
-# pushed data nothing drifts. Chunks help where looking is what hurts (wavering, pauses), and harm where the plant must
-# be held.
+# They choose a more powerful head. A diffusion policy drifts on the regulator like any clone; trained on disturbed
+# demonstrations the same network does not. Chunks help against wavering and pauses, and they harm where the plant is
+# unstable and needs feedback at every step.
 #
 # </details>
 #
 # </div>
+#
+# The third case is a curve that is too good.
 
 # %%
 predict("curve_at_one")
 
 # %% [markdown]
-# A policy that stands still where the goal is too far to the left, tested in both ways:
+# The two tests below use the same policies. Each policy reaches near goals and stands still if its goal is too far to the
+# left. The first column counts one episode in each of 128 environments. The second takes the first 128 episodes that
+# finish.
 
-# %%
-for edge in (0.1, -0.5):
+# %% tags=["hide-code"]
+rows = [
+    ("policy stands still if the goal is", "one episode per environment", "first 128 to finish")
+]
+for edge, name in ((0.1, "less than 0.1 m to the right"), (-0.5, "more than 0.5 m to the left")):
 
     def lame(observed, edge=edge):
         return np.where(observed[:, :1] > edge, plan(observed)[1], 0.0).astype(np.float32)
@@ -688,32 +1109,32 @@ for edge in (0.1, -0.5):
     rig = PointReachVector(128, "sparse")
     true = evaluate(lame, rig, 0).success.mean()
     report = learning.first_finished(lame, rig, 128, 0).success.mean()
-    print(f"one episode in each of 128: {true:.2f}; the first 128 that finish: {report:.2f}")
+    rows.append((name, f"{true:.2f}", f"{report:.2f}"))
+table(*rows)
 
 # %% [markdown]
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>reward stays flat from the first step</td> <td>chance never finds it</td> <td>count successes of random
+# <tr><td>the reward stays flat from the beginning</td> <td>chance never finds it</td> <td>count successes of random
 # actions</td> <td>a potential; easier starts</td></tr>
-# <tr><td>reward rises, success doesn't</td> <td>reward hacking</td> <td>worth of the best way against staying
-# near</td> <td>pay once, and end</td></tr>
-# <tr><td>rises, then breaks down</td> <td>too far in one iteration</td> <td>its divergence</td> <td>fewer epochs, a
-# smaller step</td></tr>
-# <tr><td>test at 1, demonstration fails</td> <td>first to finish; statistics of the test</td> <td>one episode in each,
-# statistics frozen</td> <td>the hunt of section 9</td></tr>
-# <tr><td>the copy wavers in front of the obstacle</td> <td>two ways, a look at each step</td> <td>changes of side in a
-# run</td> <td>carry out more of a chunk</td></tr>
-# <tr><td>the copy stops for good</td> <td>a pause in the data, no memory</td> <td>steps without motion that were
-# shown</td> <td>cut pauses; chunks longer than these</td></tr>
+# <tr><td>the reward rises, success does not</td> <td>reward hacking</td> <td>return of the intended behaviour against
+# that of hovering</td> <td>pay once, and end the episode</td></tr>
+# <tr><td>the curve rises, then collapses</td> <td>too far in one iteration</td> <td>divergence per iteration</td>
+# <td>fewer epochs, a smaller step size</td></tr>
+# <tr><td>the test says 100 %, the demonstration fails</td> <td>first episodes to finish; statistics that change during
+# the test</td> <td>one episode per environment, frozen statistics</td> <td>the bug hunt of section 9</td></tr>
+# <tr><td>the clone wavers in front of the obstacle</td> <td>several modes, a new sample at every step</td> <td>changes of
+# side in a run</td> <td>execute more steps of each chunk</td></tr>
+# <tr><td>the clone stops for good</td> <td>a pause in the data, no memory</td> <td>demonstrated steps without
+# motion</td> <td>remove pauses; execute chunks longer than they are</td></tr>
 # </table>
 #
 # ## 9 · Exercises
 #
-# Graded exercises and a hunt. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it
-# can, why.
-
-# %% [markdown]
-# ### A gradient by hand
+# Seven exercises and a bug hunt. `check` runs your function on fresh random cases. If something is wrong, it shows the
+# failing call and, where it can, the likely cause.
+#
+# ### Backpropagation by hand
 
 # %%
 card("backprop")
@@ -721,18 +1142,18 @@ card("backprop")
 
 # %%
 def backprop(x, target, W1, b1, W2, b2):
-    """Return gradients of a net of two layers, tanh after the first, by hand.
+    """Return the gradients of a two-layer network with tanh after the first layer.
 
     (dW1, db1, dW2, db2).
     """
-    # A net that is not to be changed.
+    # Zero gradients: this network never changes.
     return np.zeros(np.shape(W1)), np.zeros(len(b1)), np.zeros(np.shape(W2)), np.zeros(len(b2))
 
 
 check(backprop)
 
 # %% [markdown]
-# ### Whose merit?
+# ### Advantages across ends and time limits
 
 # %%
 card("gae")
@@ -752,7 +1173,7 @@ def gae(reward, value, following, terminated, truncated, gamma, lam):
 check(gae)
 
 # %% [markdown]
-# ### The clipped objective
+# ### PPO's clipped objective
 
 # %%
 card("ppo_objective")
@@ -760,15 +1181,15 @@ card("ppo_objective")
 
 # %%
 def ppo_objective(new, old, advantage, clip):
-    """Return PPO's clipped objective, which is to be raised, and its gradient by `new`."""
-    # The policy gradient, without ratio and clip.
+    """Return PPO's clipped objective, which is to be maximised, and its gradient by `new`."""
+    # The plain policy gradient, without ratio and clip.
     return float(np.mean(np.multiply(new, advantage))), np.divide(advantage, len(advantage))
 
 
 check(ppo_objective)
 
 # %% [markdown]
-# ### Ask the expert
+# ### One round of DAgger
 
 # %%
 card("dagger_round")
@@ -777,14 +1198,14 @@ card("dagger_round")
 # %%
 def dagger_round(A, B, expert, states, labels, start, steps):
     """Return one round of DAgger, with a linear learner u = K x fitted by least squares."""
-    # Cloning: nothing is added.
+    # Plain cloning: no data are added.
     return states, labels, np.linalg.lstsq(np.transpose(states), np.transpose(labels))[0].T
 
 
 check(dagger_round)
 
 # %% [markdown]
-# ### Follow the flow
+# ### Samples from a flow
 
 # %%
 card("flow_sample")
@@ -796,14 +1217,14 @@ def flow_sample(field, noise, steps):
 
     From noise at time 0 to actions at time 1, by Heun's method.
     """
-    # One large step.
+    # A single Euler step.
     return np.asarray(noise, dtype=float) + field(noise, 0.0)
 
 
 check(flow_sample)
 
 # %% [markdown]
-# ### Commit, or average
+# ### Chunks: commit, or average over time
 
 # %%
 card("execute_chunks")
@@ -811,10 +1232,7 @@ card("execute_chunks")
 
 # %%
 def execute_chunks(chunks, every, rate):
-    """Return what is executed of a chunk policy.
-
-    Committed for some steps, and ensembled over time.
-    """
+    """Return the executed actions of a chunk policy: committed, and with temporal ensembling."""
     # One whole chunk, then nothing.
     plans = np.zeros((np.shape(chunks)[0], np.shape(chunks)[2]))
     plans[: np.shape(chunks)[1]] = chunks[0][: len(plans)]
@@ -824,7 +1242,7 @@ def execute_chunks(chunks, every, rate):
 check(execute_chunks)
 
 # %% [markdown]
-# ### A reward that is paid once
+# ### A reward for reaching
 
 # %%
 card("reach_reward")
@@ -832,11 +1250,8 @@ card("reach_reward")
 
 # %%
 def reach_reward(path, goal, radius, gamma):
-    """Return rewards of a logged run to a disc.
-
-    1 for reaching it, and a potential: minus the distance.
-    """
-    # Minus the distance itself, and a bonus wherever it is inside.
+    """Return the rewards of a logged run to a disc: 1 for reaching it, and a potential."""
+    # Minus the distance itself, and a bonus at every step inside.
     distance = np.linalg.norm(np.asarray(path, dtype=float).T - goal, axis=1)[1:]
     return (distance <= radius) - distance, len(distance)
 
@@ -844,9 +1259,9 @@ def reach_reward(path, goal, radius, gamma):
 check(reach_reward)
 
 # %% [markdown]
-# ### Silent-bug hunt
+# ### Bug hunt: a learning curve that flatters
 #
-# The curve of its author goes to one.
+# The author of this code saw the learning curve rise to one.
 
 # %%
 card("training_round")
@@ -854,7 +1269,7 @@ card("training_round")
 
 # %%
 def training_round(weights, statistics, starts, noise, tested):
-    """Return one round of training a carriage to go to 0, and the point of its learning curve."""
+    """Train a carriage for one round; return weights, statistics and measured success rate."""
     dt, limit, sigma, rate = 0.1, 20, 0.5, 0.1
     w, known = np.array(weights, dtype=float), np.array(statistics, dtype=float)
 
@@ -891,7 +1306,10 @@ def training_round(weights, statistics, starts, noise, tested):
 check(training_round)
 
 # %% [markdown]
-# ### A formula: what one reads
+# ### A formula: the first to finish
+#
+# An environment that succeeds quickly starts again at once and can succeed again. What does counting the first episodes
+# to finish report, if the true success rate is $p$ and failures take very long?
 
 # %%
 answer("first_to_finish", "p")
@@ -899,41 +1317,48 @@ answer("first_to_finish", "p")
 # %% [markdown]
 # ## 10 · Frontier: foundation policies, and why chunks help
 #
+# ### Foundation policies
+#
 # <table>
-# <tr><th>work</th> <th>year</th> <th>what it is</th> <th>size and data, as stated</th> <th>what is said of it</th></tr>
-# <tr><td>RT-2 (Brohan and others, arXiv 2307.15818)</td> <td>2023</td> <td>a **vision-language-action model**: pictures
-# and words in, actions out, written as text tokens</td> <td>variants of 55 and 5 (PaLI-X) and 12 billion parameters
-# (PaLM-E); web data and robot data together; about 6,000 trials</td> <td>"a 55B model": the largest of three, at 1 to
-# 3 Hz</td></tr>
-# <tr><td>Octo (Octo Model Team, arXiv 2405.12213)</td> <td>2024</td> <td>an open transformer with a diffusion
-# head</td> <td>27 and 93 million; 800,000 trajectories, 25 sets of Open X-Embodiment</td> <td>"trained on the set of a
-# million": on a part of it</td></tr>
+# <tr><th>work</th> <th>year</th> <th>what it is</th> <th>size and data, as stated</th> <th>a common statement</th></tr>
+# <tr><td>RT-2 (Brohan and others, arXiv 2307.15818)</td> <td>2023</td> <td>a **vision-language-action model**: images and
+# words in, actions out, written as text tokens</td> <td>variants with 55 and 5 (PaLI-X) and 12 billion parameters (PaLM-E);
+# web data and robot data together; about 6,000 trials</td> <td>"a 55B model": the largest of three, running at 1 to 3
+# Hz</td></tr>
+# <tr><td>Octo (Octo Model Team, arXiv 2405.12213)</td> <td>2024</td> <td>an open transformer with a diffusion head</td>
+# <td>27 and 93 million parameters; 800,000 trajectories from 25 sets of Open X-Embodiment</td> <td>"trained on the set of
+# a million": on a part of it</td></tr>
 # <tr><td>pi-0 (Black and others, arXiv 2410.24164)</td> <td>2024</td> <td>a pretrained vision-language model with a
-# flow-matching head for chunks</td> <td>3.3 billion; about 10,000 hours, 7 robots, 68 tasks; chunks of 50, ten Euler
-# steps</td> <td>"uses flow matching": yes</td></tr>
+# flow-matching head for chunks</td> <td>3.3 billion parameters; about 10,000 hours, 7 robots, 68 tasks; chunks of 50, ten
+# Euler steps</td> <td>"uses flow matching": yes</td></tr>
 # <tr><td>LeRobot (Cadene and others, arXiv 2602.22818)</td> <td>2026</td> <td>an open library: motors, data format,
 # training, asynchronous inference</td> <td>no model</td> <td>"a unified framework": of tools; each method keeps its own
 # assumptions</td></tr>
 # </table>
 #
-# (Octo and LeRobot from abstract and project page, RT-2 and pi-0 from abstract and others' summaries; nothing was
-# downloaded or run.) Each is one of this chapter's heads behind a large encoder. Data of many robots buy it states that
-# one robot's demonstrations don't span. What the heads do, they do here.
+# (Octo and LeRobot from abstract and project page, RT-2 and pi-0 from abstract and summaries by others; we ran none of
+# them.) Each of these models puts one of this chapter's heads behind a large encoder. Data from many robots cover states
+# that the demonstrations of one robot do not. What the heads do, they do here too.
 #
-# *Why do chunks help?* Three tasks, the same labels for all, with and without pushes while they were collected:
+# ### Why do chunks help? Three explanations on three tasks
+#
+# A chunk could help because it keeps one mode, because it makes fewer decisions, or merely because its later actions are
+# based on an *older* observation. The last explanation can be isolated: a delayed policy acts at every step, but on the
+# observation from one or three steps ago. The table compares both on three tasks: the two routes; the unstable
+# regulator, trained with and without disturbances; and a memory task whose next situation cannot be predicted.
 
-# %%
+# %% tags=["hide-code"]
 mixture, rng = heads["mixture"], np.random.default_rng(0)
 taught = {}
 for injected in (0.0, 0.01):
     shown = roll(plant, plant.expert, plant.starts(100, rng), 40, rng, injected=injected)
     states, chunks = learning.windows(shown, 8)
-    whole = np.tile(np.arange(40) <= 32, 100)  # behind the end of a run there are zeros
+    whole = np.tile(np.arange(40) <= 32, 100)  # chunks that end within their run
     taught[injected] = learning.linear(states[whole], chunks[whole].reshape(whole.sum(), -1))
 
 
 def lost(injected, executor, *how):
-    """Return share of runs of the regulator that end ten times as far off as they began."""
+    """Return the share of regulator runs that end ten times as far off as they began."""
 
     def act(observed, rng):
         return taught[injected](observed, rng).reshape(len(observed), 8, 1)
@@ -945,58 +1370,51 @@ def lost(injected, executor, *how):
 
 
 def missed(executor, how):
-    """Return wrong steps of 40 in contexts, 5 of 1,000 miscopied.
-
-    Without a way back, and with one.
-    """
+    """Return the wrong steps of 40 on the memory task, without a way back."""
     observed = (np.arange(40) % how == 0) & (executor is Commit)
-    wrong = np.where(
-        observed, 0.005, 0.5
-    )  # what comes next is not seen before: one of two is a guess
-    return np.sum(1.0 - np.cumprod(1.0 - wrong)), wrong.sum()
+    wrong = np.where(observed, 0.005, 0.5)  # an unobserved situation is a guess between two
+    return np.sum(1.0 - np.cumprod(1.0 - wrong))
 
 
-cases = (("each step", Commit, 1), ("chunk of 2", Commit, 2), ("chunk of 8", Commit, 8),
-         ("a step late", Delayed, 1), ("three late", Delayed, 3))  # fmt: skip
 noises = (0.0, 0.01, 0.02, 0.03, 0.05)
 figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
-print("             two ways         regulator, lost     contexts, wrong of 40")
-print("             pass   pushed    as is  pushes       no way back   with one")
-for name, executor, how in cases:
+rows = [("executed", "two routes: pass", "with disturbances of 50 mm", "regulator: lost",
+         "trained with disturbances: lost", "memory task: wrong of 40")]  # fmt: skip
+for name, executor, how in (
+    ("a new chunk at each step", Commit, 1),
+    ("2 steps of each chunk", Commit, 2),
+    ("8 steps of each chunk", Commit, 8),
+    ("each step, delayed by 1", Delayed, 1),
+    ("each step, delayed by 3", Delayed, 3),
+):
     rates = []
     for noise in noises:
         disturbed, rng = TwoWays(noise=noise), np.random.default_rng(7)
         ran = roll(disturbed, executor(mixture, how), disturbed.starts(600, rng), 16, rng)
         rates.append(np.mean(disturbed.sides(ran.states) != 0))
     _ = axis.plot([1000 * x for x in noises], rates, ".-", label=name)
-    never, back = missed(executor, how)
-    print(
-        f"{name:<13}{rates[0]:.2f}   {rates[-1]:.2f}      {lost(0.0, executor, how):5.0%}"
-        f"  {lost(0.01, executor, how):5.0%}        {never:11.1f}   {back:8.1f}"
-    )
-_ = axis.set(xlabel="push in a step [mm]", ylabel="pass, of two ways")
+    rows.append((name, f"{rates[0]:.0%}", f"{rates[-1]:.0%}", f"{lost(0.0, executor, how):.0%}",
+                 f"{lost(0.01, executor, how):.0%}", f"{missed(executor, how):.0f}"))  # fmt: skip
+_ = axis.set(xlabel="disturbance per step [mm]", ylabel="two routes: share that passes")
 _ = axis.legend(fontsize=7)
 plt.show()
 
-# %%
-print_figures("commit_or_react", "1 executed", "2 executed", "delayed", "noise")
+# %% tags=["hide-code"]
+table(*rows)
 
 # %% [markdown]
-# Zhang and others (arXiv 2507.09061, 2025, from the abstract): errors of a copy can grow exponentially; chunks and
-# pushed demonstrations each prevent that, in different regimes, and what decides is stability. A newer paper (arXiv
-# 2608.02547, 2026, which we could not read) is said to credit delay instead: one step, on an *older* state, does as
-# well.
+# On the two routes, an old observation does what a chunk of two does: both keep to the side that was begun. On the
+# unstable regulator neither chunks nor delays help; only disturbed demonstrations do. On the memory task both fail,
+# because every step brings news.
 #
-# On two ways an old state does what a chunk of two does: both keep what was begun. There the later explanation is
-# enough. The regulator is unstable even without a policy; neither chunk nor delay helps, pushes do, as the first paper
-# would have it. On two ways pushes help most under pushes, and cost most without.
-#
-# Contexts can't be foreseen, so chunks and delays guess; only a way back that was shown helps. So ask first whether
-# your task has several ways, an unstable loop, or news at every step.
+# This fits Zhang and others (arXiv 2507.09061, 2025, read as an abstract): errors of a clone can grow exponentially, and
+# both chunks and disturbed demonstrations prevent that, in different situations that stability decides. A later paper
+# (arXiv 2608.02547, 2026, which we have not read) is said to credit the delay. So ask three things about your task. Does
+# it have several modes? Is its loop unstable? Does every step bring something new?
 #
 # ## 11 · Interview
 #
-# Answer aloud, then open: first what one says in a minute, then the whole of it, then what comes next.
+# Answer aloud first. Then open the answer of one minute, the full answer, and the follow-up questions.
 
 # %%
 interview("learning")
@@ -1004,8 +1422,8 @@ interview("learning")
 # %% [markdown]
 # ### Checkpoint
 #
-# *In your own words: when does a learned policy beat a written one, and how would you prove it? An example for each
-# side.* Write it down first; then unfold.
+# *In your own words: when does a learned policy beat a written one, and how would you prove it? Give an example for each
+# side.* Write it down, then compare.
 
 # %%
 mine = ""
@@ -1014,14 +1432,15 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 # %% [markdown]
 # <details><summary>An answer, from this chapter</summary>
 #
-# *A written law wins* where its form is known: two gains reach most of the optimum of the point, in no time, and one
-# can say when they are stable. *Reward wins* where a simulator is cheap and nobody knows the form. *Copying wins* where
-# somebody can do it and nobody can say how, as with cloth. *Proof*: the same starts for both, one episode each, several
-# seeds of what was trained, bands, the optimum or the expert as the line; pushes; and the states where they differ.
+# *A written law wins* where its form is known. A PD law with two gains reaches most of the point's optimum, costs nothing
+# to train, and its stability can be proved. *Learning from reward wins* where a simulator is cheap and nobody knows the
+# form. *Cloning wins* where people can do the task and cannot say how, as with cloth. *Proof*: the same starts for both,
+# one episode each, several seeds of everything that was trained, intervals, the optimum or the expert as a reference, and
+# disturbances. Then look at the states in which they differ.
 #
 # </details>
 #
-# Three formulas that are not on this page; you can derive them from what is. The gate opens when all are right.
+# Three formulas that are not on this page; you can derive them from what is. The gate opens when all three are right.
 
 # %%
 checkpoint("learning", clone_error_grows="", ways_missed="", ensembling_averages="")

@@ -526,7 +526,8 @@ show("callback_sets_the_rate")
 # <table>
 # <tr><th>edge</th> <th>policies</th> <th>because</th></tr>
 # <tr><td>camera → perception</td> <td>best effort, depth 1, one process if it can be</td> <td>only the newest
-# counts; one lost fragment costs the picture, and sending it again costs the next</td></tr>
+# counts: a repaired picture comes a round trip later, when a newer one is due. It is the age that repair costs, hardly
+# any packets</td></tr>
 # <tr><td>perception → planner</td> <td>depth 1, deadline of three periods</td> <td>a stale scene must be
 # noticed</td></tr>
 # <tr><td>planner → controller</td> <td>reliable, depth 1, a whole timed trajectory</td> <td>nothing follows soon
@@ -677,7 +678,7 @@ for node in ours:
     for (topic, end), qos in launch.overrides(node.parameters).items():
         unlike = [v for k, v in vars(qos).items() if v != getattr(QoS(), k) and isinstance(v, str)]
         times = [
-            f"{k.split('_')[0]} {1e3 * v:g} ms"
+            f"{k.removeprefix('liveliness_').split('_')[0]} {1e3 * v:g} ms"
             for k, v in vars(qos).items()
             if v != getattr(QoS(), k) and isinstance(v, float)
         ]
@@ -965,7 +966,10 @@ with loop.urgent() as granted:
     )
 
 # %% [markdown]
-# What is left even then: a page fault, a garbage collection, a lock. Nor does a kernel take that away. *PREEMPT_RT* is
+# What is left even then: a page fault, a garbage collection, a lock, interrupts, tasks under SCHED_DEADLINE, and
+# **real-time throttling**: by default Linux gives real-time tasks 950 ms of each second
+# (`/proc/sys/kernel/sched_rt_runtime_us`), so a FIFO loop that spins is stopped for the other 50. A real-time kernel
+# does not take these away. *PREEMPT_RT* is
 # a configuration of the Linux kernel, which makes most of it interruptible; Xenomai's *Cobalt* is a second kernel
 # beside Linux, with threads of its own (Xenomai 3 documentation). Neither makes a thread real-time that allocates,
 # faults or has no priority.

@@ -94,7 +94,7 @@ def test_the_score_counts_steps_and_the_weakest_item_is_asked_about() -> None:
     # Eight of one point, one of three, one of none, of thirty.
     assert designs.score(design, answered) == pytest.approx(11 / 30)
     assert designs.weakest(design, answered).name == names[5]
-    with pytest.raises(ValueError, match="answered is"):
+    with pytest.raises(ValueError, match="answered must be"):
         designs.score(design, {names[0]: "named"})
     with pytest.raises(ValueError, match=rf"{names[0]} must be .*, got 'good'"):
         designs.score(design, answered | {names[0]: "good"})

@@ -89,6 +89,36 @@ def test_learners_are_judged_by_the_optimum_and_beside_the_library() -> None:
         assert np.all(np.diff(by_time[label].x) > 0.0)
 
 
+@pytest.mark.optional
+def test_sac_learns_from_its_replay_buffer() -> None:
+    """A small version of the chart; the score of random actions is below 0.1."""
+    needs_stable_baselines3()
+    (panel,) = charts.build(
+        "off_policy", seeds=3, steps=3072, small=1024, large=2048, every=1024, hidden=(32,)
+    )
+    assert list(panel["SAC"].x) == [1024, 2048, 3072]
+    assert list(panel["PPO, batches of 512"].x) == [1024]
+    assert list(panel["PPO, batches of 2,048"].x) == [2048]
+    for series in panel.series:
+        assert all(0.0 <= y <= 1.0 + 1e-9 for y in series.y)
+        assert np.all(np.array(series.low) <= series.y) and np.all(
+            series.y <= np.array(series.high)
+        )
+    assert panel["SAC"].y[-1] > panel["PPO, batches of 2,048"].y[-1]
+
+
+def test_the_stored_sac_is_far_ahead_of_ppo_at_equal_steps() -> None:
+    (panel,) = charts.stored("off_policy")
+    sac = panel["SAC"]
+    for name in ("PPO, batches of 512", "PPO, batches of 2,048"):
+        at_equal_steps = int(np.searchsorted(panel[name].x, sac.x[-1]))  # the first with as many
+        assert sac.low[-1] > panel[name].high[at_equal_steps] + 0.1
+    slow = panel["PPO, batches of 2,048"]
+    assert slow.y[-1] > sac.y[-1]  # it does learn the task, with more steps
+    caught_up = slow.x[int(np.argmax(np.array(slow.y) >= sac.y[-1]))]
+    assert caught_up > 4 * sac.x[-1]
+
+
 def test_a_first_policy_meets_the_disc_as_often_as_predicted() -> None:
     rng = np.random.default_rng(5)
     for radius in (0.05, 0.2):
@@ -102,16 +132,20 @@ def test_the_stored_learners_show_what_each_detail_and_reward_does() -> None:
         dict(zip(p.series[0].y, p.series[0].x, strict=True))
         for p in charts.stored("details_that_matter")
     )
-    whole, unscaled = usual.pop("as it is"), usual.pop("observations too")
-    broken = {"lambda 0", "one epoch", "4 hidden", "discount 0.9"}
+    whole, unscaled = usual.pop("complete PPO"), usual.pop("observations not normalised")
+    broken = {"lambda 0", "one epoch", "4 hidden units", "discount 0.9"}
     assert {name for name, share in usual.items() if share < 0.9 * whole} == broken
     assert all(usual[name] < 0.85 * whole for name in broken) and 0.75 < unscaled / whole < 0.9
     first = charts.stored("details_that_matter")[0].series[0]
-    assert 0.45 < dict(zip(first.y, first.low, strict=True))["observations too"] / whole < 0.6
+    assert (
+        0.45
+        < dict(zip(first.y, first.low, strict=True))["observations not normalised"] / whole
+        < 0.6
+    )
     rows = list(other)
     for whole, less in zip(rows[::2], rows[1::2], strict=True):
         assert other[less] < 0.85 * other[whole]
     curves, chance = charts.stored("rewards")
     assert curves["potential"].low[-1] > max(s.high[-1] for s in curves.series[1:])
-    met = chance["stumbles"]
+    met = chance["random"]
     assert np.allclose(met.y, [reinforced.stumbles(r) for r in met.x], rtol=0.25)

@@ -36,10 +36,10 @@ def test_the_potential_brings_most_to_the_disc_and_the_other_rewards_do_not():
     result = STORY["Potential"]["success"]
     assert middle("Potential") > 0.9 and result.min() < 0.8  # some seeds need longer
     assert np.mean(result > 0.75) >= 0.6
-    assert STORY["The disc alone"]["success"].max() < 1.0 / 3.0
+    assert STORY["Only the disc"]["success"].max() < 1.0 / 3.0
     assert 0.03 < middle("Minus the distance") < 0.2
     assert np.all(STORY["Minus the distance"]["ended"] < -15.0)  # against a prize of 1
-    for other in ("The disc alone", "Minus the distance"):
+    for other in ("Only the disc", "Minus the distance"):
         assert middle("Potential") > middle(other) + 0.6
 
 
@@ -171,8 +171,8 @@ def test_a_drag_along_a_chart_shows_an_iteration_to_its_end():
         ("A flow in one step", {}, 10, 40),
         ("A flow in one step", {"sampled": 2}, 50, 75),
         ("Diffusion", {}, 70, 95),
-        ("Noise, eight blind steps", {}, 10, 27),
-        ("Noise, eight blind steps", {"executed": 2}, 28, 50),
+        ("Disturbed, eight executed", {}, 10, 27),
+        ("Disturbed, eight executed", {"executed": 2}, 28, 50),
     ],
 )
 def test_a_hundred_runs_pass_the_disc_as_their_preset_says(preset, values, least, at_most):

@@ -292,7 +292,7 @@ def test_series_are_found_by_label():
     panel = Panel("", series=[Series(name, [1.0], [1.0]) for name in ("rk4", "rk4 late", "euler")])
     assert panel["rk4"] is panel.series[0] and panel["eul"] is panel.series[2]
     for label in ("midpoint", "r"):
-        with pytest.raises(ValueError, match="label is"):
+        with pytest.raises(ValueError, match="label must be"):
             panel[label]
 
 

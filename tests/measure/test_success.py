@@ -116,7 +116,12 @@ def test_its_series_is_drawn_with_its_band_and_says_its_figures():
 
 @pytest.mark.parametrize(
     ("cost", "words"),
-    [([1.0, 2.0], "cost.shape"), ([[math.nan]], "cost is"), ([[-1.0]], "cost is"), ([[]], "shape")],
+    [
+        ([1.0, 2.0], "cost.shape"),
+        ([[math.nan]], "cost must be"),
+        ([[-1.0]], "cost must be"),
+        ([[]], "shape"),
+    ],
 )
 def test_costs_that_are_none_are_refused(cost, words):
     with pytest.raises(ValueError, match=words):

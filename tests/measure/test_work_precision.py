@@ -82,7 +82,7 @@ def test_pick_is_the_cheapest_that_is_good_enough():
     assert by_count.point.error <= 1e-4
     assert chart.pick(1e-17) is None
     assert chart.pick(1.0, by="count").name == "order 1"
-    with pytest.raises(ValueError, match="by is"):
+    with pytest.raises(ValueError, match="by must be"):
         chart.pick(by="colour")
     with pytest.raises(ValueError, match="tolerance"):
         _measured([_decay(1)]).pick()

@@ -1,8 +1,13 @@
 """The controller in C++ beside the same law in Python, and the common form under the sanitizer."""
 
+import math
+import re
+import subprocess
+
 import numpy as np
 import pytest
 
+from course import charts
 from course.middleware import controller, launch
 from course.middleware.qos import QoS
 from tests import optional
@@ -45,7 +50,55 @@ def test_what_is_not_a_number_goes_out_as_no_torque(program):
 
 def test_sizes_that_disagree_are_refused_when_it_is_configured(program):
     """The driver hands over as many numbers as the first list has; so an empty arm is the way."""
-    assert controller.drive(program, "update", [[], [], [], []], []).code == 3
+    done = controller.drive(program, "update", [[], [], [], []], [])
+    assert done.code == 3 and "no joint" in done.report
+
+
+def test_a_program_that_dies_says_why(program, monkeypatch):
+    """A preloaded library (jemalloc, VirtualGL) keeps the sanitizer from starting."""
+    libraries = subprocess.run(["ldd", str(program)], capture_output=True, text=True, check=True)
+    libc = re.search(r"(\S*libm\.so\S*) \(|=> (\S*libm\.so\S*) ", libraries.stdout)
+    assert libc is not None
+    monkeypatch.setenv("LD_PRELOAD", libc.group(1) or libc.group(2))
+    with pytest.raises(RuntimeError, match=r"(?s)code 1.*LD_PRELOAD"):
+        controller.drive(program, "update", settings(2), [[0.0] * 4])
+
+
+def test_a_handle_that_is_busy_is_no_number(program, tmp_path):
+    """As in ros2_control: without a value, or not written, where another thread has the lock."""
+    text = (controller.SOURCE.parent / "ros2_control_stub.hpp").read_text()
+    assert "std::optional<double> get_optional()" in text and "[[nodiscard]] bool set_value" in text
+    code = tmp_path / "busy.cpp"
+    code.write_text(
+        '#include "arm_controller.cpp"\n#include <cstdio>\nint main() {\n'
+        "  double state[2] = {0.5, 0.0}, command = 7.0;\n"
+        "  hardware_interface::Handle q(&state[0]), v(&state[1]), u(&command);\n"
+        "  for (int busy = 0; busy < 3; ++busy) {\n"
+        "    q.busy = busy == 1; u.busy = busy == 2;\n"
+        "    ArmController controller;\n"
+        '    controller.parameters["target"] = {1.0}; controller.parameters["stiffness"] = {4.0};\n'
+        '    controller.parameters["damping"] = {1.0}; controller.parameters["limit"] = {9.0};\n'
+        "    controller.assign({q, v}, {u});\n"
+        "    if (controller.on_configure() != controller_interface::CallbackReturn::SUCCESS ||\n"
+        "        controller.on_activate() != controller_interface::CallbackReturn::SUCCESS)\n"
+        "      return 1;\n"
+        "    const auto result = controller.update({}, {});\n"
+        "    const bool good = result == controller_interface::return_type::OK;\n"
+        '    std::printf("%d %g\\n", good ? 1 : 0, command);\n  }\n}\n'
+    )
+    made = tmp_path / "busy"
+    folder = controller.SOURCE.parent
+    command = [
+        controller.compiler() or "",
+        *controller.FLAGS,
+        f"-I{folder}",
+        str(code),
+        "-o",
+        str(made),
+    ]
+    subprocess.run(command, check=True)
+    done = subprocess.run([str(made)], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:3] == ["1 2", "0 0", "0 0"]
 
 
 def test_the_common_form_reads_beyond_its_vectors(program):
@@ -93,7 +146,7 @@ def test_ours_sets_what_it_says_name_by_name():
         depth=1,
         durability="transient_local",
         liveliness="manual_by_topic",
-        liveliness_lease_duration=0.01,
+        liveliness_lease_duration=0.1,
     )
     assert ends == [
         {("/camera/image", "publisher"): picture},
@@ -140,6 +193,17 @@ def test_ours_sets_what_it_says_name_by_name():
 def test_a_wrong_override_is_named(name: str, value, report: str):
     with pytest.raises(ValueError, match=report):
         launch.overrides({name: value})
+
+
+def test_the_lease_outlasts_the_lateness_that_was_measured():
+    """Of an ordinary process beside busy ones; a lease of 10 ms declared a healthy one dead."""
+    report = charts.read("loop_lateness")
+    found = re.search(r"default: .*, ([\d.]+) \(all\)", report)
+    assert found is not None
+    worst = float(found.group(1)) / 1000.0
+    ends = [launch.overrides(node.parameters) for node in launch.nodes(launch.OURS)]
+    leases = {q.liveliness_lease_duration for e in ends for q in e.values()} - {math.inf}
+    assert leases and min(leases) > 2.0 * worst
 
 
 def test_a_parameter_that_was_copied_is_not_tuned():

@@ -3,6 +3,7 @@
 import importlib.util
 import os
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
@@ -23,6 +24,20 @@ def test_nothing_leaves_the_machine():
     assert text["address"] == "udp/127.0.0.1"
     assert (text["multicast"], text["peers"], text["groups"]) == ("false", "127.0.0.1", "0")
     assert text["domain"] == str(1 + os.getpid() % 230) and text["tag"] == f"course-{os.getpid()}"
+
+
+def test_what_it_listens_on_is_as_the_module_says():
+    """Sending is confined to lo, listening is not: the kernel's own list of UDP sockets."""
+    before = {line.split()[1] for line in _udp()}
+    with cyclonedds.participant():
+        bound = {line.split()[1] for line in _udp()} - before
+    addresses = {address.split(":")[0] for address in bound}
+    assert addresses <= {"00000000", "0100007F"} and "00000000" in addresses
+    assert "Listening is not confined" in (cyclonedds.__doc__ or "")
+
+
+def _udp() -> list[str]:
+    return Path("/proc/net/udp").read_text(encoding="ascii").splitlines()[1:]
 
 
 def test_every_pair_is_judged_as_cyclone_does():

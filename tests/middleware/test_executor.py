@@ -120,6 +120,24 @@ def test_a_group_of_its_own_and_a_second_thread_are_the_cure(threads, group):
     assert "a thread, all held by timer control" in deadlocks(bus)[0]
 
 
+@pytest.mark.parametrize(("threads", "group"), [(1, None), (2, None), (2, Group("other"))])
+def test_a_service_that_nobody_serves_is_named_as_the_cause(threads, group):
+    """Also a server that starts after the request: it never sees that one."""
+    bus, got = Bus(), []
+    node = bus.node("a", Executor(bus, threads))
+    client = node.client("nobody", group)
+
+    def ask():
+        got.append((yield client.call(1)))
+
+    node.timer(10.0, ask)
+    bus.run(1.0)
+    bus.node("late", Executor(bus, 1)).service("nobody", lambda x: x)
+    bus.run(5.0)
+    (reason,) = deadlocks(bus)
+    assert got == [] and "'nobody', which nobody served" in reason and "group" not in reason
+
+
 def test_two_nodes_that_ask_each_other_block_each_other():
     bus = Bus()
     nodes = [bus.node(name, Executor(bus, 2)) for name in "ab"]

@@ -2,6 +2,9 @@
 
 import importlib.util
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +43,43 @@ def test_what_goes_comes_back(name: str):
 @pytest.mark.parametrize("shared", [False, True])
 def test_zenoh_brings_it_back(shared: bool):
     comes_back(zenoh.echo(shared), 300_000)
+
+
+@lacking("zenoh")
+def test_zenoh_leaves_nothing_in_shared_memory():
+    """Neither of this process nor of its partner: segments of 16 MiB used to stay."""
+    code = (
+        "from course.oracles import zenoh\nwith zenoh.echo(True) as trip:\n"
+        "    trip(bytes(1_000_000))\n"
+        "    print(*{x.split()[-1] for x in open('/proc/self/maps') if x.endswith('.zenoh\\n')})"
+    )
+    run = [sys.executable, "-c", code]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=True)
+    segments = [Path(name) for name in done.stdout.split()]
+    assert segments  # it did use shared memory
+    assert not any(path.exists() for path in segments)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "call",
+    [
+        "inversion.measure(True)",
+        "[trip(b'x') for trip in [stack.enter_context(transport.unix_socket())]]",
+    ],
+)
+def test_a_script_without_its_guard_is_told_so(call: str, tmp_path):
+    """Each child imports the script again, and dies: the parent waited for ever."""
+    script = tmp_path / "plain.py"
+    script.write_text(
+        "import contextlib\nfrom course.middleware import inversion, transport\n"
+        f"transport.PATIENCE = 3.0\nwith contextlib.ExitStack() as stack:\n    {call}\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode != 0
+    assert "a child process died while it started" in done.stderr
 
 
 @lacking("zenoh")

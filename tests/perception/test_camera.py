@@ -196,7 +196,7 @@ GOOD = np.ones((60, 80))
 BAD = [
     (lambda: SMALL.picture(np.ones((80, 60))), "depth.shape"),
     (lambda: SMALL.picture(-GOOD), r"depth\[0, 0\] must be .*, got -1"),
-    (lambda: SMALL.picture(GOOD * np.nan), "depth"),
+    (lambda: SMALL.picture(GOOD * np.nan), "at least one measurement"),
     (lambda: SMALL.picture((1000 * GOOD).astype(np.uint16)), "millimetres"),
     (lambda: SMALL.picture(800.0 * GOOD), "millimetres"),
     (lambda: sense(0.0 * GOOD, SMALL, STEREO, np.random.default_rng(0)), "0 everywhere"),

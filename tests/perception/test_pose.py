@@ -8,9 +8,18 @@ from hypothesis import strategies as st
 from course.perception.camera import Sensor, render, sense, shape, together
 from course.perception.pose import STANDING, apart, locate, see_through, stand_in
 from course.perception.registration import DIRECTIONS
-from course.rigid_body.quaternion import exp
+from course.rigid_body.quaternion import exp, to_matrix
 from tests.budget import examples
-from tests.perception.part_images import BOX, CAMERA, CYLINDER, SENSOR, SPHERE, error, on_table
+from tests.perception.part_images import (
+    BOX,
+    CAMERA,
+    CYLINDER,
+    SENSOR,
+    SPHERE,
+    TABLE,
+    error,
+    on_table,
+)
 
 HEIGHT = {"box": 0.03, "cylinder": 0.05, "sphere": 0.04}
 SMALL = shape("box", 0.03, 0.02, 0.02)
@@ -31,16 +40,14 @@ def turned(pose, *rotvec):
 )
 def test_parts_are_found_and_the_covariance_holds(part):
     rng = np.random.default_rng(1)
-    squares, number, known = 0.0, 0, 0
+    squares, number = 0.0, 0
     for _ in range(25):
         height = 0.02 if part is SMALL else HEIGHT[part.kinds[0]]
         at = (*rng.uniform(-0.15, 0.15, 2) * (1.0, 0.6), height, rng.uniform(-3.0, 3.0))
         shapes, (pose,) = on_table([(part, *at)])
         (result,) = locate(picture(shapes, rng), CAMERA, SENSOR, part)
-        blind = bool({"x", "y"} & set(result.unobserved))  # a side that no ray met
-        assert result.status == ("ambiguous" if blind else "found")
+        assert result.status == "found" and not {"x", "y"} & set(result.unobserved)
         assert result.see_through < 0.05 and result.agrees > 0.9
-        known += not blind
         observed = np.isfinite(np.diag(result.covariance))
         shift, angle = apart(part, pose, result.pose)
         assert shift < 3e-3 and angle < np.radians(2.0)
@@ -51,7 +58,7 @@ def test_parts_are_found_and_the_covariance_holds(part):
             e = error(result.R, result.p, truth)[observed]
             squares += e @ np.linalg.solve(result.covariance[np.ix_(observed, observed)], e)
             number += observed.sum()
-    assert known == 25 if not number else known > 12 and 0.5 < squares / number < 1.5
+    assert not number or 0.4 < squares / number < 1.5
 
 
 @pytest.mark.slow
@@ -61,7 +68,7 @@ def test_anyhow_in_space():
         shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.09, 0.4 + k)], roll=0.3)
         (result, *_) = locate(picture(shapes, rng), CAMERA, SENSOR, BOX, standing=False)
         shift, angle = apart(BOX, pose, result.pose)
-        assert result.status == ("ambiguous" if k == 3 else "found")  # there x is not seen
+        assert result.status == "found"  # at the last only the outline tells x
         assert shift < 1e-3 and angle < np.radians(0.5)
 
 
@@ -117,14 +124,14 @@ def test_another_part_is_refuted_and_a_table_is_empty():
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_neighbour_that_touches_is_shut_out(side):
-    """The ends of the box are not seen, and the estimate says so instead of a small number."""
+    """The ends of the box show no face, but their outline tells x, whatever touches its side."""
     rng = np.random.default_rng(6)
     cube = shape("box", 0.03, 0.03, 0.05)
     shapes, (pose, _) = on_table([(BOX, 0.0, 0.0, 0.03, 0.0), (cube, 0.0, 0.081 * side, 0.05, 0.0)])
     result = locate(picture(shapes, rng), CAMERA, SENSOR, BOX)[0]
     e, C = error(result.R, result.p, pose), result.covariance
     observed = np.isfinite(np.diag(C))
-    assert result.status == "ambiguous" and result.unobserved == ("x",)
+    assert result.status in ("found", "ambiguous") and result.unobserved == () and observed.all()
     assert np.all(np.abs(e[observed]) < 5.0 * np.sqrt(np.diag(C)[observed]) + 1e-4)
 
 
@@ -148,6 +155,38 @@ def test_a_wrong_scale_is_seen_by_no_test_inside():
     (result,) = locate(1.01 * picture(shapes, rng), CAMERA, SENSOR, BOX)
     assert result.status == "found" and result.see_through < 0.012
     assert apart(BOX, pose, result.pose)[0] > 5e-3 > 50.0 * np.sqrt(result.covariance[0, 0])
+
+
+def test_a_scale_that_moves_the_outline_by_pixels_is_not_found():
+    """Faces say how far the part is, the outline how large it looks: at 3 % they disagree."""
+    rng = np.random.default_rng(7)
+    for yaw in (0.6, 1.4, 2.5):
+        shapes, _ = on_table([(BOX, 0.0, 0.0, 0.03, yaw)])
+        for scale in (0.97, 1.03):
+            (result,) = locate(scale * picture(shapes, rng), CAMERA, SENSOR, BOX)
+            assert result.status in ("ambiguous", "refuted")
+
+
+def test_the_normal_of_the_table_may_point_either_way():
+    rng = np.random.default_rng(12)
+    shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.03, 0.6)])
+    depth = picture(shapes, rng)
+    up = to_matrix(TABLE[3:])[:, 2]
+    plane = np.append(up, -up @ TABLE[:3])
+    one, other = (locate(depth, CAMERA, SENSOR, BOX, table=s * plane) for s in (1.0, -1.0))
+    assert max(apart(BOX, one[0].pose, other[0].pose)) < 1e-12 and len(one) == len(other) == 1
+    assert apart(BOX, pose, one[0].pose)[0] < 1e-3
+
+
+def test_pixels_without_a_measurement_may_be_nan_or_infinite():
+    """As in the depth images of ROS (REP 118)."""
+    rng = np.random.default_rng(13)
+    shapes, _ = on_table([(BOX, 0.0, 0.0, 0.03, 0.6)])
+    depth = picture(shapes, rng)
+    depth[rng.random(depth.shape) < 0.1] = 0.0
+    marked = np.where(depth > 0.0, depth, rng.choice([np.nan, np.inf, -np.inf], depth.shape))
+    one, other = (locate(z, CAMERA, SENSOR, BOX)[0] for z in (depth, marked))
+    assert np.array_equal(one.pose, other.pose) and one.status == "found"
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([BOX, CYLINDER, SPHERE, shape("box", 1, 1, 2)]))

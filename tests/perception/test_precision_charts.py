@@ -1,8 +1,14 @@
 """What the charts of speed against accuracy show, on smaller sizes."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from course import charts
+from course.charts.perception import precision
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.slow
@@ -30,3 +36,16 @@ def test_a_linear_fit_of_inverse_depth_has_no_offset():
     assert last["inverse depth"] < 0.5 * last["SVD of points"]
     assert last["RANSAC, refit"] < 0.5 * last["RANSAC"]
     assert bias["SVD of points"].y[-1] > 0.1 > 0.04 > abs(bias["inverse depth"].y[-1])
+
+
+def test_the_page_names_the_size_of_the_measured_frame():
+    """It said 640 x 480 once, four times as many pixels as were measured."""
+    page = (ROOT / "notebooks" / "source" / "07_perception.py").read_text(encoding="utf-8")
+    (size,) = re.findall(r"three boxes on a table in (\d+ x \d+) pixels", page)
+    assert size == f"{precision.FRAME.width} x {precision.FRAME.height}"
+
+
+def test_models_are_spaced_like_the_grid():
+    """Open3D builds the tree of its target at each call: 16,000 points only cost it time."""
+    assert precision.model_points(0.004) == pytest.approx(3950, rel=0.02)
+    assert precision.model_points(0.03) == 500

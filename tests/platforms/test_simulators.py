@@ -256,7 +256,7 @@ def test_pybullet_as_shipped_takes_0_04_v_1_plus_v_from_what_is_free():
 def test_settings_that_an_engine_lacks_are_refused(name):
     with pytest.raises(ValueError, match=r"settings\.options"):
         engine(name).build(scenes.drop(), 1e-3, FAIR.using(solimp=1))
-    with pytest.raises(ValueError, match="dt is"):
+    with pytest.raises(ValueError, match="dt must be"):
         engine(name).build(scenes.drop(), 0.0)
 
 

@@ -156,9 +156,9 @@ def test_bounce_times_and_heights_belong_together() -> None:
 
 
 def test_tumble_refuses_a_case_its_closed_form_does_not_cover() -> None:
-    with pytest.raises(ValueError, match="inertia is"):
+    with pytest.raises(ValueError, match="inertia must be"):
         problems.tumble(inertia=(1.0, 1.0, 2.0))
-    with pytest.raises(ValueError, match="rates is"):
+    with pytest.raises(ValueError, match="rates must be"):
         problems.tumble(rates=(3.0, 0.1))
 
 

@@ -522,7 +522,7 @@ def test_the_measures_say_when_they_cannot() -> None:
     with pytest.raises(ValueError, match="two that touch"):
         oracle.contact_friction(model, "hand")
     model.opt.gravity[:] = 0.0
-    with pytest.raises(ValueError, match="angle is"):
+    with pytest.raises(ValueError, match="angle must be"):
         oracle.swing_period(
             scene(PENDULUM.replace("<option", '<option gravity="0 0 0"'))[0], "hinge", 0.1
         )

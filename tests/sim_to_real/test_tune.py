@@ -143,7 +143,7 @@ def test_one_kind_leaves_the_defaults_of_the_others():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: Ranges({"mass": (1.2, 0.8)}), "mass is"),
+        (lambda: Ranges({"mass": (1.2, 0.8)}), "mass must be"),
         (lambda: Ranges({"weight": (1.0, 1.0)}), r"name of a range must be .*, got 'weight'"),
         (lambda: Ranges({"torque": (0.0, 1.0)}), "above 0"),
         (lambda: Ranges({"delay": (-0.01, 0.01)}), r"delay.* must be .*, got -0.01"),
@@ -158,7 +158,7 @@ def test_one_kind_leaves_the_defaults_of_the_others():
             lambda: Ranges({"mass": (0.5, 1.0)}, {"maas": "log"}),
             r"name in kinds must be .*, got 'maas'",
         ),
-        (lambda: automatic(0, thresholds=(0.9, 0.8)), "thresholds is"),
+        (lambda: automatic(0, thresholds=(0.9, 0.8)), "thresholds must be"),
         (lambda: automatic(0, step=-1.0), r"step must be .*, got -1\.0"),
         (lambda: automatic(0, at_most=np.nan), r"most must be .*, got nan"),
         (lambda: tune(only(Plants()), -1), r"seed must be .*, got -1"),

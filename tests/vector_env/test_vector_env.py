@@ -442,7 +442,7 @@ def test_more_wrong_construction() -> None:
 @pytest.mark.parametrize("seed", [[1, 2], -1, "12", 1.5, [1, 2, -3], [1, 2, True]])
 def test_wrong_seeds_are_refused(kind, seed) -> None:
     envs = kind(Counter, 3)
-    with pytest.raises(ValueError, match="seed is"):
+    with pytest.raises(ValueError, match="seed must be"):
         envs.reset(seed=seed)
     for mask in ([True, False, True], np.array([True]), np.zeros(3, bool), np.ones(3)):
         if not isinstance(mask, list):

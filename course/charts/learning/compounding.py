@@ -45,12 +45,12 @@ def compounding(
     panel = Panel(
         f"One action in {1 / eps:.0f} is wrong",
         "steps",
-        "steps spent wrong",
+        "wrong steps",
         scale="log",
         theory="formula",
         lines=[("x", 1.0 / eps, "1 / rate")],
     )
-    for label, back in (("a fall is for ever", False), ("recovers", True)):
+    for label, back in (("never recovers", False), ("recovers", True)):
         cost = [learning.context_costs(table, T, n, rng, recovers=back) for T in horizons]
         mean = np.array([c.mean() for c in cost])
         half = np.array([1.96 * c.std() / np.sqrt(n) for c in cost])
@@ -77,14 +77,16 @@ def compounding(
         law = share * T * (T + 1.0) / 2.0
         return (law / float(learning.expected_cost(share, T, recovers=False)) - 1.0) / ALLOWED
 
-    grid = stability_map(over, count, rates, quantity=f"square law too high by, over {ALLOWED:g}")
+    grid = stability_map(
+        over, count, rates, quantity=f"excess of the square law, divided by {ALLOWED:g}"
+    )
     line = 3.0 * ALLOWED / count
     edge = grid.boundary() * rates
     observed = edge[np.isfinite(edge) & (edge > 0.0) & (rates < 0.03)]
     yield Panel(
-        "The square law ends where a fall is likely",
+        "Where the square law is 10 % too high",
         "steps",
-        "error rate",
+        "error rate per step",
         [
             Series(
                 f"rate times steps = {3 * ALLOWED:g}",
@@ -103,9 +105,9 @@ def compounding(
     )
     at = np.array(horizons[:-1] if len(horizons) > 2 else horizons)
     panel = Panel(
-        "x' = a x + error, added up",
+        "x' = a x + e: summed deviation",
         "steps",
-        "sum of |x|, over the error",
+        "sum of |x|, divided by e",
         scale="log",
         theory="closed form",
     )
@@ -132,9 +134,9 @@ def circling(number: int = 20, horizon: int = 160) -> Panel:
     at = at[at <= horizon]
     learn = partial(learning.clone, seed=0, width=32, steps=600, rate=3e-3)
     panel = Panel(
-        "A plant that forgives: circling",
+        "Circle task: errors die out",
         "steps",
-        "distance off the circle, summed [m]",
+        "summed distance from the circle [m]",
         scale="log",
     )
     for label, rounds in (("cloned", 0), ("DAgger, two rounds", 2)):

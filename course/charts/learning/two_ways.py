@@ -63,15 +63,15 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
     ]
     spent = iter(interleaved(timed, repeats=repeats))
     error = Panel(
-        "Held-out error ranks them upside down",
-        "error of the first chunk, rms [mm]",
-        "success",
+        "Held-out error ranks policies upside down",
+        "held-out error of the first chunk, rms [mm]",
+        "success rate",
         ylim=(0.0, 1.05),
     )
     priced = Panel(
-        "A chunk of 8 on one core",
-        "processor time of an action [us]",
-        "success",
+        "Computing time on one core, chunks of 8",
+        "processor time per action [us]",
+        "success rate",
         scale="log x",
         ylim=(0.0, 1.05),
         footer=machine(libraries=("torch",)),
@@ -100,8 +100,8 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
     yield error
     yield priced
     yield Panel(
-        "Who passes left: the data's share",
-        "left, of those who pass",
+        "Share of successful runs that pass left",
+        "share that passes left",
         series=[
             Series(
                 "",
@@ -163,8 +163,8 @@ def samplers(
         return policy.done.undo(learning.integrate(field, noise, steps, solver))
 
     panel = Panel(
-        "Two modes: exact fields, and nets at their floor",
-        "calls of the field or net",
+        "Two modes: exact fields and trained networks",
+        "evaluations of the field",
         "distance from the exact quantiles, rms",
         scale="log",
     )
@@ -195,9 +195,9 @@ def samplers(
     panel.notes.append(f"all at the mean: {mean:.4f}")
     yield panel
     panel = Panel(
-        "Two ways: success of the nets on record",
-        "calls of the net for a chunk of 8",
-        "success",
+        "Two-route task, stored networks",
+        "evaluations per chunk of 8",
+        "success rate",
         scale="log x",
         ylim=(0.0, 1.05),
     )
@@ -246,27 +246,30 @@ def commit_or_react(
     """
     policy = learning.recorded("mixture")
     panel = Panel(
-        "The mixture of 5, chunks of 8",
-        "steps carried out without a look",
-        "success",
+        "Mixture policy, chunks of 8",
+        "executed steps of each chunk",
+        "success rate",
         ticks=executed,
         scale="log x",
         ylim=(0.0, 1.05),
     )
     for noise in (0.0, 0.02, 0.05):
         rates = [passed(learning.Commit(policy, k), n, noise) for k in executed]
-        panel.series.append(shares(f"pushed by {1e3 * noise:g} mm", executed, rates, n))
+        panel.series.append(shares(f"disturbed by {1e3 * noise:g} mm", executed, rates, n))
     yield panel
     shown = learning.TwoWays().demonstrate(DEMONSTRATIONS, SEED, injected=0.05)
     taught = HEADS["mixture"](*learning.windows(shown, CHUNK), SEED, steps=fit)
     panel = Panel(
-        "Cures, over what pushes in a step", "deviation of a push [mm]", "success", ylim=(0.0, 1.05)
+        "Remedies, over the disturbance",
+        "standard deviation of the disturbance [mm]",
+        "success rate",
+        ylim=(0.0, 1.05),
     )
     cures: dict[str, Any] = {f"{k} executed": learning.Commit(policy, k) for k in (1, 2, 8)}
     cures |= {
         "ensemble": learning.Ensemble(policy),
         "delayed by 1": learning.Delayed(policy, 1),
-        "noise injected, 1": learning.Commit(taught, 1),
+        "trained on disturbed data": learning.Commit(taught, 1),
     }
     for label, method in cures.items():
         rates = [passed(method, n, noise) for noise in noises]
@@ -275,9 +278,9 @@ def commit_or_react(
     noise = 0.05
     result = [switches_and_mismatch(policy, k, n, noise) for k in executed]
     yield Panel(
-        "Looks often: jitters (pushed by 50 mm)",
-        "steps carried out without a look",
-        "changes of side before the obstacle",
+        "Observing often: changes of side (50 mm)",
+        "executed steps of each chunk",
+        "changes of side per run",
         scale="log x",
         ticks=executed,
         series=[
@@ -290,9 +293,9 @@ def commit_or_react(
         ],
     )
     yield Panel(
-        "Looks rarely: drifts (pushed by 50 mm)",
-        "steps carried out without a look",
-        "end of a chunk off its plan, rms [mm]",
+        "Observing rarely: drift (50 mm)",
+        "executed steps of each chunk",
+        "deviation from the plan, rms [mm]",
         scale="log x",
         ticks=executed,
         series=[
@@ -305,5 +308,5 @@ def commit_or_react(
                 note="off the plan: " + ", ".join(f"{1e3 * d:.0f} mm" for _, d in result),
             )
         ],
-        theory="push times root of steps",
+        theory="disturbance times sqrt(steps)",
     )

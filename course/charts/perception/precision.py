@@ -44,16 +44,30 @@ def box_surface(half: Array, count: int, rng: np.random.Generator) -> tuple[Arra
     return half[:, None] * (rng.uniform(-1.0, 1.0, (3, count)) * (normal == 0.0) + normal), normal
 
 
+def model_points(voxel: float) -> int:
+    """Return how many points a model of the box needs to be spaced like a grid of so many metres.
+
+    Open3D builds the tree of its target at each call, so a denser model would only cost it time.
+    """
+    half = BOX.sizes[:, 0]
+    area = 8.0 * float(np.prod(half) * np.sum(1.0 / half))
+    return max(500, round(area / voxel**2))
+
+
 Lay = Callable[[Any, Array], tuple[float, float, Array]]
 
 
 @functools.cache
-def methods(eye: Camera, model: int = 16_000) -> dict[str, tuple[Callable[..., Any], Lay]]:
+def methods(eye: Camera, model: int) -> dict[str, tuple[Callable[..., Any], Lay]]:
     """Return for each method a function (points, voxel) -> means, and a registration function.
 
     The second one maps (means, start) to (unmatched, residual, pose). All register the means to the
     part's planes, within 30 mm at first and 6 mm in the end, until a step is below 10 um. The
     cloud's normals are known to all but small_gicp, which fits them.
+
+    Args:
+        eye: the camera.
+        model: points on the box, for the methods that register to a cloud.
     """
     points, normals = box_surface(BOX.sizes[:, 0], model, np.random.default_rng(0))
     own, theirs = Cloud.of(points, normals), open3d.Cloud(points)
@@ -109,7 +123,8 @@ def pose_precision(
 ) -> Iterator[Panel]:
     """Chart what a finer grid costs and what it buys, where three faces of the part are seen."""
     eye, rng = Camera.symmetric(640, 480, 1.0), np.random.default_rng(4)
-    compared = methods(eye)
+    compared = {v: methods(eye, model_points(v)) for v in voxels}
+    names = tuple(compared[voxels[0]])
     for window, noise in ((1, "white noise"), (5, "noise shared over 5 px")):
         sensor, looks = Sensor(SENSOR.baseline, SENSOR.noise, window), []
         for x, y, yaw in rng.uniform((-0.15, -0.1, 0.4), (0.15, 0.1, 1.1), (pictures, 3)):
@@ -125,10 +140,11 @@ def pose_precision(
             lines=[("y", 2e-3, "tolerance 2 mm"), ("y", 2e-4, "a tenth")],
         )
         samplers, rows = [], []
-        for name, (grid, lay) in compared.items():
+        for name in names:
             clouds = [MADE[name](points) for points, _, _ in looks]
 
-            def run(cloud: Any, v: float, start: Array, grid: Any = grid, lay: Any = lay) -> Array:
+            def run(cloud: Any, v: float, start: Array, name: str = name) -> Array:
+                grid, lay = compared[v][name]
                 return np.asarray(lay(grid(cloud, v), start)[2])
 
             for v in voxels:
@@ -140,7 +156,7 @@ def pose_precision(
                 samplers.append(calls(run, clouds[0], v, looks[0][2], clock=time.process_time))
         timings = interleaved(samplers, repeats=repeats, sample=5e-3)
         times = [one.median for one in timings]
-        for name in compared:
+        for name in names:
             mine = [k for k, row in enumerate(rows) if row[0] == name]
             message = ", ".join(
                 f"{1e3 * rows[k][1]:g} mm: {1e3 * rows[k][2]:.3f} mm, {1e3 * times[k]:.2f} ms"
@@ -188,6 +204,7 @@ def pose_precision(
 
 PLACES = ((-0.22, -0.02), (0.0, 0.06), (0.22, -0.04))
 STAGES = ("points", "voxels", "plane", "clusters", "poses")
+FRAME = Camera.symmetric(320, 240, 1.0)
 
 
 def frame(
@@ -201,7 +218,7 @@ def frame(
     starts for each cluster; of the answers the one that leaves out the fewest points, and of these
     the one with the smallest residual.
     """
-    grid, lay = methods(eye)["Open3D" if library else "shape"]
+    grid, lay = methods(eye, model_points(voxel))["Open3D" if library else "shape"]
     tolerance = 4.0 * float(SENSOR.sigma(0.8, eye))
     picture = open3d.Picture(depth, eye) if library else None  # made before the clock starts
     marks = [time.process_time()]
@@ -238,7 +255,7 @@ def frame(
 @chart
 def frame_speed(pictures: int = 25) -> Iterator[Panel]:
     """Chart three boxes on a table, from the picture to their poses: where a frame's time goes."""
-    eye, rng = Camera.symmetric(320, 240, 1.0), np.random.default_rng(5)
+    eye, rng = FRAME, np.random.default_rng(5)
     panel = Panel("A frame with three boxes, one thread", "processor time [ms]", scale="log x")
     spent: dict[str, list[Array]] = {"course": [], "Open3D": []}
     whole, right, errors = [], dict.fromkeys((*spent, "locate"), 0), dict[str, list[Array]]()
@@ -273,6 +290,10 @@ def frame_speed(pictures: int = 25) -> Iterator[Panel]:
     for k, word in enumerate(STAGES):
         own, other = (1e3 * np.median(np.array(rows)[:, k]) for rows in spent.values())
         panel.notes.append(f"{word:<8} {own:6.2f} ms, Open3D {other:7.2f} ms")
+    panel.notes.append(
+        f"{eye.width} x {eye.height} pixels; Open3D's model has {model_points(0.004)} points, "
+        "spaced like the grid of 4 mm"
+    )
     panel.notes.append(
         f"Open3D's frame takes {total['Open3D'] / total['course']:.1f} times as long"
     )

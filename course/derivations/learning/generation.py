@@ -1,4 +1,4 @@
-"""Claims of chapter 9 about many ways to do it: heads, samplers, chunks."""
+"""Claims of chapter 9 about several ways of doing a task: heads, samplers, chunks."""
 
 import functools
 from dataclasses import replace
@@ -8,14 +8,14 @@ import numpy as np
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
-    "p": Symbol("share of those who pass left", 0.05, 0.45),
-    "w": Symbol("how far aside they pass [m]"),
-    "s": Symbol("deviation of what pushes in a step [m]"),
-    "k": Symbol("steps carried out without a look", 1.5, 50.0),
-    "K": Symbol("chunks that are averaged", 1.5, 50.0),
-    "h": Symbol("step of the sampler", 0.05, 0.9),
-    "z": Symbol("the noise it starts from"),
-    "m": Symbol("mean of the demonstrated actions"),
+    "p": Symbol("share that passes left, at +w", 0.05, 0.45),
+    "w": Symbol("distance from the middle at which they pass [m]"),
+    "s": Symbol("standard deviation of the disturbance in a step [m]"),
+    "k": Symbol("steps executed without an observation", 1.5, 50.0),
+    "K": Symbol("number of chunks that are averaged", 1.5, 50.0),
+    "h": Symbol("step size of the sampler", 0.05, 0.9),
+    "z": Symbol("noise at the start"),
+    "m": Symbol("mean of the data"),
 }
 
 
@@ -64,18 +64,19 @@ def two_modes():
 
 
 @claim(
-    "Behaviour cloning averages the ways there are.",
-    "It is the squared error that does: it is least at {formula}, which nobody did. Of the first "
-    "chunks fitted by it {mean:.1%} lead into the obstacle; of a mixture fitted by likelihood to "
-    "the same demonstrations {mixture:.1%}, of the nearest ones themselves {nearest:.1%}.",
+    "Behaviour cloning averages the different ways of doing a task.",
+    "The squared error does this, not cloning as such. It is smallest at the mean of the "
+    "demonstrations, {formula}, which nobody showed. Of first chunks trained with it {mean:.1%} "
+    "lead into the obstacle. Of a mixture, trained on the same demonstrations with the "
+    "likelihood, {mixture:.1%} do, and of the nearest demonstrations themselves {nearest:.1%}.",
     ask=(
-        "A share p passes w to the left, counted positive, the others w to the right. What does "
-        "the least squared error say?",
+        "A share p of the demonstrations passes at +w, the others pass at -w. Which single "
+        "prediction has the smallest mean squared error?",
         "(2*p - 1)*w",
         {
-            "0*w": "So it is for as many left as right.",
-            "p*w": "The others count as -w.",
-            "w": "The more frequent one is what the absolute error takes, for p above 1/2.",
+            "0*w": "This is right only if both sides are equally frequent.",
+            "p*w": "The others count as -w, not as 0.",
+            "w": "For p above 1/2 this minimises the absolute error, not the squared error.",
         },
     ),
 )
@@ -86,11 +87,11 @@ def cloning_averages(result):
     error = p * (x - w) ** 2 + (1 - p) * (x + w) ** 2
     result.formula = sympy.factor(sympy.solve(sympy.diff(error, x), x)[0])
     mean, *others = (result.measure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
-    result.statement = "2,000 first chunks of 8 steps each, from policies of 100 demonstrations."
+    result.statement = "2,000 first chunks of 8 steps, from policies trained on 100 demonstrations."
     averages = [mean > 0.5, *(share > 0.5 for share in others)]
     result.statement_holds(
         all(averages),
-        only_if="it is fitted by squared error",
+        only_if="it is trained with the squared error",
         inside=averages[:1],
         outside=averages[1:],
         cases=True,
@@ -100,18 +101,22 @@ def cloning_averages(result):
 
 
 @claim(
-    "Of two clones take the one with the smaller error on held-out demonstrations.",
-    "The mean has the least squared error there is, and who draws as people do has twice as much. "
-    "Held out: {low:.4f} for the mean, which passes in {mean:.1%}, {high:.4f} for the mixture, "
-    "which passes in {mixture:.1%}; squared, {ratio:.2f} times as much.",
+    "Of two clones, choose the one with the smaller error on held-out demonstrations.",
+    "The mean has the smallest squared error possible, and a policy that samples as the "
+    "demonstrators do has twice that. Held out, the mean has an error of {low:.4f} m and passes "
+    "in {mean:.1%} of its runs. The mixture has {high:.4f} m, squared {ratio:.2f} times as "
+    "much, and passes in {mixture:.1%}.",
     ask=(
-        "A share p passes at w, the others at -w. Somebody draws as they do, by himself: mean "
-        "squared distance to a held-out one?",
+        "A share p of the demonstrations passes at w, the others pass at -w. A policy samples a "
+        "side with the same probabilities. What is the mean squared distance between its sample "
+        "and a held-out demonstration?",
         "8*p*(1 - p)*w^2",
         {
-            "4*p*(1 - p)*w^2": "That is the mean's, the variance.",
-            "2*p*(1 - p)*w^2": "They differ so often, by 2 w each time.",
-            "4*p^2*w^2 + 4*(1 - p)^2*w^2": "That counts where both agree.",
+            "4*p*(1 - p)*w^2": "This is the error of the mean, which is the variance.",
+            "2*p*(1 - p)*w^2": (
+                "They disagree with probability 2 p (1 - p), and then they are 2 w apart."
+            ),
+            "4*p^2*w^2 + 4*(1 - p)^2*w^2": "This counts the cases in which both agree.",
         },
     ),
 )
@@ -138,17 +143,18 @@ def held_out_error(result):
         for n in ("mean", "mixture")
     )
     ratio = result.measure("ratio", (high / low) ** 2, 0.1)
-    result.statement = "1,000 held-out demonstrations at their start, where the ways part [m]."
+    result.statement = "1,000 held-out demonstrations at their start, where the two sides separate."
     result.statement_holds((low < high) == (mean > mixture))
     result.correction_holds(low < high, mean < 0.1, mixture > 0.8, abs(ratio - 2.0) < 0.2)
 
 
 @claim(
-    "A diffusion policy draws one way or the other, and never what lies between.",
-    "Its noise hangs together, and so does where a smooth map takes it: something falls between. "
-    "Of first chunks {ten:.1%} lead into the obstacle with ten steps of the sampler, {fifty:.1%} "
-    "with {most:.0f}; of a mixture, which picks, {mixture:.1%}. Left goes {left:.0%}, as shown "
-    "{shown:.0%}.",
+    "A diffusion policy samples one mode or the other, never a point between them.",
+    "The sampler is a continuous map from normal noise to actions. Noise between two starting "
+    "points that lead left and right has to end somewhere between. Of first chunks {ten:.1%} "
+    "lead into the obstacle with ten sampler steps, {fifty:.1%} with {most:.0f}; of a mixture, "
+    "which selects one component, {mixture:.1%}. The shares of the sides are right: {left:.0%} "
+    "pass left, and {shown:.0%} did in the data.",
 )
 def diffusion_between(result):
     from course.learning import TwoWays
@@ -161,26 +167,26 @@ def diffusion_between(result):
     mixture = result.measure("mixture", between("mixture"))
     remaining = result.measure("left", np.mean(aside("diffusion", steps=largest) > 0.0), 0.05)
     shown = result.measure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
-    result.statement = "2,000 first chunks by DDIM, weights on record, 64 wide."
+    result.statement = "2,000 first chunks with DDIM from the stored network, 64 units per layer."
     result.statement_holds(fifty == 0.0)
     result.correction_holds(ten > fifty, fifty > mixture, abs(remaining - shown) < 0.1)
 
 
 @claim(
-    "With one Euler step a flow policy is the mean of the demonstrations.",
-    "At time 0 a sample is noise only, so the exact field points at the mean: a step of h ends at "
-    "{formula}, a whole one at m, whatever the data. A trained net blurs what comes just after "
-    "time 0 into it: of first chunks {net:.0%} lead into the obstacle by one step of the flow on "
-    "record, of the mean's {mean:.0%}. With exact fields two steps make a mode of {exact:.3f} wide "
-    "{two:.2f}, ten {ten:.3f}: too wide, then too narrow.",
+    "With one Euler step, a flow policy returns the mean of the demonstrations.",
+    "At time 0 the sample is only noise, so the exact velocity points from it to the mean of "
+    "the data. A step of size h ends at {formula}, a full step at m. A trained network smooths "
+    "the field near time 0: with one step {net:.0%} of its first chunks lead into the obstacle, "
+    "of the mean's {mean:.0%}. A few steps separate the modes but get their width wrong: with "
+    "two steps a mode of width {exact:.3f} comes out {two:.2f} wide, with ten {ten:.3f}.",
     ask=(
-        "From noise z at time 0, by the exact field of flow matching to actions of mean m: where "
-        "does an Euler step of h end?",
+        "A sample starts as noise z at time 0. The data have mean m, and the velocity field of "
+        "flow matching is exact. Where does one Euler step of size h end?",
         "(1 - h)*z + h*m",
         {
-            "z + h*m": "The velocity is clean minus noise.",
-            "h*z + (1 - h)*m": "At h = 0 it is still z.",
-            "m": "That is a whole step, h = 1.",
+            "z + h*m": "The velocity is the mean of data minus noise, so z is subtracted too.",
+            "h*z + (1 - h)*m": "For h = 0 the sample has to stay at z.",
+            "m": "This is a full step, h = 1.",
         },
     ),
 )
@@ -214,12 +220,14 @@ def one_euler_step(result):
     worst = max(deviation(*result.rng.integers(1, 5, 2)) for _ in range(20))
     half = integrate(two_modes().velocity, start, 2, "euler")  # its first step is 1/2 of a step
     first = 0.5 * start + 0.5 * two_modes().velocity(0.5 * start, 0.5)
-    result.statement = "20 drawn mixtures with exact fields, two modes of width 0.1, a flow net."
+    result.statement = (
+        "20 random mixtures with exact fields, two modes of width 0.1, and the stored flow network."
+    )
     net = result.measure("net", between("flow", steps=1), 0.15)
     mean = result.measure("mean", between("mean"), 0.15)
     result.statement_holds(
         net > 0.9,
-        only_if="the field is the exact one",
+        only_if="the velocity field is exact",
         cases=True,
         inside=[worst < 1e-9],
         outside=[net > 0.9],
@@ -230,10 +238,12 @@ def one_euler_step(result):
 
 
 @claim(
-    "Twice the steps of a sampler halve its error.",
-    "That is Euler's order, and DDIM's: by {euler:.2f} and {ddim:.2f} here, once steps are short "
-    "beside the modes; from two to four steps, to narrow modes, Euler gains {few:.1f}. Heun, at "
-    "twice the cost of a step, gains {heun:.2f}, Runge and Kutta's fourth {rk4:.1f}.",
+    "Twice as many sampler steps halve the error.",
+    "Euler and DDIM are of first order: twice the steps divide their error by {euler:.2f} and "
+    "{ddim:.2f}, once a step is short compared with the width of the modes. Before that Euler "
+    "gains a factor of {few:.1f}, from two to four steps on narrow modes. Heun's method takes "
+    "two evaluations per step and gains {heun:.2f}; the fourth-order Runge-Kutta method gains "
+    "{rk4:.1f}.",
 )
 def sampler_orders(result):
     from course.learning import Mixture, denoise, integrate
@@ -267,10 +277,10 @@ def sampler_orders(result):
         [abs(gain(x, *made) - 2.0) < 0.1 for made in drawn] for x in ("euler", "heun")
     )
     outside.append(abs(few - 2.0) < 0.1)
-    result.statement = "Mixtures of two in a line, exact fields, 80 steps and 160."
+    result.statement = "Mixtures of two normal distributions with exact fields, 80 and 160 steps."
     result.statement_holds(
         all(outside),
-        only_if="the sampler is of first order, its steps are short",
+        only_if="the sampler is of first order and its steps are short",
         inside=inside,
         outside=outside,
     )
@@ -284,9 +294,10 @@ def sampler_orders(result):
 
 
 @claim(
-    "A diffusion policy needs ten denoising steps at least.",
-    "That depends on what may fall between the ways. Of two narrow modes DDIM with the exact means "
-    "leaves {five:.1%} there after five steps, {ten:.2%} after ten.",
+    "A diffusion policy needs at least ten denoising steps.",
+    "That depends on how many samples may fall between the modes. For two narrow modes and the "
+    "exact denoiser, DDIM leaves {five:.1%} of the samples there with five steps and {ten:.2%} "
+    "with ten.",
 )
 def ten_denoising_steps(result):
     from course.learning import denoise
@@ -301,30 +312,37 @@ def ten_denoising_steps(result):
         result.measure("ten", remaining(10), 0.1),
     )
     nine = remaining(9)
-    result.statement = "20,000 samples, modes at -1 and 1 of width 0.1; between is within 0.5."
+    result.statement = (
+        "20,000 samples of two modes at -1 and 1 of width 0.1; between them means within 0.5 of 0."
+    )
     inside, outside = (
         [bool(nine > share) for share in result.rng.uniform(*some, 8)]
         for some in ((0.2 * ten, ten), (five, 2.0 * five))
     )
     result.statement_holds(
-        nine > five, only_if="less than {ten:.2%} may fall between", inside=inside, outside=outside
+        nine > five,
+        only_if="less than {ten:.2%} of the samples may fall between the modes",
+        inside=inside,
+        outside=outside,
     )
     result.correction_holds(five > 5.0 * ten, ten < 0.005)
 
 
 @claim(
-    "Temporal ensembling makes modes vanish: it averages chunks that go different ways.",
-    "Of K chunks that pick a side each anew the mean is {formula} off on average. Where the state "
-    "tells what was begun they agree: the mixture on record passes in {mixture:.1%} with an "
-    "ensemble, in {alone:.1%} without; one that tosses a coin at every step in {coin:.1%} and, "
-    "carried out whole, in {whole:.1%}.",
+    "Temporal ensembling destroys modes, because it averages chunks that take different sides.",
+    "If K chunks each choose a side independently, their mean deviates by {formula} (root mean "
+    "square). If the state shows which side was begun, the chunks agree: the stored mixture "
+    "passes in {mixture:.1%} of the runs with ensembling, and in {alone:.1%} without. A policy "
+    "that tosses a coin at every step passes in {coin:.1%} with ensembling, but in {whole:.1%} "
+    "if it executes whole chunks.",
     ask=(
-        "K chunks say +w or -w, each by a coin of its own. Root mean square of their mean?",
+        "K chunks propose +w or -w, each decided by its own coin toss. What is the root mean "
+        "square of their mean?",
         "w/sqrt(K)",
         {
-            "w": "That is one chunk.",
-            "w/K": "Variances add, not deviations.",
-            "w*sqrt(K)": "That grows; the sum does, not the mean.",
+            "w": "This is the root mean square of a single chunk.",
+            "w/K": "Variances add, standard deviations do not.",
+            "w*sqrt(K)": "This is the root mean square of the sum, not of the mean.",
         },
     ),
 )
@@ -351,11 +369,11 @@ def ensembling_averages(result):
         "whole": Commit(coin, 16),
     }
     mixture, _, tossed, whole = (result.measure(n, passed(a), 0.2) for n, a in acts.items())
-    result.statement = "400 runs each of two ways, no noise."
+    result.statement = "400 runs each of the two-route task without disturbances."
     selected = [passed(Ensemble(policy(n))) > 0.7 for n in ("flow", "diffusion", "mixture")]
     result.statement_holds(
         mixture < 0.2,
-        only_if="the chunks don't follow what was begun",
+        only_if="new chunks ignore which side was begun",
         inside=[tossed < 0.2],
         outside=[not x for x in selected],
         cases=True,
@@ -365,19 +383,21 @@ def ensembling_averages(result):
 
 
 @claim(
-    "The more of a chunk is carried out without a look, the less a policy can react.",
-    "In k steps pushes of deviation s add up to {formula} where nobody looks. With pushes of "
-    "{size} m the mixture on record passes in {two:.1%} if it looks every second step, in "
-    "{eight:.1%} every eighth; undisturbed in {quiet_two:.1%} and {quiet_eight:.1%}. To react most "
-    "is not to pass most: with a look at each step it wavers, {each:.1%}.",
+    "The more steps of a chunk are executed without a new observation, the less a policy can "
+    "react.",
+    "Over k steps without an observation, disturbances of standard deviation s add up to "
+    "{formula}. With disturbances of {size} m the stored mixture passes in {two:.1%} of the "
+    "runs if it observes every second step, and in {eight:.1%} at every eighth; undisturbed in "
+    "{quiet_two:.1%} and {quiet_eight:.1%}. Reacting most is not best either: with an "
+    "observation at every step it changes its mind, and passes in {each:.1%}.",
     ask=(
-        "Each step is pushed by an independent deviation s. How far off after k steps that nobody "
-        "corrects, root mean square?",
+        "Each step adds an independent disturbance of standard deviation s. How far off is the "
+        "state after k steps without a correction (root mean square)?",
         "s*sqrt(k)",
         {
-            "s*k": "Pushes cancel in part: variances add.",
-            "s": "That is one step, or a look that mends all at each step.",
-            "s/sqrt(k)": "That is their mean, not their sum.",
+            "s*k": "Independent disturbances partly cancel: variances add.",
+            "s": "This is the deviation after a single step.",
+            "s/sqrt(k)": "This is the root mean square of their mean, not of their sum.",
         },
     ),
 )
@@ -406,17 +426,18 @@ def react_less(result):
     task, rng = TwoWays(noise=size), np.random.default_rng(2)
     still = roll(task, lambda states, rng: 0.0 * states, np.zeros((4000, 2)), 8, rng).states
     deviation = still[:, 8, 0].std() / float(result.formula.subs({s: size, k: 8}))
-    result.statement = "400 runs each; the four heads on record, twice 400 runs."
+    result.statement = "400 runs each; then 800 runs for each of four policies."
     result.statement_holds(all(less))
     result.correction_holds(abs(deviation - 1.0) < 0.05, eight < two - 0.04)
 
 
 @claim(
     "Cloned from people who pause, a policy without memory gets stuck where they paused.",
-    "It does if one state has one answer, and it looks within the pause: the nearest "
-    "demonstration after {pause:.0f} still steps ends in the pause if it carries out {pause:.0f} "
-    "steps of a chunk ({stuck:.0%} stuck) and gets through with one more ({through:.0%}). Who "
-    "draws among all that was shown there leaves some time later ({drawn:.0%}).",
+    "During a pause the same state has two labels, wait and go. With pauses of {pause:.0f} "
+    "steps, the nearest demonstration gets stuck in {stuck:.0%} of the runs if it executes "
+    "{pause:.0f} steps of a chunk, and in {through:.0%} if it executes one step more. A policy "
+    "that samples from all actions shown at that state leaves sooner or later ({drawn:.0%} "
+    "stuck).",
 )
 def pauses(result):
     from course.learning import Commit, TwoWays, nearest, roll, windows
@@ -442,28 +463,29 @@ def pauses(result):
     over = result.measure("through", stuck(pause, pause + 1, 0))
     drawn = result.measure("drawn", stuck(pause, 1, 0, drawing))
     pairs = [(result.rng.integers(1, 8), result.rng.random()) for _ in range(8)]
-    result.statement = "30 demonstrations, chunks of 8 steps, 60 steps of time."
+    result.statement = "30 demonstrations, chunks of 8 steps, a time limit of 60 steps."
     inside = [stuck(n, 1 + int(part * n), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside = [stuck(n, n + 1 + int(part * (8 - n)), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside.append(drawn == 1.0)
-    only_if = "it draws nothing, and carries out no more steps than a pause has"
+    only_if = "it is deterministic and executes no more steps than a pause has"
     result.statement_holds(over == 1.0, only_if=only_if, inside=inside, outside=outside)
     result.correction_holds(within == 1.0, over == 0.0, drawn < 0.1, not any(outside))
 
 
 @claim(
-    "Fifty demonstrations show the rarer way, too.",
-    "They miss one that a share p takes with chance (1 - p)^n: {rare:.0%} for n of {n:.0f}, p of "
-    "{share:.0%}. Of two ways, of which p take the first, five people miss one with the chance "
-    "{formula}.",
+    "Fifty demonstrations are enough to contain the rarer way.",
+    "A way that each demonstration uses with probability p, independently, is missing from n of "
+    "them with probability (1 - p)^n: {rare:.0%} for n of {n:.0f} and p of {share:.0%}. Operators "
+    "who each always go the same way count once. If a share p uses one of two ways and the others "
+    "use the second, five demonstrations miss one of them with probability {formula}.",
     ask=(
-        "A share p passes left, the others right. Chance that five demonstrations show one way "
-        "only?",
+        "A share p of people passes left, the others pass right. With what probability do five "
+        "demonstrations show only one side?",
         "p^5 + (1 - p)^5",
         {
-            "(1 - p)^5": "They may miss the other way too.",
-            "2*p^5": "That is for p = 1/2.",
-            "5*p*(1 - p)^4": "That is the chance of exactly one to the left.",
+            "(1 - p)^5": "The other side may be missing as well.",
+            "2*p^5": "This is right for p = 1/2.",
+            "5*p*(1 - p)^4": "This is the probability of exactly one demonstration on the left.",
         },
     ),
 )
@@ -483,17 +505,22 @@ def ways_missed(result):
 
     n, share = int(result.input("n", 50)), result.input("share", 0.02)
     rare = result.measure("rare", missed(share, n, 1000, 0)[0], 0.1)
-    result.statement = "1,000 sets of demonstrations, then 300 of drawn shares."
+    result.statement = "1,000 sets of demonstrations, then 300 for each of several random shares."
     limit = 1.0 - 0.01 ** (1.0 / n)
     inside, outside = (
         [bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(result.rng.uniform(*some, 8))]
         for some in ((limit, 0.5), (0.1 * limit, 0.5 * limit))
     )
+
+    def by_operators(share, operators=5):
+        """Return whether it is rarely missed where each of five operators always goes one way."""
+        return bool(np.mean(~(result.rng.random((300, operators)) < share).any(axis=1)) < 0.03)
+
     result.statement_holds(
         rare < 0.03,
-        only_if="it is taken by a share above 1 - (1/100)^(1/n)",
+        only_if="each demonstration uses it independently with probability above 1 - (1/100)^(1/n)",
         inside=inside,
-        outside=outside,
+        outside=outside + [by_operators(x) for x in result.rng.uniform(limit, 0.3, 4)],
     )
     five = missed(0.3, 5, 4000, 1)[1]
     result.correction_holds(
@@ -502,9 +529,11 @@ def ways_missed(result):
 
 
 @claim(
-    "As ACT runs its autoencoder, with the code at 0, nothing is drawn among several ways.",
-    "For one state all chunks are the same. Of first chunks {zero:.0%} lead into the obstacle "
-    "here, with a drawn code {drawn:.0%}; of a mixture {mixture:.0%}.",
+    "Run with its code at zero, as ACT is, a conditional variational autoencoder does not "
+    "choose among several ways.",
+    "With the code fixed, a state has exactly one chunk. Here {zero:.0%} of these first chunks "
+    "lead into the obstacle. With a sampled code {drawn:.0%} do, and of a mixture "
+    "{mixture:.0%}.",
     source="T. Zhao et al., Learning fine-grained bimanual manipulation, 2023",
 )
 def code_of_zero(result):
@@ -514,7 +543,7 @@ def code_of_zero(result):
     )
     same = policy("zero")(np.zeros((100, 2)), np.random.default_rng(0))
     free = policy("autoencoder")(np.zeros((100, 2)), np.random.default_rng(0))
-    result.statement = "The recorded autoencoder, a code of one number."
+    result.statement = "The stored autoencoder, with a code of one number."
     result.statement_holds(same.std(axis=0).max() < 1e-9)
     result.correction_holds(
         same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn

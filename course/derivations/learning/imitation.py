@@ -1,4 +1,4 @@
-"""Claims of chapter 9 about copying a demonstrator: what errors cost, what data leave open."""
+"""Claims of chapter 9 about imitation: what errors cost, and what demonstrations leave open."""
 
 from functools import partial
 from typing import Any
@@ -8,13 +8,13 @@ import numpy as np
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
-    "eps": Symbol("chance of a wrong action in a step", 0.01, 0.9),
-    "a": Symbol("factor of the deviation from step to step", 0.1, 2.0),
-    "e": Symbol("error of each action"),
-    "K1": Symbol("gain of the angle"),
-    "K2": Symbol("gain of the rate"),
-    "c": Symbol("angle of every state seen, but for a factor"),
-    "s": Symbol("rate of every state seen, but for the same factor"),
+    "eps": Symbol("probability of a wrong action in a step", 0.01, 0.9),
+    "a": Symbol("factor by which a deviation changes in a step", 0.1, 2.0),
+    "e": Symbol("deviation that each step adds"),
+    "K1": Symbol("expert's gain on the angle x"),
+    "K2": Symbol("expert's gain on the rate v"),
+    "c": Symbol("angle x of the demonstrated states, up to a factor"),
+    "s": Symbol("rate v of the demonstrated states, up to the same factor"),
 }
 
 
@@ -37,18 +37,24 @@ def regulator(rng):
 
 
 @claim(
-    "A clone's errors compound: what they cost grows with the square of the time.",
-    "Three steps cost {formula} where nothing leads back, T in general the sum of 1 - (1 - eps)^t; "
-    "fitted over five to eighty steps that grows with the exponent {alone:.2f}. Where a wrong step "
-    "costs itself alone it is eps T, exponent {mended:.2f}; where eps T is large {lost:.2f}.",
+    "The cost of a clone's errors grows with the square of the task's length.",
+    "If it never recovers, the expected number of wrong steps is the sum of 1 - (1 - eps)^t, "
+    "for three steps {formula}. Fitted from five to eighty steps it grows with exponent "
+    "{alone:.2f} at a small error rate. At a large one the exponent is {lost:.2f}, because "
+    "nearly every run is lost early and the count can only grow with the length. If each wrong "
+    "step costs only itself, the cost is eps T, exponent {mended:.2f}.",
     ask=(
-        "Each step is wrong with chance eps, and after the first wrong one all are. How many of "
-        "three are wrong on average?",
+        "Each step goes wrong with probability eps, and after the first wrong step all later "
+        "ones are wrong. How many of three steps are wrong on average?",
         "6*eps - 4*eps^2 + eps^3",
         {
-            "3*eps": "So it is where each step is a new start.",
-            "6*eps": "That is for small eps: steps lost already cannot be lost again.",
-            "3 - 3*(1 - eps)^3": "A fall in the third step leaves two that were right.",
+            "3*eps": "This is the answer if every step is a fresh start.",
+            "6*eps": (
+                "This is the approximation for small eps: a run that is lost cannot be lost again."
+            ),
+            "3 - 3*(1 - eps)^3": (
+                "If the first error comes in the third step, two steps were right."
+            ),
         },
     ),
     source="S. Ross and D. Bagnell, Efficient reductions for imitation learning, 2010",
@@ -74,7 +80,10 @@ def errors_compound(result):
     alone = result.measure("alone", exponent(0.001, False), 0.04)
     mended = result.measure("mended", exponent(0.001, True), 0.08)
     lost = result.measure("lost", exponent(0.3, False), 0.04)
-    result.statement = "20,000 episodes each of a table of contexts; doubled times by the formula."
+    result.statement = (
+        "20,000 simulated episodes for each length; the effect of doubling the length from the "
+        "formula."
+    )
     drawn = list(result.rng.integers(20, 200, 10))
     inside, outside = (
         [square(x / T, T) for x, T in zip(result.rng.uniform(*some, 10), drawn, strict=True)]
@@ -82,7 +91,7 @@ def errors_compound(result):
     )
     result.statement_holds(
         square(0.1, 80),
-        only_if="nothing leads back, and eps T is below a third",
+        only_if="it cannot recover, and the error rate times the length is below a third",
         inside=inside,
         outside=outside,
     )
@@ -93,17 +102,20 @@ def errors_compound(result):
 
 
 @claim(
-    "A clone's small errors grow exponentially with the time.",
-    "The loop decides. With x' = a x + e the summed deviation of three steps is {formula}: in the "
-    "long run it grows with exponent {below:.2f} for a of {low}, with {one:.2f} for a of 1, and "
-    "exponentially only above.",
+    "The small errors of a clone grow exponentially with time.",
+    "The closed loop decides. For x' = a x + e the sum of x over three steps is {formula}. Over "
+    "many steps the sum grows with exponent {below:.2f} for a of {low}, with {one:.2f} for a of "
+    "1, and exponentially only for a above 1.",
     ask=(
-        "x' = a x + e from x = 0, a and e positive: sum of x over the first three steps?",
+        "A deviation follows x' = a x + e from x = 0, where a and e are positive. What is the "
+        "sum of x over the first three steps?",
         "3*e + 2*a*e + a^2*e",
         {
-            "3*e": "An error stays in the state, a times what it was.",
-            "e + a*e + a^2*e": "That is x after the third step.",
-            "6*e": "That is for a = 1.",
+            "3*e": (
+                "An error stays in the state: a step later it is still there, multiplied by a."
+            ),
+            "e + a*e + a^2*e": "This is x after the third step, not the sum over three steps.",
+            "6*e": "This is the answer for a = 1.",
         },
     ),
 )
@@ -129,13 +141,13 @@ def clone_error_grows(result):
 
     low = result.input("low", 0.9)
     below, one = result.measure("below", exponent(low)), result.measure("one", exponent(1.0))
-    result.statement = "2,000 steps from rest with the same error in each."
+    result.statement = "2,000 steps from zero with the same error in each."
     inside, outside = (
         [explodes(x) for x in result.rng.uniform(*some, 10)] for some in ((1.05, 1.5), (0.5, 1.0))
     )
     result.statement_holds(
         explodes(low),
-        only_if="a deviation grows by itself, |a| above 1",
+        only_if="the closed loop amplifies a deviation, |a| above 1",
         inside=inside,
         outside=outside,
     )
@@ -148,18 +160,23 @@ def clone_error_grows(result):
 
 
 @claim(
-    "A clone that fits every label of a perfect expert is as good as the expert.",
-    "An expert that starts on its slow mode shows states of one line. The shortest gain that fits "
-    "is, for the angle, {formula}; its loop has the spectral radius {copy:.3f}, the expert's "
-    "{expert:.3f}, and no label is missed.",
+    "A clone that fits every label of a perfect expert performs as well as the expert.",
+    "If the expert always moves along its slow mode, all demonstrated states lie on one line "
+    "and many gains fit every label. Least squares returns the gain of smallest norm; its entry "
+    "for the angle is {formula}. Its closed loop has spectral radius {copy:.3f}, so it is "
+    "unstable; the expert's has {expert:.3f}.",
     ask=(
-        "An expert acts by -K1 x - K2 v; all states seen are multiples of (c, s). Of the gains "
-        "that fit all labels take the shortest: what is it for x?",
+        "An expert acts with u = -K1 x - K2 v, and all demonstrated states are multiples of (c, "
+        "s). Of all gains that fit the labels, take the one of smallest norm. What is its gain "
+        "on x?",
         "(K1*c + K2*s)*c/(c^2 + s^2)",
         {
-            "K1": "The data don't tell this from other gains, and it is not the shortest.",
-            "(K1*c + K2*s)/c": "That fits too, with nothing for v; it is longer.",
-            "K1*c^2/(c^2 + s^2)": "The labels hold the part of v too.",
+            "K1": (
+                "The data cannot distinguish K1 from other gains that fit, and it is not the "
+                "one of smallest norm."
+            ),
+            "(K1*c + K2*s)/c": "This fits too, with no gain on v, but its norm is larger.",
+            "K1*c^2/(c^2 + s^2)": "The labels contain the contribution of v as well.",
         },
     ),
 )
@@ -183,11 +200,13 @@ def perfect_fit(result):
         return bool(law_of(1, plant, rounds=0, injected=injected) < plant.radius(plant.K) + 1e-6)
 
     plants = [regulator(result.rng) for _ in range(10)]
-    result.statement = "20 runs of 40 steps, then drawn plants, each with states on a line or not."
+    result.statement = (
+        "20 runs of 40 steps; then random plants, with demonstrated states on a line and off it."
+    )
     inside, outside = ([as_good(plant, x) for plant in plants] for x in (0.01, 0.0))
     result.statement_holds(
         copy < 1.0,
-        only_if="the states it was shown span all directions",
+        only_if="the demonstrated states span all directions",
         inside=inside,
         outside=outside,
     )
@@ -202,11 +221,14 @@ def perfect_fit(result):
 
 
 @claim(
-    "DAgger fixes the drift of a clone: it asks the expert where the learner goes.",
-    "And only there. After {rounds:.0f} rounds without any noise the learner is still on the "
-    "expert's line, spectral radius {quiet:.3f}; label noise as small as {least} sets it off, and "
-    "two rounds mend it, {mended:.3f}, while one may make it worse: {worst:.2f} in the worst of "
-    "{n:.0f} seeds. Pushes of {size} on the expert mend it without any round, {pushed:.3f}.",
+    "DAgger fixes the drift of a clone, because the expert labels the states that the learner "
+    "visits.",
+    "It adds labels there and nowhere else. Without any noise the learner stays on the "
+    "demonstrated line: after {rounds:.0f} rounds its spectral radius is still {quiet:.3f}. "
+    "Label noise as small as {least} is enough, because the unstable loop amplifies it: after "
+    "two rounds the radius is {mended:.3f}. After one round it can be worse than before, "
+    "{worst:.2f} in the worst of {n:.0f} seeds. Disturbing the expert's actions by {size} fixes "
+    "the clone without any round ({pushed:.3f}).",
     source="S. Ross et al., DAgger, 2011; M. Laskey et al., DART, 2017",
 )
 def dagger_fixes_drift(result):
@@ -219,14 +241,14 @@ def dagger_fixes_drift(result):
     mended, worst = result.measure("mended", max(two), 1e-2), result.measure("worst", max(one), 0.1)
     pushed = result.measure("pushed", law_of(0, task, rounds=0, injected=size))
     sizes = 10.0 ** result.rng.uniform(-6.0, -1.5, 10)
-    result.statement = "Ten runs of 40 steps a round, a linear learner."
+    result.statement = "Ten runs of 40 steps in each round, a linear learner."
     inside, outside = (
         [law_of(k, task, rounds=2, label_noise=x) < 1.0 for k, x in enumerate(some)]
         for some in (sizes, 0.0 * sizes)
     )
     result.statement_holds(
         quiet < 1.0,
-        only_if="something takes the learner off the line that was shown",
+        only_if="noise takes the learner off the line of the demonstrations",
         inside=inside,
         outside=outside,
     )
@@ -241,12 +263,13 @@ def dagger_fixes_drift(result):
 
 
 @claim(
-    "A round of DAgger lowers the cost of a clone, as it adds the right data.",
-    "The learner has to fit them too. Round a circle, which leads back by itself, clones' cost "
-    "grows with exponent {exponent:.2f} only. Two rounds take it from {long_clone:.1f} to "
-    "{long_dagger:.1f} where each training has {long:.0f} steps; with {short:.0f} the same network "
-    "spreads thin over three times the data: from {short_clone:.1f} to {short_dagger:.1f}, and "
-    "worse in {worse:.0f} of {n:.0f} seeds.",
+    "Each round of DAgger lowers the cost of a clone, because it adds the right data.",
+    "The network also has to fit the added data. On the circle task two rounds lower the cost "
+    "from {long_clone:.1f} to {long_dagger:.1f} if each training has {long:.0f} gradient steps. "
+    "With {short:.0f} steps the same network does not fit three times the data: the cost rises "
+    "from {short_clone:.1f} to {short_dagger:.1f}, in {worse:.0f} of {n:.0f} seeds. Errors die "
+    "out on this task, so the clones' cost grows almost linearly with time (exponent "
+    "{exponent:.2f}).",
 )
 def dagger_needs_room(result):
     from course.learning import Circle, clone, dagger, roll
@@ -276,10 +299,12 @@ def dagger_needs_room(result):
         result.measure(f"{name}_dagger", np.median(some[:, 1]), 0.4)
     lower = [bool(last < first) for first, last in ends]
     worse = result.measure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
-    result.statement = "20 laps of 40 steps a round, 32 units a layer, medians of all seeds."
+    result.statement = (
+        "20 runs of 40 steps in each round, 32 units per layer, medians over the seeds."
+    )
     result.statement_holds(
         all(lower),
-        only_if="it is trained long enough to fit the new states",
+        only_if="the network is trained long enough to fit the new states",
         inside=lower[:2],
         outside=lower[2:],
         cases=True,
@@ -288,11 +313,13 @@ def dagger_needs_room(result):
 
 
 @claim(
-    "Diffusion policies mend the drift of cloning: they cover the modes better.",
-    "Drift is no matter of modes. The regulator's expert has one answer to every state; of runs "
-    "of a diffusion policy that learned it on the slow mode {lost:.0%} end more than ten times "
-    "farther off than they began; shown the way back by pushes of {size}, {taught:.0%}. A tenth of "
-    "these mends a linear law, as above, but not this net: {little:.0%}.",
+    "A diffusion policy does not drift as other clones do, because it covers all modes of the "
+    "data.",
+    "Drift has nothing to do with modes. The regulator's expert has exactly one action for "
+    "every state. A diffusion policy trained on its clean demonstrations ended more than ten "
+    "times farther off than it began in {lost:.0%} of the runs; trained on demonstrations "
+    "disturbed by {size}, in {taught:.0%}. A tenth of that disturbance is enough for a linear "
+    "clone, but not for this network ({little:.0%} lost).",
 )
 def diffusion_mends_drift(result):
     from course.learning import Regulator, diffusion_policy, roll
@@ -316,7 +343,7 @@ def diffusion_mends_drift(result):
         result.measure("taught", lost(size), 0.03),
     )
     little = result.measure("little", lost(0.1 * size), 0.3)
-    result.statement = "Trained on 100 runs of 40 steps, driven for 100 steps without noise."
+    result.statement = "Trained on 100 runs of 40 steps, tested for 100 steps without noise."
     result.statement_holds(plain < 0.1)
     law = law_of(0, task, rounds=0, injected=0.1 * size)
     result.correction_holds(plain > 0.85, taught < 0.05, little > 0.5, law < 1.0)

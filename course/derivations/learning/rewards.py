@@ -1,26 +1,29 @@
-"""Claims of chapter 9 about reinforcement: advantages, the clip, evaluation, rewards, cost."""
+"""Claims of chapter 9 about reinforcement learning: advantages, the clip, rewards, evaluation."""
 
 import numpy as np
 
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
-    "d0": Symbol("error of the critic at this step"),
-    "d1": Symbol("error one step later"),
-    "d2": Symbol("error two steps later"),
+    "d0": Symbol("one-step error of the critic at this step"),
+    "d1": Symbol("one-step error one step later"),
+    "d2": Symbol("one-step error two steps later"),
     "gamma": Symbol("discount", 0.1, 0.99),
-    "lam": Symbol("lambda of the trace", 0.1, 0.95),
-    "r": Symbol("ratio of the new to the old probability", 1.3, 5.0),
-    "A": Symbol("advantage, below 0 here", -5.0, -0.1),
-    "clip": Symbol("how far from 1 the ratio counts", 0.05, 0.25),
-    "p": Symbol("true share of successes, below 1/2", 0.05, 0.45),
+    "lam": Symbol("lambda", 0.1, 0.95),
+    "r": Symbol("probability ratio, new over old", 1.3, 5.0),
+    "A": Symbol("advantage, negative here", -5.0, -0.1),
+    "clip": Symbol("half-width of the clip range", 0.05, 0.25),
+    "p": Symbol("true success rate, below 1/2", 0.05, 0.45),
     "R": Symbol("radius of the disc [m]", 0.01, 0.2),
-    "L": Symbol("length of the way [m]", 0.5, 5.0),
-    "S": Symbol("area in which the goal is, evenly [m^2]", 1.0, 10.0),
-    "P": Symbol("prize for the end"),
-    "d": Symbol("inputs of the network", 2.0, 50.0),
-    "h": Symbol("width of each of two hidden layers", 8.0, 256.0),
-    "m": Symbol("outputs of the network", 1.0, 20.0),
+    "L": Symbol("length of the path [m]", 0.5, 5.0),
+    "S": Symbol("area in which the goal may be [m^2]", 1.0, 10.0),
+    "P": Symbol("prize for finishing"),
+    "d": Symbol("number of inputs", 2.0, 50.0),
+    "h": Symbol("units in each of two hidden layers", 8.0, 256.0),
+    "m": Symbol("number of outputs", 1.0, 20.0),
+    "u": Symbol("sampled action", -3.0, 3.0),
+    "mu": Symbol("mean of the policy", -2.0, 2.0),
+    "sigma": Symbol("standard deviation of the policy", 0.2, 2.0),
 }
 
 
@@ -38,18 +41,71 @@ def drawn(rng, cut=0.0, T=40):
 
 
 @claim(
-    "Lambda mixes what n steps say of an advantage, for all n.",
-    "The sum of the critic's errors, discounted by gamma lambda, with {formula} for three, is the "
-    "mean of all n-step estimates with weights (1 - lambda) lambda^(n-1). Computed backwards it "
-    "agrees with that double sum to {worst:.0e}, with episodes that end and that are cut.",
+    "Subtracting a baseline that does not depend on the action leaves the expected policy gradient "
+    "unchanged.",
+    "A constant times the derivative of the log-probability is zero on average, for a Gaussian "
+    "policy because {formula} has mean zero. In {n:.0f} random one-step tasks the expected "
+    "gradient agrees with the exact derivative to {worst:.0e}, with and without a baseline. Only "
+    "the noise changes: with the expected return as the baseline, the standard deviation of one "
+    "estimate is {share:.0%} of that without, in the median.",
     ask=(
-        "Three steps are left; d0, d1, d2 are the errors of the critic. Generalised advantage of "
-        "the first?",
+        "A policy samples an action u from a normal distribution with mean mu and standard "
+        "deviation sigma. What is the derivative of the logarithm of its probability density "
+        "with respect to mu?",
+        "(u - mu)/sigma^2",
+        {
+            "(u - mu)/sigma": "The exponent is (u - mu)^2 / (2 sigma^2): the square stays below.",
+            "(mu - u)/sigma^2": "A larger mean makes an action above the mean likelier.",
+            "(u - mu)^2/sigma^2": "This is twice the exponent itself, not its derivative.",
+        },
+    ),
+    source="R. Williams, Simple statistical gradient-following algorithms, 1992",
+)
+def baseline_is_free(result):
+    import sympy
+
+    u, mu, sigma = sympy.symbols("u mu sigma", real=True)
+    result.formula = sympy.diff(-((u - mu) ** 2) / (2 * sigma**2), mu)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(12)
+    weights = weights / weights.sum()  # exact for polynomials up to degree 23
+    n = int(result.input("n", 40))
+    deviation, noise = [], []
+    for _ in range(n):
+        mean, goal, level, baseline = result.rng.uniform(-3.0, 3.0, 4)
+        spread = result.rng.uniform(0.2, 2.0)
+        action = mean + spread * nodes
+        paid, score = level - (action - goal) ** 2, (action - mean) / spread**2
+        exact = -2.0 * (mean - goal)  # of the expected reward, level - (mean - goal)^2 - spread^2
+
+        def moments(b, paid=paid, score=score):
+            sample = score * (paid - b)
+            first = weights @ sample
+            return first, np.sqrt(weights @ sample**2 - first**2)
+
+        deviation += [abs(moments(b)[0] - exact) for b in (0.0, baseline)]
+        noise.append(moments(weights @ paid)[1] / moments(0.0)[1])
+    worst = result.measure("worst", max(deviation), 0.5)
+    share = result.measure("share", np.median(noise), 0.01)
+    result.statement = "Random one-step tasks with a quadratic reward, integrated exactly."
+    result.statement_holds(worst < 1e-9)
+    result.correction_holds(worst < 1e-9, share < 0.9)
+
+
+@claim(
+    "Generalised advantage estimation is a weighted mean of all n-step advantage estimates, whose "
+    "weights fall by the factor lambda from one n to the next; the longest estimate gets the rest.",
+    "The same number is easier to compute from the critic's one-step errors d0, d1 and so on: "
+    "it is their sum, with one more factor of gamma lambda for each step ahead. With three "
+    "steps left it is {formula}. Both computations agree to {worst:.0e}, also where episodes "
+    "end or are cut off by a time limit.",
+    ask=(
+        "Three steps of an episode are left. The critic's one-step errors are d0, d1 and d2. "
+        "What is the generalised advantage of the first step?",
         "d0 + gamma*lam*d1 + gamma^2*lam^2*d2",
         {
-            "d0 + gamma*d1 + gamma^2*d2": "That is for lambda = 1.",
-            "d0 + lam*d1 + lam^2*d2": "Later errors are discounted too.",
-            "d0": "That is for lambda = 0.",
+            "d0 + gamma*d1 + gamma^2*d2": "This is the estimate for lambda = 1.",
+            "d0 + lam*d1 + lam^2*d2": "Later errors are discounted by gamma as well.",
+            "d0": "This is the estimate for lambda = 0.",
         },
     ),
     source="J. Schulman et al., High-dimensional continuous control, 2016",
@@ -86,17 +142,18 @@ def lambda_mixes(result):
         for a, b, c, e, f, _ in (drawn(result.rng, 0.1) for _ in range(20))
     ]
     result.measure("worst", np.abs(deviation).max(), 0.5)
-    result.statement = "20 drawn runs of 40 steps."
+    result.statement = "20 random runs of 40 steps, with ends and time limits."
     result.statement_holds(np.abs(deviation).max() < 1e-12)
     result.correction_holds(np.abs(deviation).max() < 1e-12)
 
 
 @claim(
-    "In a batch of steps the value of the next row is that of what follows.",
-    "Where an environment resets within the step that the clock cut off, the next row is another "
-    "episode's start. Taken for what follows, it makes an advantage wrong by {worst:.1f} where "
-    "values have a deviation of 1. Where the reset takes a step of its own, the next row is right, "
-    "and the row after it is none to learn from.",
+    "In a batch of steps, the value of the next row is the value of the state that the step led "
+    "to.",
+    "If the environment resets within the step that reaches the time limit, the next row "
+    "already belongs to the next episode. Using its value made an advantage wrong by "
+    "{worst:.1f}, where values have a standard deviation of 1. If the reset takes a step of its "
+    "own, the next row is right, but the step that only resets has to be left out of the batch.",
 )
 def next_row(result):
     from course.learning import gae
@@ -118,13 +175,16 @@ def next_row(result):
 
     ended, cut = ([deviation(c) for _ in range(10)] for c in (0.0, 0.1))
     result.measure("worst", max(cut))
-    result.statement = "Drawn runs of 40 steps, a tenth of them ends; without or with cuts."
+    result.statement = (
+        "Random runs of 40 steps in which a tenth of the steps end an episode, with and without "
+        "time limits."
+    )
     inside, outside = ([x < 1e-12 for x in some] for some in (ended, cut))
     result.statement_holds(
         all(outside),
         inside=inside,
         outside=outside,
-        only_if="no episode is cut off and reset within the step",
+        only_if="no episode is cut off by a time limit and reset within the same step",
     )
     result.correction_holds(
         min(cut) > 1e-3, max(ended) < 1e-12, follows("NextStep"), not follows("SameStep")
@@ -132,16 +192,24 @@ def next_row(result):
 
 
 @claim(
-    "Where the ratio is beyond the clip there is no gradient.",
-    "There is where the action has to come back: an advantage below 0 and a ratio above, or one "
-    "above 0 and a ratio below. The objective takes the smaller one: there it is {formula}.",
+    "Where the ratio is outside the clip range, PPO's objective has no gradient.",
+    "The gradient is gone for a good action that is already likelier, and for a bad action that "
+    "is already less likely. In the two opposite cases the unclipped term is the smaller one "
+    "and pulls the ratio back. For a bad action that has become likelier the objective is "
+    "{formula}.",
     ask=(
-        "Ratio r above 1 + clip, advantage A below 0: PPO's clipped objective?",
+        "The ratio r is above 1 + clip and the advantage A is negative. What is PPO's clipped "
+        "objective for this action?",
         "r*A",
         {
-            "(1 + clip)*A": "That is the larger of the two.",
-            "(1 - clip)*A": "The ratio is above.",
-            "0*A": "A mistake that has become likelier is corrected.",
+            "(1 + clip)*A": (
+                "This is the clipped term. It is the larger of the two, and the objective is "
+                "the smaller."
+            ),
+            "(1 - clip)*A": "The ratio is above the clip range, not below it.",
+            "0*A": (
+                "The objective is not zero: a bad action that has become likelier is corrected."
+            ),
         },
     ),
     source="J. Schulman et al., Proximal policy optimization algorithms, 2017",
@@ -163,14 +231,14 @@ def beyond_the_clip(result):
     size, over = result.rng.uniform(0.1, 3.0, 10), result.rng.uniform(0.21, 0.9, 10)
     signs = np.resize([1.0, -1.0], 10)
     result.measure("slope", objective(np.array([1.5]), np.array([-1.0]))[1][0])
-    result.statement = "Finite differences of the objective, clip 0.2, at drawn ratios."
+    result.statement = "Finite differences of the objective at random ratios, with a clip of 0.2."
     inside, outside = (
         [flat(1.0 + s * k * x, s * y) for s, x, y in zip(signs, over, size, strict=True)]
         for k in (1.0, -1.0)
     )
     result.statement_holds(
         all(outside),
-        only_if="it has moved the way its advantage pushes",
+        only_if="the ratio moved in the direction in which its advantage pushes",
         inside=inside,
         outside=outside,
     )
@@ -183,10 +251,11 @@ def beyond_the_clip(result):
 
 
 @claim(
-    "PPO's clip keeps the new policy within 1 - eps and 1 + eps of the old one.",
-    "It takes the reward away for going further, and steps go on: after an iteration on the point "
-    "{share:.0%} of the actions have ratios beyond it, a mean divergence of {kl:.3f}. The first "
-    "step of a batch, where all ratios are 1, is the plain policy gradient's.",
+    "PPO's clip keeps every probability ratio between 1 - eps and 1 + eps.",
+    "The clip removes the incentive to go further, but it does not hold the ratio. After an "
+    "iteration on the point task {share:.0%} of the ratios were outside the range, at a mean KL "
+    "divergence of {kl:.3f}. In the first gradient step of a batch all ratios are 1, so the "
+    "clip does nothing and the step is that of the plain policy gradient.",
 )
 def clip_keeps(result):
     from course.learning import Settings, objective, ppo
@@ -198,7 +267,8 @@ def clip_keeps(result):
     share = result.measure("share", np.mean([x.clipped for x in report]), 0.5)
     result.measure("kl", np.mean([x.kl for x in report]), 0.5)
     result.statement = (
-        "Three iterations of 2,048 steps, five epochs, two layers 16 wide, rate 0.001, clip 0.2."
+        "Three iterations of 2,048 steps with five epochs, two layers of 16 units, a step size of "
+        "0.001 and a clip of 0.2."
     )
     advantage = result.rng.normal(size=100)
     first = objective(np.ones(100), advantage)[1]
@@ -207,18 +277,23 @@ def clip_keeps(result):
 
 
 @claim(
-    "The first N episodes to finish in N environments tell how often a policy succeeds.",
-    "If failures take far longer they come too late: one reads {formula} for a share p below 1/2, "
-    "and 1 above. On the point a policy that ignores some goals succeeds in {true:.2f} and reads "
-    "{read:.2f}; another {true_more:.2f} and {read_more:.2f}.",
+    "The first N episodes to finish in N environments estimate the success rate.",
+    "If failures last much longer than successes, they finish too late to be counted. For very "
+    "long failures the estimate of a success rate p below 1/2 is {formula}, and for a larger p "
+    "it is 1. On the point task a policy with a success rate of {true:.2f} was estimated at "
+    "{read:.2f}, and another one with {true_more:.2f} at {read_more:.2f}.",
     ask=(
-        "Successes take a moment, failures for ever so long; N environments start anew by "
-        "themselves. Successes by the time the first failures end, over N?",
+        "N environments restart by themselves. An episode succeeds with probability p, below "
+        "1/2, and then takes a moment; a failure takes very long. How many successes are there "
+        "when the first failures end, divided by N?",
         "p/(1 - p)",
         {
-            "p": "Who succeeds plays again at once.",
-            "p + p^2": "And again.",
-            "1 - p": "That is the share of first episodes that fail.",
+            "p": (
+                "An environment that succeeds starts another episode at once, and may succeed "
+                "again."
+            ),
+            "p + p^2": "The second episode may be followed by a third success, and so on.",
+            "1 - p": "This is the share of first episodes that fail.",
         },
     ),
 )
@@ -264,7 +339,10 @@ def first_to_finish(result):
             observed += wins[remaining == 0].tolist()
         return abs(np.mean(observed[:2000]) - share) < 0.05
 
-    result.statement = "128 environments, 100 steps at most; then games of drawn shares."
+    result.statement = (
+        "Two policies in 128 environments with a time limit of 100 steps; then games with random "
+        "success rates."
+    )
     inside, outside = ([shows(s, n) for s in result.rng.uniform(0.2, 0.8, 8)] for n in (1, 30))
     result.statement_holds(
         abs(read_more - more) < 0.05,
@@ -277,10 +355,12 @@ def first_to_finish(result):
 
 
 @claim(
-    "Every environment may normalise its own observations.",
-    "Its goal is the same all episode long, so it takes away what is to be learned. After one "
-    "episode each an own normaliser turns the sign of the way to the next goal in {own:.0%} of "
-    "environments, after {n:.0f} in {later:.0%}; a shared one in {shared:.0%}.",
+    "Each environment can normalise its observations with its own running statistics.",
+    "The goal is the same during a whole episode, so the environment's own mean contains the "
+    "goal, and subtracting it removes what the policy needs to know. After one episode, "
+    "statistics per environment flipped the sign of the distance to the next goal in {own:.0%} "
+    "of the environments, and after {n:.0f} episodes in {later:.0%}. Shared statistics flipped "
+    "it in {shared:.0%}.",
 )
 def own_normaliser(result):
     from course.learning import Normaliser
@@ -305,24 +385,26 @@ def own_normaliser(result):
 
     own, later = (result.measure(x, turned(k, False), 0.1) for x, k in (("own", 1), ("later", n)))
     shared = result.measure("shared", turned(1, True), 0.5)
-    result.statement = "512 points pushed at random, new goals for all."
+    result.statement = "512 points with random actions, then a new goal for each."
     result.statement_holds(own < 0.05)
     result.correction_holds(own > later + 0.03, later > shared + 0.05, shared < 0.05)
 
 
 @claim(
-    "Chance finds a sparse reward less than once in a hundred episodes.",
-    "How often it does can be told: a way of length L sweeps {formula} of the goals. Random pushes "
-    "of the point should get there in {law:.1%} of the episodes, {measured:.1%} do; into a disc a "
-    "quarter as wide {small:.2%} of them.",
+    "Random actions find a sparse reward in less than one episode in a hundred.",
+    "You can estimate the chance before you train. A path of length L comes within R of a strip "
+    "of width 2 R, so with the goal anywhere in an area S it meets the goal with probability "
+    "{formula}. For random actions on the point task the estimate is {law:.1%} of the episodes, "
+    "and {measured:.1%} succeeded. With a disc a quarter as wide, {small:.2%} did.",
     ask=(
-        "A point's way has length L and does not cross itself, the goal is anywhere in an area S: "
-        "chance to pass within R of it, ends left out?",
+        "A path of length L does not cross itself. The goal lies anywhere in an area S, all "
+        "places equally likely. With what probability does the path come within R of the goal, "
+        "if you ignore the ends of the path?",
         "2*R*L/S",
         {
-            "R*L/S": "It sweeps to both sides.",
-            "pi*R^2/S": "That is for a point that stays.",
-            "2*R*L": "That is the area swept.",
+            "R*L/S": "The path sweeps a strip on both of its sides.",
+            "pi*R^2/S": "This is the probability for a point that does not move.",
+            "2*R*L": "This is the swept area. Divide it by the area in which the goal may be.",
         },
     ),
 )
@@ -362,7 +444,7 @@ def sparse_chance(result):
     )
     result.statement_holds(
         observed < 0.01,
-        only_if="{formula}, taken where goals are dense, is below 1/100",
+        only_if="the share of the goal's area that a path sweeps, {formula}, is below 1/100",
         inside=inside,
         outside=outside,
     )
@@ -372,9 +454,12 @@ def sparse_chance(result):
 
 
 @claim(
-    "Minus the distance at each step is shaping that does not dictate the way.",
-    "It pays for being near on the way. Of {n:.0f} drawn tasks with two ways the best one differs "
-    "in {plain:.0f}; with the difference of the potential, minus the distance, in {potential:.0f}.",
+    "Paying minus the distance at every step is a shaping reward that leaves the best policy "
+    "unchanged.",
+    "The distances add up along the path, so this reward prefers paths that stay near the goal "
+    "on the way. In {plain:.0f} of {n:.0f} random tasks with two possible paths it changed "
+    "which of them is best. Paying the difference of a potential, here minus the distance, "
+    "changed it in {potential:.0f}.",
 )
 def minus_distance(result):
     from course.sim_to_real import Process, evaluate_policy, shaped, value_iteration
@@ -399,24 +484,28 @@ def minus_distance(result):
     retained = np.array([tried() for _ in range(n)])
     plain = result.measure("plain", np.sum(~retained[:, 0]))
     potential = result.measure("potential", np.sum(~retained[:, 1]), 0.0)
-    result.statement = "Two ways of up to ten steps to one end with a prize, solved exactly."
+    result.statement = "Tasks with two paths of up to ten steps to the same prize, solved exactly."
     result.statement_holds(plain == 0)
     result.correction_holds(plain > 0.05 * n, potential == 0)
 
 
 @claim(
-    "A bonus for being near the goal makes a robot hover there.",
-    "Only one above {formula} a step: else the prize, put off by a step, loses more. And a bonus "
-    "in the reward of a step is paid at every step near, {paid:.0f} times in {steps:.0f} steps, "
-    "not once.",
+    "A bonus for being near the goal makes a robot hover there instead of finishing.",
+    "Waiting one more step earns the bonus once more but delays the prize P by a step. This "
+    "pays off only if the bonus is above {formula} per step. Mind also how often a bonus is "
+    "paid: as a term of the step reward it is paid at every step near the goal, {paid:.0f} "
+    "times in {steps:.0f} steps, not once.",
     ask=(
-        "Near the goal each step pays b, the last one the prize P besides and ends it. From which "
-        "b on does it pay to wait?",
+        "Near the goal every step pays a bonus b. The last step also pays the prize P and ends "
+        "the episode. Above which b does it pay to wait for another step?",
         "b > (1 - gamma)*P/gamma",
         {
-            "(1 - gamma)*P": "The bonus won is one of the step after.",
-            "P": "That compares a step with the whole prize.",
-            "gamma*P/(1 - gamma)": "That is all bonuses to come over one.",
+            "(1 - gamma)*P": "The additional bonus comes a step later, so it is discounted too.",
+            "P": "Waiting does not cost the whole prize. It only delays it by a step.",
+            "gamma*P/(1 - gamma)": (
+                "This is the prize times the sum of all later discounts, not the cost of one "
+                "step of delay."
+            ),
         },
     ),
 )
@@ -446,11 +535,14 @@ def hovering(result):
     tasks = list(
         zip(result.rng.uniform(0.6, 0.98, 10), result.rng.uniform(0.5, 20.0, 10), strict=True)
     )
-    result.statement = "Two states with drawn discounts and prizes; a point that rests near."
+    result.statement = (
+        "A task with two states, random discounts and prizes, solved exactly; and a point at rest "
+        "near its goal."
+    )
     inside, outside = ([hovers(x, *task) for task in tasks] for x in (1.05, 0.95))
     result.statement_holds(
         all(outside),
-        only_if="the bonus is above (1 - gamma) / gamma of the prize",
+        only_if="the bonus per step is above (1 - gamma) / gamma times the prize",
         inside=inside,
         outside=outside,
     )
@@ -458,9 +550,10 @@ def hovering(result):
 
 
 @claim(
-    "Without a penalty for time a robot moves as slowly as it likes.",
-    "A discount is one: at {discount} a step a slow law is worth {slow:.2f}, a fast one "
-    "{fast:.2f}. Without it both are worth the same as long as the clock leaves them time.",
+    "Without a penalty for time, a robot has no reason to move fast.",
+    "A discount is a penalty for time: at {discount} per step a slow controller is worth "
+    "{slow:.2f} and a fast one {fast:.2f}. Without a discount both are worth the same, as long "
+    "as the time limit lets both arrive.",
 )
 def no_time_penalty(result):
     from course.learning import evaluate
@@ -479,10 +572,12 @@ def no_time_penalty(result):
         result.measure(x, worth(gain, discount), 1e-3) for x, gain in (("slow", 0.3), ("fast", 2.0))
     )
     same = [bool(abs(worth(0.3, x) - worth(2.0, x)) < 1e-9) for x in (1.0, 0.999, 0.95)]
-    result.statement = "64 starts, up to 1,000 steps, critically damped laws of 0.3 / s and 2 / s."
+    result.statement = (
+        "64 starts, up to 1,000 steps, critically damped controllers with 0.3 / s and 2 / s."
+    )
     result.statement_holds(
         all(same[1:]),
-        only_if="nothing is discounted and no clock runs out",
+        only_if="rewards are not discounted and no time limit is reached",
         inside=same[:1],
         outside=same[1:],
         cases=True,
@@ -491,10 +586,11 @@ def no_time_penalty(result):
 
 
 @claim(
-    "Reinforcement learning needs no data, and a network trained by PPO.",
-    "It needs steps. On the point a law of two gains, the best of {laws:.0f} drawn ones, gets "
-    "{share:.0%} of the exact optimum, {least:.0%} in the worst of {n:.0f} such searches; one took "
-    "{steps:.0f} steps, {hours:.1f} h on a robot.",
+    "Reinforcement learning needs no data, only a network trained with PPO.",
+    "Environment steps are its data, and the policy need not be a network. On the point task "
+    "the best of {laws:.0f} random pairs of gains reaches {share:.0%} of the exact optimum in "
+    "the median of {n:.0f} searches, and {least:.0%} in the worst. One search takes {steps:.0f} "
+    "steps, which would be {hours:.1f} h on a robot.",
 )
 def two_gains(result):
     from course.learning import evaluate
@@ -527,24 +623,36 @@ def two_gains(result):
     hours = result.measure(
         "hours", result.measure("steps", np.median(each), 0.02) * 0.05 / 3600, 0.02
     )
-    result.statement = "32 starts a law, tested on 500 others, steps of 0.05 s; medians."
+    result.statement = (
+        "32 starts for each pair of gains, a test on 500 other starts, steps of 0.05 s; medians."
+    )
     result.statement_holds(share < 0.5 and hours == 0.0)
     result.correction_holds(share > 0.8, least > 0.7, hours > 0.2)
 
 
 @claim(
-    "The gradient by all weights costs no more than two times what the output costs.",
-    "Of products of a network of two hidden layers the backward pass takes {formula}, in PyTorch "
-    "{ratio:.2f} times the forward one's for {width:.0f} units a layer. What autograd adds are "
-    "calls: {calls:.0f} operators in one step, whatever the width.",
+    "Computing the gradient with respect to all weights costs at most twice as many "
+    "multiplications as the forward pass.",
+    "With two hidden layers the backward pass takes {formula} multiplications per sample, in "
+    "PyTorch {ratio:.2f} times the forward pass for {width:.0f} units per layer. Small networks "
+    "spend their time elsewhere: one gradient step makes {calls:.0f} operator calls, whatever "
+    "the width.",
     ask=(
-        "d inputs, two hidden layers of h, m outputs. A forward pass takes d h + h h + h m "
-        "products a row; how many the backward pass, by all weights?",
+        "A network has d inputs, two hidden layers of h units and m outputs. The forward pass "
+        "takes d h + h h + h m multiplications per sample. How many does the backward pass "
+        "take, for the gradient with respect to all weights?",
         "d*h + 2*h^2 + 2*h*m",
         {
-            "d*h + h^2 + h*m": "That is for the weights, or for what comes in, not both.",
-            "2*d*h + 2*h^2 + 2*h*m": "Nobody asks for the slope by the inputs.",
-            "3*d*h + 3*h^2 + 3*h*m": "That is with the forward pass, and by the inputs.",
+            "d*h + h^2 + h*m": (
+                "Each layer needs two products: one for its weights and one to pass the error "
+                "on to its inputs."
+            ),
+            "2*d*h + 2*h^2 + 2*h*m": (
+                "The first layer need not pass the error on to the network's inputs."
+            ),
+            "3*d*h + 3*h^2 + 3*h*m": (
+                "This includes the forward pass and the gradient with respect to the inputs."
+            ),
         },
     ),
 )
@@ -585,7 +693,9 @@ def gradient_cost(result):
     result.measure("calls", calls, 0.3)
     each = [counted(x) for x in widths]
     law = [float(result.formula.subs({d: 4, h: x, m: 2})) for x in widths]
-    result.statement = "PyTorch's own count of products and calls, 4 inputs and 2 outputs."
+    result.statement = (
+        "PyTorch's own count of multiplications and calls, for 4 inputs and 2 outputs."
+    )
     result.statement_holds(all(b <= 2.0 * f for f, b, _ in each))
     result.correction_holds(
         np.allclose([b for _, b, _ in each], law), len({c for *_, c in each}) == 1

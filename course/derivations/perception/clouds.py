@@ -148,16 +148,24 @@ def dbscan_separates(result):
         means, _ = voxel_mean(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ x, voxel)
         return dbscan(means, eps, 10)[0].max() + 1
 
+    def rods(gap, voxel):
+        """Return the clusters of two thin rods in line, a gap apart."""
+        x = result.rng.uniform(-0.03, 0.03, (3, 4000)) * [[1], [0.01], [0.01]]
+        x[0] += np.where(np.arange(4000) < 2000, 1, -1) * (0.03 + 0.5 * gap)
+        return dbscan(voxel_mean(x + 0.5 * voxel, voxel)[0], eps, 10)[0].max() + 1
+
     joined = result.measure("joined", clusters(result.input("gap_mm", 12) / 1000))
     draws = result.rng.uniform((0, 0), (1, np.pi), (12, 2))
     result.statement = "Two faces of 60 mm at random turns, on voxels of 4 mm."
     result.statement_holds(
         joined == 2,
-        only_if="the gaps are wider than eps, and eps three voxels or more",
+        only_if="the gaps are wider than eps, eps is three voxels or more, and the parts are wide: "
+        "along a thin rod too few neighbours are left",
         inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws],
         outside=[
             *(clusters(eps * 0.75 * x, t) == 2 for x, t in draws),
             *(clusters(2 * eps, t, eps * (0.7 + x)) == 2 for x, t in draws),
+            *(rods(2 * eps, eps / (3 + x)) == 2 for x, _ in draws),
         ],
     )
     result.correction_holds(joined == 1, clusters(0.0) == 1)

@@ -129,12 +129,14 @@ def picture_to_picture(result):
     "Beside its twin a part is up to {off_mm:.0f} mm from either at a see-through share of "
     "{through:.3f}: both are one block, and any place in it is covered. What the pose leaves over "
     "tells: it agrees with {agrees:.0%} of the block, and with {alone:.0%} or more where it stands "
-    "alone. Below {least:.0%} it is not called found, and neither is one with a shift not seen.",
+    "alone. Below {least:.0%} it is not called found, and neither is one with a shift not seen, or "
+    "with a border off its outline. What is left: of a part that is {longer_mm:.0f} mm longer than "
+    "the model {near:.0%} are called found, and {far:.0%} at {far_mm:.0f} mm.",
 )
 def not_looked_through_is_right(result):
     from course.charts.perception.bins import picture_of
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
-    from course.perception import apart, locate
+    from course.perception import apart, locate, shape
 
     def first(cause, yaw):
         """Return the error to the nearer of part and twin, and the judgements of the pose."""
@@ -153,12 +155,24 @@ def not_looked_through_is_right(result):
     observed = result.measure("through", through[int(np.argmax(deviation))], 0.5)
     share, least = result.measure("agrees", np.median(agrees), 0.1), result.input("least", 0.9)
     own = result.measure("alone", min(run[2] for run in alone), 0.02)
+    longer, half = result.input("longer_mm", 2), BOX.sizes[:, 0]
+
+    def called_found(excess):
+        """Return the share of parts, by so much longer than the model [mm], that are found."""
+        part = shape("box", half[0] + 0.0005 * excess, *half[1:])
+        turns = result.rng.uniform(0.2, 3.0, 12)
+        looks = [image_of(part, 0.0, yaw, result.rng)[0] for yaw in turns]
+        return np.mean([locate(z, EYE, SENSOR, BOX)[0].status == "found" for z in looks])
+
+    near = result.measure("near", called_found(longer), 0.3)
+    far = result.measure("far", called_found(result.input("far_mm", 10)), 0.2)
     result.statement = "Twelve pictures each of a box alone and beside its twin."
     result.statement_holds(worst < 2 or observed > 0.1)
     result.correction_holds(
         share < max(agrees) < least < own,
         not any(run[3] for run in twins),
         all(run[3] != (len(run) > 4) for run in alone),
+        far < near,
     )
 
 

@@ -23,6 +23,23 @@ _ARM = """
 </mujoco>
 """
 
+# A load that hangs on a tendon with a spring.
+_HUNG = """
+<mujoco>
+  <worldbody>
+    <site name="top" pos="0 0 1"/>
+    <body name="load" pos="0 0 {z}">
+      <joint type="slide" axis="0 0 1"/>
+      <geom type="sphere" size="0.03" mass="1"/>
+      <site name="eye"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial stiffness="200" damping="20" {length}><site site="top"/><site site="eye"/></spatial>
+  </tendon>
+</mujoco>
+"""
+
 # A sled that can slide in the plane and rise, but not turn.
 _SLED = """
 <mujoco>
@@ -92,7 +109,9 @@ def set_const_inertia(result):
     "Gravity and the inertia matrix use the new body_mass and body_inertia at once: a free arm "
     "moves the same with it and without. What stays old is the inverse weight, by which MuJoCo "
     "scales the stiffness of constraints: with four times the mass a sled at rest sinks "
-    "{depth_ratio:.2f} times as deep after mj_setConst as before.",
+    "{depth_ratio:.2f} times as deep after mj_setConst as before. Subtree masses stay old, too: "
+    "with four times the mass of the outer link a sensor of the centre of mass is "
+    "{centre_mm:.0f} mm off, though nothing moves by it.",
     source="MuJoCo documentation, Modeling, Solver parameters",
 )
 def mass_without_set_const(result):
@@ -115,10 +134,37 @@ def mass_without_set_const(result):
         mujoco.mj_step(model, data, nstep=1500)
         return data.contact.dist.min()
 
+    def pulled(factor, recompute, force=-1.0):
+        """Return accelerations of the arm with a muscle; its force is scaled by acc0 if < 0."""
+        muscle = (
+            '<actuator><muscle joint="shoulder" lengthrange="-1 1" scale="200" '
+            f'force="{force}"/></actuator>'
+        )
+        xml = _ARM.format(damping='kv="2"').replace("</mujoco>", muscle + "</mujoco>")
+        model = _scaled(mujoco.MjModel.from_xml_string(xml), factor, recompute=recompute)
+        data = mujoco.MjData(model)
+        data.qpos[:], data.act[:] = (0.1, -0.7), 1.0
+        mujoco.mj_forward(model, data)
+        return data.qacc.copy()
+
+    def stated(factor, recompute):
+        return pulled(factor, recompute, 50.0)
+
     def moved(measure, factor):
         """Return the largest relative difference that mj_setConst makes."""
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
 
+    def centre(recompute):
+        """Return the centre of mass of the arm's subtree with a heavier outer link [m]."""
+        model = _scaled(_arm(), np.array([1.0, 1.0, 4.0]), recompute=recompute)
+        data = mujoco.MjData(model)
+        data.qpos[:] = 0.4, -0.7
+        mujoco.mj_forward(model, data)
+        exact = data.xipos[1:].T @ model.body_mass[1:] / model.body_mass[1:].sum()
+        return data.subtree_com[1].copy(), exact
+
+    (old, exact), (new, _) = centre(False), centre(True)
+    off = result.measure("centre_mm", 1000.0 * np.linalg.norm(old - exact), 1e-6)
     change = result.measure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
     ratio = result.measure("depth_ratio", depth(4.0, True) / depth(4.0, False), tolerance=1e-3)
     result.statement = (
@@ -129,11 +175,21 @@ def mass_without_set_const(result):
     factors = result.rng.uniform(1.5, 6.0, 8)
     result.statement_holds(
         change > 1e-6,
-        only_if="a constraint acts: a contact, a limit, an equality, or dry friction that holds",
-        inside=[moved(depth, x) > 0.1 for x in factors] + [moved(stuck, x) > 1e-3 for x in factors],
-        outside=[moved(free, x) > 1e-6 for x in factors],
+        only_if="a constraint acts (a contact, a limit, an equality, or dry friction that holds), "
+        "or a muscle whose force MuJoCo scales by acc0",
+        inside=[moved(depth, x) > 0.1 for x in factors]
+        + [moved(stuck, x) > 1e-3 for x in factors]
+        + [moved(pulled, x) > 1e-3 for x in factors],
+        outside=[moved(free, x) > 1e-6 for x in factors]
+        + [moved(stated, x) > 1e-6 for x in factors],
     )
-    result.correction_holds(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
+    result.correction_holds(
+        change < 1e-9,
+        abs(ratio - 1.0) > 0.1,
+        moved(depth, 1.0) == 0.0,
+        off > 10.0,
+        np.linalg.norm(new - exact) < 1e-12,
+    )
 
 
 @claim(
@@ -161,15 +217,19 @@ def set_const_data(result):
 @claim(
     "mj_setConst gives the constants that compiling the changed model anew gives.",
     "The compiler turns a dampratio into a damping for the masses of that moment, and a joint's "
-    "springdamper into stiffness and damping. mj_setConst does not do it again: the gain stays, as "
-    "that of a real motor does. With four times the mass the compiled one is "
-    "{kv_compiled_over_kept:.0f} times as large.",
-    source="MuJoCo changelog, 4.0: dampratio is resolved only at compile time",
+    "springdamper into stiffness and damping, and gives a tendon without a spring length the "
+    "length that it has. mj_setConst does none of it again: the gain stays, as that of a real "
+    "motor does. With four times the mass the compiled one is {kv_compiled_over_kept:.0f} times as "
+    "large. A load on such a tendon, moved by {moved_mm:.0f} mm, comes to rest {rest_mm:.0f} mm "
+    "from where the compiled one does. The model's statistics stay old as well, but nothing moves "
+    "by them.",
+    source="MuJoCo changelog, 4.0: dampratio, the spring length of tendons from (-1, -1), and "
+    "model statistics are resolved only at compile time",
 )
 def set_const_compiles(result):
     import mujoco
 
-    from course.oracles.mujoco.randomize import recompiled, worst_constant
+    from course.oracles.mujoco.randomize import different, recompiled, worst_constant
 
     def compared(damping, factor):
         """Return the worst error of the constants, and damping as compiled over that preserved."""
@@ -196,16 +256,42 @@ def set_const_compiles(result):
     sprung = _ARM.format(damping=given).replace('damping="0.2"', 'springdamper="0.1 1"')
     retained, anew = mujoco.MjModel.from_xml_string(sprung), recompiled(sprung, np.full(3, 4.0))
     joint = [(m.dof_damping[0], m.jnt_stiffness[0]) for m in (_scaled(retained, 4.0), anew)]
+
+    def hung(length, down):
+        """Return which arrays differ from those of the compiled model, and both rests [m]."""
+        kept = mujoco.MjModel.from_xml_string(_HUNG.format(z=0.5, length=length))
+        kept.body_pos[1, 2] -= down
+        mujoco.mj_setConst(kept, mujoco.MjData(kept))
+        anew = mujoco.MjModel.from_xml_string(_HUNG.format(z=0.5 - down, length=length))
+        rests = []
+        for one in (kept, anew):
+            data = mujoco.MjData(one)
+            mujoco.mj_step(one, data, nstep=4000)
+            rests.append(data.xpos[1, 2])
+        return different(kept, anew), rests
+
+    # All arrays of the model, not a list of our own: what a changed position may touch.
+    down = result.input("moved_mm", 200.0) / 1000.0
+    by_itself, rests = hung("", down)
+    stated, _ = hung('springlength="0.5"', down)
+    result.measure("rest_mm", 1000.0 * abs(rests[0] - rests[1]), 1e-6)
+    depths = result.rng.uniform(0.05, 0.3, 4)
     result.statement_holds(
         same(derived, 4.0),
-        only_if="no damping is stated as a ratio, an actuator's or a joint's",
-        inside=[same(given, x) for x in factors],
-        outside=[same(derived, x) for x in factors] + [joint[0][0] == joint[1][0]],
+        only_if="no damping is stated as a ratio, an actuator's or a joint's, and no tendon with a "
+        "spring leaves its length to the compiler",
+        inside=[same(given, x) for x in factors]
+        + [not hung('springlength="0.5"', x)[0] for x in depths],
+        outside=[same(derived, x) for x in factors]
+        + [joint[0][0] == joint[1][0]]
+        + [not hung("", x)[0] for x in depths],
     )
     result.correction_holds(
         worst < 1e-12,
         all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors),
         bool(np.allclose(joint[1], 4.0 * np.array(joint[0]))),
+        by_itself == {"tendon_lengthspring"},
+        not stated,
     )
 
 
@@ -331,15 +417,23 @@ def one_geom_friction(result):
             mujoco.MjModel.from_xml_string(xml.replace("</mujoco>", pair + "</mujoco>"))
         )
 
+    def overridden(floor, sled):
+        """Return the contact's where the model's options override all contacts with 0.15."""
+        model = _sled(floor, sled)
+        model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
+        model.opt.o_friction[:2] = 0.15
+        return _contact(model)
+
     both = list(zip(low, high, strict=True))
     result.statement_holds(
         plain == sled,
-        only_if="it is the larger of the two, or its geom has the higher priority, and no pair in "
-        "the model names both",
+        only_if="it is the larger of the two, or its geom has the higher priority, no pair in the "
+        "model names both, and contacts are not overridden by an option",
         inside=[_contact(_sled(x, y)) == y for x, y in both]
         + [_contact(_sled(y, x, priority=1)) == x for x, y in both],
         outside=[_contact(_sled(y, x)) == x for x, y in both]
-        + [paired(x, y) == y for x, y in both],
+        + [paired(x, y) == y for x, y in both]
+        + [overridden(x, y) == y for x, y in both],
     )
     result.correction_holds(
         first == sled,
@@ -394,9 +488,17 @@ def friction_of_each_geom(result):
 def friction_in_all_directions(result):
     import mujoco
 
-    def braked(cone, angle):
-        """Change of speed over that of the contact's impulse, over the coefficient."""
-        model = _sled(0.5, 0.5, cone=cone)
+    def braked(cone, angle, turn=0.0, pair=""):
+        """Change of speed over that of the contact's impulse, over the coefficient.
+
+        With the geom turned [deg], or with a pair that states the coefficients.
+        """
+        xml = _SLED.format(floor=0.5, sled=0.5, priority=0, cone=cone)
+        xml = xml.replace('name="sled" type="box"', f'name="sled" type="box" euler="0 0 {turn}"')
+        if pair:
+            text = f'<pair geom1="floor" geom2="sled" friction="{pair} 0.005 0.0001 0.0001"/>'
+            xml = xml.replace("</mujoco>", f"<contact>{text}</contact></mujoco>")
+        model = mujoco.MjModel.from_xml_string(xml)
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, nstep=200)
         data.qvel[:2] = 4.0 * np.cos(angle), 4.0 * np.sin(angle)
@@ -413,11 +515,15 @@ def friction_in_all_directions(result):
         f"{ellipse:.4f}; and at ten random angles."
     )
     angles = result.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
+    # Attacks: a contact frame that is turned, and a pair with two coefficients of sliding.
     result.statement_holds(
         abs(diagonal - 1.0) < 1e-3,
-        only_if="the friction cone is elliptic",
-        inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles],
-        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles],
+        only_if="the friction cone is elliptic, and no pair gives the two directions of sliding "
+        "different coefficients",
+        inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles]
+        + [abs(braked("elliptic", a, turn=30.0 * a) - 1.0) < 1e-3 for a in angles[:4]],
+        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles]
+        + [abs(braked("elliptic", a, pair="0.5 0.25") - 1.0) < 1e-3 for a in angles[:4]],
     )
     result.correction_holds(abs(diagonal - np.sqrt(0.5)) < 1e-3)
 

@@ -1,6 +1,7 @@
 // A joint controller in ros2_control's shape. Sizes are checked once, when it is configured and
 // activated. update() is called by the controller manager at its own rate; it neither allocates nor
-// locks, and what is not a number goes out as no torque.
+// locks, and what is not a number goes out as no torque. An arm without torque falls unless it has
+// brakes: a real one sets them, or holds the last position, where this one reports ERROR.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -32,14 +33,17 @@ public:
   controller_interface::return_type update(const rclcpp::Time&, const rclcpp::Duration&) override {
     auto result = controller_interface::return_type::OK;
     for (std::size_t i = 0; i < joints_; ++i) {
-      const double position = state_interfaces_[i].get_value();
-      const double velocity = state_interfaces_[joints_ + i].get_value();
+      // Empty where the hardware writes at this moment: then not a number, like a bad reading.
+      const double position = state_interfaces_[i].get_optional().value_or(NAN);
+      const double velocity = state_interfaces_[joints_ + i].get_optional().value_or(NAN);
       double torque = stiffness_[i] * (target_[i] - position) - damping_[i] * velocity;
       if (!std::isfinite(torque)) {
         torque = 0.0;
         result = controller_interface::return_type::ERROR;
       }
-      command_interfaces_[i].set_value(std::clamp(torque, -limit_[i], limit_[i]));
+      if (!command_interfaces_[i].set_value(std::clamp(torque, -limit_[i], limit_[i]))) {
+        result = controller_interface::return_type::ERROR;
+      }
     }
     return result;
   }

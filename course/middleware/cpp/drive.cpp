@@ -54,8 +54,14 @@ int main(int count, char** words) {
     for (double& value : commands) write.emplace_back(&value);
     controller.assign(read, write);
     using controller_interface::CallbackReturn;
-    if (controller.on_configure() != CallbackReturn::SUCCESS) return 3;
-    if (controller.on_activate() != CallbackReturn::SUCCESS) return 4;
+    if (controller.on_configure() != CallbackReturn::SUCCESS) {
+      std::cerr << "on_configure failed: no joint, or lists of different lengths\n";
+      return 3;
+    }
+    if (controller.on_activate() != CallbackReturn::SUCCESS) {
+      std::cerr << "on_activate failed: interfaces that do not fit the joints\n";
+      return 4;
+    }
     for (std::size_t row = 0; row < rows; ++row) {
       for (double& value : states) value = number();
       const long before = allocations;

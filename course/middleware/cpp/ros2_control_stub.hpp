@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,8 +20,18 @@ namespace hardware_interface {
 class Handle {  // of one number that the hardware wrote, or reads
 public:
   explicit Handle(double* value) : value_(value) {}
-  double get_value() const { return *value_; }
-  void set_value(double value) { *value_ = value; }
+  // Without a value where another thread writes at this moment. The older get_value(), which
+  // returned a double, is deprecated in Jazzy and gone in Kilted.
+  std::optional<double> get_optional() const {
+    if (busy) return std::nullopt;
+    return *value_;
+  }
+  [[nodiscard]] bool set_value(double value) {
+    if (busy) return false;
+    *value_ = value;
+    return true;
+  }
+  bool busy = false;  // of this stub: as while another thread holds the lock
 private:
   double* value_;
 };

@@ -127,6 +127,17 @@ def recompiled(
     return spec.compile()
 
 
+def different(model: Any, truth: Any) -> set[str]:
+    """Return the names of all arrays in which two models of the same structure differ."""
+    have, want = arrays(model), arrays(truth)
+    return {
+        name
+        for name in have
+        if have[name].dtype.kind in "fiub"
+        and not np.allclose(have[name], want[name], rtol=1e-9, atol=1e-12)
+    }
+
+
 def worst_constant(model: Any, truth: Any) -> tuple[float, str]:
     """Return how far the derived constants of a model are from those of another.
 

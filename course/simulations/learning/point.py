@@ -1,7 +1,7 @@
-"""PPO learns to push a point to a disc while one watches, an iteration a picture.
+"""PPO learns to push a point to a disc while you watch, one iteration per frame.
 
-All iterations are computed at a change, about a second, and then shown. Every policy is judged on
-the same starts: the most likely actions, one episode each.
+A change of a control computes all iterations, which takes about a second, and then plays them.
+Every policy is tested on the same starts: its mean actions, one episode each.
 """
 
 from functools import lru_cache
@@ -31,27 +31,27 @@ LEFT_OUT: tuple[dict[str, Any], ...] = (
     {"discount": 0.9},
     {"scale_rewards": False},
 )
-# What is told of each iteration: share of successes and its band, the same read from the first
-# episodes to finish, mean return, share of the most that the prize can be worth, divergence of the
-# policy from the one before and its standard deviation.
+# What is reported of each iteration: success rate and its interval, the same rate estimated from
+# the first episodes to finish, mean return, share of the largest possible prize, divergence from
+# the previous policy, and standard deviation of the actions.
 SUCCESS, LOW, HIGH, READ, RETURN, SHARE, MOVED, SPREAD = range(8)
 
 CONTROLS = Record(
-    rate=slider("Step size, 1e-3", 5.0, 0.5, 20.0, 0.5, "", 1),
-    epochs=slider("Epochs", 10, 1, 15, 1),
-    seed=slider("Seed", 0, 0, 9, 1),
+    rate=slider("Step size [1e-3]", 5.0, 0.5, 20.0, 0.5, "", 1),
+    epochs=slider("Epochs per batch", 10, 1, 15, 1),
+    seed=slider("Random seed", 0, 0, 9, 1),
     reward=menu(
         "Reward",
         (
-            "for the disc alone",
+            "only for reaching the disc",
             "minus the distance",
-            "potential of distance",
-            "a bonus for being near",
+            "difference of a potential",
+            "a bonus for each step nearby",
         ),
         POTENTIAL,
     ),
-    left_out=menu("Broken", ("nothing", "lambda 0", "discount 0.9", "no reward scaling")),
-    first=switch("Count the first to finish too", False),
+    left_out=menu("What is broken", ("nothing", "lambda 0", "discount 0.9", "no reward scaling")),
+    first=switch("Also count the first to finish", False),
 )
 STATE = Record(
     report=Field(0.0, shape=(ITERATIONS, 8)),
@@ -82,11 +82,7 @@ def judged(policy, envs):
 
 @lru_cache(maxsize=128)
 def learned(rate, epochs, seed, reward, left_out, first):
-    """Return the results of all training iterations.
-
-    They are the figures of `told`, the best return, and the paths, steps and successes of the
-    iterations that are shown.
-    """
+    """Return the reports of all iterations, the best return, and the paths that are shown."""
     settings = Settings(
         horizon=HORIZON,
         minibatches=PARTS,
@@ -167,21 +163,20 @@ TITLE = "A point learns to reach a disc"
 word, colour = draw.words_table(), draw.colours_table()
 _SAND = colour("#f7f5ef")[0]
 _WAYS, _ITERATION, _PERCENT_OF, _RETURN, _OPTIMUM, _TRUE, _FIRST = word(
-    "common starts, seen from the goal",
+    "test runs, seen from the goal",
     "iteration",
-    "successes [%]",
+    "success rate [%]",
     "return",
     "exact optimum",
-    "one episode each",
+    "one episode per start",
     "first to finish",
 )
-_STEPS, _GOOD, _READ, _WORTH, _BEST, _OF, _KL, _STD = word(
-    "steps so far",
+_STEPS, _GOOD, _READ, _WORTH, _BEST, _KL, _STD = word(
+    "environment steps",
     "success",
     "first to finish",
     "return",
     "optimum",
-    "of the prize",
     "divergence",
     "action spread",
 )
@@ -193,7 +188,7 @@ _UPPER, _LOWER = (5.35, 8.85, 3.05, 4.6), (5.35, 8.85, 0.55, 2.1)
 
 
 def frame(pen, state, controls):
-    """Draw ways of this iteration's policy; success and return of all iterations up to it."""
+    """Draw the paths of this iteration's policy, and the curves of all iterations up to it."""
     report, now = state["report"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
     # The paths are drawn within 5/7 of a picture's time, and stand for the rest.
     phase = min(1.4 * max(state["time"] / PICTURE - now, 0.0), 1.0)
@@ -253,91 +248,89 @@ def frame(pen, state, controls):
     )
     draw.reading(pen, _WORTH, report[now, RETURN], 2)
     draw.reading(pen, _BEST, state["best"], 2, 0, _NONE if controls["reward"] == DISTANCE else 0)
-    draw.reading(pen, _OF, 100.0 * report[now, SHARE], 0, _PERCENT)
     draw.reading(pen, _KL, report[now, MOVED], 3)
     draw.reading(pen, _STD, report[now, SPREAD], 2)
 
 
 def drag(controls, state, x, y):
-    """Handle a drag: the pointer chooses the iteration, along either chart.
+    """Handle a drag: the pointer selects the iteration on either chart.
 
-    Its ways are shown to their ends.
+    Its paths are shown to their ends.
     """
     now = (x - _UPPER[0]) / (_UPPER[1] - _UPPER[0]) * ITERATIONS - 1.0
     state["time"] = (min(max(round(now), 0.0), ITERATIONS - 1.0) + 0.9) * PICTURE
 
 
-# What these texts say of a preset holds for the median of ten seeds: tests/learning/presets.py.
+# The presets' texts are about the median of ten seeds: tests/learning/presets.py.
 PRESETS = {
     "Potential": Preset(
         {},
-        "Paid for each step that comes nearer, by a potential that leaves the best policy as it "
-        "is. The first policy pushes at random. After fifty thousand steps more than nine "
-        "starts in ten arrive, in the median of ten seeds; some seeds need longer. Drag along a "
-        "chart to see an iteration again.",
-        "Paid for each step that comes nearer, by a potential that leaves the best policy "
-        "unchanged. The first policy pushes at random. After fifty thousand steps more than nine "
-        "starts in ten arrive, in the median of ten seeds; some seeds need longer.",
+        "Every step that comes closer is paid, by a potential that does not change which policy is "
+        "best. The first policy pushes at random. After about fifty thousand environment steps "
+        "more than nine starts in ten arrive, in the median of ten seeds; some seeds need longer. "
+        "Select a point of either chart to see that iteration.",
+        "Every step that comes closer is paid, by a potential that does not change which policy is "
+        "best. The first policy pushes at random. After about fifty thousand environment steps "
+        "more than nine starts in ten arrive, in the median of ten seeds; some seeds need longer.",
     ),
-    "The disc alone": Preset(
+    "Only the disc": Preset(
         {"reward": SPARSE},
-        "A prize and nothing else. Random pushes find the disc a few times in a hundred "
-        "episodes, so there is next to nothing to learn from: after as many steps no seed "
-        "brings a third of the starts to the disc.",
+        "A prize for arriving, and nothing else. Random pushes find the disc in a few of a hundred "
+        "episodes, so there is hardly anything to learn from. After the same number of steps no "
+        "seed brings a third of the starts to the disc.",
     ),
     "Minus the distance": Preset(
         {"reward": DISTANCE},
-        "Each step costs the distance, in an episode far more than the prize of 1, so that "
-        "arriving hardly counts. By the time that the potential of the same distance has "
-        "brought nine starts in ten to the disc, this reward has brought about one in ten, in "
-        "the median of ten seeds.",
+        "Each step costs the distance. Over an episode that is far more than the prize of 1, so "
+        "arriving hardly counts. When the potential has brought nine starts in ten to the disc, "
+        "this reward has brought about one in ten, in the median of ten seeds.",
     ),
     "Lambda 0": Preset(
         {"left_out": 1},
-        "An action is judged by the next reward and by the critic's value one step later, and "
-        "the critic knows nothing yet. None of ten seeds learns anything. A larger lambda "
-        "counts rewards further ahead.",
+        "The advantage of an action is computed from the next reward and the critic's value one "
+        "step later, and the critic knows nothing yet. None of ten seeds learns anything. A larger "
+        "lambda also counts rewards further ahead.",
     ),
     "One epoch": Preset(
         {"epochs": 1},
-        "Each batch is used once and thrown away. An iteration moves the policy by about a "
-        "quarter of the divergence that ten epochs give, and none of ten seeds brings half of "
-        "the starts to the disc.",
+        "Each batch is used once and thrown away. An iteration then moves the policy by about a "
+        "quarter of the divergence of ten epochs, and none of ten seeds brings half of the starts "
+        "to the disc.",
     ),
     "Discount 0.9": Preset(
         {"left_out": 2},
-        "It looks about ten steps ahead, and reaching the disc takes twenty or more. In the "
-        "median of ten seeds it learns sooner: after a third of the iterations most starts "
-        "arrive, with a discount of 0.99 about one in ten. At the end about one start in ten "
-        "still fails.",
+        "This discount counts about ten steps ahead, and reaching the disc takes twenty or more. "
+        "In the median of ten seeds it learns faster at first: after a third of the iterations "
+        "most starts arrive, against one in ten with a discount of 0.99. At the end about one "
+        "start in ten still fails.",
     ),
     "No reward scaling": Preset(
         {"left_out": 3},
-        "The potential changes by a few hundredths in a step. From rewards so small most of ten "
-        "seeds learn nothing, and one or two learn the whole task (try seed 1). A single seed "
-        "says little about a method.",
-        "The potential changes by a few hundredths in a step. From rewards so small most of ten "
-        "seeds learn nothing, and one or two learn the whole task. A single seed says little "
-        "about a method.",
+        "The potential changes by a few hundredths per step. From such small rewards most of ten "
+        "seeds learn nothing, and one or two learn the whole task (try seed 1). A single seed says "
+        "little about a method.",
+        "The potential changes by a few hundredths per step. From such small rewards most of ten "
+        "seeds learn nothing, and one or two learn the whole task. A single seed says little about "
+        "a method.",
     ),
     "Hovering": Preset(
         {"reward": HOVER},
-        "A bonus of 0.02 for every step inside the circle is worth more than the prize, which "
-        "ends the episode. The return rises in every seed as it should, and most starts never "
-        "reach the disc: the reward is wrong, not the learner.",
+        "Every step inside the circle pays a bonus of 0.02, which is worth more in the long run "
+        "than the prize that ends the episode. The return rises in every seed as it should, and "
+        "most starts never reach the disc. The reward is wrong, not the learner.",
     ),
     "First to finish": Preset(
         {"first": True, "seed": 2},
-        "Of 64 environments that restart by themselves, the first 64 episodes to finish are "
-        "mostly successes, because a failure takes a hundred steps. The orange curve counts "
-        "those, the blue curve counts one episode of each start, for the same policies. In most "
-        "seeds the orange one is at times a tenth too high.",
+        "64 environments restart by themselves. The first 64 episodes to finish are mostly "
+        "successes, because a failure takes a hundred steps. The orange curve counts these "
+        "episodes, the blue curve one episode of each start, for the same policies. In most seeds "
+        "the orange curve is at times a tenth too high.",
     ),
 }
 
 # What each number below the picture means.
 READOUTS = {
-    "steps so far": "Environment steps used for training so far.",
+    "environment steps": "Environment steps used for training so far.",
     "success": "Evaluation episodes that reach the disc, with a 95 % confidence interval.",
     "first to finish": (
         "Success rate counted over the first 64 episodes to finish. It is biased: failures take "
@@ -345,7 +338,6 @@ READOUTS = {
     ),
     "return": "Mean return of the evaluation episodes.",
     "optimum": "Return of the best possible policy for this reward.",
-    "of the prize": "Mean discounted prize earned, as a fraction of the most that can be earned.",
     "divergence": "Mean KL divergence between the policy before and after this iteration.",
     "action spread": "Standard deviation of the policy's actions: how much it explores.",
 }

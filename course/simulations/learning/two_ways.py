@@ -1,7 +1,8 @@
-"""A hundred runs of a cloned policy that has to pass a disc, left or right as it was shown.
+"""A hundred runs of a cloned policy that has to pass a disc, left or right as demonstrated.
 
-The policies are those on record (`course.learning.recorded`): chunks of eight steps, cloned from
-a hundred demonstrations of which about half pass either side. The runs are made at a change.
+The policies are the stored ones (`course.learning.recorded`): chunks of eight steps, cloned from
+a hundred demonstrations of which about half pass on either side. A change of a control computes new
+runs.
 """
 
 from dataclasses import replace
@@ -23,9 +24,9 @@ TASK = TwoWays()
 _LENGTH, _REACH, _CENTRE, _RADIUS = TASK.steps, TASK.reach, TASK.centre, TASK.radius
 CONTROLS = Record(
     head=menu("Policy", tuple(HEADS)),
-    executed=slider("Steps executed of 8", 8, 1, CHUNK, 1),
-    noise=slider("Noise", 0.0, 0.0, 0.1, 0.01, "m"),
-    sampled=slider("Steps of the sampler", 10, 1, 20, 1),
+    executed=slider("Executed steps of each chunk of 8", 8, 1, CHUNK, 1),
+    noise=slider("Disturbance per step", 0.0, 0.0, 0.1, 0.01, "m"),
+    sampled=slider("Sampler steps", 10, 1, 20, 1),
 )
 STATE = Record(
     shown=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"),
@@ -44,7 +45,7 @@ def policy(head):
 
 @lru_cache(maxsize=64)
 def driven(head, executed, noise, sampled):
-    """Return ways (RUNS, steps + 1, 2), which side each passed, and the band of the successes."""
+    """Return paths (RUNS, steps + 1, 2), the side each passed, and the interval of successes."""
     task, rng = TwoWays(noise=noise), np.random.default_rng(SEED + 5)
     with one_thread():
         made = policy(head)
@@ -57,7 +58,7 @@ def driven(head, executed, noise, sampled):
 
 @lru_cache(maxsize=1)
 def demonstrated():
-    """Return what was cloned, (RUNS, steps + 1, 2)."""
+    """Return the demonstrations, (RUNS, steps + 1, 2)."""
     return TASK.demonstrate(DEMONSTRATIONS, SEED).states
 
 
@@ -81,7 +82,7 @@ def advance(state, controls, seconds):
     state["time"] = (state["time"] + seconds) % (_LENGTH * PICTURE + PAUSE)
 
 
-TITLE = "Two ways round a disc"
+TITLE = "Two routes around a disc"
 word, colour = draw.words_table(), draw.colours_table()
 _SAND = colour("#f7f5ef")[0]
 _DONE, _SHOWN, _GOOD, _LEFT, _RIGHT, _HIT, _EXECUTED, _BAND, _TO, _CLOSE = word(
@@ -90,8 +91,8 @@ _DONE, _SHOWN, _GOOD, _LEFT, _RIGHT, _HIT, _EXECUTED, _BAND, _TO, _CLOSE = word(
     "success",
     "pass left",
     "pass right",
-    "hit or elsewhere",
-    "plans in a run",
+    "collide or miss the goal",
+    "chunks in a run",
     " % (",
     "-",
     ")",
@@ -128,29 +129,48 @@ def frame(pen, state, controls):
 
 
 PRESETS = {
-    "The mean": Preset({}, "Half pass left, half right: what is nearest to both is straight "
-        "ahead. The disc is hit though no demonstration did."),
-    "A mixture": Preset({"head": "mixture"}, "Several normal distributions, one drawn: both "
-        "ways, and nothing between."),
-    "A flow": Preset({"head": "flow"}, "Noise is carried to an action in ten steps of Euler. "
-        "With one step it is the mean again."),
-    "A flow in one step": Preset({"head": "flow", "sampled": 1}, "A single step goes to the mean "
-        "of the actions, whatever the noise: most hit the disc. With two steps more "
-        "than half pass."),
-    "Diffusion": Preset({"head": "diffusion"}, "Noise is taken away bit by bit; ten steps do."),
-    "Noise, eight blind steps": Preset({"head": "flow", "noise": 0.05}, "Each step is "
-        "disturbed, and eight are made before it looks again. Look after every second.",
-        "Each step is disturbed, and eight steps are made before the policy observes again, so "
-        "the errors of eight steps add up uncorrected."),
-}  # fmt: skip
+    "The mean": Preset(
+        {},
+        "Trained with the squared error. Half of the demonstrations pass left, half right, and "
+        "the prediction closest to both goes straight ahead: nearly all runs hit the disc, though "
+        "no demonstration did.",
+    ),
+    "A mixture": Preset(
+        {"head": "mixture"},
+        "Several normal distributions, of which one is selected at random for each chunk: runs on "
+        "both sides, and almost none between them.",
+    ),
+    "A flow": Preset(
+        {"head": "flow"},
+        "Ten Euler steps carry random noise to a chunk of actions. Reduce the sampler steps and "
+        "watch the two routes merge.",
+        "Ten Euler steps carry random noise to a chunk of actions. Most runs pass, on both sides.",
+    ),
+    "A flow in one step": Preset(
+        {"head": "flow", "sampled": 1},
+        "A single Euler step ends near the mean of the demonstrations, so most runs hit the disc. "
+        "With two steps more than half pass.",
+    ),
+    "Diffusion": Preset(
+        {"head": "diffusion"},
+        "Noise is removed in ten steps. Most runs pass, and a few end up between the two routes.",
+    ),
+    "Disturbed, eight executed": Preset(
+        {"head": "flow", "noise": 0.05},
+        "Every step is disturbed, and eight actions are executed before the next observation. "
+        "Execute two instead.",
+        "Every step is disturbed, and eight actions are executed before the next observation, so "
+        "the disturbances of eight steps add up uncorrected.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {
     "success": "Runs that pass the disc on either side, with a 95 % confidence interval.",
     "pass left": "Runs that pass the disc on the left.",
     "pass right": "Runs that pass the disc on the right.",
-    "hit or elsewhere": "Runs that hit the disc or end somewhere else.",
-    "plans in a run": (
+    "collide or miss the goal": "Runs that hit the disc or end somewhere else.",
+    "chunks in a run": (
         "How often the policy observes and predicts a new chunk of actions during a run."
     ),
 }

@@ -1,4 +1,4 @@
-"""Backpropagation: one unit, one sample, then batches, several outputs, units that saturate."""
+"""Backpropagation: one unit and one sample, then batches, several outputs and saturated units."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return nets and batches of every size."""
+    """Return networks and batches of different sizes."""
 
     def net(
         label: str,
@@ -67,13 +67,14 @@ SLIPS = slips(
     derivative_at_the_output=(
         _SLOPE,
         "(1.0 - np.tanh(hidden) ** 2)",
-        "The derivative of tanh is taken at its output. It belongs where tanh was evaluated: "
-        "1 - tanh(z)^2, which is 1 less the square of the hidden value itself.",
+        "The derivative of tanh is evaluated at its output. Evaluate it at its input z: it is 1 - "
+        "tanh(z)^2, which is 1 minus the square of the hidden value.",
     ),
     bias_divided_twice=(
         _RETURN,
         _RETURN.replace("sum", "mean"),
-        "The biases are divided by the batch twice: the errors hold 1 / n already, so sum them.",
+        "The bias gradients are divided by the batch size twice. The errors already contain 1 / "
+        "n, so sum them.",
     ),
     batch_mean_forgotten=(
         _ERROR,
@@ -83,27 +84,29 @@ SLIPS = slips(
     mean_over_outputs_too=(
         _ERROR,
         "error = (output - desired) / output.size",
-        "The mean is taken over the outputs too. The loss sums them: a squared length.",
+        "The mean is taken over the outputs as well. The loss sums over the outputs, because it "
+        "is a squared length.",
     ),
     half_forgotten=(
         _ERROR,
         _ERROR.replace("(output", "2.0 * (output"),
-        "Twice too large: the loss has a half in it.",
+        "The gradients are twice too large: the loss contains a factor of one half.",
     ),
     sign_of_the_error=(
         _ERROR,
         "error = (desired - output) / inputs.shape[1]",
-        "The sign is turned: this is the way down, the gradient points up.",
+        "The sign is wrong: this is the direction of descent. The gradient points towards a "
+        "larger loss.",
     ),
     no_derivative=(
         f" * {_SLOPE}",
         "",
-        "The error comes through tanh as if that were a straight line: its derivative is missing.",
+        "The error passes through tanh unchanged. Multiply it by the derivative of tanh.",
     ),
     derivative_of_a_sigmoid=(
         _SLOPE,
         "hidden * (1.0 - hidden)",
-        "h (1 - h) is the derivative of the logistic function. That of tanh is 1 - h^2.",
+        "h (1 - h) is the derivative of the logistic function. The derivative of tanh is 1 - h^2.",
     ),
 )
 
@@ -112,6 +115,6 @@ EXERCISE = Exercise(
     examples=("backprop([[1.0, 2.0]], [[0.0, 1.0]], [[0.5]], [0.0], [[1.0]], [0.0])",),
     picture=components,
     slips=SLIPS
-    + coarse_slips("backprop", "A comparison with differences then says little.")
+    + coarse_slips("backprop", "A comparison with finite differences then says little.")
     + value_slips("backprop"),
 )

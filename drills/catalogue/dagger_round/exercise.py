@@ -1,4 +1,4 @@
-"""A round of DAgger: one state, several, data that leave K open, an expert that saturates."""
+"""A round of DAgger: one state, several, data that do not determine K, an expert that saturates."""
 
 from typing import Any
 
@@ -75,39 +75,43 @@ SLIPS = slips(
     learners_labels=(
         "labelled, expert(x)",
         "labelled, K @ x",
-        "The new labels are the learner's own actions: it is told to do what it does. Ask the "
-        "expert what to do in the states that the learner has come to.",
+        "The new labels are the learner's own actions, so it learns to do what it does already. "
+        "Ask the expert what to do in the states that the learner visited.",
     ),
     data_replaced=(
         _RETURN,
         f"visited, labelled = visited[:, {_OLD}:], labelled[:, {_OLD}:]\n    {_RETURN}",
-        "The old data are gone. DAgger aggregates: a fit to the last round alone forgets.",
+        "The old data are missing. DAgger aggregates: a fit to the last round alone forgets what "
+        "was learned before.",
     ),
     fitted_to_the_new_alone=(
         _RETURN,
         f"return visited, labelled, fit(visited[:, {_OLD}:], labelled[:, {_OLD}:])",
-        "The fit uses the new data alone. DAgger fits to all: else what was learnt is forgotten.",
+        "The fit uses only the new data. DAgger fits to all data, or it forgets what was learned "
+        "before.",
     ),
     expert_drives=(
         _MOVE,
         _MOVE.replace("(K @ x)", "expert(x)"),
-        "The expert drives: these are states to which it goes, and of them there are data already. "
-        "The learner has to drive.",
+        "The expert drives, so the new states are of the kind that the data contain already. The "
+        "learner has to drive.",
     ),
     states_one_late=(
         _STORE + _MOVE,
         _MOVE + _STORE,
-        "Each state is kept after the action: the start is missing, and one more is in.",
+        "Each state is stored after the action, so the start is missing and there is one state "
+        "too many at the end.",
     ),
     not_fitted_again=(
         _RETURN,
         "return visited, labelled, K",
-        "The data are right, and K is still that of the old ones: fit again.",
+        "The data are right, but K still belongs to the old data: fit again.",
     ),
     fitted_after_each_step=(
         _MOVE,
         _MOVE + "        K = fit(visited, labelled)\n",
-        "The learner is fitted again within the round. It drives as it was until the round ends.",
+        "The learner is fitted again within the round. It drives unchanged until the round is "
+        "over.",
     ),
     both_drive=(
         _MOVE,
@@ -123,6 +127,8 @@ EXERCISE = Exercise(
     ),
     picture=labelled,
     slips=SLIPS
-    + coarse_slips("dagger_round", "A law on the edge of stability then falls over it.")
+    + coarse_slips(
+        "dagger_round", "A control law close to the stability limit can then become unstable."
+    )
     + value_slips("dagger_round", whole=False),
 )

@@ -1,4 +1,4 @@
-"""Chunks executed: one action each, one chunk, then seams, and ensembles of every rate."""
+"""Executed chunks: one action, one chunk, then seams, and ensembles with different rates."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return proposals that differ from step to step, so that each action says where it is from."""
+    """Return predictions that all differ, so that an executed action shows where it comes from."""
 
     def run(
         label: str,
@@ -59,19 +59,20 @@ SLIPS = slips(
     replans_every_step=(
         _PLANS,
         "plans[:, 0]",
-        "The committed actions come from a new chunk at each step: nothing is committed to.",
+        "The committed actions come from a new chunk at every step, so nothing is committed to.",
     ),
     weights_reversed=(
         _WEIGHTS,
         f"{_WEIGHTS}[::-1]",
-        "The weights are reversed: the oldest proposal has i = 0, and weighs most.",
+        "The weights are reversed: the oldest prediction has i = 0 and the largest weight.",
     ),
     seam_off_by_one=(
         _BEGAN,
         "began = np.maximum(steps - 1, 0) // every * every",
         _PLANS,
         "plans[began, np.minimum(steps - began, H - 1)]",
-        "Each chunk is followed one step too long: at a seam the new one's first action is due.",
+        "Each chunk is executed one step too long: at the seam the first action of the new chunk "
+        "is due.",
     ),
     first_action_skipped=(
         _PLANS,
@@ -81,12 +82,12 @@ SLIPS = slips(
     whole_chunks=(
         _BEGAN,
         "began = steps // H * H",
-        "Chunks are carried out to their end. A new one is due every `every` steps.",
+        "Chunks are executed to their end. A new one is due every `every` steps.",
     ),
     no_weights=(
         _WEIGHTS,
         "np.ones(made.size)",
-        "All proposals weigh alike: the rate does nothing.",
+        "All predictions have the same weight, so the rate has no effect.",
     ),
     weights_not_normalised=(
         " / weights.sum()",
@@ -96,13 +97,14 @@ SLIPS = slips(
     first_actions_averaged=(
         "plans[made, t - made]",
         "plans[made, 0]",
-        "First actions of several chunks are averaged: each of them is for another step. The chunk "
-        "of step s proposes its action t - s for step t.",
+        "First actions of several chunks are averaged, but each of them is for a different step. "
+        "The chunk predicted at step s has its action t - s for step t.",
     ),
     oldest_left_out=(
         _ASKED,
         _ASKED.replace("t - H + 1)", "min(t, t - H + 2))"),
-        "The oldest chunk that reaches the step is left out: that of step t - H + 1 does.",
+        "The oldest chunk that contains an action for this step is missing: the one predicted at "
+        "step t - H + 1.",
     ),
 )
 
@@ -111,6 +113,6 @@ EXERCISE = Exercise(
     examples=("execute_chunks([[[0.0], [1.0]], [[2.0], [4.0]], [[5.0], [6.0]]], 2, 0.7)",),
     picture=actions,
     slips=SLIPS
-    + coarse_slips("execute_chunks", "A command of an arm then jumps.")
+    + coarse_slips("execute_chunks", "The command of an arm then jumps.")
     + value_slips("execute_chunks", swapped=True),
 )

@@ -1,4 +1,4 @@
-"""Samples from a flow: winds, then the exact fields of mixtures, whose time and place matter."""
+"""Samples from a flow: uniform velocities, then exact fields of mixtures."""
 
 from collections.abc import Callable
 from typing import Any
@@ -79,44 +79,52 @@ SLIPS = slips(
         "t = 1.0 - k * h",
         "t + h)",
         "t - h)",
-        "Time runs backwards: the noise is at 0 and the samples are at 1. Diffusion models count "
-        "the other way.",
+        "Time runs backwards: here the noise is at time 0 and the samples are at time 1. Many "
+        "diffusion models count the other way round.",
     ),
     one_step_too_few=(
         "range(steps)",
         "range(steps - 1)",
-        "One step too few: the samples stop before time 1.",
+        "One step is missing, so the samples stop before time 1.",
     ),
     noise_at_the_end=(
         "return x",
         "return x + h * np.random.default_rng(0).normal(size=x.shape)",
-        "Noise is added at the end. A flow draws once, at the start; then nothing is random.",
+        "Noise is added at the end. A flow samples noise only once, at the start; after that "
+        "nothing is random.",
     ),
     time_of_the_wrong_end=(
         "slope = field(x, t)",
         "slope = field(x, t + h)",
-        "The first slope is taken at the time of the step's end: it belongs to its beginning.",
+        "The first velocity is evaluated at the time of the step's end. It belongs to the "
+        "beginning of the step.",
     ),
     second_slope_too_early=(
         "slope, t + h)",
         "slope, t)",
-        "The second slope is taken at the time where the step began. It belongs to its end.",
+        "The second velocity is evaluated at the time where the step began. It belongs to the end "
+        "of the step.",
     ),
-    euler=(_MOVE, "x + h * slope", "These are Euler's steps: the second slope is missing."),
+    euler=(
+        _MOVE,
+        "x + h * slope",
+        "These are Euler steps: the second velocity is missing.",
+    ),
     both_slopes_at_one_place=(
         "field(x + h * slope, t + h)",
         "field(x, t + h)",
-        "The second slope is taken where the step began, at x. It belongs where the first leads.",
+        "The second velocity is evaluated at x, where the step began. Evaluate it where the first "
+        "one leads.",
     ),
     midpoint=(
         _MOVE,
         "x + h * field(x + 0.5 * h * slope, t + 0.5 * h)",
-        "This is the midpoint rule: of second order too, but another method.",
+        "This is the midpoint method: it is of second order too, but it is not Heun's.",
     ),
     sum_for_mean=(
         "0.5 * h *",
         "h *",
-        "The slopes are summed: take their mean, or each step goes twice as far.",
+        "The velocities are added up. Use their mean, or each step goes twice as far.",
     ),
 )
 
@@ -128,6 +136,6 @@ EXERCISE = Exercise(
     ),
     picture=ends,
     slips=SLIPS
-    + coarse_slips("flow_sample", "The order of the method can't be seen then.")
+    + coarse_slips("flow_sample", "The order of the method is then invisible.")
     + value_slips("flow_sample", in_part=False, whole=False),
 )

@@ -6,5 +6,5 @@ def flow_sample(field, noise, steps):
 
     From noise at time 0 to actions at time 1, by Heun's method.
     """
-    # One large step.
+    # A single Euler step.
     return np.asarray(noise, dtype=float) + field(noise, 0.0)

@@ -1,4 +1,4 @@
-"""Advantages: one step, one episode, then ends and time limits in several environments."""
+"""Advantages: one step and one episode, then ends and time limits in several environments."""
 
 from typing import Any
 
@@ -73,44 +73,47 @@ SLIPS = slips(
     time_limit_taken_for_an_end=(
         _AHEAD,
         "np.where(ended | cut, 0.0, ahead)",
-        "A time limit is taken for an end: the state that was reached keeps its value. The critic "
-        "otherwise learns that time runs out in states from which it can't see the clock.",
+        "A time limit is treated as a termination, but the state that was reached keeps its "
+        "value. Otherwise the critic learns that time is running out in states that do not show "
+        "the time.",
     ),
     time_limit_ignored=(
         _STOP,
         "stop, trace, advantage = ended",
-        "The trace runs on across a time limit: the advantages of another episode come in.",
+        "The sum continues across a time limit, so advantages of another episode enter.",
     ),
     next_episodes_value=(
         _AHEAD,
         "np.where(ended, 0.0, np.vstack((v[1:], ahead[-1:])))",
-        "The next row's value is taken for that of the state ahead. After a time limit the next "
-        "row begins another episode: `following` says where the step led.",
+        "The value of the next row is used for the state after the step. After a time limit the "
+        "next row begins another episode; `following` has the value of the state that was reached.",
     ),
     value_behind_an_end=(
         _AHEAD,
         "ahead",
-        "A terminal state's value is counted: nothing comes after an end.",
+        "The value after a termination is counted, but nothing comes after a termination.",
     ),
     ends_ignored=(
         _STOP,
         "stop, trace, advantage = ended & cut",
-        "The trace never stops: each episode is paid for all that come after it.",
+        "The sum never stops, so each episode is credited with all later episodes.",
     ),
     lambda_left_out=(
         _TRACE,
         "gamma * trace",
-        "Lambda is left out: this is the estimate for lambda 1.",
+        "Lambda is missing: this is the estimate for lambda = 1.",
     ),
     discount_left_out_of_the_trace=(
         _TRACE,
         "lam * trace",
-        "The trace is not discounted: an error l steps ahead weighs (gamma lambda)^l.",
+        "The later errors are not discounted: an error l steps ahead has the weight (gamma "
+        "lambda)^l.",
     ),
     targets_without_the_value=(
         _RETURN,
         "return advantage, advantage",
-        "The targets are advantages. The critic should learn values: add its own to them.",
+        "The targets are the advantages. The critic learns values, so add its own value to each "
+        "advantage.",
     ),
 )
 

@@ -1,4 +1,4 @@
-"""PPO's objective: each of the six cases by itself, then batches, first passes and far ratios."""
+"""PPO's objective: each of the six cases alone, then batches, first passes and extreme ratios."""
 
 from typing import Any
 
@@ -69,62 +69,68 @@ SLIPS = slips(
         _MEAN.replace("minimum", "maximum"),
         "plain <= c",
         "plain >= c",
-        "The larger term counts. It has to be the smaller: the objective is a bound from below.",
+        "The larger term is selected. PPO selects the smaller one, so that the objective is a "
+        "lower bound.",
     ),
     clip_on_one_side=(
         _CLIPPED,
         "np.clip(ratio, None, 1.0 + clip) * A",
-        "The ratio is clipped from above only. With A < 0 it is the low side that has to stop.",
+        "The ratio is clipped from above only. For a negative advantage it has to be clipped from "
+        "below.",
     ),
     ratio_inverted=(
         _RATIO,
         "np.exp(np.asarray(old, dtype=float) - np.asarray(new, dtype=float))",
-        "The ratio is inverted: it is new over old, exp(new - old).",
+        "The ratio is inverted: it is the new probability over the old one, exp(new - old).",
     ),
     sum_for_mean=(
         _MEAN,
         _MEAN.replace("np.mean", "np.sum"),
         " / A.size",
         "",
-        "This is the sum. A mean leaves the step alone when the batch grows.",
+        "This is the sum over the batch. The objective is the mean, so that a larger batch does "
+        "not enlarge the step.",
     ),
     gradient_gone_outside=(
         "plain <= clipped",
         "np.abs(ratio - 1.0) <= clip",
-        "The gradient is gone wherever the ratio is outside. Where it has gone the wrong way the "
-        "unclipped term is the smaller one, and its gradient pulls it back.",
+        "The gradient is zero wherever the ratio is outside the range. Where the ratio moved in "
+        "the wrong direction, the unclipped term is the smaller one, and its gradient pulls it "
+        "back.",
     ),
     gradient_of_the_unclipped=(
         _GRADIENT,
         "plain / A.size",
-        "The gradient is that of the unclipped term everywhere: nothing stops.",
+        "The gradient is that of the unclipped term everywhere, so nothing is ever clipped.",
     ),
     gradient_by_the_ratio=(
         _GRADIENT,
         _GRADIENT.replace(" plain,", " A,"),
-        "This is the gradient by the ratio. By the log-probability it has the ratio as a factor.",
+        "This is the derivative with respect to the ratio. With respect to the log-probability it "
+        "has the ratio as a factor.",
     ),
     equal_terms_left_out=(
         "plain <= clipped",
         "plain < clipped",
-        "Near 1 both terms are equal, and the gradient is not 0 there.",
+        "Near 1 both terms are equal, and there the gradient is not zero.",
     ),
     logs_for_ratio=(
         _RATIO,
         "1.0 + (np.asarray(new, dtype=float) - np.asarray(old, dtype=float))",
-        "1 + new - old is the ratio to first order only: take the exponential.",
+        "1 + new - old is only a first-order approximation of the ratio. Use the exponential.",
     ),
     loss_for_objective=(
         _MEAN,
         f"-{_MEAN}",
         _GRADIENT,
         f"-{_GRADIENT}",
-        "This is the loss. The objective is asked for, which is to be raised.",
+        "This is the loss, which is to be minimised. Return the objective, which is to be "
+        "maximised.",
     ),
     product_clipped=(
         _CLIPPED,
         "np.clip(ratio * A, 1.0 - clip, 1.0 + clip)",
-        "The product is clipped. Clip the ratio, then multiply by the advantage.",
+        "The product is clipped. Clip the ratio first, then multiply it by the advantage.",
     ),
 )
 
@@ -133,6 +139,8 @@ EXERCISE = Exercise(
     examples=("ppo_objective([-1.0, -0.5], [-1.2, -1.0], [1.0, 2.0], 0.2)",),
     picture=gradients,
     slips=SLIPS
-    + coarse_slips("ppo_objective", "A first step's gradient is a small number.")
+    + coarse_slips(
+        "ppo_objective", "The gradient of one action in a large batch is a small number."
+    )
     + value_slips("ppo_objective"),
 )

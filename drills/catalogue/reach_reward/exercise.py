@@ -1,4 +1,4 @@
-"""Rewards of a run: on the way, at the disc, then logs that stay inside, leave and come back."""
+"""Rewards of a run: before the disc, at the disc, then logs that stay inside, leave and return."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return paths whose distances are stated: in parts of the radius, by step."""
+    """Return paths with given distances, in units of the radius."""
 
     def run(label: str, distances: Any, level: str = "core") -> Case:
         goal, radius = rng.uniform(-1.0, 1.0, 2), float(rng.uniform(0.05, 0.3))
@@ -52,44 +52,48 @@ SLIPS = slips(
     paid_every_step=(
         _BEHIND,
         "reward[steps:] = inside[steps:]",
-        "The bonus is paid for each step inside: then hovering there pays better than arriving. "
-        "It is paid once, and ends the episode.",
+        "The bonus is paid for every step inside, so hovering there pays better than arriving. It "
+        "is paid once, and it ends the episode.",
     ),
     goes_on=(
         _BEHIND,
         "pass",
-        "Rewards go on after the end: the episode is over with the first step into the disc.",
+        "Rewards continue after the end. The episode is over with the first step into the disc.",
     ),
     sign_turned=(
         _SUM,
         "inside - gamma * ahead + phi[:-1]",
-        "The sign is turned: going away is paid. The potential is minus the distance.",
+        "The sign is wrong, so moving away is rewarded. The potential is minus the distance.",
     ),
     potential_at_the_end=(
         _AHEAD,
         "phi[1:]",
-        "The potential of the place in the disc is kept. The episode ended there, so it counts as "
-        "0; else where one enters is paid for.",
+        "The potential of the position inside the disc is used. The episode ended there, so the "
+        "potential counts as 0; otherwise the reward depends on where the point enters.",
     ),
     time_limit_taken_for_an_end=(
         _AHEAD,
         "np.where(np.arange(steps_of) == steps - 1, 0.0, phi[1:])",
         "steps = int",
         "steps_of = inside.size\n    steps = int",
-        "A time limit is taken for an end: the potential stays where a log merely stops.",
+        "A time limit is treated as an end. Where a log only stops, the potential keeps its value.",
     ),
     minus_distance=(
         _SUM,
         "inside + phi[1:]",
-        "Minus the distance is the reward itself. Then the best policy depends on how the way is "
-        "paid; the difference of a potential changes none.",
+        "Minus the distance itself is used as the reward. It can change which policy is best; the "
+        "difference of a potential cannot.",
     ),
     gamma_forgotten=(
         _SUM,
         "inside + ahead - phi[:-1]",
-        "The potential ahead is not discounted: what is added does not telescope.",
+        "The potential after the step is not discounted, so the shaping rewards do not telescope.",
     ),
-    bonus_forgotten=(_SUM, "gamma * ahead - phi[:-1]", "The bonus for reaching is missing."),
+    bonus_forgotten=(
+        _SUM,
+        "gamma * ahead - phi[:-1]",
+        "The bonus for reaching the disc is missing.",
+    ),
 )
 
 EXERCISE = Exercise(

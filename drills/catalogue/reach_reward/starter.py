@@ -2,10 +2,7 @@ import numpy as np
 
 
 def reach_reward(path, goal, radius, gamma):
-    """Return rewards of a logged run to a disc.
-
-    1 for reaching it, and a potential: minus the distance.
-    """
-    # Minus the distance itself, and a bonus wherever it is inside.
+    """Return the rewards of a logged run to a disc: 1 for reaching it, and a potential."""
+    # Minus the distance itself, and a bonus at every step inside.
     distance = np.linalg.norm(np.asarray(path, dtype=float).T - goal, axis=1)[1:]
     return (distance <= radius) - distance, len(distance)

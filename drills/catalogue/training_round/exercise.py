@@ -1,4 +1,4 @@
-"""The silent-bug hunt of chapter 9: nothing clipped and all reached, then starts too far away."""
+"""The bug hunt of chapter 9: gentle laws that reach every start, then starts too far away."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from drills.grade_report import Shown
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return laws from gentle to steep, and tests of which more or less is within reach."""
+    """Return gentle and steep laws, and tests with starts within reach and out of reach."""
 
     def carriages(
         label: str,
@@ -44,7 +44,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def results(figure: Any, shown: Shown) -> None:
-    """Plot weights, mean and deviation of the places, and the share, one beside the other."""
+    """Plot weights, mean and standard deviation of the positions, and the success rate."""
     axes = picture.plane(figure, "slope, offset, mean, deviation [m], share", "value")
     for (w, known, share), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         axes.plot([*w, known[1], (known[2] / known[0]) ** 0.5, share], marker="o", **style)
@@ -77,51 +77,63 @@ _CLIP = ("action = mean + sigma * drawn", "action = np.clip(mean + sigma * drawn
 SLIPS = slips(
     clipped_before_it_is_stored=(
         *_CLIP,
-        "The action is clipped before its probability is taken: the gradient is that of an action "
-        "that was never drawn. Clip what goes to the drive, store what came from the policy.",
+        "The action is clipped before its probability is computed, so the gradient belongs to an "
+        "action that was never sampled. Clip what is sent to the drive, and use what the policy "
+        "sampled.",
     ),
     first_finished=(
         _ONCE,
         _FIRST,
-        "The first episodes to finish are counted: the short ones, which succeed, come twice, and "
-        "the long ones never. Take one episode of each start.",
+        "The first episodes to finish are counted. Short ones, which succeed, are counted twice, "
+        "and long ones never. Count one episode of each start.",
     ),
     statistics_of_the_test=(
         *_LEARN,
-        "The test changes the statistics, and with them the policy that it tests: freeze them.",
+        "The test updates the statistics, which changes the policy that is being tested. Freeze "
+        "them during the test.",
     ),
-    all_still_there=(_ONCE, _FIRST, *_LEARN, *_CLIP, "All three are still there."),
+    all_still_there=(
+        _ONCE,
+        _FIRST,
+        *_LEARN,
+        *_CLIP,
+        "All three bugs are still there.",
+    ),
     first_finished_and_statistics=(
         _ONCE,
         _FIRST,
         *_LEARN,
-        "The gradient is mended. The test still counts the first to finish, and still learns.",
+        "The gradient is fixed. The test still counts the first episodes to finish, and still "
+        "updates the statistics.",
     ),
     first_finished_and_clipped=(
         _ONCE,
         _FIRST,
         *_CLIP,
-        "The statistics are mended. The test counts the first to finish, the gradient is clipped.",
+        "The statistics are fixed. The test still counts the first episodes to finish, and the "
+        "gradient still uses clipped actions.",
     ),
     statistics_and_clipped=(
         *_LEARN,
         *_CLIP,
-        "The count is mended. The test still learns, and the gradient is of clipped actions.",
+        "The counting is fixed. The test still updates the statistics, and the gradient still "
+        "uses clipped actions.",
     ),
     never_clipped=(
         "dt * np.clip(action, -1.0, 1.0)",
         "dt * action",
-        "Nothing is clipped: the drive limits speeds to 1 m/s.",
+        "Nothing is clipped, but the drive limits speeds to 1 m/s.",
     ),
     only_the_end_counts=(
         "reached |= np.abs(x) < 0.1",
         "reached = np.abs(x) < 0.1",
-        "Only where a carriage is at the limit counts. It has arrived once it was within 0.1 m.",
+        "Only the position at the time limit counts. A carriage has arrived once it has been "
+        "within 0.1 m.",
     ),
     statistics_frozen=(
         "        learn(x)\n        z",
         "        z",
-        "The statistics never learn: the places of training belong in them.",
+        "The statistics are never updated. The positions of training belong in them.",
     ),
 )
 

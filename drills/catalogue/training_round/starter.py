@@ -2,7 +2,7 @@ import numpy as np
 
 
 def training_round(weights, statistics, starts, noise, tested):
-    """Return one round of training a carriage to go to 0, and the point of its learning curve."""
+    """Train a carriage for one round; return weights, statistics and measured success rate."""
     dt, limit, sigma, rate = 0.1, 20, 0.5, 0.1
     w, known = np.array(weights, dtype=float), np.array(statistics, dtype=float)
 
