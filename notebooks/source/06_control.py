@@ -2,8 +2,8 @@
 # # 6 · Control
 #
 # *A joint has to follow its target, the dashed line. Answer first<span class="kernel-only">, run the cells</span>,
-# then press* Play *and drag the target.* About {open minutes} minutes of reading, cards and charts; the collapsed
-# parts add {folded minutes}; exercises {exercise minutes}.
+# then press* Play *and drag the target.* About {open minutes} minutes of reading, cards and charts. The folded parts
+# add {folded minutes} minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict
