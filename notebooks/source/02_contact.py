@@ -272,10 +272,10 @@ simulation("touch", "Pull-back", still=0.1)
 # %%
 show("damping_makes_things_stick")
 # %% [markdown]
-# **Friction** is the force along the surface. It resists sliding, and it is at most $\mu$ times the normal force; $\mu$ is the
-# **friction coefficient**, which may be larger than 1. At rest, Coulomb's law gives no value for it, only this limit.
-# The penalty method needs a value, so it uses a formula. In the simplest one, friction grows in proportion to the
-# sliding velocity $u_t$ and reaches its full size at a **slip speed** $v_s$ that you choose:
+# **Friction** is the force along the surface. It resists sliding, and it is at most $\mu$ times the normal force;
+# $\mu$ is the **friction coefficient**, which may be larger than 1. At rest, Coulomb's law gives no value for it,
+# only this limit. The penalty method needs a value, so it uses a formula. In the simplest one, friction grows in
+# proportion to the sliding velocity $u_t$ and reaches its full size at a **slip speed** $v_s$ that you choose:
 #
 # $$f_t = -\mu f_n\,\min\!\Big(1, \frac{\lvert u_t\rvert}{v_s}\Big)\,\frac{u_t}{\lvert u_t\rvert}.$$
 #
@@ -338,8 +338,8 @@ simulation("touch", "Explosion")
 # \sqrt{\zeta^2-1})$.
 #
 # *Semi-implicit Euler.* The determinant is $1 - 2\zeta\omega h$ and the trace $2 - 2\zeta\omega h - (\omega h)^2$.
-# Then $1 + \text{trace} + \det = 4 - 4\zeta\omega h - (\omega h)^2$, which is zero at $\omega h = 2(\sqrt{1+\zeta^2}
-# - \zeta)$; without a damper at 2.
+# Then $1 + \text{trace} + \det = 4 - 4\zeta\omega h - (\omega h)^2$, which is zero at $\omega h =
+# 2(\sqrt{1+\zeta^2} - \zeta)$; without a damper at 2.
 #
 # **Key insight.** Damping from the old velocity helps explicit Euler up to $\zeta = 1$, and it always hurts
 # semi-implicit Euler.

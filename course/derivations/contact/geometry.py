@@ -460,8 +460,8 @@ def epa_gives_the_contact(result):
     result.statement = "A ball is pressed into a wall from above, to random depths."
     result.statement_holds(
         back(1.5 * middle),
-        only_if="the ball is less than {middle_mm:.1f} mm deep, and less than its way out at the "
-        "wall's edges",
+        only_if="in this scene, the ball is less than {middle_mm:.1f} mm deep, and less than its "
+        "way out at the wall's edges",
         inside=[back(share * middle) for share in result.rng.uniform(0.01, 0.999, 12)]
         + [back(share * middle, 0.9) for share in result.rng.uniform(0.01, 0.999, 4)],
         outside=[back(share * middle) for share in result.rng.uniform(1.001, 1.9, 12)]

@@ -526,9 +526,9 @@ def constraints_take_larger_steps(result):
 
 @claim(
     "500 kN/m is the contact stiffness of steel.",
-    "That is soft for steel. According to Hertz, a steel ball of {radius_mm:.0f} mm on a steel "
-    "plate has {stiffness_mn_m:.0f} MN/m under {load_n:.0f} N, and more under a larger load. For "
-    "one kilogram on it, semi-implicit Euler needs steps below {step_ms:.2f} ms.",
+    "That is soft for steel. According to Hertz, a steel ball of {radius_mm:.0f} mm radius on a "
+    "steel plate has {stiffness_mn_m:.0f} MN/m under {load_n:.0f} N, and more under a larger load. "
+    "For one kilogram on it, semi-implicit Euler needs steps below {step_ms:.2f} ms.",
     source="Johnson, Contact Mechanics, 1985, sec. 4.2",
 )
 def steel_stiffness(result):
