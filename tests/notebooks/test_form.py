@@ -114,8 +114,9 @@ def test_the_first_screen_moves_and_asks(name: str) -> None:
     title = cells[0].source
     if CHAPTER[name] not in AWAITED:
         counted = re.search(
-            r"About (\d+) minutes of reading, cards and charts(?:\. The folded parts add (\d+) "
-            r"minutes, the exercises (\d+) minutes|; the collapsed parts add (\d+); exercises (\d+))\.",
+            r"About (\d+) minutes of reading, cards and charts"
+            r"(?:\. The folded parts add (\d+) minutes, the exercises (\d+) minutes"
+            r"|; the collapsed parts add (\d+); exercises (\d+))\.",
             title.replace("\n", " "),
         )
         assert counted, "what the page says about its time"
