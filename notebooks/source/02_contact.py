@@ -20,10 +20,9 @@ predict("gentle_pull")
 # %%
 simulation("touch")
 # %% [markdown]
-# A **preset** is a prepared set of controls: choose one from the menu. The upper plot shows the gap between box and
-# floor over time. The lower one shows the force on each box, its part perpendicular to the floor (*normal*) against
-# its part along the floor (*tangential*). Friction can hold a box as long as its point lies inside the V. The number
-# *ω h* is explained in section 2.
+# The menu has **presets**, prepared sets of controls. The lower plot shows the force on each box, its part
+# perpendicular to the floor (*normal*) against its part along the floor (*tangential*). Friction can hold a box
+# while its point lies inside the V. Section 2 explains *ω h*.
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
@@ -88,10 +87,10 @@ def source(*functions):
 show("aabb_all_axes")
 # %% [markdown]
 # Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes
-# by their lower end along one axis and walks through the sorted list. Each box is tested only against the later boxes
-# in the list that begin before it ends. There are two other common methods. A **uniform grid** divides space into
-# cells and tests only boxes that share a cell. A **bounding-volume tree** groups boxes into larger and larger boxes
-# and skips a whole group that the box in question does not touch; Bullet, Box2D, Jolt and Coal use such trees.
+# by their lower end along one axis and walks through the sorted list. Each box is tested only against the later
+# boxes in the list that begin before it ends. A **uniform grid** divides space into cells and tests only boxes that
+# share a cell. A **bounding-volume tree**, as in Bullet, Box2D and Coal, nests boxes in larger boxes and skips
+# whole groups.
 # %%
 predict("sweep_ten_times")
 # %% [markdown]
@@ -112,10 +111,9 @@ for kind, name in names.items():
     print(f"{name:<17} {pairs.shape[1]:7d} {every:10d} {sweep.tests:10d} {in_cells:7d}   {same}")
 # %% [markdown]
 # The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main
-# cost. If you reuse the sorted order of the last step and then sweep again, you save only the sorting. The dashed
-# line shows how little that is: after every box has moved by 1 % of its size, it counts the swaps of neighbours that
-# restore the order. (An *incremental* sweep saves more. It also stores the overlapping pairs and updates them at each
-# swap.) The exponents are measured. MuJoCo's own broad phase ran on the same boxes:
+# cost. Reusing the sorted order of the last step saves only the sorting: the dashed line counts the swaps that
+# restore the order after every box has moved by 1 % of its size. (An *incremental* sweep, which also stores the
+# overlapping pairs, saves more.) The exponents are measured. MuJoCo's own broad phase ran on the same boxes:
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -156,8 +154,7 @@ show("gjk_minkowski")
 # 4. If $w$ lies no farther in that direction than $c$, stop. No point of the set is nearer to the origin, so the
 #    shapes are apart by $\lVert c\rVert$, and the normal is $-c/\lVert c\rVert$. Otherwise add $w$ to the simplex.
 #
-# The test in step 4 compares positions *along the search direction*. A useful $w$ may well be farther from the origin
-# than $c$ is.
+# Step 4 compares positions *along* $-c$. A useful $w$ may be farther from the origin than $c$.
 #
 # For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found. It
 # takes the face nearest to the origin (in the plane, the edge) and computes the support point in the direction of its
@@ -252,9 +249,9 @@ more_claims("circles_once_a_step", "soft_wall")
 #
 # $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \;}$$
 #
-# Nothing has to be solved: you evaluate the formula and integrate. (Some engines use $b\,\delta$ instead of $b$,
-# after Hunt and Crossley. Then the force does not jump at touch.) In exchange, a body at rest always overlaps. Its
-# weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
+# Nothing has to be solved: you evaluate the formula and integrate. (With $b\,\delta$ for $b$, as Hunt and Crossley
+# proposed, the force does not jump at touch.) In exchange, a body at rest always overlaps. Its weight $mg$ needs
+# the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
 #
 # Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and
 # damper both push; on the way out, the damper works against the spring. The area of the loop is the energy that the
@@ -281,8 +278,7 @@ show("damping_makes_things_stick")
 #
 # This is called **regularised friction**. At rest it is zero. To hold anything it needs some sliding, which is why
 # the blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for
-# ever. (A tangential spring that remembers where the contact began would hold at rest; codes for granular media use
-# one, after Cundall and Strack 1979.)
+# ever. (A tangential spring that remembers where the contact began would hold; Cundall and Strack 1979.)
 #
 # ### How large a step a stiff spring allows
 #
@@ -385,7 +381,7 @@ more_claims(
 #
 # $$\boxed{\; f \ge 0, \qquad \phi \ge 0, \qquad f\,\phi = 0 \;}$$
 #
-# It is often written $0 \le f \perp \phi \ge 0$, where the sign $\perp$ says that the product is zero.
+# In short, $0 \le f \perp \phi \ge 0$, where $\perp$ says that the product is zero.
 #
 # Drawn in a plane, the allowed pairs lie on two half axes that meet in a corner. Try to drag the point off them:
 # %%
@@ -517,7 +513,7 @@ print("p =", solve("lcp", step).impulses[:, 0].round(4).tolist(), "N s")
 # The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f +
 # \phi/h$), find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. Everything in it is linear except the
 # complementarity. **Restitution** fits in as well. Let $s$ be the closing speed before the step. Require $u_n \ge
-# e\,s$, with a coefficient $e$ between 0 (no bounce) and 1. (With friction, this simple rule can create energy.)
+# e\,s$, with a coefficient $e$ between 0 (no bounce) and 1. 
 #
 # Practise with one body. It touches the floor and moves downwards, so $v < 0$:
 # %%
@@ -538,9 +534,8 @@ print("force in each leg, in turn around the table [N]")
 for name, how in legs.items():
     print(f"{how:<26}{stored[name]}")
 # %% [markdown]
-# *Pivots* and *Newton's method* are two ways to solve the rigid law; both are explained below. Both results are
-# right, and they differ. Newton's method agrees with equal springs for a reason. Of all solutions, its least-squares
-# step picks the one with the smallest sum of squared forces, and so do equal springs.
+# *Pivots* and *Newton's method*, both explained below, solve the rigid law. Newton's least-squares step picks the
+# solution with the smallest sum of squared forces, and so do equal springs.
 # %%
 more_claims(
     "potential_of_contact",
@@ -575,8 +570,7 @@ simulation("friction_cone")
 # N: friction is 11.8 N, and the box accelerates at $(20 - 11.8)/3 = 2.7$ m/s².
 #
 # Here the penalty box and the constraint box are pulled harder than the cone allows. While they slide, both forces
-# lie on the edge of the cone. When the boxes get close to the hand, the pull becomes weaker, they stop, and both
-# points move inside:
+# lie on the edge of the cone. Near the hand the pull gets weaker, the boxes stop, and both points move inside:
 # %%
 simulation("touch", "Slip", still=0.15)
 # %% [markdown]
@@ -646,7 +640,7 @@ predict("heavy_on_light")
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
 # Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly with pivots, like the simplex
-# method of linear programming. (The pivots swap variables between "zero" and "positive" until all conditions hold.)
+# method of linear programming. 
 #
 # For the round cone there is an equation. Add $\mu\lVert u_t\rVert$ to the normal part of the contact velocity and
 # call the result $\tilde u$ (De Saxcé and Feng 1998). At a solution of Coulomb's law, $p = \operatorname{proj}(p -
@@ -656,8 +650,7 @@ predict("heavy_on_light")
 # every scene.
 #
 # A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest
-# violation of the contact law, as a velocity. Don't compare the iterations of two methods with each other, because
-# they cost different amounts:
+# violation of the contact law, as a velocity. An iteration costs a different amount in each method:
 # %% tags=["hide-code"]
 pile = scenes.tower([1.0, 100.0]).problem(0.002)
 labels = {"pgs": "Gauss-Seidel", "lcp": "Lemke", "coulomb": "Newton on the cone"}
@@ -870,8 +863,7 @@ show("condim_4_is_the_full_cone")
 predict("glass_that_creeps")
 # %% [markdown]
 # A block on a slope of 0.2 rad with $\mu = 0.5$ creeps as well. The course's model and MuJoCo creep at the same
-# speed, and impratio divides it. (MuJoCo can also remove the creep after the solve, with extra sweeps over the
-# friction rows: `noslip_iterations`.)
+# speed, and impratio divides it. (`noslip_iterations` adds sweeps that remove it.)
 # %% tags=["hide-code"]
 for label, changed in (
     ("elliptic", {"cone": "elliptic"}),
@@ -971,12 +963,11 @@ plt.show()
 # 5. **Honesty.** A solver that did not converge must say so and report its residual.
 #
 # How do you judge a contact solver that is not your own? Five numbers need only the step itself ($J$, velocities,
-# gaps, $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's** conditions;
-# how far friction lies outside its **cone**; the missing **dissipation**, which is the largest that the cone allows
-# minus the actual one; and **energy** that appeared from nowhere. The cell prints the three in which these models
-# differ, or could, for one step of a sliding block, pushed off between two edges of the pyramid. The models are `lcp`
-# (pyramid, solved with pivots), `pgs` (round cone, sweeps), `coulomb` (round cone, Newton's method) and `convex` (the
-# relaxation):
+# gaps, $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's**
+# conditions; how far friction lies outside its **cone**; the missing **dissipation**, which is the largest that the
+# cone allows minus the actual one; and **energy** that appeared from nowhere. The cell prints three of them for one
+# step of a block that slides between two edges of the pyramid. The models are `lcp` (pyramid, pivots), `pgs` (cone,
+# sweeps), `coulomb` (cone, Newton) and `convex`:
 # %% tags=["hide-code"]
 sliding = scenes.block(0.0, 0.5, (0.6, 0.8)).problem(0.01)
 print(f"{'model':<9} {'Signorini':>14} {'outside cone':>14} {'not dissipated':>16}")
@@ -1033,10 +1024,10 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# Which model should you use? We compare them on four scenes with charts, and the table at the end adds a fifth, the
-# table with four legs. Each is the smallest scene that answers its question. *Where does a block stop* that is pushed
-# off between the edges of the pyramid (tolerance 2 mm)? *How far does a block slide* down a slope (tolerance 1 mm)?
-# *How deep does a light body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)?
+# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. Each is
+# the smallest scene that answers its question. *Where does a block stop* that is pushed off between the edges of
+# the pyramid (tolerance 2 mm)? *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light
+# body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the computing time, one point per step size. Down and to the
 # left is better. The *pick* is the cheapest run within the tolerance. Drag the tolerance and switch methods on:
@@ -1084,14 +1075,13 @@ print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm"
 TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
-# centimetres at every step. (The bodies still move at that time, so the number differs from the depth at rest in
-# section 2.) A **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance:
+# centimetres at every step. (They still move then, so the depth differs from section 2's.) A **hardened** contact
+# (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
 # A held glass. By default it creeps in MuJoCo. At long steps it creeps faster; at short steps the speed no longer
-# depends on the step. (The friction coefficient is closer to the limit here than in section 2, so the speed with
-# pyramids is another one.) Hardened, it creeps too, but within the tolerance:
+# depends on the step. Hardened, it creeps too, but within the tolerance:
 #
 # ![How far a held glass slips, error against cost](../docs/charts/contact_glass.png)
 #
@@ -1119,14 +1109,12 @@ figures(
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
 # Compare times only between compiled programs (MuJoCo and the compiled loop) or among the course's other models,
-# whose step is a few lines of NumPy. Iterations are the mean per step. In the *heavy* scene the compiled loop needs
-# far fewer sweeps than section 2 predicts, because it starts each step from the impulses of the last one.
+# whose step is a few lines of NumPy. Iterations are the mean per step. In *heavy*, the compiled loop needs far
+# fewer sweeps than section 2 predicts, because it starts warm.
 #
 # **The narrow phase compared with Coal**, the collision library that Pinocchio uses, pair by pair in one process.
-# Above: how many times as
-# long as the course's code Coal takes. *Poses in the loop* includes the time in which Coal's poses are made. Below:
-# time and error for two boxes whose faces are aligned, almost aligned (turned by 1e-8 rad), or turned at random.
-# *Points* is the convex hull of a few points:
+# Above: how many times as long Coal takes; *poses in the loop* includes making its poses. Below: two boxes, with
+# faces aligned, almost aligned, or turned at random. *Points* is the hull of a few points:
 #
 # ![Narrow phase: time compared with Coal, and error](../docs/charts/narrow_phase.png)
 # %%
