@@ -5,8 +5,8 @@
 # ball flies through a wall. All three faults come from the way a simulator computes contact.*
 #
 # A **penalty** method lets bodies overlap a little and pushes them apart with a stiff spring. A constraint method
-# computes the push that prevents the overlap. Two boxes follow the same hand below: the blue one uses the penalty
-# method, the orange one a constraint. They start at the same place, so at first you see only one.
+# computes the push that prevents the overlap. Below, the blue box uses the penalty method, the orange one a
+# constraint. They start at the same place, so at first you see only one.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -776,17 +776,16 @@ for name, height in heights.items():
 #
 # Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown.
 # Because of that, the contact problem cannot be written as minimising a convex function. It can have several
-# solutions or none. A convex problem has reliable solvers, and if it is strictly convex it has exactly one solution.
+# solutions or none. A strictly convex problem has exactly one, and reliable solvers.
 #
-# The **convex relaxation** (Anitescu 2006) changes the law slightly to get there. It requires that a contact that
-# slides at the speed $u_t$ also separates at $u_n = \mu\,u_t$. Then the step is a minimisation. For closed contacts:
+# The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides at the speed $u_t$ must
+# also separate at $u_n = \mu\,u_t$. Then the step is a minimisation. For closed contacts:
 #
 # $$\text{minimise}\quad \tfrac12\,(v - v_f)^{\mathsf T} M\,(v - v_f) \qquad\text{so that}\qquad
 # u_n \ge \mu\,\lVert u_t\rVert \text{ at every contact.}$$
 #
-# In words: of all allowed velocities, take the one nearest to the free velocity. This problem is strictly convex in
-# $v$, so the new velocity is unique. The impulses are its multipliers. They need not be unique: think of the four
-# legs.
+# So the new velocity is the allowed one nearest to $v_f$. The problem is strictly convex, so $v$ is unique. The
+# impulses, its multipliers, need not be: think of the four legs.
 # %%
 predict("block_that_hops")
 # %% [markdown]
@@ -947,14 +946,14 @@ plt.show()
 # |---|---|---|---|
 # | broad phase | bounding boxes, the sorted order of the last step | pairs whose boxes overlap | grows faster than $N$; use a grid for many equal bodies |
 # | filters | pairs | pairs that may collide (no parent and child, no sleeping bodies) | almost none |
-# | narrow phase | shapes and poses | points, normals, depths | two spheres: one line; polytopes with a manifold: far more; a mesh: more again |
-# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | two contacts share an entry of $A$ only if they share a moving body or mechanism; a solver treats each **island**, a group of bodies connected by contacts, on its own |
+# | narrow phase | shapes and poses | points, normals, depths | little for spheres, far more for polytopes and meshes |
+# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | $A$ links contacts that share a moving body or mechanism; each **island** of connected bodies is solved on its own |
 # | solver | $A$, $J v_f$, cones, impulses of the last step | impulses and a residual | sweeps, or Newton iterations that factor a matrix |
 # | integration | impulses | new state | almost none |
 #
-# Five decisions are made here, and you notice them everywhere else.
+# Five decisions are made here:
 #
-# 1. **Shapes.** Collide primitives and a few convex pieces. Keep them separate from the meshes that are drawn.
+# 1. **Shapes.** Collide primitives and a few convex pieces, not the meshes that are drawn.
 # 2. **Level.** Solve for impulses and velocities, or for forces and accelerations? At the velocity level a rigid
 #    contact stops an impact of any speed within the step, so its force grows as $1/h$. At the acceleration level the
 #    force depends on the state only, and an impact is spread over the contact's time constant.
@@ -975,8 +974,8 @@ for model in ("lcp", "pgs", "coulomb", "convex"):
     r = contact.residuals(sliding, solve(model, sliding).impulses)
     print(f"{model:<9} {r.signorini:10.3f} m/s {r.cone:10.3f} N s {1e3 * r.dissipation:13.1f} mJ")
 # %% [markdown]
-# Read the rows: the pyramid (`lcp`) dissipates too little, the convex model violates Signorini because the block
-# hops, and the two models of the true cone do neither.
+# The pyramid dissipates too little. The convex model violates Signorini, because the block hops. The true cone does
+# neither.
 # %%
 more_claims("mujoco_is_velocity_level")
 # %% [markdown]
@@ -1420,13 +1419,12 @@ for how in ("rigid", "randomised"):
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing to
-# solve, a continuous force. But bodies sink in, regularised friction creeps, and in semi-implicit Euler the step must
-# stay below $2(\sqrt{1+\zeta^2}-\zeta)/\omega$; integrated implicitly, the same spring has no such limit. A
-# constraint keeps bodies apart and sticks exactly. It has no step limit of its own, but removing a deep overlap needs
-# a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is not. MuJoCo is in between:
-# its relaxed cone makes the problem convex, its softness makes the forces unique, and it creeps; impratio and solref
-# reduce that. Gradients are zero before touch and ordinary after it."
+# **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing
+# to solve. But bodies sink in, regularised friction creeps, and integrated explicitly it has a step limit. A
+# constraint keeps bodies apart and sticks exactly. It has no step limit of its own, but removing a deep overlap
+# needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is not. MuJoCo is in
+# between: its relaxed cone makes the problem convex, its softness makes the forces unique, and it creeps; impratio
+# and solref reduce that."
 #
 # </div>
 #
