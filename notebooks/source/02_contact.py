@@ -513,7 +513,7 @@ print("p =", solve("lcp", step).impulses[:, 0].round(4).tolist(), "N s")
 # The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f +
 # \phi/h$), find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. Everything in it is linear except the
 # complementarity. **Restitution** fits in as well. Let $s$ be the closing speed before the step. Require $u_n \ge
-# e\,s$, with a coefficient $e$ between 0 (no bounce) and 1. 
+# e\,s$, with a coefficient $e$ between 0 (no bounce) and 1.
 #
 # Practise with one body. It touches the floor and moves downwards, so $v < 0$:
 # %%
@@ -640,7 +640,7 @@ predict("heavy_on_light")
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
 # Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly with pivots, like the simplex
-# method of linear programming. 
+# method of linear programming.
 #
 # For the round cone there is an equation. Add $\mu\lVert u_t\rVert$ to the normal part of the contact velocity and
 # call the result $\tilde u$ (De Saxcé and Feng 1998). At a solution of Coulomb's law, $p = \operatorname{proj}(p -
