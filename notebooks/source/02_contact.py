@@ -123,11 +123,11 @@ more_claims(
 # %% [markdown]
 # ### Narrow phase: distance, depth and normal
 #
-# The contact solver needs three things for each pair: how far apart or how deep the bodies are, in which direction to
-# push, and where. The **signed distance** is positive while the bodies are apart. When they overlap it is negative,
-# and its size is the **penetration** depth: the length of the shortest move that separates them. The **contact
-# normal** is a unit vector that points from the first body to the second. If they overlap, it is the direction in
-# which the second body has to move.
+# The contact solver needs three things for each pair: how far apart or how deep the bodies are, in which direction
+# to push, and where. The **signed distance** is positive while the bodies are apart. When they overlap it is
+# negative, and its size is the **penetration** depth: the length of the shortest move that separates them. The
+# **contact normal** is a unit vector that points from the first body to the second. If they overlap, it is the
+# direction in which the second body has to move.
 #
 # For two circles this is one line: the distance of the centres minus both radii. Boxes and meshes have corners, edges
 # and faces. Every combination of them would need its own formula, and there are too many. One idea covers all convex
