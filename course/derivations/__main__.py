@@ -11,7 +11,16 @@ import click
 
 import course
 from course import CHAPTERS
-from course.derivations import Claim, Outcome, claims, figure_text, records, run, unmet
+from course.derivations import (
+    Claim,
+    Outcome,
+    claims,
+    defining,
+    figure_text,
+    records,
+    run,
+    unmet,
+)
 
 _STYLE = {"holds": "green", "holds only if": "yellow", "false": "red"}
 _NOT_RUN = "NOT RUN"
@@ -144,7 +153,9 @@ def select(which: str | None, ids: tuple[str, ...]) -> list[Claim]:
         click.UsageError: where there is none.
     """
     try:
-        if which is None or which.isdecimal():
+        if ids and which is None:
+            selected = list(defining(ids))
+        elif which is None or which.isdecimal():
             selected = claims(int(which) if which else None)
         else:
             everything = claims()
@@ -187,8 +198,10 @@ def main(which: str | None, ids: tuple[str, ...], as_json: bool, record: bool) -
         _print_table(results)
         seconds = time.perf_counter() - start
         computed = [outcome.finding.verdict.value for _, outcome, _ in results if outcome]
-        verdicts = ", ".join(f"{computed.count(v)} {v.removesuffix(' if')}" for v in _STYLE)
-        settled = f"{len(results) - skipped} claims ({verdicts}) settled in {seconds:.0f} s"
+        verdicts = ", ".join(f"{computed.count(v)} {v}" for v in _STYLE if v in computed)
+        count = len(results) - skipped
+        settled = f"{count} claim{'' if count == 1 else 's'}{f' ({verdicts})' if verdicts else ''}"
+        settled += f" settled in {seconds:.0f} s"
         remaining = f"; {skipped} not run here" if skipped else ""
         print(f"{settled}{remaining}; {wrong} disagree")
     sys.exit(1 if wrong else 0)
