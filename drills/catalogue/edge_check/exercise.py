@@ -194,5 +194,5 @@ EXERCISE = Exercise(
             for share in (0.0, shown.got[0], shown.expected[0])
         ),
     ),
-    slips=SLIPS + value_slips("edge_check", in_part=False, whole=False),
+    slips=SLIPS + value_slips("edge_check", in_part=False),
 )

@@ -169,5 +169,5 @@ EXERCISE = Exercise(
     picture=stops,
     slips=SLIPS
     + coarse_slips("sliding_stop", "Near an axis the block is hardly turned at all.")
-    + value_slips("sliding_stop", swapped=True, whole=False),
+    + value_slips("sliding_stop", swapped=True),
 )
