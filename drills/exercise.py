@@ -130,7 +130,7 @@ def value_slips(
         entry: the function's name.
         swapped: whether its first two results have one shape, so that they can be swapped.
         in_part: whether it returns several values, or an array of several.
-        whole: whether one of its cases is of whole numbers.
+        whole: whether one of its cases has integer arguments and results that are not integers.
     """
     result = [
         _changed(
