@@ -136,7 +136,8 @@ def value_slips(
         _changed(
             "whole_numbers",
             entry,
-            "np.asarray(p).astype(np.asarray(args[0]).dtype) for p in parts",
+            "np.asarray(p).astype(np.asarray(next(a for a in args if not callable(a))).dtype) "
+            "for p in parts",
             "Whole numbers lose the digits behind the point: an array of integers takes no "
             "fractions and says nothing. np.array and np.zeros_like keep the type of what they are "
             "given; write dtype=float.",

@@ -132,8 +132,11 @@ def _record(results: list[Result], whole: bool) -> int:
                     click.echo(f"{claim.id}: NOT WRITTEN: {text}")
                 continue
             entry = claim.entry(outcome.finding)
-            for text in records.differences(entries.get(claim.id), entry):
-                click.echo(f"{claim.id}: {text}")
+            if claim.id not in entries:
+                click.echo(f"{claim.id}: new on record")
+            else:
+                for text in records.differences(entries[claim.id], entry):
+                    click.echo(f"{claim.id}: {text}")
             new[claim.id] = records.merged(entries.get(claim.id), entry)
         if whole:
             for id in sorted(set(new) - {item.id for item in claims() if item.file == file}):

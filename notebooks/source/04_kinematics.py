@@ -540,8 +540,7 @@ predict("gain_of_a_step")
 # plus a penalty on motion. The **damping** $\lambda$ has the unit of $s$, metres per radian, so a value that works on
 # one arm does not carry over to an arm of another size.
 #
-# **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm
-# further out. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With $\lambda =
+# **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm closer to the base. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With $\lambda =
 # 0.1$ m/rad the step is $0.01\cdot 0.014/(0.014^2+0.1^2) = 0.014$ rad. The arm stays calm, but the step removes only 2
 # % of the error.
 
@@ -815,8 +814,8 @@ print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]
 # joint space angles, actuator space torques and currents. Feedback runs on each level, one control loop inside the
 # other.
 #
-# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then treat the inner
-# one as if it did what it is told at once. As a rule of thumb each loop runs three to ten times as fast as the loop
+# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that its commands are executed
+# at once. As a rule of thumb each loop runs three to ten times as fast as the loop
 # around it. Only the innermost loops need a kilohertz or more.
 
 # %% tags=["hide-code"]
@@ -970,8 +969,8 @@ simulation("arm")
 #
 # A planner or a learning algorithm evaluates millions of postures. **Pinocchio** (Carpentier and others 2019) is the
 # C++ library that professionals use for the dynamics of arms; **MuJoCo** is the simulator from chapter 1. Both compute
-# one state per call. Calling any function from Python costs about a microsecond or more, which is as long as the
-# algorithm itself takes. This course's compiled loop accepts a whole **batch** of states in one call.
+# one state per call. A call from Python takes about as long as the
+# algorithm itself. This course's compiled loop accepts a whole **batch** of states in one call.
 
 # %%
 predict("one_call_or_a_batch")
@@ -1167,9 +1166,18 @@ for shift, length, colour, name in (
         label=name,
     )  # fmt: skip
 _ = axes.quiver(
-    1.8, 0, -0.5, 0, color="tab:red", angles="xy", scale_units="xy", scale=1, label="error e"
+    1.8,
+    0,
+    -0.5,
+    0,
+    color="tab:red",
+    angles="xy",
+    scale_units="xy",
+    scale=1,
+    zorder=5,
+    label="error e",
 )
-_ = axes.plot(1.3, 0, "kx", markersize=10, label="target")
+_ = axes.plot(1.3, 0, "kx", markersize=10, zorder=6, label="target")
 _ = axes.set(aspect="equal", xlim=(-0.2, 2.9), ylim=(-0.2, 0.7), xlabel="x [m]", ylabel="y [m]")
 _ = axes.legend(loc="upper right")
 plt.show()

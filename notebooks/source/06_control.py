@@ -8,8 +8,8 @@
 # summed over time (Ki), and one to the rate of the error (Kd). Below, it drives one joint to the dashed target. Answer
 # the card first<span class="kernel-only">, run the cells</span>, then press *Play* and drag the target.
 #
-# About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
-# {exercise minutes}.
+# About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
+# exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

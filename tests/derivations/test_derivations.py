@@ -329,5 +329,5 @@ def test_record_drops_a_claim_that_is_gone(copied):
     path.write_text(missing, encoding="utf-8")
     records.load.cache_clear()
     result = command(FILE)
-    assert f"{QUICK}: not on record" in result.output and "gone: leaves the record" in result.output
+    assert f"{QUICK}: new on record" in result.output and "gone: leaves the record" in result.output
     assert path.read_text(encoding="utf-8") == right
