@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
 from course.check import count, finite, invalid, one_of, vector
@@ -97,6 +98,46 @@ def denoise(
     return x
 
 
+@register_jitable
+def posterior_means(
+    weights: Array, means: Array, deviations: Array, x: Array, a: float, s: float
+) -> tuple[Array, Array]:
+    """Return the means of clean and noise given x = a clean + s noise, for a mixture of normals.
+
+    Args:
+        weights: of the m components, shape (m,).
+        means: shape (m, d).
+        deviations: standard deviation of each component in all directions, shape (m,).
+        x: samples, shape (n, d).
+        a: scale of the clean sample.
+        s: scale of the noise; not zero together with a.
+
+    Returns:
+        Both means, each of shape (n, d).
+    """
+    m, (n, d) = len(weights), x.shape
+    width = (a * deviations) ** 2 + s**2  # variance of x in each component
+    # Posterior of the component given x, by log-weights; then the linear-Gaussian mean in each.
+    logs = np.empty((m, n))
+    for k in range(m):
+        away = x - a * means[k]
+        logs[k] = np.log(weights[k] + 1e-300) - 0.5 * (
+            np.sum(away * away, axis=1) / width[k] + d * np.log(width[k])
+        )
+    largest = logs[0].copy()
+    for k in range(1, m):
+        largest = np.maximum(largest, logs[k])
+    shares = np.exp(logs - largest)
+    shares = shares / np.sum(shares, axis=0)
+    clean, noise = np.zeros((n, d)), np.zeros((n, d))
+    for k in range(m):
+        away = x - a * means[k]
+        share = shares[k].copy().reshape(n, 1)
+        clean += share * (means[k] + a * deviations[k] ** 2 / width[k] * away)
+        noise += share * away * (s / width[k])
+    return clean, noise
+
+
 @dataclass(frozen=True)
 class Mixture:
     """Normal distributions with weights, whose fields are known.
@@ -128,17 +169,7 @@ class Mixture:
 
         The scales a and s must not both be 0.
         """
-        width = (a * self.deviations) ** 2 + s**2  # variance of x in each part
-        # Posterior of the component given x, by log-weights; then the linear-Gaussian mean in each.
-        deviation = x[:, None] - a * self.means
-        report = np.log(self.weights + 1e-300) - 0.5 * (
-            np.sum(deviation**2, axis=2) / width + self.means.shape[1] * np.log(width)
-        )
-        part = np.exp(report - report.max(axis=1, keepdims=True))
-        part = (part / part.sum(axis=1, keepdims=True))[..., None]
-        gain = (a * self.deviations**2 / width)[:, None]
-        clean = np.sum(part * (self.means + gain * deviation), axis=1)
-        return clean, np.sum(part * deviation * (s / width)[:, None], axis=1)
+        return posterior_means(self.weights, self.means, self.deviations, x, a, s)
 
     def velocity(self, x: Array, time: float) -> Array:
         """Return the exact field of flow matching on the straight way, a = t, s = 1 - t."""

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, positive, vector
@@ -158,6 +159,7 @@ def gae(
     return advantages
 
 
+@register_jitable
 def objective(ratio: Array, advantage: Array, clip: float = 0.2) -> tuple[Array, Array]:
     """Return the clipped objective of each action (eq. 7), to be made large, and its slope.
 

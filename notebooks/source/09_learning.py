@@ -195,6 +195,13 @@ plt.show()
 # $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
 # mean to the right.
 #
+# In the simulation the actions have two components, and the reward has one peak, so the true gradient is known. Play to
+# let the mean follow the average vote, then switch off the baseline, which is explained below the proof:
+
+# %%
+simulation("policy_gradient")
+
+# %% [markdown]
 # <details><summary>Why the formula is right, in three lines</summary>
 #
 # Take one action with reward $R(a)$. Then
@@ -277,6 +284,14 @@ show("lambda_mixes")
 source(learning.gae, "errors = r")
 
 # %% [markdown]
+# What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The error of
+# the critic enters the estimate as a bias, the noise of the rewards as a standard deviation, and $\lambda$ shifts weight
+# from one to the other:
+
+# %%
+simulation("gae_weights")
+
+# %% [markdown]
 # ### How far in one step: PPO's clipped objective
 #
 # The policy gradient is exact only at the policy that collected the data. But collecting a batch is expensive, so you
@@ -324,6 +339,12 @@ plt.show()
 # is 2.4, which no longer depends on $\rho$. For $A = -2$ and the same ratio they are $-3$ and $-2.4$; the minimum is
 # $-3$, and its gradient lowers the ratio.
 #
+# Drag the point through the six fields of the table:
+
+# %%
+simulation("clipped_objective")
+
+# %% [markdown]
 # It is tempting to conclude that the ratio now stays within the range. Before you answer, remember that all actions share
 # the same network weights.
 
@@ -492,6 +513,13 @@ predict("how_errors_grow")
 
 # %%
 show("errors_compound")
+
+# %% [markdown]
+# Between these two cases lies every policy that sometimes finds its way back. In the simulation you set the error rate
+# off the demonstrated path, and compare the mean number of wrong steps with the square law and the straight line:
+
+# %%
+simulation("cloning_drift")
 
 # %% [markdown]
 # ![Cost over the length of the task, the limit of the square law, three closed loops, the circle task](../docs/charts/compounding.png)
@@ -747,6 +775,13 @@ answer("one_euler_step", "z + h*m")
 # are 0.69 and 0.31. The mean velocity is $0.69 \cdot 1.6 - 0.31 \cdot 2.4 = 0.36$, and the second step ends at 0.38.
 # That is on the right side, but far from $+1$: two steps are too few.
 #
+# The simulation lets you choose the solver and its number of steps, and measures how far the samples end from those of
+# the exact flow:
+
+# %%
+simulation("denoising")
+
+# %% [markdown]
 # *Diffusion* works alike, with another path and another target. The path mixes signal and noise so that the variance
 # stays constant: $x_t = \alpha_t\,x + \sigma_t\,\epsilon$ with $\alpha_t = \sin(\pi t/2)$ and $\sigma_t = \cos(\pi t/2)$.
 # The network's output gives $\hat x$, its best guess of the clean action. The sampler DDIM goes from $t$ to a later $t'$
@@ -808,6 +843,12 @@ figure_.text(
     fontsize=8,
 )
 plt.show()
+
+# %% [markdown]
+# A prediction also takes time, and meanwhile the observation grows older. The simulation adds this latency:
+
+# %%
+simulation("action_chunks")
 
 # %% [markdown]
 # Executing one step and executing all eight are both bad, for opposite reasons. With $k = 1$ the policy reacts at once
