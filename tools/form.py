@@ -108,7 +108,8 @@ def open_words(cells: Sequence[NotebookNode]) -> int:
 def printed(cell: NotebookNode) -> Iterator[str]:
     """Yield the texts that outputs of a cell show as they are.
 
-    They are printed, or in an open block of code.
+    They are printed, or in an open block of code. The readouts of a simulation are part of its
+    panel, which a reader sees in place of the text that is stored for it.
     """
     for output in cell.get("outputs", []):
         data = output.get("data", {})
@@ -118,7 +119,7 @@ def printed(cell: NotebookNode) -> Iterator[str]:
             yield from re.findall(
                 r"^```text\n(.*?)^```", opened(data["text/markdown"]), re.S | re.M
             )
-        elif set(data) == {"text/plain"}:
+        elif set(data) == {"text/plain"} and not _MOVED.search(cell.source):
             yield data["text/plain"]
 
 

@@ -52,17 +52,17 @@ def test_the_weighted_errors_are_the_chapters_gae(values, seed):
     rng, n = np.random.default_rng(seed), values["steps"]
     gamma, trace = values["discount"], values["trace"]
     over = values["end"] == gae_weights.TERMINATED
-    ends = np.zeros((2, n), bool)
-    ends[0 if over else 1, -1] = True
+    terminated, truncated = np.zeros((2, n), bool)
+    (terminated if over else truncated)[-1] = True
     weights = gae_weights.error_weights(gamma, trace, n)
     rewards, critic = rng.normal(size=n), rng.normal(size=n + 1)
-    truth = learning.gae(rewards, critic[:-1], critic[1:], *ends, gamma, trace)[0]
+    truth = learning.gae(rewards, critic[:-1], critic[1:], terminated, truncated, gamma, trace)[0]
     errors = rewards + gamma * np.append(critic[1:-1], 0.0 if over else critic[-1]) - critic[:-1]
     assert weights @ errors == pytest.approx(truth, abs=1e-9)
     noise = rng.normal(size=n)
     critic = gae_weights.values_of(controls)
     rewards = gae_weights.rewards_of(controls, noise)
-    truth = learning.gae(rewards, critic[:-1], critic[1:], *ends, gamma, trace)[0]
+    truth = learning.gae(rewards, critic[:-1], critic[1:], terminated, truncated, gamma, trace)[0]
     errors = gae_weights.temporal_differences(controls, noise)
     assert weights @ errors == pytest.approx(truth, abs=1e-9)
 
@@ -242,10 +242,10 @@ def test_averages_over_many_seeds_are_unbiased_and_as_far_off_as_is_shown():
             run = Experiment(policy_gradient.MODEL, seed=seed, baseline=baseline)
             average = policy_gradient.estimate(run.controls, run.state)
             errors.append(average - policy_gradient.true_gradient(np.array(run.state["mean"])))
-        shown, errors = number(run, "error, expected"), np.array(errors)
-        size = math.sqrt(np.mean(np.sum(errors**2, axis=1)))
+        shown, off = number(run, "error, expected"), np.array(errors)
+        size = math.sqrt(np.mean(np.sum(off**2, axis=1)))
         assert size == pytest.approx(shown, rel=0.25)
-        assert np.linalg.norm(errors.mean(axis=0)) < 4.0 * shown / math.sqrt(98)
+        assert np.linalg.norm(off.mean(axis=0)) < 4.0 * shown / math.sqrt(98)
 
 
 def test_play_follows_the_estimate_to_the_top_and_a_drag_sets_the_start():
@@ -429,7 +429,8 @@ def played(controls, periods):
     executed, delay = min(int(controls["executed"]), length), 0
     while delay * 20.0 < controls["latency"] - 1e-6:
         delay += 1
-    result, ready = [None] * periods, 0
+    result: list[int | None] = [None] * periods
+    ready = 0
     while ready < periods:
         seen = ready - delay
         if waits:  # all of its part, then a look, then the wait

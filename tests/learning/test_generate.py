@@ -167,14 +167,20 @@ def test_what_is_drawn_depends_on_the_state(make):
 def test_bad_input_is_refused_by_name():
     noise, rng = np.zeros((3, 1)), np.random.default_rng(0)
     for call, report in (
-        (partial(integrate, TWO.velocity, noise, 0), "steps is 0"),
-        (partial(integrate, TWO.velocity, noise, 5, "ddim"), "solver is 'ddim'"),
-        (partial(denoise, TWO.clean, noise, 5, rng, 2.0), "eta is 2.0"),
-        (partial(denoise, TWO.clean, noise * np.nan, 5, rng), r"noise\[0, 0\] is nan"),
+        (partial(integrate, TWO.velocity, noise, 0), "steps must be a positive integer, got 0"),
+        (partial(integrate, TWO.velocity, noise, 5, "ddim"), "solver must be one of"),
+        (partial(denoise, TWO.clean, noise, 5, rng, 2.0), "eta must be a number from 0 to 1"),
+        (
+            partial(denoise, TWO.clean, noise * np.nan, 5, rng),
+            r"noise\[0, 0\] must be a finite number",
+        ),
         (partial(Mixture, np.array([0.5, 0.6]), TWO.means, TWO.deviations), "sum of weights"),
         (partial(Mixture, TWO.weights, TWO.means, np.array([0.1])), "deviations.shape"),
-        (partial(flow_policy, STATES, CHUNKS, 0, solver="ddim", steps=1), "solver is 'ddim'"),
-        (partial(diffusion_policy, STATES, CHUNKS, 0, sampled=0, steps=1), "sampled is 0"),
+        (partial(flow_policy, STATES, CHUNKS, 0, solver="ddim", steps=1), "solver must be one of"),
+        (
+            partial(diffusion_policy, STATES, CHUNKS, 0, sampled=0, steps=1),
+            "sampled must be a positive integer",
+        ),
     ):
         with pytest.raises(ValueError, match=report):
             call()
