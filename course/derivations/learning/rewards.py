@@ -486,6 +486,7 @@ def minus_distance(result):
 
     n = int(result.input("n", 60))
     retained = np.array([tried() for _ in range(n)])
+    result.measure("tasks", len(retained))
     plain = result.measure("plain", np.sum(~retained[:, 0]))
     potential = result.measure("potential", np.sum(~retained[:, 1]), 0.0)
     result.statement = "Tasks with two paths of up to ten steps to the same prize, solved exactly."
