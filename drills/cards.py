@@ -1,8 +1,9 @@
 """What is known of an exercise without running anything: its card and its texts.
 
 An exercise is a folder of `drills/catalogue`. `card.toml` says everything that a list, a prompt or
-a hint needs, so that reading it imports nothing heavy; `prompt.md` and `starter.py` are the texts
-that the learner gets. What the grader needs is in `drills.exercise`.
+a hint needs, so that reading it imports nothing heavy; `prompt.md` is the task. The starter is the
+head of the worked answer over the body `start` of the card, or `starter.py` where the learner
+starts from more than one plain function. What the grader needs is in `drills.exercise`.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ from __future__ import annotations
 import ast
 import difflib
 import functools
+import textwrap
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 CATALOGUE = Path(__file__).parent / "catalogue"
+_LINE = 100  # columns
 
 
 class UnknownExercise(ValueError):
@@ -84,6 +87,7 @@ class Card:
         insight: the one thing to remember.
         drill: whether it is one of the interview drills; else an exercise of a chapter.
         place: in its chapter's notebook, from 1 on; 0 for a drill.
+        start: body of the function that the learner starts from; empty where it is in starter.py.
     """
 
     name: str
@@ -100,6 +104,7 @@ class Card:
     insight: str
     drill: bool
     place: int = 0
+    start: str = ""
 
     @property
     def folder(self) -> Path:
@@ -107,8 +112,25 @@ class Card:
         return CATALOGUE / self.name
 
     def starter(self) -> str:
-        """Return the text that the learner starts from."""
+        """Return the text that the learner starts from.
+
+        With `start` on the card, signature and docstring are those of the worked answer.
+        """
+        if self.start:
+            module = self.solution.partition(":")[0]
+            return _starter_text(_module_file(module), self.entry, self.start)
         return (self.folder / "starter.py").read_text(encoding="utf-8")
+
+    def cell(self) -> str:
+        """Return the starter as a cell of a notebook: a docstring of one sentence, then `check`."""
+        tree = ast.parse(self.starter())
+        definition = next(n for n in tree.body if getattr(n, "name", "") == self.entry)
+        assert isinstance(definition, ast.FunctionDef | ast.ClassDef)
+        lines = self.starter().rstrip("\n").splitlines()
+        head = definition.body[0]
+        summary = (ast.get_docstring(definition) or "").partition("\n\n")[0]
+        lines[head.lineno - 1 : head.end_lineno] = _indented(f'"""{summary}"""').splitlines()
+        return "\n".join(lines[definition.lineno - 1 :]) + f"\n\n\ncheck({self.entry})\n"
 
     def prompt(self) -> str:
         """Return the task in Markdown: the text, then a table of arguments and results."""
@@ -202,6 +224,43 @@ def definitions(path: Path, desired: list[str]) -> str:
         if node in selected and not isinstance(node, ast.Import | ast.ImportFrom):
             parts.append(_text(node, lines))
     return "\n\n\n".join(parts) + "\n"
+
+
+@functools.cache
+def _starter_text(path: Path, name: str, body: str) -> str:
+    """Return a function of a module with another body, as a learner starts from it.
+
+    Types are left out, and of the docstring the explanation, which would give the method away:
+    its first paragraph and the sections Args, Returns and Raises stay. Of the module's imports
+    those stay that the body uses.
+    """
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    function = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == name)
+    used = {
+        n.id for n in ast.walk(ast.parse(f"def f():\n{_indented(body)}")) if isinstance(n, ast.Name)
+    }
+    imports = [
+        ast.unparse(node)
+        for node in tree.body
+        if isinstance(node, ast.Import | ast.ImportFrom) and used & set(_defined(node))
+    ]
+    for argument in ast.walk(function.args):
+        if isinstance(argument, ast.arg):
+            argument.annotation = None
+    arguments = ast.unparse(function.args)
+    signature = f"def {name}({arguments}):"
+    if len(signature) > _LINE:
+        signature = f"def {name}(\n    {arguments}\n):"
+    paragraphs = (ast.get_docstring(function) or "").split("\n\n")
+    sections = [p for p in paragraphs[1:] if p.startswith(("Args:", "Returns:", "Raises:"))]
+    text = "\n\n".join([paragraphs[0], *sections])
+    docstring = _indented(f'"""{text}\n"""' if sections else f'"""{text}"""')
+    head = "\n".join(imports) + "\n\n\n" if imports else ""
+    return f"{head}{signature}\n{docstring}\n{_indented(body).rstrip()}\n"
+
+
+def _indented(text: str) -> str:
+    return textwrap.indent(text, "    ")
 
 
 def _defined(node: ast.stmt) -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -96,13 +96,16 @@ def _welcome(session: Session) -> int:
     drills = [card for card in catalogue.cards() if card.drill] or list(catalogue.cards())
     name = drills[0].name if drills else "NAME"
     session.say()
-    steps = (("start", "puts a starter into your work folder"), ("check", "grades what you wrote"))
-    for command, meaning in (*steps, ("hint", "helps a little; ask again for more")):
-        session.say(f"  drills {command + ' ' + name:<20}{meaning}")
-    session.say(f"  {'drills next':<27}says what to do next")
-    session.say(f"  {'drills --help':<27}lists every command")
-    session.say()
-    return _list(session, list(catalogue.cards()))
+    commands = [
+        "To begin with:",
+        f"  {'drills next':<27}says what to do next",
+        f"  {'drills start ' + name:<27}puts a starter into your work folder",
+        f"  {'drills check ' + name:<27}grades what you wrote",
+        f"  {'drills hint ' + name:<27}helps a little; ask again for more",
+        f"  {'drills --help':<27}lists every command",
+    ]
+    # The list fills several screens: what comes last is what a newcomer sees.
+    return _list(session, list(catalogue.cards()), last=commands)
 
 
 @cli.command("list")
@@ -116,7 +119,8 @@ def list_(
     return _list(session, _fitting(chapter, level, minutes))
 
 
-def _list(session: Session, cards: list[Card]) -> int:
+def _list(session: Session, cards: list[Card], last: Sequence[str] = ()) -> int:
+    """List exercises by chapter, then print the lines `last`."""
     loaded, terminal = session.records(), session.terminal
     groups = {"Interview drills": [card for card in cards if card.drill]}
     for card in cards:
@@ -139,6 +143,8 @@ def _list(session: Session, cards: list[Card]) -> int:
     states = (NOT_ATTEMPTED, ATTEMPTED, SOLVED)
     legend = "   ".join(f"{task_text.sign(s, terminal)} {task_text.STATE_WORDS[s]}" for s in states)
     session.say(f"  {legend}   1/5 easy, 5/5 hard" if cards else "Nothing fits.")
+    for line in ("", *last) if last else ():
+        session.say(line)
     entries = [_card_data(card, loaded.of(card.name)) for card in cards]
     reasons = [{"reason": str(r), "meaning": text} for r, text in SENTENCES.items()]
     return session.finish(RIGHT, {"exercises": entries, "reasons": reasons})

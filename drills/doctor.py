@@ -13,16 +13,17 @@ from typing import Any
 from course.libraries import import_error
 from drills import progress, workspace
 
-# What the drills are compared with: import name, name of the distribution, who needs it.
+# What the drills are compared with: import name, name of the distribution, who needs it, and the
+# extra that installs it ("": it comes with the package itself). A test compares pyproject.toml.
 LIBRARIES = (
-    ("numpy", "numpy", "everything"),
-    ("numba", "numba", "the course's compiled loops"),
-    ("scipy", "scipy", "tight references"),
-    ("matplotlib", "matplotlib", "drills chart"),
-    ("mujoco", "mujoco", "drills on contact, control and randomisation"),
-    ("pinocchio", "pin", "the comparison of fk3"),
-    ("ompl", "ompl", "the comparison of rrt"),
-    ("gymnasium", "gymnasium", "the comparison of vector_env"),
+    ("numpy", "numpy", "everything", ""),
+    ("numba", "numba", "the course's compiled loops", ""),
+    ("scipy", "scipy", "tight references", ""),
+    ("matplotlib", "matplotlib", "drills chart", ""),
+    ("mujoco", "mujoco", "drills on contact, control and randomisation", ""),
+    ("pinocchio", "pin", "the comparison of fk3", "oracles"),
+    ("ompl", "ompl", "the comparison of rrt", "oracles"),
+    ("gymnasium", "gymnasium", "the comparison of vector_env", ""),
 )
 Row = dict[str, Any]
 
@@ -98,13 +99,14 @@ def _progress(file: Path | None) -> Row:
     return _row("progress", not loaded.notices, " ".join((detail, *loaded.notices)))
 
 
-def _library(module: str, distribution: str, use: str) -> Row:
+def _library(module: str, distribution: str, use: str, extra: str) -> Row:
+    install = workspace.set_up(extra)
     try:
         importlib.import_module(module)
     except ModuleNotFoundError:
-        return _row(module, False, f"not installed; needed for {use}: {workspace.set_up()}")
+        return _row(module, False, f"not installed; needed for {use}: {install}")
     except ImportError as error:
-        return _row(module, False, str(import_error(module, workspace.set_up(), error)))
+        return _row(module, False, str(import_error(module, install, error)))
     try:
         version = metadata.version(distribution)
     except metadata.PackageNotFoundError:

@@ -130,13 +130,14 @@ def value_slips(
         entry: the function's name.
         swapped: whether its first two results have one shape, so that they can be swapped.
         in_part: whether it returns several values, or an array of several.
-        whole: whether one of its cases is of whole numbers.
+        whole: whether one of its cases has integer arguments and results that are not integers.
     """
     result = [
         _changed(
             "whole_numbers",
             entry,
-            "np.asarray(p).astype(np.asarray(args[0]).dtype) for p in parts",
+            "np.asarray(p).astype(np.asarray(next(a for a in args if not callable(a))).dtype) "
+            "for p in parts",
             "Whole numbers lose the digits behind the point: an array of integers takes no "
             "fractions and says nothing. np.array and np.zeros_like keep the type of what they are "
             "given; write dtype=float.",

@@ -195,6 +195,25 @@ def _check_replay(attempt: Attempt, twin: Place, steps: Sequence[Step]) -> None:
             return
 
 
+# How the import of a hidden module fails: in a checkout its folder can't be listed, and of an
+# installed package the file is found and can't be opened.
+_OWN = re.compile(
+    r"No module named '(course|drills|solutions)\b"
+    r"|Permission denied: '.*[/\\](course|drills|solutions)[/\\]__init__\.py'"
+)
+
+
+def _own_module(stop: Raised) -> str:
+    """Return the sentence for an answer that imports a module of the course, or ""."""
+    found = _OWN.search(stop.message)
+    if found is None or not {stop.type, *stop.kinds} & {"ImportError", "OSError"}:
+        return ""
+    return (
+        f"An answer can't use the course's own modules, such as {found[1] or found[2]}: the worked "
+        "answers are in them. Write what you need yourself, with NumPy and the standard library."
+    )
+
+
 def _stopped(attempt: Attempt, stop: Exception) -> None:
     report = attempt.report
     report.call = attempt.learner.last_request if isinstance(stop, Ended | Raised) else ""
@@ -204,7 +223,7 @@ def _stopped(attempt: Attempt, stop: Exception) -> None:
         report.reason, report.sentence = stop.reason, stop.sentence
     elif isinstance(stop, Raised):
         report.reason = Reason.RAISED
-        report.sentence = f"{attempt.card.entry} raised {stop.type}."
+        report.sentence = _own_module(stop) or f"{attempt.card.entry} raised {stop.type}."
         report.problem = Problem(stop.type, stop.message, tuple(stop.frames))
     elif isinstance(stop, SyntaxProblem):
         report.reason, report.sentence = Reason.SYNTAX_ERROR, SENTENCES[Reason.SYNTAX_ERROR]

@@ -22,7 +22,7 @@ from drills import cards as catalogue
 from drills import exercise as exercises
 from drills.attempt import Attempt, Place
 from drills.cards import Card, Quantity
-from drills.exercise import HEADROOM, Exercise
+from drills.exercise import HEADROOM, Exercise, Slip
 from drills.grade_report import LEVELS
 from drills.grader import attempt, grade, start_child
 from drills.inprocess import InProcess, Local, StandIn
@@ -253,6 +253,16 @@ def shape_matches(quantity: Quantity, argument: Any, sizes: dict[str, int]) -> b
     )
 
 
+def _unnoticed(slip: Slip) -> str:
+    """Return what the cases lack for a slip that passes."""
+    if slip.name == "whole_numbers":
+        return (
+            "a case whose arguments are integers needs results that are not; "
+            "where there is none, value_slips(..., whole=False)"
+        )
+    return "add a case in which its result differs from the worked answer's"
+
+
 def _slips(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
     count = len(exercise.slips)
     unique = len({slip.name for slip in exercise.slips}) == count
@@ -269,7 +279,9 @@ def _slips(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
             for seed in range(effort.slip_seeds)
         ]
         wrong = [
-            f"seed {report.seed}: {report.verdict}, named {report.slip or 'nothing'}"
+            f"seed {report.seed}: it passes; {_unnoticed(slip)}"
+            if report.passed
+            else f"seed {report.seed}: {report.verdict}, named {report.slip or 'nothing'}"
             for report in reports
             if report.passed or report.slip != slip.name
         ]

@@ -31,9 +31,14 @@ def in_tree() -> bool:
     return (ROOT / "pyproject.toml").exists()
 
 
-def set_up() -> str:
-    """Return the command that installs what is missing."""
-    return "make setup" if in_tree() else "pip install 'robotics-simulation-course[lab]'"
+def set_up(extra: str = "lab") -> str:
+    """Return the command that installs what is missing.
+
+    Args:
+        extra: group of optional packages in pyproject.toml that holds it; "" for the package alone.
+    """
+    group = f"[{extra}]" if extra else ""
+    return "make setup" if in_tree() else f"pip install 'robotics-simulation-course{group}'"
 
 
 def folder(chosen: str | None = None) -> Path:

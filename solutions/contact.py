@@ -122,9 +122,7 @@ def impact_time(
 def contact_step(
     position: ArrayLike, velocity: ArrayLike, slope: float, mu: float, dt: float, steps: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a block over an inclined plane.
-
-    By time stepping with one contact and Coulomb friction.
+    """Simulate a block on an inclined plane by time stepping with one frictional contact.
 
     Args:
         position: along the slope downwards, and above the plane, shape (2,) [m].

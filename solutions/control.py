@@ -7,9 +7,7 @@ from numpy.typing import ArrayLike
 
 
 def ultimate_gain(inertia: float, damping: float, dt: float, delay: float) -> tuple[float, float]:
-    """Return the gain at which a sampled P loop around a joint swings for ever.
-
-    And the period of that.
+    """Return the gain at which a sampled P loop around a joint oscillates forever, and the period.
 
     Args:
         inertia: of the joint [kg m^2].
@@ -105,7 +103,9 @@ def computed_torque(
 
 
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> np.ndarray:
-    """Return the gain of the discrete linear quadratic regulator, by doubling.
+    """Return the gain of the discrete linear quadratic regulator.
+
+    By doubling: each round turns P of k samples into P of 2k.
 
     Args:
         A: of x[k+1] = A x[k] + B u[k], shape (n, n).
@@ -206,8 +206,8 @@ def mppi_step(
 
     Args:
         plan: commands, shape (steps, m).
-        noise: what was added to the plan in each rollout, shape (n, steps, m).
-        costs: of the rollouts, shape (n,); NaN or infinite where one failed.
+        noise: what was added to the plan in each rollout, shape (k, steps, m).
+        costs: of the rollouts, shape (k,); NaN or infinite where one failed.
         temperature: of the weights, positive, in the unit of the costs.
         low, high: limits of the commands, which the rollouts kept, shape (m,) each.
 

@@ -35,9 +35,7 @@ def gae(
     gamma: float,
     lam: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return generalised advantage estimates of T steps in N environments.
-
-    And the critic's targets.
+    """Return advantages by GAE for T steps of N environments, and the critic's targets.
 
     Args:
         reward: of each step, (T, N).
@@ -61,7 +59,7 @@ def gae(
 def ppo_objective(
     new: ArrayLike, old: ArrayLike, advantage: ArrayLike, clip: float
 ) -> tuple[float, np.ndarray]:
-    """Return PPO's clipped objective, which is to be raised, and its gradient by `new`.
+    """Return PPO's clipped objective, which is to be maximised, and its gradient by `new`.
 
     Args:
         new, old: log-probabilities of the actions taken, now and when they were taken, (n,).
@@ -134,7 +132,7 @@ def flow_sample(
 
 
 def execute_chunks(chunks: ArrayLike, every: int, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is executed of a chunk policy: committed for some steps, and ensembled over time.
+    """Return the executed actions of a chunk policy: committed, and with temporal ensembling.
 
     Args:
         chunks: what is proposed at step t for step t + j, (T, H, m).
@@ -158,9 +156,7 @@ def execute_chunks(chunks: ArrayLike, every: int, rate: float) -> tuple[np.ndarr
 def reach_reward(
     path: ArrayLike, goal: ArrayLike, radius: float, gamma: float
 ) -> tuple[np.ndarray, int]:
-    """Return rewards of a logged run to a disc.
-
-    1 for reaching it, and a potential of minus the distance.
+    """Return a run's rewards: 1 for reaching the disc, plus shaping by the potential -distance.
 
     Args:
         path: positions before, between and after T steps, (2, T + 1) [m].

@@ -65,9 +65,7 @@ def keep_last(
 
 
 def fragment_loss(size: int, payload: int, loss: float) -> tuple[float, float, float]:
-    """Return a message in fragments over a link that loses some.
-
-    Lost, or sent again until all are there.
+    """Return the loss of a fragmented message, and how often it is sent until all of it arrives.
 
     Args:
         size: of the message [byte].

@@ -85,9 +85,7 @@ def step_limit(
 
 
 def visual_gain(gain: float, delay: int) -> tuple[float, float]:
-    """Return corrections from a picture that is some frames old.
-
-    How much gain, and what noise becomes.
+    """Return the largest stable gain for feedback from delayed images, and the resulting variance.
 
     Args:
         gain: part of the error seen that is corrected at each frame.
@@ -113,9 +111,7 @@ def visual_gain(gain: float, delay: int) -> tuple[float, float]:
 def which_stage(
     record: ArrayLike, limits: ArrayLike, errors: ArrayLike, tolerance: float
 ) -> tuple[int, np.ndarray]:
-    """Return the first contract that a failed run broke.
-
-    And the fewest stages whose repair cures it.
+    """Return the first contract that a failed run broke, and the fewest stages whose fix cures it.
 
     Args:
         record: what each contract bounds, at each tick, shape (m, n); the upstream one first.

@@ -21,9 +21,7 @@ def edge_is_free(a: np.ndarray, b: np.ndarray, discs: np.ndarray) -> bool:
 
 
 def edge_check(lengths: ArrayLike, discs: ArrayLike, a: ArrayLike, b: ArrayLike) -> float:
-    """Return how much of a straight motion of the joints of a planar arm is free.
-
-    Never more than is.
+    """Return a lower bound on the free share of a straight motion of a planar arm's joints.
 
     Conservative advancement (Mirtich, 1996): no point of the arm moves farther than the joints
     can carry it, so that the arm's gap says how far the motion may go on unseen.

@@ -10,9 +10,7 @@ from numpy.typing import ArrayLike
 def sliding_stop(
     speed: float, angle: float, frame: float, mu: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return where a block that was sent off over a level floor stops.
-
-    By the shape of its friction cone.
+    """Return where a block sliding on a level floor stops, for three shapes of friction cone.
 
     Args:
         speed: at the start [m/s].
@@ -130,9 +128,7 @@ def radar_areas(values: ArrayLike, worst: ArrayLike, best: ArrayLike) -> tuple[f
 def pick_engine(
     facts: ArrayLike, limits: ArrayLike, larger: ArrayLike, cost: ArrayLike
 ) -> tuple[int, int, float]:
-    """Return the cheapest engine that is known to meet every need.
-
-    And the need that would change it.
+    """Return the cheapest engine that meets every need, and the need that would change the pick.
 
     Args:
         facts: what was measured of each engine, positive, NaN where nothing was, (m, n).

@@ -227,7 +227,7 @@ def tumble(q: Array, omega: Array, inertia: Array, dt: float, steps: int) -> tup
 def observed_order(
     coarse: Array, medium: Array, fine: Array, ratio: float = 2.0
 ) -> tuple[float, Array]:
-    """Order of accuracy from three runs, and the result that they are heading for.
+    """Return the order of accuracy shown by three runs, and their extrapolated result.
 
     No true solution is needed: with an error C h^p, the two differences of successive results are
     in the ratio r^p, and the last difference is r^p - 1 times the error that is left (Richardson

@@ -704,6 +704,15 @@ def test_the_gallery_shows_every_chart_as_it_was_built() -> None:
     assert sorted(shown) == sorted(path.stem for path in charts.PICTURES.glob("*.png"))
 
 
+@pytest.mark.slow
+def test_the_film_of_the_readme_is_up_to_date() -> None:
+    from tests.simulations.films import is_out_of_date
+
+    assert not is_out_of_date(gallery.FILM.read_bytes(), gallery.readme_film()), (
+        "docs/film.png is out of date: .venv/bin/python -m tools.gallery"
+    )
+
+
 def test_the_code_on_the_first_page_runs_and_is_as_exact_as_the_chart() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     code = re.findall(r"```python\n(.*?)```", text, re.S)[0]

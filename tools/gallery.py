@@ -74,14 +74,19 @@ def gallery() -> str:
     return "\n".join(parts)
 
 
-@click.command()
-def main() -> None:
-    """Write the gallery and the film."""
+def readme_film() -> bytes:
+    """Return the film of the README, recorded from the model as it is now."""
     from course.simulations.painter import film
     from course.simulations.rigid_body import MODEL
 
+    return film(MODEL, seconds=5.0)
+
+
+@click.command()
+def main() -> None:
+    """Write the gallery and the film."""
     write(GALLERY, gallery())
-    write(FILM, lambda path: path.write_bytes(film(MODEL, seconds=5.0)))
+    write(FILM, lambda path: path.write_bytes(readme_film()))
     click.echo(f"written: {GALLERY.name} and {FILM.name}")
 
 

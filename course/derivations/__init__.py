@@ -397,6 +397,19 @@ def claims(chapter: int | None = None) -> list[Claim]:
     return [item for item in ordered if item.chapter == chapter]
 
 
+def defining(ids: Sequence[str]) -> list[Claim]:
+    """Return the claims of the files that define one of these ids; only those are imported."""
+    folder = Path(__file__).parent
+    topics = {chapter.topic for chapter in CHAPTERS}
+    for path in sorted(folder.rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        if path.parent != folder or path.stem in topics:
+            if any(f"\ndef {id}(" in text for id in ids):
+                name = ".".join(path.relative_to(folder).with_suffix("").parts)
+                importlib.import_module(f"{__name__}.{name}")
+    return sorted(CLAIMS.values(), key=lambda item: (item.chapter, item.file))
+
+
 def _get(id: str) -> Claim:
     if id not in CLAIMS:
         _load()

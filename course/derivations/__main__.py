@@ -11,7 +11,16 @@ import click
 
 import course
 from course import CHAPTERS
-from course.derivations import Claim, Outcome, claims, figure_text, records, run, unmet
+from course.derivations import (
+    Claim,
+    Outcome,
+    claims,
+    defining,
+    figure_text,
+    records,
+    run,
+    unmet,
+)
 
 _STYLE = {"holds": "green", "holds only if": "yellow", "false": "red"}
 _NOT_RUN = "NOT RUN"
@@ -123,8 +132,11 @@ def _record(results: list[Result], whole: bool) -> int:
                     click.echo(f"{claim.id}: NOT WRITTEN: {text}")
                 continue
             entry = claim.entry(outcome.finding)
-            for text in records.differences(entries.get(claim.id), entry):
-                click.echo(f"{claim.id}: {text}")
+            if claim.id not in entries:
+                click.echo(f"{claim.id}: new on record")
+            else:
+                for text in records.differences(entries[claim.id], entry):
+                    click.echo(f"{claim.id}: {text}")
             new[claim.id] = records.merged(entries.get(claim.id), entry)
         if whole:
             for id in sorted(set(new) - {item.id for item in claims() if item.file == file}):
@@ -144,7 +156,9 @@ def select(which: str | None, ids: tuple[str, ...]) -> list[Claim]:
         click.UsageError: where there is none.
     """
     try:
-        if which is None or which.isdecimal():
+        if ids and which is None:
+            selected = list(defining(ids))
+        elif which is None or which.isdecimal():
             selected = claims(int(which) if which else None)
         else:
             everything = claims()
@@ -187,8 +201,10 @@ def main(which: str | None, ids: tuple[str, ...], as_json: bool, record: bool) -
         _print_table(results)
         seconds = time.perf_counter() - start
         computed = [outcome.finding.verdict.value for _, outcome, _ in results if outcome]
-        verdicts = ", ".join(f"{computed.count(v)} {v.removesuffix(' if')}" for v in _STYLE)
-        settled = f"{len(results) - skipped} claims ({verdicts}) settled in {seconds:.0f} s"
+        verdicts = ", ".join(f"{computed.count(v)} {v}" for v in _STYLE if v in computed)
+        count = len(results) - skipped
+        settled = f"{count} claim{'' if count == 1 else 's'}{f' ({verdicts})' if verdicts else ''}"
+        settled += f" settled in {seconds:.0f} s"
         remaining = f"; {skipped} not run here" if skipped else ""
         print(f"{settled}{remaining}; {wrong} disagree")
     sys.exit(1 if wrong else 0)

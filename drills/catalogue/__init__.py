@@ -1,1 +1,1 @@
-"""The exercises: one folder each, with card.toml, prompt.md, starter.py and exercise.py."""
+"""The exercises: a folder each, with card.toml, prompt.md, exercise.py, a few with starter.py."""

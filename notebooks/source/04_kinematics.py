@@ -1,9 +1,15 @@
 # %% [markdown]
 # # 4 · Kinematics and dynamics of arms
 #
-# *Two links follow a target, one small step after the other. Answer first<span class="kernel-only">, run the
-# cells</span>, then press* Play *and click anywhere in the picture.* About {open minutes} minutes of reading, cards
-# and charts; the collapsed parts add {folded minutes}; exercises {exercise minutes}.
+# *A robot arm moves smoothly towards a part, and suddenly two joints spin at full speed although the hand hardly
+# moves. Another arm stops in front of its target and never gets there. Both faults come from the way joint angles are
+# computed.*
+#
+# Below, an arm of two links follows a target in small steps. Each step is computed from how the tip moves when a joint
+# turns a little.
+#
+# About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
+# {exercise minutes}.
 
 # %%
 from course.cards import predict
@@ -13,32 +19,29 @@ predict("inward_from_stretched")
 
 # %% [markdown]
 # ![Two links follow a target](attachment:kinematics.arm.png)
-#
-# *Here the arm is bent, and reaches its target (dashed: the two ways to do so). The question is about an arm that is
-# not bent at all; a damped step is one that holds back, see section 1.*
 
 # %%
 simulation("arm")
 
 # %% [markdown]
-# **You will be able to** say where the hand is and how fast it moves for any chain of joints; choose a step towards a
-# target by what it does where the arm is stretched; tell an unreachable target from a bad start; use a joint to spare;
-# and compute the torques behind a motion, in one pass out and one back. **Know first:** vectors, matrices, derivatives;
-# chapter 1 for quaternions and integrators.
+# **After this chapter you can** compute where the hand of any arm is and how fast it moves; derive the joint angles of
+# a two-link arm on paper, and solve larger arms step by step; explain what goes wrong where the arm is stretched, and
+# what damping costs; use a spare joint; and compute the torques behind a motion. You need vectors, matrices and
+# derivatives, and chapter 1 for quaternions and integrators.
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why. Then
-# you move something, learn its name, and see one number. A number in the text comes from the cell above it, or from a
-# check that `python -m course.derivations 4` runs again. The code is `course.kinematics`. These exercises wait in
-# section 7:
+# Each section explains an idea, asks you a question about it, and then shows the answer in a simulation, a drawing or
+# a chart. On the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are
+# folded away. Every measured number comes from a cell on this page or from a check that `python -m course.derivations
+# 4` runs again. The code is the package `course.kinematics`. These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(4)
 
-# %%
+# %% tags=["hide-code"]
 import inspect
 import math
 import textwrap
@@ -56,7 +59,7 @@ from course.kinematics import ik, jacobian, panda, planar, tip, two_link_ik
 
 
 def source(*functions):
-    """Show functions as they stand in the module."""
+    """Show functions as they are in the module."""
     text = "\n\n".join(inspect.getsource(f) for f in functions)
     return Markdown(f"```python\n{text}```")
 
@@ -67,79 +70,218 @@ def listed(numbers):
 
 
 def print_figures(chart, *rows):
-    """Print the lines of a chart's key figures that begin so, no wider than a page."""
+    """Print the key figures of a chart whose lines begin with one of the given words."""
     for line in read(chart).splitlines():
-        if line.lstrip().startswith(rows):
-            words = " ".join(line.split())
+        words = " ".join(line.split())
+        if words.startswith(rows):
             print(textwrap.fill(words, 96, subsequent_indent="    "))
 
 
 # %% [markdown]
-# ## 1 · Concept: from angles to the hand, and back
+# ## 1 · Concept: position, velocity and torque of an arm
 #
-# ### Where is the hand?
+# ### Forward kinematics: where is the hand?
 #
-# An arm is a chain of links and joints. What one wants to place is the hand, the tool, the tip: the **end effector**.
-# There are two ways to say where the arm is. In **joint space** a point $q$ is a list of joint angles. In
-# **task space** a point is what the task asks for: a position of the tip, or a pose, which is position and
-# orientation. **Forward kinematics** goes from the first to the second.
+# The motors of an arm know angles. The task is about a place: the cup stands 60 cm in front of the base. So the first
+# question is where the hand is for given angles.
+#
+# An arm is a chain of rigid **links** connected by **joints**. A *revolute* joint (R) turns, a *prismatic* joint
+# slides. The **end effector** is what does the work at the end of the chain: a gripper, a tool. We call the point on
+# it that matters the **tip**. You can describe the arm in two ways. In **joint space** a point is the list $q$ of all
+# joint values. In **task space** a point is what the task specifies: the position of the tip, or its **pose**, which
+# is position and orientation. **Forward kinematics**, FK, maps the first to the second.
+#
+# Attach a coordinate frame to each joint. A **homogeneous transform** is the $4\times4$ matrix that contains the
+# rotation and the position of one frame in another; multiplying two of them chains them. Let $A_i$ be the fixed
+# transform from the frame of joint $i-1$ to the frame of joint $i$, and let $R_z(q_i)$ be the rotation about its own
+# $z$ axis by the joint angle. Then
+#
+# $$T_{\text{tip}} = A_1\,R_z(q_1)\;A_2\,R_z(q_2)\cdots A_n\,R_z(q_n)\;T_{\text{tool}} .$$
+#
+# There is exactly one result, it always exists, and it depends smoothly on $q$.
+
+# %% tags=["hide-code"]
+lengths, posture = (1.0, 0.8), np.radians([30.0, 60.0])
+two = planar(lengths)
+joints = np.column_stack([kinematics.frames(two, posture)[:2], tip(two, posture)[:2]])
+figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
+for axis, title in zip(axes, ("a frame in each joint", "two conventions for q2"), strict=True):
+    _ = axis.plot(*joints, "o-", color="#9bb7d4", linewidth=8, markersize=10)
+    _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=title)
+    _ = axis.set(xlim=(-0.3, 1.9), ylim=(-0.2, 1.8))
+for i, heading in enumerate((posture[0], posture.sum(), posture.sum())):
+    for turn, colour in ((0.0, "tab:red"), (np.pi / 2, "tab:green")):
+        way = 0.25 * np.array([np.cos(heading + turn), np.sin(heading + turn)])
+        _ = axes[0].quiver(
+            *joints[:, i], *way, color=colour, angles="xy", scale_units="xy", scale=1, zorder=5
+        )
+    _ = axes[0].text(*(joints[:, i] + [0.1, -0.13]), ("joint 1", "joint 2", "tip")[i])
+_ = axes[1].plot([joints[0, 1], 1.6 * joints[0, 1]], [joints[1, 1], 1.6 * joints[1, 1]], "k:")
+_ = axes[1].plot([joints[0, 1], joints[0, 1] + 0.6], [joints[1, 1]] * 2, "k:")
+for start, end, radius, name in (
+    (posture[0], posture.sum(), 0.3, "q2 from link 1"),
+    (0.0, posture.sum(), 0.5, "q2 from the x axis"),
+):
+    arc = np.linspace(start, end, 40)
+    curve = joints[:, 1:2] + radius * np.array([np.cos(arc), np.sin(arc)])
+    (line,) = axes[1].plot(*curve, label=name, linewidth=2)
+_ = axes[1].legend(loc="upper left")
+plt.show()
 
 # %%
 show("fk_is_a_product")
 
 # %% [markdown]
-# Each joint has a frame; it sits at a fixed place in the frame before it, and turns about its own $z$:
-#
-# $$T_{\text{hand}} = A_1\,R_z(q_1)\;A_2\,R_z(q_2)\cdots A_n\,R_z(q_n)\;T_{\text{tool}} .$$
-#
-# There is one answer, it always exists, and it is smooth. For two links in a plane, $q_2$ measured from the first
-# link, it is
+# For two links in a plane, with $q_2$ measured from the first link (the blue arc on the right), the product is
 #
 # $$x = l_1\cos q_1 + l_2\cos(q_1+q_2), \qquad y = l_1\sin q_1 + l_2\sin(q_1+q_2) .$$
+#
+# **Worked example.** Take $l_1 = 1$ m, $l_2 = 0.8$ m, $q_1 = 30°$ and $q_2 = 60°$, the posture in the drawing. The
+# second link points straight up, at $30° + 60° = 90°$. So $x = 0.866 + 0 = 0.866$ m and $y = 0.5 + 0.8 = 1.3$ m.
+#
+# Always ask how an angle is measured. If the motor of the elbow sits in the base and drives the second link through a
+# belt, its encoder reports the angle from the $x$ axis (the orange arc), and $q_1+q_2$ in the formula is replaced by
+# $q_2$.
+#
+# The same product works in space. From here on, our larger example is an arm with seven revolute joints, a **7-R
+# arm**, with the dimensions of the Franka Panda. The course stores a pose as seven numbers, a position and a unit
+# quaternion. This cell multiplies the transforms and compares the result with the library function `tip`:
 
-# %%
-show("two_link_position")
-
-# %% [markdown]
-# The product, written out for an arm with seven turning joints (7-R for short) of the size of the Franka Panda, beside
-# the compiled function. A pose is seven numbers here: a position and a unit quaternion.
-
-# %%
+# %% tags=["show-code"]
 arm = panda()
 q = np.array([0.3, -0.4, 0.1, -1.9, 0.0, 1.7, 0.6])
-hand = np.array(kinematics.chain.HERE)
+hand = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # the base: position, then quaternion
 for angle, placement in zip(q, arm.placement.T, strict=True):
     turn = np.array([0.0, 0.0, 0.0, np.cos(0.5 * angle), 0.0, 0.0, np.sin(0.5 * angle)])
     hand = kinematics.compose(hand, kinematics.compose(placement, turn))
 hand = kinematics.compose(hand, arm.tool)
-print("position of the hand [m]:", hand[:3].round(4))
-print("the product is the function's, to rounding:", np.abs(hand - tip(arm, q)).max() < 1e-14)
+print("position of the tip [m]:", hand[:3].round(4))
+print("same as tip(arm, q) up to rounding:", np.abs(hand - tip(arm, q)).max() < 1e-14)
+
+# %%
+more_claims("two_link_position")
 
 # %% [markdown]
-# <details><summary>Which four numbers describe a joint?</summary>
+# ### Denavit-Hartenberg parameters and the product of exponentials
 #
-# **Denavit-Hartenberg** parameters place a joint's frame with two angles and two lengths instead of six numbers,
-# because the frame may be slid and turned along its own axis without changing the motion. Two conventions are in use
-# (Denavit and Hartenberg 1955, and Craig's, in which the numbers of the Panda are published), and a table of numbers
-# without its convention describes another arm. Robot descriptions such as URDF give all six, and so does `Chain`.
+# A data sheet has to say where the joints are. Three descriptions are in use, and an interviewer expects you to know
+# them all.
 #
-# </details>
+# **Homogeneous transforms** with six numbers per joint are the most direct. URDF files and this course's `Chain` use
+# them.
 #
-# ### How does the hand move?
+# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. A frame may be
+# shifted along its own joint axis and turned about it without changing the arm, and this freedom removes two numbers.
+# The transform of one joint is
 #
-# The **Jacobian** $J$ is the matrix of partial derivatives: tip velocity $= J(q)\,\dot q$. For two links, with $s_{12}$
-# short for $\sin(q_1+q_2)$,
+# $$A_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
+#
+# For our two links, $a_1 = l_1$, $a_2 = l_2$, and every $d$ and $\alpha$ is zero. Two conventions exist: the original
+# one (1955), shown here, and Craig's, which orders the factors differently and is used for the published numbers of
+# the Panda. A table that is read in the wrong convention describes a different arm.
+#
+# The **product of exponentials** needs no frame between base and tip. It describes each joint by a **screw**: an axis
+# in space about which the joint turns. The velocity of a rigid body is a **twist** $V = (\omega, v)$: its angular
+# velocity $\omega$, and the velocity $v$ of the point of the body that is at the origin at that moment. A joint that
+# turns at 1 rad/s about an axis along the unit vector $\hat\omega$ through the point $c$ has the twist
+#
+# $$S = \begin{pmatrix} \hat\omega \\ c\times\hat\omega \end{pmatrix}, \qquad
+# [S] = \begin{pmatrix} [\hat\omega] & c\times\hat\omega \\ 0 & 0 \end{pmatrix},$$
+#
+# where $[\hat\omega]$ is the matrix of the cross product, $[\hat\omega]\,x = \hat\omega\times x$.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
+grid = np.array(np.meshgrid(np.linspace(-0.2, 2.2, 9), np.linspace(-0.9, 0.9, 7))).reshape(2, -1)
+field = np.array([-grid[1], grid[0] - lengths[0]])
+_ = axes[0].quiver(*grid, *field, color="0.6", angles="xy", scale=7, width=0.004)
+_ = axes[0].plot([0, 1, 1.8], [0, 0, 0], "o-", color="#9bb7d4", linewidth=8, markersize=10)
+_ = axes[0].plot(1, 0, "o", color="tab:red", markersize=12, label="axis of joint 2")
+_ = axes[0].quiver(
+    0, 0, 0, -0.8, color="tab:red", angles="xy", scale_units="xy", scale=1, label="v"
+)
+_ = axes[0].set(title="the twist of joint 2", xlim=(-0.4, 2.4), ylim=(-1.1, 1.1))
+_ = axes[0].legend(loc="upper right")
+bent = np.column_stack(
+    [kinematics.frames(two, [0.0, posture[1]])[:2], tip(two, [0, posture[1]])[:2]]
+)
+for points, colour, name in (
+    (np.array([[0, 1, 1.8], [0, 0, 0]]), "0.8", "1. zero posture"),
+    (bent, "tab:orange", "2. joint 2 turned by 60°"),
+    (joints, "#3b6ea5", "3. then joint 1 by 30°"),
+):
+    _ = axes[1].plot(*points, "o-", color=colour, linewidth=6, markersize=9, label=name)
+_ = axes[1].set(title="the product, read from right to left", xlim=(-0.2, 2.2), ylim=(-0.2, 2.2))
+_ = axes[1].legend(loc="upper left")
+for axis in axes:
+    _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+plt.show()
+
+# %% [markdown]
+# Left: a twist assigns a velocity to every point of space; these velocities circle around the axis. The red arrow is
+# $v$ (drawn shorter), the velocity at the origin. Following a constant twist for the angle $q$ is the matrix
+# exponential $e^{[S]q}$, the rotation about that axis. With $M$, the pose of the tip in the zero posture,
+#
+# $$T_{\text{tip}} = e^{[S_1]q_1}\;e^{[S_2]q_2}\cdots e^{[S_n]q_n}\;M .$$
+#
+# All screws are written down once, in the zero posture. Read the product from right to left, as in the drawing: turn
+# the last joint first. The joints nearer to the base are then still in the zero posture, so their axes are where we
+# wrote them down.
+#
+# **Worked example.** The elbow's axis passes through $(1, 0, 0)$ m, so $S_2 = (0, 0, 1;\; 0, -1, 0)$. It moves the tip
+# from $(1.8, 0)$ to $(1 + 0.8\cos 60°,\; 0.8\sin 60°) = (1.4,\; 0.693)$ m. The shoulder rotates this point by $30°$
+# about the origin, to $(0.866,\; 1.3)$ m: the same tip as above.
+#
+# To move a twist into another frame, multiply it by the **adjoint** of the transform $T = (R, p)$:
+#
+# $$\mathrm{Ad}_T = \begin{pmatrix} R & 0 \\ [p]\,R & R \end{pmatrix} .$$
+#
+# It says where the axis of joint $i$ is after the joints before it have moved: $J_i = \mathrm{Ad}_{T_{i-1}} S_i$ with
+# $T_{i-1} = e^{[S_1]q_1}\cdots e^{[S_{i-1}]q_{i-1}}$. So the product of exponentials also provides the velocity of the
+# tip, joint by joint. The cell checks both against the library:
+
+# %% tags=["show-code"]
+from scipy.linalg import expm
+
+
+def bracket(S):
+    """Return the 4 x 4 matrix of a twist S = (w, v)."""
+    result = np.zeros((4, 4))
+    result[:3, :3], result[:3, 3] = np.cross(np.eye(3), S[:3]), S[3:]
+    return result
+
+
+def adjoint(T):
+    """Return the 6 x 6 matrix that moves a twist by the transform T."""
+    R, p = T[:3, :3], np.cross(np.eye(3), T[:3, 3])
+    return np.block([[R, np.zeros((3, 3))], [p @ R, R]])
+
+
+z, T, twists = np.array([0.0, 0.0, 1.0]), np.eye(4), []
+for centre, angle in zip(([0.0, 0.0, 0.0], [lengths[0], 0.0, 0.0]), posture, strict=True):
+    S = np.concatenate([z, np.cross(centre, z)])
+    twists.append(adjoint(T) @ S)
+    T = T @ expm(bracket(S) * angle)
+p = (T @ [sum(lengths), 0.0, 0.0, 1.0])[:3]
+J = np.array([S[3:] + np.cross(S[:3], p) for S in twists]).T  # velocity of the tip per joint
+print("tip:", p.round(4), "m; same as tip():", np.allclose(p, tip(two, posture)[:3], atol=1e-14))
+print("velocities the same:", np.allclose(J, jacobian(two, posture)[:3], atol=1e-14))
+
+# %% [markdown]
+# ### The Jacobian: how fast does the hand move?
+#
+# To follow a moving target, or to correct a small error, you need to know how the tip moves when each joint turns a
+# little. The **Jacobian** $J$ is the matrix of partial derivatives: tip velocity $= J(q)\,\dot q$. For two links, with
+# $s_1$ short for $\sin q_1$ and $s_{12}$ short for $\sin(q_1+q_2)$,
 #
 # $$J = \frac{\partial(x, y)}{\partial(q_1, q_2)} =
 # \begin{pmatrix} -l_1s_1-l_2s_{12} & -l_2s_{12} \\ l_1c_1+l_2c_{12} & l_2c_{12} \end{pmatrix} .$$
 #
-# Its column $i$ is what joint $i$ does alone. You can draw it without a derivative: a turning joint moves the tip
-# across the line from the joint to the tip, as fast as that line is long.
+# Column $i$ is the tip velocity that joint $i$ causes when it turns alone at 1 rad/s. You can draw it without
+# differentiating: it is perpendicular to the line from the joint to the tip, and its length is the length of that
+# line.
 
-# %%
-lengths, posture = (1.0, 0.7), np.array([0.4, 1.1])
-two = planar(lengths)
-joints = np.column_stack([kinematics.frames(two, posture)[:2], tip(two, posture)[:2]])
+# %% tags=["hide-code"]
 J = jacobian(two, posture)[:2]
 figure_, axes = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
 _ = axes.plot(*joints, "o-", color="#3b6ea5", linewidth=6, markersize=9)
@@ -147,186 +289,341 @@ for i, colour in enumerate(("tab:orange", "tab:green")):
     _ = axes.plot(*joints[:, [i, 2]], "--", color=colour)
     _ = axes.quiver(*joints[:, 2], *J[:, i], color=colour, scale=2.5, scale_units="xy", angles="xy")
     _ = axes.text(*(joints[:, 2] + 0.44 * J[:, i]), f"column {i + 1}", color=colour, ha="right")
-_ = axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.6, 1.6), ylim=(-0.1, 1.7))
+_ = axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.6, 1.6), ylim=(-0.1, 2.0))
 plt.show()
 for i in range(2):
     line = joints[:, 2] - joints[:, i]
     print(
-        f"joint {i + 1}: {np.linalg.norm(line):.3f} m from the tip, its column "
-        f"{np.linalg.norm(J[:, i]):.3f} m/rad long, at right angles: {abs(line @ J[:, i]) < 1e-12}"
+        f"joint {i + 1}: {np.linalg.norm(line):.3f} m from the tip; its column is "
+        f"{np.linalg.norm(J[:, i]):.3f} m/rad long, perpendicular: {abs(line @ J[:, i]) < 1e-12}"
     )
 
 # %% [markdown]
-# In space a column has six numbers: with the axis $z_i$ of the joint and the line $p - p_i$ from it to the tip, all in
-# world axes,
+# **Worked example.** In the same posture the columns are $(-1.3,\; 0.866)$ and $(-0.8,\; 0)$ m/rad. Turn both joints
+# at 1 rad/s and the tip moves at $(-2.1,\; 0.866)$ m/s.
+#
+# In space a column has six numbers. With the axis $z_i$ of the joint, and the line $p - p_i$ from the joint to the
+# tip, both in world axes,
 #
 # $$J_i = \begin{pmatrix} z_i\times(p-p_i) \\ z_i\end{pmatrix}
-# \quad\text{if joint } i \text{ turns},\qquad
-# \begin{pmatrix} z_i \\ 0\end{pmatrix} \quad\text{if it slides.}$$
+# \quad\text{if joint } i \text{ is revolute},\qquad
+# \begin{pmatrix} z_i \\ 0\end{pmatrix} \quad\text{if it is prismatic.}$$
 #
-# That is the *geometric* Jacobian. Its lower rows are an angular velocity, which is the derivative of no three angles.
+# This is the **geometric Jacobian**. Its lower three rows give the angular velocity, which is not the derivative of
+# any three angles. The **analytic Jacobian** replaces these rows by the rates of Euler angles. It becomes singular at
+# gimbal lock, even where the arm itself is fine.
 #
-# The same matrix carries forces the other way. By the principle of **virtual work** a force and torque $F$ (a *wrench*)
-# that pulls at the tip asks the motors for $\tau = -J^\mathsf{T}F$ to hold against it. A check of both, on the 7-R arm:
-# small motions by $J$, and the torques that a pull at the hand changes.
+# **Forces use the transpose.** The power that a force delivers at the tip equals the power that the torques deliver at
+# the joints; this is the principle of **virtual work**. So $F^\mathsf{T}J\dot q = \tau^\mathsf{T}\dot q$ for every
+# $\dot q$. A **wrench** $F$, a force and a torque, that the *arm exerts* at the tip costs the torques $\tau =
+# J^\mathsf{T}F$. If the *environment exerts* $F$ on the tip, the motors must supply $\tau = -J^\mathsf{T}F$ to hold
+# still.
+#
+# **Worked example.** Hang a weight of 10 N on the tip, $F = (0, -10)$ N. Then $-J^\mathsf{T}F = (8.66,\; 0)$ N m. The
+# shoulder holds 10 N at a lever arm of 0.866 m. The elbow is directly below the weight and feels nothing.
+#
+# The cell checks both uses of $J$ on the 7-R arm: it predicts a small motion, and the additional torques when someone
+# pulls at the hand.
 
-# %%
-J, still = jacobian(arm, q), np.zeros(7)
+# %% tags=["show-code"]
+J, rest = jacobian(arm, q), np.zeros(7)
 for h in (1e-2, 1e-3):
     step = h * np.ones(7) / np.sqrt(7.0)
     missed = np.linalg.norm((tip(arm, q + step) - tip(arm, q))[:3] - (J @ step)[:3])
-    print(f"a step of {h:g} rad: J misses the motion of the hand by {missed:.1e} m")
+    print(f"a joint step of {h:g} rad: J predicts the tip's motion with an error of {missed:.1e} m")
 pull = np.array([0.0, 0.0, -20.0, 0.0, 0.0, 0.0])
-free = kinematics.inverse_dynamics(arm, q, still, still)
-pulled = kinematics.inverse_dynamics(arm, q, still, still, pull)
-print("20 N down at the hand ask for [N m]:", listed(pulled - free))
-print("which is -J^T F:", np.allclose(pulled - free, -J.T @ pull, atol=1e-12))
-
-# %% [markdown]
-# ### The way back
-#
-# **Inverse kinematics**, IK, asks for the joint angles that put the tip at a target. Nobody promises that there are
-# any, or only one. Two links reach a point inside their range with the elbow on either side: **elbow up** or elbow
-# down, as one says where gravity gives a meaning to up. The points that the tip can reach at all are its
-# **workspace**; for two links whose joints turn all the way round it is an **annulus**, a ring between two circles:
-#
-# $$\lvert l_1-l_2\rvert \;\le\; r \;\le\; l_1+l_2 .$$
+free = kinematics.inverse_dynamics(arm, q, rest, rest)
+pulled = kinematics.inverse_dynamics(arm, q, rest, rest, pull)
+print("extra torques for 20 N downwards [N m]:", listed(pulled - free))
+print("equal to -J^T F:", np.allclose(pulled - free, -J.T @ pull, atol=1e-12))
 
 # %%
-show("number_of_solutions")
+more_claims("euler_jacobian_locks")
 
 # %% [markdown]
-# Click into the hole of the ring on the first screen, and outside of it. The dashed ghosts are the two exact answers.
-# The closed form needs only the triangle of base, elbow and tip. Its two usual faults are an arccosine that loses half
-# the digits at the edges, and a clamp that turns *no answer* into a wrong one.
+# ### Inverse kinematics: which angles reach a target?
+#
+# The task says where the tip should be; the motors need angles. **Inverse kinematics**, IK, finds the joint values
+# that put the tip at a target. There may be no solution, one, several, or infinitely many.
+#
+# Two links reach a point with the elbow on either side of the line from base to target. The two solutions are called
+# **elbow up** and elbow down. The points that the tip can reach are its **workspace**. If both joints can turn all the
+# way round, it is an **annulus**, a ring: $\lvert l_1-l_2\rvert \le r \le l_1+l_2$.
 
-# %%
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
+exact = two_link_ik(lengths, tip(two, posture)[:2])
+for angles, colour, name in (
+    (exact.q[:, 0], "#3b6ea5", "q2 > 0"),
+    (exact.q[:, 1], "tab:orange", "q2 < 0"),
+):
+    points = np.column_stack([kinematics.frames(two, angles)[:2], tip(two, angles)[:2]])
+    _ = axes[0].plot(*points, "o-", color=colour, linewidth=5, markersize=9, label=name)
+_ = axes[0].plot([0, joints[0, 2]], [0, joints[1, 2]], "k--")
+_ = axes[0].text(0.40, 0.72, "r", fontsize=13)
+_ = axes[0].text(0.5, 0.16, "$l_1$", fontsize=13)
+_ = axes[0].text(0.92, 0.85, "$l_2$", fontsize=13)
+_ = axes[0].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="base, elbow and tip")
+_ = axes[0].legend(loc="upper left")
+ring = np.linspace(0, 2 * np.pi, 200)
+circle = np.array([np.cos(ring), np.sin(ring)])
+_ = axes[1].fill(*(1.8 * circle), color="#cfe0f0")
+_ = axes[1].fill(*(0.2 * circle), color="white")
+for radius, note in ((0.2, "$|l_1-l_2|$"), (1.8, "$l_1+l_2$")):
+    _ = axes[1].plot(*(radius * circle), color="#3b6ea5")
+    _ = axes[1].text(0, radius + 0.05, note, ha="center")
+_ = axes[1].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="the workspace")
+_ = axes[1].set(xlim=(-2.1, 2.1), ylim=(-2.0, 2.1))
+plt.show()
+
+# %% [markdown]
+# Base, elbow and tip form a triangle with the sides $l_1$, $l_2$ and $r = \sqrt{x^2+y^2}$. Its angle at the elbow is
+# $\pi - q_2$, so the law of cosines gives $q_2$. The direction of the first link is the direction of the target minus
+# the angle of the triangle at the base:
+#
+# $$\boxed{\; q_2 = \pm\arccos\frac{x^2+y^2-l_1^2-l_2^2}{2\,l_1l_2}, \qquad
+# q_1 = \operatorname{atan2}(y, x) - \operatorname{atan2}(l_2\sin q_2,\; l_1 + l_2\cos q_2) \;}$$
+#
+# **Worked example.** Target $(0.866, 1.3)$ m: $r^2 = 2.44$, so $\cos q_2 = (2.44 - 1 - 0.64)/1.6 = 0.5$ and $q_2 =
+# \pm60°$. For $q_2 = 60°$, $q_1 = 56.3° - 26.3° = 30°$. For $q_2 = -60°$, $q_1 = 56.3° + 26.3° = 82.7°$. Always check
+# the result with forward kinematics.
+#
+# Two bugs are common in this formula. Near the edges of the annulus, arccos loses half of its digits. And if rounding
+# or a target out of reach pushes its argument beyond 1, people clamp it to $[-1, 1]$ and silently return a posture
+# that misses the target. The library uses $\tan(q_2/2)$ instead and reports whether the target was reached:
+
+# %% tags=["hide-code"]
 for name, r in (
     ("inside", 1.2),
-    ("outer edge", 1.7),
-    ("1 mm beyond", 1.701),
-    ("in the hole", 0.2),
+    ("outer edge", 1.8),
+    ("1 mm beyond", 1.801),
+    ("in the hole", 0.1),
 ):
     exact = two_link_ik(lengths, (r, 0.0))
     (a, b), (c, d) = exact.q.round(3).T + 0.0
     print(
-        f"{name:<12} r = {r:.3f} m: {'reached' if exact.reached else 'not':<7} by "
-        f"({a:6.3f}, {b:6.3f}) and ({c:6.3f}, {d:6.3f}), off by {exact.distance:.3f} m"
+        f"{name:<12} r = {r:.3f} m: {'reached' if exact.reached else 'missed':<7} "
+        f"({a:6.3f}, {b:6.3f}) and ({c:6.3f}, {d:6.3f}) rad, off by {exact.distance:.3f} m"
     )
+
+# %% [markdown]
+# On each edge the two solutions merge into one. Click inside the hole and outside the ring, and watch the dashed exact
+# solutions:
+
+# %%
+simulation("arm", "Target out of reach")
+
+# %%
+more_claims("number_of_solutions")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Forward kinematics is a function. Inverse kinematics is a question: none, one, finitely many, or a
-# whole curve of answers, and a solver has to say which.
+# **Key insight.** Forward kinematics is a function. Inverse kinematics is an equation: it may have no solution, one,
+# finitely many or a whole curve of solutions, and a solver has to say which case it found.
 #
 # </div>
 #
-# ### Where a direction is lost
+# ### Singularities: where the hand loses a direction
 #
-# Ask how far the tip can go for joint rates of length one. The answers form an ellipse: the green one in the
-# simulation. Its half axes are the **singular values** $s_1\ge s_2\ge\dots$ of $J$, and $1/s$ is how much joint motion
-# a unit of tip motion costs along that axis. A posture where the smallest is zero is a **singularity**: the ellipse is
-# flat, $J$ has lost rank, and one direction of the hand is out of reach for the moment.
+# Stretch your arm and try to push your hand straight outwards. It can't move in that direction, whatever your joints
+# do.
+#
+# Take all joint velocities $\dot q$ of length one. The tip velocities that they produce fill an ellipse. Its half axes
+# are the **singular values** $s_1\ge s_2\ge\dots$ of $J$. The **singular value decomposition** $J =
+# U\,\mathrm{diag}(s)\,V^\mathsf{T}$ pairs a direction of joint motion (a column of $V$) with a direction of the tip (a
+# column of $U$), and $s$ is the speed of the tip per joint speed. Conversely, moving the tip by one metre along that
+# direction costs $1/s$ radians. A posture where the smallest singular value is zero is a **singularity**: the ellipse
+# is flat, $J$ loses rank, and the tip cannot move in one direction.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.4), layout="constrained")
+for axis, bend in zip(axes, (90.0, 8.0), strict=True):
+    angles = np.radians([15.0, bend])
+    points = np.column_stack([kinematics.frames(two, angles)[:2], tip(two, angles)[:2]])
+    U, s, _ = np.linalg.svd(jacobian(two, angles)[:2])
+    ellipse = points[:, 2:] + 0.4 * U @ (s[:, None] * circle)
+    _ = axis.plot(*points, "o-", color="#9bb7d4", linewidth=6, markersize=9)
+    _ = axis.fill(*ellipse, color="tab:green", alpha=0.3)
+    for k, name in enumerate(("s_1", "s_2")):
+        end = points[:, 2] + 0.4 * s[k] * U[:, k]
+        _ = axis.plot([points[0, 2], end[0]], [points[1, 2], end[1]], color="tab:green")
+        _ = axis.text(*end, f"${name}$ = {s[k]:.2f}")
+    _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.2, 2.5), ylim=(-0.9, 1.5))
+    _ = axis.set(title=f"elbow bent by {bend:.0f} degrees")
+plt.show()
 
 # %%
 show("two_link_jacobian")
+
+# %% [markdown]
+# For two links $\det J = l_1l_2\sin q_2$. The determinant is zero exactly where the elbow is stretched or folded, and
+# $q_1$ doesn't enter: turning the whole arm changes nothing. With more joints other postures are possible. Whenever
+# the axes of joints line up so that two joints do the same thing, a direction is lost, even in the middle of the
+# workspace. On a wrist of three joints this happens when its first and last axis are parallel.
 
 # %%
 show("singular_stretched_or_folded")
 
 # %% [markdown]
-# Two numbers are quoted for the distance from there. The **manipulability** $\sqrt{\det JJ^\mathsf{T}}$ (Yoshikawa
-# 1985) is the product of the singular values. The **condition number** $s_1/s_{\min}$ is the ratio of the largest to
-# the smallest.
-
-# %%
-show("condition_is_a_product")
+# Two numbers are commonly used to say how close a posture is to a singularity. The **manipulability** $\sqrt{\det
+# JJ^\mathsf{T}}$ (Yoshikawa 1985) is the product of all singular values, because $\det JJ^\mathsf{T} =
+# \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. It shrinks with the size of the arm. The **condition number**
+# $s_1/s_{\min}$ is the ratio of the largest to the smallest. It doesn't depend on the size of the arm, but it has
+# another weakness.
 
 # %%
 predict("millimetres")
 
-# %%
+# %% tags=["show-code"]
 J = jacobian(arm, q)
 for unit, length in (("metres", 1.0), ("millimetres", 1e-3), ("units of the reach", arm.reach[1])):
-    print(f"rows of position in {unit:<18}: {kinematics.condition_number(J, length):7.1f}")
-print(f"{'without the rows of rotation':<38}: {np.linalg.cond(J[:3]):7.1f}")
+    number = kinematics.condition_number(J, length)
+    print(f"condition number, position in {unit:<18}: {number:7.1f}")
+print(f"{'condition number, position rows only':<48}: {np.linalg.cond(J[:3]):7.1f}")
 
 # %% [markdown]
-# The same posture, the same arm. `condition_number(J, length)` therefore has no default for its length. What you can
-# always compare is $s_{\min}$ of the rows that you care about with your own speeds: joints of $\dot q_{\max}$ move the
-# tip at $s_{\min}\,\dot q_{\max}$ in the worst direction.
+# Same posture, same arm. Metres and radians have no common scale, so you first have to choose a **characteristic
+# length** that converts between them, and state it. That is why `condition_number(J, length)` has no default. A better
+# question is how fast the tip can move in its worst direction: if the joint velocities have a norm of at most $\dot
+# q_{\max}$, that is $s_{\min}\,\dot q_{\max}$, in metres per second, for the rows of $J$ that you care about.
 
 # %%
 show("condition_above_hundred")
 
 # %%
-show("euler_jacobian_locks")
-
-# %%
-more_claims("condition_needs_a_length")
+more_claims("condition_is_a_product", "condition_needs_a_length")
 
 # %% [markdown]
-# ### A step towards the target
+# ### Iterative inverse kinematics: pseudo-inverse and damping
 #
-# One solves IK as Newton would: the error $e$ of the tip, a step $\Delta q$ with $J\,\Delta q\approx e$, and again.
-# Every method answers each singular direction of the error with a number of its own, the *gain*; the right-hand panel
-# of the simulation draws it.
+# Most arms with six or more joints have no convenient closed form. IK is then solved with Newton's method: compute the
+# error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat.
+#
+# **The error of a pose.** For the position, subtract. Orientations can't be subtracted. Compute the rotation that is
+# missing, $\delta = q_{\text{target}}\otimes q_{\text{hand}}^{*}$, as a unit quaternion $(w, v)$. A quaternion and its
+# negative describe the same rotation, so if $w < 0$, flip the sign of $\delta$; otherwise the hand takes the long way
+# round. The error is the **rotation vector** $2\operatorname{atan2}(\lvert v\rvert, w)\,v/\lvert v\rvert$, an axis
+# times an angle. It belongs to the lower rows of the geometric Jacobian.
+#
+# **The step.** Split the error along the columns of $U$. Every method multiplies each component by a factor that
+# depends on its singular value. We call this factor the **gain**, in radians per metre:
 #
 # | step | $\Delta q$ | gain at $s$ |
 # |---|---|---|
-# | transpose | $\alpha J^\mathsf{T}e$ | $\alpha s$ |
-# | **pseudo-inverse** | $J^+e$, the shortest of all steps that do the most | $1/s$, and 0 where $s=0$ |
-# | **damped least squares** (DLS) | $J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2 1)^{-1}e$ | $s/(s^2+\lambda^2)$ |
-# | adaptive | damped where $s$ is below $\lambda$ only | $1/s$, or $s/\lambda^2$ |
-# | **Levenberg-Marquardt** (LM) | damped, $\lambda$ down after a success, up after a failure | its own at every step |
+# | transpose | $\alpha J^\mathsf{T}e$, with a small number $\alpha$ | $\alpha s$ |
+# | **pseudo-inverse** | $J^+e$, the minimum-norm least-squares solution | $1/s$; 0 where $s=0$ |
+# | **damped least squares** (DLS) | $J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2 I)^{-1}e$ | $s/(s^2+\lambda^2)$ |
+# | adaptive | damped only where $s<\lambda$ | $1/s$ for $s\ge\lambda$, else $s/\lambda^2$ |
+# | **Levenberg-Marquardt** (LM) | as DLS; $\lambda$ shrinks after a step that reduced the error and grows after one that did not | as DLS, with the current $\lambda$ |
+
+# %% tags=["hide-code"]
+s, damping = np.logspace(-3, 0.3, 300), 0.1
+figure_, axes = plt.subplots(figsize=(7.5, 3.4), layout="constrained")
+_ = axes.loglog(s, 1 / s, label="pseudo-inverse 1/s")
+_ = axes.loglog(s, s / (s**2 + damping**2), label="damped, λ = 0.1 m/rad")
+_ = axes.loglog(s, np.where(s < damping, s / damping**2, 1 / s), "--", label="adaptive")
+_ = axes.loglog(s, 0.3 * s, ":", label="transpose, α = 0.3")
+_ = axes.axvline(damping, color="0.6")
+_ = axes.axhline(0.5 / damping, color="0.6")
+_ = axes.text(damping * 1.05, 2e-3, "s = λ")
+_ = axes.text(1.2e-3, 0.55 / damping, "1/(2λ)")
+_ = axes.set(xlabel="singular value s [m/rad]", ylabel="gain [rad/m]", ylim=(1e-3, 1e3))
+_ = axes.legend(loc="upper right")
+plt.show()
 
 # %%
 predict("gain_of_a_step")
 
 # %% [markdown]
-# Now choose *Jump beside the singularity* on the first screen and press *Play*; then the damped step, and slide
-# $\lambda$ while it moves. The red glow grows with $1/s_{\min}$.
+# The damped step minimises $\lvert J\,\Delta q - e\rvert^2 + \lambda^2\lvert\Delta q\rvert^2$: the remaining error
+# plus a penalty on motion. The **damping** $\lambda$ has the unit of $s$, metres per radian, so a value that works on
+# one arm does not carry over to an arm of another size.
+#
+# **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm closer to the base. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With $\lambda =
+# 0.1$ m/rad the step is $0.01\cdot 0.014/(0.014^2+0.1^2) = 0.014$ rad. The arm stays calm, but the step removes only 2
+# % of the error.
 
 # %%
 show("damped_gain")
 
 # %% [markdown]
-# <details><summary>Derive: where the damped step comes from</summary>
-#
-# Minimise $\lvert J\,\Delta q - e\rvert^2 + \lambda^2\lvert\Delta q\rvert^2$: the error that is left, and a price for
-# motion. Setting the gradient to zero gives $(J^\mathsf{T}J+\lambda^2 1)\,\Delta q = J^\mathsf{T}e$. Multiply
-# $J^\mathsf{T}(JJ^\mathsf{T}+\lambda^21) = (J^\mathsf{T}J+\lambda^21)J^\mathsf{T}$ from both sides with the inverses,
-# and the form of the table comes out, whose matrix is as small as the task. With $J =
-# U\,\mathrm{diag}(s)\,V^\mathsf{T}$ each singular direction stands alone: gain $s/(s^2+\lambda^2)$, greatest where
-# its derivative $(\lambda^2-s^2)/(s^2+\lambda^2)^2$ vanishes (Nakamura and Hanafusa 1986; Wampler 1986).
-#
-# The damping has the unit of $s$, metres per radian where the task is a position. A $\lambda$ without a unit is a
-# number from somebody else's arm.
-#
-# </details>
+# In this preset the arm is almost stretched and uses the pseudo-inverse: the joints jump. Choose the damped step and
+# move $\lambda$. The red glow grows with $1/s_{\min}$:
+
+# %%
+simulation("arm", "Jump beside the singularity")
 
 # %%
 show("damping_is_free")
 
 # %% [markdown]
+# <details><summary>Derive it: where the damped step comes from</summary>
+#
+# Set the gradient of $\lvert J\,\Delta q - e\rvert^2 + \lambda^2\lvert\Delta q\rvert^2$ to zero:
+# $(J^\mathsf{T}J+\lambda^2 I)\,\Delta q = J^\mathsf{T}e$. Multiply the identity $J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2
+# I) = (J^\mathsf{T}J+\lambda^2 I)J^\mathsf{T}$ from both sides with the two inverses. The result is the formula in the
+# table, where the matrix to invert has only as many rows as the task.
+#
+# With $J = U\,\mathrm{diag}(s)\,V^\mathsf{T}$ each singular direction can be treated on its own: its gain is
+# $s/(s^2+\lambda^2)$. The derivative $(\lambda^2-s^2)/(s^2+\lambda^2)^2$ vanishes at $s=\lambda$, where the gain is
+# $1/(2\lambda)$ (Nakamura and Hanafusa 1986; Wampler 1986).
+#
+# </details>
+#
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** The dangerous place is not the singularity but its neighbourhood. Damping bounds the step there by
-# $1/(2\lambda)$ times the error, and leaves a share of the error everywhere.
+# **Key insight.** What is dangerous is not the singularity but its neighbourhood. Damping limits the step there to
+# $1/(2\lambda)$ times the error, and in exchange leaves a part of the error in every direction.
 #
 # </div>
 #
-# ### A joint to spare
+# Joint limits enter the same least-squares problem as constraints: minimise $\lvert J\dot q - \dot x\rvert^2 +
+# \lambda^2\lvert\dot q\rvert^2$ subject to $\dot q_{\min}\le\dot q\le\dot q_{\max}$. This is a **quadratic program**,
+# and libraries such as pink and mink solve one per control tick. Clamping an unconstrained step instead changes its
+# direction.
 #
-# With more joints than the task has numbers there is **redundancy**, and the answers of IK form curves. The joint rates
-# that the tip does not feel, $J\,\dot q = 0$, are the **null space** of $J$. Any wish $z$ for the joints is cut down to
-# it by the **projector**
+# ### Redundancy and the null space
 #
-# $$N = 1 - J^+J, \qquad \Delta q = J^+e + N z .$$
+# Put your palm flat on the table and move your elbow up and down. The hand stays where it is, because your arm has one
+# joint more than the task needs. This is **redundancy**: with more joints than task dimensions, the solutions of IK
+# form curves. The joint velocities that do not move the tip, $J\,\dot q = 0$, are the **null space** of $J$.
+#
+# You can use this freedom for a **secondary objective**, such as staying away from an obstacle. Call the joint step
+# that it prefers $\dot q_0$. The **projector** $N$ removes the part that would move the tip:
+#
+# $$N = I - J^+J, \qquad \Delta q = J^+e + N \dot q_0 .$$
+#
+# **Worked example.** Two joints, and a task with one number: $J = (3, 4)$. Then $J^+ = (3, 4)^\mathsf{T}/25$, and
+# $\dot q_0 = (1, 0)$ is projected to $(1, 0) - \tfrac{3}{25}(3, 4) = (0.64, -0.48)$. Check: $3\cdot0.64 - 4\cdot0.48 =
+# 0$.
 
 # %%
 show("one_joint_to_spare")
+
+# %% [markdown]
+# The null space is a straight line, a plane or a larger flat space of velocities. The solutions of IK are curved. In
+# this drawing a two-link arm keeps only the $x$ coordinate of its tip:
+
+# %% tags=["hide-code"]
+a = np.linspace(-0.9, 1.2, 200)
+cosine = (1.2 - lengths[0] * np.cos(a)) / lengths[1]
+curve = np.where(np.abs(cosine) <= 1, np.arccos(np.clip(cosine, -1, 1)) - a, np.nan)
+at = 150
+here = np.array([a[at], curve[at]])
+row = jacobian(two, here)[0]
+along = np.array([row[1], -row[0]]) / np.linalg.norm(row)
+along = along * np.sign(along[0])
+there = here + 0.6 * along
+row = jacobian(two, there)[0]
+back = there + row * (1.2 - tip(two, there)[0]) / (row @ row)
+figure_, axes = plt.subplots(figsize=(6.8, 3.8), layout="constrained")
+_ = axes.plot(a, curve, color="#3b6ea5", label="all solutions with x = 1.2 m")
+_ = axes.plot(*np.column_stack([here, there]), "o-", color="tab:orange", label="null-space step")
+_ = axes.plot(*np.column_stack([there, back]), "o-", color="tab:green", label="one IK step")
+_ = axes.set(xlabel="q1 [rad]", ylabel="q2 [rad]", title="the null space is only the tangent")
+_ = axes.legend(loc="lower left")
+plt.show()
 
 # %%
 predict("tip_in_the_null_space")
@@ -334,14 +631,12 @@ predict("tip_in_the_null_space")
 # %%
 simulation("elbow")
 
-# %%
-show("null_motion_leaves_the_tip")
-
 # %% [markdown]
-# The hand of the chapter's arm is where it shall be; the elbow is close to a pillar. Go up the gradient of the
-# distance, in the null space, and put the hand back with one run of IK after each step:
+# Here is a practical use. The hand of the 7-R arm is at its target, but the elbow is close to a pillar. In each step
+# the cell moves the arm along the gradient of the elbow's distance from the pillar, projected onto the null space, and
+# then corrects the hand with IK:
 
-# %%
+# %% tags=["hide-code"]
 crowded = np.array([-0.79, -0.70, 0.78, -1.87, 0.53, 1.56, 0.17])
 pillar, radius = np.array([-0.08, 0.30]), 0.10
 target, moved, plain, gaps = tip(arm, crowded), crowded, crowded, []
@@ -361,19 +656,24 @@ _ = axes[0].add_patch(plt.Circle(pillar, radius, color="tab:red", alpha=0.6))
 _ = axes[0].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="the arm from above")
 _ = axes[0].legend()
 _ = axes[1].plot(np.arange(len(gaps)), 1e3 * np.array(gaps))
-_ = axes[1].set(xlabel="steps", ylabel="gap to the pillar [mm]", title="the elbow backs away")
+_ = axes[1].set(xlabel="steps", ylabel="gap to the pillar [mm]", title="the elbow moves away")
 plt.show()
-for name, posture_ in (("one IK after each", moved), ("never put back", plain)):
+for name, posture_ in (("one IK run after each step", moved), ("never corrected", plain)):
     deviation = np.linalg.norm(kinematics.pose_error(target, tip(arm, posture_))[:3])
     gap = kinematics.disc_distance(arm, posture_, pillar, radius)[0]
     print(
-        f"{name:<17}: gap {1e3 * gaps[0]:.0f} -> {1e3 * gap:.0f} mm, hand off by "
-        f"{'under 0.001' if deviation < 1e-6 else format(1e3 * deviation, '.1f')} mm, "
-        f"within limits: {kinematics.within(arm, posture_)}"
+        f"{name:<26}: gap {1e3 * gaps[0]:.0f} -> {1e3 * gap:.0f} mm, hand off by "
+        f"{'under 0.001' if deviation < 1e-6 else format(1e3 * deviation, '.1f')} mm"
     )
 
+# %%
+more_claims("null_motion_leaves_the_tip", "projector_of_the_null_space", "second_task")
+
 # %% [markdown]
-# ### What the motors must do
+# ### Dynamics: which torques cause a motion?
+#
+# Angles alone don't move an arm; torques do. When one link accelerates, it pushes on its neighbours, so the torque of
+# each motor depends on all joints.
 
 # %%
 predict("elbow_accelerates")
@@ -383,79 +683,108 @@ predict("elbow_accelerates")
 #
 # $$\boxed{\;M(q)\,\ddot q + h(q,\dot q) = \tau + J^\mathsf{T}F\;}$$
 #
-# with the symmetric, positive **mass matrix** $M$, and the bias $h$: **Coriolis** and centrifugal terms (quadratic in
-# the rates), gravity, friction. *Inverse dynamics* asks for the torques of a motion, *forward dynamics* for the
-# accelerations that torques cause. Three recursions answer, each in one or two passes along the chain:
+# with the symmetric, positive definite **mass matrix** $M$. The bias $h$ collects **Coriolis** and centrifugal terms
+# (quadratic in the velocities), gravity, and joint friction. $F$ is the wrench that the environment exerts on the tip.
+# **Inverse dynamics** computes the torques for a given motion; **forward dynamics** computes the accelerations for
+# given torques.
 #
-# | algorithm | gives | how it goes | cost |
+# **The mass matrix of two links.** The kinetic energy is $\tfrac12\dot q^\mathsf{T}M\dot q$. Each link contributes the
+# motion of its centre of mass and its rotation:
+#
+# $$M = \sum_k \Big( m_k\,J_{c,k}^\mathsf{T}J_{c,k} + I_k\,J_{\omega,k}^\mathsf{T}J_{\omega,k} \Big),$$
+#
+# where $J_{c,k}$ is the Jacobian of the centre of link $k$, and $J_{\omega,k}$ that of its angular velocity: $(1, 0)$
+# for the first link, $(1, 1)$ for the second. A uniform rod has $I = m\,l^2/12$ about its centre. **Worked example:**
+# if only the elbow turns, the centre of the second rod moves at $l_2/2$, so $M_{22} = m_2(l_2/2)^2 + m_2l_2^2/12 =
+# m_2l_2^2/3$. With 0.8 kg and 0.8 m that is 0.17 kg m². If only the shoulder turns with the arm stretched (and $m_1 =
+# 1$ kg), $M_{11} = \tfrac13 + 0.8\cdot1.4^2 + 0.04 = 1.94$ kg m²; folded back it is only 0.66 kg m².
+
+# %% tags=["hide-code"]
+bends = np.linspace(-np.pi, np.pi, 181)
+rods = kinematics.TwoLink(lengths=lengths, masses=(1.0, 0.8))
+entries = rods.mass_matrix(np.array([np.zeros(181), bends]))
+figure_, axes = plt.subplots(figsize=(7.5, 3.2), layout="constrained")
+for i, j in ((0, 0), (0, 1), (1, 1)):
+    _ = axes.plot(np.degrees(bends), entries[i, j], label=f"$M_{{{i + 1}{j + 1}}}$")
+_ = axes.axhline(0, color="0.7", linewidth=1)
+_ = axes.set(xlabel="bend of the elbow q2 [degrees]", ylabel="entry of M [kg m²]")
+_ = axes.set(title="the mass matrix of two rods depends on the posture")
+_ = axes.legend()
+plt.show()
+
+# %% [markdown]
+# Larger arms use recursions that pass along the chain once or twice. $n$ is the number of joints:
+#
+# | algorithm | computes | idea | cost |
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
-# | **composite rigid body** (CRBA) | $M$ | all links behind a joint as one body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | what a link feels like when all behind it may give way | $O(n)$ |
+# | **composite rigid body** (CRBA) | $M$ | treat all links behind a joint as one rigid body | $O(n^2)$ |
+# | **articulated body** (ABA) | $\ddot q$ | the inertia that a link feels while the joints behind it are free to move | $O(n)$ |
 #
-# Gravity costs nothing extra: let the base accelerate upwards at $g$.
+# RNEA is short enough to explain in an interview. *Outwards from the base*: a link's angular velocity is that of its
+# parent plus $\dot q_i z_i$. Differentiate this for the angular acceleration $\alpha$, and add $\alpha\times r +
+# \omega\times(\omega\times r)$ to carry the acceleration to the next origin. Now every link knows its motion, so it
+# needs the force $m\,a$ and the torque $I\alpha + \omega\times I\omega$. *Inwards from the tip*: each joint must
+# deliver what its own link needs plus what the link behind it takes. The motor supplies the component along its axis;
+# the bearing carries the rest. Gravity costs nothing extra: let the base accelerate upwards at $g$.
 #
-# <details><summary>Derive: Newton-Euler, out and back</summary>
+# **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
+# N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
 #
-# Outwards, from the base: a link's angular velocity is its parent's plus $\dot q_i z_i$; differentiate for the angular
-# acceleration, and carry the acceleration of the origin along with $\alpha\times r + \omega\times(\omega\times r)$.
-# Each link now knows its motion, so by chapter 1 the force $m a$ and the torque $I\alpha + \omega\times I\omega$ that
-# it needs. Inwards, from the tip: the joint in front of a link must deliver what the link needs and what the links
-# behind it ask of it. The motor feels the part along its axis; the rest is carried by the bearing.
-#
-# </details>
+# The three algorithms must agree with each other, which makes a good test:
 
-# %%
+# %% tags=["show-code"]
 free = replace(arm, damping=0.0)
 v, a = np.array([0.5, -0.8, 0.3, 1.0, -0.6, 0.9, -1.2]), np.linspace(-1.0, 1.0, 7)
 tau = kinematics.inverse_dynamics(free, q, v, a)
 M, h = kinematics.mass_matrix(free, q), kinematics.bias(free, q, v)
 back = kinematics.forward_dynamics(free, q, v, tau)
 print("torques of the motion [N m]:", listed(tau))
-print("RNEA = CRBA's M times a + bias:", np.allclose(tau, M @ a + h, atol=1e-12))
-print("ABA gives the accelerations back:", np.allclose(back, a, atol=1e-11))
-held = kinematics.inverse_dynamics(free, q, still, still)
-print("torques that only hold the arm up:", listed(held))
+print("RNEA equals M a + h with M from CRBA:", np.allclose(tau, M @ a + h, atol=1e-12))
+print("ABA returns the accelerations:", np.allclose(back, a, atol=1e-11))
+held = kinematics.inverse_dynamics(free, q, rest, rest)
+print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
-# The joints of an arm that is let go feel no motor: what it had, it keeps. Energy, by chapter 1's integrators on
-# `acceleration(q, v, params)`:
+# A second test is energy. Without motors and friction, the energy of a falling arm is constant, so any drift is the
+# error of the integrator. With RK4 from chapter 1 it must fall by $2^4 = 16$ when the step is halved:
 
-# %%
+# %% tags=["hide-code"]
 fall = rigid_body.System("arm", kinematics.acceleration, kinematics.pack(free), q, v)
 worst = []
 for count in (500, 1000, 2000):
     run = rigid_body.simulate(fall, "rk4", 1.0 / count, count, every=count // 50)
     total = kinematics.energy(free, run.q.T, run.v.T)[2]
     worst.append(np.abs(total / total[0] - 1.0).max())
-    print(f"{count:5d} steps of RK4 over 1 s: energy off by {worst[-1]:.1e} of itself at most")
-print(f"halving the step divides that by {worst[0] / worst[1]:.0f} and {worst[1] / worst[2]:.0f}")
-
-# %% [markdown]
-# None of chapter 1's methods is symplectic here: the mass matrix depends on $q$, so the kinetic energy does too, in
-# angles and rates.
+    print(f"{count:5d} steps of RK4 over 1 s: largest relative energy error {worst[-1]:.1e}")
+print(f"halving the step divides it by {worst[0] / worst[1]:.0f} and {worst[1] / worst[2]:.0f}")
 
 # %%
-show("articulated_bodies_lose_fewer_digits")
+more_claims("articulated_bodies_lose_fewer_digits")
 
 # %% [markdown]
-# ### What the torques tell
+# ### Identification: what can torques tell about the masses?
 #
-# Torques are *linear* in ten numbers of each link: mass, three first moments, six second moments. The matrix in
-# $\tau = Y(q,\dot q,\ddot q)\,\theta$ is the **regressor**. So one can weigh an arm by moving it:
+# The data sheet is wrong, or a gripper was added. Can you measure the masses without taking the arm apart?
+#
+# Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second
+# moments. Torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the
+# **regressor**. So you can move the arm, record torques, and fit $\theta$ by least squares. But some numbers never
+# show: the first link only turns about one axis, so its weight rests entirely on the bearing.
 
 # %%
 show("torques_tell_ten_numbers")
 
-# %%
+# %% [markdown]
+# This cell identifies the 7-R arm from 60 random motions with noisy torques, predicts the torques of new motions, and
+# compares one fitted mass with the true one:
+
+# %% tags=["hide-code"]
 rng = np.random.default_rng(4)
 
 
 def motions(number):
-    """Return random states, their regressor as rows.
-
-    And their torques without the known friction.
-    """
+    """Return the regressor of random states, as rows, and torques without the known friction."""
     states = rng.uniform(-1.5, 1.5, (3, 7, number))
     Y = kinematics.regressor(arm, *states)
     known = arm.armature[:, None] * states[2] + arm.damping[:, None] * states[1]
@@ -468,24 +797,32 @@ noisy = torque + 0.05 * rng.normal(size=torque.size)
 theta, _, rank, _ = np.linalg.lstsq(Y, noisy, rcond=1e-9)
 fresh, truth = motions(40)
 rms = np.sqrt(np.mean((fresh @ theta - truth) ** 2))
-print(f"numbers {Y.shape[1]}, combinations that show {rank}")
-print(f"noise 0.05 N m; fresh torques predicted to {rms:.3f} N m of {truth.std():.1f} N m")
+print(f"unknown numbers {Y.shape[1]}, identifiable combinations {rank}")
+print(f"noise 0.05 N m; new torques ({truth.std():.1f} N m rms) predicted to {rms:.3f} N m")
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
 # %% [markdown]
-# The fit predicts every torque and knows not even the first mass. The combinations that show are the
-# **base parameters** (Khalil and Dombre 2002); chapters 6 and 8 fit those.
+# The fit predicts every torque, and it doesn't know the mass of the first link. The combinations that can be
+# identified are the **base parameters** (Khalil and Dombre 2002). A controller needs no more; chapters 6 and 8 fit
+# them.
 #
-# ## 2 · Design: three levels, three rates
+# ## 2 · Design: three levels and their rates
 #
-# An arm is commanded on three levels, each several times as fast as the one above: an inner loop must be fast compared
-# with the loop that closes around it. (Not all of it has to run at a kilohertz, only the level that holds the torque.)
+# ### Task space, joint space, actuators
+#
+# A command such as "put the cup there" passes through three levels before a current flows. Task space contains poses,
+# joint space angles, actuator space torques and currents. Feedback runs on each level, one control loop inside the
+# other.
+#
+# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that its commands are executed
+# at once. As a rule of thumb each loop runs three to ten times as fast as the loop
+# around it. Only the innermost loops need a kilohertz or more.
 
-# %%
+# %% tags=["hide-code"]
 LEVELS = (
-    ("task space", "poses of the hand", "tens of Hz to 1 kHz", "what the planner or a person asks"),
-    ("joint space", "angles and rates", "hundreds of Hz to 1 kHz", "what the controller tracks"),
-    ("actuator space", "torques, currents", "1 kHz; current loop 10 kHz and more", "what drives"),
+    ("task space", "poses of the hand", "tens of Hz to 1 kHz", "planner or operator"),
+    ("joint space", "angles and velocities", "hundreds of Hz to 1 kHz", "joint controller"),
+    ("actuator space", "torques, currents", "1 kHz; current loop 10 kHz and more", "motor driver"),
 )
 DOWN = ("inverse kinematics", "dynamics, feedback")
 UP = ("forward kinematics", "encoders")
@@ -505,44 +842,54 @@ for row in range(2):
 _ = axes.set(xlim=(-1.0, 2.4), ylim=(-0.5, 2.5))
 axes.set_axis_off()
 plt.show()
-print("\n".join(f"{name:<15} {what:<18} {rate}" for name, what, rate, _ in LEVELS))
 
 # %% [markdown]
-# One command on its way down. The task says a pose; IK finds joint angles; a law turns the error into an acceleration,
-# and inverse dynamics into torques: **computed torque**, which chapter 6 takes further.
+# Follow one command downwards. The task specifies a pose, and IK finds joint angles. A spring-like law turns the joint
+# error into a desired acceleration, and inverse dynamics turns that into torques. This is **computed torque** control;
+# chapter 6 continues from here.
 
-# %%
+# %% tags=["show-code"]
 desired = tip(arm, q) + np.array([0.0, 0.1, -0.05, 0.0, 0.0, 0.0, 0.0])
 outcome = ik(arm, desired, q)
 requested = 100.0 * (outcome.q - q)  # rad/s^2: a spring of 100 1/s^2, from rest
-torques = kinematics.inverse_dynamics(arm, q, still, requested)
+torques = kinematics.inverse_dynamics(arm, q, rest, requested)
 print("task space:     hand to", listed(desired[:3]), "m")
 print(f"joint space:    {listed(outcome.q)} rad ({outcome.reason} in {outcome.iterations} steps)")
 print("actuator space:", listed(torques), "N m")
 
 # %% [markdown]
-# Where IK sits is a choice. Solved *once*, for the goal, it gives a planner of joint space its end point. Solved at
-# every tick for a rate, $\dot q = J^+\dot x$ with damping, it is **resolved rate** control (Whitney 1969): cheap, and
-# blind to what comes.
+# ### Where to solve inverse kinematics
+#
+# You can solve IK *once*, for the goal, and let a planner find a path in joint space. Or you can solve at every tick
+# for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap and
+# follows a straight line of the tip, but it doesn't look ahead: it may run into a joint limit or a singularity.
+#
+# A third approach plans points of the tip and solves IK for each of them. Between two points the tip then moves on a
+# straight line, and that line may cross the hole around the base or pass close to a singularity.
 
 # %%
 show("tip_plans_need_joints")
 
 # %% [markdown]
-# Trade-offs to say aloud: more rate at the task level buys disturbance rejection and costs bandwidth below; one joint
-# more buys a null space and costs a rule for what to do with it; a solver with restarts buys success and costs a bound
-# on its time, so real-time loops take the last posture as start, a fixed number of steps, and a report.
+# Three trade-offs to mention in an interview:
+#
+# * A faster task loop rejects more disturbances, but it leaves less separation from the joint loop below.
+# * One more joint adds a null space, and you need a rule for what to do with it.
+# * Restarts make a solver succeed more often, but its run time is harder to bound. A real-time loop therefore starts
+#   from the last posture, takes a fixed number of steps, and reports whether it succeeded.
 #
 # ## 3 · Code: the reference functions
 #
-# The two links in closed form, both branches at once. The half-angle form keeps its digits at both edges:
+# Here is the closed form of the two-link arm as it is in the library. It returns both branches. The half-angle formula
+# $\tan^2\tfrac{q_2}{2} = \frac{(l_1+l_2)^2 - r^2}{r^2-(l_1-l_2)^2}$ preserves its digits at both edges of the annulus,
+# where the arccosine does not:
 
 # %%
 source(kinematics.two_link.branches)
 
 # %% [markdown]
-# A column of the Jacobian for every joint between base and tip, walking from the tip inwards along the parents; a tree
-# costs nothing extra. Then the gain of each step, and the projector:
+# The Jacobian takes one column for each joint between the base and the tip: walk from the tip inwards, from each joint
+# to its parent. The same walk works on a tree of links. Below it is the gain of each step, and the projector:
 
 # %%
 source(kinematics.motion.columns, kinematics.inverse.gain)
@@ -551,13 +898,14 @@ source(kinematics.motion.columns, kinematics.inverse.gain)
 source(kinematics.null_space)
 
 # %% [markdown]
-# With these, the smallest loop of IK is seven lines. Beside it the chapter's `ik`, which also holds limits, starts
-# again where it got stuck, and says *why* it failed:
+# With these functions a basic IK loop takes only a few lines. It is the loop that most people write first, with half
+# of a damped step per iteration. The library's `ik` adds three things: it enforces joint limits, it restarts from
+# another posture when it gets stuck, and it says *why* it failed.
 
 
-# %%
+# %% tags=["show-code"]
 def follow(chain, goal, q, damping=0.1, tolerance=1e-4, at_most=100):
-    """Return half of a damped step, again and again: what one writes first."""
+    """Return joint angles after repeated half steps of damped least squares, and the step count."""
     taken = 0
     while taken < at_most:
         error = goal - tip(chain, q)[:2]
@@ -581,12 +929,12 @@ for place in (goal, np.array([1.8, 0.5, 0.0])):
 show("listing_reaches_its_target")
 
 # %%
-show("listing_converges")
+more_claims("listing_converges")
 
 # %% [markdown]
-# Bad input is refused at the door, with the argument's name and what is allowed:
+# Invalid input raises an error at once. The message names the argument and what is allowed:
 
-# %%
+# %% tags=["hide-code"]
 for attempt in (
     lambda: ik(arm, np.array([0.4, 0.0, 0.5, 1.0, 1.0, 0.0, 0.0]), q),
     lambda: planar((1.0, 0.0)),
@@ -600,14 +948,15 @@ for attempt in (
 # %% [markdown]
 # ## 4 · The simulation in full
 #
-# Click or drag to set the target, inside the ring or out of it; arrow keys move it by five centimetres. Choose the
-# step, slide the damping (0.10 m/rad to begin with), choose whose condition number is shown. Live: the error, the
-# condition number, the manipulability, the smallest singular value, the gain of the last step and its bound. Each
-# preset shows one failure. Before you choose one, say what will happen:
+# Click or drag to set the target, inside or outside the ring; the arrow keys move it by five centimetres. Choose the
+# step rule, the damping (0.10 m/rad at the start), and the units of the condition number. The numbers below the
+# picture show the distance to the target, the condition number, the manipulability, the smallest singular value of
+# $J$, and the gain of the last step with its bound $1/(2\lambda)$. Before you choose a preset, predict what will
+# happen:
 #
-# 1. *Stretched, target inward*: which of the five steps moves?
-# 2. *Target out of reach*: what does the glow do, and what if you then take the pseudo-inverse?
-# 3. *Jump beside the singularity*: how far does the damping have to go up until the arm stays calm?
+# 1. *Stretched, target inward*: which of the five step rules moves?
+# 2. *Target out of reach*: what does the red glow do? What changes when you then choose the pseudo-inverse?
+# 3. *Jump beside the singularity*: how much damping does it take until the arm stays calm?
 # 4. *The same arm in millimetres*: what changes in the picture, apart from the number?
 
 # %%
@@ -616,76 +965,89 @@ simulation("arm")
 # %% [markdown]
 # ## 5 · Speed against accuracy
 #
-# ### States a second
+# ### How many states per second?
+#
+# A planner or a learning algorithm evaluates millions of postures. **Pinocchio** (Carpentier and others 2019) is the
+# C++ library that professionals use for the dynamics of arms; **MuJoCo** is the simulator from chapter 1. Both compute
+# one state per call. A call from Python takes about as long as the
+# algorithm itself. This course's compiled loop accepts a whole **batch** of states in one call.
 
 # %%
 predict("one_call_or_a_batch")
 
 # %% [markdown]
-# The 7-R arm, random states, one core, called from Python; Pinocchio (Carpentier and others 2019) is what professionals
-# use for rigid-body algorithms, MuJoCo you know from chapter 1. Our batch is one call. Pinocchio is called once a state
-# and, for torques and accelerations, once for the whole batch (`rneaInParallel` and `abaInParallel`, on one thread).
-# MuJoCo is called once a state:
+# The chart shows the 7-R arm at random states, on one core, called from Python. Pinocchio is called once per state and
+# also, for torques and accelerations, once per batch (`rneaInParallel` and `abaInParallel`, one thread):
 #
-# ![States a second against the size of the batch](../docs/charts/arm_throughput.png)
+# ![States per second against the size of the batch, for the course, Pinocchio and MuJoCo](../docs/charts/arm_throughput.png)
 
 # %%
 print_figures("arm_throughput", "Torques", "Accelerations", "Jacobian")
 
 # %% [markdown]
-# All three agree to rounding, so there is no accuracy to trade. What differs is the price of the door: one state a call
-# costs us our checks and NumPy's arrays; where the curves cross, the batch has paid for them.
+# All three agree up to rounding, so no accuracy is traded for speed. What differs is the overhead of a call: with one
+# state per call we pay for checking the arguments and creating NumPy arrays. Where the curves cross, the batch has
+# paid for that.
 #
-# ### A Jacobian by differences
+# ### Jacobians from finite differences
+#
+# You have derived a Jacobian and want to test it. The simplest test is a **forward difference**: $(f(q+h)-f(q))/h$. A
+# **central difference**, $(f(q+h)-f(q-h))/(2h)$, is more accurate. Both subtract two numbers that are nearly equal,
+# and floating-point numbers have only 16 digits.
 
 # %%
 predict("step_of_a_difference")
 
 # %% [markdown]
-# ![Error of a Jacobian against step, and against time](../docs/charts/jacobian_precision.png)
+# ![Error of a Jacobian against the step of the difference, and against its time](../docs/charts/jacobian_precision.png)
 
 # %%
-print_figures("jacobian_precision", "forward", "central", "complex", "autograd", "analytic")
+print_figures(
+    "jacobian_precision", "forward error", "central error", "complex step error", "autograd"
+)
 
 # %% [markdown]
-# Differences make a V: Taylor's error falls with the step, rounding rises. A **complex step** has no difference to
-# cancel, so it can be as small as you like (Squire and Trapp 1998). Use differences to *check* a Jacobian, central ones
-# at the cube root of the rounding unit, and compare the error with the V.
+# Over $h$, the error of a difference is a V: the truncation error of the Taylor series shrinks with $h$, and the
+# rounding error grows with $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no
+# subtraction, so $h$ can be tiny (Squire and Trapp 1998). To *check* a Jacobian, use central differences with $h$ near
+# the cube root of machine precision, about $10^{-5}$, and expect agreement to about ten digits, not sixteen.
 #
-# ### Poses solved
+# ### How many poses does a solver find?
 #
-# Ten thousand reachable poses of the 7-R arm, solved within its limits to a micrometre and a microradian. The *usual
-# loop* is the one of Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one start. It gets
-# clamping, restarts and full steps in two more curves:
+# The benchmark has ten thousand reachable poses of the 7-R arm, to be solved within the joint limits to a micrometre
+# and a microradian. The *usual loop* is the example from Pinocchio's documentation: a tenth of each pseudo-inverse
+# step, no limits, one start. Two more curves add joint limits and restarts, and then also full steps. The *table*
+# starts from the nearest of many stored random postures:
 #
-# ![Share of poses solved against time](../docs/charts/ik_success.png)
+# ![Share of poses solved against time per pose](../docs/charts/ik_success.png)
 
 # %%
 show("converged_within_limits")
 
 # %% [markdown]
-# Each answer was checked by forward kinematics, and none of ours contradicted. Right, the same for poses beside a
-# singular posture of the shoulder; and of poses beyond the reach none is claimed. The rates compare one compiled batch
-# with a loop in Python around Pinocchio's calls, one pose after the other, as its users write it. That mixes three
-# things, so two more rows take them apart: *our method in Python* takes our steps with Pinocchio's calls, and *a call
-# a pose* calls our compiled method for one pose at a time.
+# Every solution was checked with forward kinematics; none of our reported successes was wrong. The right-hand panel
+# shows poses near a singular posture of the shoulder. For poses beyond the reach the solver never reports success.
+#
+# The speeds compare a compiled batch with a Python loop around Pinocchio's functions, which is how people use it. That
+# mixes three effects: the algorithm, the overhead of Python, and the batch. So the data contain two more rows where
+# they were measured: *our method in Python* takes our steps with Pinocchio's functions, and *a call a pose* calls our
+# compiled method for one pose at a time.
 
 # %%
 rates = [line for line in read("ik_success").splitlines() if "solved a second" in line]
-print("\n".join(rates[: len(rates) // 2]))  # of the picture on the left
-print_figures("ik_success", "poses 5 %")
-figures(read("ik_success"), summary="Steps, starts, and poses solved a second")
+print("\n".join(rates[: min(len(rates) // 2, 6)]))  # of the left-hand panel
+figures(read("ik_success"), summary="Steps, starts, and poses solved per second")
 
 # %% [markdown]
-# What makes the difference is not the single step but what surrounds it: limits held in every step, a new start when
-# the error stops to shrink, and a start that is near.
+# What makes the difference is not the single step but what surrounds it: joint limits enforced in every step, a
+# restart when the error stops shrinking, and a good initial guess.
 #
 # ### Which step for which tolerance?
 #
-# Forty poses near a start, every method with one to forty steps. Drag the tolerance, or use the arrow keys on it: the
-# circle goes to the cheapest run within it, and the sentence says what that costs.
+# Here are forty poses near a start. Every method runs for one to forty steps. Drag the tolerance, or move it with the
+# arrow keys. A circle marks the cheapest run that meets it, and the line below states its cost.
 
-# %%
+# %% tags=["hide-code"]
 from course.measure.work_precision import Method, Result, measure
 from course.simulations.trade_off import TradeOff
 
@@ -694,7 +1056,7 @@ goals = tip(arm, home[:, None] + np.random.default_rng(8).uniform(-0.4, 0.4, (7,
 
 
 def steps_of(name):
-    """Return a curve: what so many steps leave of the error, and cost."""
+    """Return a work-precision curve: the remaining error after 1 to 40 steps of a method."""
 
     def run(setting):
         largest = round(1.0 / setting)
@@ -714,89 +1076,122 @@ result = measure(
     tolerance=1e-6,
     repeats=3,
     best=True,
-    question="What do so many steps leave of the error?",
+    question="How large is the error after a given number of steps?",
     error_unit="m, rad",
     converges=False,
 )
 best = result.pick(by="count").point
-print(f"fewest steps within 1e-6: {best.count:.0f}, with {best.error:.0e} left")
+print(f"fewest steps for an error below 1e-6: {best.count:.0f} (remaining error {best.error:.0e})")
 TradeOff(result)
 
 # %% [markdown]
-# In steps, all that let go of the damping are Newton's method in the end. In time Levenberg-Marquardt is ahead: it
-# solves a small system by Cholesky where the others here take singular values. The same at both kinds of target, an
-# ordinary one and one on the edge of two links:
+# Counted in steps, every method whose damping vanishes near the solution converges like Newton's method. In time,
+# Levenberg-Marquardt is ahead, because it solves a small linear system where the others here compute singular values.
+# The next chart compares an ordinary target with one exactly on the edge of the workspace of two links, where the
+# solution itself is singular:
 #
-# ![Residual against steps](../docs/charts/ik_residual.png)
+# ![Remaining error against steps, for an ordinary target and one on the edge](../docs/charts/ik_residual.png)
 
 # %%
-print_figures("ik_residual", "An ordinary", "A target on")
+print_figures("ik_residual", "A target on")
 
 # %% [markdown]
-# Damping that stays keeps a share of each error, where the others gain more with each step. On the edge of the annulus,
-# where the answer itself is singular, only steps that let go of the damping arrive.
+# With constant damping the error shrinks by a constant factor per step; the other methods converge faster and faster.
+# On the edge, only the pseudo-inverse and Levenberg-Marquardt arrive.
 #
-# ### The smallest model that answers the question
+# ### When is a planar model enough?
 #
-# A planar two-link arm has a closed form for everything, and costs a small share of a general engine (the chart
-# [vector_env](../docs/charts/README.md) has the ratio). When is it enough? The **scene** of chapter 8's reaching task:
+# A planar two-link arm has a closed form for everything and needs only a small fraction of the time of a general
+# physics engine (the chart [vector_env](../docs/charts/README.md) has the ratio). Real arms are never perfectly
+# planar. We tilted the base and skewed the elbow's axis, simulated the arm in space with MuJoCo, and compared the
+# position of the tip after one second with the planar model:
 #
-# ![Error of the planar arm against its faults](../docs/charts/two_links_enough.png)
+# ![Error of the planar arm against the tilt of its base and of its elbow axis](../docs/charts/two_links_enough.png)
 
 # %%
 figures(
     read("two_links_enough"),
-    "Where is",
-    "tolerance",
-    "coupling",
-    "friction",
-    "base out of level by",
-    "elbow axis skewed by",
-    "the scene fits",
-    summary="With the limits of both faults",
+    "base out of level    within",
+    "elbow axis skewed    within",
+    summary="All effects that were modelled or neglected",
 )
 
 # %% [markdown]
+# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. As long as both faults stay below
+# these angles, the planar model is good enough for that task.
+#
 # ### What to pick
 #
-# * *Two or three joints in a plane, or a wrist whose axes meet*: the closed form. All answers, no steps, no start.
-# * *Following a path, at every tick*: one or two damped steps from the last posture, $\lambda$ adaptive, and the result
-#   checked by forward kinematics.
-# * *A pose out of nothing*: Levenberg-Marquardt with limits, starts from a table of samples, then uniform ones; a bound
-#   on time, and a reason when it fails.
-# * *Torques*: RNEA. *Simulation*: ABA, or CRBA and Cholesky for a short arm. *A check*: each against the others.
-# * *Thousands at once*: a batch, whoever computes it.
+# * *Two or three joints in a plane, or a wrist whose axes meet*: the closed form. It returns all solutions, without
+#   iterations and without a start.
+# * *Following a path, at every tick*: one or two damped steps from the last posture, with adaptive $\lambda$, checked
+#   by forward kinematics. With hard limits, a quadratic program.
+# * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits, starting from the nearest
+#   stored posture, then from random ones; with a time limit, and a reason when it fails.
+# * *Torques*: RNEA. *Simulation*: ABA, or CRBA with a Cholesky factorisation for a short arm. *Tests*: each against
+#   the others.
+# * *Thousands of states*: a batch in one call, with any library.
 #
 # ## 6 · Debug: where it fails
 #
-# ### Damping, and what it costs
+# ### How much damping is enough?
 #
-# A tip that shall go at a constant speed, joints with a largest rate: for which damping do they keep it? Measured over
-# the bend of the elbow and $\lambda$, with the theory drawn on it, $s/(s^2+\lambda^2) =$ limit. Right, the price: the
-# largest error of a tip that is led past the folded arm:
+# The tip must move at a constant speed of 0.1 m/s, and each joint can turn at most at 2 rad/s. The left-hand map shows
+# the joint speed over the bend of the elbow and the damping: it is above the limit in the orange area. The predicted
+# boundary, where $s/(s^2+\lambda^2)$ equals the limit of 20 rad/m, lies on the measured one. The right-hand panel
+# shows the price: the largest tracking error when the tip passes close to the inner edge of the workspace.
 #
-# ![Damping near a singularity](../docs/charts/damping_map.png)
+# ![Joint speed over elbow bend and damping, and the tracking error that damping costs](../docs/charts/damping_map.png)
 
 # %%
-print_figures("damping_map", "never", "without", "10 mm", "1 mm", "0.1 mm")
+print_figures("damping_map", "never", "without")
 
 # %% [markdown]
-# Above $\lambda = 1/(2\cdot\text{limit})$ no posture asks for too much. Below it there is a wedge beside the
-# singularity where it does, and a line *at* the singularity where it does not.
+# With $\lambda$ above $1/(2\cdot\text{limit})$ no posture violates the limit. With less damping, postures *near* the
+# singularity do. Exactly *at* the singularity the gain of the lost direction is zero, so nothing happens there.
+#
+# This also explains the first question of this page. The arm is straight, so both columns of $J$ are perpendicular to
+# it, and the error lies along it: $J^\mathsf{T}e = 0$. Every step that starts from $J^\mathsf{T}e$, damped or not, is
+# zero:
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
+_ = axes.plot([0, 1, 1.8], [0, 0, 0], "o-", color="#9bb7d4", linewidth=8, markersize=10)
+for shift, length, colour, name in (
+    (0.0, 1.8, "tab:orange", "column 1"),
+    (0.03, 0.8, "tab:green", "column 2"),
+):
+    _ = axes.quiver(
+        1.8 + shift, 0, 0, 0.3 * length, color=colour, angles="xy", scale_units="xy", scale=1,
+        label=name,
+    )  # fmt: skip
+_ = axes.quiver(
+    1.8,
+    0,
+    -0.5,
+    0,
+    color="tab:red",
+    angles="xy",
+    scale_units="xy",
+    scale=1,
+    zorder=5,
+    label="error e",
+)
+_ = axes.plot(1.3, 0, "kx", markersize=10, zorder=6, label="target")
+_ = axes.set(aspect="equal", xlim=(-0.2, 2.9), ylim=(-0.2, 0.7), xlabel="x [m]", ylabel="y [m]")
+_ = axes.legend(loc="upper right")
+plt.show()
 
 # %%
-show("rank_loss_is_failure")
-
-# %%
-show("singular_start")
+more_claims("rank_loss_is_failure", "singular_start")
 
 # %% [markdown]
-# ### Beyond, and at the edge
+# ### Targets at the edge and beyond
 #
-# Targets just inside, on and just beyond the edge, and one in the hole that a limit of the elbow makes. The exact
-# answer is known, so a wrong *reason* would be seen:
+# We try targets just inside, on and just beyond the edge, and one that only a limit of the elbow makes unreachable.
+# The true answer is known for each, so we can check the reason that the solver reports:
 
-# %%
+# %% tags=["hide-code"]
 stiff = replace(planar((1.0, 0.8)), lower=(-np.pi, -2.0), upper=(np.pi, 2.0))
 for name, chain, r in (
     ("1 mm inside the edge", pair, 1.799),
@@ -804,7 +1199,7 @@ for name, chain, r in (
     ("1 mm beyond", pair, 1.801),
     ("beyond, twice as far", pair, 3.6),
     ("at 0.4 m, free elbow", pair, 0.4),
-    ("at 0.4 m, elbow stops at 2", stiff, 0.4),
+    ("at 0.4 m, elbow limit 2 rad", stiff, 0.4),
 ):
     place = np.array([r * np.cos(0.7), r * np.sin(0.7), 0.0])
     one = ik(chain, place, np.array([0.2, 0.9]), restarts=20)
@@ -816,40 +1211,35 @@ for name, chain, r in (
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A solver that returns angles has told you nothing. Ask for the residual by forward kinematics, and
-# for the reason.
+# **Key insight.** Joint angles that a solver returns prove nothing. Compute the remaining error with forward
+# kinematics, and ask for the reason why the solver stopped.
 #
 # </div>
 #
-# ### The null space is not straight
+# ### How far the hand drifts in the null space
 #
-# ![A step in the null space](../docs/charts/null_space_step.png)
+# ![Motion of the tip against the length of a null-space step](../docs/charts/null_space_step.png)
 
 # %%
-print_figures("null_space_step", "c =", "exact", "damped")
+print_figures("null_space_step", "exact", "damped")
 
 # %% [markdown]
-# Second order for the exact projector, fourth after one step of IK, first for a damped one. Project exactly, damp the
-# task.
-
-# %%
-show("projector_of_the_null_space")
-
-# %% [markdown]
+# The drift of the tip per step is $O(h^2)$ with the exact projector, $O(h^4)$ after one corrective IK step, and $O(h)$
+# with a damped projector. So use the exact projector for the null space, and damping only for the task.
+#
 # ### Debugging table
 #
-# Say the cause before you open the answer.
-#
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *IK does not converge.* Three questions, in this order. Is the target reachable at all: inside the
-# annulus for two links, within the reach *and the limits* for any arm? Is the start bad: does it get there from twenty
-# others? Is it beside a singularity: what is $s_{\min}$ of the rows you care about, at the place where it stops?
+# **Debugging tip.** *IK does not converge.* Ask three questions, in this order. Is the target reachable at all: inside
+# the annulus for two links, within reach *and joint limits* for any arm? Is the start bad: does the solver succeed
+# from twenty other starts? Is the arm close to a singularity: how large is $s_{\min}$, for the rows that you care
+# about, where it stops?
 #
 # <details><summary>What people get wrong there</summary>
 #
-# They raise the damping first. Damping makes a step shorter, so near an edge it makes convergence *slower*: the card
-# of the listing in section 3 has the shares. And they read a condition number in millimetres.
+# They increase the damping first. Damping shortens the steps, so near an edge it makes convergence *slower*. Or they
+# quote a condition number without noticing its units.
 #
 # </details>
 #
@@ -858,35 +1248,32 @@ show("projector_of_the_null_space")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The hand arrives, the elbow is in an awkward place.* A 7-R arm has a curve of answers, and yours
-# is the one next to your start. Add a wish in the null space (elbow height, distance from an obstacle, middle of the
-# joint ranges), small steps, the hand put back by one IK step after each, and stop when the projected gradient
-# vanishes.
+# **Debugging tip.** *The hand arrives, but the elbow is in an awkward position.* A 7-R arm has a curve of solutions,
+# and you got the one near your start. Add a secondary objective in the null space (elbow height, distance from an
+# obstacle, middle of the joint ranges). Take small steps, correct the hand after each, and stop when the projected
+# gradient vanishes.
 #
 # <details><summary>What people get wrong there</summary>
 #
-# They add the wish with a damped projector, and the hand creeps. They expect the elbow to go where they want: it goes
-# where the curve of answers goes, and not past a joint limit. Another *piece* of the answers, with the shoulder turned
-# round, is reached by a new start, not by a gradient.
+# They use a damped projector, and the hand drifts. They expect the elbow to go anywhere, but it can only follow the
+# curve of solutions, and not past a joint limit. Another *branch*, for example with the shoulder turned round, needs a
+# restart from another posture.
 #
 # </details>
 #
 # </div>
-
-# %%
-show("second_task")
-
-# %% [markdown]
+#
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>joints jump by radians for a millimetre</td> <td>pseudo-inverse beside a singularity</td> <td>print
+# <tr><td>joints jump by radians for a millimetre of the tip</td> <td>pseudo-inverse close to a singularity</td> <td>print
 # $1/s_{\min}$</td> <td>damp; slow down; plan around it in joint space</td></tr>
-# <tr><td>nothing moves, the error stays</td> <td>$J^\mathsf{T}e=0$: stretched, target along the arm</td> <td>print
-# $\lvert J^\mathsf{T}e\rvert$ beside $\lvert e\rvert$</td> <td>bend the elbow a little; another start</td></tr>
-# <tr><td>it converges, ever more slowly</td> <td>fixed damping, and a target on the edge</td> <td>ratio of
-# one error to the next: it goes to one</td> <td>Levenberg-Marquardt; adaptive damping</td></tr>
-# <tr><td>it converges, but slowly everywhere, and FK is right</td> <td>$J$ is wrong (tool offset, frame of the
-# angular rows)</td> <td>$J$ against central differences</td> <td>one point and one frame for $J$ and error</td></tr>
+# <tr><td>nothing moves, the error stays</td> <td>$J^\mathsf{T}e=0$: arm stretched, target along the arm</td> <td>compare
+# $\lvert J^\mathsf{T}e\rvert$ with $\lvert e\rvert$</td> <td>bend the elbow a little; another start</td></tr>
+# <tr><td>convergence gets slower and slower</td> <td>constant damping, and a target on the edge</td> <td>the ratio of
+# successive errors approaches one</td> <td>Levenberg-Marquardt</td></tr>
+# <tr><td>convergence is slow everywhere, although FK is right</td> <td>$J$ is wrong (tool offset, frame of the
+# angular rows)</td> <td>$J$ against central differences</td> <td>compute $J$ and error at one point, in one
+# frame</td></tr>
 # </table>
 
 # %%
@@ -895,23 +1282,24 @@ predict("error_that_stays")
 # %% [markdown]
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>the robot stops at a limit although IK converged</td> <td>limits not held, or off by a full turn</td>
+# <tr><td>the robot stops at a limit although IK converged</td> <td>limits not enforced, or off by a full turn</td>
 # <td>`within(chain, q)`</td> <td>limits in every step; restarts</td></tr>
-# <tr><td>a tip sags under load by what it weighs</td> <td>gravity or payload missing in the model</td> <td>torques at
-# rest in two postures</td> <td>fit the base parameters</td></tr>
+# <tr><td>the arm sags when it carries a load</td> <td>gravity or payload missing in the model</td> <td>torques at
+# rest in two postures</td> <td>identify the base parameters</td></tr>
 # </table>
 #
 # ## 7 · Exercises
 #
-# Graded exercises, and a drill for the beginning: `drills start fk3` puts forward kinematics of three links into
-# your editor. Each card has the task and three hints to unfold; below it a cell to change, and a check. `check` runs
-# what your cell defines in a process of its own, on cases drawn afresh every time, and says what is right, what is
-# wrong and, where it recognises the mistake, why. `check(fk3).chart()` puts a right answer on a chart beside the worked
-# one and Pinocchio.
+# Warm up with a drill: `drills start fk3` opens forward kinematics of three links in your editor. After a correct
+# solution, `check(fk3).chart()` compares its speed with the reference and with Pinocchio.
 #
-# ### Both arms
+# Each exercise below has a card with the task and three hints, a cell to change, and a check. The check runs your code
+# in a separate process on new random cases. It says what is right, what is wrong and, if it recognises the mistake,
+# why.
 #
-# Section 1 has the triangle; here it has to hold on the edges too.
+# ### Inverse kinematics of two links
+#
+# Use the triangle of section 1. Your solution must also work on both edges of the annulus, where arccos loses digits.
 
 # %%
 card("two_link_ik")
@@ -942,8 +1330,8 @@ check(two_link_ik)
 # %% [markdown]
 # ### The Jacobian of an arm in space
 #
-# Axis cross line, one column a joint. Compare yours with differences before you check it: the V of section 5 says how
-# close they can come.
+# Each column is the joint's axis crossed with the line from the joint to the tool. Compare your result with central
+# differences before you check it; the V of section 5 says how closely the two can agree.
 
 # %%
 card("jacobian")
@@ -969,9 +1357,10 @@ def geometric_jacobian(placements, q, tool):
 check(geometric_jacobian)
 
 # %% [markdown]
-# ### A step that keeps its bound
+# ### A damped step
 #
-# Also where the Jacobian is zero, and where the damping squared would drown in rounding.
+# Your step must respect its bound $\lvert e\rvert/(2\lambda)$ even if the Jacobian is zero, or if $\lambda^2$ is so
+# small that adding it changes nothing.
 
 # %%
 card("damped_step")
@@ -999,7 +1388,9 @@ check(damped_step)
 # %% [markdown]
 # ### Hold the tip, move the elbow
 #
-# With joints that don't count alike: the projector is then no longer symmetric.
+# Here the joints have different weights: moving the heavy shoulder costs more than moving the wrist. The
+# pseudo-inverse that minimises $\sum_i w_i\,\Delta q_i^2$ is $J^{+}_W = W^{-1}J^\mathsf{T}(JW^{-1}J^\mathsf{T})^{-1}$
+# with $W = \mathrm{diag}(w)$, and the projector is no longer symmetric.
 
 # %%
 card("null_space_step")
@@ -1026,9 +1417,10 @@ def null_space_step(J, dx, secondary, weights):
 check(null_space_step)
 
 # %% [markdown]
-# ### Torques, out and back
+# ### Recursive Newton-Euler for a planar arm
 #
-# In one pass outwards and one inwards; a hundred links cost ten times what ten cost.
+# Compute the torques in one pass outwards and one pass inwards. The cost must grow in proportion to the number of
+# links.
 
 # %%
 card("rnea_planar")
@@ -1059,8 +1451,9 @@ check(rnea_planar)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# IK checks itself: the loop runs until forward kinematics agrees. That is what makes it a good place for a bug to hide.
-# A first one, to see what it looks like: this loop takes the Jacobian at the flange, although the tool sticks out.
+# An IK loop runs until forward kinematics agrees with the target. So its result is correct even if its Jacobian is
+# wrong, and bugs can hide there. Here is an example. The **flange** is the plate at the end of the arm to which a tool
+# is screwed. This loop computes the Jacobian at the flange, although the tip of the tool is 25 cm away:
 
 # %%
 longer = replace(arm, tool=(0.0, 0.25, 0.107 + 0.25, 1.0, 0.0, 0.0, 0.0))
@@ -1076,16 +1469,16 @@ for name, point in (("at the tool", longer.tool[:3]), ("at the flange", flange))
         steps.append(count)
     print(
         f"J {name:<13}: {np.mean(np.array(steps) < 60):.0%} arrive "
-        f"in {np.median(steps):.0f} steps (median); 20 N sideways "
-        f"ask for {listed((jacobian(longer, q, point, joint=6)[:3].T @ (0.0, 20.0, 0.0))[:3])} N m"
+        f"in {np.median(steps):.0f} steps (median); 20 N sideways: "
+        f"{listed((jacobian(longer, q, point, joint=6)[:3].T @ (0.0, 20.0, 0.0))[:3])} N m"
     )
 
 # %% [markdown]
-# The answers of both are right, and who would notice two more steps? A wrong Jacobian shows in the *number of steps*,
-# or in a comparison with differences; never in the residual. The same matrix turns forces into torques, shown for the
-# first three joints, and nothing corrects those.
+# Both loops return correct angles, and who would notice two more steps? A wrong Jacobian shows in the *number of
+# steps* or in a comparison with finite differences, but never in the remaining error. The same matrix also turns
+# forces into torques, printed here for the first three joints. Nothing corrects those.
 #
-# Now yours. It reports success every time, and on the robot it tears a cable.
+# Now find a bug yourself. The next function reports success every time, and on the robot it tears a cable.
 
 # %%
 card("wrist_ik")
@@ -1144,8 +1537,10 @@ check(wrist_ik)
 # %% [markdown]
 # ### Formulas
 #
-# These are checked symbolically: any equivalent form is right, and a wrong one gets numbers at which it differs.
-# <span class="kernel-only">Change the texts.</span>
+# The check is symbolic, so any equivalent form is accepted. For a wrong formula it shows numbers at which yours
+# differs.
+# <span class="kernel-only">Replace the text in quotes until the check accepts it.</span> First: what is the determinant of the Jacobian of two links? Second: what is the largest gain of a
+# damped step?
 
 # %%
 answer("two_link_jacobian", "l1*l2*sin(q2)")
@@ -1154,71 +1549,98 @@ answer("two_link_jacobian", "l1*l2*sin(q2)")
 answer("damped_gain", "1/lambda")
 
 # %% [markdown]
-# Others to try: `damping_is_free` (the share of an error that a damped step leaves), `null_motion_leaves_the_tip` (how
-# far a step in the null space moves the tip), `projector_of_the_null_space` (the largest leak of a damped projector),
-# `second_task` (the share of a wish that survives).
+# Four more formulas: `damping_is_free` (the fraction of an error that remains after a damped step),
+# `null_motion_leaves_the_tip` (how far a null-space step moves the tip), `projector_of_the_null_space` (how much
+# motion a damped projector lets through), and `second_task` (the fraction of a secondary objective that survives the
+# projection).
 #
 # ## 8 · Frontier: learned inverse kinematics
+#
+# Grasp planning needs *many* postures for one pose of the hand: covering all solutions and away from obstacles. And
+# every iterative solver is faster if it starts close to a solution. Could a network propose the starts? The simplest
+# competitor is a **lookup table**: sample random postures once, store the pose of the tip for each, and start from the
+# nearest stored poses. A k-d tree finds them quickly.
 
 # %%
 predict("what_a_learned_start_must_beat")
 
 # %% [markdown]
-# For planning and grasping one wants *many* postures for a pose, at once: spread over all its answers, near no
-# obstacle. A **normalizing flow** bends a cloud of noise into a cloud of postures, given the pose; one pass gives
-# thousands of candidates.
-#
-# <table>
-# <tr><th>work</th> <th>year</th> <th>what it does</th></tr>
-# <tr><td>TRAC-IK (Beeson and Ames, Humanoids)</td> <td>2015</td> <td>two classical solvers with restarts in parallel:
-# the baseline that a learned one has to beat</td></tr>
-# <tr><td>IKFlow (Ames, Morgan and Konidaris, IEEE RA-L 7)</td> <td>2022</td> <td>a conditional flow for one arm; its
-# samples are near, and are refined by a classical solver</td></tr>
-# <tr><td>Neural Inverse Kinematics (Bensadoun and others, ICML)</td> <td>2022</td> <td>joint after joint, each drawn
-# given those before</td></tr>
-# <tr><td>GGIK (Limoyo and others, arXiv 2209.08812)</td> <td>2022</td> <td>one graph network for many arms</td></tr>
-# <tr><td>cuRobo (Sundaralingam and others, ICRA)</td> <td>2023</td> <td>not learned: thousands of starts optimised at
-# once on a GPU, with collisions</td></tr>
-# <tr><td>IK-Geo (Elias and Wen)</td> <td>2022</td> <td>not learned: all answers of a six-joint arm by geometric
-# subproblems</td></tr>
-# <tr><td>PyRoki (Kim, Yi and others, arXiv 2505.03728)</td> <td>2025</td> <td>not learned: differentiable kinematics
-# and least squares on CPU and GPU</td></tr>
-# </table>
+# A **normalizing flow** is an invertible network that bends a cloud of random noise into a cloud of postures. A
+# **conditional** flow receives the pose as an additional input, so one pass produces thousands of candidates for it.
+# Because the flow is continuous and the noise is one connected cloud, it cannot cut the cloud into separate pieces.
+# Where the solutions form separate branches, some samples fall between them:
+
+# %% tags=["hide-code"]
+rng = np.random.default_rng(3)
+noise = rng.normal(size=(2, 500))
+bend = np.tanh(4.0 * noise[0])  # a continuous map that moves most samples to two branches
+figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.2), layout="constrained")
+_ = axes[0].scatter(*noise, s=6, color="#3b6ea5")
+_ = axes[0].set(title="noise", xlabel="z1", ylabel="z2")
+_ = axes[1].scatter(
+    1.2 * bend + 0.05 * noise[1], -0.6 * bend + 0.08 * noise[1], s=6, color="#3b6ea5"
+)
+for side in (-1, 1):
+    _ = axes[1].plot(1.2 * side, -0.6 * side, "x", color="tab:red", markersize=14, mew=3)
+_ = axes[1].set(
+    title="two solutions (crosses), and samples between", xlabel="q2 [rad]", ylabel="q1 [rad]"
+)
+plt.show()
 
 # %%
 show("flow_samples_all")
 
 # %% [markdown]
-# A small one runs here: a network with several heads, trained for less than a minute, proposes starts for
-# Levenberg-Marquardt. Left, the 7-R arm, solved within a budget of steps; right, a planar arm of three joints, whose
-# curve of answers is known exactly, so that *coverage* can be measured:
+# <table>
+# <tr><th>work</th> <th>year</th> <th>what it does</th></tr>
+# <tr><td>TRAC-IK (Beeson and Ames, Humanoids)</td> <td>2015</td> <td>classical: two solvers with restarts in parallel,
+# the baseline that a learned one has to beat</td></tr>
+# <tr><td>IKFlow (Ames, Morgan and Konidaris, IEEE RA-L 7)</td> <td>2022</td> <td>a conditional flow for one arm; its
+# approximate samples are refined by a classical solver</td></tr>
+# <tr><td>Neural Inverse Kinematics (Bensadoun and others, ICML)</td> <td>2022</td> <td>samples one joint after another,
+# each given the joints before it</td></tr>
+# <tr><td>GGIK (Limoyo and others, arXiv 2209.08812)</td> <td>2022</td> <td>one graph network for many arms</td></tr>
+# <tr><td>cuRobo (Sundaralingam and others, ICRA)</td> <td>2023</td> <td>classical: thousands of starts optimised at
+# once on a GPU, with collision checks</td></tr>
+# <tr><td>IK-Geo (Elias and Wen)</td> <td>2022</td> <td>classical: all solutions of a six-joint arm from geometric
+# subproblems</td></tr>
+# <tr><td>PyRoki (Kim, Yi and others, arXiv 2505.03728)</td> <td>2025</td> <td>classical: differentiable kinematics
+# and least squares on CPU and GPU</td></tr>
+# </table>
 #
-# ![Starts: uniform, from a table, learned](../docs/charts/learned_seeds.png)
+# The course trains a small network with several outputs, each proposing one start for Levenberg-Marquardt. The left
+# panel shows the share of poses of the 7-R arm that are solved within a given number of steps. The right panel shows
+# which part of all solutions of a planar three-joint arm is found, the *coverage*; for that arm the curve of solutions
+# is known exactly:
+#
+# ![Poses solved, and solutions covered, with random starts, a lookup table and a network](../docs/charts/learned_seeds.png)
 
 # %%
-figures(read("learned_seeds"), summary="Shares solved and answers covered")
+figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
 # %% [markdown]
-# Ours ties with the table in steps, and covers no more: here training bought nothing that a table does not have.
+# The network needs as many steps as the lookup table and covers no more solutions. Here, training brought no advantage
+# over a table.
 #
-# **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so a gradient runs through it:
-# from a loss on grasps, pictures or contacts back to joint angles, and even to link lengths. The Jacobian of section 5
-# by PyTorch's reverse mode is that gradient, row by row. It is exact, and costs what the chart says; what a gradient
-# cannot do is to jump from one piece of the answers to another.
+# **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it:
+# from a loss on a grasp or an image back to joint angles, and even to link lengths. PyTorch computes the Jacobian of
+# section 5 that way, one row per backward pass. It is exact; the chart there shows its cost. What a gradient cannot do
+# is move between separate branches of solutions.
 #
 # ## 9 · Interview
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** Asked about IK, give the step in a sentence and spend the minute on how it fails: a target out of
-# reach (show the residual), a singularity (say what the gain is there, and *beside* it), several answers (which one
-# comes out depends on the start), limits (hold them in the step, start again when stuck). For seven joints name the
-# null space, and say that it is a tangent: step, project, put the hand back. Then say how you would know that your
-# Jacobian is right.
+# **Interview tip.** Asked about IK, state the step in one sentence and spend the minute on how it fails. Unreachable
+# targets: report the remaining error. Singularities: give the gain there and *close by*. Several solutions: the start
+# decides which one you get. Joint limits: enforce them in every step and restart when stuck. For seven joints, mention
+# the null space, and that it is only the tangent of the solution curve, so you project, step, and correct the hand.
+# Then say how you would test your Jacobian.
 #
 # </div>
 #
-# Answer aloud, then open: first what one says in a minute, then the whole of it, then what comes next.
+# Answer each question aloud before you open it. The first answer takes about a minute, the full answer follows, and
+# then what an interviewer may ask next.
 
 # %%
 interview("kinematics")
@@ -1226,7 +1648,9 @@ interview("kinematics")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page; you can derive them from what is. The gate opens when all are right.
+# These three formulas are not on this page, but you can derive them from what is: the coupling entry of the mass
+# matrix of two rods, the radius of the hole when the elbow has a limit, and the pseudo-inverse step close to a
+# singularity. The checkpoint is passed when all three are correct.
 
 # %%
 checkpoint(

@@ -450,7 +450,7 @@ show("averaging_pictures_helps")
 print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "its own")
 
 # %%
-more_claims("picture_to_picture")
+more_claims("picture_to_picture", "outline_tells")
 
 # %% [markdown]
 # ## 4 · Design: which estimate for which question

@@ -2,6 +2,7 @@
 and no text, however hostile, does anything but get a message."""
 
 import math
+import re
 import sys
 import threading
 import time
@@ -413,8 +414,10 @@ def test_how_it_looks_in_a_notebook():
     assert repr(wrong).startswith("not right: With m = ")
     assert "stiffer spring" in repr(wrong) and "0x" not in repr(wrong)
     hostile = _check("semi_implicit_limit", "2*`<b>`")
-    assert "<b>" not in hostile._repr_markdown_()
-    assert hostile._repr_markdown_().count("`") == 2
+    # What was typed stands in a code span, which it cannot leave, and nowhere else.
+    text = hostile._repr_markdown_()
+    assert text.count("`") == 4 and "`2*'<b>'`" in text
+    assert "<b>" not in re.sub(r"`[^`]*`", "", text)
 
 
 def test_parse_reads_as_the_field_writes():

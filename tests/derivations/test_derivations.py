@@ -1,5 +1,6 @@
 """Every claim is settled again and compared with its record; and the doors to them."""
 
+import dataclasses
 import json
 import re
 import subprocess
@@ -243,6 +244,20 @@ def test_command_selects_by_chapter_topic_and_file():
     assert select("1", ()) == claims(1) == select("rigid_body", ())
     assert {item.file for item in select(FILE, ())} == {FILE}
     assert select(None, ()) == claims()
+    assert [item.id for item in select(None, ("integral_clamp",))] == ["integral_clamp"]
+
+
+def test_one_claim_imports_only_its_own_file() -> None:
+    code = (
+        "import sys; from course.derivations import defining\n"
+        "print([c.id for c in defining(['integral_clamp']) if c.id == 'integral_clamp'])\n"
+        "print([m for m in sys.modules if m.startswith('course.derivations.control.')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == [
+        "['integral_clamp']",
+        "['course.derivations.control.pid']",
+    ]
 
 
 def test_what_a_notebook_shows_is_a_claim_of_its_chapter_or_one_before():
@@ -252,7 +267,8 @@ def test_what_a_notebook_shows_is_a_claim_of_its_chapter_or_one_before():
         other = {item.id for item in ALL if item.chapter <= int(path.name[:2]) and shown(item)}
         assert named <= other, path.name
     assert shown(derivations.CLAIMS["semi_implicit_limit"])
-    assert not shown(derivations.CLAIMS[QUICK])
+    elsewhere = dataclasses.replace(derivations.CLAIMS[QUICK], id="in_no_notebook")
+    assert not shown(elsewhere)
 
 
 # --- writing the record -------------------------------------------------------------------------
@@ -313,5 +329,5 @@ def test_record_drops_a_claim_that_is_gone(copied):
     path.write_text(missing, encoding="utf-8")
     records.load.cache_clear()
     result = command(FILE)
-    assert f"{QUICK}: not on record" in result.output and "gone: leaves the record" in result.output
+    assert f"{QUICK}: new on record" in result.output and "gone: leaves the record" in result.output
     assert path.read_text(encoding="utf-8") == right

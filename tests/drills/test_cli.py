@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from click.testing import CliRunner
 from course import CHAPTERS
 from drills import cards as catalogue
 from drills import catalogue as package
-from drills import workspace
+from drills import doctor, workspace
 from drills.cli import cli
 from drills.reasons import Reason
 from tests.drills.place import (
@@ -285,6 +286,33 @@ def test_doctor_names_the_protections(place: Place) -> None:
     assert data["exit"] == 0, data
     assert len(data["protections"]) > 3
     assert all(row["ok"] for row in data["grader"])
+
+
+@pytest.mark.parametrize(
+    ("module", "distribution", "extra"), [(row[0], row[1], row[3]) for row in doctor.LIBRARIES]
+)
+def test_doctor_names_the_extra_that_installs_a_library(
+    monkeypatch: pytest.MonkeyPatch, module: str, distribution: str, extra: str
+) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    group = project["optional-dependencies"][extra] if extra else project["dependencies"]
+    assert distribution in {re.split(r"[<>=; ]", one)[0] for one in group}
+
+    def absent(name: str) -> None:
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    monkeypatch.setattr(doctor.importlib, "import_module", absent)
+    monkeypatch.setattr(workspace, "in_tree", lambda: False)
+    row = next(r for r in doctor.examine(Path("work"), None)["libraries"] if r["name"] == module)
+    package = "robotics-simulation-course" + (f"[{extra}]" if extra else "")
+    assert not row["ok"] and row["detail"].endswith(f"pip install '{package}'")
+
+
+def test_the_commands_to_begin_with_come_last(place: Place) -> None:
+    lines = place.run().out.rstrip().splitlines()
+    first = [line.split()[1] for line in lines[-5:]]
+    assert all(line.startswith("  drills ") for line in lines[-5:])
+    assert first == ["next", "start", "check", "hint", "--help"]
 
 
 # --- Which exercise, which file -------------------------------------------------------------------

@@ -248,3 +248,32 @@ def test_of_warnings_only_those_of_the_case_that_is_told_are_shown() -> None:
     output = grade("fk3", head + body, seed=3).output
     assert "RuntimeWarning: Mean of empty slice" in output and "/" not in output
     assert "divide by zero" not in output and output.count("mine") > 10
+
+
+OWN_MODULE = "An answer can't use the course's own modules"
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "from course.drills import fk3",
+        "import course.learning",
+        "from solutions.perception import dbscan",
+        # As it is for an installed package: the file is found and can't be opened.
+        "import importlib.util as u\n"
+        f"s = u.spec_from_file_location('course', {str(ROOT / 'course' / '__init__.py')!r})\n"
+        "s.loader.exec_module(u.module_from_spec(s))",
+    ],
+    ids=["a function", "a module", "solutions", "installed"],
+)
+def test_an_import_of_the_course_is_explained(head: str) -> None:
+    report = grade("fk3", f"{RIGHT}\n\n{head}\n", seed=1)
+    assert report.reason is Reason.RAISED
+    assert report.sentence.startswith(OWN_MODULE)
+
+
+def test_the_import_of_an_unknown_module_is_shown_as_it_is() -> None:
+    report = grade("fk3", f"{RIGHT}\n\nimport coursework\n", seed=1)
+    assert report.sentence == "fk3 raised ModuleNotFoundError."
+    report = grade("fk3", RIGHT.replace("return", "raise KeyError('course')\n    return"), seed=1)
+    assert report.sentence == "fk3 raised KeyError."

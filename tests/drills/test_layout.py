@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -44,9 +45,58 @@ def test_a_judge_imports_nothing_heavy_at_its_top(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", JUDGES, ids=lambda path: path.parent.name)
-def test_an_exercise_has_its_four_files(path: Path) -> None:
-    for name in ("card.toml", "prompt.md", "starter.py"):
+def test_an_exercise_has_its_files(path: Path) -> None:
+    for name in ("card.toml", "prompt.md"):
         assert (path.parent / name).stat().st_size > 0
+    one = catalogue.card(path.parent.name)
+    assert bool(one.start) != (path.parent / "starter.py").exists(), (
+        f"{one.name} needs `start` in card.toml or a file starter.py, and not both"
+    )
+
+
+def function(text: str, name: str) -> ast.FunctionDef:
+    """Return a definition, without the types of its arguments."""
+    found = next(
+        n for n in ast.parse(text).body if isinstance(n, ast.FunctionDef) and n.name == name
+    )
+    for argument in ast.walk(found.args):
+        if isinstance(argument, ast.arg):
+            argument.annotation = None
+    return found
+
+
+@pytest.mark.parametrize(
+    "one", [c for c in catalogue.cards() if c.kind == "function"], ids=lambda one: one.name
+)
+def test_a_starter_has_the_signature_of_the_worked_answer(one: catalogue.Card) -> None:
+    starter, worked = (function(t, one.entry) for t in (one.starter(), one.solution_text()))
+    assert ast.dump(starter.args) == ast.dump(worked.args)
+    if one.start:
+        text = ast.get_docstring(starter) or ""
+        assert set(text.split("\n\n")) <= set((ast.get_docstring(worked) or "").split("\n\n"))
+        body = ast.parse(f"def f():\n{textwrap.indent(one.start, '    ')}").body[0]
+        assert isinstance(body, ast.FunctionDef)
+        assert [ast.dump(node) for node in starter.body[1:]] == [ast.dump(n) for n in body.body]
+    assert max(map(len, one.starter().splitlines())) <= 100
+
+
+def test_a_starter_leaves_the_explanation_and_the_types_out() -> None:
+    """Written out here once: what a learner gets for the regulator."""
+    assert catalogue.card("lqr").starter() == (
+        "import numpy as np\n\n\n"
+        "def lqr(A, B, Q, R):\n"
+        '    """Return the gain of the discrete linear quadratic regulator.\n\n'
+        "    Args:\n"
+        "        A: of x[k+1] = A x[k] + B u[k], shape (n, n).\n"
+        "        B: shape (n, m).\n"
+        "        Q: weights of the states, symmetric, shape (n, n).\n"
+        "        R: weights of the commands, symmetric and positive definite, shape (m, m).\n\n"
+        "    Returns:\n"
+        "        K with u = -K x, shape (m, n).\n"
+        '    """\n'
+        "    # Only the next sample counts.\n"
+        "    return np.linalg.solve(R + B.T @ Q @ B, B.T @ Q @ A)\n"
+    )
 
 
 @pytest.mark.parametrize("module", ["drills", "drills.cards", "drills.reasons"])
@@ -124,7 +174,9 @@ def test_coarse_slips_give_the_worked_answer_with_fewer_digits() -> None:
 
 @pytest.mark.parametrize("path", JUDGES, ids=lambda path: path.parent.name)
 def test_a_prompt_states_how_exact_an_answer_must_be(path: Path) -> None:
-    assert re.search(r"\b1e-\d+", (path.parent / "prompt.md").read_text(encoding="utf-8"))
+    assert re.search(r"\b1e-\d+", (path.parent / "prompt.md").read_text(encoding="utf-8")), (
+        f"{path.parent.name}/prompt.md must say how exact an answer has to be, written like 1e-9"
+    )
 
 
 @pytest.mark.parametrize("one", catalogue.cards(), ids=lambda one: one.name)

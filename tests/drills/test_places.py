@@ -19,19 +19,27 @@ ROOT = Path(__file__).resolve().parents[2]
 CHAPTERS_READY = [chapter for chapter in CHAPTERS if chapter.ready]
 
 
+def pasted(card: catalogue.Card) -> str:
+    """Return the cells of an exercise as they go into the source of its notebook."""
+    return f'# %%\ncard("{card.name}")\n\n\n# %%\n{card.cell()}'
+
+
 @pytest.mark.parametrize("chapter", CHAPTERS_READY, ids=lambda chapter: chapter.topic)
 def test_exercises_stand_in_their_notebook_in_the_order_of_their_places(chapter) -> None:
     source = ROOT / "notebooks" / "source" / f"{Path(chapter.notebook).stem}.py"
     cells = [cell.source.strip() for cell in notebooks.read_source(source).cells]
     mine = [c for c in catalogue.cards() if c.chapter == chapter.number and not c.drill]
     assert [card.place for card in mine] == sorted({card.place for card in mine})
+    missing = [card for card in mine if f'card("{card.name}")' not in cells]
+    assert not missing, f"{source.name} lacks these cells:\n\n" + "\n".join(map(pasted, missing))
     where = [cells.index(f'card("{card.name}")') for card in mine]
-    assert where == sorted(where)
+    assert where == sorted(where), f"{source.name}: the order of the cards' `place` differs"
     for card, k in zip(mine, where, strict=True):
         call = f"check({card.entry})"
         starter = cells[k + 1].removesuffix(call)
-        assert is_starter(card, starter), card.name
-        assert starter != cells[k + 1] or cells[k + 2] == call
+        problem = f"{source.name}: the cells of {card.name} are not its card, starter and check"
+        correct = is_starter(card, starter) and call in (cells[k + 1][-len(call) :], cells[k + 2])
+        assert correct, f"{problem}. They should be:\n\n{pasted(card)}"
         assert card.solution == f"solutions.{chapter.topic}:{card.entry}"
 
 

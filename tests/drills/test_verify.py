@@ -75,6 +75,21 @@ def test_a_slip_that_passes_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _failed(monkeypatch, exercise={"slips": slips}) == {"slip harmless is caught and named"}
 
 
+def test_a_slip_of_integers_that_passes_says_which_case_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    text = catalogue.card("fk3").solution_text() + "\nX = 1\n"
+    changed = dataclasses.replace(
+        exercises.of("fk3"), slips=(Slip("whole_numbers", "S.", source=text),)
+    )
+    monkeypatch.setattr(exercises, "of", lambda name: changed)
+    details = [f.detail for f in verify.findings_of("fk3", EFFORT) if "whole_numbers" in f.what]
+    assert (
+        len(details) == 1
+        and "whose arguments are integers needs results that are not" in details[0]
+    )
+
+
 def test_too_few_slips_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     slips = exercises.of("fk3").slips[:3]
     assert "at least four slips" in _failed(monkeypatch, exercise={"slips": slips})

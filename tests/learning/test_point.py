@@ -163,11 +163,11 @@ def test_a_prize_put_off_pays_from_a_bonus_of_one_per_cent_on(reward, bonus):
 @pytest.mark.parametrize(
     ("task", "report"),
     [
-        ({"reward": "dense"}, "reward is 'dense'"),
-        ({"dt": 0.0}, "dt is 0.0"),
-        ({"radius": -0.05}, "radius is -0.05"),
-        ({"max_steps": 0}, "max_steps is 0"),
-        ({"offset": np.nan}, "offset is nan"),
+        ({"reward": "dense"}, r"reward must be .*, got 'dense'"),
+        ({"dt": 0.0}, r"dt must be .*, got 0.0"),
+        ({"radius": -0.05}, r"radius must be .*, got -0.05"),
+        ({"max_steps": 0}, r"max_steps must be .*, got 0"),
+        ({"offset": np.nan}, r"offset must be .*, got nan"),
     ],
 )
 def test_bad_input(task, report):

@@ -230,9 +230,9 @@ def explicit_adds_without_forces(result):
 
 @claim(
     "The listing `v += a*dt; x += v*dt` is explicit Euler.",
-    "Run in that order its second line reads the velocity that the first has just written: it is "
-    "semi-implicit Euler, to the last bit. Explicit Euler needs `x += v*dt` first. What makes it "
-    "explicit Euler is which velocity it reads, not that it is written in two lines.",
+    "The second line reads the velocity that the first line has just changed, so this is "
+    "semi-implicit Euler, to the last bit. Explicit Euler needs `x += v*dt` first. What matters is "
+    "which velocity the position update uses.",
 )
 def usual_listing_is_explicit(result):
     from course.rigid_body import explicit_euler, semi_implicit_euler
@@ -465,11 +465,10 @@ def area_preserved(result):
 
 @claim(
     "A symplectic integrator conserves energy.",
-    "It conserves area. Where the step is small and fixed its energy error stays bounded over very "
-    "long times, of the size of its order in h. It vanishes in special cases only, such as "
-    "the midpoint rule on a spring: it is {relative_error:.1e} for velocity Verlet on a pendulum "
-    "at "
-    "{step_ms:g} ms, early and late.",
+    "It conserves area. With a small fixed step its energy error stays bounded for a very long "
+    "time and shrinks with the step as its order says. The error is zero only in special cases, "
+    "such as the midpoint rule on a spring. For velocity Verlet on a pendulum at {step_ms:g} ms "
+    "the relative error is {relative_error:.1e}, early and late in the run.",
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), ch. IX",
 )
 def symplectic_conserves_energy(result):

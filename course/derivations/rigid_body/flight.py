@@ -588,8 +588,9 @@ def bounce_rule_takes_energy(result):
 
 @claim(
     "RK4 is a fourth-order method.",
-    "Across an impact that the step does not resolve, the error is of first order in the step, for "
-    "RK4 as for Euler: {order_with_bounce:.2f} instead of {order_smooth:.2f}.",
+    "If the impact is noticed only at the end of a step, the error is of first order, for RK4 as "
+    "for Euler. The measured order of RK4 is {order_with_bounce:.2f} with such a bounce and "
+    "{order_smooth:.2f} without it.",
 )
 def order_survives_bounces(result):
     from course.rigid_body import problems, rk4, simulate

@@ -125,11 +125,10 @@ def explicit_in_the_listing_grows(result):
 
 @claim(
     "An object flies through another when it moves farther than its own thickness in a step.",
-    "What counts is the sum of both thicknesses along the motion, w + d, and the speed of one "
-    "against the other, v. Up to v dt = w + d some step always overlaps ({limit_m_per_s:g} m/s for "
-    "{body_mm:g} mm, {wall_mm:g} mm and {step_ms:g} ms); beyond it a throw from a place drawn at "
-    "random is missed with probability 1 - (w + d) / (v dt), and one from a given place always or "
-    "never.",
+    "What counts is the sum of both thicknesses along the motion, w + d, and the relative speed v. "
+    "Up to v dt = w + d the two overlap at the end of at least one step. For {body_mm:g} mm, "
+    "{wall_mm:g} mm and a step of {step_ms:g} ms that is {limit_m_per_s:g} m/s. Beyond it, a throw "
+    "from a random position is missed with probability 1 - (w + d) / (v dt).",
     ask=Ask(
         "A body of thickness d flies at a wall of thickness w; overlap is tested once per step "
         "dt. Up to which speed is an overlap certain to be seen?",

@@ -237,9 +237,9 @@ def pointing_up_locks(result):
 
 @claim(
     "In gimbal lock the body can no longer turn about one of its axes.",
-    "The body turns as it likes; only the three angles cannot follow. A turn at one rad/s about "
-    "the lost axis asks for a yaw rate of 1 / cos(pitch): {yaw_rate_at_89_9:.0f} rad/s at "
-    "{pitch_deg} degrees.",
+    "The body can rotate about every axis; only the three angles cannot follow. To turn at one "
+    "rad/s about the lost axis, the yaw rate has to be 1 / cos(pitch). At a pitch of {pitch_deg} "
+    "degrees that is {yaw_rate_at_89_9:.0f} rad/s.",
 )
 def gimbal_lock_is_physical(result):
     from course.rigid_body import quaternion
@@ -289,8 +289,9 @@ def another_order_of_angles(result):
 
 @claim(
     "A quaternion has no gimbal lock; the price is one more number and a constraint.",
-    "The map from angular velocity to quaternion rate has all three singular values equal to 1/2 "
-    "at every orientation. The price has a third part: q and -q are the same orientation.",
+    "The map from the angular velocity to the quaternion's rate is equally good everywhere: all "
+    "three singular values are 1/2 at every orientation. There is one more price to pay: q and -q "
+    "are the same orientation.",
 )
 def quaternion_has_no_lock(result):
     from course.rigid_body import quaternion

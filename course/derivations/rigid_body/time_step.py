@@ -146,8 +146,8 @@ def growing_determinant_has_a_limit(result):
 
 @claim(
     "Semi-implicit Euler is stable for any step, because its determinant is 1.",
-    "It is stable while omega dt < 2. Beyond it the eigenvalues are real and one of them lies "
-    "below -1.",
+    "It is stable on a spring while omega dt < 2. Above this limit the two eigenvalues are real. "
+    "Their product is still 1, but one of them lies below -1.",
 )
 def semi_implicit_unconditional(result):
     from course.rigid_body import integrators, problems

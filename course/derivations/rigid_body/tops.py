@@ -240,11 +240,11 @@ def gyroscopic_term_always_there(result):
 
 @claim(
     "A spinning top stays up because of the term omega x (I omega).",
-    "In the body's own frame, where the equation holds, a top with three equal moments has no such "
-    "term at any time and stays up just the same: within {largest_tilt_deg:.1f} degrees for "
-    "{seconds:g} s. What holds it is the spin's angular momentum, which the torque of gravity "
-    "turns sideways instead of tipping the top over. (Seen from a frame that precesses with the "
-    "axis, that turning is the term Omega x L.)",
+    "The equation is written in the body frame. There a top with three equal moments has no such "
+    "term, and it stays up all the same: in the simulated {seconds:g} s it tilts by at most "
+    "{largest_tilt_deg:.1f} degrees. What holds it up is the angular momentum of the spin. The "
+    "torque of gravity turns it sideways instead of tipping the top over. (In a frame that follows "
+    "the axis, this turning appears as the term Omega x L.)",
     source="Goldstein, Classical Mechanics, sec. 5.7",
 )
 def gyroscopic_term_holds_the_top_up(result):
@@ -319,8 +319,9 @@ def top_condition(result):
 
 @claim(
     "A body without torque keeps its angular velocity.",
-    "Without torque the angular momentum in space stays; the angular velocity wanders, in the body "
-    "and in space: by {wander_deg:.0f} degrees for the moments 1 : 2 : 3.",
+    "Without torque the angular momentum is constant in the world frame. The angular velocity "
+    "changes its direction, in the body frame and in the world frame. For the moments 1 : 2 : 3 "
+    "the axis of rotation moves by up to {wander_deg:.0f} degrees in this run.",
 )
 def free_body_keeps_angular_velocity(result):
     from course.rigid_body import problems, simulate

@@ -138,5 +138,6 @@ EXERCISE = Exercise(
     picture=from_above,
     slips=SLIPS
     + coarse_slips("back_project", "A micrometre is lost where a fit could see it.")
+    # Every image here is of integers, so an answer that keeps their type is wrong in all cases.
     + value_slips("back_project", in_part=False, whole=False),
 )

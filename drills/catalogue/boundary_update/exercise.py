@@ -36,7 +36,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         np.array([0, 2]),
         np.tile([1, 1, 0, 0], (2, 2, 1)),
         np.array([0, 1]),
-        np.array([1, 1]),
+        np.array([0.5, 1.25]),  # an answer that keeps the integers of the bounds cuts these off
     )
     whole[2][0, 0], whole[2][0, 1], whole[2][1, 1] = 1, 0, 1
     return [
@@ -117,5 +117,5 @@ EXERCISE = Exercise(
     ),
     slips=SLIPS
     + coarse_slips("boundary_update", "Small steps then add up to another range.")
-    + value_slips("boundary_update", in_part=False, whole=False),
+    + value_slips("boundary_update", in_part=False),
 )

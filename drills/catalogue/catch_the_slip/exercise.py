@@ -19,25 +19,40 @@ PUSHED = (
     "damped",
     "kicked",
     "kicked with its energy",
+    "swells",
 )
+SWELL = 0.05  # of the momentum, in the middle of a record
 
 
 def tumble(kind: str, R: Array, w: Array, moments: Array, n: int) -> tuple[Array, Array]:
-    """Return attitudes (n, 3, 3) and body rates (n, 3) of a body under the law of a kind."""
-    sign = {"no gyroscopic torque": 0.0, "gyroscopic torque turned": -1.0}.get(kind, 1.0)
-    drag = 1.0 if kind == "damped" else 0.0
+    """Return attitudes (n, 3, 3) and body rates (n, 3) of a body under the law of a kind.
 
-    def change(R: Array, w: Array) -> tuple[Array, Array]:
+    A body that swells has the momentum L(0) (1 + SWELL sin^2(pi t / T)), T the record's duration:
+    it is right at both ends and wrong in between.
+    """
+    sign = {"no gyroscopic torque": 0.0, "gyroscopic torque turned": -1.0}.get(kind, 1.0)
+    duration = STEP * (n - 1)
+
+    def growth(t: float) -> float:
+        """Return the relative rate of change of the momentum [1/s]."""
+        if kind == "swells":
+            phase = np.pi * t / duration
+            swing = SWELL * np.pi / duration * np.sin(2.0 * phase)
+            return float(swing / (1.0 + SWELL * np.sin(phase) ** 2))
+        return -1.0 if kind == "damped" else 0.0
+
+    def change(t: float, R: Array, w: Array) -> tuple[Array, Array]:
         x, y, z = w
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return R @ cross, -sign * (cross @ (moments * w)) / moments - drag * w
+        return R @ cross, -sign * (cross @ (moments * w)) / moments + growth(t) * w
 
     attitudes, rates = [R], [w]
     for k in range(1, n):
-        a = change(R, w)
-        b = change(R + STEP / 2 * a[0], w + STEP / 2 * a[1])
-        c = change(R + STEP / 2 * b[0], w + STEP / 2 * b[1])
-        d = change(R + STEP * c[0], w + STEP * c[1])
+        t = STEP * (k - 1)
+        a = change(t, R, w)
+        b = change(t + STEP / 2, R + STEP / 2 * a[0], w + STEP / 2 * a[1])
+        c = change(t + STEP / 2, R + STEP / 2 * b[0], w + STEP / 2 * b[1])
+        d = change(t + STEP, R + STEP * c[0], w + STEP * c[1])
         R, w = (
             old + STEP / 6 * (a[i] + 2 * b[i] + 2 * c[i] + d[i]) for i, old in enumerate((R, w))
         )
@@ -219,6 +234,12 @@ SLIPS = slips(
         ),
         "The momentum is compared along the body's axes. There it turns, since the body does; in "
         "the world's it stays.",
+    ),
+    last_sample_alone=(
+        _DRIFT,
+        "drift = np.linalg.norm(momentum[:, -1] - momentum[:, 0], axis=1)",
+        "Only the last sample's momentum is compared with the first one's. A momentum that grows "
+        "and comes back passes: compare every sample with the first.",
     ),
     absolute=(
         _PART,

@@ -194,5 +194,6 @@ EXERCISE = Exercise(
             for share in (0.0, shown.got[0], shown.expected[0])
         ),
     ),
+    # A share that is wrongly 1 or 0 is an integer, too, so truncation is caught but can't be named.
     slips=SLIPS + value_slips("edge_check", in_part=False, whole=False),
 )

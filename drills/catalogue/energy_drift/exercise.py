@@ -150,7 +150,10 @@ SLIPS = slips(
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a least squares fit that is exact: rounding", explain=coarse),
-    examples=("energy_drift(np.arange(40) / 10, 3.0 - np.arange(40) / 100, 1.5)",),
+    examples=(
+        "energy_drift(np.arange(40) / 10, 3.0 - np.arange(40) / 100 "
+        "+ 0.5 * np.sin(2 * np.pi * np.arange(40) / 15), 1.5)",
+    ),
     picture=lines,
     slips=SLIPS
     + coarse_slips("energy_drift", "A drift is small beside the energy that it belongs to.")

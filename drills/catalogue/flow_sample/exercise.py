@@ -137,5 +137,5 @@ EXERCISE = Exercise(
     picture=ends,
     slips=SLIPS
     + coarse_slips("flow_sample", "The order of the method is then invisible.")
-    + value_slips("flow_sample", in_part=False, whole=False),
+    + value_slips("flow_sample", in_part=False),
 )

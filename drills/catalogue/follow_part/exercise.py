@@ -45,7 +45,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case(args, label, level)
 
     whole = (np.array([[0, 1, 4], [5, 6, 9], [9, 11, 2]]), np.array([[4, 3]]), 1, np.zeros(9, int),
-             2, 9000, 1, np.array([2, 3, 5, 9, 15]))  # fmt: skip
+             2, 9000, 0.75, np.array([2, 3, 5, 9, 15]))  # fmt: skip
     return [
         day("the bench", "simple"),
         day("the bench, shortly", "simple", n=6),
@@ -164,5 +164,5 @@ EXERCISE = Exercise(
     picture=over_time,
     slips=SLIPS
     + coarse_slips("follow_part", "A place that jumps by a digit is a blow to a stiff drive.")
-    + value_slips("follow_part", in_part=False, whole=False),
+    + value_slips("follow_part", in_part=False),
 )

@@ -48,7 +48,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
     pressed[6][:] = pressed[5]
     whole = (np.array([[1, 0, 2], [0, 1, 1], [3, 1, 0]]), np.eye(3, dtype=int)[[2, 0, 1]],
              np.array([0, 1, 0]), np.array([1, -2, 3]), np.array([2, 0, 1]), np.array([5, 4, -3]),
-             np.array([7, 6, 2]), np.array([100, 10, 2]))  # fmt: skip
+             np.array([7, 6, 2]), np.array([100, 10, 1.25]))  # fmt: skip
     return [
         task("a level table, the place alone", "simple", frame=level, parts="error velocity"),
         task("a level table, the force alone", "simple", frame=level, parts="wanted"),
@@ -204,5 +204,5 @@ EXERCISE = Exercise(
     picture=torques,
     slips=SLIPS
     + coarse_slips("hybrid_torque", "It is a force, and a stiff wall answers to the last digit.")
-    + value_slips("hybrid_torque", in_part=False, whole=False),
+    + value_slips("hybrid_torque", in_part=False),
 )

@@ -118,5 +118,5 @@ EXERCISE = Exercise(
     ),
     slips=SLIPS
     + coarse_slips("identifiable", "A small half-width has no digits left.")
-    + value_slips("identifiable", whole=False),
+    + value_slips("identifiable"),
 )

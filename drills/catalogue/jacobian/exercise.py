@@ -231,7 +231,7 @@ EXERCISE = Exercise(
     ),
     examples=(
         "geometric_jacobian(np.eye(4)[None], np.array([0.0]), np.array([1.0, 0.0, 0.0]))",
-        "geometric_jacobian(np.eye(4)[None], np.array([np.pi / 2]), np.array([1.0, 0.0, 0.5]))",
+        "geometric_jacobian(np.eye(4)[None], np.array([0.5]), np.array([1.0, 0.0, 0.5]))",
         "geometric_jacobian(np.array([np.eye(4), np.eye(4) + np.eye(4, k=3)]), "
         "np.array([0.0, 0.5]), np.array([1.0, 0.0, 0.0]))",
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drills.case_judge import Case, coarse, judge_of
+from drills.case_judge import WHOLE, Case, coarse, judge_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
 
 
@@ -47,7 +47,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case((edges, runs, periods, 0, 2, 0.4), label, "core")
 
     whole = (np.array([[0, 1], [1, 2], [0, 2]]), np.array([[1, 2], [3, 1], [1, 1]]),
-             np.array([4, 0, 2]), 0, 2, 9)  # fmt: skip
+             np.array([4, 0, 2]), 0, 2, 9.75)  # fmt: skip
     return [
         graph("a chain, one run each", "simple", n=3, share=0.0, clocks=0.0, k=1, aside=0),
         graph("a chain", "simple", n=4, share=0.0, clocks=0.0, aside=0),
@@ -61,7 +61,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         graph("all clocked", n=9, clocks=1.0),
         graph("two stages", "edge", n=2, aside=0),
         graph("no clock", "edge", clocks=0.0),
-        Case(whole, "whole seconds", "edge"),
+        Case(whole, WHOLE, "edge"),
     ]
 
 
@@ -179,5 +179,5 @@ EXERCISE = Exercise(
     ),
     slips=SLIPS
     + coarse_slips("latency_budget", "A budget is closed by its last digits.")
-    + value_slips("latency_budget", whole=False),
+    + value_slips("latency_budget"),
 )

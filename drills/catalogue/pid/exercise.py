@@ -524,6 +524,37 @@ def _leaves_limit(attempt: Attempt) -> None:
             why="what the integral gains in two samples",
             slip="integral_frozen" if got[-1] >= 5.0 - 2.0 * gain else "",
         )
+        _leaves_limit_after_moving(attempt, numbers, side)
+
+
+def _leaves_limit_after_moving(attempt: Attempt, numbers: Numbers, side: float) -> None:
+    """Check that the integral leaves the limit where the derivative had let it grow beyond.
+
+    The joint moves fast and the derivative opposes the integral, which therefore exceeds the limit
+    while the command does not. Then the joint stops past the set-point. The command is cut off now,
+    and only an integral that goes on under this error can bring it back.
+    """
+    controller = Controller(attempt, numbers)
+    gain, speed = numbers.ki * numbers.dt, 3.0
+    moving = math.ceil((5.0 + numbers.kd * speed) / gain) + 10
+    samples = np.arange(5 * moving)
+    measurements = speed * numbers.dt * np.minimum(samples, moving)
+    setpoints = measurements + np.where(samples < moving, 1.0, -1.0)
+    got = side * controller.run(side * setpoints, side * measurements)
+    error = float(got[-1] + 5.0)
+    controller.require(
+        "the integral comes back after the derivative opposed it",
+        bool(error <= 2.0 * gain),
+        sentence="The joint moved fast towards the set-point and then stopped past it. The error "
+        f"has had the other sign for {4 * moving * numbers.dt:.3g} s since, and the command is "
+        f"{side * got[-1]:.4g} N m; the limit there is {-side * 5.0:.4g} N m.",
+        got=f"{side * got[-1]:.6g}",
+        expected=f"{-side * 5.0:.6g}",
+        error=max(error, 0.0),
+        tolerance=2.0 * gain,
+        why="what the integral gains in two samples",
+        slip="integral_frozen_when_cut_off" if got[-1] >= 5.0 - 2.0 * gain else "",
+    )
 
 
 def _winds_up(attempt: Attempt, side: float) -> bool:

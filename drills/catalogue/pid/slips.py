@@ -20,6 +20,13 @@ SLIPS = slips(
         "would bring it back: an integral that alone holds the limit stays there for ever. Stop "
         "it only while the error pushes further out.",
     ),
+    integral_frozen_when_cut_off=(
+        "        if not deeper:\n",
+        "        if desired == command:\n",
+        "The integral stands still whenever the command is cut off, whatever the sign of the "
+        "error. Once the derivative has let the integral grow beyond the limit, the command "
+        "never comes back. Stop the integral only while the error pushes further out.",
+    ),
     clamped_increments=(
         "self.rate = 0.0  # [y/s]",
         "self.rate = self.command = self.parts = 0.0",

@@ -165,9 +165,9 @@ SLIPS = slips(
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a closed form: rounding", explain=coarse),
-    examples=("sliding_stop(2.0, 0.0, 0.0, 0.5)", "sliding_stop(2.0, 0.785398, 0.0, 0.5)"),
+    examples=("sliding_stop(2.0, 0.0, 0.0, 0.5)", "sliding_stop(2.0, 0.3, 0.0, 0.5)"),
     picture=stops,
     slips=SLIPS
     + coarse_slips("sliding_stop", "Near an axis the block is hardly turned at all.")
-    + value_slips("sliding_stop", swapped=True, whole=False),
+    + value_slips("sliding_stop", swapped=True),
 )

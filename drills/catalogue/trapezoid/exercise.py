@@ -184,5 +184,5 @@ EXERCISE = Exercise(
     picture=rates,
     slips=SLIPS
     + coarse_slips("trapezoid", "The path then no longer is the one that was checked.")
-    + value_slips("trapezoid", whole=False),
+    + value_slips("trapezoid"),
 )

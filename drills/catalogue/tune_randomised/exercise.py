@@ -104,5 +104,5 @@ EXERCISE = Exercise(
     ),
     slips=SLIPS
     + coarse_slips("tune_randomised", "Two rows of gains are told apart by small differences.")
-    + value_slips("tune_randomised", whole=False),
+    + value_slips("tune_randomised"),
 )
