@@ -145,12 +145,12 @@ table(*rows)
 # %% [markdown]
 # ### The policy gradient
 #
-# A few terms first. A **neural network** is a function with many adjustable numbers, its **weights**. "Two layers of 16
-# units" means that two intermediate results with 16 numbers each lie between input and output. Training samples a
+# A few terms first. A **neural network** is a function with many adjustable numbers, its **weights**. "Two layers of
+# 16 units" means that two intermediate results with 16 numbers each lie between input and output. Training samples a
 # **batch** of data, computes the gradient of an objective with respect to all weights, and moves the weights a little
-# along it: one **gradient step**, whose length the **step size** sets (here with the optimiser Adam, which scales each
-# weight's step by its recent gradients). Large batches are split into **minibatches**, with one gradient step each. All
-# random numbers follow from a **seed**. Another seed means another run, so results are stated over several seeds.
+# along it: one **gradient step**, whose length the **step size** sets (here with the optimiser Adam, which scales
+# each weight's step by its recent gradients). Large batches are split into **minibatches**, with one gradient step
+# each. All random numbers follow from a **seed**. Another seed means another run.
 #
 # How can a policy improve when nobody tells it the right action? It tries actions at random and repeats those that
 # turned out well. For this the policy must be random itself. It samples its action $a$ from a distribution
@@ -409,9 +409,7 @@ table(*rows)
 # %% [markdown]
 # At equal environment steps SAC is far ahead; PPO needs several times as many to catch up. On a real robot or in a
 # slow simulator, the number of steps is what matters. In a fast simulator computing time matters more: SAC makes one
-# gradient step for each environment step, PPO with the large batches about ten for each thousand. You will often read
-# that "PPO dominates robot learning". That is true where environment steps are nearly free, as in simulators on a
-# GPU.
+# gradient step for each environment step, PPO with the large batches about ten for each thousand.
 
 # %%
 more_claims("next_row", "beyond_the_clip")
@@ -447,9 +445,11 @@ show("sparse_chance")
 # $$F_t = \gamma\,\Phi(s_{t+1}) - \Phi(s_t),$$
 #
 # which is positive for each step that comes closer. Both use the same distance, but they differ in what they add up
-# to. Let a path have the distances 3, 2, 1, 0, and take $\gamma = 1$. The potential pays $1 + 1 + 1 = 3$, and it pays
-# 3 on every other path from the same start to the goal, because the intermediate potentials cancel. (With $\gamma <
-# 1$ the discounted sum is the same for all these paths too.) Minus the distance pays $-(2 + 1 + 0) = -3$ on this path
+# to.
+#
+# Let a path have the distances 3, 2, 1, 0, and take $\gamma = 1$. The potential pays $1 + 1 + 1 = 3$, and it pays 3
+# on every other path from the same start to the goal, because the intermediate potentials cancel. (With $\gamma < 1$
+# the discounted sum is the same for all these paths too.) Minus the distance pays $-(2 + 1 + 0) = -3$ on this path
 # and another sum on another path. It pays for spending the trip near the goal, not only for arriving early, and that
 # is a different task. The best policy stays the same for certain only if $\Phi$ counts as 0 in every state that
 # terminates the episode, as chapter 8 showed.
@@ -468,8 +468,8 @@ table(("reward", "share of the optimum after training", "interval"),
 # The potential teaches nearly the optimum. Minus the distance teaches no more than the sparse reward. One reason is
 # proportion: over an episode the distances add up to tens, and the prize is only 1. By default our PPO **rescales
 # rewards**, dividing them by a running standard deviation. That divides distances and prize by the same number, so it
-# cannot change the proportion. Without rescaling, this reward does better, but the seeds differ widely. We measured
-# this and have not found out why.
+# cannot change the proportion. Without rescaling, this reward does better, but the seeds differ widely. We have not
+# found out why.
 #
 # The *interval* in this and later tables is a 95 % bootstrap interval over the seeds, for the mean of the middle half
 # of the seeds (the interquartile mean). The right panel repeats the sparse reward with larger discs: the more often
@@ -847,17 +847,15 @@ simulation("denoising")
 # stays constant: $x_t = \alpha_t\,x + \sigma_t\,\epsilon$ with $\alpha_t = \sin(\pi t/2)$ and $\sigma_t = \cos(\pi
 # t/2)$. In this course, the network learns $\hat v$, an estimate of $\sigma_t\,x - \alpha_t\,\epsilon$, with the
 # squared error, from $x_t$, $t$ and $s$. The best guess of the clean action follows as $\hat x = \alpha_t\,x_t +
-# \sigma_t\,\hat v$. (Many papers predict the noise instead.) The sampler DDIM goes from $t$ to a later $t'$ in two
-# moves. It computes the noise that this guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it
-# mixes both again with less noise:
+# \sigma_t\,\hat v$. The sampler DDIM goes from $t$ to a later $t'$ in two moves. It computes the noise that this
+# guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it mixes both again with less noise:
 #
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
-# DDPM, the original sampler, also adds fresh noise at each step. (Papers on diffusion often count time the other way
-# round.) Both samplers are a few lines. `TABLEAUS` holds the coefficients of Euler, Heun and the fourth-order
-# Runge-Kutta method: `rows` says how earlier slopes combine into the point of the next evaluation, and `ends` how all
-# slopes combine into the step. In `denoise`, `a` and `s` are $\alpha$ and $\sigma$, and `share` is the argument
-# `eta`, the share of fresh noise: 0 for DDIM, 1 for DDPM.
+# DDPM, the original sampler, also adds fresh noise at each step. Both samplers are a few lines. `TABLEAUS` holds the
+# coefficients of Euler, Heun and the fourth-order Runge-Kutta method: `rows` says how earlier slopes combine into the
+# point of the next evaluation, and `ends` how all slopes combine into the step. In `denoise`, `a` and `s` are
+# $\alpha$ and $\sigma$, and `share` is the argument `eta`, the share of fresh noise: 0 for DDIM, 1 for DDPM.
 
 # %% tags=["hide-code"]
 source(learning.integrate, "rows, ends")
@@ -1022,10 +1020,11 @@ table(
 # On the usual task three changes break the learner: $\lambda = 0$, a single epoch per batch, and only four hidden
 # units. A discount of 0.9, which values only about ten steps ahead, costs about a fifth of the result. Without
 # normalised observations (rescaled to mean 0 and standard deviation 1) it loses about as much; with three seeds,
-# these two cannot be separated. No other detail costs a tenth. Some of those matter on other tasks: with observations
-# far from zero, a large step size, or a prize of 10. In the fourth task, staying near the goal is paid more than
-# entering the disc. A learner that treats the time limit as a termination believes that those payments end, and
-# enters.
+# these two cannot be separated. No other detail costs a tenth.
+#
+# Some of those matter on other tasks: with observations far from zero, a large step size, or a prize of 10. In the
+# fourth task, staying near the goal is paid more than entering the disc. A learner that treats the time limit as a
+# termination believes that those payments end, and enters.
 #
 # Normalising has a trap in vectorised environments (many copies stepped by one call, chapter 8), where each one could
 # keep its own statistics:
@@ -1174,7 +1173,6 @@ show("gradient_cost")
 # that reached 80 % of the optimum. The reverse is not true: other seeds moved as far and failed.
 #
 # ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)
-#
 
 # %% tags=["hide-code"]
 points = [
@@ -1470,17 +1468,18 @@ answer("first_to_finish", "p")
 #
 # (Octo and LeRobot from abstract and project page, RT-2 and pi-0 from abstract and summaries by others; we ran none
 # of them.) Octo and pi-0 put one of this chapter's heads behind a large encoder; RT-2 writes actions as text tokens
-# instead, and LeRobot is no model. Data from many robots cover states that the demonstrations of one robot do not.
+# instead, and LeRobot is no model.
 #
 # ### Why do chunks help? Three explanations on three tasks
 #
 # A chunk could help because it keeps one mode, because it makes fewer decisions, or merely because its later actions
 # are based on an *older* observation. The last explanation can be isolated: a delayed policy acts at every step, but
-# on the observation from one or three steps ago. The table compares both on three tasks: the two routes; the unstable
-# regulator, trained with and without disturbances; and a memory task, which is computed and not run. Each of its 40
-# steps brings a new random situation with its own right action. A policy that observes it errs in 0.5 % of the steps,
-# one that does not has to guess between two, and after the first wrong action all later ones count as wrong. The plot
-# shows the two routes.
+# on the observation from one or three steps ago.
+#
+# The table compares both on three tasks: the two routes; the unstable regulator, trained with and without
+# disturbances; and a memory task, which is computed and not run. Each of its 40 steps brings a new random situation
+# with its own right action. A policy that observes it errs in 0.5 % of the steps, one that does not has to guess
+# between two, and after the first wrong action all later ones count as wrong. The plot shows the two routes.
 
 # %% tags=["hide-code"]
 mixture, rng = heads["mixture"], np.random.default_rng(0)
