@@ -145,18 +145,11 @@ table(*rows)
 # %% [markdown]
 # ### The policy gradient
 #
-# A few terms first. A **neural network** is a function with many adjustable numbers, its **weights**. "Two layers of
-# 16 units" means that two intermediate results with 16 numbers each lie between input and output. Training samples a
-# **batch** of data, computes the gradient of an objective with respect to all weights, and moves the weights a little
-# along it: one **gradient step**, whose length the **step size** sets (here with the optimiser Adam, which scales
-# each weight's step by its recent gradients). Large batches are split into **minibatches**, with one gradient step
-# each. All random numbers follow from a **seed**. Another seed means another run.
-#
 # How can a policy improve when nobody tells it the right action? It tries actions at random and repeats those that
 # turned out well. For this the policy must be random itself. It samples its action $a$ from a distribution
-# $\pi_\theta(a \mid s)$ that depends on the state $s$ and on parameters $\theta$, usually the weights of a network.
-# Here it is a normal distribution: the network computes the mean, and the standard deviation $\sigma$ sets how much
-# the policy explores.
+# $\pi_\theta(a \mid s)$ that depends on the state $s$ and on parameters $\theta$, usually the weights of a neural
+# network (explained below the picture). Here it is a normal distribution: the network computes the mean, and the
+# standard deviation $\sigma$ sets how much the policy explores.
 #
 # The **return** is the discounted sum of rewards, and $J(\theta)$ is its expected value. The **policy gradient** is the
 # gradient of $J$ with respect to the parameters:
@@ -207,6 +200,13 @@ plt.show()
 # **A worked example.** Let $\mu = 0$ and $\sigma = 1$. The action 0.5 had an advantage of +2, so it votes
 # $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
 # mean to the right.
+#
+# Some terms for all that follows. A **neural network** is a function with many adjustable numbers, its **weights**.
+# "Two layers of 16 units" means that two intermediate results with 16 numbers each lie between input and output.
+# Training samples a **batch** of data, computes the gradient of an objective with respect to all weights, and moves
+# the weights a little along it: one **gradient step**, whose length the **step size** sets (here with the optimiser
+# Adam, which scales each weight's step by its recent gradients). Large batches are split into **minibatches**, with
+# one gradient step each. All random numbers follow from a **seed**. Another seed means another run.
 #
 # In the simulation the actions have two components, and the reward has one peak, so the true gradient is known. Play to
 # let the mean follow the average vote, then switch off the baseline, which is explained below the proof:
@@ -1005,17 +1005,18 @@ table(
 # it first: it is the baseline, and you learn only what it cannot do. Is there a simulator with a reward that means
 # the task? Then use reinforcement learning, and say what the optimum of that reward is. Is there an expert? Then
 # clone, and say how the data get off the expert's usual states. Are there several ways? Then use a head that holds
-# several modes. Finish with the test: runs, an interval, and the share of each way.
+# several modes. Finish with the test.
 #
 # </div>
 #
 # ### Which details of PPO matter, and where
 #
-# Implementations of PPO contain dozens of details, and lists of them circulate. Which ones matter? The left panel
-# removes one at a time on the usual task. The right panel shows four tasks, each made so that one detail matters:
-# first the complete PPO on it, then PPO without that detail.
+# Implementations of PPO contain dozens of details, and lists of them circulate. Which ones matter?
 #
 # ![PPO without each of its details, and tasks on which a detail matters](../docs/charts/details_that_matter.png)
+#
+# The left panel removes one detail at a time on the usual task. The right panel shows four tasks, each made so that one
+# detail matters: first the complete PPO on it, then PPO without that detail.
 #
 # On the usual task three changes break the learner: $\lambda = 0$, a single epoch per batch, and only four hidden
 # units. A discount of 0.9, which values only about ten steps ahead, costs about a fifth of the result. Without
@@ -1030,7 +1031,7 @@ table(
 # keep its own statistics:
 
 # %%
-more_claims("own_normaliser")
+show("own_normaliser")
 
 # %% [markdown]
 # ### Many seeds, many machines
