@@ -19,14 +19,13 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# Choose *Explicit Euler gains energy*, which moves the box with the old velocity, and then *Semi-implicit Euler loses
-# energy*, which uses the new one. Both have perfectly elastic impacts and locate the time of each impact inside the
-# step, so all the change of energy that you see is an error of the steps in flight.
+# Choose the second preset, which uses the old velocity, and then the third, which uses the new one. Their impacts are
+# perfectly elastic, and the impact times are located, so all the change of energy is an error of the steps in flight.
 #
 # **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from;
-# store and update an orientation without drift, and without attitudes at which the numbers fail; choose an integrator
-# by its error for a given cost; predict the largest stable step; and find the cause when a simulation explodes,
-# misses a wall or gains energy. You need vectors, matrices, derivatives, and Python with NumPy.
+# store and update an orientation so that it neither drifts nor fails at some attitude; choose an integrator by its
+# error for a given cost; predict the largest stable step; and find the cause when a simulation explodes, misses a
+# wall or gains energy. You need vectors, matrices, derivatives, and Python with NumPy.
 #
 # ## How this chapter works
 #
@@ -66,8 +65,7 @@ def source(*functions):
 #
 # ### How many numbers describe a rigid body?
 #
-# Before a simulator can move a body, it has to store what the body is doing. How many numbers does that take? Too few,
-# and the future is not determined. Too many, and they can contradict each other.
+# Before a simulator can move a body, it has to store what the body is doing.
 #
 # A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate
 # about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
@@ -118,8 +116,8 @@ plt.show()
 # | a unit **quaternion**, four numbers of length one | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
 # | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
 #
-# In the plane everything is simpler: two coordinates, one angle and their three rates make six numbers. Physics
-# engines call the six degrees of freedom of an unattached body a *free joint*.
+# In the plane, two coordinates, one angle and their three rates make six numbers. Engines call the six degrees of
+# freedom of an unattached body a *free joint*.
 # %%
 more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
@@ -144,8 +142,8 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # Now look at a body without torque. $L$ is constant in space. But the body turns, and $I$, seen from space, turns
 # with it. If $L = I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation
 # moves although nothing pushes. There is one exception. If the body spins about a principal axis, $L$ and $\omega$
-# are parallel and stay so. In the simulation, the *space cone* is the surface that $\omega$ sweeps in space, and the
-# *body cone* the one that it sweeps in the body.
+# are parallel and stay so. In the simulation, $\omega$ sweeps the *space cone* in space and the *body cone* in the
+# body.
 # %%
 show("free_body_keeps_angular_velocity")
 # %%
@@ -153,9 +151,8 @@ simulation("free_body")
 # %% [markdown]
 # ### The equations of motion
 #
-# An interviewer will want to see the laws written down. Force changes the momentum $p = mv$, and torque about the
-# centre of mass changes the angular momentum. Both statements are meant in the world frame, a frame that does not
-# rotate:
+# Force changes the momentum $p = mv$, and torque about the centre of mass changes the angular momentum. Both
+# statements are meant in the world frame, a frame that does not rotate:
 #
 # $$\dot p = F, \qquad \dot L = \tau, \qquad p = m v, \quad L = I\omega .$$
 #
@@ -290,8 +287,8 @@ print("lowest component along the start axis:", "  ".join(f"{x:+.3f}" for x in l
 #
 # **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two
 # other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 g m². The root is $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} =
-# 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor $e$ every $1/5.3 = 0.19$ s. From one degree, the
-# brick needs about a second to the middle of its flip, and twice as long for the whole flip.
+# 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor $e$ every $1/5.3 = 0.19$ s. From one degree, a flip
+# takes about one second to its middle and two in all.
 #
 # <details><summary>Derive it: the rate of growth</summary>
 #
@@ -316,15 +313,15 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 # sideways piece to it in each moment, so the axis turns sideways.
 #
 # This slow circling is called **precession**. With the angular momentum $L$ and the lever $l$ its rate is about
-# $mgl/L$: the faster the spin, the slower the precession. A top that you release from rest also nods while it
-# circles, which is called *nutation*.
+# $mgl/L$: the faster the spin, the slower the precession. Released with its axis at rest, the top also nods:
+# *nutation*.
 # %%
 show("gyroscopic_term_holds_the_top_up")
 # %%
 simulation("top")
 # %% [markdown]
 # An upright top stands only if it spins fast enough. With $I_3$ about its axis and $I_1$ across it (both about the
-# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$. Try both sides of it with the presets.
+# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$:
 # %%
 more_claims(
     "top_condition",
@@ -359,17 +356,16 @@ except ValueError as problem:
 # Pilots describe the attitude of a plane by three angles. First turn by the **yaw** about the vertical axis $z$, then
 # by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. Now pitch
 # the nose straight up, by 90 degrees. Yaw and roll now turn about the same line, and no angle turns the nose
-# sideways. This is **gimbal lock**. (With $z$ up, a positive $\theta$ turns the nose down; with $z$ down, as pilots
-# use it, up. The lock is the same.) Play the first preset and watch the two rings, then lock them:
+# sideways. This is **gimbal lock**. (With $z$ up, a positive $\theta$ turns the nose down.) Play the first preset and
+# watch the two rings, then lock them:
 # %%
 simulation("gimbal")
 # %% [markdown]
-# In formulas: a matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det
-# E\rvert = \lvert\cos\theta\rvert$. At $\theta = 90°$ its rank is only two: there is one direction of $\omega$ that
-# no finite angle rates can produce. Close to the lock the rates exist, but they are huge. Take all vectors of angle
-# rates of length 1. The smallest $\lvert\omega\rvert$ that they give is the smallest **singular value** of $E$; the
-# picture plots it. The cell below uses this worst axis. About the lost axis of the card after it, the yaw rate is
-# $1/\cos\theta$, slightly more.
+# A matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det E\rvert =
+# \lvert\cos\theta\rvert$. At $\theta = 90°$ its rank is only two: there is one direction of $\omega$ that no finite
+# angle rates can produce. Close to the lock the rates exist, but they are huge. Take all vectors of angle rates of
+# length 1. The smallest $\lvert\omega\rvert$ that they give is the smallest **singular value** of $E$; the picture
+# plots it. The cell takes this worst axis, the card after it the lost axis, with the yaw rate $1/\cos\theta$.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the worst axis")
 for angle in (60.0, 89.0, 90.0):
@@ -407,9 +403,9 @@ more_claims(
 #
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
-# A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the **rotation
-# vector** $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$; note that it halves the angle.
-# Its inverse is the logarithm.
+# A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the rotation
+# vector $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$; note that it halves the angle. Its
+# inverse is the logarithm.
 #
 # To do one rotation after the other, multiply the quaternions. With the scalar part $w$ and the vector part $u =
 # (x,y,z)$,
@@ -433,9 +429,9 @@ show("quaternion_has_no_lock")
 # %%
 simulation("double_cover")
 # %% [markdown]
-# In practice this means: never subtract two quaternions to compare orientations. A controller that does so may command
-# a turn of nearly 360 degrees for an error of nearly zero. Compare by the angle $2\arccos\lvert q\cdot p\rvert$, and
-# before you interpolate, flip the sign of one of them if the dot product is negative.
+# Never subtract two quaternions to compare orientations. A controller that does so may command a turn of nearly 360
+# degrees for an error of nearly zero. Compare by the angle $2\arccos\lvert q\cdot p\rvert$, and before you
+# interpolate, flip the sign of one of them if the dot product is negative.
 #
 # **SLERP**, spherical linear interpolation, moves from one orientation to another at a constant rate, along the arc
 # between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. Mixing the four numbers linearly and
@@ -526,9 +522,8 @@ more_claims(
 # A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine in free flight
 # is suddenly too long. To see where the border lies, you need only a mass on a spring. A spring of **stiffness** $k$
 # pulls back with $kx$, so $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Near a stable resting position, every
-# conservative mechanical system behaves like a set of such springs, one for each *mode of vibration*, a pattern in
-# which all its parts oscillate at one frequency. (The word "conservative" excludes friction and forces that depend on
-# velocity.)
+# mechanical system without friction or velocity-dependent forces behaves like a set of such springs, one for each
+# *mode of vibration* (a pattern in which all parts oscillate at one frequency).
 #
 # On a spring, a step multiplies the state by a fixed matrix. For semi-implicit Euler insert the first line into the
 # second:
@@ -584,7 +579,7 @@ print(f"at omega h = 2.2 the eigenvalues are {min(beyond):.2f} and {max(beyond):
 # %%
 show("semi_implicit_unconditional")
 # %% [markdown]
-# The result is worth learning by heart:
+# Learn this result by heart:
 #
 # $$\boxed{\; h < \frac{2}{\omega_{\max}} = 2\sqrt{\frac{m}{k}} \;}$$
 #
@@ -698,7 +693,7 @@ plt.show()
 for name, off in missed.items():
     print(f"{name:<20} end of the step off by {off:+.3f}")
 # %% [markdown]
-# The table has what an interviewer expects you to know. The column *area* is explained in the next section.
+# The column *area* is explained in the next section.
 #
 # | method | order | force evaluations per step | keeps area | stability limit on an undamped spring |
 # |---|---|---|---|---|
@@ -859,10 +854,10 @@ print(f"the body should turn by {2 * half:.2f} rad; scaled back it turns by {2 *
 #
 # $$\boxed{\; q' = q\,\exp(h\,\omega) \;}\qquad\text{for } \omega \text{ in the body frame.}$$
 #
-# It stays on the sphere, and for a steady spin it is exact. Here $q$ maps body coordinates to world coordinates, and
-# $q\,(0,r)\,q^*$ applies the factor next to the vector $r$ first. A small rotation that is given in the body frame is
-# that factor, on the *right*. If your $\omega$ is in the world frame, the rotation stands on the left: $q' =
-# \exp(h\,\omega)\,q$. Confusing the two sides is a classic bug; you will meet it in section 7.
+# It stays on the sphere, and for a steady spin it is exact. In $q\,(0,r)\,q^*$ the factor next to the vector acts
+# first. Body rotations are that factor, so they stand on the *right*. If your $\omega$ is in the world frame, it
+# stands on the left: $q' = \exp(h\,\omega)\,q$. Confusing the two sides is a classic bug; you will meet it in section
+# 7.
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
 # scaling turns it by $2\arctan(0.05) = 0.09992$ rad. The error of 0.00008 rad looks harmless, but after 1000 steps the
@@ -878,20 +873,20 @@ more_claims(
 # %% [markdown]
 # ### Free fall and impacts: where the energy goes
 #
-# Back to the box of the first screen. Between impacts its acceleration is constant, and then you can compute the energy
-# error of a step by hand. Under a constant acceleration all six integrators get the velocity right. They differ only in
-# the position: $q' = q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and
-# $c = \tfrac12$ for the four others, which are exact. Insert this into $E = mgy + \tfrac12mv^2$:
+# Between impacts, the acceleration of the box is constant, so you can compute the energy error of a step by hand.
+# Under a constant acceleration all six integrators get the velocity right. They differ in the position only:
+# $q' = q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and $c = \tfrac12$ for the four
+# others, which are exact. Insert this into $E = mgy + \tfrac12mv^2$:
 #
 # $$\Delta E = m g^2 h^2\,(\tfrac12 - c) \quad\text{per step.}$$
 #
 # So explicit Euler gains $\tfrac12 mg^2h^2$ in every step and semi-implicit Euler loses as much. For 1 kg and 10 ms
 # that is 4.8 mJ per step, or 0.48 J in every second of flight.
 #
-# Then comes the floor. **Restitution** $e$ is the speed after an impact divided by the speed before, so with $e = 1$ a
-# bounce should cost no energy. The usual rule: if the ball is below the floor at the end of a step, put it on
-# the floor and reverse its velocity. The drawing shows what this does. During the step the ball falls to the depth $d$
-# below the floor. Putting it back lifts it by $d$, and this adds the energy $mgd$.
+# **Restitution** $e$ is the speed after an impact divided by the speed before, so with $e = 1$ a bounce should cost
+# no energy. The usual rule: if the ball is below the floor at the end of a step, put it on the floor and reverse its
+# velocity. The drawing shows what this does. During the step the ball falls to the depth $d$ below the floor. Putting
+# it back lifts it by $d$, and this adds the energy $mgd$.
 #
 # The remedy is to find the **time of impact** inside the step, to reverse the velocity there, and to continue with the
 # rest of the step:
@@ -989,10 +984,9 @@ more_claims(
 # ### The tasks of a loop, and their rates
 #
 # One program has to run a robot's controller, its camera and the physics at different rates. It performs seven tasks:
-# it reads the **sensors**, exposes the robot's **camera**, asks the **controller** for a command, collects the
-# **forces**, **integrates** the state, detects **collisions**, and now and then **renders** an image for you. The
-# physics step is fixed, and the loop schedules the other tasks by counting physics steps. The drawing shows three of
-# the rates:
+# it reads the **sensors**, exposes the **camera**, asks the **controller** for a command, collects the **forces**,
+# **integrates** the state, detects **collisions**, and now and then **renders** an image. The physics step is fixed,
+# and the loop schedules the other tasks by counting physics steps. Three of the rates:
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(10, 2.6), layout="constrained")
 for row, (period, colour) in enumerate(
@@ -1021,8 +1015,8 @@ plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
 # The course's loop records what it does. `age` says how old the data are that a task uses. Every other physics step
-# applies a command that is 1 ms old, and the image at 16.667 ms shows the state one step earlier, at 15.667 ms,
-# interpolated between the states at 15 and 16 ms:
+# applies a command that is 1 ms old, and the image at 16.667 ms shows the state one step earlier, interpolated
+# between those at 15 and 16 ms:
 # %% tags=["hide-code"]
 from course.rigid_body.loop import FixedStepLoop, Phases, float_clock_error, trace_table
 
@@ -1038,7 +1032,7 @@ _ = loop.advance(0.018)
 rows = trace_table(loop.trace).splitlines()
 figures("\n".join(rows), rows[0], "1.000", "16.667", summary="All 18 ms, event by event")
 # %% [markdown]
-# Three details make the difference between a loop that works and one that nearly does:
+# Three details decide whether the loop works:
 #
 # * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts you. An
 #   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself
@@ -1059,9 +1053,9 @@ print(
 #
 # ### The engine we compare with
 #
-# This course measures itself against the libraries that professionals use. For this chapter that is **MuJoCo**
-# (Multi-Joint dynamics with Contact; Todorov, Erez and Tassa, 2012), an open-source physics engine that much of robot
-# learning runs on. Within a step, MuJoCo performs five of the tasks in another order:
+# This chapter compares with **MuJoCo** (Multi-Joint dynamics with Contact; Todorov, Erez and Tassa, 2012), an
+# open-source physics engine that much of robot learning runs on. Within a step, MuJoCo performs five of the tasks in
+# another order:
 # %% tags=["hide-code"]
 tasks = {
     "this course": ("sensors", "controller", "forces", "integrate", "collisions"),
@@ -1090,10 +1084,9 @@ axes_.axis("off")
 plt.show()
 # %% [markdown]
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
-# step. Call `mj_forward` if you need them for the new positions. MuJoCo offers several integrators. `Euler` is
-# semi-implicit Euler with *implicit* joint damping, which means that the damping force is computed from the new
-# velocity. `RK4` is the classical method. `implicitfast` treats the damping of actuators and tendons implicitly too,
-# and `discrete` also the springs.
+# step. Call `mj_forward` if you need them for the new positions. MuJoCo's `Euler` is semi-implicit Euler with
+# *implicit* joint damping (computed from the new velocity). `RK4` is the classical method. `implicitfast` treats the
+# damping of actuators and tendons implicitly too, and `discrete` also the springs.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1148,8 +1141,8 @@ print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
-# Is it right? We test it on a problem with an exact solution. A free body with three different moments follows Jacobi's
-# elliptic functions, so we know its orientation after 20 s. With a step of 1 ms:
+# We test it on a problem with an exact solution. A free body with three different moments follows Jacobi's elliptic
+# functions, so we know its orientation after 20 s. With a step of 1 ms:
 # %% tags=["hide-code"]
 tumbling = problems.tumble()
 print(f"{'integrator':<20} {'error [rad]':>12} {'drift of energy':>17} {'drift of L':>12}")
@@ -1208,8 +1201,8 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# This is the box of the first screen with all its controls. The *rest speed* is a limit: slower impacts end the
-# bouncing. *Steps not resolved* counts the steps with more impacts than the solver may process in one step.
+# This is the box of the first screen with all its controls. Impacts slower than the *rest speed* end the bouncing.
+# *Steps not resolved* counts the steps with more impacts than the solver may process in one step.
 #
 # Predict what you will see before you choose each preset:
 #
@@ -1227,14 +1220,13 @@ simulation("bouncing_box")
 # ### The work-precision diagram
 #
 # "RK4 costs four times as much as Euler." That is true for the force evaluations of one step, and it is the wrong
-# question. Nobody gives you a step. Your task has a tolerance, the largest error that you accept, and you want to
-# reach it with the least work. A method of fourth order may need a thousand times fewer steps.
+# question. Your task has a tolerance, the largest error that you accept, and you want to reach it with the least
+# work. A method of fourth order may need a thousand times fewer steps.
 #
 # A **work-precision** diagram answers the right question. It plots the error against the cost for every method, with
-# one point per step size. Draw a horizontal line at your tolerance: the curve that it meets furthest to the left is the
-# cheapest method. On the logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order.
-# Drag the tolerance line, or move it with the arrow keys. The circle marks the cheapest run, and the sentence below the
-# chart gives its cost:
+# one point per step size. Draw a horizontal line at your tolerance: the curve that it meets furthest to the left is
+# the cheapest method. On the logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the
+# order. Drag the tolerance line, or move it with the arrow keys. The circle marks the cheapest run:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1250,9 +1242,9 @@ TradeOff(result)
 # know: the errors of its `Euler` and of our semi-implicit Euler agree to several digits, and so do those of the two
 # RK4s. Only the time per step differs, because MuJoCo is a general engine that does more in each step.
 #
-# Take a 1 Hz oscillator that you follow for 2.3 s to one part in a million. There RK4 needs thousands of times fewer
-# force evaluations than semi-implicit Euler. You can put an integrator of your own on the chart. It runs as plain
-# Python, so compare it in the left panel, which counts evaluations instead of time:
+# To follow a 1 Hz oscillator for 2.3 s to one part in a million, RK4 needs thousands of times fewer force evaluations
+# than semi-implicit Euler. You can put an integrator of your own on the chart. It runs as plain Python, so compare it
+# in the left panel, which counts evaluations instead of time:
 
 
 # %%
@@ -1338,10 +1330,9 @@ figures(
     summary="All batches, boxes and free bodies",
 )
 # %% [markdown]
-# Read this with care. The chart compares a program that can do nothing but one planar box on a floor with a general
-# engine that simulates the same box. Part of the factor is what you gain by modelling only what the task needs. The
-# other part comes from compiling whole batches instead of calling an engine through its interface. As soon as two
-# bodies can touch, the special program no longer applies.
+# The chart compares a program that can do nothing but one planar box on a floor with a general engine that simulates
+# the same box. The factor has two sources: modelling only what the task needs, and compiled batches instead of an
+# engine's interface. As soon as two bodies can touch, the special program no longer applies.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
@@ -1354,10 +1345,9 @@ figures(
 # ### The smallest model that answers the question
 #
 # The largest savings come before the integrator, from what you do *not* simulate. Air, deformation, the third
-# dimension: which of them may you neglect? You can measure it. State the question and the tolerance. Then compute the
-# answer with and without each effect. Leave an effect out if its difference is small compared with the tolerance.
-# Then add up the differences of all effects that you left out, which the fold-out below lists: the sum has to stay
-# below the tolerance too.
+# dimension: which of them may you neglect? State the question and the tolerance. Then compute the answer with and
+# without each effect. Leave effects out as long as the *sum* of their differences (all are in the fold-out) stays
+# below the tolerance.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
@@ -1396,8 +1386,8 @@ figures(
 # %%
 predict("damping_and_the_limit")
 # %% [markdown]
-# With the damping ratio $\zeta$ (at $\zeta = 1$, *critical damping*, a released mass just stops oscillating) the
-# equation is $\ddot x = -2\zeta\omega\dot x - \omega^2x$, and the limits are
+# With the damping ratio $\zeta$ (at $\zeta = 1$, *critical damping*, the motion just stops oscillating) the equation
+# is $\ddot x = -2\zeta\omega\dot x - \omega^2x$, and the limits are
 #
 # | integrator | damping force from | largest stable step |
 # |---|---|---|
@@ -1435,8 +1425,8 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # ### Energy over a million steps
 #
 # The chart shows a pendulum over a million steps. Explicit Euler is useless after a few seconds. RK4 is the most
-# accurate at first, but its small error accumulates. The errors of the symplectic methods are larger than RK4's at
-# first, but they do not grow: at the end of the run, the implicit midpoint rule has a smaller error than RK4.
+# accurate at first, but its small error accumulates. The errors of the symplectic methods are at first larger than
+# RK4's, but they do not grow:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
@@ -1508,8 +1498,7 @@ simulation("tunnelling")
 #
 # There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast
 # ball sinks in. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This
-# happens at the penetration $D/2$, which the chart writes as $d/2 + r$, with the wall's thickness $d$ and the ball's
-# radius $r$:
+# happens at the penetration $D/2$ (in the chart $d/2 + r$, with the wall's thickness $d$ and the radius $r$):
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
@@ -1780,9 +1769,9 @@ check(largest_stable_step)
 # %% [markdown]
 # ### Measuring the order without an exact solution
 #
-# Usually there is no exact solution to compare with. Then make three runs, each with half the step of the one before.
-# If the error is $c\,h^p$, the two differences between the runs have the ratio $2^p$, which gives the order. Knowing
-# the order, you can compute the limit for $h\to0$. This is called **Richardson extrapolation**.
+# Without an exact solution, make three runs, each with half the step of the one before. If the error is $c\,h^p$, the
+# two differences between the runs have the ratio $2^p$, which gives the order. Knowing the order, you can compute the
+# limit for $h\to0$. This is called **Richardson extrapolation**.
 
 # %%
 card("observed_order")
@@ -1809,8 +1798,7 @@ check(observed_order)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# The worst bugs crash nothing, and the animation looks plausible. Here is an example: a line that updates an
-# orientation from an angular velocity in the body frame.
+# The worst bugs crash nothing. This line updates an orientation from an angular velocity in the body frame:
 #
 # ```python
 # q = quaternion.product(quaternion.exp(dt * omega_body), q)
@@ -1949,10 +1937,10 @@ lower.set(xlabel="time [s]", ylabel="difference\ndivided by 5 cm")
 plt.show()
 print(f"before the impacts {slope[100]:+.2f}, at 0.8 s {slope[-1]:+.2f}")
 # %% [markdown]
-# The two curves hit the floor at different times. Before the impacts their distance is the difference of the drop
-# heights, so the derivative with respect to the drop height $H$ is 1. At the impact it jumps to $-e$: with the impact
-# speed $v$, the higher ball lands $dH/v$ later, and by then the other has risen by $e\,v\,dH/v = e\,dH$. From then on
-# it increases by $(1+e)\,g/\sqrt{2gH}$ per second.
+# Before the impacts, the distance of the two curves is the difference of the drop heights, so the derivative with
+# respect to the drop height $H$ is 1. At the impact it jumps to $-e$: with the impact speed $v$, the higher ball
+# lands $dH/v$ later, and by then the other has risen by $e\,v\,dH/v = e\,dH$. From then on it increases by
+# $(1+e)\,g/\sqrt{2gH}$ per second.
 #
 # A fixed-step program loses this. After the bounce, its state depends on the drop height only through the *number of
 # steps* before the impact. That is an integer, and the derivative of an integer is zero. The height is right up to the
@@ -1983,8 +1971,8 @@ for dt in (1e-2, 1e-3):
 #
 # Here is a small differentiable simulator, written in PyTorch. A block is thrown, bounces, slides and is pushed. It
 # solves for the impact times, so their derivatives are right. We record the block with 1 mm of noise and recover its
-# restitution, its friction coefficient and its mass. A `chi^2` per degree of freedom near 1 means that the remaining
-# misfit is as large as the noise:
+# restitution, its friction coefficient and its mass. With `chi^2` per degree of freedom near 1, the misfit is pure
+# noise:
 # %% tags=["show-code"]
 scene = Setup((0.0, 0.5), (2.0, 0.0), push=((1.2, 1.5, 8.0),))
 times = np.linspace(0.0, 2.0, 101)
@@ -1992,7 +1980,7 @@ truth = (0.6, 0.25, 1.3)
 recorded = record(truth, scene, times, noise=1e-3, generator=np.random.default_rng(0))
 print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
 # %% [markdown]
-# Not every recording is so informative. A gradient finds only what the motion depends on.
+# A gradient finds only what the motion depends on.
 # %%
 predict("what_a_drop_tells")
 # %% [markdown]
@@ -2048,7 +2036,7 @@ interview("rigid_body")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page. You can derive each of them from what is.
+# Three formulas that are not on this page, but follow from it.
 # %%
 checkpoint(
     "rigid_body",
