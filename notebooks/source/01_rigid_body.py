@@ -321,7 +321,7 @@ show("gyroscopic_term_holds_the_top_up")
 simulation("top")
 # %% [markdown]
 # An upright top stands only if it spins fast enough. With $I_3$ about its axis and $I_1$ across it (both about the
-# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$:
+# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$.
 # %%
 more_claims(
     "top_condition",
@@ -875,8 +875,8 @@ more_claims(
 #
 # Between impacts, the acceleration of the box is constant, so you can compute the energy error of a step by hand.
 # Under a constant acceleration all six integrators get the velocity right. They differ in the position only:
-# $q' = q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and $c = \tfrac12$ for the four
-# others, which are exact. Insert this into $E = mgy + \tfrac12mv^2$:
+# $q' = q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and $c = \tfrac12$ for the
+# four others, which are exact. Insert this into $E = mgy + \tfrac12mv^2$:
 #
 # $$\Delta E = m g^2 h^2\,(\tfrac12 - c) \quad\text{per step.}$$
 #
@@ -1283,7 +1283,7 @@ figures(
     "box drop    exact flight, impact times",
     "box drop    semi-implicit, end of step",
     "box drop    MuJoCo Euler (impulse)",
-    summary="All methods and problems at a step of 1 ms",
+    summary="All methods and problems at a step of 1 ms (heavy_top is a spinning top)",
 )
 # %% [markdown]
 # <details><summary>Where MuJoCo and the course differ, and why</summary>
@@ -1445,7 +1445,7 @@ figures(
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
 figures(
-    read("symplectic_not_enough"), summary="Growth per cycle, measured and in theory; phase errors"
+    read("symplectic_not_enough"), summary="Growth per cycle, measured and in theory; timing (phase) errors"
 )
 # %% [markdown]
 # ### Impacts and the order of a method
