@@ -1445,7 +1445,8 @@ figures(
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
 figures(
-    read("symplectic_not_enough"), summary="Growth per cycle, measured and in theory; timing (phase) errors"
+    read("symplectic_not_enough"),
+    summary="Growth per cycle, measured and in theory; timing (phase) errors",
 )
 # %% [markdown]
 # ### Impacts and the order of a method
