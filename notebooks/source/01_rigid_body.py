@@ -2,7 +2,8 @@
 # # 1 · Rigid bodies
 #
 # *Your simulated robot stands still, and its energy grows. A part tumbles through the air and turns the wrong way. A
-# stiff gripper explodes at one step size and is quiet at another. All three are faults of the time step.*
+# stiff gripper explodes at one step size and is quiet at another. All three are faults of the time step, of its length
+# or of its formula.*
 #
 # A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Which
 # of the two comes first?
