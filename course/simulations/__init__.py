@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from course.check import one_of
+from course.check import finite, one_of
 
 if TYPE_CHECKING:
     from course.simulations.panel import Panel
@@ -61,12 +61,13 @@ RECORDED = {
 }
 
 
-def simulation(name: str, preset: str = "") -> Panel:
+def simulation(name: str, preset: str = "", still: float = 3.0) -> Panel:
     """Return a simulation as a widget for a notebook; it starts paused.
 
     Args:
         name: the last part of a name in `SIMULATIONS`, such as "bouncing_box" or "pipeline".
         preset: what it begins with, one of its presets; its first one if empty.
+        still: how far into its motion the picture of a saved notebook is [s].
 
     Raises:
         ValueError: there is no such simulation or preset.
@@ -75,7 +76,8 @@ def simulation(name: str, preset: str = "") -> Panel:
 
     modules = {module.rpartition(".")[2]: module for module in SIMULATIONS}
     module = modules[one_of("name", name, modules)]
-    panel = Panel(importlib.import_module(f"{__name__}.{module}").MODEL)
+    still = finite("still", still, 0.0, unit="s")
+    panel = Panel(importlib.import_module(f"{__name__}.{module}").MODEL, still)
     presets = panel.model.presets
     panel.choose(one_of("preset", preset, presets) if preset else next(iter(presets)))
     return panel

@@ -33,10 +33,15 @@ class Panel(ipywidgets.VBox):
     A change of a control starts the experiment anew, so the picture always belongs to the settings
     beside it, unless the model says that it acts on the running state. Space plays and pauses, R
     resets, while the picture has the focus; what other keys do is up to the model.
+
+    Args:
+        model: what is simulated.
+        still: how far into its motion a saved notebook shows it [s].
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, still: float = _STILL) -> None:
         self.model = model
+        self.still = still
         self.experiment = Experiment(model)
         self.experiment.choose(next(iter(model.presets)))
         # Callbacks may come from another thread than cells: JupyterLab sends them to a subshell.
@@ -244,7 +249,7 @@ class Panel(ipywidgets.VBox):
 
     def _repr_mimebundle_(self, **_options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         with self._lock:
-            later = self.experiment.later(_STILL)
+            later = self.experiment.later(self.still)
         return bundle(self, self.canvas.frame, later)
 
 

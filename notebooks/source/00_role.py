@@ -2,8 +2,8 @@
 # # 0 · The role
 #
 # *Six boxes turn pictures into motor commands. Answer first<span class="kernel-only">, run the cells</span>, then
-# press* Play. About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes};
-# exercises {exercise minutes}.
+# press* Play. About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes}
+# minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

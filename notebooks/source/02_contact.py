@@ -5,10 +5,11 @@
 # ball flies through a wall. All three faults come from the way a simulator computes contact.*
 #
 # A **penalty** method lets bodies overlap a little and pushes them apart with a stiff spring. A constraint method
-# computes the push that prevents the overlap. Below, one box uses each.
+# computes the push that prevents the overlap. Below, the blue box uses the penalty method, the orange one a
+# constraint. They start at the same place, so at first you see only one.
 #
-# About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
-# {exercise minutes}.
+# About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
+# exercises {exercise minutes} minutes.
 # %%
 from course.cards import predict
 from course.simulations import simulation
@@ -19,6 +20,10 @@ predict("gentle_pull")
 # %%
 simulation("touch")
 # %% [markdown]
+# The menu has **presets**, prepared sets of controls. The lower plot shows the force on each box, its part
+# perpendicular to the floor (*normal*) against its part along the floor (*tangential*). Friction can hold a box
+# while its point lies inside the V. Section 2 explains *ω h*.
+#
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
 # approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces up to rounding. You need chapter 1,
@@ -28,8 +33,8 @@ simulation("touch")
 #
 # Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart.
 # On the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are folded
-# away. Every measured number comes from a cell on this page or from a check that `python -m course.derivations 2` runs again.
-# The code is the package `course.contact`. Five exercises wait in section 8:
+# away. Every measured number comes from a cell on this page or from a check. You can rerun all checks with `python -m
+# course.derivations 2`. The code is the package `course.contact`. Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -81,15 +86,16 @@ def source(*functions):
 # %%
 show("aabb_all_axes")
 # %% [markdown]
-# Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes by
-# their lower end along one axis and walks through the sorted list. Each box is tested only against the boxes that begin
-# before it ends. A **uniform grid** is the other common method: it divides space into cells and tests only boxes that
-# share a cell.
+# Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes
+# by their lower end along one axis and walks through the sorted list. Each box is tested only against the later
+# boxes in the list that begin before it ends. A **uniform grid** divides space into cells and tests only boxes that
+# share a cell. A **bounding-volume tree**, as in Bullet, Box2D and Coal, nests boxes in larger boxes and skips
+# whole groups.
 # %%
 predict("sweep_ten_times")
 # %% [markdown]
-# Timings differ between machines, so this cell counts overlap tests. Three thousand boxes fill a cube, lie in one
-# layer, or all overlap along the sweep axis:
+# Timings differ between machines, so this cell counts overlap tests. We count three arrangements of 3,000 boxes: they
+# fill a cube, lie in one layer, or all overlap along the sweep axis.
 # %% tags=["hide-code"]
 rng = np.random.default_rng(0)
 names = {"spread": "filling a cube", "settled": "in one layer", "aligned": "all overlap in x"}
@@ -104,9 +110,10 @@ for kind, name in names.items():
     in_cells = contact.uniform_grid(boxes)[1]
     print(f"{name:<17} {pairs.shape[1]:7d} {every:10d} {sweep.tests:10d} {in_cells:7d}   {same}")
 # %% [markdown]
-# Sorting is cheap; the overlap tests are what grows. Keeping the boxes sorted from one step to the next saves less than
-# you might expect: when every box moves by 1 % of its size, the swaps that restore the order grow about as fast as the
-# tests (dashed). The exponents in the chart are measured, and MuJoCo's own broad phase ran on the same boxes:
+# The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main
+# cost. Reusing the sorted order of the last step saves only the sorting: the dashed line counts the swaps that
+# restore the order after every box has moved by 1 % of its size. (An *incremental* sweep, which also stores the
+# overlapping pairs, saves more.) The exponents are measured. MuJoCo's own broad phase ran on the same boxes:
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -116,48 +123,57 @@ more_claims(
 # %% [markdown]
 # ### Narrow phase: distance, depth and normal
 #
-# The contact solver needs three numbers for each pair: how far apart or how deep the bodies are, in which direction to
-# push, and where. The **signed distance** is positive while the bodies are apart. When they overlap it is negative, and
-# its size is the **penetration** depth: the length of the shortest move that separates them. The direction of that move
-# is the **contact normal**, a unit vector that points from the first body to the second.
+# The contact solver needs three things for each pair: how far apart or how deep the bodies are, in which direction
+# to push, and where. The **signed distance** is positive while the bodies are apart. When they overlap it is
+# negative, and its size is the **penetration** depth: the length of the shortest move that separates them. The
+# **contact normal** is a unit vector that points from the first body to the second. If they overlap, it is the
+# direction in which the second body has to move.
 #
-# For two circles this is one line: the distance of the centres minus both radii. For boxes and meshes there are too
-# many pairs of corners, edges and faces for a formula for each. One idea covers all convex shapes.
+# For two circles this is one line: the distance of the centres minus both radii. Boxes and meshes have corners, edges
+# and faces. Every combination of them would need its own formula, and there are too many. One idea covers all convex
+# shapes.
 #
 # Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference**
 # $A \ominus B$. If the shapes share a point, that point minus itself is zero, so the set contains the origin. If they
 # are apart, the distance from the origin to the set equals the distance of the shapes. A problem about two shapes has
-# become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), solves it.
-# %%
-show("gjk_minkowski")
-# %% [markdown]
+# become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), solves
+# it.
+#
 # Nobody constructs the whole set. A **support function** returns the point of a convex shape that lies farthest in a
 # given direction; for a box it is a corner. The Minkowski difference has a support function too: the support point of
 # $A$ in the direction $s$ minus the support point of $B$ in the direction $-s$.
+# %%
+show("gjk_minkowski")
+# %% [markdown]
+# GJK needs nothing but the support function. It stores a **simplex**: a point, an edge, a triangle or, in space, a
+# tetrahedron of support points of the Minkowski difference. It starts with any one of them and repeats:
 #
-# GJK needs nothing else. It keeps a **simplex**, at most three support points in the plane and four in space, and repeats:
+# 1. Find the point $c$ of the simplex that is nearest to the origin. If $c$ is the origin, the shapes overlap: stop.
+# 2. Keep only the corners of the edge or face on which $c$ lies, or the one corner that $c$ is. Drop the others.
+# 3. Compute the support point $w$ in the direction $-c$, which points from $c$ to the origin.
+# 4. If $w$ lies no farther in that direction than $c$, stop. No point of the set is nearer to the origin, so the
+#    shapes are apart by $\lVert c\rVert$, and the normal is $-c/\lVert c\rVert$. Otherwise add $w$ to the simplex.
 #
-# 1. Find the point of the simplex that is nearest to the origin.
-# 2. Ask for the support point in the direction from there towards the origin, and add it to the simplex.
-# 3. Drop the corners that the nearest point does not need.
-# 4. Stop if the simplex contains the origin (overlap), or if the new point is no closer to the origin (apart: the
-#    nearest point gives the distance and the normal).
+# Step 4 compares positions *along* $-c$. A useful $w$ may be farther from the origin than $c$.
 #
-# For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found. It takes
-# the face nearest to the origin, asks for the support point in the direction of its normal, and replaces the face by
-# faces through that point. When the nearest face cannot be pushed out any further, its distance from the origin is the
-# depth and its normal is the contact normal. Step through both:
+# For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found. It
+# takes the face nearest to the origin (in the plane, the edge) and computes the support point in the direction of its
+# outward normal. It removes every face that is visible from this point and closes the hole with faces through it.
+# When the support point already lies on the nearest face, EPA stops: the distance of that face from the origin is the
+# depth, and its normal is the contact normal. Step through both:
 # %%
 simulation("simplex")
 # %% [markdown]
-# EPA finds the *shortest* way out. Think of a ball that is pressed into a wall. As long as its centre has not passed the
-# middle of the wall, the shortest way out is back the way it came. What does EPA return after that?
+# EPA finds the *shortest* way out. Is that always the contact that a solver should use? Think of a ball that is
+# pressed deeper and deeper into a thin wall, and of a box that stands on a table.
 # %%
 show("epa_gives_the_contact")
 # %% [markdown]
-# In code, all of this is one call. A shape in this course is a **core and a radius**: a sphere is a point with a
-# radius, a capsule a segment with a radius. GJK and EPA then only ever work on **polytopes**, solids with flat faces.
-# These have finitely many corners, so both algorithms end exactly (up to rounding) and need no tolerance.
+# In code, all of this is one call. A shape in this course is a **core and a radius**: all points that are at most the
+# radius away from the core. A sphere is a point with a radius. A **capsule**, a rod with round ends, is a segment
+# with a radius. GJK and EPA then only ever work on **polytopes**, solids with flat faces. These have finitely many
+# corners, so both algorithms stop after finitely many steps. No tolerance has to be chosen, but the code has to stop
+# when rounding prevents further progress.
 # %% tags=["show-code"]
 triangle = contact.points([[0.0, 1.0, 0.3], [0.0, 0.2, 0.9]])
 brick = contact.box([0.5, 0.3])  # half sides [m]
@@ -168,17 +184,19 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
         f"{result.iterations} iterations"
     )
 # %% [markdown]
-# An independent check is the **separating axis** test. Two convex polytopes are apart exactly if their projections are
-# apart along some face normal of one of them or, in space, along a cross product of two edges.
+# An independent check is the **separating axis** test. Two solid convex polytopes are apart exactly if their
+# projections onto one of a few axes are apart. The axes are the face normals of both and, in space, the cross
+# products of an edge of one and an edge of the other.
 #
 # ### Contact points, and shapes that are not convex
 #
-# A box on a table touches it with a whole face. If the solver received a single contact point, the box would tip over
-# it. So the narrow phase returns a **manifold**: it clips the face of one body against the sides of the other, and each
-# corner of the remaining polygon becomes a contact point.
+# A box on a table touches it with a whole face. With a single contact point that is not exactly under the centre of
+# mass, the box would tip over it. So the solver needs a **manifold**, a set of points that spans the touching area.
+# The narrow phase takes the face of one body, clips it (cuts off what sticks out beyond the face of the other), and
+# each corner of the remaining polygon becomes a contact point.
 #
-# GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid. A
-# **convex decomposition** cuts such a shape into convex pieces before the simulation starts.
+# GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid.
+# A **convex decomposition** cuts such a shape into convex pieces before the simulation starts.
 # %%
 show("concave_mesh_is_its_hull")
 # %%
@@ -187,9 +205,10 @@ more_claims("circle_test_concentric", "mug_and_its_hull")
 # ### Tunnelling: what happens between two steps
 #
 # A simulator checks for overlap once per step. A ball of radius $r$ at speed $v$ moves by $v\,h$ in a step of length
-# $h$. If that is more than $2r + w$, it can jump over a wall of thickness $w$ without ever overlapping it. This is
-# **tunnelling**. With a soft contact there is a second way through. While the ball is in the wall, a spring pushes it
-# along the shortest way out. Past the middle of the wall, the shortest way out is the far side.
+# $h$. Only if that is more than $2r + w$ can the ball be in front of a wall of thickness $w$ at one check and behind
+# it at the next. This is **tunnelling**. With a soft contact there is a second way through. While the ball is in the
+# wall, a spring pushes it along the shortest way out. Past the middle of the wall, the shortest way out is the far
+# side.
 # %%
 predict("smaller_step_at_a_wall")
 # %% [markdown]
@@ -199,11 +218,15 @@ simulation("touch", "Tunnelling")
 # %% [markdown]
 # A shorter step cures the first kind of tunnelling, and so does computing the **time of impact**: the moment at which
 # two moving shapes first touch. For two balls that is the root of a quadratic. For other convex shapes there is
-# **conservative advancement** (Mirtich 1996). It repeatedly advances time by the current distance divided by an upper
-# bound on the approach speed. Within that time the shapes cannot meet, so no impact is skipped, however long the step.
+# **conservative advancement** (Mirtich 1996). The shapes cannot meet sooner than their distance divided by an upper
+# bound on their approach speed. So advance time by that much, measure the distance again, and repeat. No impact is
+# skipped, however long the step.
 #
-# The second kind does not depend on the step at all. You need a stiffer contact or a thicker wall. In this chart the
-# sloping line is the geometric limit $(2r+w)/h$, the level one is the limit of MuJoCo's default softness:
+# The second kind hardly depends on the step, as long as the step is short compared with the contact's time constant.
+# You need a stiffer contact or a thicker wall. In the chart, a ball that is *checked once a step* follows the sloping
+# geometric limit $(2r+w)/h$. *MuJoCo, default* follows the level line, the limit of its softness. *MuJoCo,
+# speculative* looks ahead by one step; that helps only where a step is long. A ball that is *advanced to the impact*
+# never passed (triangles at the top):
 #
 # ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
 # %%
@@ -211,8 +234,8 @@ more_claims("circles_once_a_step", "soft_wall")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** The narrow phase knows shapes at one moment. Which pairs it sees, which normal it returns and what
-# happened in between are decided by the bounding boxes, the hulls and the step.
+# **Key insight.** The narrow phase knows shapes at one moment. The bounding boxes decide which pairs it sees. The
+# hulls decide which normals it returns. The step decides what it misses in between.
 #
 # </div>
 # %% [markdown]
@@ -220,17 +243,19 @@ more_claims("circles_once_a_step", "soft_wall")
 #
 # ### A spring for a contact: the penalty method
 #
-# The simplest contact force is a spring that pushes bodies apart where they overlap, with a damper beside it. The
-# **normal force** $f_n$ acts along the contact normal. With the depth $\delta$, the stiffness $k$, the damping $b$ and
-# the normal velocity $u_n$ (positive while the bodies separate) it is
+# The simplest contact force is a spring that pushes bodies apart where they overlap, and a damper next to it. The
+# **normal force** $f_n$ acts along the contact normal. With the depth $\delta$, the stiffness $k$, the damping $b$
+# and the normal velocity $u_n$ (positive while the bodies separate) it is
 #
 # $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \;}$$
 #
-# Nothing has to be solved: you evaluate the formula and integrate. In exchange, a body at rest always overlaps. Its
-# weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
+# Nothing has to be solved: you evaluate the formula and integrate. (With $b\,\delta$ for $b$, as Hunt and Crossley
+# proposed, the force does not jump at touch.) In exchange, a body at rest always overlaps. Its weight $mg$ needs
+# the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
 #
-# Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and damper
-# both push; on the way out, the damper works against the spring. The area of the loop is the energy that the damper takes:
+# Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and
+# damper both push; on the way out, the damper works against the spring. The area of the loop is the energy that the
+# damper takes:
 # %%
 simulation("penalty_spring")
 # %% [markdown]
@@ -240,19 +265,20 @@ simulation("penalty_spring")
 # In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
 # plot:
 # %%
-simulation("touch", "Pull-back")
+simulation("touch", "Pull-back", still=0.1)
 # %%
 show("damping_makes_things_stick")
 # %% [markdown]
-# **Friction** is the force along the surface. It resists sliding, and it is at most a fixed fraction $\mu$ of the
-# normal force; $\mu$ is the **friction coefficient**. At rest, Coulomb's law does not say how large it is, and a method
-# that solves nothing needs a formula. So the penalty method makes friction a function of the sliding velocity $u_t$. It
-# grows in proportion to the speed and reaches its full size at a **slip speed** $v_s$ that you choose:
+# **Friction** is the force along the surface. It resists sliding, and it is at most $\mu$ times the normal force;
+# $\mu$ is the **friction coefficient**, which may be larger than 1. At rest, Coulomb's law gives no value for it,
+# only this limit. The penalty method needs a value, so it uses a formula. In the simplest one, friction grows in
+# proportion to the sliding velocity $u_t$ and reaches its full size at a **slip speed** $v_s$ that you choose:
 #
 # $$f_t = -\mu f_n\,\min\!\Big(1, \frac{\lvert u_t\rvert}{v_s}\Big)\,\frac{u_t}{\lvert u_t\rvert}.$$
 #
-# This is called **regularised friction**. At rest it is zero. To hold anything it needs some sliding, which is why the
-# blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for ever.
+# This is called **regularised friction**. At rest it is zero. To hold anything it needs some sliding, which is why
+# the blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for
+# ever. (A tangential spring that remembers where the contact began would hold; Cundall and Strack 1979.)
 #
 # ### How large a step a stiff spring allows
 #
@@ -274,9 +300,9 @@ simulation("touch", "Explosion")
 # | semi-implicit Euler | $h\omega < 2$ | $h\omega < 2(\sqrt{1+\zeta^2}-\zeta)$ |
 #
 # **Worked example.** A gripper pad of 100 kN/m holds a part of 1 kg. $\omega = \sqrt{100\,000/1} = 316$ rad/s, so
-# semi-implicit Euler is stable below $2/316 = 6.3$ ms. With critical damping, $\zeta = 1$, the limit is
-# $0.83/316 = 2.6$ ms. In practice, use a tenth of that: the limit only promises that a contact *that stays closed* does
-# not explode. A contact that opens and closes can gain energy even below it.
+# semi-implicit Euler is stable below $2/316 = 6.3$ ms. With critical damping, $\zeta = 1$, the limit is $0.83/316 =
+# 2.6$ ms. In practice, use a tenth of that. The limit was derived for a contact that never opens. A contact that
+# opens and closes can gain energy even below it.
 #
 # <details><summary>Derive it: three tasks with hints and solution</summary>
 #
@@ -302,16 +328,17 @@ simulation("touch", "Explosion")
 # </details>
 # <details><summary>Full solution</summary>
 #
-# *Explicit Euler.* Without a damper the eigenvalues are $1 \pm i\omega h$. They lie outside the circle for every step,
-# so no step is stable. With a damper the determinant is $1 - 2\zeta\omega h + (\omega h)^2$, which is below 1 for
-# $\omega h < 2\zeta$. Above critical damping the larger real eigenvalue decides: $\omega h <
-# 2(\zeta - \sqrt{\zeta^2-1})$.
+# *Explicit Euler.* Without a damper the eigenvalues are $1 \pm i\omega h$. They lie outside the circle for every
+# step, so no step is stable. With a damper the determinant is $1 - 2\zeta\omega h + (\omega h)^2$, which is below 1
+# for $\omega h < 2\zeta$. Above critical damping the larger real eigenvalue decides: $\omega h < 2(\zeta -
+# \sqrt{\zeta^2-1})$.
 #
-# *Semi-implicit Euler.* The determinant is $1 - 2\zeta\omega h$ and the trace $2 - 2\zeta\omega h - (\omega h)^2$. Then
-# $1 + \text{trace} + \det = 4 - 4\zeta\omega h - (\omega h)^2$, which is zero at $\omega h =
+# *Semi-implicit Euler.* The determinant is $1 - 2\zeta\omega h$ and the trace $2 - 2\zeta\omega h - (\omega h)^2$.
+# Then $1 + \text{trace} + \det = 4 - 4\zeta\omega h - (\omega h)^2$, which is zero at $\omega h =
 # 2(\sqrt{1+\zeta^2} - \zeta)$; without a damper at 2.
 #
-# **Key insight.** Damping from the old velocity helps explicit Euler and hurts semi-implicit Euler.
+# **Key insight.** Damping from the old velocity helps explicit Euler up to $\zeta = 1$, and it always hurts
+# semi-implicit Euler.
 #
 # </details>
 # </details>
@@ -321,13 +348,13 @@ simulation("touch", "Explosion")
 # %%
 answer("semi_implicit_limit", "sqrt(m/k)")
 # %%
-answer("contact_limit_explicit", "2000*sqrt(1/100000)")
+answer("contact_limit_explicit", "1000*sqrt(1/100000)")
 # %%
 answer("semi_implicit_damped_limit", "2/omega")
 # %% [markdown]
-# You have seen this limit before: the chart *step limit* of the falling mass, where you can drag the point across it. The
-# measured limits lie on the formulas. The third panel is MuJoCo's soft contact, which has a limit of the same
-# kind; we return to it below.
+# The lower right plot of the simulation of the falling mass showed this limit as a dashed curve; you can drag the
+# point across it. The measured limits lie on the formulas. The third panel is MuJoCo's soft contact, which has a
+# limit of the same kind; we return to it below.
 #
 # ![Largest step of a penalty contact against damping, measured and in theory](../docs/charts/contact_penalty_limit.png)
 # %%
@@ -341,25 +368,27 @@ more_claims(
 # %% [markdown]
 # ### Complementarity: the law of a rigid contact
 #
-# Put a mug on a table. The table pushes up exactly as hard as needed, whatever the mug weighs, and lets go at once when
-# you lift it. No spring is involved. What does a *rigid* contact demand of the force $f$ and the gap $\phi$ (the signed
-# distance)?
+# Put a mug on a table. The table pushes up exactly as hard as needed, whatever the mug weighs, and lets go at once
+# when you lift it. No spring is involved. What does a *rigid* contact demand of the force $f$ and the gap $\phi$ (the
+# signed distance)?
 #
 # 1. The bodies do not overlap: $\phi \ge 0$.
 # 2. The contact only pushes: $f \ge 0$.
 # 3. There is no force at a distance: if $\phi > 0$, then $f = 0$.
 #
-# Together these are the **Signorini** conditions. A pair of numbers that are both non-negative and of which at least
-# one is zero is called **complementary**, and the relation **complementarity**:
+# Together these are the **Signorini** conditions. Two numbers are **complementary** if both are non-negative and at
+# least one of them is zero. The relation is called **complementarity**:
 #
-# $$\boxed{\; f \ge 0, \qquad \phi \ge 0, \qquad f\,\phi = 0 \;}\qquad\text{in short}\qquad 0 \le f \perp \phi \ge 0 .$$
+# $$\boxed{\; f \ge 0, \qquad \phi \ge 0, \qquad f\,\phi = 0 \;}$$
+#
+# In short, $0 \le f \perp \phi \ge 0$, where $\perp$ says that the product is zero.
 #
 # Drawn in a plane, the allowed pairs lie on two half axes that meet in a corner. Try to drag the point off them:
 # %%
 simulation("half_axes")
 # %% [markdown]
-# On the vertical half axis the gap is zero, and the force can be anything from zero upwards. The law does not say which.
-# A law that allows a set of values instead of one value is **set-valued**.
+# On the vertical half axis the gap is zero, and the force can be anything from zero upwards. The law does not say
+# which. A law that allows a set of values instead of one value is **set-valued**.
 # %%
 show("contact_law_is_set_valued")
 # %% [markdown]
@@ -367,7 +396,7 @@ show("contact_law_is_set_valued")
 # %%
 show("one_of_force_and_gap_is_zero")
 # %% [markdown]
-# **Derive the complementarity constraint.** (1) Why do the three conditions hold together? (2) Derive them from a
+# **Derive the complementarity constraint.** (1) Why must all three conditions hold? (2) Derive them from a
 # minimum of the energy. (3) Why is the law not smooth?
 #
 # <details><summary>Hint 1: what is minimised?</summary>
@@ -393,12 +422,12 @@ show("one_of_force_and_gap_is_zero")
 # the other forces, along the normal. The sign of $f$ says that entering the other body would lower $V$, so something
 # has to push back. The product says that a constraint that is not active has no force.
 #
-# (3) The allowed pairs form two half axes with a corner. At $\phi = 0$ every $f \ge 0$ is allowed, so the force is not
-# a function of the gap. Velocities jump at impacts. A standard integrator expects a smooth right-hand side and has
-# nothing to evaluate; a time-stepping method asks for the impulse of the whole step instead.
+# (3) The allowed pairs form two half axes with a corner. At $\phi = 0$ every $f \ge 0$ is allowed, so the force is
+# not a function of the gap. Velocities jump at impacts. A standard integrator expects a smooth right-hand side and
+# has nothing to evaluate; a time-stepping method asks for the impulse of the whole step instead.
 #
-# **Key insight.** The contact force is the multiplier of the constraint "do not overlap". It is found together with the
-# motion, not before it.
+# **Key insight.** The contact force is the multiplier of the constraint "do not overlap". It is found together with
+# the motion, not before it.
 #
 # </details>
 # %%
@@ -419,23 +448,24 @@ answer("potential_of_contact", "k*c")
 # $$u = J v_f + A\,p, \qquad \boxed{\;A = J M^{-1} J^{\mathsf T}\;}\qquad 0 \le p_n \perp u_n + \phi/h \ge 0 .$$
 #
 # $A$ is the **Delassus** matrix. Entry $A_{ij}$ is the velocity that a unit impulse at contact $j$ causes at contact
-# $i$. Its inverse acts like a mass, the mass that is felt at the contacts. The last condition is Signorini's for one
-# step: the gap after the step, $\phi + h\,u_n$, must not be negative.
+# $i$. For a single contact, $1/A$ is the mass that you feel when you push there. The last condition is Signorini's
+# for one step: the gap after the step, $\phi + h\,u_n$, must not be negative.
 # %% [markdown]
 # **Worked example: one block.** A block of 1 kg lies on the floor. It can move along $x$ and $z$, so $v = (v_x, v_z)$
-# and $M$ is the identity (in kg). The step is 10 ms. The contact has a normal row (velocity along $z$) and a tangential
-# row (along $x$):
+# and $M$ is the identity (in kg). The step is 10 ms. The contact has a normal row (velocity along $z$) and a
+# tangential row (along $x$):
 #
 # $$J = \begin{pmatrix} 0 & 1\\ 1 & 0\end{pmatrix},\qquad A = J M^{-1} J^{\mathsf T} = \begin{pmatrix} 1 & 0\\ 0 &
-# 1\end{pmatrix}\,\tfrac{1}{\text{kg}} ,\qquad v_f = \begin{pmatrix} 0\\ -0.0981\end{pmatrix}\,\tfrac{\text{m}}{\text{s}} .$$
+# 1\end{pmatrix}\,\tfrac{1}{\text{kg}} ,\qquad
+# v_f = \begin{pmatrix} 0\\ -0.0981\end{pmatrix}\,\tfrac{\text{m}}{\text{s}} .$$
 #
 # Without contact the block would fall at 9.81 m/s² · 10 ms = 0.0981 m/s. The gap is 0, so the normal condition is
 # $0 \le p_n \perp p_n - 0.0981 \ge 0$, and $p_n = 0.0981$ N s. Divided by the step that is 9.81 N: the weight.
 #
 # %% [markdown]
-# **Worked example: a stack of two.** A block of 2 kg lies on top of the block of 1 kg. We look at vertical motion only:
-# $v = (v_1, v_2)$, lower block first. Contact 1 is between floor and lower block, contact 2 between the blocks. A
-# contact's velocity is that of the upper body minus that of the lower one:
+# **Worked example: a stack of two.** A block of 2 kg lies on top of the block of 1 kg. We look at vertical motion
+# only: $v = (v_1, v_2)$, lower block first. Contact 1 is between floor and lower block, contact 2 between the blocks.
+# A contact's velocity is that of the upper body minus that of the lower one:
 #
 # $$J = \begin{pmatrix} 1 & 0\\ -1 & 1\end{pmatrix},\quad M = \begin{pmatrix} 1 & 0\\ 0 & 2\end{pmatrix},\quad
 # A = \begin{pmatrix} 1 & -1\\ -1 & 1.5\end{pmatrix},\quad J v_f = \begin{pmatrix} -0.0981\\ 0\end{pmatrix}.$$
@@ -468,8 +498,8 @@ right.set_yticks([0, 1], ["velocity 1", "velocity 2"])
 right.set(title="Delassus matrix $A$ [1/kg]")
 plt.show()
 # %% [markdown]
-# The entries of $A$ can be read aloud. A unit impulse at contact 1 lifts the lower block at 1 m/s, which opens contact
-# 1 ($A_{11} = 1$) and closes contact 2 ($A_{21} = -1$). A unit impulse at contact 2 moves the blocks apart at
+# The entries of $A$ can be read aloud. A unit impulse at contact 1 lifts the lower block at 1 m/s, which opens
+# contact 1 ($A_{11} = 1$) and closes contact 2 ($A_{21} = -1$). A unit impulse at contact 2 moves the blocks apart at
 # $1 + 1/2$ m/s ($A_{22} = 1.5$). If both contacts stay closed, $A p = -J v_f$. The second row says $p_1 = 1.5\,p_2$,
 # and the first gives $p_2 = 0.1962$ and $p_1 = 0.2943$ N s: the weights of 2 kg and of 3 kg, times the step. The
 # package agrees:
@@ -480,12 +510,12 @@ print("A =", step.delassus.tolist(), "1/kg")
 print("J v_f =", (step.rows @ step.free).round(4).tolist(), "m/s")
 print("p =", solve("lcp", step).impulses[:, 0].round(4).tolist(), "N s")
 # %% [markdown]
-# The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f + \phi/h$),
-# find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. Everything in it is linear except the complementarity.
-# **Restitution** fits in as well: where a contact closes at the speed $u_n^-$, demand that it opens at $e\,u_n^-$ or
-# more, with a coefficient $e$ between 0 (no bounce) and 1.
+# The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f +
+# \phi/h$), find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. Everything in it is linear except the
+# complementarity. **Restitution** fits in as well. Let $s$ be the closing speed before the step. Require $u_n \ge
+# e\,s$, with a coefficient $e$ between 0 (no bounce) and 1.
 #
-# Practise with one body that touches the floor while it still approaches it:
+# Practise with one body. It touches the floor and moves downwards, so $v < 0$:
 # %%
 answer("velocity_lcp_without_gap", "-m*a")
 # %% [markdown]
@@ -503,6 +533,9 @@ stored = {line[9:42].strip(): line[42:] for line in read("contact_table").splitl
 print("force in each leg, in turn around the table [N]")
 for name, how in legs.items():
     print(f"{how:<26}{stored[name]}")
+# %% [markdown]
+# *Pivots* and *Newton's method*, both explained below, solve the rigid law. Newton's least-squares step picks the
+# solution with the smallest sum of squared forces, and so do equal springs.
 # %%
 more_claims(
     "potential_of_contact",
@@ -514,43 +547,47 @@ more_claims(
 # %% [markdown]
 # ### Coulomb friction: the cone
 #
-# Push a heavy crate sideways, harder and harder. For a while nothing happens: the floor pushes back exactly as hard as
-# you do. Then, at a certain force, the crate starts to move, and pushing harder does not make the floor resist more.
+# Push a heavy crate sideways, harder and harder. For a while nothing happens: the floor pushes back exactly as hard
+# as you do. Then, at a certain force, the crate starts to move, and pushing harder does not make the floor resist
+# more.
 #
 # **Coulomb's law** limits the friction force to a fraction of the normal force, and says where it points:
 #
 # $$\boxed{\;\lVert f_t\rVert \le \mu f_n, \qquad \text{and while the contact slides:}\quad
 # f_t = -\mu f_n \frac{u_t}{\lVert u_t\rVert}\;}$$
 #
-# In three dimensions, all the forces that the inequality allows fill a cone around the normal, the **friction cone**. A
-# larger $\mu$ makes it wider. Drag the pull and watch the tip of the contact force:
+# In three dimensions, all the forces that the inequality allows fill a cone around the normal, the **friction cone**.
+# A larger $\mu$ makes it wider. Drag the pull and watch the tip of the contact force:
 # %%
 simulation("friction_cone")
 # %% [markdown]
 # While the block sticks, the force is inside the cone, and the law does not say where. Friction is whatever balances
-# the pull. Only when the block slides is it determined: on the surface of the cone, opposite to the motion. So there is
-# no formula to evaluate, and the force has to be solved for. That is what makes contact harder than a spring.
+# the pull. There is no formula to evaluate, so the force has to be solved for. That is what makes contact harder than
+# a spring. When the block slides, the size of friction is fixed: it is $\mu f_n$, against the motion.
 #
-# **Worked example.** A box of 3 kg lies on a floor with $\mu = 0.4$. The normal force is its weight, 29.4 N, so friction
-# can resist up to $0.4 \cdot 29.4 = 11.8$ N. Pull with 8 N: friction is 8 N and nothing moves. Pull with 20 N: friction
-# is 11.8 N, and the box accelerates at $(20 - 11.8)/3 = 2.7$ m/s².
+# **Worked example.** A box of 3 kg lies on a floor with $\mu = 0.4$. The normal force is its weight, 29.4 N, so
+# friction can resist up to $0.4 \cdot 29.4 = 11.8$ N. Pull with 8 N: friction is 8 N and nothing moves. Pull with 20
+# N: friction is 11.8 N, and the box accelerates at $(20 - 11.8)/3 = 2.7$ m/s².
 #
-# Here is the penalty box beside the constraint box, pulled harder than the cone allows. Both forces lie on its edge:
+# Here the penalty box and the constraint box are pulled harder than the cone allows. While they slide, both forces
+# lie on the edge of the cone. Near the hand the pull gets weaker, the boxes stop, and both points move inside:
 # %%
-simulation("touch", "Slip")
+simulation("touch", "Slip", still=0.15)
 # %% [markdown]
-# A round cone is not linear, so the step is no longer an LCP. The traditional way out is a **pyramid**: its four edges
-# lie on the cone, along $x$ and $y$, and its faces are flat. Any combination of the edges with non-negative weights is
-# allowed. Then everything is linear again. Seen from above, the circle of radius $\mu f_n$ has become a square that
-# stands on its corner.
+# A round cone is not linear, so the step is no longer an LCP. The traditional way out is a **pyramid**: its four
+# edges lie on the cone, along $x$ and $y$, and its faces are flat. A contact force is allowed if it is a sum of four
+# vectors along the edges, with weights of zero or more. Then everything is linear again. Seen from above, the circle
+# of radius $\mu f_n$ has become a square that stands on its corner.
 #
-# Two things follow from the drawing. Between two edges the square lies inside the circle, so friction is weaker there:
-# at 45 degrees by the factor $1/\sqrt 2$. And a solver takes out as much energy as it can, which on a square means that
-# the friction force goes to a corner, not straight against the motion.
+# Two things follow from the drawing. Between two edges the square lies inside the circle, so friction is weaker
+# there: at 45 degrees by the factor $1/\sqrt 2$. And friction is chosen to brake as strongly as it can. On a circle,
+# that is the point straight against the motion. On a square it is a corner, which usually is not.
 # %%
 predict("braking_between_edges")
 # %% [markdown]
-# Drag the direction in which the block is pushed off, and compare where it stops:
+# Drag the direction in which the block is pushed off, and compare where it stops. The blue circle shows where blocks
+# stop with the cone, the orange square where they stop with the pyramid. They touch along the axes, where the pyramid
+# is right:
 # %%
 simulation("stopping_distance")
 # %% [markdown]
@@ -565,14 +602,16 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 # ### Solving it: projected Gauss-Seidel
 #
 # An engine has a millisecond to find the impulses of a hundred contacts. Projected **Gauss-Seidel** (PGS) does it one
-# contact at a time. For contact $i$, with the latest impulses of all the others:
+# contact at a time, always with the latest impulses of all the others. For each row $i$ of the contact, first the
+# normal, then the tangents:
 #
-# 1. Compute its velocity: $u_i = (J v_f)_i + \sum_j A_{ij}\,p_j$.
+# 1. Compute its velocity: $u_i = (J v_f)_i + \sum_j A_{ij}\,p_j$. In a normal row with an open gap, add $\phi/h$.
 # 2. Change its impulse so that this velocity would vanish: $p_i \leftarrow p_i - u_i/A_{ii}$.
-# 3. Project: $p_n \leftarrow \max(0, p_n)$, and shorten $p_t$ to the length $\mu p_n$ if it is longer.
+# 3. Project. For the normal row: $p_n \leftarrow \max(0, p_n)$. After both tangents: if the vector $p_t$ is longer
+#    than $\mu p_n$, shorten it to that length.
 #
-# One pass over all contacts is a **sweep**. Game engines do about ten sweeps per step and start from the impulses of the
-# step before, which is called a **warm start**. In code, for contacts without friction:
+# One pass over all contacts is a **sweep**. Game engines do about ten sweeps per step and start from the impulses of
+# the step before, which is called a **warm start**. In code, for contacts without friction:
 # %% tags=["show-code"]
 A, b = step.delassus, step.rows @ step.free  # the stack of two from above
 p = np.zeros(2)
@@ -583,29 +622,35 @@ for sweep in range(1, 9):
     if sweep in (1, 2, 4, 8):
         print(f"after {sweep} sweeps: p = {p.round(4)} N s  (solution 0.2943, 0.1962)")
 # %% [markdown]
-# Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now contact 2
-# notices that its lower block no longer falls, and pushes: $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower block
-# down again, but contact 1 will only find out in the next sweep. In this stack the error shrinks by a factor of $2/3$ per
-# sweep. The simulation starts with a mass ratio of 4; at 2 it shows the numbers above:
+# Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now contact
+# 2 notices that its lower block no longer falls, and pushes: $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower block
+# down again, but contact 1 will only find out in the next sweep. In this stack the error shrinks by a factor of $2/3$
+# per sweep. The simulation starts with a mass ratio of 4; at 2 it shows the numbers above:
 # %%
 simulation("sweeps")
 # %% [markdown]
-# Each contact is solved as if its neighbours were already right. When is that a bad assumption? Think of what the lower
-# contact must learn from the upper one.
+# Each contact is solved as if its neighbours were already right. When is that a bad assumption? Think of what the
+# lower contact must learn from the upper one.
 # %%
 predict("heavy_on_light")
 # %% [markdown]
-# The number of sweeps grows in proportion to the mass ratio, and for a tower of equal boxes with the square of its height:
+# Started from zero, the number of sweeps grows in proportion to the mass ratio, and for a tower of equal boxes with
+# the square of its height. A warm start spreads these sweeps over many steps:
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
 # Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly with pivots, like the simplex
-# method of linear programming. For the round cone, note that a solution does not change if you move the impulses
-# against the contact velocity and project them back onto the cone. This fixed-point equation is called the **natural
-# map**. Newton's method finds its zero in a few iterations, whatever the masses; each of them solves a linear system.
+# method of linear programming.
 #
-# A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest violation
-# of the contact law, as a velocity:
+# For the round cone there is an equation. Add $\mu\lVert u_t\rVert$ to the normal part of the contact velocity and
+# call the result $\tilde u$ (De Saxcé and Feng 1998). At a solution of Coulomb's law, $p = \operatorname{proj}(p -
+# \rho\,\tilde u)$ for any $\rho > 0$, where $\operatorname{proj}$ returns the nearest point of the cone. The
+# difference of both sides is called the **natural map**, and Newton's method finds its zero. Each iteration solves a
+# linear system. On the stacks of this chapter it takes a few iterations at any mass ratio; there is no guarantee for
+# every scene.
+#
+# A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest
+# violation of the contact law, as a velocity. An iteration costs a different amount in each method:
 # %% tags=["hide-code"]
 pile = scenes.tower([1.0, 100.0]).problem(0.002)
 labels = {"pgs": "Gauss-Seidel", "lcp": "Lemke", "coulomb": "Newton on the cone"}
@@ -624,8 +669,8 @@ more_claims("iterations_50_to_100")
 # ### Removing penetration: Baumgarte, split impulses, ERP and CFM, sub-steps
 #
 # Sooner or later bodies overlap: a solver stopped early, a robot was placed badly, a mesh was too coarse. A velocity
-# constraint $u_n \ge 0$ keeps an overlap as it is. So engines add a correction, and most of their tuning parameters
-# belong to it.
+# constraint $u_n \ge 0$ does not remove an overlap. So engines add a correction. Most contact parameters of an engine
+# control this correction.
 #
 # **Baumgarte stabilisation** asks for a separating velocity that removes a share $\beta$ of the depth $\delta$ in one
 # step: $u_n \ge \beta\,\delta/h$. In this course $\beta$ is called `recovery` and is 0.2. Look at the $h$ in the
@@ -643,19 +688,20 @@ for dt in (1e-2, 1e-3, 1e-4):
     print(f"{1e3 * dt:5.1f} ms {free:11.2f} {bounded:9.2f} {v[0]:15.2f}")
 # %% [markdown]
 # Ten times shorter steps eject the block ten times as fast. This is why the advice "just reduce the step" can make
-# things worse, and why engines bound this speed. Here the bound, `max_recovery_speed`, is 1 m/s:
+# things worse, and why engines bound (cap) this speed. Here the bound, `max_recovery_speed`, is 1 m/s. MuJoCo's soft
+# contact, in purple, pushes the ball out gently at every step:
 #
 # ![How fast a ball that starts 1 cm deep leaves the ground, against the step](../docs/charts/contact_recovery.png)
 #
 # **Split impulse** avoids the ejection altogether. It solves for the velocity without any correction. A second solve
-# finds a **pseudo-velocity** that removes the share $\beta$ of the depth. The pseudo-velocity moves the positions in
-# this step and is then thrown away, so it never becomes kinetic energy. After $n$ steps the depth is
+# finds a **pseudo-velocity** that removes the share $\beta$ of the depth. The pseudo-velocity is used for one
+# position update and then deleted, so it never becomes kinetic energy. After $n$ steps the depth is
 # $(1-\beta)^n\,\delta$.
 #
 # **ERP and CFM** are ODE's two parameters, and many engines have adopted them. **ERP** (error reduction parameter) is
-# the share $\beta$. **CFM** (constraint force mixing) softens the constraint: under the force $f$, the contact may give
-# way at the velocity CFM $\cdot f$. In the equations it is a number added to the diagonal of $A$. Together, ERP and CFM
-# are a spring $k$ and a damper $b$, integrated implicitly and therefore stable at every step:
+# the share $\beta$. **CFM** (constraint force mixing) softens the constraint: a force $f$ lets the contact close at
+# the velocity CFM $\cdot f$. The unknowns above are impulses, $p = h f$, so CFM$/h$ is added to the diagonal of $A$.
+# Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore stable at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -670,9 +716,10 @@ for dt in (1e-2, 1e-3):
 # %% [markdown]
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
 # steps. Macklin and colleagues (2019) found that this is usually better, because the error made in a sub-step shrinks
-# with the *square* of its length. PhysX's **TGS** (temporal Gauss-Seidel) works like this. So does **XPBD** (extended
-# position-based dynamics): it predicts the positions, moves them out of the overlaps contact by contact, and takes the
-# velocity from the change of position. A stack of 100 kg on 1 kg, the same number of contact solves for each row:
+# with the *square* of its length. PhysX's **TGS** (temporal Gauss-Seidel) works like this. So does the sub-stepped
+# form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them out of the overlaps
+# contact by contact, and takes the velocity from the change of position. A stack of 100 kg on 1 kg, the same number
+# of contact solves for each row:
 # %% tags=["hide-code"]
 heavy = scenes.tower([1.0, 100.0])
 print("100 kg on 1 kg for 0.5 s, XPBD: deepest penetration")
@@ -711,8 +758,8 @@ print("highest point within 0.12 s [mm]:")
 for name, height in heights.items():
     print(f"{name:<34} {1e3 * max(*height, 0.0):6.1f}")
 # %% [markdown]
-# Baumgarte's correction throws the ball into the air, and even the bound of 1 m/s is enough for a few centimetres. The
-# split impulse and the critically damped spring bring it up gently; the spring leaves it at its resting depth.
+# Baumgarte's correction throws the ball into the air, and even the bound of 1 m/s is enough for a few centimetres.
+# The split impulse and the critically damped spring bring it up gently; the spring leaves it at its resting depth.
 #
 # How well-known engines do it (sources read in November 2026):
 #
@@ -722,55 +769,62 @@ for name, height in heights.items():
 # | ODE | LCP by pivots (`dWorldStep`) or sweeps (`dWorldQuickStep`) | ERP 0.2, CFM 1e-10 (double precision); speed bound optional | ODE manual, World |
 # | PhysX 5 | PGS, or TGS, whose iterations are sub-steps; Isaac Lab chooses TGS | speed bound per body (`setMaxDepenetrationVelocity`) | `PxSceneDesc.h`, `PxImmediateMode.h`; Isaac Lab, PhysX configuration |
 # | Box2D 3 | sweeps in sub-steps, usually 4 | contact spring of 30 Hz and damping ratio 10; at most 3 m/s | `types.c`; Catto, *Solver2D*, 2024 |
-# | MuJoCo 4 | convex, on accelerations: Newton, CG or PGS | a spring and damper per contact, explained below | MuJoCo documentation, Computation |
-# | Drake | convex, on velocities: "lagged" with the SAP solver | compliant point or hydroelastic contact | `multibody_plant_config.h`; Castro et al. 2022 |
+# | MuJoCo 4 | convex, on accelerations: Newton, CG (conjugate gradients) or PGS | a spring and damper per contact, explained below | MuJoCo documentation, Computation |
+# | Drake | convex, on velocities, with its solver SAP (section 9) | compliant point contact, or hydroelastic contact (section 9) | `multibody_plant_config.h`; Castro et al. 2022 |
 #
 # ### Friction made convex
 #
-# Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown. Because
-# of that, the contact problem is not the minimum of anything, and it can have several solutions or none. A convex
-# problem would have exactly one answer and reliable solvers.
+# Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown.
+# Because of that, the contact problem cannot be written as minimising a convex function. It can have several
+# solutions or none. A strictly convex problem has exactly one, and reliable solvers.
 #
-# The **convex relaxation** (Anitescu 2006) changes the law slightly to get there. It asks that a contact that slides at
-# the speed $u_t$ also separates at $u_n = \mu\,u_t$. Then the new velocity is the one closest to the free velocity $v_f$
-# among all velocities that satisfy $u_n \ge \mu\lVert u_t\rVert$ at every contact. The distance is measured by the
-# kinetic energy of the difference. This problem is convex, and the impulses are its multipliers.
+# The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides at the speed $u_t$ must
+# also separate at $u_n = \mu\,u_t$. Then the step is a minimisation. For closed contacts:
+#
+# $$\text{minimise}\quad \tfrac12\,(v - v_f)^{\mathsf T} M\,(v - v_f) \qquad\text{so that}\qquad
+# u_n \ge \mu\,\lVert u_t\rVert \text{ at every contact.}$$
+#
+# So the new velocity is the allowed one nearest to $v_f$. The problem is strictly convex, so $v$ is unique. The
+# impulses, its multipliers, need not be: think of the four legs.
 # %%
 predict("block_that_hops")
 # %% [markdown]
-# MuJoCo's contact model belongs to this family, with softness added. A convex problem has one minimum. Does the software
-# find it?
+# MuJoCo's contact model belongs to this family. It adds a compliance $R > 0$ to every contact, which the next part
+# explains. What does that do to the four legs?
 # %%
 show("mujoco_is_convex_and_unique")
 # %% [markdown]
 # ### MuJoCo's soft contact: solref, solimp, impratio, condim
 #
 # In MuJoCo, each contact has several **rows**, one per direction. Each row has a reference acceleration
-# $a_{\text{ref}}$, the one that a spring and a damper would cause, and a compliance $R$, which says how far the actual
-# acceleration $a$ gives way under the force $f$. With the row's velocity $u$ and its position error $r$ (the gap for a
-# normal row, always 0 for friction):
+# $a_{\text{ref}}$, the one that a spring and a damper would cause, and a compliance $R$. A large $R$ is soft: under
+# the force $f$ the actual acceleration $a$ falls short of the reference by $R f$. With the row's velocity $u$ and its
+# position error $r$ (the gap for a normal row, always 0 for friction):
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R} \ \text{ within the cone}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
 #
-# $\hat A$ is the row's entry on the diagonal of $A$, estimated from the masses in the start position. The **impedance**
-# $d$, between 0 and 1, says how much of the load the row carries. At $d$ near 1 the compliance $R$ is nearly 0 and the
-# contact is hard. The parameters:
+# $\hat A$ is the row's entry on the diagonal of $A$, estimated from the masses in the start position. The
+# **impedance** $d$ lies between 0 and 1. It blends two accelerations: for a row on its own, $a = (1-d)\,a_0 +
+# d\,a_{\text{ref}}$, where $a_0$ is the acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the
+# row follows the reference exactly. The parameters:
 #
-# * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k$ and $b$. The default 0.02 s and 1 is a critically
-#   damped spring that settles in about a tenth of a second.
-# * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. By default it rises from
-#   0.9 to 0.95 over the first millimetre.
+# * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k$ and $b$. The default (0.02 s, 1) gives a
+#   critically damped spring that settles in about a tenth of a second.
+# * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. By default it rises
+#   from 0.9 to 0.95 over the first millimetre.
 # * **impratio** divides $R$ in the friction rows. Above 1, friction is harder than the normal direction.
-# * **condim** is the number of rows: 1 without friction, 3 with sliding friction, 4 with friction against spinning, 6
-#   with rolling friction too.
+# * **condim** is the number of directions in which the contact has a force: 1 is the normal alone, 3 adds sliding
+#   friction, 4 adds friction against spinning, 6 adds rolling friction. With elliptic cones that is the number of
+#   rows. With pyramids there are two rows for each direction of friction.
 #
 # Drag the impedance curve or change solref, and watch how a body of 1 kg lands and how deep it rests:
 # %%
 simulation("soft_contact")
 # %% [markdown]
-# These few lines are the whole model. The next cell runs a box sliding on four corners in MuJoCo, hands each state to the
-# course's own implementation, and compares all contact forces:
+# The course's own implementation, `course.contact.soft`, adds the exact curve of solimp and both kinds of cone to
+# these lines. The next cell runs a box sliding on four corners in MuJoCo, hands each state and MuJoCo's estimate of
+# the masses in $\hat A$ to that implementation, and compares all contact forces:
 # %% tags=["show-code"]
 options = Options(cone="elliptic")
 runner, worst, largest = mujoco_contact.box(options, (0.5, 0.2)), 0.0, 0.0
@@ -793,21 +847,22 @@ for condim in (1, 3, 4, 6):
 # %%
 show("condim_4_is_the_full_cone")
 # %% [markdown]
-# MuJoCo's spring, like any other, has a largest stable step: for one contact $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The flag
-# *refsafe*, on by default, raises $T$ to at least two steps, which makes stiff settings softer than you asked for. At the
-# default damping ratio of 1, all scenes of this chapter are stable with it. Bodies that touch at several points need a
-# ratio well above the single contact's $1/\sqrt 8$, so keep it at 1.
+# MuJoCo's spring, like any other, has a largest stable step: for one contact $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The
+# flag *refsafe*, on by default, raises $T$ to at least two steps. This makes stiff settings softer than you asked
+# for. Insert $T = 2h$ into the limit, and a single contact turns out to be stable if $\zeta > 1/\sqrt 8 \approx
+# 0.35$. Bodies that touch at several points need more. At the default, $\zeta = 1$, all scenes of this chapter are
+# stable.
 #
 # ### Creep and sinking: the price of softness
 #
-# Two fingers hold a glass. In MuJoCo it slides down, slowly and for ever, although friction is twice what is needed. A
-# friction row has a damper ($-b\,u$) and no spring, since there is no position for it to return to. Carrying a load with
-# a damper takes a speed. This slow sliding of a contact that should stick is called **creep**.
+# Two fingers hold a glass. In MuJoCo it slides down, slowly and for ever, although friction is twice what is needed.
+# A friction row has a damper ($-b\,u$) and no spring, since there is no position for it to return to. A damper gives
+# a force only while it moves. This slow sliding of a contact that should stick is called **creep**.
 # %%
 predict("glass_that_creeps")
 # %% [markdown]
-# The same on a slope of 0.2 rad with $\mu = 0.5$. The course's model and MuJoCo creep at the same speed, and impratio
-# divides it:
+# A block on a slope of 0.2 rad with $\mu = 0.5$ creeps as well. The course's model and MuJoCo creep at the same
+# speed, and impratio divides it. (`noslip_iterations` adds sweeps that remove it.)
 # %% tags=["hide-code"]
 for label, changed in (
     ("elliptic", {"cone": "elliptic"}),
@@ -819,13 +874,13 @@ for label, changed in (
     theirs = mujoco_contact.block(queried, 0.2).run(500)[1][0]
     print(f"{label:<22} {1e3 * ours:7.4f} mm/s, in MuJoCo {1e3 * theirs:7.4f} mm/s")
 # %% [markdown]
-# The compliance $R$ has a second consequence. It is scaled with $\hat A$, roughly one over the *lighter* body's mass. A
-# contact between a light and a heavy body is therefore as soft as the light body needs, and the heavy one leans on it.
+# The compliance $R$ has a second consequence. It is scaled with $\hat A$, roughly one over the *lighter* body's mass.
+# So between a light and a heavy body, the light mass sets $R$, but the heavy weight acts on it.
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
-# Both effects belong to the default settings. A smaller time constant, a harder solimp and a larger impratio reduce them
-# a great deal. Section 6 compares the defaults with such a hardened contact.
+# Both effects belong to the default settings. A smaller time constant, a harder solimp and a larger impratio reduce
+# them a great deal. Section 6 compares the defaults with such a hardened contact.
 # %%
 more_claims(
     "default_tolerance",
@@ -837,28 +892,34 @@ more_claims(
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Every contact model gives something up. A penalty gives up depth and step, a pyramid the direction of
-# friction, the convex cone the closed gap while sliding, softness the standstill, and Coulomb's law itself the guarantee
-# that a solution exists.
+# **Key insight.** Every contact model gives something up.
+#
+# * Penalty: bodies overlap, and the step has a limit.
+# * Pyramid: friction has the wrong direction between the edges.
+# * Convex cone: the gap opens while a contact slides.
+# * Soft contact: a body that should stick creeps.
+# * Coulomb's law itself: nothing guarantees that a solution exists.
 #
 # </div>
 #
 # ### Gradients through contact
 #
-# A finger pushes a block. You want to learn the finger's speed by gradient descent, so you differentiate the simulation.
-# What does contact do to derivatives? Before the finger reaches the block, the block does not depend on the finger at
-# all. After touch it does, smoothly. At touch there is a kink.
+# A finger pushes a block. You want to learn the finger's speed by gradient descent, so you differentiate the
+# simulation. What does contact do to derivatives? Before the finger reaches the block, the block does not depend on
+# the finger at all. After touch it does, smoothly. At touch there is a kink.
 # %%
 predict("push_that_starts_too_slow")
 # %% [markdown]
 # ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
 #
-# Two remedies make a contact felt before touch. **Randomised smoothing** averages over runs with noise on the parameter
-# and needs only function values. An **interior-point** relaxation lets force times gap be a small number instead of zero,
-# so that a little force acts at a distance. Both replace the true derivative by a slightly biased one that is useful.
+# Two remedies make a contact felt before touch. **Randomised smoothing** averages over runs with noise on the
+# parameter and needs only function values. An **interior-point** relaxation lets force times gap be a small number
+# instead of zero, so that a little force acts at a distance. Both replace the true derivative by a slightly biased
+# one that is useful.
 #
-# The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, the derivative
-# has the wrong sign, at any step size. Check a gradient against finite differences over a range of widths.
+# The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, the
+# derivative has the wrong sign, at every step size (a claim below checks several). Check a gradient against finite
+# differences over a range of widths.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -885,25 +946,27 @@ plt.show()
 # |---|---|---|---|
 # | broad phase | bounding boxes, the sorted order of the last step | pairs whose boxes overlap | grows faster than $N$; use a grid for many equal bodies |
 # | filters | pairs | pairs that may collide (no parent and child, no sleeping bodies) | almost none |
-# | narrow phase | shapes and poses | points, normals, depths | about the same for every pair of convex shapes; more for a mesh |
-# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | $A$ is dense within an **island**, a group of bodies that touch each other |
+# | narrow phase | shapes and poses | points, normals, depths | little for spheres, far more for polytopes and meshes |
+# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | $A$ links contacts that share a moving body or mechanism; each **island** of connected bodies is solved on its own |
 # | solver | $A$, $J v_f$, cones, impulses of the last step | impulses and a residual | sweeps, or Newton iterations that factor a matrix |
 # | integration | impulses | new state | almost none |
 #
-# Five decisions are made here, and you notice them everywhere else.
+# Five decisions are made here:
 #
-# 1. **Shapes.** Collide primitives and a few convex pieces. Keep them separate from the meshes that are drawn.
-# 2. **Level.** Solve for impulses and velocities, or for forces and accelerations? At the velocity level an impact of any
-#    speed is stopped within the step, and the force grows as $1/h$. At the acceleration level the force depends on the
-#    state only, and an impact is spread over the contact's time constant.
+# 1. **Shapes.** Collide primitives and a few convex pieces, not the meshes that are drawn.
+# 2. **Level.** Solve for impulses and velocities, or for forces and accelerations? At the velocity level a rigid
+#    contact stops an impact of any speed within the step, so its force grows as $1/h$. At the acceleration level the
+#    force depends on the state only, and an impact is spread over the contact's time constant.
 # 3. **Order.** Process contacts in a fixed order. Otherwise two runs of the same simulation differ.
 # 4. **Memory.** Match contacts to those of the last step, so that the solver can start warm.
 # 5. **Honesty.** A solver that did not converge must say so and report its residual.
 #
-# How do you judge a contact solver that is not your own? Five numbers need only its impulses: **penetration** after the
-# step; the violation of **Signorini's** conditions; how far friction lies outside its **cone**; how much energy friction
-# could have **dissipated** but did not; and **energy** that appeared from nowhere. For one step of a sliding block, pushed
-# off between two edges of the pyramid:
+# How do you judge a contact solver that is not your own? Five numbers need only the step itself ($J$, velocities,
+# gaps, $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's**
+# conditions; how far friction lies outside its **cone**; the missing **dissipation**, which is the largest that the
+# cone allows minus the actual one; and **energy** that appeared from nowhere. The cell prints three of them for one
+# step of a block that slides between two edges of the pyramid. The models are `lcp` (pyramid, pivots), `pgs` (cone,
+# sweeps), `coulomb` (cone, Newton) and `convex`:
 # %% tags=["hide-code"]
 sliding = scenes.block(0.0, 0.5, (0.6, 0.8)).problem(0.01)
 print(f"{'model':<9} {'Signorini':>14} {'outside cone':>14} {'not dissipated':>16}")
@@ -911,8 +974,8 @@ for model in ("lcp", "pgs", "coulomb", "convex"):
     r = contact.residuals(sliding, solve(model, sliding).impulses)
     print(f"{model:<9} {r.signorini:10.3f} m/s {r.cone:10.3f} N s {1e3 * r.dissipation:13.1f} mJ")
 # %% [markdown]
-# Read the rows: the pyramid (`lcp`) dissipates too little, the convex model violates Signorini because the block hops,
-# and the two models of the true cone do neither.
+# The pyramid dissipates too little. The convex model violates Signorini, because the block hops. The true cone does
+# neither.
 # %%
 more_claims("mujoco_is_velocity_level")
 # %% [markdown]
@@ -930,14 +993,15 @@ answer("brute_force_pairs", "n^2")
 more_claims("brute_force_pairs")
 # %% [markdown]
 # Second, the contact of two circles. That is an exercise in section 8. Third, the penalty force with regularised
-# friction. The switch `pull` leaves the damper's pull in:
+# friction. The switch `pull` allows the damper to pull. The decorator `register_jitable` lets Numba compile the
+# function:
 # %% tags=["hide-code"]
 source(penalty_force)
 # %% [markdown]
 # In the package, a `Problem` describes one step: masses, Jacobian, velocities, gaps and friction. `solve` returns the
-# impulses with one of six models and reports whether it solved the problem. A block that brakes from 1 m/s with
-# $\mu = 0.5$ should stop after $v^2/(2\mu g) = 0.1019$ m. The second column shows by how much the block leaves the
-# ground on the way:
+# impulses with one of six models and reports whether it solved the problem. Four of them are those of section 3. The
+# other two are `penalty` and `soft`, MuJoCo's soft contact. A block that brakes from 1 m/s with $\mu = 0.5$ should
+# stop after $v^2/(2\mu g) = 0.1019$ m. The second column shows by how much the block leaves the ground on the way:
 # %% tags=["show-code"]
 braking = scenes.block(angle=0.0, friction=0.5, velocity=(1.0, 0.0))
 for model in contact.MODELS:
@@ -959,13 +1023,13 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# Which model should you use? We compare them on four scenes. Each is the smallest scene that answers its question, and
-# each has a tolerance. *Where does a block stop* that is pushed off between the edges of the pyramid (2 mm)? *How far
-# does a block slide* down a slope (1 mm)? *How deep does a light body sink* under a heavy one (1 mm)? *How far does a
-# held glass slip* (1 mm)?
+# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. Each is
+# the smallest scene that answers its question. *Where does a block stop* that is pushed off between the edges of
+# the pyramid (tolerance 2 mm)? *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light
+# body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)?
 #
-# A **work-precision diagram** plots the error against the computing time, one point per step size. Down and to the left
-# is better. Drag the tolerance and switch methods on:
+# A **work-precision diagram** plots the error against the computing time, one point per step size. Down and to the
+# left is better. The *pick* is the cheapest run within the tolerance. Drag the tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -977,8 +1041,8 @@ for name in ("true cone (Newton)", "exact pyramid (LCP)", "MuJoCo Newton, ellipt
     print(f"{name:<24} {1e3 * curve.points[-1].error:6.2f} mm")
 TradeOff(measured)
 # %% [markdown]
-# You can put your own contact model on the chart. It gets a `Problem` and returns impulses. This one clamps each friction
-# component on its own, as you often see it in code:
+# You can put your own contact model on the chart. It gets a `Problem` and returns impulses. This one clamps each
+# friction component on its own, as you often see it in code:
 # %% tags=["show-code"]
 from course.measure.work_precision import Method, Result
 
@@ -1009,13 +1073,14 @@ mine = measured.with_method(Method("yours", once, STEPS, "yours"), repeats=1)
 print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm")
 TradeOff(mine)
 # %% [markdown]
-# A light body under a heavy one. MuJoCo's default softness is wrong by centimetres at every step. A **hardened** contact
+# A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
+# centimetres at every step. (They still move then, so the depth differs from section 2's.) A **hardened** contact
 # (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
-# A held glass. By default it creeps in MuJoCo, at a speed that does not depend on the step. Hardened, it creeps too, but
-# within the tolerance:
+# A held glass. By default it creeps in MuJoCo. At long steps it creeps faster; at short steps the speed no longer
+# depends on the step. Hardened, it creeps too, but within the tolerance:
 #
 # ![How far a held glass slips, error against cost](../docs/charts/contact_glass.png)
 #
@@ -1027,8 +1092,9 @@ TradeOff(mine)
 #
 # ### All models on all scenes
 #
-# One step of 2 ms for everybody; *good* means an error within the scene's tolerance.
-# `python -m course.charts contact_table` measures the table again and checks each sentence under it.
+# All models take steps of 2 ms; *good* means an error within the scene's tolerance. The *compiled loop* is the
+# course's sweep, compiled and started warm. *Discrete* is the MuJoCo integrator of that name. `python -m
+# course.charts contact_table` measures the table again and checks each sentence under it.
 # %% tags=["hide-code"]
 rows = [line for line in read("contact_table").splitlines() if line[:8].strip() in charts.QUESTIONS]
 retained = ("penalty", "exact", "true cone (N", "MuJoCo Newton, elliptic ", "MuJoCo Newton, hard")
@@ -1041,10 +1107,13 @@ figures(
 # %% tags=["hide-code"]
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
-# Compare times only within each family: MuJoCo's step is compiled, while a step of the course's models is a few lines of
-# NumPy. Between the two, compare the number of iterations.
+# Compare times only between compiled programs (MuJoCo and the compiled loop) or among the course's other models,
+# whose step is a few lines of NumPy. Iterations are the mean per step. In *heavy*, the compiled loop needs far
+# fewer sweeps than section 2 predicts, because it starts warm.
 #
-# **The narrow phase compared with Coal**, the collision library that Pinocchio uses, pair by pair in one process:
+# **The narrow phase compared with Coal**, the collision library that Pinocchio uses, pair by pair in one process.
+# Above: how many times as long Coal takes; *poses in the loop* includes making its poses. Below: two boxes, with
+# faces aligned, almost aligned, or turned at random. *Points* is the hull of a few points:
 #
 # ![Narrow phase: time compared with Coal, and error](../docs/charts/narrow_phase.png)
 # %%
@@ -1053,14 +1122,16 @@ more_claims("coal_is_the_truth")
 # ### What to pick
 #
 # * **A robot arm, or learning at scale:** a soft convex model such as MuJoCo's. It is fast and has one answer. Raise
-#   impratio where things are held, use the elliptic cone where they slide, and harden solref or solimp where a heavy body
-#   rests on a light one.
-# * **Stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or pivots.
-#   Sweeps are fine if light bodies stand on heavy ones.
-# * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you accept.
-# * **Games:** ten sweeps with a warm start, or one sweep in each of several sub-steps. It looks right.
+#   impratio where things are held, use the elliptic cone where they slide, and harden solref or solimp where a heavy
+#   body rests on a light one.
+# * **Stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
+#   pivots. Sweeps are fine if light bodies stand on heavy ones.
+# * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you
+#   accept.
+# * **Games:** ten sweeps with a warm start, or one sweep in each of several sub-steps. The motion looks right.
 #
-# One argument for constraints is that they allow larger steps. Is that so?
+# One argument for constraints is that they are stable at larger steps. Compare them with a penalty force that is
+# evaluated before the step, as in section 2:
 # %%
 show("constraints_take_larger_steps")
 # %% [markdown]
@@ -1068,18 +1139,18 @@ show("constraints_take_larger_steps")
 #
 # ### When no contact force exists
 #
-# Push a piece of chalk across a blackboard with its end ahead of your hand. It chatters and squeaks. With rigid bodies
-# and Coulomb friction, something stranger can happen.
+# Push a piece of chalk across a blackboard with its end ahead of your hand. It chatters and squeaks. With rigid
+# bodies and Coulomb friction, something stranger can happen.
 # %%
 predict("chalk_on_the_board")
 # %% [markdown]
-# This is **Painlevé**'s rod (1895), here at an angle $\theta$ to the ground. A normal force at the end brings friction
-# $\mu f_n$ with it. Friction turns the rod so that its end moves *into* the ground, and for
-# $\mu > (1 + 3\cos^2\theta)/(3\sin\theta\cos\theta)$ faster than the normal force lifts it. More force makes it worse, so
-# no finite force holds the end out.
+# This is **Painlevé**'s rod (1895), here at an angle $\theta$ to the ground. A normal force at the end brings
+# friction $\mu f_n$ with it. Friction turns the rod so that its end moves *into* the ground. Above $\mu = (1 +
+# 3\cos^2\theta)/(3\sin\theta\cos\theta)$ this turning is faster than the lifting by the normal force. More force
+# makes it worse, so no finite force holds the end out.
 #
-# A time-stepping method still returns an answer: an impulse that does not shrink with the step. The rod stops at once,
-# although nothing collided. Compare one step of 1 ms with one of 1 µs, at 60 degrees:
+# A time-stepping method still returns an answer: an impulse that does not shrink with the step. The rod stops at
+# once, although nothing collided. Compare one step of 1 ms with one of 1 µs, at 60 degrees:
 # %% tags=["hide-code"]
 angle = np.radians(60.0)
 limit = (1.0 + 3.0 * np.cos(angle) ** 2) / (3.0 * np.sin(angle) * np.cos(angle))
@@ -1089,36 +1160,37 @@ for mu in (1.0, 2.0):
     one, other = (solve("coulomb", rod.problem(dt)).impulses[0, 0] for dt in (1e-3, 1e-6))
     print(f"mu {mu:.0f}: normal impulse {one:.1e} N s in a step of 1 ms, {other:.1e} in 1 us")
 # %% [markdown]
-# Below the limit the impulse is proportional to the step, as for a force. Above it, both steps return the same impulse.
-# The convex model always has an answer too, but not Coulomb's: even below the limit it makes the rod hop.
+# Below the limit the impulse is proportional to the step, as for a force. Above it, both steps return the same
+# impulse. The convex model always has an answer too, but not Coulomb's: even below the limit it makes the rod hop.
 #
 # ### Debugging table
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper is
-# pulling: clip the force at zero. If it is positive, look for a margin, for adhesion that somebody set, or for a second
-# contact. If it is zero, friction is computed from something other than this step's normal force.
+# **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper
+# is pulling: clip the force at zero. If it is positive, look for a margin, for adhesion that somebody set, or for a
+# second contact. If it is zero, the program uses an old or a constant normal force for friction.
 #
 # </div>
 #
-# You will also read that you should enlarge MuJoCo's contact buffers when contacts stick:
+# MuJoCo has two parameters for its buffers: `nconmax` is the number of contacts that fit, `njmax` the number of
+# constraint rows. You will read that you should enlarge them when contacts stick:
 # %%
 show("nconmax_helps")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *A grasped object slips.* Does it slide or creep? Print its speed and, for each contact, friction
-# divided by its limit. At the limit it slides: more squeeze, more friction, a cone instead of a pyramid. Far below the
-# limit it creeps: raise impratio or shorten the time constant. If it moves in jerks, contacts come and go: look at the
-# manifold.
+# divided by its limit. At the limit it slides: more squeeze, more friction, a cone instead of a pyramid. Far below
+# the limit it creeps: raise impratio or shorten the time constant. If it moves in jerks, contacts come and go: look
+# at the manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The simulation is slow with many objects.* Count before you measure time: overlap tests, pairs that
-# remain, contacts, iterations. Too many pairs: boxes that are too large, or a sweep along the wrong axis. Too many
-# contacts: meshes instead of primitives. Too many iterations: mass ratios. Then time each stage.
+# **Debugging tip.** *The simulation is slow with many objects.* Count before you measure time: overlap tests, pairs
+# that remain, contacts, iterations. Too many pairs: boxes that are too large, or a sweep along the wrong axis. Too
+# many contacts: meshes instead of primitives. Too many iterations: mass ratios. Then time each stage.
 #
 # </div>
 #
@@ -1136,8 +1208,8 @@ more_claims("mujoco_timer")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function on
-# new random cases. It says what is wrong and, if it recognises the mistake, why. In a terminal the same run is
+# Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function
+# on new random cases. It says what is wrong and, if it recognises the mistake, why. In a terminal the same run is
 # `drills start aabb` and `drills check aabb`.
 #
 # ### Two axis-aligned boxes
@@ -1223,8 +1295,10 @@ check(impact_time)
 # %% [markdown]
 # ### A Gauss-Seidel sweep with friction
 #
-# A variant of the sweep of section 2. Here the three impulses of a contact are projected onto the cone *together*, onto
-# its nearest point.
+# A variant of the sweep of section 2. Here the three impulses of a contact are projected onto the cone *together*,
+# onto its nearest point. Repeated until nothing changes, this sweep solves the convex relaxation, in which a sliding
+# contact also separates. The sweep of section 2 projects the normal impulse first and then shortens friction, and
+# solves Coulomb's law.
 # %%
 card("pgs_sweep")
 
@@ -1252,8 +1326,8 @@ check(pgs_sweep)
 # %% [markdown]
 # ### Silent-bug hunt: a block on a slope
 #
-# Nothing crashes, the motion looks plausible, and one thing is wrong. Find an experiment whose result you know without a
-# program.
+# Nothing crashes, the motion looks plausible, and one thing is wrong. Find an experiment whose result you know
+# without a program.
 # %%
 card("contact_step")
 
@@ -1310,7 +1384,8 @@ answer("more_friction_holds_the_glass", "m*g/F")
 # | comparison of models | Le Lidec et al. 2024 | which engine relaxes which law, and what that does |
 #
 # Can gradient descent learn to push? The finger should move the block to a mark at 5 cm, and the first guess for its
-# speed is too slow to reach the block. With the rigid gradient nothing ever changes; with the smoothed one it gets there:
+# speed is too slow to reach the block. With the rigid gradient nothing ever changes; with the smoothed one it gets
+# there:
 # %% tags=["hide-code"]
 for how in ("rigid", "randomised"):
     speed, rng = 0.15, np.random.default_rng(1)
@@ -1328,10 +1403,10 @@ for how in ("rigid", "randomised"):
 # %% [markdown]
 # <details><summary>Common statements that nothing here checks, and why</summary>
 #
-# *There are two approaches to contact*, penalty and constraint: section 2 has six models, and MuJoCo's soft contact is
-# a bit of both. *Real engines use constraints*: that would be a count of engines, not an experiment; Drake's continuous
-# point contact is a penalty. *Rubber on plastic has 0.8 to 1.2*: this is a property of two surfaces, their load and their
-# speed. Tilt your own pair until it slides.
+# *There are two approaches to contact*, penalty and constraint: section 2 has six models, and MuJoCo's soft contact
+# is a bit of both. *Real engines use constraints*: that would be a count of engines, not an experiment; Drake's
+# continuous point contact is a penalty. *Rubber on plastic has 0.8 to 1.2*: this is a property of two surfaces, their
+# load and their speed. Tilt your own pair until it slides.
 #
 # *V-HACD gives 3 to 8 pieces*: that is a parameter of the tool, and it depends on the mesh. *Hydroelastic contact
 # replaces hard contact by smooth pressure*: its authors say so; Drake is not run here, and it offers point contact as
@@ -1344,16 +1419,17 @@ for how in ("rigid", "randomised"):
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing to
-# solve, a continuous force. But bodies sink in, friction creeps, and the step must stay below
-# $2(\sqrt{1+\zeta^2}-\zeta)/\omega$. A constraint keeps bodies apart and sticks exactly. It has no step limit of its own,
-# but removing a deep overlap needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is
-# not. MuJoCo is in between: convex, one answer, soft, so it creeps; impratio and solref reduce that. Gradients are zero
-# before touch and ordinary after it."
+# **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing
+# to solve. But bodies sink in, regularised friction creeps, and integrated explicitly it has a step limit. A
+# constraint keeps bodies apart and sticks exactly. It has no step limit of its own, but removing a deep overlap
+# needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is not. MuJoCo is in
+# between: its relaxed cone makes the problem convex, its softness makes the forces unique, and it creeps; impratio
+# and solref reduce that."
 #
 # </div>
 #
-# Answer aloud before you open an answer: first what you would say in a minute, then the details and follow-up questions.
+# Answer aloud before you open an answer: first what you would say in a minute, then the details and follow-up
+# questions.
 # %%
 interview("contact")
 # %% [markdown]

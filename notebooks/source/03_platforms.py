@@ -2,8 +2,8 @@
 # # 3 · Simulation platforms
 #
 # *The same model, the same step, four simulators. Which of them is right? Answer first<span class="kernel-only">,
-# then run the cells</span>.* About {open minutes} minutes of reading, cards and charts; the collapsed parts add
-# {folded minutes}; exercises {exercise minutes}.
+# then run the cells</span>.* About {open minutes} minutes of reading, cards and charts. The folded parts add
+# {folded minutes} minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

@@ -2,8 +2,8 @@
 # # 5 · Motion planning
 #
 # *From the green spot to the yellow one without touching red. Answer first<span class="kernel-only">, run the
-# cells</span>, then press* Play. About {open minutes} minutes of reading, cards and charts; the collapsed parts add
-# {folded minutes}; exercises {exercise minutes}.
+# cells</span>, then press* Play. About {open minutes} minutes of reading, cards and charts. The folded parts add
+# {folded minutes} minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

@@ -1,9 +1,15 @@
 # %% [markdown]
 # # 6 · Control
 #
-# *A joint has to follow its target, the dashed line. Answer first<span class="kernel-only">, run the cells</span>,
-# then press* Play *and drag the target.* About {open minutes} minutes of reading, cards and charts; the collapsed
-# parts add {folded minutes}; exercises {exercise minutes}.
+# *A robot arm moves to a target. It overshoots, creeps back for seconds, or starts to shake. The motor is fine; the
+# rule that turns the measured angle into a torque is not.*
+#
+# The most common rule is **PID**. It adds three torques: one proportional to the error (gain Kp), one to the error
+# summed over time (Ki), and one to the rate of the error (Kd). Below, it drives one joint to the dashed target. Answer
+# the card first<span class="kernel-only">, run the cells</span>, then press *Play* and drag the target.
+#
+# About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
+# exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict
@@ -18,28 +24,36 @@ predict("far_from_limits")
 simulation("joint")
 
 # %% [markdown]
-# **You will be able to** say how much gain a loop stands before you tune it; write a controller that survives limits,
-# jams and encoders; choose a law that tracks, and say what is wrong when it does not; touch a wall with the right one
-# of four controllers; and tell a limit of the robot from one of its simulator. **Know first:** chapter 4's equations of
-# motion; differential equations, eigenvalues.
+# **After this chapter you can**
+#
+# * compute the highest stable gain of a joint before you tune it;
+# * write a PID controller that copes with torque limits, jams and encoders;
+# * choose a tracking controller for an arm, and diagnose it when the arm does not follow;
+# * choose among four controllers for contact with a wall;
+# * tell an instability of the robot from an artefact of its simulator.
+#
+# You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
-# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why.
-# Derivations are folded away. A number in the text comes from the cell above it, or from a check that `python -m
-# course.derivations 6` runs again. The code is `course.control`. These exercises wait in section 8:
+# Each section explains an idea, asks you a question about it, and shows the answer in a simulation or a chart.
+# Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
+# the claim needs a condition that it does not state. Derivations are folded away. Measured numbers come from a cell
+# on this page or from a check that you can run yourself with `python -m course.derivations 6`. The code is the package
+# `course.control`. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(6)
 
-# %%
+# %% tags=["hide-code"]
 import inspect
 import math
 import textwrap
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 from IPython.display import Markdown
 
@@ -70,108 +84,213 @@ def print_figures(chart, *rows):
 # %% [markdown]
 # ## 1 · Concept: one joint
 #
-# ### Three terms
+# ### PID: three terms
 #
-# The **set-point** $q_d$ says where the joint should be, the error is $e = q_d - q$. **PID** turns it
-# into a torque:
+# The **set-point** $q_d$ is the angle that the joint should have, $q$ is the measured angle, and $e = q_d - q$ is the
+# error. The controller turns the error into a torque, the motor turns the joint, and the encoder measures the new
+# angle. This circle is the control loop:
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(figsize=(9, 1.9), layout="constrained")
+box = {"boxstyle": "round,pad=0.4", "fc": "#cfe3f2", "ec": "0.3"}
+arrow = {"arrowstyle": "-|>", "color": "0.3"}
+blocks = ("set-point $q_d$", "error $e$", "controller", "torque limit", "delay", "joint")
+for k, text in enumerate(blocks):
+    _ = axes.text(2.0 * k, 0.0, text, ha="center", va="center", bbox=box, fontsize=9)
+    if k:
+        at = 2.0 * k - 1.0
+        _ = axes.annotate("", (at + 0.28, 0.0), (at - 0.28, 0.0), arrowprops=arrow)
+_ = axes.text(6.0, -1.1, "encoder", ha="center", va="center", bbox=box, fontsize=9)
+_ = axes.plot([10.0, 10.0], [-0.35, -1.1], color="0.3", lw=1)
+_ = axes.annotate("", (6.6, -1.1), (10.0, -1.1), arrowprops=arrow)
+_ = axes.plot([5.4, 2.0], [-1.1, -1.1], color="0.3", lw=1)
+_ = axes.annotate("", (2.0, -0.3), (2.0, -1.1), arrowprops=arrow)
+_ = axes.text(3.7, -0.95, "measured angle $q$", ha="center", fontsize=9)
+_ = axes.set(xlim=(-1.1, 10.8), ylim=(-1.5, 0.5))
+_ = axes.axis("off")
+plt.show()
+
+# %% [markdown]
+# PID control adds a torque for the present error, one for the past and one for the trend:
 #
 # $$\boxed{\;\tau = K_p\,e + K_i\int e\,dt + K_d\,\dot e\;}$$
 #
-# A spring to the target, a memory of what was missed, a damper. On an inertia $I$ with friction $b$ (some cards and
-# charts write $J$ for $I$) the spring alone swings, once it is stiffer than $b^2 / (4 I)$. An integral with dry
-# friction may wait, jump past the target, and wait again: **hunting**.
+# * The **P term** acts like a spring to the set-point. $K_p$ is its stiffness, in N m/rad.
+# * The **I term** accumulates past error. It keeps pushing until the error is gone. $K_i$ has the unit N m/(rad s).
+# * The **D term** acts like a damper. $K_d$ has the unit N m s/rad.
+#
+# The joint has an inertia $J$ and **viscous friction** $b$, a torque proportional to its speed. With a constant
+# set-point and without the I term the closed loop obeys
+#
+# $$J\,\ddot q + (b + K_d)\,\dot q + K_p\,q = K_p\,q_d .$$
+#
+# This is a mass on a spring with a damper. A constant load torque $\tau_L$ stretches the spring: the joint stops with
+# the error $\tau_L / K_p$. The I term grows until it carries that load. Here a load of 2 N m pushes the joint forwards:
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(figsize=(8, 2.9), layout="constrained")
+for label, gains in (
+    ("P: $K_p$ = 20", Gains(20.0)),
+    ("PD: and $K_d$ = 4", Gains(20.0, 0.0, 4.0)),
+    ("PID: and $K_i$ = 20", Gains(20.0, 20.0, 4.0)),
+):
+    run = run_joint(Joint(0.5, 0.5, 2.0), Actuator(), Encoder(), gains, 1.0, 1e-3, 6.0)
+    _ = axes.plot(run.times, run.q, label=label)
+_ = axes.axhline(1.0, color="0.3", ls="--", lw=1)
+_ = axes.set(xlabel="time [s]", ylabel="angle [rad]", title="A step of the set-point, with a load")
+_ = axes.legend(fontsize=9)
+plt.show()
+
+# %% [markdown]
+# P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going past it. How general
+# is that? A mass on a spring does not oscillate if its damping is at least critical, which for P alone means
+# $b^2 \ge 4 J K_p$.
 
 # %%
 show("p_alone_overshoots")
 
+# %% [markdown]
+# The I term stops changing only when the error is zero. That argument assumes that the loop settles at all. **Coulomb
+# friction** (dry friction) is a torque of constant size against the motion, and it can hold a joint at rest away from
+# the set-point. The I term then grows until the joint breaks loose. If the joint jumps past the set-point and sticks
+# again, the same happens in the other direction, for ever. This cycle is called **hunting**.
+
 # %%
 show("integral_removes_the_error")
 
-# %%
-show("too_much_d")
-
 # %% [markdown]
-# Which $\dot e$? If the set-point jumps, so does the error, and its rate is a spike: the **derivative kick**. Choose
-# that preset on the first screen.
+# The D term needs the rate of the error. There are two ways to compute it: differentiate the error $e$, or differentiate
+# the measured angle and use $-\dot q$. While the set-point is constant, both are the same. Now let the set-point jump
+# from one sample to the next, and think about the error.
 
 # %%
 show("error_derivative_kick")
 
 # %% [markdown]
-# The rate of the *measurement* has no such spike, and the loop around it is the same: compare the margins of the two.
+# The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen and
+# switch it off: the feedback loop, and with it the stability, is the same with both derivatives. So differentiate the
+# measurement.
 
 # %%
 more_claims("critical_settles_fastest", "one_gain_one_symptom")
 
 # %% [markdown]
-# ### What happens at the motor's limit
+# ### Windup and anti-windup
+#
+# Every motor has a largest torque. When the controller asks for more, the motor delivers the limit, whatever the error
+# is. As long as this lasts, the gains have no effect. The I term does not know that. It keeps summing the error.
 
 # %%
 predict("jammed")
 
 # %% [markdown]
-# That is **windup**. Choose *A jam*, then switch on anti-windup. Two remedies are in use. **Conditional integration**
-# takes a sample into the integral only if the command is free, or if the error leads back from the limit.
-# **Back-calculation** pulls the integral by what the limit cut off. Below: a jam of 2 s, the set-point at 0.25 rad.
+# The surplus in the I term is called **windup**. Choose the preset *A jam* on the first screen, watch the joint run
+# away, then switch on anti-windup. Two methods are in use:
+#
+# * **Conditional integration** updates the I term only while the command is within its limits, or while the error would
+#   bring the command back from the limit.
+# * **Back-calculation** takes the difference between the limited and the requested torque, and feeds it back into the I
+#   term, so that the I term shrinks while the command is at the limit.
+#
+# A third idea is often seen in tutorials: keep the I term itself within a fixed range, for example $\pm$ the torque
+# limit.
 
 # %%
 show("integral_clamp")
 
 # %% [markdown]
+# The chart shows a milder case than the card: a jam of 2 s, and a set-point of 0.25 rad. Look at the command on the
+# right. Without anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the
+# set-point. With conditional integration (blue) it leaves the limit at once. Solid lines are the exact solution of the
+# joint, dots are MuJoCo:
+#
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
 # %%
 figures(
-    read("pid_windup"), "conditional", "no anti-windup", summary="The scene, and what it leaves out"
+    read("pid_windup"),
+    "conditional",
+    "no anti-windup",
+    summary="Which effects the scene models, and how much the others would change the answer",
 )
 
 # %% [markdown]
-# <details><summary>The listing that everybody has seen</summary>
+# <details><summary>The PID code of many tutorials, and what is wrong with it</summary>
 #
-# A class with the error as its input, an integral clamped to a range of its own, the derivative of the error with a
-# comment that this avoids the kick, and a loop of three seconds that subtracts half of the velocity "for friction".
+# In outline, with a fixed sample time `dt`:
 #
-# Whether such a block runs *as it was printed* can't be checked here: a page leaves out what its reader has to supply,
-# such as the import of NumPy, and there is no one text of it to run. What it computes can be checked. The course ran
-# its own writing of it: see `listing_friction`, `integral_clamp`, `error_derivative_kick` in
-# `python -m course.derivations 6`, and the next card.
+# ```python
+# integral = clip(integral + error * dt, -i_max, i_max)  # a fixed range for the integral
+# rate = (error - last_error) / dt  # derivative of the error
+# torque = clip(kp * error + ki * integral + kd * rate, -limit, limit)
+# acceleration = (torque - 0.5 * velocity) / inertia
+# ```
+#
+# Check the first two lines against the two cards above. The claims below examine the rest, with kp = 20, ki = 5 and
+# kd = 8.
 #
 # </details>
 
 # %%
-show("listing_settles")
+more_claims("listing_settles", "listing_friction")
 
 # %% [markdown]
-# ### A sampled loop is a matrix
+# ### The sampled loop as a matrix
+#
+# So far the torque followed the angle at every instant. Then a joint with viscous friction is stable under P alone at
+# any gain: the equation above has only decaying solutions. A computer works differently. It measures the angle once per
+# sample time $dt$ (some cards write $h$), computes a torque, and the motor drive holds this torque until the next
+# sample. Holding a value between samples is called a **zero-order hold**. It turns a smooth command into a staircase:
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(figsize=(8, 2.5), layout="constrained")
+fine, samples = np.linspace(0.0, 8.0, 400), np.arange(9)
+_ = axes.plot(fine, np.sin(0.8 * fine), color="0.5", label="smooth command")
+_ = axes.step(samples, np.sin(0.8 * samples), where="post", label="held command")
+_ = axes.plot(samples, np.sin(0.8 * samples), "o", color="C0", ms=4)
+_ = axes.plot(
+    fine, np.sin(0.8 * (fine - 0.5)), "--", color="C1", label="smooth, half a sample later"
+)
+_ = axes.set(xlabel="time [samples]", ylabel="torque", yticks=[], xlim=(0.0, 8.0))
+_ = axes.legend(fontsize=9, loc="upper right")
+plt.show()
 
 # %%
 predict("more_p")
 
 # %% [markdown]
-# A computer measures every $dt$ (on cards: $h$), computes, and holds the torque until the next sample: a
-# **zero-order hold**. Between samples the
-# joint can be solved exactly, so one sample is a linear map of the state *and* of the commands that are still under
-# way. That matrix decides everything. The largest modulus of its eigenvalues is the **growth** per sample: below 1 the
-# loop comes to rest, above it doesn't.
+# Here is how to compute that limit. Between two samples the torque is constant, so the motion has a closed form. One
+# sample maps the vector (angle, rate) linearly to its next value. For an inertia without friction, under P control to
+# the set-point zero, the held torque is $-K_p q_k$, and
+#
+# $$\begin{pmatrix} q_{k+1}\\ v_{k+1}\end{pmatrix} =
+# \begin{pmatrix} 1 - \dfrac{K_p\,dt^2}{2J} & dt\\[1ex] -\dfrac{K_p\,dt}{J} & 1\end{pmatrix}
+# \begin{pmatrix} q_k\\ v_k\end{pmatrix}.$$
+#
+# The loop comes to rest exactly if all eigenvalues of this matrix are smaller than 1 in absolute value. The largest of
+# these values is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the matrix, which
+# is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So without
+# friction, P alone is unstable at any gain. A delay adds the commands that are still waiting to the vector, and
+# the matrix becomes larger; the method is the same.
 
 # %%
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# With a delay $D$ that gives the gain at which P alone swings for ever, the **ultimate gain**:
+# So count the hold as a delay of $dt/2$ and add it to the other delay $D$ of the loop. The **ultimate gain** $K_u$ is
+# the P gain at which the loop oscillates with constant amplitude, on the border between stable and unstable. The angular
+# frequency $\omega$ of that oscillation and $K_u$ follow from
 #
-# $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{I} .$$
-
-# %%
-show("p_at_any_gain")
-
-# %% [markdown]
-# <details><summary>Derive: the ultimate gain of a late loop</summary>
+# $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
+# K_u = \omega\,\sqrt{(J\omega)^2 + b^2} .$$
 #
-# At the limit the joint swings as $e^{i\omega t}$, and $I\ddot q + b\dot q = -K\,q(t - T)$ becomes
-# $I\omega^2 - ib\omega = K e^{-i\omega T}$. The angle of the left side is $-\arctan(b/(I\omega))$, that of the right
-# one $-\omega T$: so $\tan\omega T = b/(I\omega)$. Its size is $K$. A torque that is held for $dt$ is a staircase whose
-# steps lag $dt/2$ behind on average, so $T = D + dt/2$; the chart says how good that is.
+# <details><summary>Derive: the ultimate gain of a loop with delay</summary>
+#
+# Let $T = D + dt/2$ be the total delay. At the limit the joint moves as $e^{i\omega t}$, and
+# $J\ddot q + b\dot q = -K\,q(t - T)$ becomes $J\omega^2 - ib\omega = K e^{-i\omega T}$. The angle of the left side is
+# $-\arctan(b/(J\omega))$, that of the right side is $-\omega T$, so $\tan\omega T = b/(J\omega)$. The absolute value
+# of both sides is $K$. Replacing the hold by a delay of $dt/2$ is an approximation, since a staircase is not a shifted
+# smooth curve. The next cell compares it with the exact matrix.
 #
 # </details>
 
@@ -182,113 +301,222 @@ for late in (0.0, 0.005, 0.02, 0.05):
     gain, period = control.ultimate_gain(A, B, dt, late)
     rule = sampled.delay_limit(inertia, damping, late + dt / 2)[0]
     print(
-        f"{1e3 * late:3.0f} ms late: ultimate gain {gain:8.3f} N m/rad, period {period:.3f} s; "
-        f"the rule is {abs(gain / rule - 1):.0e} off"
+        f"delay {1e3 * late:3.0f} ms: ultimate gain {gain:8.3f} N m/rad, period {period:.3f} s; "
+        f"relative error of the rule {abs(gain / rule - 1):.0e}"
     )
 
 # %% [markdown]
+# A delay of 20 ms, common on a slow bus, lowers the largest gain from 1000 to 24 N m/rad. The left chart shows the same
+# for all delays. The right one shows that a simulator can hide the limit; section 7 explains why:
+#
 # ![Ultimate gain against delay, and against a simulator's steps](../docs/charts/delay_limit.png)
 
 # %%
-show("pade_is_enough")
+more_claims("p_at_any_gain", "pade_is_enough")
 
 # %% [markdown]
-# How far is a loop from its limit? The **gain margin** is the factor that all gains stand, the **phase margin** the lag
-# in the swing where the loop has the size one, and the **delay margin** the time that may still be lost. All three come
-# out of the same matrix; change a slider on the first screen and watch them. For a robot the last is the one to say
-# aloud: it is in milliseconds, like what your colleagues will take from you.
+# ### Stability margins
 #
-# ### How much damping, and what a late rate costs
+# How far is a tuned loop from its limit? Cut the loop at the motor, feed in a sine, and compare the torque that comes
+# back with the one that went in. Their ratio is the **open-loop gain**, and the shift of the sine is its **phase lag**.
+# If a sine comes back with the same size and a lag of 180 degrees, the feedback's own minus sign makes it feed itself.
 #
-# Take friction away. On a free inertia, with $K_p$ in units of $I/dt^2$ and $K_d$ of $I/dt$, the stable gains of PD
-# form a triangle. Every way to be late makes the region smaller, and its edge a curve. You will derive three of its
-# edges in section 8.
+# * The **gain margin** is the factor by which all gains can be multiplied before the loop becomes unstable.
+# * The **phase margin** is the additional phase lag that makes it unstable, at the frequency where the open-loop gain
+#   is 1.
+# * The **delay margin** is the additional delay that makes it unstable.
+
+# %% tags=["hide-code"]
+figure_, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.2), layout="constrained", sharex=True)
+w = np.geomspace(1.0, 1000.0, 4000)
+loop = (20.0 + 8.0j * w) * np.exp(-5e-3j * w) / (0.5j * w + 0.5 * (1j * w) ** 2)
+size, lag = abs(loop), np.degrees(np.unwrap(np.angle(loop)))
+lag -= 360.0 * round((lag[0] + 90.0) / 360.0)
+one, half = np.argmax(size < 1.0), np.argmax(lag < -180.0)
+_ = top.loglog(w, size)
+_ = top.axhline(1.0, color="0.4", lw=1)
+_ = top.plot([w[half]] * 2, [size[half], 1.0], color="C1", lw=3)
+_ = top.text(1.1 * w[half], 0.5, f"gain margin {1.0 / size[half]:.1f}", color="C1")
+_ = bottom.semilogx(w, lag)
+_ = bottom.axhline(-180.0, color="0.4", lw=1)
+_ = bottom.plot([w[one]] * 2, [lag[one], -180.0], color="C3", lw=3)
+_ = bottom.text(
+    w[one] / 1.1,
+    -172.0,
+    f"phase margin {180.0 + lag[one]:.0f} degrees\n"
+    f"= delay margin {1e3 * np.radians(180.0 + lag[one]) / w[one]:.0f} ms at {w[one]:.0f} rad/s",
+    color="C3",
+    ha="right",
+    va="bottom",
+)
+_ = top.set(ylabel="open-loop gain", title="PD, $K_p$ = 20, $K_d$ = 8, delay 5 ms")
+_ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", ylim=(-270, -80))
+plt.show()
+
+# %% [markdown]
+# The course computes all three from the matrix; change a slider on the first screen and watch them. For a robot, quote
+# the delay margin. It is in milliseconds, like the latency that the bus, the motor drive and the filters will add.
+#
+# ### Stable PD gains: damping and the delay of the rate
+#
+# Now leave out friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without
+# units: $K_p\,dt^2/J$ and $K_d\,dt/J$. In the left chart each combination is one point. The stable PD gains lie below
+# a line or curve of the chart. With the exact rate they form a triangle. If $K_d$ is small, the hold makes the loop
+# unstable, as in the worked example. If $K_d$ is large, the damping torque, held for a whole sample, reverses the
+# velocity and makes it larger.
 #
 # ![Stable gains of PD, and MuJoCo's position servo](../docs/charts/pd_triangles.png)
 
-# %%
+# %% tags=["hide-code"]
+print("largest stable Kp on the grid of the chart, in J/dt^2:")
 print_figures("pd_triangles", "PD on an inertia")
 
 # %% [markdown]
-# ### What the encoder, friction and the motor do
+# A joint rarely measures its rate. It takes the difference of two angles instead, divided by $dt$, which is the rate of
+# half a sample ago. Together with one sample of computing time, this leaves less than a twentieth of the highest
+# gain. You will derive three of the curves in section 8. The right chart belongs to section 7.
+
+# %%
+show("too_much_d")
+
+# %% [markdown]
+# ### Encoder, friction and torque limit
+#
+# An encoder rounds the angle to the nearest count (some cards say *line*). This rounding is called **quantisation**.
+# The controller has to estimate the rate from these counts. Near rest, a single count more or less between two samples
+# looks like a jump of the rate, and $K_d$ turns it into a jump of the torque.
 
 # %%
 predict("faster_loop")
 
 # %% [markdown]
-# An encoder has lines: **quantisation**. The rate is made of it, and every estimate of a rate trades noise for lag: the
-# plain difference, a difference behind a low-pass, or a **tracking observer** that predicts place and rate and corrects
-# both by what it missed.
+# Every estimator of the rate trades noise for lag. A plain difference has the least lag and the most noise. A low-pass
+# filter with time constant $\tau$ averages the difference over about that time. A **tracking observer** predicts angle
+# and rate one sample ahead, and corrects both with the error of the predicted angle. Both reduce noise; by how much are they
+# late?
 
 # %%
 show("filtered_rate_is_late")
 
 # %% [markdown]
+# The chart compares the three. Down is less noise, left is less lag. At the same lag, the observer (green) has less
+# noise than the filter (orange):
+#
 # ![Noise of a rate against its lag](../docs/charts/rate_estimates.png)
 
-# %%
+# %% tags=["hide-code"]
+print("lag, and noise of the rate per noise of the angle, from the fastest to the slowest setting:")
 print_figures("rate_estimates", "difference", "filtered", "tracking")
 
 # %% [markdown]
-# Dry friction stops a joint short of its target, and an integral then pushes until it breaks loose. If static friction
-# is above Coulomb's, it jumps past the target and waits on the other side. Choose *Hunting* and lower *Static / dry* to
-# one.
+# Now dry friction again, with a PD controller. As the joint nears the set-point, the torque of the P term falls. As soon as it
+# is smaller than the friction $F$, the joint can stop.
 
 # %%
 show("friction_leaves_an_error")
 
 # %% [markdown]
-# ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
+# An I term removes this error if friction at rest, **static friction**, is no larger than Coulomb friction. If it is larger,
+# the torque that breaks the joint loose is more than what keeps it moving. The joint jumps, and hunts:
 
-# %%
-print_figures("ripple_and_hunting", "ripple", "hunting")
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
+for label, static in (("static = Coulomb = 2 N m", 2.0), ("static 3, Coulomb 2 N m", 3.0)):
+    stuck = Joint(0.5, 0.5, 0.0, 2.0, static)
+    run = run_joint(stuck, Actuator(), Encoder(), Gains(40.0, 150.0, 6.0), 1.0, 1e-3, 12.0)
+    _ = axes.plot(run.times, run.q, label=label)
+_ = axes.axhline(1.0, color="0.3", ls="--", lw=1)
+_ = axes.set(xlabel="time [s]", ylabel="angle [rad]", ylim=(0.95, 1.05))
+_ = axes.legend(fontsize=9)
+plt.show()
 
 # %% [markdown]
-# **Saturation** is the limit of the torque. It takes the loop away while it lasts, and on a plant that falls over by
-# itself no gain brings it back. The map shows from where a pendulum with a weak motor is caught:
+# Choose the preset *Hunting* on the first screen and lower *Static / dry* to one: the hunting ends. The next chart shows
+# both effects as functions of what you can change. Left: a slower rate filter reduces the ripple of the torque. Right: the
+# amplitude of hunting grows with the ratio of static to Coulomb friction.
+#
+# ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
+#
+# **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls over
+# by itself, such as an upright pendulum, gravity can then win: outside a certain region no gain brings the pendulum
+# back, because gravity pulls harder than the motor can. In the map, purple states are caught and orange states are
+# lost, with half of the torque that holds the pendulum horizontally:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
-# %%
+# %% tags=["hide-code"]
+print("The pendulum and its linear model, released at rest:")
 print_figures("saturation_region", "from rest")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Count what is late: half a sample for the hold, half for a difference, the filter, the wire. That
-# sum, the inertia and the friction decide how much gain there is. Tuning only finds it again.
+# **Key insight.** Add up the delays of a loop: half a sample for the hold, half a sample for the difference of two
+# angles, the time constant of the filter, and the communication. Their sum, the inertia and the friction decide how
+# much gain is possible. Tuning by hand only rediscovers that limit.
 #
 # </div>
 
 # %%
-more_claims("encoder_ripple", "listing_friction")
+more_claims("encoder_ripple")
 
 # %% [markdown]
-# ### Tuning by rule
+# ### Tuning with the Ziegler-Nichols rules
 #
-# **Ziegler-Nichols** (1942) is the procedure that everybody can recite: (1) set $K_i$ and $K_d$ to zero; (2) raise
-# $K_p$ until the loop swings at a constant amplitude, at the ultimate gain $K_u$; (3) measure the period $T_u$; (4)
-# take a row of the table.
+# **Ziegler-Nichols** (1942) is the tuning procedure that interviewers ask for. (1) Set $K_i$ and $K_d$ to zero. (2)
+# Raise $K_p$ until the loop oscillates with constant amplitude; this is the ultimate gain $K_u$. (3) Measure the period
+# $T_u$ of the oscillation. (4) Take the gains from a row of the table.
 #
 # | controller | $K_p$ | $K_i$ | $K_d$ |
 # |---|---|---|---|
 # | P only | $0.5\,K_u$ | 0 | 0 |
 # | PI | $0.45\,K_u$ | $0.54\,K_u/T_u$ | 0 |
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
+#
+# Step 2 assumes that an ultimate gain exists. Compare this with what you know about joints with and without friction,
+# delay and hold:
 
 # %%
 show("every_joint_has_ku")
 
 # %% [markdown]
-# So the delay has to be stated. With twenty milliseconds, every row judged by its matrix and a step:
+# So the delay must be stated. Suppose it is 20 ms. Before you look at the result: the rules were made for plants that
+# settle by themselves, such as a heated tank. A joint under constant torque does not settle at an angle; it keeps
+# turning. Its angle is already an integral.
 
 # %%
+show("ziegler_nichols_is_safe")
+
+# %% [markdown]
+# The alternative takes the same three numbers, $J$, $b$ and the delay. With PD and the total delay $D$ of hold,
+# difference and wire, the motions $e^{st}$ of the closed loop, its **poles** $s$, solve
+#
+# $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
+#
+# Choose $K_p$ and $K_d$ so that three of the poles are equal and real. The slowest part of the motion then does not
+# oscillate. The second derivative of $(Js^2 + bs)\,e^{sD} + K_p + K_d s$ must be zero, which is a quadratic equation for $s$;
+# the first derivative gives $K_d$, and the equation itself $K_p$:
+
+# %% tags=["show-code"]
 late = 0.02
+D = late + dt  # hold and difference are half a sample each
+s = max(np.roots([inertia * D**2, damping * D**2 + 4 * inertia * D, 2 * (damping * D + inertia)]))
+plain = inertia * s**2 + damping * s
+kd = -math.exp(s * D) * (D * plain + 2 * inertia * s + damping)
+kp = -math.exp(s * D) * plain - kd * s
+
 Ku, Tu = control.ultimate_gain(A, B, dt, late)
-plant = control.held(A, B, dt, late)
-print(f"Ku = {Ku:.2f} N m/rad, Tu = {Tu:.3f} s")
 tried = {name: (p * Ku, i * Ku / Tu, d * Ku * Tu) for name, (p, i, d) in limits.ROWS.items()}
 tried["often quoted"] = (27.0, 120.0, 1.5)
+tried["equal poles"] = (kp, 0.0, kd)
+
+# %% [markdown]
+# The cell below checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad. The row
+# *often quoted* has the gains that many tutorials derive from $K_u$ = 45 and $T_u$ = 0.45 s:
+
+# %% tags=["hide-code"]
+plant = control.held(A, B, dt, late)
+print(f"Ku = {Ku:.2f} N m/rad, Tu = {Tu:.3f} s")
 for name, (kp, ki, kd) in tried.items():
     growth = control.growth(control.loop_matrix(plant, control.pid_law(kp, ki, kd, dt=dt)))
     run = run_joint(
@@ -302,56 +530,68 @@ for name, (kp, ki, kd) in tried.items():
     )
     print(f"{name:<12} kp {kp:5.1f}  ki {ki:5.1f}  kd {kd:4.2f}   {steps}")
 
-# %%
-show("quoted_gains_overshoot")
+# %% [markdown]
+# The chart repeats this over a wide range of delays. The three rules are the upper curves, the equal poles the one at
+# the bottom:
+#
+# ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
+#
+# The P row halves $K_u$. Does that make it robust?
 
 # %%
 show("half_the_ultimate_gain")
 
-# %% [markdown]
-# The rows are for plants that lag by themselves. A joint integrates as well. What to do instead is no more work: put
-# the poles where you want them, *with the stated delay* in the equation. Three equal ones are the curve at the bottom:
-#
-# ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
-
 # %%
-show("ziegler_nichols_is_safe")
-
-# %%
-more_claims("quoted_ku_tu", "safer_set")
+more_claims("quoted_gains_overshoot", "quoted_ku_tu", "safer_set")
 
 # %% [markdown]
 # ## 2 · Concept: many joints
 #
-# ### Which law tracks?
+# ### Tracking controllers: PD to computed torque
 #
-# Chapter 4 gave the arm's equation, $M(q)\ddot q + h(q,\dot q) = \tau$. What a law knows of it:
+# An arm follows a planned motion $q_d(t)$. Each joint's motion loads the others, so a controller that knows the
+# equation of motion can do better than one PD loop per joint. Chapter 4 gave it as $M(q)\ddot q + h(q,\dot q) = \tau$,
+# where $h = C(q,\dot q)\,\dot q + g(q)$ collects velocity terms and gravity. Four controllers use more and more of it:
 #
-# | law | torque | knows |
+# | controller | torque | what it knows |
 # |---|---|---|
 # | PD | $K_p e + K_d\dot e$ | nothing |
-# | PD with **gravity compensation** | $K_p e + K_d\dot e + g(q)$ | what holds it up |
-# | feedforward | $K_p e + K_d\dot e + M(q_d)\ddot q_d + h(q_d,\dot q_d)$ | the planned motion |
-# | **computed torque** | see below | the arm as it moves |
+# | PD with **gravity compensation** | $K_p e + K_d\dot e + g(q)$ | the gravity torque |
+# | feedforward | $K_p e + K_d\dot e + M(q_d)\ddot q_d + h(q_d,\dot q_d)$ | the torque of the planned motion |
+# | **computed torque** | see below | the torque of the actual motion |
 #
 # $$\boxed{\;\tau = M(q)\,\big(\ddot q_d + K_d(\dot q_d - \dot q) + K_p(q_d - q)\big) + C(q,\dot q)\,\dot q + g(q)\;}$$
 #
-# The gains stand *inside* the mass matrix.
+# In computed torque the PD terms are multiplied by $M(q)$. They are accelerations here, so $K_p$ has the unit 1/s² and
+# $K_d$ the unit 1/s. To see what the error does, put this torque into the equation of motion. (On the card, $a_{ref}$
+# is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
+
+# %% [markdown]
+# Every joint's error then obeys its own linear equation, and the gains place its poles. This holds at each instant at which
+# the torque is computed. Remember what the motor drive does between samples:
 
 # %%
 show("perfect_model_perfect_tracking")
 
 # %% [markdown]
-# And with the wrong model, such as a payload that nobody told it of? **Adaptive control** (Slotine and Li 1987)
-# learns the numbers of the model while it moves. The torques are linear in them, chapter 4's regressor $Y$; the
-# estimate moves along $Y^\mathsf{T}s$, with $s$ a mixture of both errors. In continuous time a sum of squares can
-# then only fall.
+# The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
+# changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, $\tau = Y\theta$,
+# with the regressor $Y$ of chapter 4. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the update is
+#
+# $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
+#
+# where $\Lambda$ and $\Gamma$ are positive gains. The update stops as soon as the tracking error is zero, whatever
+# $\hat\theta$ is by then.
 
 # %%
 show("adaptive_finds_parameters")
+
+# %% [markdown]
+# In continuous time one can prove that a sum of squares, of $s$ and of the parameter error, never increases. The proof
+# needs an update at every instant. (The card writes $h$ for the sample time and *rate* for the gain $\Gamma$.)
 
 # %%
 show("adaptive_sum_can_only_fall")
@@ -363,17 +603,17 @@ show("adaptive_sum_can_only_fall")
 predict("wrong_inertia")
 
 # %% [markdown]
-# With $\hat I$ in the model for the true $I$ the error obeys
+# With $\hat J$ in the model for the true $J$ the error obeys
 #
-# $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{I}{\hat I} - 1\Big)\,\ddot q .$$
+# $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
 # <details><summary>Derive: who drives the error</summary>
 #
-# The law asks for $\tau = \hat I(\ddot q_d + K_d\dot e + K_p e)$, the joint answers $I\ddot q = \tau$. Subtract
-# $\hat I\ddot q$ from both sides: $(I - \hat I)\ddot q = \hat I(\ddot q_d - \ddot q + K_d\dot e + K_p e)$, and
-# $\ddot q_d - \ddot q = \ddot e$. Divide by $\hat I$.
+# The law asks for $\tau = \hat J(\ddot q_d + K_d\dot e + K_p e)$, the joint answers $J\ddot q = \tau$. Subtract
+# $\hat J\ddot q$ from both sides: $(J - \hat J)\ddot q = \hat J(\ddot q_d - \ddot q + K_d\dot e + K_p e)$, and
+# $\ddot q_d - \ddot q = \ddot e$. Divide by $\hat J$.
 #
-# For slow motion only $K_p e$ counts on the left, and the slope of $e$ over $\ddot q$ is $(I/\hat I - 1)/K_p$. At a
+# For slow motion only $K_p e$ counts on the left, and the slope of $e$ over $\ddot q$ is $(J/\hat J - 1)/K_p$. At a
 # frequency $\omega$ the error is $1/(K_p - \omega^2 + i\omega K_d)$ times the right side: late, and smaller. A plot of
 # one over the other then shows the real part of that.
 #

@@ -3,7 +3,7 @@
 #
 # *A depth camera looks at a table. Where is the known part: to 2 mm and 2 degrees, so that a gripper closes on it?
 # Answer first<span class="kernel-only">, run the cells, then drag a part</span>.* About {open minutes} minutes of
-# reading, cards and charts; the collapsed parts add {folded minutes}; exercises {exercise minutes}.
+# reading, cards and charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

@@ -3,7 +3,8 @@
 #
 # *Six gains that never fail in their simulator meet the arm that it was made for. What is lost, and what brings it
 # back? Answer first<span class="kernel-only">, run the cells, then pull the gap up</span>.* About {open minutes}
-# minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises {exercise minutes}.
+# minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the exercises
+# {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

@@ -2,8 +2,8 @@
 # # 9 · Robot learning
 #
 # *A point learns to reach a disc, starting from random pushes. Which reward teaches it best? Guess first, then watch
-# it learn.* About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes};
-# exercises {exercise minutes}.
+# it learn.* About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes,
+# the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

@@ -3,8 +3,8 @@
 #
 # *Thirty pictures a second leave the camera, and the controller runs a thousand times a second. Who hears whom, how
 # old is what arrives, and is it in time? Answer first<span class="kernel-only">, then run the cells</span>.* About
-# {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
-# {exercise minutes}.
+# {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the exercises
+# {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

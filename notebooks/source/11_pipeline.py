@@ -3,7 +3,7 @@
 #
 # *An arm looks, plans, follows and moves; at the end its tip is some millimetres beside the target. Whose
 # millimetres? Answer first<span class="kernel-only">, then run the cells</span>.* About {open minutes} minutes of
-# reading, cards and charts; the collapsed parts add {folded minutes}; exercises {exercise minutes}.
+# reading, cards and charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict

@@ -2,8 +2,8 @@
 # # 12 · The interview
 #
 # *Everything that the eleven chapters before measured, asked back. Answer aloud, then turn the card.* About
-# {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
-# {exercise minutes}. Add as many evenings of cards as you have.
+# {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the exercises
+# {exercise minutes} minutes. Add as many evenings of cards as you have.
 
 # %%
 from course.cards import predict

@@ -1,11 +1,13 @@
 """The panel: inputs that follow the model, time that runs while somebody looks."""
 
 import asyncio
+import base64
 import html
 
 import numpy as np
 import pytest
 
+from course.simulations import simulation
 from course.simulations.model import Experiment, recorded
 from course.simulations.panel import Panel
 from course.simulations.rigid_body import MODEL as BOX
@@ -61,6 +63,21 @@ def test_inputs_have_the_limits_of_the_model_and_follow_it(model):
     data, _ = panel._repr_mimebundle_()
     assert data["text/plain"] == repr(panel) and data["image/png"]
     panel.close()
+
+
+def test_the_saved_picture_is_of_the_moment_that_the_page_names():
+    from course.simulations.painter import to_png
+
+    made = simulation("bouncing_box", still=0.2)
+    experiment = Experiment(BOX)
+    experiment.choose(next(iter(BOX.presets)))
+    experiment.advance(0.2)
+    saved = base64.b64decode(made._repr_mimebundle_()[0]["image/png"])
+    assert saved == to_png(experiment.picture())
+    assert saved != to_png(experiment.later(3.0))
+    made.close()
+    with pytest.raises(ValueError, match="still"):
+        simulation("bouncing_box", still=-1.0)
 
 
 def test_a_recorded_model_says_so(panel):

@@ -262,18 +262,18 @@ def _error(rows: Rows, scene: str, model: str) -> float:
 
 NEWTON = "MuJoCo Newton, elliptic"
 SENTENCES: dict[str, Callable[[Rows], bool]] = {
-    "Between its edges every pyramid misses where a block stops; every true cone hits.": lambda r: (
+    "Launched between its edges a block stops wrongly with a pyramid, not with a cone.": lambda r: (
         not any(_hits(r, "braking", "pyramid"))
         and all(_hits(r, "braking", "true cone", "convex", "elliptic", HARD, "ours", "compiled"))
     ),
-    "Down a slope along an edge all of them are good.": lambda r: all(_hits(r, "incline", "")),
+    "Down a slope, along an edge, all of them are good.": lambda r: all(_hits(r, "incline", "")),
     "By default MuJoCo's light body sinks by centimetres under a heavy one, whatever the solver.": (
         lambda r: min(_error(r, "heavy", f"MuJoCo {s}, {c}") for s, c, _ in SOLVERS) > 0.01
     ),
     "Hardened, MuJoCo bears the heavy body and holds the glass, each within its tolerance.": (
         lambda r: all(_hits(r, "heavy", HARD) + _hits(r, "glass", HARD))
     ),
-    "Exact pivots and Newton on the cone hold it; a thousand sweeps do, ten do not.": lambda r: (
+    "Pivots, Newton on the cone and 1000 sweeps carry the heavy body. Ten sweeps fail.": lambda r: (
         all(_hits(r, "heavy", "LCP", "(Newton)", "convex", "(1000)"))
         and not any(_hits(r, "heavy", "(10)"))
     ),
@@ -287,7 +287,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "A table's legs stand still by rigid models; by soft ones they sink, within the tolerance.": (
         lambda r: all(_hits(r, "legs", "")) and _error(r, "legs", NEWTON) > 1e-5
     ),
-    "Our soft model errs as MuJoCo does; its table is stiffer, by an approximate diagonal.": (
+    "Our soft model errs like MuJoCo's. On the table MuJoCo is stiffer: it estimates A-hat.": (
         lambda r: all(
             ratio > 2.0 if s == "legs" else abs(ratio - 1.0) < 1e-6
             for s in QUESTIONS

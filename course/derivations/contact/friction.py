@@ -29,9 +29,9 @@ def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
 
 @claim(
     "Below the limit of friction a contact sticks; at the limit it slides.",
-    "It sticks if friction is Coulomb's. Exactly at the limit it still sticks; only more than "
-    "that makes it slide. Regularised friction and MuJoCo's soft contact hold a load only while "
-    "they creep: at {creep_mm_s:.2f} mm/s here, on a slope of {slope:.0%} of the limiting one.",
+    "Exactly at the limit it still sticks; only more than that makes it slide. Regularised "
+    "friction and MuJoCo's soft contact hold a load only while they creep: at {creep_mm_s:.2f} "
+    "mm/s here, on a slope of {slope_rad:.3f} rad, {slope:.0%} of the limiting one.",
 )
 def below_the_limit_sticks(result):
     from course.contact import scenes
@@ -56,6 +56,7 @@ def below_the_limit_sticks(result):
         scenes.block(np.arctan(0.5) * share, 0.5), "soft", 0.002, 500, cone="elliptic"
     ).v[0, -1]
     result.measure("creep_mm_s", 1e3 * creep, tolerance=1e-4)
+    result.measure("slope_rad", np.arctan(0.5) * share, tolerance=1e-9)
     above = [sticks(model, 0.5, 1.05) for model in RIGID]
     result.statement = f"MuJoCo's model creeps at {1e3 * creep:.3f} mm/s."
     result.statement_holds(
@@ -358,11 +359,11 @@ def friction_has_a_step_limit(result):
 
 @claim(
     "In MuJoCo, condim 4 gives the full friction cone.",
-    "condim is the number of rows of a contact. 4 adds friction against spinning to the two "
-    "directions of sliding that 3 has. It stops what spins on one point; what stands on several "
-    "points, such as a cylinder, is stopped by 3 as well. The shape of the cone is a separate "
-    "option, and its default is the pyramid: pushed off halfway between two edges, a block with "
-    "condim 4 travels {stretched:.2f} times as far as with the elliptic cone.",
+    "condim is the number of directions in which a contact has a force. 4 adds friction against "
+    "spinning to the two directions of sliding that 3 has. It stops what spins on one point; what "
+    "stands on several points, such as a cylinder, is stopped by 3 as well. The shape of the cone "
+    "is a separate option, and its default is the pyramid: pushed off halfway between two edges, a "
+    "block with condim 4 travels {stretched:.2f} times as far as with the elliptic cone.",
 )
 def condim_4_is_the_full_cone(result):
     import mujoco
@@ -471,10 +472,9 @@ def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5, start=(-1e-12, -1.0)):
 
 @claim(
     "Too much damping in a penalty contact makes things stick together.",
-    "It does only if the damper is allowed to pull and is at least critical: then the bodies "
-    "never part by themselves. If the force is clipped at zero, the contact lets go at every "
-    "damping ratio. At critical damping the bodies separate with {left:.3f} of their approach "
-    "speed.",
+    "Then the bodies never part by themselves. If the force is clipped at zero, the contact lets "
+    "go at every damping ratio. At critical damping the bodies separate with {left:.3f} of their "
+    "approach speed.",
 )
 def damping_makes_things_stick(result):
     from course.oracles.mujoco.box import spring_restitution
@@ -490,8 +490,8 @@ def damping_makes_things_stick(result):
     )
     result.statement_holds(
         bool(np.isnan(_hit(1.5, False))),
-        only_if="the damper may pull and is at least critical, and nothing parts the bodies faster "
-        "than (zeta + sqrt(zeta^2 - 1)) omega times their depth",
+        only_if="the damper may pull and is at least critical, and nothing pulls the bodies apart "
+        "faster than (zeta + sqrt(zeta^2 - 1)) omega times their depth",
         inside=[bool(np.isnan(_hit(z, True))) for z in zetas]
         + [bool(np.isnan(_hit(z, True, start=(-1e-3, 0.95 * tears(z))))) for z in zetas],
         outside=[bool(np.isnan(_hit(z, False))) for z in zetas]
@@ -521,14 +521,13 @@ def penalty_law_has_a_plus(result):
 
 @claim(
     "The damper of a penalty contact damps the oscillation.",
-    "It does while the contact stays closed and the step is below the largest stable one, which "
-    "the damping itself lowers: in semi-implicit Euler to 2 (sqrt(1 + zeta^2) - zeta)/omega. "
-    "Above that limit the damper drives the oscillation. A contact that opens and closes needs a "
-    "shorter step. Dropped from {drop_mm:.0f} mm, at a damping ratio of {ratio:.2f} and "
-    "{share:.0%} of the limit, a ball reaches more than {gained:.0f} times its energy. At "
+    "The damping itself lowers that limit: in semi-implicit Euler to 2 (sqrt(1 + zeta^2) - "
+    "zeta)/omega. Above the limit the damper drives the oscillation. A contact that opens and "
+    "closes needs a shorter step. Dropped from {drop_mm:.0f} mm, at a damping ratio of {ratio:.2f} "
+    "and {share:.0%} of the limit, a ball reaches more than {gained:.0f} times its energy. At "
     "{safe:.0%} of the limit and a damping ratio of {least:.1f} or more, none of our balls gains "
-    "energy. Sliding is not damped at all: a block that slides at {speed:.0f} m/s loses nothing "
-    "to the damper.",
+    "energy. Sliding is not damped at all: a block that slides at {speed:.0f} m/s loses nothing to "
+    "the damper.",
 )
 def damper_damps(result):
     from course.charts.contact.models import step_limit

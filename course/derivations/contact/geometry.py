@@ -56,8 +56,8 @@ def _depth_in_mesh(mesh, place):
 
 @claim(
     "Two axis-aligned bounding boxes overlap exactly if they overlap on all three axes.",
-    "They do. But that says little about the shapes inside: of random capsules, four times as "
-    "long as wide, whose boxes overlap, {apart_percent:.0f} % are apart.",
+    "They do. But that says little about the shapes inside: of random capsules (rods with round "
+    "ends), four times as long as wide, whose boxes overlap, {apart_percent:.0f} % are apart.",
 )
 def aabb_all_axes(result):
     from course import contact
@@ -316,9 +316,10 @@ def pile_of_a_hundred(result):
     "Two convex shapes intersect exactly if their Minkowski difference contains the origin: this "
     "is what GJK tests.",
     "The first half is true of any two sets. GJK needs convex shapes, because it only asks for "
-    "support points, and a shape has the same support points as its convex hull. Of balls in the "
-    "notch of an angle, {clear_percent:.0f} % touch neither plate; but {wrong_percent:.0f} % of "
-    "all the balls touch neither plate and are still reported as touching the angle's hull.",
+    "support points, and a shape has the same support points as its convex hull. Of the "
+    "balls that we placed in the notch of an L-shaped profile, {clear_percent:.0f} % touch neither "
+    "leg. GJK sees the profile's hull and reports contact anyway: wrongly, for {wrong_percent:.0f} "
+    "% of all the balls.",
 )
 def gjk_minkowski(result):
     from scipy.spatial import ConvexHull
@@ -459,8 +460,8 @@ def epa_gives_the_contact(result):
     result.statement = "A ball is pressed into a wall from above, to random depths."
     result.statement_holds(
         back(1.5 * middle),
-        only_if="the ball is less than {middle_mm:.1f} mm deep, and less than its way out at the "
-        "wall's edges",
+        only_if="in this scene, the ball is less than {middle_mm:.1f} mm deep, and less than its "
+        "way out at the wall's edges",
         inside=[back(share * middle) for share in result.rng.uniform(0.01, 0.999, 12)]
         + [back(share * middle, 0.9) for share in result.rng.uniform(0.01, 0.999, 4)],
         outside=[back(share * middle) for share in result.rng.uniform(1.001, 1.9, 12)]
@@ -510,10 +511,9 @@ def circle_test_concentric(result):
 
 @claim(
     "Testing the circles in every step finds their collisions.",
-    "It does only while a step is no longer than the distance over which the circles overlap: "
-    "twice sqrt((r1 + r2)^2 - h^2) for a path that passes the centre at a distance h. With steps "
-    "up to three times as long, {missed_percent:.0f} % of random flights went undetected. The "
-    "time of impact finds all of them.",
+    "For a path that passes the centre at a distance d, they overlap over twice sqrt((r1 + r2)^2 - "
+    "d^2). With steps up to three times as long, {missed_percent:.0f} % of random flights went "
+    "undetected. The time of impact finds all of them.",
 )
 def circles_once_a_step(result):
     from course import contact
@@ -551,11 +551,12 @@ def circles_once_a_step(result):
 @claim(
     "With a step that is small enough, nothing passes a thin wall.",
     "With one test per step, a hit can be missed only at (2 r + w) / dt or faster: "
-    "{geometric_m_per_s:.0f} m/s for a ball of {ball_mm:.0f} mm radius, a wall of {wall_mm:.0f} "
-    "mm and a step of {step_ms:g} ms. But a soft contact gives way. Pushed past the middle of the "
+    "{geometric_m_per_s:.0f} m/s for a ball of {ball_mm:.0f} mm radius, a wall of {wall_mm:.0f} mm "
+    "and a step of {step_ms:g} ms. But a soft contact gives way. Pushed past the middle of the "
     "wall, the ball comes out on the far side. In MuJoCo's critically damped default this starts "
-    "at about e (r + w/2) / (dmax timeconst) = {soft_m_per_s:.2f} m/s, whatever the step; "
-    "measured at three steps, at {smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s.",
+    "at about e (r + w/2) / (dmax timeconst) = {soft_m_per_s:.2f} m/s, where e is Euler's number, "
+    "dmax the impedance at full depth and timeconst the time constant (section 2); measured at "
+    "three steps, at {smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s.",
 )
 def soft_wall(result):
     from course.charts.contact.geometry import RADIUS, WALL, checked, in_mujoco
@@ -596,10 +597,10 @@ def soft_wall(result):
 
 
 @claim(
-    "If a mesh is not convex, the engine decomposes it into convex pieces by itself.",
-    "MuJoCo uses the convex hull of the mesh. A ball that hangs freely in the notch of an angle, "
-    "{free_mm:.0f} mm from both plates, is {depth_mm:.0f} mm deep in the mesh. The decomposition "
-    "is the user's job, with another tool.",
+    "If a mesh is not convex, MuJoCo decomposes it into convex pieces by itself.",
+    "It uses the convex hull of the mesh. A ball that hangs freely in the notch of an L-shaped "
+    "profile, {free_mm:.0f} mm from both legs, is {depth_mm:.0f} mm deep in the mesh. The "
+    "decomposition is the user's job, with another tool. Other engines may differ.",
     source="MuJoCo 4 documentation, Computation, Convex decomposition",
 )
 def concave_mesh_is_its_hull(result):

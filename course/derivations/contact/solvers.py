@@ -25,7 +25,7 @@ def _stack(**options):
 
 @claim(
     "MuJoCo's contact problem is convex and has a unique solution.",
-    "It has. On a stack of boxes and on a table, whose rigid forces are not unique, Newton from "
+    "On a stack of boxes and on a table, whose rigid forces are not unique, Newton from "
     "any start and CG agree to {digits:.0f} digits or more if they are run to convergence. Unique "
     "does not mean that every solver finds it: on a sliding impact, PGS with elliptic cones "
     "returns no force where Newton finds {newton_n:.0f} N.",
@@ -77,9 +77,10 @@ def mujoco_is_convex_and_unique(result):
 
 @claim(
     "The solver needs 50 to 100 iterations for complex contact scenes.",
-    "That depends on the solver and on the masses. MuJoCo's Newton solver takes at most "
-    "{newton:.0f} on a stack of boxes. Projected Gauss-Seidel needs {sweeps:.0f} sweeps for two "
-    "bodies, if the upper one has {ratio:.0f} times the mass of the lower one.",
+    "That depends on the solver, the masses and the start. MuJoCo's Newton solver takes at most "
+    "{newton:.0f} on a stack of boxes. In another scene, with rigid contacts, projected "
+    "Gauss-Seidel needs {sweeps:.0f} sweeps from zero for two bodies, if the upper one has "
+    "{ratio:.0f} times the mass of the lower one.",
 )
 def iterations_50_to_100(result):
     from course.charts.contact.models import sweeps_needed
@@ -100,8 +101,8 @@ def iterations_50_to_100(result):
 @claim(
     "Increase nconmax and njmax if contacts stick or the solver does not converge.",
     "These were sizes of memory. If they were large enough, increasing them changed nothing. "
-    "Version 4 ignores them: with {allowed:.0f} contacts allowed, a box rests on {contacts:.0f}, "
-    "and its final position is the same as without the limit, to the last bit.",
+    "MuJoCo 4 itself ignores them: with {allowed:.0f} contacts allowed, a box rests on "
+    "{contacts:.0f}, and its final position is the same as without the limit, to the last bit.",
     source="MuJoCo 4.0 documentation, XML reference, size",
 )
 def nconmax_helps(result):
@@ -139,7 +140,8 @@ def nconmax_helps(result):
     "takes {upside:.0f}.",
     ask=(
         "A mass r stands on a mass 1 that stands on the ground. Each sweep multiplies the relative "
-        "error of the forces by r/(1 + r). For large r, about how many sweeps n reduce it to e?",
+        "error of the forces by r/(1 + r). For large r, about how many sweeps n reduce it to e, a "
+        "number far below 1?",
         "n = (1 + r)*log(1/e)",
         {
             "r*log(e)": "The logarithm of a tolerance below 1 is negative.",
@@ -179,7 +181,8 @@ def sweeps_and_masses(result):
     "steps and up to {high_mm:.0f} mm high, all stopped within {stop:.1%} of Coulomb's distance.",
     ask=(
         "A block touches the ground and slides at v. In one step of the convex model it takes off "
-        "with the normal speed mu v/(1 + mu^2). How high does it fly?",
+        "with the normal speed mu v/(1 + mu^2). How high does it fly from there, like a ball that "
+        "is thrown upwards? (h is the step.)",
         "H = (mu*v/(1 + mu^2))^2/(2*g)",
         {
             "(mu*v)^2/(2*g)": "The same step also brakes the block, so it slides at v/(1 + mu^2) "
@@ -286,7 +289,7 @@ def heavy_on_light_sinks(result):
 
 @claim(
     "The top of a tower of n equal boxes sags by n (n + 1)/2 times what the topmost contact does.",
-    "It does on equal springs. In MuJoCo, the contact with the ground counts the mass of one body "
+    "In MuJoCo, the contact with the ground counts the mass of one body "
     "and the others that of two; with constant impedance the top then sags by n^2 times the depth "
     "of a single body on the ground. The default impedance grows with the depth, and then there "
     "is no simple law: {few:.0f} boxes sag by {share_few:.3f} of n (n + 1)/2 times their topmost "
@@ -474,12 +477,13 @@ def mujoco_is_velocity_level(result):
 
 
 @claim(
-    "Constraint methods can take larger steps than penalty methods.",
-    "On the scenes of this chapter, rigid methods stay stable at any step, while a penalty "
-    "contact has a limit. So has a soft contact without MuJoCo's refsafe: its tower collapses at "
-    "{soft_ms:.0f} ms. Stable is not accurate, though. At {dt_ms:.0f} ms a rigid contact keeps a "
-    "tower at rest to {rest_um:.0e} um, but it misses the point where a braking block stops by "
-    "{missed_mm:.0f} mm of {way_mm:.0f}, and that error is proportional to the step.",
+    "Rigid constraints are stable at larger steps than an explicitly integrated penalty.",
+    "On the scenes of this chapter, rigid methods stay stable at any step, while such a penalty "
+    "has a limit. (A penalty that is integrated implicitly, as with ERP and CFM, has none.) So has "
+    "a soft contact without MuJoCo's refsafe: its tower collapses at {soft_ms:.0f} ms. Stable is "
+    "not accurate, though. At {dt_ms:.0f} ms a rigid contact keeps a tower at rest to "
+    "{rest_um:.0e} um, but it misses the point where a braking block stops by {missed_mm:.0f} mm "
+    "of {way_mm:.0f}, and that error is proportional to the step.",
 )
 def constraints_take_larger_steps(result):
     from course.charts.contact.models import measured_limit
@@ -522,9 +526,9 @@ def constraints_take_larger_steps(result):
 
 @claim(
     "500 kN/m is the contact stiffness of steel.",
-    "That is soft for steel. According to Hertz, a steel ball of {radius_mm:.0f} mm on a steel "
-    "plate has {stiffness_mn_m:.0f} MN/m under {load_n:.0f} N, and more under a larger load. For "
-    "one kilogram on it, semi-implicit Euler needs steps below {step_ms:.2f} ms.",
+    "That is soft for steel. According to Hertz, a steel ball of {radius_mm:.0f} mm radius on a "
+    "steel plate has {stiffness_mn_m:.0f} MN/m under {load_n:.0f} N, and more under a larger load. "
+    "For one kilogram on it, semi-implicit Euler needs steps below {step_ms:.2f} ms.",
     source="Johnson, Contact Mechanics, 1985, sec. 4.2",
 )
 def steel_stiffness(result):
