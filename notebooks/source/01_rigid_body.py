@@ -8,8 +8,8 @@
 # A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Which
 # of the two comes first?
 #
-# About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
-# {exercise minutes}.
+# About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
+# exercises {exercise minutes} minutes.
 # %%
 from course.cards import predict
 from course.simulations import simulation
