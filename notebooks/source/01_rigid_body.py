@@ -2,14 +2,14 @@
 # # 1 · Rigid bodies
 #
 # *Your simulated robot stands still, and its energy grows. A part tumbles through the air and turns the wrong way. A
-# stiff gripper explodes at one step size and is quiet at another. All three faults come from how a simulator moves a
-# rigid body from one moment to the next.*
+# stiff gripper explodes at one step size and is quiet at another. All three are faults of the time step, of its length
+# or of its formula.*
 #
 # A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Which
 # of the two comes first?
 #
-# About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
-# {exercise minutes}.
+# About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
+# exercises {exercise minutes} minutes.
 # %%
 from course.cards import predict
 from course.simulations import simulation
@@ -20,13 +20,13 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# Choose the two presets with Euler in their name, one after the other. They have perfectly elastic impacts, so all the change of energy that
-# you see is an error of the steps in flight.
+# Choose the second preset, which uses the old velocity, and then the third, which uses the new one. Their impacts are
+# perfectly elastic, and the impact times are located, so all the change of energy is an error of the steps in flight.
 #
-# **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from; store
-# and update an orientation without singularities or drift; choose an integrator by its error for a given cost; predict
-# the largest stable step; and find the cause when a simulation explodes, misses a wall or gains energy. You need
-# vectors, matrices, derivatives, and Python with NumPy.
+# **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from;
+# store and update an orientation so that it neither drifts nor fails at some attitude; choose an integrator by its
+# error for a given cost; predict the largest stable step; and find the cause when a simulation explodes, misses a
+# wall or gains energy. You need vectors, matrices, derivatives, and Python with NumPy.
 #
 # ## How this chapter works
 #
@@ -66,8 +66,7 @@ def source(*functions):
 #
 # ### How many numbers describe a rigid body?
 #
-# Before a simulator can move a body, it has to store what the body is doing. How many numbers does that take? Too few,
-# and the future is not determined. Too many, and they can contradict each other.
+# Before a simulator can move a body, it has to store what the body is doing.
 #
 # A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate
 # about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
@@ -109,8 +108,8 @@ axes_.axis("off")
 plt.show()
 # %% [markdown]
 # How many numbers you *store* depends on how you write the orientation. The set of all orientations is called
-# **SO(3)**. It has three dimensions, but it closes on itself, like the surface of a ball does, and this is why three
-# numbers never cover it without trouble:
+# **SO(3)**. It has three dimensions. As with longitude at the poles, any three numbers fail somewhere (they are
+# **singular** there):
 #
 # | orientation stored as | numbers | with position and velocities | drawback |
 # |---|---|---|---|
@@ -118,14 +117,15 @@ plt.show()
 # | a unit **quaternion**, four numbers of length one | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
 # | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
 #
-# In the plane everything is simpler: two coordinates, one angle and their three rates make six numbers.
+# In the plane, two coordinates, one angle and their three rates make six numbers. Engines call the six degrees of
+# freedom of an unattached body a *free joint*.
 # %%
 more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
 # ### Free rotation: what stays constant without torque
 #
-# Throw a book into the air with a spin. Nothing touches it, so you might expect it to spin steadily. It wobbles. To see
-# why, you need one quantity that describes the mass of a body as seen by a rotation.
+# Throw a book into the air with a spin. Nothing touches it, so you might expect it to spin steadily. It wobbles. To
+# see why, you need to know how hard a body is to turn.
 #
 # A piece of mass at the distance $r$ from an axis resists rotation about it in proportion to $r^2$. Summed over the
 # body, the **moments of inertia** about the axes $x$, $y$ and $z$ through the centre of mass are
@@ -138,10 +138,13 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # diagonal. For a box they are the axes of symmetry.
 #
 # The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
-# rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$. Now look at a body without torque.
-# $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. If $L = I\omega$ is to stay
-# constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves although nothing pushes. There is
-# one exception. If the body spins about a principal axis, $L$ and $\omega$ are parallel and stay so.
+# rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$.
+#
+# Now look at a body without torque. $L$ is constant in space. But the body turns, and $I$, seen from space, turns
+# with it. If $L = I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation
+# moves although nothing pushes. There is one exception. If the body spins about a principal axis, $L$ and $\omega$
+# are parallel and stay so. In the simulation, $\omega$ sweeps the *space cone* in space and the *body cone* in the
+# body.
 # %%
 show("free_body_keeps_angular_velocity")
 # %%
@@ -149,9 +152,8 @@ simulation("free_body")
 # %% [markdown]
 # ### The equations of motion
 #
-# An interviewer will want to see the laws written down. Force changes the momentum $p = mv$, and torque about the
-# centre of mass changes the angular momentum. Both statements are meant in the world frame, a frame that does not
-# rotate:
+# Force changes the momentum $p = mv$, and torque about the centre of mass changes the angular momentum. Both
+# statements are meant in the world frame, a frame that does not rotate:
 #
 # $$\dot p = F, \qquad \dot L = \tau, \qquad p = m v, \quad L = I\omega .$$
 #
@@ -162,9 +164,9 @@ simulation("free_body")
 # frame)} \;}$$
 #
 # The extra product $\omega\times(I\omega)$ is the **gyroscopic term**. It is not a force. It appears because you
-# describe a constant $L$ from a frame that rotates: a vector that stands still in space seems to turn backwards when
-# you turn. The term is zero where $L$ and $\omega$ are parallel: for every rotation of a body with three equal moments,
-# such as a ball or a cube, and for a spin about a principal axis.
+# describe a constant $L$ from a frame that rotates: seen from a turning chair, a fixed lamp moves the other way. The
+# term is zero where $L$ and $\omega$ are parallel: for every rotation of a body with three equal moments, such as a
+# ball or a cube, and for a spin about a principal axis.
 #
 # <details><summary>Derive it: where the extra term comes from</summary>
 #
@@ -176,9 +178,9 @@ simulation("free_body")
 #
 # </details>
 #
-# **Worked example.** A body with the moments 1, 2 and 3 kg m² has the angular velocity $\omega = (1, 1, 0)$ rad/s and no
-# torque. Then $L = (1, 2, 0)$, and $\omega\times L = (0, 0, 1\cdot 2 - 1\cdot 1) = (0, 0, 1)$ N m. So $\dot\omega = (0, 0,
-# -\tfrac13)$ rad/s²: the body starts to rotate about its third axis, with no torque at all.
+# **Worked example.** A body with the moments 1, 2 and 3 kg m² has the angular velocity $\omega = (1, 1, 0)$ rad/s and
+# no torque. Then $L = (1, 2, 0)$, and $\omega\times L = (0, 0, 1\cdot 2 - 1\cdot 1) = (0, 0, 1)$ N m. So
+# $\dot\omega = (0, 0, -\tfrac13)$ rad/s²: the body starts to rotate about its third axis, with no torque at all.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -205,11 +207,12 @@ predict("brick_that_flips")
 simulation("flip")
 # %% [markdown]
 # Two quantities of a free body are constant, the length of $L$ and the energy $\tfrac12\,\omega\cdot L$. In the body
-# frame the first says that the tip of $L$ stays on a sphere, the second that it stays on an ellipsoid. So it runs along
-# a curve where the two surfaces meet. The path of the rotation vector in the body is called the **polhode**; the
-# drawing shows it for $L$. Around the axes of the smallest and of the largest moment, the curves are small closed
-# loops. Through the middle axis two curves cross, and whoever starts near the crossing travels all the way to the
-# opposite side and back:
+# frame the first says that the tip of $L$ stays on a sphere, the second that it stays on an ellipsoid. So the tip of
+# $L$ runs along the intersection of the two surfaces. The path of $\omega$ in the body is called the **polhode**; we
+# draw the path of $L$ instead.
+#
+# Close to the axes of the smallest and of the largest moment, the curves are small closed loops. Through the middle
+# axis two curves cross, and a body that starts near the crossing travels all the way to the opposite side and back:
 # %% tags=["hide-code"]
 moments = np.array([1.0, 2.0, 3.0])
 
@@ -283,10 +286,10 @@ print("lowest component along the start axis:", "  ".join(f"{x:+.3f}" for x in l
 #
 # $$\sigma = \Omega\,\sqrt{\frac{(I_2-I_1)(I_3-I_2)}{I_1\,I_3}} .$$
 #
-# **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two other
-# sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 g m². The root is $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At
-# $\Omega = 10$ rad/s a disturbance grows by the factor $e$ every $1/5.3 = 0.19$ s, so a disturbance of one degree
-# becomes a flip within a second.
+# **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two
+# other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 g m². The root is $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} =
+# 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor $e$ every $1/5.3 = 0.19$ s. From one degree, a flip
+# takes about one second to its middle and two in all.
 #
 # <details><summary>Derive it: the rate of growth</summary>
 #
@@ -305,21 +308,21 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 # %% [markdown]
 # ### What keeps a spinning top up?
 #
-# A spinning top leans over and does not fall. The torque of gravity is $\tau = r\times mg$ with $r$ from the tip to the
-# centre of mass. It is horizontal and perpendicular to the axis. If the top does not spin, this torque builds up
-# angular momentum from zero, in its own direction, and the top tips over. If the top spins fast, there is already a
-# large $L$ along the axis. The same torque adds a small sideways piece to it in each moment, so the axis turns
-# sideways.
+# A spinning top leans over and does not fall. The torque of gravity is $\tau = r\times mg$ with $r$ from the tip to
+# the centre of mass. It is horizontal and perpendicular to the axis. Without spin, $L$ grows along the torque: that
+# is tipping. If the top spins fast, there is already a large $L$ along the axis. The same torque adds a small
+# sideways piece to it in each moment, so the axis turns sideways.
 #
 # This slow circling is called **precession**. With the angular momentum $L$ and the lever $l$ its rate is about
-# $mgl/L$: the faster the spin, the slower the precession.
+# $mgl/L$: the faster the spin, the slower the precession. Released with its axis at rest, the top also nods:
+# *nutation*.
 # %%
 show("gyroscopic_term_holds_the_top_up")
 # %%
 simulation("top")
 # %% [markdown]
 # An upright top stands only if it spins fast enough. With $I_3$ about its axis and $I_1$ across it (both about the
-# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$. Try both sides of it with the presets.
+# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$.
 # %%
 more_claims(
     "top_condition",
@@ -344,26 +347,26 @@ except ValueError as problem:
     print(textwrap.fill(str(problem), 96))
 # %% [markdown]
 # The second thing to check is the point about which the tensor is given. The **parallel axis** theorem says how it
-# changes: about an axis at the distance $d$ from the one through the centre of mass, and parallel to it, the moment is
-# larger by $m d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 + m(\tfrac a2)^2 =
-# \tfrac13ma^2$ about its end: four times as much. For the whole tensor and a displacement vector $d$ one adds $m(\lvert
-# d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
+# changes: about an axis at the distance $d$ from the one through the centre of mass, and parallel to it, the moment
+# is larger by $m d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 +
+# m(\tfrac a2)^2 = \tfrac13ma^2$ about its end: four times as much. For the whole tensor and a displacement vector $d$
+# one adds $m(\lvert d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
 #
 # ### Euler angles and gimbal lock
 #
 # Pilots describe the attitude of a plane by three angles. First turn by the **yaw** about the vertical axis $z$, then
-# by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. Now pitch the
-# nose straight up, by 90 degrees. The roll axis is vertical, and so is the yaw axis. Two of the three rotations do the
-# same, and one direction of rotation is missing. This is **gimbal lock**. Play the first preset and watch the two
-# rings, then lock them:
+# by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. Now pitch
+# the nose straight up, by 90 degrees. Yaw and roll now turn about the same line, and no angle turns the nose
+# sideways. This is **gimbal lock**. (With $z$ up, a positive $\theta$ turns the nose down.) Play the first preset and
+# watch the two rings, then lock them:
 # %%
 simulation("gimbal")
 # %% [markdown]
-# In formulas: a matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det
-# E\rvert = \lvert\cos\theta\rvert$. At $\theta = 90°$ its rank is only two: there is one direction of $\omega$ that no
-# finite angle rates can produce. Close to the lock the rates exist, but they are huge. Let the three
-# rates together have the length 1 rad/s. The slowest rotation that they can then produce is the smallest
-# **singular value** of $E$, the curve in the picture.
+# A matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det E\rvert =
+# \lvert\cos\theta\rvert$. At $\theta = 90°$ its rank is only two: there is one direction of $\omega$ that no finite
+# angle rates can produce. Close to the lock the rates exist, but they are huge. Take all vectors of angle rates of
+# length 1. The smallest $\lvert\omega\rvert$ that they give is the smallest **singular value** of $E$; the picture
+# plots it. The cell takes this worst axis, the card after it the lost axis, with the yaw rate $1/\cos\theta$.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the worst axis")
 for angle in (60.0, 89.0, 90.0):
@@ -401,9 +404,9 @@ more_claims(
 #
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
-# A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the
-# **rotation vector** $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$. Its inverse is the
-# logarithm.
+# A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the rotation
+# vector $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$; note that it halves the angle. Its
+# inverse is the logarithm.
 #
 # To do one rotation after the other, multiply the quaternions. With the scalar part $w$ and the vector part $u =
 # (x,y,z)$,
@@ -417,7 +420,7 @@ more_claims(
 # $$\dot q = \tfrac12\, q\,(0, \omega) .$$
 #
 # Multiplication by a unit quaternion does not change lengths. So a rotation at the rate $\lvert\omega\rvert$ always
-# moves $q$ at the speed $\tfrac12\lvert\omega\rvert$, whatever the orientation.
+# moves $q$ at the speed $\tfrac12\lvert\omega\rvert$, whatever the orientation: there is no lock.
 # %%
 show("quaternion_has_no_lock")
 # %% [markdown]
@@ -427,13 +430,13 @@ show("quaternion_has_no_lock")
 # %%
 simulation("double_cover")
 # %% [markdown]
-# In practice this means: never subtract two quaternions to compare orientations. A controller that does so may command
-# a turn of nearly 360 degrees for an error of nearly zero. Compare by the angle $2\arccos\lvert q\cdot p\rvert$, and
-# before you interpolate, flip the sign of one of them if the dot product is negative.
+# Never subtract two quaternions to compare orientations. A controller that does so may command a turn of nearly 360
+# degrees for an error of nearly zero. Compare by the angle $2\arccos\lvert q\cdot p\rvert$, and before you
+# interpolate, flip the sign of one of them if the dot product is negative.
 #
 # **SLERP**, spherical linear interpolation, moves from one orientation to another at a constant rate, along the arc
-# between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. Mixing the four numbers linearly and scaling
-# the result to length one follows the same arc, but not at a constant rate.
+# between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. Mixing the four numbers linearly and
+# scaling the result to length one follows the same arc, but not at a constant rate.
 #
 # When you need the matrix, **Rodrigues'** formula converts axis and angle. With $[n]_\times$ the matrix for which
 # $[n]_\times u = n\times u$,
@@ -469,10 +472,10 @@ more_claims("quaternion_is_unique")
 #
 # ### Explicit and semi-implicit Euler
 #
-# The equations give accelerations, and a computer has to turn them into motion. An **integrator** advances the state by
-# one time step $h$ (`dt` in code). Write $q$ for the position, $v$ for the velocity, $a$ for the acceleration at $q$, and a
-# prime for values after the step. The obvious method uses only values that are known at the start of the step.
-# **Explicit Euler** does this:
+# The equations give accelerations, and a computer has to turn them into motion. An **integrator** advances the state
+# by one time step $h$ (`dt` in code). Write $q$ for the position, $v$ for the velocity, $a$ for the acceleration at
+# $q$, and a prime for values after the step. The obvious method uses only values that are known at the start of the
+# step. **Explicit Euler** does this:
 #
 # $$q' = q + h\,v, \qquad v' = v + h\,a .$$
 #
@@ -517,11 +520,11 @@ more_claims(
 # %% [markdown]
 # ### The stability limit of a step
 #
-# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine in free flight is
-# suddenly too long. To see where the border lies, you need only a mass on a spring. A spring of **stiffness** $k$ pulls
-# back with $kx$, so $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Near a resting position, every conservative
-# mechanical system behaves like a set of such springs, one for each mode of vibration. (The word "conservative"
-# excludes friction and forces that depend on velocity.)
+# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine in free flight
+# is suddenly too long. To see where the border lies, you need only a mass on a spring. A spring of **stiffness** $k$
+# pulls back with $kx$, so $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Near a stable resting position, every
+# mechanical system without friction or velocity-dependent forces behaves like a set of such springs, one for each
+# *mode of vibration* (a pattern in which all parts oscillate at one frequency).
 #
 # On a spring, a step multiplies the state by a fixed matrix. For semi-implicit Euler insert the first line into the
 # second:
@@ -529,9 +532,9 @@ more_claims(
 # $$\begin{pmatrix}x'\\ v'\end{pmatrix} = A\begin{pmatrix}x\\ v\end{pmatrix},\qquad
 # A = \begin{pmatrix}1-(\omega h)^2 & h\\ -\omega^2h & 1\end{pmatrix}.$$
 #
-# After $n$ steps the state is $A^n$ times the first one. It stays bounded if no **eigenvalue** of $A$ has a modulus above
-# 1. (If two eigenvalues coincide on the unit circle, $A$ must also have two eigenvectors.) So the whole question is where
-# two numbers lie in the complex plane.
+# After $n$ steps the state is $A^n$ times the first one. It stays bounded if every **eigenvalue** of $A$ has a
+# modulus of at most one. (At a double eigenvalue on the unit circle the state can still grow linearly.) So the whole
+# question is where two numbers lie in the complex plane.
 # %%
 predict("spring_and_step")
 # %%
@@ -577,7 +580,7 @@ print(f"at omega h = 2.2 the eigenvalues are {min(beyond):.2f} and {max(beyond):
 # %%
 show("semi_implicit_unconditional")
 # %% [markdown]
-# The result is worth learning by heart:
+# Learn this result by heart:
 #
 # $$\boxed{\; h < \frac{2}{\omega_{\max}} = 2\sqrt{\frac{m}{k}} \;}$$
 #
@@ -601,7 +604,8 @@ show("semi_implicit_unconditional")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** No step size is safe in itself. Semi-implicit Euler needs $h < 2/\omega_{\max}$, so the fastest
-# oscillation in the model decides. A contact that opens and closes needs a smaller step.
+# oscillation in the model decides. A contact that opens and closes needs a smaller step, because it may gain energy
+# even below the limit.
 #
 # </div>
 # %%
@@ -625,8 +629,8 @@ more_claims(
 # number of **force evaluations** per step. In return, more evaluations can buy a higher **order**. A method of order
 # $p$ has an error proportional to $h^p$: halve the step, and the error shrinks by the factor $2^p$.
 #
-# **Velocity Verlet** averages the accelerations at the start and at the end of the step. It is also known as **leapfrog**,
-# because it visits the same positions as a method whose velocities live half a step between the positions:
+# **Velocity Verlet** averages the accelerations at the start and at the end of the step. **Leapfrog** stores the
+# velocities at half steps; its positions are the same:
 #
 # $$q' = q + h\,v + \tfrac{h^2}{2}\,a, \qquad v' = v + \tfrac h2\,(a + a') .$$
 #
@@ -643,9 +647,9 @@ more_claims(
 # $$k_1 = f(y),\quad k_2 = f(y+\tfrac h2k_1),\quad k_3 = f(y+\tfrac h2k_2),\quad k_4 = f(y+h\,k_3),$$
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
-# The drawing shows one large step on a spring. The dots are the positions at which the method evaluates the force, the
-# square is where the step ends, and the line is the exact motion. The more a method looks ahead, the closer the square
-# is to the line. (Verlet and explicit midpoint end at the same position here; they differ in the velocity.)
+# The drawing shows one large step on a spring. The dots are the positions at which the method evaluates the force,
+# the square is where the step ends, and the line is the exact motion. Compare how far each square is from the line.
+# (Verlet and explicit midpoint end at the same position here; they differ in the velocity.)
 # %% tags=["hide-code"]
 h = 1.2
 methods = {
@@ -690,7 +694,7 @@ plt.show()
 for name, off in missed.items():
     print(f"{name:<20} end of the step off by {off:+.3f}")
 # %% [markdown]
-# The table has what an interviewer expects you to know. The column *area* is explained in the next section.
+# The column *area* is explained in the next section.
 #
 # | method | order | force evaluations per step | keeps area | stability limit on an undamped spring |
 # |---|---|---|---|---|
@@ -781,9 +785,9 @@ plt.show()
 # %%
 show("area_preserved")
 # %% [markdown]
-# What follows from a constant area? For a smooth system and a small fixed step, the energy error of a symplectic method
-# stays bounded for a very long time, which grows exponentially as the step shrinks. The numerical motion follows a
-# slightly different energy function so closely that the error has no room to drift. Semi-implicit Euler on a spring
+# What follows from a constant area? For a smooth system and a small fixed step, the energy error of a symplectic
+# method stays bounded for a very long time. The smaller the step, the longer: this time grows exponentially in $1/h$.
+# The reason is that the method almost exactly conserves a slightly different energy. Semi-implicit Euler on a spring
 # keeps
 #
 # $$\tfrac12 v^2 + \tfrac12\omega^2x^2 - \tfrac12\omega^2h\,x\,v$$
@@ -851,10 +855,10 @@ print(f"the body should turn by {2 * half:.2f} rad; scaled back it turns by {2 *
 #
 # $$\boxed{\; q' = q\,\exp(h\,\omega) \;}\qquad\text{for } \omega \text{ in the body frame.}$$
 #
-# It stays on the sphere, and for a steady spin it is exact. Here $q$ maps body coordinates to world coordinates, so a
-# small rotation that is given in the body frame acts first and stands on the *right*. If your $\omega$ is in the world
-# frame, it stands on the left: $q' = \exp(h\,\omega)\,q$. Confusing the two sides is a classic bug; you will meet it in
-# section 7.
+# It stays on the sphere, and for a steady spin it is exact. In $q\,(0,r)\,q^*$ the factor next to the vector acts
+# first. Body rotations are that factor, so they stand on the *right*. If your $\omega$ is in the world frame, it
+# stands on the left: $q' = \exp(h\,\omega)\,q$. Confusing the two sides is a classic bug; you will meet it in section
+# 7.
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
 # scaling turns it by $2\arctan(0.05) = 0.09992$ rad. The error of 0.00008 rad looks harmless, but after 1000 steps the
@@ -870,20 +874,20 @@ more_claims(
 # %% [markdown]
 # ### Free fall and impacts: where the energy goes
 #
-# Back to the box of the first screen. Between impacts its acceleration is constant, and then you can compute the energy
-# error of a step by hand. Under a constant acceleration all six integrators get the velocity right. They differ only in
-# the position: $q' = q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and
-# $c = \tfrac12$ for the four others, which are exact. Insert this into $E = mgy + \tfrac12mv^2$:
+# Between impacts, the acceleration of the box is constant, so you can compute the energy error of a step by hand.
+# Under a constant acceleration all six integrators get the velocity right. They differ in the position only:
+# $q' = q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and $c = \tfrac12$ for the
+# four others, which are exact. Insert this into $E = mgy + \tfrac12mv^2$:
 #
 # $$\Delta E = m g^2 h^2\,(\tfrac12 - c) \quad\text{per step.}$$
 #
 # So explicit Euler gains $\tfrac12 mg^2h^2$ in every step and semi-implicit Euler loses as much. For 1 kg and 10 ms
 # that is 4.8 mJ per step, or 0.48 J in every second of flight.
 #
-# Then comes the floor. **Restitution** $e$ is the speed after an impact divided by the speed before, so with $e = 1$ a
-# bounce should cost no energy. The usual rule: if the ball is below the floor at the end of a step, put it on
-# the floor and reverse its velocity. The drawing shows what this does. During the step the ball falls to the depth $d$
-# below the floor. Putting it back lifts it by $d$, and this adds the energy $mgd$.
+# **Restitution** $e$ is the speed after an impact divided by the speed before, so with $e = 1$ a bounce should cost
+# no energy. The usual rule: if the ball is below the floor at the end of a step, put it on the floor and reverse its
+# velocity. The drawing shows what this does. During the step the ball falls to the depth $d$ below the floor. Putting
+# it back lifts it by $d$, and this adds the energy $mgd$.
 #
 # The remedy is to find the **time of impact** inside the step, to reverse the velocity there, and to continue with the
 # rest of the step:
@@ -978,12 +982,12 @@ more_claims(
 # %% [markdown]
 # ## 3 · Design: the loop around the equations
 #
-# ### Six tasks at four rates
+# ### The tasks of a loop, and their rates
 #
-# One program has to run a robot's controller, its camera and the physics at different rates. It performs six tasks: it
-# reads the **sensors**, asks the **controller** for a command, collects the **forces**, **integrates** the state,
-# detects **collisions**, and now and then **renders** an image. The physics step is fixed, and the loop schedules the
-# other tasks by counting physics steps.
+# One program has to run a robot's controller, its camera and the physics at different rates. It performs seven tasks:
+# it reads the **sensors**, exposes the **camera**, asks the **controller** for a command, collects the **forces**,
+# **integrates** the state, detects **collisions**, and now and then **renders** an image. The physics step is fixed,
+# and the loop schedules the other tasks by counting physics steps. Three of the rates:
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(10, 2.6), layout="constrained")
 for row, (period, colour) in enumerate(
@@ -1012,7 +1016,8 @@ plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
 # The course's loop records what it does. `age` says how old the data are that a task uses. Every other physics step
-# applies a command that is 1 ms old, and the image at 16.667 ms shows an interpolated state, one step old:
+# applies a command that is 1 ms old, and the image at 16.667 ms shows the state one step earlier, interpolated
+# between those at 15 and 16 ms:
 # %% tags=["hide-code"]
 from course.rigid_body.loop import FixedStepLoop, Phases, float_clock_error, trace_table
 
@@ -1028,13 +1033,14 @@ _ = loop.advance(0.018)
 rows = trace_table(loop.trace).splitlines()
 figures("\n".join(rows), rows[0], "1.000", "16.667", summary="All 18 ms, event by event")
 # %% [markdown]
-# Three details make the difference between a loop that works and one that nearly does:
+# Three details decide whether the loop works:
 #
 # * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts you. An
-#   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself never
-#   reads a clock, so the same inputs give the same motion, bit for bit.
-# * **Interpolation.** The rest in the accumulator, divided by $h$, says how far between the last two states the image
-#   lies. If you draw the latest state instead, the motion judders by up to one step. Interpolation costs one step of delay.
+#   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself
+#   never reads a clock, so on the same machine the same inputs give the same motion, bit for bit.
+# * **Interpolation.** The leftover time in the accumulator, divided by $h$, is the weight with which the last two
+#   states are blended. If you draw the latest state instead, the motion judders by up to one step. Interpolation
+#   costs one step of delay.
 # * **Counting steps.** Compute the time as the number of steps times $h$. If you add up 0.001 s millions of times, the
 #   rounding errors add up too, and two clocks in the same program no longer agree on which step an event belongs to.
 # %% tags=["hide-code"]
@@ -1048,10 +1054,9 @@ print(
 #
 # ### The engine we compare with
 #
-# This course measures itself against the libraries that professionals use. For this chapter that is **MuJoCo**
-# (Multi-Joint dynamics with Contact; Todorov, Erez and Tassa, 2012), an open-source physics engine that much of robot
-# learning runs on.
-# Its step has the same six tasks in another order:
+# This chapter compares with **MuJoCo** (Multi-Joint dynamics with Contact; Todorov, Erez and Tassa, 2012), an
+# open-source physics engine that much of robot learning runs on. Within a step, MuJoCo performs five of the tasks in
+# another order:
 # %% tags=["hide-code"]
 tasks = {
     "this course": ("sensors", "controller", "forces", "integrate", "collisions"),
@@ -1080,9 +1085,9 @@ axes_.axis("off")
 plt.show()
 # %% [markdown]
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
-# step. Call `mj_forward` if you need them for the new positions. MuJoCo offers several integrators. `Euler` is
-# semi-implicit Euler with implicit joint damping. `RK4` is the classical method. `implicitfast` treats the damping of
-# actuators and tendons implicitly too, and `discrete` also the springs.
+# step. Call `mj_forward` if you need them for the new positions. MuJoCo's `Euler` is semi-implicit Euler with
+# *implicit* joint damping (computed from the new velocity). `RK4` is the classical method. `implicitfast` treats the
+# damping of actuators and tendons implicitly too, and `discrete` also the springs.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1130,16 +1135,15 @@ for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
 plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
-# If you average the four like ordinary
-# vectors, the order drops from 4 to 2. The Munthe-Kaas form of RK4 (Munthe-Kaas and
-# Owren 1999) adds two correction terms, cross products of the velocities of two stages, called *brackets*. The step
-# then ends with a single exponential. For ordinary coordinates the brackets are zero, and the code is the RK4 of
-# section 2:
+# If you average the four like ordinary vectors, the order drops from 4 to 2. Before averaging, each rate must be
+# turned into one frame. To fourth order, two cross products of stage velocities do this, the *brackets* of the
+# Munthe-Kaas form of RK4 (Munthe-Kaas and Owren 1999). The step then ends with a single exponential. For ordinary
+# coordinates the brackets are zero, and the code is the RK4 of section 2:
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
-# Is it right? We test it on a problem with an exact solution. A free body with three different moments follows Jacobi's
-# elliptic functions, so we know its orientation after 20 s. With a step of 1 ms:
+# We test it on a problem with an exact solution. A free body with three different moments follows Jacobi's elliptic
+# functions, so we know its orientation after 20 s. With a step of 1 ms:
 # %% tags=["hide-code"]
 tumbling = problems.tumble()
 print(f"{'integrator':<20} {'error [rad]':>12} {'drift of energy':>17} {'drift of L':>12}")
@@ -1165,10 +1169,10 @@ more_claims("rotation_stages_add")
 # finds the time at which a corner hits the floor inside the step, and solves the impact with restitution and
 # **Coulomb friction**: the friction force opposes the sliding, and it is at most $\mu$ times the normal force.
 #
-# With friction, the definition of restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact with
-# friction can *gain* energy, as Kane showed in 1984. So the box uses Stronge's definition (1990): the contact returns
-# the share $e^2$ of the work that it absorbed during compression. For a ball without friction the two are the same.
-# With Stronge's, no impact can create energy.
+# With friction, the definition of restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact
+# with friction can *gain* energy, as Kane showed in 1984. So the box uses Stronge's definition (1990): of the energy
+# that the contact stores while the bodies press together, the share $e^2$ comes back. For a ball without friction the
+# two are the same. With Stronge's, no impact can create energy.
 # %%
 predict("box_at_rest")
 # %% tags=["hide-code"]
@@ -1198,15 +1202,17 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# This is the box of the first screen with all its controls. The *rest speed* is the speed below which an impact counts
-# as the last one. *Steps not resolved* counts the steps with more impacts than the solver may process in one step.
+# This is the box of the first screen with all its controls. Impacts slower than the *rest speed* end the bouncing.
+# *Steps not resolved* counts the steps with more impacts than the solver may process in one step.
 #
 # Predict what you will see before you choose each preset:
 #
 # 1. *Exact flight, late impacts*: RK4 makes no error in flight. Does the energy stay? (No. Each bounce adds $mgd$.)
 # 2. *50 ms steps: deep in the ground*: how far below the floor is the box found? (Up to one step's travel, $vh$.)
-# 3. *Late impacts: never at rest*: what does the box do when it should lie still? (It gains $gh$ in every step and bounces.)
-# 4. *No rest speed: endless impacts*: what becomes of ever shorter bounces? (They pile up until a step is not resolved.)
+# 3. *Late impacts: never at rest*: what does the box do when it should lie still? (It gains the speed $gh$ in every
+#    step and bounces.)
+# 4. *No rest speed: endless impacts*: what becomes of ever shorter bounces? (They pile up until a step is not
+#    resolved.)
 # %%
 simulation("bouncing_box")
 # %% [markdown]
@@ -1214,15 +1220,14 @@ simulation("bouncing_box")
 #
 # ### The work-precision diagram
 #
-# "RK4 costs four times as much as Euler." That is true per step, and it is the wrong question. Nobody gives you a step.
-# Your task has a tolerance, the largest error that you accept, and you want to reach it with the least work. A method
-# of fourth order may need a thousand times fewer steps.
+# "RK4 costs four times as much as Euler." That is true for the force evaluations of one step, and it is the wrong
+# question. Your task has a tolerance, the largest error that you accept, and you want to reach it with the least
+# work. A method of fourth order may need a thousand times fewer steps.
 #
 # A **work-precision** diagram answers the right question. It plots the error against the cost for every method, with
-# one point per step size. Draw a horizontal line at your tolerance: the curve that it meets furthest to the left is the
-# cheapest method. On the logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order.
-# Drag the tolerance line, or move it with the arrow keys. The circle marks the cheapest run, and the sentence below the
-# chart gives its cost:
+# one point per step size. Draw a horizontal line at your tolerance: the curve that it meets furthest to the left is
+# the cheapest method. On the logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the
+# order. Drag the tolerance line, or move it with the arrow keys. The circle marks the cheapest run:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1238,9 +1243,9 @@ TradeOff(result)
 # know: the errors of its `Euler` and of our semi-implicit Euler agree to several digits, and so do those of the two
 # RK4s. Only the time per step differs, because MuJoCo is a general engine that does more in each step.
 #
-# For one part in a million on a smooth motion, RK4 needs thousands of times fewer force
-# evaluations than semi-implicit Euler. You can put an integrator of your own on the chart. It runs as plain Python, so
-# compare it in the left panel, which counts evaluations instead of time:
+# To follow a 1 Hz oscillator for 2.3 s to one part in a million, RK4 needs thousands of times fewer force evaluations
+# than semi-implicit Euler. You can put an integrator of your own on the chart. It runs as plain Python, so compare it
+# in the left panel, which counts evaluations instead of time:
 
 
 # %%
@@ -1262,12 +1267,13 @@ predict("method_for_a_tumble")
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
 # The bouncing box has two separate errors of first order: the flight of semi-implicit Euler, and impacts that are
-# placed at the end of a step. Correcting only one of them does not help, you need both.
+# placed at the end of a step. The two partly cancel, so correcting only one of them makes the result worse. You need
+# both.
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
-# In the table, *exact flight, impact times* means that both are corrected, and *end of step* that the bounce happens at
-# the end of the step. *Impulse* is a MuJoCo contact that reverses the velocity within one step.
+# In the table, *exact flight, impact times* means that both are corrected, and *end of step* that the bounce happens
+# at the end of the step. *Impulse* is a MuJoCo contact tuned to turn $v$ into $-ev$ in one step.
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
@@ -1278,20 +1284,21 @@ figures(
     "box drop    exact flight, impact times",
     "box drop    semi-implicit, end of step",
     "box drop    MuJoCo Euler (impulse)",
-    summary="All methods and problems at a step of 1 ms",
+    summary="All methods and problems at a step of 1 ms (heavy_top is a spinning top)",
 )
 # %% [markdown]
 # <details><summary>Where MuJoCo and the course differ, and why</summary>
 #
-# 1. `implicitfast` and `discrete` treat the gyroscopic torque of a free body without joints implicitly. Its energy cannot
-#    grow, but the tumbling is damped. The error of the orientation is still of first order, about as large as with `Euler`.
+# 1. `implicitfast` and `discrete` treat the gyroscopic torque of a free body without joints implicitly. Its energy
+#    cannot grow, but the tumbling is damped. The error of the orientation is still of first order, about as large as
+#    with `Euler`.
 # 2. MuJoCo has no coefficient of restitution, but two ways to imitate one. "Impulse" in the table is a contact with a
-#    damper of $(1+e)/h$ and no stiffness. It turns $v$ into $-ev$ within one step, for Euler and the two implicit methods,
-#    and does not push out a body that has sunk in. "Spring" is a spring with a damper, for every integrator. It takes
-#    time and depth and must be tuned. Compare rows of the same kind only.
+#    damper of $(1+e)/h$ and no stiffness. It turns $v$ into $-ev$ within one step, for Euler and the two implicit
+#    methods, and does not push out a body that has sunk in. "Spring" is a spring with a damper, for every integrator.
+#    It takes time and depth and must be tuned. Compare rows of the same kind only.
 # 3. No integrator of MuJoCo divides the step at the impact. Its `speculative` flag (off by default) finds the time of
-#    impact in order not to miss a wall, not in order to place the impact. The error at a contact is of first order, with
-#    RK4 too. On rotations, MuJoCo's RK4 is another fourth-order method than ours; its error is slightly smaller.
+#    impact in order not to miss a wall, not in order to place the impact. The error at a contact is of first order,
+#    with RK4 too. On rotations, MuJoCo's RK4 is another fourth-order method than ours; its error is slightly smaller.
 #
 # </details>
 # %%
@@ -1324,23 +1331,24 @@ figures(
     summary="All batches, boxes and free bodies",
 )
 # %% [markdown]
-# Read this with care. The chart compares a program that can do nothing but one planar box on a floor with a general
-# engine that simulates the same box. The factor is what you gain by modelling only what the task needs. As soon as two
-# bodies can touch, the special program no longer applies.
+# The chart compares a program that can do nothing but one planar box on a floor with a general engine that simulates
+# the same box. The factor has two sources: modelling only what the task needs, and compiled batches instead of an
+# engine's interface. As soon as two bodies can touch, the special program no longer applies.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
 # For the error we simulated the first impacts without friction, where an exact solution exists. For the speed we
-# simulated 1 s with friction. The second table is about free bodies. For a single body both are about equally fast,
-# because the call from Python costs as much as the run; the gain comes with the batch.
+# simulated 1 s with friction. The second table is about free bodies. For a single free body both are about equally
+# fast, because the call from Python costs as much as the run; the gain comes with the batch.
 #
 # </details>
 #
 # ### The smallest model that answers the question
 #
 # The largest savings come before the integrator, from what you do *not* simulate. Air, deformation, the third
-# dimension: which of them may you neglect? You can measure it. State the question and the tolerance. Then compute the
-# answer with and without each effect. If the difference is small compared with the tolerance, leave the effect out.
+# dimension: which of them may you neglect? State the question and the tolerance. Then compute the answer with and
+# without each effect. Leave effects out as long as the *sum* of their differences (all are in the fold-out) stays
+# below the tolerance.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
@@ -1360,10 +1368,10 @@ figures(
 # %% [markdown]
 # ### Which integrator to choose
 #
-# * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`, which adds implicit damping. The
-#   contacts set the step, and their error is of first order anyway.
-# * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. It was the cheapest method on most
-#   of the smooth test problems here.
+# * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`, which adds implicit damping.
+#   The contacts set the step, and their error is of first order anyway.
+# * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. It was the cheapest method on
+#   most of the smooth test problems here.
 # * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler or MuJoCo's
 #   `discrete`. Implicit midpoint is stable too, but lets the spring ring.
 # * *Very long runs where averages matter and not the exact path*: a symplectic method with a fixed step.
@@ -1372,15 +1380,15 @@ figures(
 #
 # ### The stability limit with damping
 #
-# The arm of your simulated robot vibrates at a large step, so you add joint damping. In reality that calms things down.
-# In a simulation it depends on *when* the damping force is computed. Semi-implicit Euler takes it from the old
-# velocity, and a force that is one step late can push in the wrong direction. MuJoCo's `Euler` takes it from the new
-# velocity.
+# The arm of your simulated robot vibrates at a large step, so you add joint damping. In reality that calms things
+# down. In a simulation it depends on *when* the damping force is computed. Semi-implicit Euler takes it from the old
+# velocity. With the damping constant $c$, this late force throws $v$ past zero if $hc/m > 1$. MuJoCo's `Euler` takes
+# it from the new velocity.
 # %%
 predict("damping_and_the_limit")
 # %% [markdown]
-# With the damping ratio $\zeta$ (1 is critical damping) the equation is $\ddot x = -2\zeta\omega\dot x - \omega^2x$,
-# and the limits are
+# With the damping ratio $\zeta$ (at $\zeta = 1$, *critical damping*, the motion just stops oscillating) the equation
+# is $\ddot x = -2\zeta\omega\dot x - \omega^2x$, and the limits are
 #
 # | integrator | damping force from | largest stable step |
 # |---|---|---|
@@ -1388,9 +1396,9 @@ predict("damping_and_the_limit")
 # | semi-implicit Euler with implicit damping | the new velocity | $\omega h < 2(\sqrt{1+\zeta^2}+\zeta)$ |
 # | explicit Euler, $\zeta\le1$ | the old velocity | $\omega h < 2\zeta$ |
 #
-# **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of the
-# undamped 2. The second is $2(\sqrt2+1) = 4.83$. The table has the limits that we measured: we varied the step until the
-# amplitude neither grew nor shrank. They agree with the theory to better than 0.1 %.
+# **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of
+# the undamped 2. The second is $2(\sqrt2+1) = 4.83$. The table has the limits that we measured: we varied the step
+# until the amplitude neither grew nor shrank. They agree with the theory to better than 0.1 %.
 # %% jupyter={"source_hidden": true}
 figures(
     read("stability_limits"),
@@ -1418,8 +1426,8 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # ### Energy over a million steps
 #
 # The chart shows a pendulum over a million steps. Explicit Euler is useless after a few seconds. RK4 is the most
-# accurate at first, but its small error accumulates. The errors of the symplectic methods are larger than RK4's and do
-# not grow:
+# accurate at first, but its small error accumulates. The errors of the symplectic methods are at first larger than
+# RK4's, but they do not grow:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
@@ -1438,7 +1446,8 @@ figures(
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
 figures(
-    read("symplectic_not_enough"), summary="Growth per cycle, measured and in theory; phase errors"
+    read("symplectic_not_enough"),
+    summary="Growth per cycle, measured and in theory; timing (phase) errors",
 )
 # %% [markdown]
 # ### Impacts and the order of a method
@@ -1463,7 +1472,8 @@ print(
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** An impact that the step does not resolve makes every method first order. Then the cheapest one wins.
+# **Key insight.** An impact that the step does not resolve makes every method first order. Then the cheapest of the
+# stable ones wins.
 #
 # </div>
 # %%
@@ -1484,18 +1494,18 @@ simulation("tunnelling")
 #
 # $$P = 1 - \frac{D}{v\,h}, \qquad v\,h > D .$$
 #
-# **Worked example.** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100 mm per
-# step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is **continuous collision detection**: test the
-# whole motion between two steps, or compute the time of impact.
+# **Worked example.** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100
+# mm per step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is
+# **continuous collision detection**: test the whole motion between two steps, or compute the time of impact.
 #
-# There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast ball
-# sinks in. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. With the
-# wall's thickness $d$ and the radius $r$ this happens at the penetration $d/2 + r$:
+# There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast
+# ball sinks in. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This
+# happens at the penetration $D/2$ (in the chart $d/2 + r$, with the wall's thickness $d$ and the radius $r$):
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
-# In the table, the one-step contact stops the ball within a step; the default contact lets it sink in by its speed
-# times 7.29 ms.
+# In the table, the *one-step contact* is made so stiff that it stops the ball within a step. The default contact lets
+# it sink in: depth = speed × 7.29 ms, for example 20 mm at 2.7 m/s.
 # %% jupyter={"source_hidden": true}
 figures(
     read("tunnelling").replace(" (theory)", ""),
@@ -1519,10 +1529,11 @@ more_claims(
 # %%
 predict("impacts_at_rest")
 # %% [markdown]
-# The same happens to a box that should lie still. In each step gravity gives it the speed $gh$, the impact reverses
-# this speed, and the box "bounces". This is called chatter. The remedy is a **rest speed**: an impact slower than this
-# is treated as the last. If impacts are noticed only at the end of a step, the rest speed must be larger than $gh$.
-# With $h$ = 2 ms, $gh$ is 19.6 mm/s, so a rest speed of 10 mm/s does not help in the third row of the table:
+# A box that should lie still bounces for another reason. In each step gravity gives it the speed $gh$, the step ends
+# below the floor, and the impact turns this speed into $e\,gh$ upwards. Both are called chatter. The remedy is a
+# **rest speed**: slower impacts end the bouncing. If impacts are noticed only at the end of a step, the rest speed
+# must be larger than $gh$. With $h$ = 2 ms, $gh$ is 19.6 mm/s, so a rest speed of 10 mm/s does not help in the third
+# row of the table:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -1558,8 +1569,8 @@ figures(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$, where $\omega_{\max}^2$ is the
-# largest eigenvalue of $Kx = \omega^2Mx$ with the stiffness matrix $K$ and the mass matrix $M$. If halving the step
-# does not help, the step is not the cause, or the integrator has no stable step.
+# largest eigenvalue of $Kx = \omega^2Mx$ with the stiffness matrix $K$ and the mass matrix $M$. Then halve the step
+# several times. If that does not help, the step is not the cause, or the integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1577,10 +1588,10 @@ figures(
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the distance $vh$ that one travels relative to the other
-# per step with the *sum* of both thicknesses. If $vh$ is larger, no step may ever see the overlap, whatever the
-# integrator: use continuous collision detection (in MuJoCo the `speculative` flag). If $vh$ is much smaller, the contact
-# is too soft: stiffen it.
+# **Debugging tip.** *Objects pass through each other.* Compare the distance $vh$ that one travels relative to the
+# other per step with the *sum* of both thicknesses. If $vh$ is larger, no step may ever see the overlap, whatever the
+# integrator: use continuous collision detection (in MuJoCo the `speculative` flag). If $vh$ is much smaller, the
+# contact is too soft: stiffen it.
 #
 # <details><summary>And in between</summary>
 #
@@ -1593,9 +1604,9 @@ figures(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Energy grows and nothing pushes.* Log kinetic and potential energy separately, without contacts
-# first. If the energy of an oscillation grows by the factor $1+(\omega h)^2$ per step, the integrator is explicit Euler.
-# If it jumps at every impact, the bounce rule is at fault. If the energy of a tumbling body grows slowly, the
-# gyroscopic term is integrated explicitly.
+# first. If the energy of an oscillation grows by the factor $1+(\omega h)^2$ per step, the integrator is explicit
+# Euler. If it jumps at every impact, the bounce rule is at fault. If the energy of a tumbling body grows slowly, the
+# gyroscopic term is integrated with an Euler step from the old rates.
 #
 # </div>
 # %%
@@ -1612,19 +1623,22 @@ predict("perfect_energy_wrong_momentum")
 # Verlet or RK4</td></tr>
 # <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
 # $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr>
-# <tr><td>box jitters on the floor for ever</td> <td>gravity adds $gh$ in each step, and the impact reverses it</td>
+# <tr><td>box jitters on the floor for ever</td> <td>gravity adds $gh$ in each step, and the impact returns $e\,gh$</td>
 # <td>count impacts per second</td> <td>a rest speed above $gh$, or a contact solver that works on velocities</td></tr>
 # <tr><td>fast object passes a thin wall</td> <td>$vh$ larger than both thicknesses together, or a contact that is too
 # soft</td> <td>print $vh/D$; record the depth</td> <td>continuous collision detection; stiffer contact</td></tr>
 # <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not multiplied</td>
-# <td>$\lvert q\rvert-1$ over time</td> <td>$q\exp(h\omega)$</td></tr>
+# <td>steady spin: compare the angle with $\omega t$ ($\lvert q\rvert-1$ shows nothing if $q$ is normalised)</td>
+# <td>$q\exp(h\omega)$</td></tr>
 # <tr><td>a jump of $2\pi$, or a controller that turns the long way</td> <td>$q$ compared with $-q$</td> <td>dot
 # product of the two</td> <td>flip the sign if it is negative</td></tr>
 # <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world frame</td> <td>body rate
-# multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the world; repeat with three equal
-# moments, which have no gyroscopic term: if the error vanishes, that term is wrong</td> <td>$q\exp(h\omega)$ for body
+# multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the world; repeat, from a
+# tilted start, with three equal moments, which have no gyroscopic term: if the error vanishes, that term is
+# wrong</td> <td>$q\exp(h\omega)$ for body
 # rates, $\exp(h\omega)\,q$ for world rates; $I\dot\omega=-\omega\times(I\omega)$</td></tr>
-# <tr><td>satellite speeds up without torque</td> <td>gyroscopic term explicit at a large step</td> <td>kinetic energy
+# <tr><td>satellite speeds up without torque</td> <td>gyroscopic term in an Euler step from the old rates</td>
+# <td>kinetic energy
 # over time</td> <td>RK4, implicit midpoint, smaller step</td></tr>
 # <tr><td>joints creep without a command</td> <td>gravity is on and no motor balances it, or the engine's friction is
 # soft</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffer friction</td></tr>
@@ -1757,9 +1771,9 @@ check(largest_stable_step)
 # %% [markdown]
 # ### Measuring the order without an exact solution
 #
-# Usually there is no exact solution to compare with. Then make three runs, each with half the step of the one before.
-# If the error is $c\,h^p$, the two differences between the runs have the ratio $2^p$, which gives the order. Knowing
-# the order, you can compute the limit for $h\to0$. This is called **Richardson extrapolation**.
+# Without an exact solution, make three runs, each with half the step of the one before. If the error is $c\,h^p$, the
+# two differences between the runs have the ratio $2^p$, which gives the order. Knowing the order, you can compute the
+# limit for $h\to0$. This is called **Richardson extrapolation**.
 
 # %%
 card("observed_order")
@@ -1786,8 +1800,7 @@ check(observed_order)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# The worst bugs crash nothing, and the animation looks plausible. Here is an example: a line that updates an
-# orientation from an angular velocity in the body frame.
+# The worst bugs crash nothing. This line updates an orientation from an angular velocity in the body frame:
 #
 # ```python
 # q = quaternion.product(quaternion.exp(dt * omega_body), q)
@@ -1870,7 +1883,8 @@ check(tumble)
 # %% [markdown]
 # ### Formulas
 #
-# Your formula is checked symbolically, so any equivalent form counts. If it is wrong, you get values for which it differs.
+# Your formula is checked symbolically, so any equivalent form counts. If it is wrong, you get values for which it
+# differs.
 # <span class="kernel-only">Replace the text in quotes.</span>
 
 # %%
@@ -1892,10 +1906,10 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # recording. If you knew the *derivative* of the error with respect to each parameter, you could walk downhill instead
 # of trying many values.
 #
-# **Finite differences** change one parameter at a time, so each parameter costs one more run. But a simulation is a long
-# chain of simple operations, and the chain rule applies. **Reverse mode** (backpropagation, the adjoint method) runs the
-# simulation once forward, stores its states, and goes through it once backward. It returns the derivatives of one number,
-# such as the error, with respect to *all* parameters, for about the cost of a few runs.
+# **Finite differences** change one parameter at a time, so each parameter costs one more run. But a simulation is a
+# long chain of simple operations, and the chain rule applies. **Reverse mode** (backpropagation, the adjoint method)
+# runs the simulation once forward, stores its states, and goes through it once backward. It returns the derivatives
+# of one number, such as the error, with respect to *all* parameters, for about the cost of a few runs.
 #
 # But an impact depends on *when* the ball hits the floor, and a fixed-step program never computes that time. It checks
 # at the end of each step and puts the ball on the floor if it is below.
@@ -1925,10 +1939,10 @@ lower.set(xlabel="time [s]", ylabel="difference\ndivided by 5 cm")
 plt.show()
 print(f"before the impacts {slope[100]:+.2f}, at 0.8 s {slope[-1]:+.2f}")
 # %% [markdown]
-# The two curves hit the floor at different times. Before the impacts their distance is the difference of the drop
-# heights, so the derivative with respect to the drop height $H$ is 1. At the impact it jumps to $-e$: the ball from
-# higher up is still falling while the other one already rises. From then on it increases by $(1+e)\,g/\sqrt{2gH}$ per
-# second.
+# Before the impacts, the distance of the two curves is the difference of the drop heights, so the derivative with
+# respect to the drop height $H$ is 1. At the impact it jumps to $-e$: with the impact speed $v$, the higher ball
+# lands $dH/v$ later, and by then the other has risen by $e\,v\,dH/v = e\,dH$. From then on it increases by
+# $(1+e)\,g/\sqrt{2gH}$ per second.
 #
 # A fixed-step program loses this. After the bounce, its state depends on the drop height only through the *number of
 # steps* before the impact. That is an integer, and the derivative of an integer is zero. The height is right up to the
@@ -1959,7 +1973,8 @@ for dt in (1e-2, 1e-3):
 #
 # Here is a small differentiable simulator, written in PyTorch. A block is thrown, bounces, slides and is pushed. It
 # solves for the impact times, so their derivatives are right. We record the block with 1 mm of noise and recover its
-# restitution, its friction coefficient and its mass:
+# restitution, its friction coefficient and its mass. With `chi^2` per degree of freedom near 1, the misfit is pure
+# noise:
 # %% tags=["show-code"]
 scene = Setup((0.0, 0.5), (2.0, 0.0), push=((1.2, 1.5, 8.0),))
 times = np.linspace(0.0, 2.0, 101)
@@ -1967,14 +1982,14 @@ truth = (0.6, 0.25, 1.3)
 recorded = record(truth, scene, times, noise=1e-3, generator=np.random.default_rng(0))
 print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
 # %% [markdown]
-# Not every recording is so informative. A gradient finds only what the motion depends on.
+# A gradient finds only what the motion depends on.
 # %%
 predict("what_a_drop_tells")
 # %% [markdown]
 # You can check this before you optimise. Collect the derivatives of all recorded positions with respect to the
 # parameters in one matrix, the Jacobian. If one of its singular values is zero, some combination of parameters leaves
-# no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that sticks under
-# a push gives only a lower *bound* for the friction, however long you record it:
+# no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that sticks
+# under a push gives only a lower *bound* for the friction, and only if you know its mass, however long you record it:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),
@@ -2007,11 +2022,12 @@ more_claims(
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say what
-# your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. While forces depend on
-# positions only, its energy does not drift at a small fixed step. RK4 is fourth order, costs four evaluations, and needs
-# $\omega h\le2.83$. On an undamped spring it loses the share $(\omega h)^6/72$ of the energy per step. With contacts at 1 kHz
-# both make a first-order error at the impact, so I take the cheap one. For a satellite I take RK4."
+# **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say
+# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. While
+# forces depend on positions only, its energy does not drift at a small fixed step. RK4 is fourth order, costs four
+# evaluations, and needs $\omega h\le2.83$. On an undamped spring it loses the share $(\omega h)^6/72$ of the energy
+# per step. With contacts at 1 kHz both make a first-order error at the impact, so I take the cheap one. For a
+# satellite I take RK4."
 #
 # </div>
 #
@@ -2022,7 +2038,7 @@ interview("rigid_body")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page. You can derive each of them from what is.
+# Three formulas that are not on this page, but follow from it.
 # %%
 checkpoint(
     "rigid_body",

@@ -113,7 +113,7 @@ for kind, name in names.items():
 # The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main
 # cost. Reusing the sorted order of the last step saves only the sorting: the dashed line counts the swaps that
 # restore the order after every box has moved by 1 % of its size. (An *incremental* sweep, which also stores the
-# overlapping pairs, saves more.) The exponents are measured. MuJoCo's own broad phase ran on the same boxes:
+# overlapping pairs, saves more.) The exponents are fits to the counts. The right chart also times MuJoCo's broad phase:
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -190,8 +190,9 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 #
 # ### Contact points, and shapes that are not convex
 #
-# A box on a table touches it with a whole face. With a single contact point that is not exactly under the centre of
-# mass, the box would tip over it. So the solver needs a **manifold**, a set of points that spans the touching area.
+# A box on a table touches it with a whole face. With a single contact point the box would tip over, unless
+# the point lay exactly under its centre of mass. So the solver needs a **manifold**, a set of points that spans the
+# touching area.
 # The narrow phase takes the face of one body, clips it (cuts off what sticks out beyond the face of the other), and
 # each corner of the remaining polygon becomes a contact point.
 #
@@ -205,10 +206,10 @@ more_claims("circle_test_concentric", "mug_and_its_hull")
 # ### Tunnelling: what happens between two steps
 #
 # A simulator checks for overlap once per step. A ball of radius $r$ at speed $v$ moves by $v\,h$ in a step of length
-# $h$. Only if that is more than $2r + w$ can the ball be in front of a wall of thickness $w$ at one check and behind
-# it at the next. This is **tunnelling**. With a soft contact there is a second way through. While the ball is in the
-# wall, a spring pushes it along the shortest way out. Past the middle of the wall, the shortest way out is the far
-# side.
+# $h$. If that is more than $2r + w$, the ball can be in front of a wall of thickness $w$ at one check and behind it at
+# the next. This is **tunnelling**. With a soft contact there is a second way through. While the ball is in the
+# wall, a spring pushes it along the shortest way out. Once its centre has passed the middle of the wall, that is the
+# far side.
 # %%
 predict("smaller_step_at_a_wall")
 # %% [markdown]
@@ -259,8 +260,9 @@ more_claims("circles_once_a_step", "soft_wall")
 # %%
 simulation("penalty_spring")
 # %% [markdown]
-# Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. The
-# $\max$ cuts that off, so the total force never pulls. Some implementations forget it.
+# Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. It may
+# do so while the spring pushes harder; the $\max$ only keeps the sum from becoming negative. Some implementations
+# forget it.
 #
 # In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
 # plot:
@@ -561,7 +563,8 @@ more_claims(
 # %%
 simulation("friction_cone")
 # %% [markdown]
-# While the block sticks, the force is inside the cone, and the law does not say where. Friction is whatever balances
+# While the block sticks, the force is inside the cone or on it, and the law does not say where. Friction is whatever
+# balances
 # the pull. There is no formula to evaluate, so the force has to be solved for. That is what makes contact harder than
 # a spring. When the block slides, the size of friction is fixed: it is $\mu f_n$, against the motion.
 #
@@ -575,8 +578,8 @@ simulation("friction_cone")
 simulation("touch", "Slip", still=0.15)
 # %% [markdown]
 # A round cone is not linear, so the step is no longer an LCP. The traditional way out is a **pyramid**: its four
-# edges lie on the cone, along $x$ and $y$, and its faces are flat. A contact force is allowed if it is a sum of four
-# vectors along the edges, with weights of zero or more. Then everything is linear again. Seen from above, the circle
+# edges lie on the cone, along $x$ and $y$, and its faces are flat. The allowed forces are all sums of four
+# vectors along the edges with non-negative weights. Then everything is linear again. Seen from above, the circle
 # of radius $\mu f_n$ has become a square that stands on its corner.
 #
 # Two things follow from the drawing. Between two edges the square lies inside the circle, so friction is weaker
@@ -689,7 +692,7 @@ for dt in (1e-2, 1e-3, 1e-4):
 # %% [markdown]
 # Ten times shorter steps eject the block ten times as fast. This is why the advice "just reduce the step" can make
 # things worse, and why engines bound (cap) this speed. Here the bound, `max_recovery_speed`, is 1 m/s. MuJoCo's soft
-# contact, in purple, pushes the ball out gently at every step:
+# contact, in purple, pushes the ball out at about the same low speed at every step:
 #
 # ![How fast a ball that starts 1 cm deep leaves the ground, against the step](../docs/charts/contact_recovery.png)
 #
@@ -759,7 +762,8 @@ for name, height in heights.items():
     print(f"{name:<34} {1e3 * max(*height, 0.0):6.1f}")
 # %% [markdown]
 # Baumgarte's correction throws the ball into the air, and even the bound of 1 m/s is enough for a few centimetres.
-# The split impulse and the critically damped spring bring it up gently; the spring leaves it at its resting depth.
+# The split impulse and the critically damped spring bring it up without throwing it; the spring leaves it at its
+# resting depth.
 #
 # How well-known engines do it (sources read in November 2026):
 #
@@ -775,8 +779,9 @@ for name, height in heights.items():
 # ### Friction made convex
 #
 # Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown.
-# Because of that, the contact problem cannot be written as minimising a convex function. It can have several
-# solutions or none. A strictly convex problem has exactly one, and reliable solvers.
+# Because of that, the contact problem cannot be written as minimising a convex function. As finite
+# forces it can have several solutions or none. A strictly convex problem has at most one solution, and there are
+# reliable methods to find it.
 #
 # The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides at the speed $u_t$ must
 # also separate at $u_n = \mu\,u_t$. Then the step is a minimisation. For closed contacts:
@@ -895,10 +900,10 @@ more_claims(
 # **Key insight.** Every contact model gives something up.
 #
 # * Penalty: bodies overlap, and the step has a limit.
-# * Pyramid: friction has the wrong direction between the edges.
+# * Pyramid: friction has the wrong size or direction between the edges.
 # * Convex cone: the gap opens while a contact slides.
 # * Soft contact: a body that should stick creeps.
-# * Coulomb's law itself: nothing guarantees that a solution exists.
+# * Coulomb's law itself: nothing guarantees that finite forces exist.
 #
 # </div>
 #
@@ -1160,7 +1165,7 @@ for mu in (1.0, 2.0):
     one, other = (solve("coulomb", rod.problem(dt)).impulses[0, 0] for dt in (1e-3, 1e-6))
     print(f"mu {mu:.0f}: normal impulse {one:.1e} N s in a step of 1 ms, {other:.1e} in 1 us")
 # %% [markdown]
-# Below the limit the impulse is proportional to the step, as for a force. Above it, both steps return the same
+# Below the limit the impulse is proportional to the step, as for a force. Above it, both steps return nearly the same
 # impulse. The convex model always has an answer too, but not Coulomb's: even below the limit it makes the rod hop.
 #
 # ### Debugging table
@@ -1189,8 +1194,8 @@ show("nconmax_helps")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation is slow with many objects.* Count before you measure time: overlap tests, pairs
-# that remain, contacts, iterations. Too many pairs: boxes that are too large, or a sweep along the wrong axis. Too
-# many contacts: meshes instead of primitives. Too many iterations: mass ratios. Then time each stage.
+# that remain, contacts, iterations. Too many tests: a sweep along the wrong axis. Too many pairs: boxes that are too
+# large. Too many contacts: meshes instead of primitives. Too many iterations: mass ratios. Then time each stage.
 #
 # </div>
 #

@@ -8,8 +8,8 @@
 # Below, an arm of two links follows a target in small steps. Each step is computed from how the tip moves when a joint
 # turns a little.
 #
-# About {open minutes} minutes of reading, cards and charts; the collapsed parts add {folded minutes}; exercises
-# {exercise minutes}.
+# About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
+# exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict
@@ -540,7 +540,9 @@ predict("gain_of_a_step")
 # plus a penalty on motion. The **damping** $\lambda$ has the unit of $s$, metres per radian, so a value that works on
 # one arm does not carry over to an arm of another size.
 #
-# **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm closer to the base. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With $\lambda =
+# **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm
+# closer to the base. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With
+# $\lambda =
 # 0.1$ m/rad the step is $0.01\cdot 0.014/(0.014^2+0.1^2) = 0.014$ rad. The arm stays calm, but the step removes only 2
 # % of the error.
 
@@ -814,7 +816,8 @@ print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]
 # joint space angles, actuator space torques and currents. Feedback runs on each level, one control loop inside the
 # other.
 #
-# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that its commands are executed
+# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that
+# its commands are executed
 # at once. As a rule of thumb each loop runs three to ten times as fast as the loop
 # around it. Only the innermost loops need a kilohertz or more.
 
@@ -979,7 +982,8 @@ predict("one_call_or_a_batch")
 # The chart shows the 7-R arm at random states, on one core, called from Python. Pinocchio is called once per state and
 # also, for torques and accelerations, once per batch (`rneaInParallel` and `abaInParallel`, one thread):
 #
-# ![States per second against the size of the batch, for the course, Pinocchio and MuJoCo](../docs/charts/arm_throughput.png)
+# ![States per second against the size of the batch, for the course, Pinocchio and
+# MuJoCo](../docs/charts/arm_throughput.png)
 
 # %%
 print_figures("arm_throughput", "Torques", "Accelerations", "Jacobian")
@@ -1265,9 +1269,11 @@ print_figures("null_space_step", "exact", "damped")
 #
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>joints jump by radians for a millimetre of the tip</td> <td>pseudo-inverse close to a singularity</td> <td>print
+# <tr><td>joints jump by radians for a millimetre of the tip</td> <td>pseudo-inverse close to a singularity</td>
+# <td>print
 # $1/s_{\min}$</td> <td>damp; slow down; plan around it in joint space</td></tr>
-# <tr><td>nothing moves, the error stays</td> <td>$J^\mathsf{T}e=0$: arm stretched, target along the arm</td> <td>compare
+# <tr><td>nothing moves, the error stays</td> <td>$J^\mathsf{T}e=0$: arm stretched, target along the arm</td>
+# <td>compare
 # $\lvert J^\mathsf{T}e\rvert$ with $\lvert e\rvert$</td> <td>bend the elbow a little; another start</td></tr>
 # <tr><td>convergence gets slower and slower</td> <td>constant damping, and a target on the edge</td> <td>the ratio of
 # successive errors approaches one</td> <td>Levenberg-Marquardt</td></tr>
@@ -1539,7 +1545,8 @@ check(wrist_ik)
 #
 # The check is symbolic, so any equivalent form is accepted. For a wrong formula it shows numbers at which yours
 # differs.
-# <span class="kernel-only">Replace the text in quotes until the check accepts it.</span> First: what is the determinant of the Jacobian of two links? Second: what is the largest gain of a
+# <span class="kernel-only">Replace the text in quotes until the check accepts it.</span> First: what is the
+# determinant of the Jacobian of two links? Second: what is the largest gain of a
 # damped step?
 
 # %%
@@ -1613,7 +1620,8 @@ show("flow_samples_all")
 # which part of all solutions of a planar three-joint arm is found, the *coverage*; for that arm the curve of solutions
 # is known exactly:
 #
-# ![Poses solved, and solutions covered, with random starts, a lookup table and a network](../docs/charts/learned_seeds.png)
+# ![Poses solved, and solutions covered, with random starts, a lookup table and a
+# network](../docs/charts/learned_seeds.png)
 
 # %%
 figures(read("learned_seeds"), summary="Poses solved and solutions covered")

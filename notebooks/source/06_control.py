@@ -159,7 +159,8 @@ show("p_alone_overshoots")
 show("integral_removes_the_error")
 
 # %% [markdown]
-# The D term needs the rate of the error. There are two ways to compute it: differentiate the error $e$, or differentiate
+# The D term needs the rate of the error. There are two ways to compute it: differentiate the error $e$, or
+# differentiate
 # the measured angle and use $-\dot q$. While the set-point is constant, both are the same. Now let the set-point jump
 # from one sample to the next, and think about the error.
 
@@ -268,7 +269,8 @@ predict("more_p")
 # \begin{pmatrix} q_k\\ v_k\end{pmatrix}.$$
 #
 # The loop comes to rest exactly if all eigenvalues of this matrix are smaller than 1 in absolute value. The largest of
-# these values is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the matrix, which
+# these values is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the matrix,
+# which
 # is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So without
 # friction, P alone is unstable at any gain. A delay adds the commands that are still waiting to the vector, and
 # the matrix becomes larger; the method is the same.
@@ -278,7 +280,8 @@ show("hold_is_half_a_sample")
 
 # %% [markdown]
 # So count the hold as a delay of $dt/2$ and add it to the other delay $D$ of the loop. The **ultimate gain** $K_u$ is
-# the P gain at which the loop oscillates with constant amplitude, on the border between stable and unstable. The angular
+# the P gain at which the loop oscillates with constant amplitude, on the border between stable and unstable. The
+# angular
 # frequency $\omega$ of that oscillation and $K_u$ follow from
 #
 # $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
@@ -392,7 +395,8 @@ predict("faster_loop")
 # %% [markdown]
 # Every estimator of the rate trades noise for lag. A plain difference has the least lag and the most noise. A low-pass
 # filter with time constant $\tau$ averages the difference over about that time. A **tracking observer** predicts angle
-# and rate one sample ahead, and corrects both with the error of the predicted angle. Both reduce noise; by how much are they
+# and rate one sample ahead, and corrects both with the error of the predicted angle. Both reduce noise; by how much
+# are they
 # late?
 
 # %%
@@ -409,14 +413,16 @@ print("lag, and noise of the rate per noise of the angle, from the fastest to th
 print_figures("rate_estimates", "difference", "filtered", "tracking")
 
 # %% [markdown]
-# Now dry friction again, with a PD controller. As the joint nears the set-point, the torque of the P term falls. As soon as it
+# Now dry friction again, with a PD controller. As the joint nears the set-point, the torque of the P term falls. As
+# soon as it
 # is smaller than the friction $F$, the joint can stop.
 
 # %%
 show("friction_leaves_an_error")
 
 # %% [markdown]
-# An I term removes this error if friction at rest, **static friction**, is no larger than Coulomb friction. If it is larger,
+# An I term removes this error if friction at rest, **static friction**, is no larger than Coulomb friction. If it is
+# larger,
 # the torque that breaks the joint loose is more than what keeps it moving. The joint jumps, and hunts:
 
 # %% tags=["hide-code"]
@@ -431,13 +437,16 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Choose the preset *Hunting* on the first screen and lower *Static / dry* to one: the hunting ends. The next chart shows
-# both effects as functions of what you can change. Left: a slower rate filter reduces the ripple of the torque. Right: the
+# Choose the preset *Hunting* on the first screen and lower *Static / dry* to one: the hunting ends. The next chart
+# shows
+# both effects as functions of what you can change. Left: a slower rate filter reduces the ripple of the torque.
+# Right: the
 # amplitude of hunting grows with the ratio of static to Coulomb friction.
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
-# **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls over
+# **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
+# over
 # by itself, such as an upright pendulum, gravity can then win: outside a certain region no gain brings the pendulum
 # back, because gravity pulls harder than the motor can. In the map, purple states are caught and orange states are
 # lost, with half of the torque that holds the pendulum horizontally:
@@ -494,7 +503,8 @@ show("ziegler_nichols_is_safe")
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
 #
 # Choose $K_p$ and $K_d$ so that three of the poles are equal and real. The slowest part of the motion then does not
-# oscillate. The second derivative of $(Js^2 + bs)\,e^{sD} + K_p + K_d s$ must be zero, which is a quadratic equation for $s$;
+# oscillate. The second derivative of $(Js^2 + bs)\,e^{sD} + K_p + K_d s$ must be zero, which is a quadratic equation
+# for $s$;
 # the first derivative gives $K_d$, and the equation itself $K_p$:
 
 # %% tags=["show-code"]
@@ -570,7 +580,8 @@ more_claims("quoted_gains_overshoot", "quoted_ku_tu", "safer_set")
 show("computed_torque_law")
 
 # %% [markdown]
-# Every joint's error then obeys its own linear equation, and the gains place its poles. This holds at each instant at which
+# Every joint's error then obeys its own linear equation, and the gains place its poles. This holds at each instant at
+# which
 # the torque is computed. Remember what the motor drive does between samples:
 
 # %%
@@ -578,7 +589,8 @@ show("perfect_model_perfect_tracking")
 
 # %% [markdown]
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
-# changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, $\tau = Y\theta$,
+# changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, $\tau =
+# Y\theta$,
 # with the regressor $Y$ of chapter 4. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$

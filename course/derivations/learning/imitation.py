@@ -39,10 +39,11 @@ def regulator(rng):
 @claim(
     "The cost of a clone's errors grows with the square of the task's length.",
     "If it never recovers, the expected number of wrong steps is the sum of 1 - (1 - eps)^t, "
-    "for three steps {formula}. Fitted from five to eighty steps it grows with exponent "
-    "{alone:.2f} at a small error rate. At a large one the exponent is {lost:.2f}, because "
-    "nearly every run is lost early and the count can only grow with the length. If each wrong "
-    "step costs only itself, the cost is eps T, exponent {mended:.2f}.",
+    "for three steps {formula}. From five to eighty steps and at a small error rate, it is "
+    "proportional to the length to the power {alone:.2f}: doubling the length multiplies the cost "
+    "by {factor:.1f}. At a large rate the power is {lost:.2f}, because nearly every run is lost "
+    "early and the count can only grow with the length. If each wrong step costs only itself, "
+    "the cost is eps T, and the measured power {mended:.2f}.",
     ask=(
         "Each step goes wrong with probability eps, and after the first wrong step all later "
         "ones are wrong. How many of three steps are wrong on average?",
@@ -78,6 +79,7 @@ def errors_compound(result):
         return bool(np.divide(*expected_cost(share, [2 * T, T], recovers=False)) > 3.4)
 
     alone = result.measure("alone", exponent(0.001, False), 0.04)
+    result.measure("factor", 2.0**alone, 0.05)
     mended = result.measure("mended", exponent(0.001, True), 0.08)
     lost = result.measure("lost", exponent(0.3, False), 0.04)
     result.statement = (

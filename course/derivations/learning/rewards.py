@@ -284,8 +284,8 @@ def clip_keeps(result):
     "{read:.2f}, and another one with {true_more:.2f} at {read_more:.2f}.",
     ask=(
         "N environments restart by themselves. An episode succeeds with probability p, below "
-        "1/2, and then takes a moment; a failure takes very long. How many successes are there "
-        "when the first failures end, divided by N?",
+        "1/2, and then takes no time; a failure takes very long. All environments run until the "
+        "first failure ends. How many successes has each had by then, on average?",
         "p/(1 - p)",
         {
             "p": (
@@ -395,7 +395,8 @@ def own_normaliser(result):
     "You can estimate the chance before you train. A path of length L comes within R of a strip "
     "of width 2 R, so with the goal anywhere in an area S it meets the goal with probability "
     "{formula}. For random actions on the point task the estimate is {law:.1%} of the episodes, "
-    "and {measured:.1%} succeeded. With a disc a quarter as wide, {small:.2%} did.",
+    "and {measured:.1%} succeeded. With a disc a quarter as wide the estimate is "
+    "{small_law:.2%}, and {small:.2%} succeeded.",
     ask=(
         "A path of length L does not cross itself. The goal lies anywhere in an area S, all "
         "places equally likely. With what probability does the path come within R of the goal, "
@@ -416,7 +417,7 @@ def sparse_chance(result):
 
     R, L, S = sympy.symbols("R L S", positive=True)
     result.formula = sympy.integrate(2 * R, (sympy.Symbol("x"), 0, L)) / S
-    N, rng = 2000, np.random.default_rng(1)
+    N, rng = 20_000, np.random.default_rng(1)
 
     def pushes(*shape):
         return np.clip(rng.standard_normal((*shape, 2)), -1.0, 1.0).astype(np.float32)
@@ -434,10 +435,11 @@ def sparse_chance(result):
         envs = PointReachVector(N, radius=radius)
         return evaluate(lambda observed: pushes(N), envs, 0).success.mean()
 
+    small = result.measure("small_law", law(0.0125), 0.05)
     report = result.measure("law", law(0.05), 0.05)
     observed = result.measure("measured", measured(0.05), 0.1)
-    result.measure("small", measured(0.0125), 0.2)
-    result.statement = "2,000 episodes of 100 steps each."
+    few = result.measure("small", measured(0.0125), 0.2)
+    result.statement = "20,000 episodes of 100 steps each."
     inside, outside = (
         [bool(measured(x) < 0.01) for x in result.rng.uniform(*some, 8)]
         for some in ((0.001, 0.015), (0.03, 0.2))
@@ -449,7 +451,9 @@ def sparse_chance(result):
         outside=outside,
     )
     result.correction_holds(
-        abs(report / observed - 1.0) < 0.3, abs(measured(0.1) / law(0.1) - 1.0) < 0.3
+        abs(report / observed - 1.0) < 0.3,
+        abs(measured(0.1) / law(0.1) - 1.0) < 0.3,
+        0.6 < few / small < 1.3,
     )
 
 
@@ -457,7 +461,7 @@ def sparse_chance(result):
     "Paying minus the distance at every step is a shaping reward that leaves the best policy "
     "unchanged.",
     "The distances add up along the path, so this reward prefers paths that stay near the goal "
-    "on the way. In {plain:.0f} of {n:.0f} random tasks with two possible paths it changed "
+    "during the trip. In {plain:.0f} of {n:.0f} random tasks with two possible paths it changed "
     "which of them is best. Paying the difference of a potential, here minus the distance, "
     "changed it in {potential:.0f}.",
 )
@@ -482,6 +486,7 @@ def minus_distance(result):
 
     n = int(result.input("n", 60))
     retained = np.array([tried() for _ in range(n)])
+    result.measure("tasks", len(retained))
     plain = result.measure("plain", np.sum(~retained[:, 0]))
     potential = result.measure("potential", np.sum(~retained[:, 1]), 0.0)
     result.statement = "Tasks with two paths of up to ten steps to the same prize, solved exactly."
@@ -492,7 +497,7 @@ def minus_distance(result):
 @claim(
     "A bonus for being near the goal makes a robot hover there instead of finishing.",
     "Waiting one more step earns the bonus once more but delays the prize P by a step. This "
-    "pays off only if the bonus is above {formula} per step. Mind also how often a bonus is "
+    "pays off only if the bonus is above {formula} per step. Note also how often a bonus is "
     "paid: as a term of the step reward it is paid at every step near the goal, {paid:.0f} "
     "times in {steps:.0f} steps, not once.",
     ask=(
