@@ -94,9 +94,9 @@ def test_an_adapter_says_what_pip_installs(name, monkeypatch):
 
 def test_drills_doctor_imports_what_it_reports(fake):
     fake("pinocchio", f"raise ImportError({GOMP!r})")
-    row = doctor._library("pinocchio", "pin", "the comparison of fk3")
+    row = doctor._library("pinocchio", "pin", "the comparison of fk3", "oracles")
     assert not row["ok"] and "the system library libgomp.so.1 is missing" in row["detail"]
-    assert doctor._library("numpy", "numpy", "everything")["ok"]
+    assert doctor._library("numpy", "numpy", "everything", "")["ok"]
 
 
 def test_another_cause_is_reported_as_it_is(fake):
