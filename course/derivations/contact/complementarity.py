@@ -327,7 +327,7 @@ def contact_gradients_vanish(result):
     starts = result.rng.uniform(0.3, 0.5, 9)
 
     def bounce(dt):
-        """Return the median over the starts: at one of them the last step may just miss the wall."""
+        """Return the median over the starts; at one of them the last step may miss the wall."""
         return np.median([slope(lambda s: rebound(s, dt), start, 1e-7) for start in starts])
 
     slopes = [bounce(dt) for dt in (0.05, 0.02, 0.01, 0.005, 0.002)]
