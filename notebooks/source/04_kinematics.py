@@ -186,7 +186,7 @@ more_claims("two_link_position")
 # turns at 1 rad/s about an axis along the unit vector $\hat\omega$ through the point $c$ has the twist
 #
 # $$S = \begin{pmatrix} \hat\omega \\ c\times\hat\omega \end{pmatrix}, \qquad
-# [S] = \begin{pmatrix} [\hat\omega] & c\times\hat\omega \\ 0 & 0 \end{pmatrix},$$
+# [S] = \begin{pmatrix} {[\hat\omega]} & c\times\hat\omega \\ 0 & 0 \end{pmatrix},$$
 #
 # where $[\hat\omega]$ is the matrix of the cross product, $[\hat\omega]\,x = \hat\omega\times x$.
 

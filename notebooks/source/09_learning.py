@@ -788,7 +788,7 @@ more_claims("code_of_zero")
 # $x_t = (1-t)\,\epsilon + t\,x$. The velocity along the line is $x - \epsilon$. A network $v$ learns to predict it from
 # the point on the line, the time and the state:
 #
-# $$\text{loss} = \mathbb{E}\,\big\lVert v(x_t, t, s) - (x - \epsilon) \big\rVert^2 .$$
+# $$\text{loss} = \mathbb{E}\,\lVert v(x_t, t, s) - (x - \epsilon) \rVert^2 .$$
 #
 # Many lines cross at the same point, so the network can only learn their mean velocity. That is enough: the mean
 # velocity carries the same net amount of samples through each point as the individual lines do. So moving noise along

@@ -70,8 +70,9 @@ def _item(id):
         ),
         (
             "determinant_one_is_stable",
-            "uniform(2.001, 2.2, 20)",
-            "uniform(-0.5, 0.5, 20)",
+            "outside=[on_circle(drawn(trace)) for trace in outside]\n"
+            "        + [on_circle(two(trace)) for trace in result.rng.uniform(-1.999, -0.8, 8)]",
+            "outside=[on_circle(drawn(trace)) for trace in result.rng.uniform(-0.5, 0.5, 20)]",
             "condition is not needed",
         ),
         (

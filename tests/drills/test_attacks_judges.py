@@ -105,9 +105,6 @@ RIGHT = {
         ("raise ValueError", "raise NoOrder"),
     ),
     "rrt: draws by integers": edited("rrt", ("rng.random() < GOAL_BIAS", "rng.integers(10) == 0")),
-    "pid: nothing is integrated at a limit": edited(
-        "pid", ("if not deeper:", "if self.u_min <= desired <= self.u_max:")
-    ),
     "orientation: the negative of the quaternion": edited(
         "orientation", ("return turned /", "return -turned /")
     ),

@@ -108,8 +108,8 @@ def test_bad_chunks_are_refused_by_shape():
     [
         (Commit, 0, r"executed must be .*, got 0"),
         (Commit, 1.5, r"executed must be .*, got 1.5"),
-        (Delayed, -1, "delay is -1"),
-        (Ensemble, np.inf, "decay is inf"),
+        (Delayed, -1, r"delay must be .*, got -1"),
+        (Ensemble, np.inf, r"decay must be .*, got inf"),
     ],
 )
 def test_an_executor_with_a_bad_number_is_refused_when_it_is_made(make, value, message):

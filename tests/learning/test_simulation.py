@@ -155,7 +155,7 @@ def test_a_drag_along_a_chart_shows_an_iteration_to_its_end():
     now, _ = run("Potential")
     left, right, low, _ = point._UPPER
     now.drag(left + (right - left) * 20.0 / point.ITERATIONS, low)
-    assert "steps so far: 40960" in now.picture().text
+    assert "environment steps: 40960" in now.picture().text
     panel = simulation("point")
     assert "success" in repr(panel)
     panel.close()

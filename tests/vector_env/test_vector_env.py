@@ -368,13 +368,13 @@ def test_every_environment_has_its_own_seed() -> None:
     ("actions", "text"),
     [
         (np.zeros((3, 2), np.float32), r"\.shape must be \(4, 2\).*, got \(3, 2\)"),
-        (np.zeros((5, 2), np.float32), r"is \(5, 2\)"),
-        (np.zeros((4, 3), np.float32), r"is \(4, 3\)"),
-        (np.zeros(8, np.float32), r"is \(8,\)"),
+        (np.zeros((5, 2), np.float32), r"got \(5, 2\)"),
+        (np.zeros((4, 3), np.float32), r"got \(4, 3\)"),
+        (np.zeros(8, np.float32), r"got \(8,\)"),
         (np.zeros((4, 2), complex), r"\.dtype must be float32.*, got .*complex128.*"),
         (np.full((4, 2), "0.1"), r"\.dtype must be float32.*, got .*<U3.*"),
-        (np.array([[0, 0], [0, 0], [0, np.nan], [0, 0]]), r"\[2, 1\] is nan"),
-        (None, r"is \(\)"),
+        (np.array([[0, 0], [0, 0], [0, np.nan], [0, 0]]), r"\[2, 1\] must be .*, got nan"),
+        (None, r"got \(\)"),
     ],
 )
 def test_wrong_actions_are_refused_and_do_no_harm(kind, actions, text) -> None:

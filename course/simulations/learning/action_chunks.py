@@ -19,7 +19,7 @@ CONTROLS = Record(
     latency=slider("Latency of a prediction", 60.0, 0.0, 400.0, 5.0, "ms", 0, live=True),
     mode=menu(
         "While a chunk is being predicted",
-        ("the robot goes on with the old chunk", "the robot waits"),
+        ("go on with the old chunk", "wait"),
         live=True,
     ),
 )

@@ -173,7 +173,7 @@ PRESETS = {
         {"advantage": -1.0, "ratio": 1.8}, "Other actions moved the shared weights, and this bad "
         "action is now far above the clip range. Here the objective is not flat: the full gradient "
         "brings the ratio back. Press play, and compare with a good action at the same ratio."),
-    "A good action that became unlikely": Preset(
+    "Good action, now unlikely": Preset(
         {"ratio": 0.4}, "A good action below the clip range keeps its full gradient, so the update "
         "can correct the mistake. Drag the point in the right picture: only two of the six fields "
         "have no gradient."),

@@ -168,7 +168,7 @@ _WAYS, _ITERATION, _PERCENT_OF, _RETURN, _OPTIMUM, _TRUE, _FIRST = word(
     "success rate [%]",
     "return",
     "exact optimum",
-    "one episode per start",
+    "one per start",
     "first to finish",
 )
 _STEPS, _GOOD, _READ, _WORTH, _BEST, _KL, _STD = word(
