@@ -151,13 +151,32 @@ def content(name: str) -> dict[str, Any]:
 def bundle(name: str) -> str:
     """Return the script that brings one simulation into a page.
 
-    Its declaration, and what it runs on.
+    Its declaration and its compiled code. The pictures of a recording are a script of their own
+    (`film`) in the same folder, which a page fetches when the simulation comes into sight.
 
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
     """
-    packed = json.dumps(content(name), allow_nan=False, separators=(",", ":"))
-    return f"(window.courseSimulations ??= {{}})[{json.dumps(name)}] = {packed};\n"
+    made = content(name)
+    text = _assigned("courseSimulations", name, made | {"pictures": None})
+    if made["pictures"] is None:
+        return text
+    where = f"new URL({json.dumps(f'{name}.film.js')}, document.currentScript.src).href"
+    return f"{text}window.courseSimulations[{json.dumps(name)}].film = {where};\n"
+
+
+def film(name: str) -> str:
+    """Return the script that brings the pictures of a recorded simulation into a page.
+
+    Raises:
+        ValueError: there is no such simulation, or it has no recording.
+    """
+    return _assigned("courseFilms", name, _film(name))
+
+
+def _assigned(table: str, name: str, value: object) -> str:
+    packed = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    return f"(window.{table} ??= {{}})[{json.dumps(name)}] = {packed};\n"
 
 
 def script() -> str:

@@ -257,10 +257,23 @@ function field(input, changed) {
   return { shown: make("label", {}, head, slider), put };
 }
 
+// The pictures of a recording: a script beside the page, fetched when they are needed first.
+const filmed = (name, address) =>
+  new Promise((done, failed) => {
+    const missing = () => failed(new Error("Its recording was not found beside this page."));
+    const arrived = () => {
+      if (window.courseFilms?.[name]) done(window.courseFilms[name]);
+      else missing();
+    };
+    if (window.courseFilms?.[name]) return arrived();
+    const script = make("script", { src: address, onload: arrived, onerror: missing });
+    document.head.append(script);
+  });
+
 // The panel in the element `place`, whose saved picture stays until the first one is drawn. It is
 // what `Panel` is in a notebook: it starts paused, a change of a control starts anew unless the
 // control is live, Space plays and pauses, R resets.
-export function panel(place, { declaration: told, wasm, pictures }) {
+export function panel(place, { declaration: told, wasm, pictures, film }) {
   dress();
   const saved = place.querySelector("img");
   const live = wasm !== null;
@@ -389,7 +402,9 @@ export function panel(place, { declaration: told, wasm, pictures }) {
   place.setAttribute("aria-label", told.title);
 
   const begin = async () => {
-    const made = live ? await compiled(told, bytesOf(wasm)) : await recorded(told, pictures);
+    const made = live
+      ? await compiled(told, bytesOf(wasm))
+      : await recorded(told, pictures ?? (await filmed(told.name, film)));
     picture = view(parts, told.paper, {
       pointer: (kind, x, y) =>
         act(() => {

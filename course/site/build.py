@@ -253,8 +253,10 @@ def build(
             (out / "_static" / "charts" / f"{name}.svg").write_text(text, encoding="utf-8")
         (out / "_static" / "simulations").mkdir()
         for name, text in simulations:
-            script = out / "_static" / "simulations" / f"{name}.js"
-            script.write_text(text, encoding="utf-8")
+            place = out / "_static" / "simulations"
+            (place / f"{name}.js").write_text(text, encoding="utf-8")
+            if not declaration.is_live(name):
+                (place / f"{name}.film.js").write_text(declaration.film(name), encoding="utf-8")
     for name in _LEFT_OUT:
         (out / name).unlink(missing_ok=True)
     (out / "_sources").rmdir()

@@ -143,7 +143,8 @@ def test_a_phone_gets_the_narrow_picture_of_each_chart(site: Path) -> None:
 
 
 def test_what_a_preset_was_chosen_for_starts_with_it(site: Path) -> None:
-    places = soup(site / "02_contact.html").select(".course-live")
+    page = soup(site / "02_contact.html")
+    places = page.select('.course-live[data-simulation="contact.touch"]')
     assert [place.get("data-preset") for place in places] == [
         None,
         "Tunnelling",

@@ -235,6 +235,18 @@ def test_a_recorded_simulation_without_its_recording_is_refused(
     monkeypatch.setattr(told, "recording", lambda name: tmp_path / "none.json")
     with pytest.raises(ValueError, match=r"python -m course\.site\.films pipeline"):
         told.bundle("pipeline")
+    with pytest.raises(ValueError, match=r"python -m course\.site\.films pipeline"):
+        told.film("pipeline")
+
+
+def test_the_pictures_of_a_recording_are_a_script_of_their_own() -> None:
+    name = "learning.two_ways"
+    told_by, _, where = told.bundle(name).partition(";\n")
+    assert _content(f"{told_by};\n")[1]["pictures"] is None
+    assert f"{name}.film.js" in where and len(told_by) < 50_000
+    films = re.fullmatch(r"\(window.courseFilms \?\?= \{\}\)\[(.*?)\] = (.*);\n", told.film(name))
+    assert films and strict(films[1]) == name
+    assert list(strict(films[2])) == list(told.model(name).presets)
 
 
 def test_the_script_is_one_without_modules() -> None:

@@ -82,6 +82,8 @@ def open_page(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
         (tmp_path / "live.js").write_text(told.script(), encoding="utf-8")
         text = told.bundle(name) if bundle is None else bundle
         (tmp_path / "bundle.js").write_text(text, encoding="utf-8")
+        if not told.is_live(name):
+            (tmp_path / f"{name}.film.js").write_text(told.film(name), encoding="utf-8")
         text = PAGE.format(name=name, dot=DOT, preset=preset)
         (tmp_path / "index.html").write_text(text, encoding="utf-8")
         context = browser.new_context(viewport={"width": wide, "height": 800}, **options)
@@ -458,6 +460,15 @@ class TestTheBox:
     def test_a_module_that_does_not_start_leaves_the_saved_picture(self, open_page: Any) -> None:
         broken = re.sub('"wasm":"[^"]*"', '"wasm":"AAAA"', told.bundle(BOX))
         page = open_page(bundle=broken, ready=False)
+        page.get_by_role("alert").wait_for()
+        assert "its saved picture stays" in page.get_by_role("alert").inner_text()
+        assert page.locator(".course-live img").is_visible()
+
+    def test_a_recording_that_is_missing_leaves_the_saved_picture(
+        self, open_page: Any, monkeypatch: Any
+    ) -> None:
+        monkeypatch.setattr(told, "film", lambda name: "window.courseFilms = {};")
+        page = open_page(name="learning.two_ways", ready=False)
         page.get_by_role("alert").wait_for()
         assert "its saved picture stays" in page.get_by_role("alert").inner_text()
         assert page.locator(".course-live img").is_visible()

@@ -77,6 +77,8 @@ def opened(
 ) -> Any:
     (folder / "live.js").write_text(told.script(), encoding="utf-8")
     (folder / "bundle.js").write_text(told.bundle(name), encoding="utf-8")
+    if not told.is_live(name):
+        (folder / f"{name}.film.js").write_text(told.film(name), encoding="utf-8")
     (folder / "index.html").write_text(PAGE.format(name=name), encoding="utf-8")
     page = browser.new_context(viewport={"width": wide, "height": 800}, **options).new_page()
     page.set_default_timeout(60_000)
