@@ -3,7 +3,8 @@
 The chapter's algorithms, and the functions of their steps:
 
 - Generalised advantage estimation (Schulman et al., 2016): `gae`.
-- Proximal policy optimisation (Schulman et al., 2017): `ppo`, its clipped surrogate `objective`.
+- Proximal policy optimisation (Schulman et al., 2017): `ppo`, whose surrogate is
+  `clipped_objective`.
 - DAgger (Ross, Gordon and Bagnell, 2011): `dagger`.
 - DDIM (Song, Meng and Ermon, 2021): `mix` is the schedule, `denoise` the sampler.
 - Flow matching (Lipman et al., 2023): `flow_policy` trains the field, `integrate` solves it.
@@ -36,7 +37,7 @@ from course.learning.network import (
     tensor,
     weights,
 )
-from course.learning.ppo import ActorCritic, Iteration, Settings, gae, objective, ppo
+from course.learning.ppo import ActorCritic, Iteration, Settings, clipped_objective, gae, ppo
 from course.learning.recorded import recorded, remake
 from course.learning.tasks import (
     Circle,
@@ -76,6 +77,7 @@ __all__ = [
     "accumulated",
     "band",
     "chunk_policy",
+    "clipped_objective",
     "clone",
     "context_costs",
     "dagger",
@@ -94,7 +96,6 @@ __all__ = [
     "mix",
     "nearest",
     "network",
-    "objective",
     "one_thread",
     "ppo",
     "predict",

@@ -160,7 +160,7 @@ def gae(
 
 
 @register_jitable
-def objective(ratio: Array, advantage: Array, clip: float = 0.2) -> tuple[Array, Array]:
+def clipped_objective(ratio: Array, advantage: Array, clip: float = 0.2) -> tuple[Array, Array]:
     """Return the clipped objective of each action (eq. 7), to be made large, and its slope.
 
     The smaller of ratio * advantage and the same with the ratio kept near 1: what has become
@@ -411,7 +411,7 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
     # Log-probability ratio of the new policy to the one that acted.
     deviation = (part.actions - mean.detach().numpy()) / std
     ratio = np.exp(log_density(deviation, log_std) - part.log_prob)
-    gain, slope = objective(ratio, part.advantages, settings.clip)
+    gain, slope = clipped_objective(ratio, part.advantages, settings.clip)
     error = value.detach().numpy() - part.targets
     # Gradient of the clipped objective by log-probability, of the value loss by the value; the
     # networks' own gradients follow by backpropagation.

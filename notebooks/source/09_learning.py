@@ -45,7 +45,16 @@ from course import learning
 from course.cards import interview
 from course.charts import stored
 from course.derivations import figure, more_claims, show
-from course.learning import Commit, Delayed, Regulator, Settings, TwoWays, evaluate, objective, roll
+from course.learning import (
+    Commit,
+    Delayed,
+    Regulator,
+    Settings,
+    TwoWays,
+    clipped_objective,
+    evaluate,
+    roll,
+)
 from course.measure.sweep import sweep
 from course.vector_env import PointReachVector
 from course.vector_env.point import optimum, plan
@@ -335,7 +344,7 @@ predict("where_the_clip_bites")
 ratio = np.linspace(0.4, 1.6, 241)
 figure_, axes = plt.subplots(1, 2, figsize=(7, 2.4), layout="constrained")
 for axis, A, name in zip(axes, (1.0, -1.0), ("a good action", "a bad action"), strict=True):
-    value, _ = objective(ratio, np.full(ratio.size, A), 0.2)
+    value, _ = clipped_objective(ratio, np.full(ratio.size, A), 0.2)
     _ = axis.plot(ratio, value, lw=2.5, color=BLUE, label="clipped objective")
     _ = axis.plot(ratio, ratio * A, ":", lw=1.2, color=GREY, label=r"$\rho A$")
     _ = axis.axvspan(0.8, 1.2, color="#e8eaf6")
@@ -1084,7 +1093,7 @@ print("mean actions for 64 observations:", report.policy(train.reset(seed=5)[0])
 # The clipped objective and its derivative are the last lines of this function:
 
 # %% tags=["hide-code"]
-source(learning.objective, "free = ratio")
+source(learning.clipped_objective, "free = ratio")
 
 # %% [markdown]
 # Invalid input is rejected with the name of the argument and the rule:

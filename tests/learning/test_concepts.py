@@ -131,7 +131,7 @@ def test_the_measured_numbers_approach_the_predicted_ones_and_begin_again_with_l
 @given(st.floats(0.0, 2.5), st.floats(-2.0, 2.0), st.floats(0.05, 0.6))
 def test_the_point_lies_on_the_chapters_objective(ratio, advantage, clip):
     run = Experiment(clipped_objective.MODEL, ratio=ratio, advantage=advantage, clip=clip)
-    value, slope = learning.objective(np.array([ratio]), np.array([advantage]), clip)
+    value, slope = learning.clipped_objective(np.array([ratio]), np.array([advantage]), clip)
     # Equation 7 of the paper, written out.
     kept = min(max(ratio, 1.0 - clip), 1.0 + clip)
     assert value[0] == pytest.approx(min(ratio * advantage, kept * advantage))

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course.learning import Diverged, Settings, evaluate, gae, objective, ppo
+from course.learning import Diverged, Settings, clipped_objective, evaluate, gae, ppo
 from course.learning.ppo import ActorCritic, Runner, Table, judged, slopes
 from course.vector_env import PointReachVector
 from course.vector_env.point import optimum
@@ -63,9 +63,9 @@ def test_advantages_are_the_double_sum(seed, gamma, decay, T):
     ],
 )
 def test_the_six_cases_of_the_clip(ratio, advantage, value, slope):
-    got = objective(np.array([ratio]), np.array([advantage]), 0.2)
+    got = clipped_objective(np.array([ratio]), np.array([advantage]), 0.2)
     assert [float(x[0]) for x in got] == pytest.approx([value, slope])
-    free = objective(np.array([ratio]), np.array([advantage]), math.inf)
+    free = clipped_objective(np.array([ratio]), np.array([advantage]), math.inf)
     assert [float(x[0]) for x in free] == pytest.approx([ratio * advantage, advantage])
 
 
@@ -74,8 +74,10 @@ def test_the_six_cases_of_the_clip(ratio, advantage, value, slope):
 def test_its_slope_is_the_difference(ratio, advantage, clip):
     step = 1e-6
     if min(abs(ratio - 1.0 - clip), abs(ratio - 1.0 + clip)) > 2.0 * step:
-        around = objective(np.array([ratio - step, ratio + step]), np.full(2, advantage), clip)[0]
-        slope = objective(np.array([ratio]), np.array([advantage]), clip)[1]
+        around = clipped_objective(
+            np.array([ratio - step, ratio + step]), np.full(2, advantage), clip
+        )[0]
+        slope = clipped_objective(np.array([ratio]), np.array([advantage]), clip)[1]
         assert slope[0] == pytest.approx(np.diff(around)[0] / (2.0 * step), abs=1e-5)
 
 

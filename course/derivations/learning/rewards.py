@@ -217,7 +217,7 @@ def next_row(result):
 def beyond_the_clip(result):
     import sympy
 
-    from course.learning import objective
+    from course.learning import clipped_objective
 
     r, A, clip = sympy.symbols("r A clip", real=True)
     both, beyond = (r * A, (1 + clip) * A), {r: 1.5, A: -1, clip: 0.2}
@@ -225,12 +225,12 @@ def beyond_the_clip(result):
 
     def flat(ratio, advantage):
         """Return whether a small change of the ratio changes nothing, and the slope says so."""
-        value, slope = objective(np.array([ratio, ratio + 1e-6]), np.full(2, advantage))
+        value, slope = clipped_objective(np.array([ratio, ratio + 1e-6]), np.full(2, advantage))
         return bool(abs(value[1] - value[0]) < 1e-12 and slope[0] == 0.0)
 
     size, over = result.rng.uniform(0.1, 3.0, 10), result.rng.uniform(0.21, 0.9, 10)
     signs = np.resize([1.0, -1.0], 10)
-    result.measure("slope", objective(np.array([1.5]), np.array([-1.0]))[1][0])
+    result.measure("slope", clipped_objective(np.array([1.5]), np.array([-1.0]))[1][0])
     result.statement = "Finite differences of the objective at random ratios, with a clip of 0.2."
     inside, outside = (
         [flat(1.0 + s * k * x, s * y) for s, x, y in zip(signs, over, size, strict=True)]
@@ -244,7 +244,7 @@ def beyond_the_clip(result):
     )
     result.correction_holds(
         not any(outside),
-        abs(objective(np.array([1.5]), np.array([-2.0]))[0][0] + 3.0) < 1e-12,
+        abs(clipped_objective(np.array([1.5]), np.array([-2.0]))[0][0] + 3.0) < 1e-12,
         not flat(1.1, 1.0),
         not flat(0.9, -1.0),
     )
@@ -258,7 +258,7 @@ def beyond_the_clip(result):
     "clip does nothing and the step is that of the plain policy gradient.",
 )
 def clip_keeps(result):
-    from course.learning import Settings, objective, ppo
+    from course.learning import Settings, clipped_objective, ppo
     from course.vector_env import PointReachVector
 
     envs = PointReachVector(64, "potential", autoreset_mode="SameStep")
@@ -271,7 +271,7 @@ def clip_keeps(result):
         "0.001 and a clip of 0.2."
     )
     advantage = result.rng.normal(size=100)
-    first = objective(np.ones(100), advantage)[1]
+    first = clipped_objective(np.ones(100), advantage)[1]
     result.statement_holds(share == 0.0)
     result.correction_holds(share > 0.02, np.array_equal(first, advantage))
 

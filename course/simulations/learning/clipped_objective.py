@@ -3,7 +3,7 @@
 import numpy as np
 from numba.extending import register_jitable
 
-from course.learning.ppo import objective
+from course.learning.ppo import clipped_objective
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, slider
@@ -22,7 +22,7 @@ STATE = Record(ratio=Field(1.0))  # now; the gradient moves it
 @register_jitable
 def clipped(ratio, advantage, clip):
     """Return the chapter's objective and its slope for numbers instead of arrays."""
-    value, slope = objective(np.array([ratio]), np.array([advantage]), clip)
+    value, slope = clipped_objective(np.array([ratio]), np.array([advantage]), clip)
     return value[0], slope[0]
 
 
