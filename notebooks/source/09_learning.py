@@ -979,7 +979,7 @@ methods = (
      f("two_gains", "share") > 0.8 and f("sparse_chance", "measured") < 0.05),
     ("cloning", "an expert, and a plant that corrects errors by itself", "labels that cover the states",
      f"trains in seconds; with a mixture head {passed['mixture']:.0%} pass the two-route task",
-     f"with the squared error {passed['mean']:.0%} pass; a perfect fit can be unstable (radius "
+     f"with the squared error {passed['mean']:.1%} pass; a perfect fit can be unstable (radius "
      f"{f('perfect_fit', 'copy'):.2f})",
      passed["mean"] < 0.05 < passed["mixture"] and f("perfect_fit", "copy") > 1.0),
     ("DAgger", "an expert who can be asked in any state", "labels in the learner's own states",

@@ -190,6 +190,15 @@ def believed_error_bar(result):
     _, fit, error = fitted(f1=friction, f2=0.5 * friction)
     wrong = result.measure("wrong", np.max(np.abs(error / (fit.value - error))), 0.02)
     claimed = result.measure("claimed", np.max(fit.half_width() / fit.value), 0.05)
+
+    def widest(kind):
+        """Return the largest relative half-width that a log of this kind leaves."""
+        _, fit, _ = fitted(kind=kind)
+        return np.max(fit.half_width() / np.abs(fit.value))
+
+    best = widest("two sines")
+    result.measure("steps_times", widest("steps") / best, 0.05)
+    result.measure("slow_times", widest("one slow joint") / best, 0.05)
     result.statement = "Two seconds of two sines, 1 mrad of noise, logs of other seeds."
     result.statement_holds(
         within(1, friction),
