@@ -145,7 +145,7 @@ def change(controls, seconds=10.0, **values):
 
 @pytest.mark.parametrize(
     ("name", "sign"),
-    [("Explicit Euler gains energy", 1), ("Semi-implicit Euler: bounces take energy", -1)],
+    [("Explicit Euler gains energy", 1), ("Semi-implicit Euler, bouncing", -1)],
 )
 def test_first_order_flight_changes_energy_by_g2_h2_over_2_per_step(name, sign):
     controls = PRESETS[name].values

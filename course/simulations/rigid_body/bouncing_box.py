@@ -343,7 +343,7 @@ PRESETS = {
         "Nothing takes or gives energy here, and impacts are located within the step. Each step of "
         "flight adds m g² h²/2: the box bounces higher and higher.",
     ),
-    "Semi-implicit Euler: bounces take energy": Preset(
+    "Semi-implicit Euler, bouncing": Preset(
         _ELASTIC | {"integrator": "semi-implicit Euler"},
         "The same drop with the order of two lines swapped. In flight the same m g² h²/2 is now "
         "taken at every step. Being symplectic, the method conserves a nearby energy exactly in "
