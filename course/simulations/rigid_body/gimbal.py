@@ -49,7 +49,7 @@ def axes_of(yaw, pitch, roll):
     # the turned y, the body's x.
     axes[0, 2], axes[1, 0], axes[1, 1] = 1.0, -math.sin(yaw), math.cos(yaw)
     axes[2] = rotate(from_euler_zyx(yaw, pitch, roll), np.array([1.0, 0.0, 0.0]))
-    # The left singular vector of the smallest singular value: in gimbal lock no ring turns about it.
+    # The direction of the smallest singular value: in gimbal lock no ring turns about it.
     # Across the middle axis and what lies halfway between the other two, which never vanishes.
     axes[3] = cross(axes[1], axes[0] + math.copysign(1.0, axes[2, 2]) * axes[2])
     axes[3] /= math.sqrt(np.sum(axes[3] ** 2))
