@@ -150,7 +150,7 @@ def _route(state, rows, body):
     first = np.searchsorted(ends[order], np.arange(count + 1))
     begins, leaves, came = np.full(count, np.inf), np.full(count, np.inf), np.empty(count, np.int64)
     begins[0], leaves[1] = 0.0, 0.0
-    # A lazy shortest-path search that tests edges only when it needs them.
+    # A* between start and goal over the edges that are known to be free.
     last = roadmaps._search(
         edge_free,
         rows,

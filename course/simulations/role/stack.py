@@ -121,8 +121,8 @@ def initial(controls, state):
     # Each plan inherits the time stamp of its image: ages are measured from the camera.
     state["born"][1, :m] = state["born"][0, :n][taken]
     state["jobs"][0], state["jobs"][1] = n, m
-    # Sample the age of the command after the queues have settled; a number of samples that shares
-    # no factor with the rates avoids aliasing.
+    # Sample the age of the command once the queues have settled, at a spacing that does not keep in
+    # step with the loop at its usual rates.
     times = np.linspace(SETTLED, SPAN - 1.0, 6007)
     old = times - commands(controls, state, times)
     state["mean"] = np.mean(old)
