@@ -214,9 +214,8 @@ def locked(begun, done, due, inherits):
         # The logger holds the lock and works off what remains of its section; perception preempts
         # it, unless the loop waits for the lock and the logger has inherited its priority.
         now, remaining = held, HOLD
-        # Priority inversion: perception preempts the logger, which holds the lock that the loop
-        # needs. With priority inheritance (Sha, Rajkumar and Lehoczky, 1990) it ends once the loop
-        # waits.
+        # Priority inversion until the loop waits, with inheritance (Sha, Rajkumar and Lehoczky,
+        # 1990), or for whole executions of perception without it.
         for job in range(begun.size):
             if held < begun[job] < now + remaining and begun[job] < waits:
                 remaining -= begun[job] - now

@@ -14,6 +14,7 @@ import numpy as np
 
 from course.check import count, finite, invalid, one_of, vector
 
+# Eight bytes for every field, so that records look the same in Python, Numba and JavaScript.
 _WIDE = {"f": np.float64, "i": np.int64, "b": np.int64, "u": np.uint64}
 
 

@@ -43,12 +43,14 @@ def mathml(tex: str, block: bool = False) -> str:
     """
     from latex2mathml.converter import convert
 
+    # Escaped braces are characters; the others have to match.
     bare = re.sub(r"\\.", "", tex)
     if bare.count("{") != bare.count("}"):
         raise invalid("formula", tex, "one with as many { as }")
     known = _COMMAND.sub(lambda match: _ALSO.get(match[0], match[0]), tex.strip())
     try:
         made = convert(known, display="block" if block else "inline")
+    # Check the result too: the converter passes what it does not know into the text.
     except Exception as problem:  # the converter has many, some of them IndexError
         raise invalid(
             "formula", tex, f"what latex2mathml reads ({type(problem).__name__})"
@@ -62,6 +64,7 @@ def mathml(tex: str, block: bool = False) -> str:
     # A frame is not part of what browsers draw of MathML; a border is.
     made = made.replace('<menclose notation="box">', '<mrow class="boxed">')
     made = made.replace("</menclose>", "</mrow>")
+    # The LaTeX stays as alternative text, for screen readers and for copying.
     message = html.escape(" ".join(tex.split()))
     return made.replace("<math ", f'<math alttext="{message}" ', 1)
 
@@ -75,6 +78,7 @@ def in_html(text: str) -> str:
 
     def converted(match: re.Match[str]) -> str:
         tex = match["block"] or match["inline"]
+        # Cells' HTML has escaped < and &, which the converter must see as they are.
         return mathml(html.unescape(tex), bool(match["block"])) if tex else match[0]
 
     return _PART.sub(converted, text)
