@@ -521,7 +521,7 @@ class _Match:
     def _again(self, sample: Sample, packets: int) -> None:
         """Send packets of a sample that the reader asks for, or a notice that it is gone."""
         number, writer = sample.number, self.writer
-        # A dead writer sends nothing again: the reader waits for ever, as in reality.
+        # A dead writer sends nothing again, and no notice either.
         if writer.dead:
             return
         # Only a sample that is still in the writer's history can be sent again.

@@ -442,9 +442,9 @@ def run_chain(
         LOSSY,
         Link(loss=stages[-1].lost),
     )
-    # Commands may overtake each other with jitter: the newest capture so far is in force.
     bus.run(seconds)
     published, captured = np.array(arrived, float).reshape(-1, 2).T
+    # Commands may overtake each other with jitter: the newest capture so far is in force.
     return Trace(published, np.maximum.accumulate(captured))
 
 

@@ -156,8 +156,8 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
 
 
 def to_be_allowed(parameters: Mapping[str, Any]) -> set[str]:
-    # The call checks all names first.
     """Return the policies that these set and that a node allows only if its source names them."""
+    # The call checks all names first.
     overrides(parameters)
     names = (name.rpartition(".")[2] for name in parameters if name.startswith("qos_overrides"))
     return set(names) - set(BY_DEFAULT)

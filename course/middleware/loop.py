@@ -263,8 +263,8 @@ def among_busy(
     result = []
     for name in names:
         one_of("name", name, ASKED)
+    # Other processes compete for the cores: on an idle machine every scheduler looks good.
     with crowd(busy, 20.0 + 4.0 * len(names) * period * periods):
-        # Other processes compete for the cores: on an idle machine every scheduler looks good.
         for name in names:
             with urgent(**ASKED[name]) as granted:  # type: ignore[arg-type]
                 record = run(lambda k: compute(work), period, periods)

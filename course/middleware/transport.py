@@ -206,8 +206,8 @@ class Ring:
         return at
 
     def close(self) -> None:
-        # A view into the memory would keep it from being closed.
         """Give the memory back, for all who use it."""
+        # A view into the memory would keep it from being closed.
         if self.held:
             self.held.release()
         self.memory.close()

@@ -77,7 +77,7 @@ def first(rating):
 @register_jitable
 def after(stability, difficulty, days, rating):
     """Return stability and difficulty after a rating, so many whole days after the last one."""
-    # A review on the same day: a short-term formula that depends on the rating only.
+    # A review on the same day: a short-term formula without the chance of recall.
     if days < 1.0:
         growth = math.exp(W[17] * (rating - 3 + W[18])) * stability ** -W[19]
         new = stability * (growth if rating == AGAIN else max(growth, 1.0))
@@ -132,12 +132,12 @@ word, colour = draw.words_table(), draw.colours_table()
 
 
 def _face(text: str) -> int:
+    # A face always has the same number of lines, so that the picture can count on its words.
     lines = textwrap.wrap(text, _WIDE)
     return word(*(lines + [" "] * (_ROWS - len(lines))))[0]
 
 
 _NAMES = word(*(card["title"] for card in _CARDS))[0]
-# A face always has the same number of lines, so that the picture can count on its words.
 _FRONTS = np.array(
     [
         _face(
@@ -290,8 +290,8 @@ def frame(pen, state, controls):
     draw.text(pen, 5.3, 1.35, _OF, draw.INK, 12.0)
     for one in range(4):
         x = 5.3 + 0.9 * one
-        # Cards that were never rated have no chance of recall.
         now = recall(state["since"][one], state["stability"][one])
+        # Cards that were never rated have no chance of recall.
         now *= state["reviews"][one] > 0
         draw.box(pen, x, x + 0.7, 0.45, 1.15, draw.FAINT)
         ink = draw.BLUE if now >= WANTED else draw.ORANGE

@@ -217,8 +217,8 @@ def film(model: Model, seconds: float = 4.0, rate: float = 10.0) -> bytes:
         frame.putpalette([*(palette.getpalette() or [])[: 3 * _COLOURS], 0, 0, 0])
         frame.info["transparency"] = _COLOURS
     buffer = io.BytesIO()
+    # Each frame is blended over the one before and left there.
     frames[0].save(
-        # Each frame is blended over the one before and left there.
         buffer,
         "PNG",
         save_all=True,

@@ -149,8 +149,8 @@ def process_image(values, pieces):
         # The cluster that most of the part's own pixels belong to is judged as the part.
         part, votes = parts[number], labels[(ids.ravel() == number + 1) & (labels >= 0)]
         cluster = (labels == np.bincount(votes, minlength=1).argmax()).reshape(z.shape)
-        best = votes.size and pose_of(z, CAMERA, sensor, part, cluster, plane, on_table)
         # Refine the pose of the part from the points of its cluster; none of them, no pose.
+        best = votes.size and pose_of(z, CAMERA, sensor, part, cluster, plane, on_table)
         if best:
             C, along = np.diag(best.covariance), back @ best.R[:, 0]
             # Position and yaw with their deviations in theory, from the covariance of the estimate.

@@ -191,11 +191,11 @@ def frame(pen, state, controls):
     """Draw both arms, the simulated one as a ghost over the real, and their numbers."""
     report = state["report"]
     x, y = _target(controls)
+    # Time runs through the episode and a pause, then again.
     now = int(min(state["time"] % (plants.SECONDS + PAUSE), plants.SECONDS) / plants.DT + 1e-9)
     t = np.linspace(0.0, plants.SECONDS, SAMPLES + 1)
     for k in range(2):
         draw.area(pen, _SCENES[k], _VIEW)
-        # Time runs through the episode and a pause, then again.
         draw.box(pen, *_VIEW, _SAND, draw.GREY)
         draw.title(pen, _VIEW[0], _VIEW[3], _ARM + k)
         draw.spot(pen, x, y, plants.RADIUS, draw.GREEN, draw.INK, 1.0, 0.7)

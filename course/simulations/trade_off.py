@@ -59,10 +59,10 @@ class Chart:
                 linestyle="none",
                 animated=True,
             )
-            # Animated artists are not part of the drawn figure: it is rendered once and saved as a
-            # background (matplotlib's blitting).
             ax.set_ylim(limits)
             self._moving.append((line, ring))
+        # Animated artists are not part of the drawn figure: it is rendered once and saved as a
+        # background (matplotlib's blitting).
         self._canvas.draw()
         self._empty = self._canvas.copy_from_bbox(self.figure.bbox)
 
@@ -70,13 +70,13 @@ class Chart:
         """Return the picture at a tolerance: its line, and a ring around each pick."""
         from PIL import Image
 
+        # Restore the background, then draw the moving artists over it.
         self._canvas.restore_region(self._empty)
         for ax, by, (line, ring) in zip(self.figure.axes, COSTS, self._moving, strict=True):
             pick = self.measured.pick(tolerance, by)
             line.set_ydata([tolerance, tolerance])
             at = ([], []) if pick is None else ([pick.point.cost(by)], [pick.point.error])
             ring.set_data(*at)
-            # Restore the background, then draw the moving artists over it.
             ax.draw_artist(line)
             ax.draw_artist(ring)
         buffer = io.BytesIO()

@@ -205,8 +205,8 @@ def read(page: Path) -> _Read:
 
 
 def broken(site: Path) -> list[str]:
-    # Pages are read once, although many links lead to them.
     """Return the faults of a site's addresses, one sentence each: missing or on another host."""
+    # Pages are read once, although many links lead to them.
     known = functools.cache(read)
     faults = []
     for page in sorted(site.rglob("*.html")):

@@ -225,7 +225,7 @@ def compiled(functions: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]) -
         builder.getModulePassManager().run(whole, builder)
     whole.verify()
     module = linked(machine.emit_object(whole), list(functions))
-    # Imports that no C library function provides show Python objects or other unsupported features.
+    # An import that is no function of the C library belongs to Python or to Numba's runtime.
     for name in imports(module):
         if name not in MATHS:
             raise _not_there(_caller(name, plain), name)

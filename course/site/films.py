@@ -43,9 +43,9 @@ def reached(name: str) -> list[Path]:
             result.update(each for each in place.iterdir() if each.suffix in (".npz", ".toml"))
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
-                # The imported name may be a module or something in one: both candidates are tried.
                 waiting += [each.name for each in node.names if each.name.startswith("course.")]
             elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("course"):
+                # The imported name may be a module or something in one: both candidates are tried.
                 waiting += [f"{node.module}.{each.name}" for each in node.names]
                 waiting.append(str(node.module))
     return sorted(result)

@@ -50,11 +50,11 @@ def mathml(tex: str, block: bool = False) -> str:
     known = _COMMAND.sub(lambda match: _ALSO.get(match[0], match[0]), tex.strip())
     try:
         made = convert(known, display="block" if block else "inline")
-    # Check the result too: the converter passes what it does not know into the text.
     except Exception as problem:  # the converter has many, some of them IndexError
         raise invalid(
             "formula", tex, f"what latex2mathml reads ({type(problem).__name__})"
         ) from None
+    # Check the result too: the converter passes what it does not know into the text.
     for element in ElementTree.fromstring(made).iter():
         name, text = element.tag.rpartition("}")[2], element.text or ""
         if "\\" in text:

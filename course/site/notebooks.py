@@ -132,8 +132,8 @@ def place_of_simulation(name: str, model: Model, picture: str, preset: str = "")
 def _simulation(
     page: Page, cell: NotebookNode, output: NotebookNode, film: bytes | None, place: str
 ) -> NotebookNode:
-    # The label in a picture's text is how a saved output is attributed to its simulation.
     """Return the output of a cell that shows a simulation, for the page."""
+    # The label in a picture's text is how a saved output is attributed to its simulation.
     label = output.data["text/plain"].partition("\n")[0]
     name = _by_label().get(label)
     if name is None:

@@ -223,9 +223,9 @@ def counts(controls, vb):
 
 @register_jitable
 def step_of(controls, state, vb):
+    """Return the step that is shown, and the last one."""
     # Steps of both algorithms in one count: GJK's iterations, then the expansions and the final
     # check of EPA.
-    """Return the step that is shown, and the last one."""
     iterations, expansions = counts(controls, vb)
     last = iterations + expansions + 1
     return min(int(controls["step"]) + int(state["time"] / _PACE + 1e-9), last), last

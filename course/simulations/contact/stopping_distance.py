@@ -43,12 +43,12 @@ def cone_distance(controls, time):
 
 @register_jitable
 def pyramid_position(controls, direction, time):
-    # The law of maximum dissipation picks the corners of the pyramid that oppose the velocity most.
     """Return the position (x, y) [m] after a time for a launch direction [rad], by the pyramid.
 
     Its corners lie on the axes if it is inside the cone, its sides are normal to them if it is
     around it.
     """
+    # The law of maximum dissipation picks the corners of the pyramid that oppose the velocity most.
     rate = controls["friction"] * GRAVITY
     vx = controls["speed"] * math.cos(direction)
     vy = controls["speed"] * math.sin(direction)

@@ -31,8 +31,8 @@ STATE = Record(
 
 @register_jitable
 def delassus(controls):
-    # Delassus matrix J M^-1 J^T: the lower block couples both contacts, with opposite signs.
     """Return A (2, 2) [1/kg] and the contact velocity without contact b (2,) [m/s], floor first."""
+    # Delassus matrix J M^-1 J^T: the lower block couples both contacts, with opposite signs.
     lower, upper = 1.0 / LOWER, 1.0 / (LOWER * controls["ratio"])
     A = np.array([[lower, -lower], [-lower, lower + upper]])
     return A, np.array([-GRAVITY * STEP, 0.0])

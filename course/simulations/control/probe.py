@@ -64,8 +64,8 @@ def law_of(controls):
 def expected(controls):
     """Return the steady force: two springs in series, or what is asked for."""
     if controls["controller"] == PRESSES:
-        # At rest the controller's spring and the wall's carry one force: stiffnesses in series.
         return FORCE
+    # At rest the controller's spring and the wall's carry one force: stiffnesses in series.
     K, wall = controls["stiffness"], 10.0 ** controls["wall"]
     return max(controls["aim"], 0.0) * K * wall / (K + wall)
 

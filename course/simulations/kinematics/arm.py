@@ -78,8 +78,8 @@ def gains(J, e, method, damping, s):
 
     The transpose takes each s times a length that belongs to this posture and this error.
     """
-    # Jacobian transpose with the step length that minimises the remaining error to first order: e .
-    # JJ^T e / |JJ^T e|².
+    # Jacobian transpose with the step length that minimises the remaining error to first order:
+    # the product of e and J J^T e over |J J^T e|².
     if method == 0:
         pull = np.array([J[0, k] * e[0] + J[1, k] * e[1] for k in range(2)])
         moved = np.array([J[k, 0] * pull[0] + J[k, 1] * pull[1] for k in range(2)])

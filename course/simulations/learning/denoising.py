@@ -73,8 +73,8 @@ def flow(controls, steps, heun, path):
 
 @register_jitable
 def position(path, steps, time):
-    # The last interval also holds time 1.
     """Return the samples (n,) at a time, on the straight lines between the ends of the steps."""
+    # The last interval also holds time 1.
     k = min(int(time * steps), steps - 1)
     along = time * steps - k
     return (1.0 - along) * path[k] + along * path[k + 1]

@@ -42,8 +42,8 @@ STATE = Record(
 
 @register_jitable
 def error_weights(discount, trace, steps):
-    # Schulman et al. (2016), eq. 16: the advantage is the sum of (γ λ)^l times the TD error at l.
     """Return the weights (steps,) that GAE gives to the temporal-difference errors."""
+    # Schulman et al. (2016), eq. 16: the advantage is the sum of (γ λ)^l times the TD error at l.
     return (discount * trace) ** np.arange(steps)
 
 

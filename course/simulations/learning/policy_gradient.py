@@ -45,9 +45,9 @@ def reward(x, y):
 
 @register_jitable
 def expected_reward(mean, spread):
+    """Return the mean reward of the policy: that at its mean, less what its spread costs."""
     # E of a quadratic under a normal distribution: its value at the mean plus the curvatures times
     # the variance.
-    """Return the mean reward of the policy: that at its mean, less what its spread costs."""
     return reward(mean[0], mean[1]) - spread * spread * (CURVES[0] + CURVES[1])
 
 

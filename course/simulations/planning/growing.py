@@ -256,9 +256,9 @@ def grow(controls, state, samples):
 
 @register_jitable
 def shorten(controls, state):
+    """Shortcuts between corners drawn at random, where the edge between them is free."""
     # Shortcutting (Geraerts and Overmars, 2007): replace a piece between two corners by a straight
     # edge if that is free. Corners are removed, never added.
-    """Shortcuts between corners drawn at random, where the edge between them is free."""
     rows, path, draws = state["rows"][: state["count"]], state["path"], np.empty(2)
     for _ in range(CUTS):
         n = state["corners"]
