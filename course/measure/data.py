@@ -23,6 +23,7 @@ def document(panels: Sequence[Panel]) -> Any:
     Of a line of more than 200 points no more are kept, of points alone all. `panels_of` gives the
     panels back, so that a picture is drawn anew without measuring.
     """
+    # Data that a panel brings along is more complete than what is drawn of it.
     for panel in panels:
         if panel.data is not None:
             return panel.data
@@ -31,6 +32,7 @@ def document(panels: Sequence[Panel]) -> Any:
 
 def _panel_document(panel: Panel) -> dict[str, Any]:
     result = _fields_of(panel, "series", "grid", "notes", "data")
+    # A map stores its colours instead of its values, with the boundary in numbers.
     if panel.grid is not None:
         grid = panel.grid
         numbers = {"x": grid.x, "y": grid.y, "boundary": grid.boundary()}
@@ -52,6 +54,7 @@ def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
     result: dict[str, Any] = {"label": series.label, "key": series.key}
     result |= _fields_of(series, *columns, "note")
     result |= {k: _six([v[i] for i in few]) for k, v in columns.items() if v is not None}
+    # Theory is a function, which a file cannot hold: it becomes a polyline.
     if series.theory is not None:
         x, y = theory_line(series, 60, log_x)
         result["line"] = {"x": _six(x), "y": _six(y)}
@@ -90,6 +93,7 @@ def _series_of(entry: dict[str, Any]) -> Series:
 
 # A map is drawn in 256 steps: below 128 it is within its bound.
 def _packed(grid: Map) -> str:
+    # Both sides of the bound get 128 steps each, so that rounding cannot move a point across it.
     size = np.abs(log_values(grid)) / REACH
     step = np.where(grid.within(), 127.0 - np.floor(127.0 * size), 128.0 + np.floor(127.0 * size))
     return base64.b85encode(zlib.compress(step.astype(np.uint8).tobytes(), 9)).decode("ascii")
@@ -124,6 +128,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return _plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
+        # JSON has no infinity and no NaN.
         return {"float": repr(value)}
     return value
 

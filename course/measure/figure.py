@@ -398,6 +398,7 @@ def draw(
     import matplotlib as mpl
 
     shown = [panel for panel in panels if panel.drawn]
+    # A narrow picture has the letters of a wide one, at half the width.
     across = 1 if narrow else columns or min(2, len(shown))
     rows = math.ceil(len(shown) / across)
     halves = 2 if narrow else across  # how often a panel fits into `WIDTH`
@@ -416,6 +417,8 @@ def draw(
             "ytick.labelsize": TICKS,
         }
     ):
+        # The grid has as many columns as rows of both lengths can share, so that a short last row
+        # is wider.
         last = len(shown) - across * (rows - 1)
         cells = figure.add_gridspec(rows, across * last)
         axes: list[Axes] = []
@@ -428,10 +431,12 @@ def draw(
             axes[-1].tick_params(labelleft=first is None)
         every = [_draw_panel(*pair, also, halves) for pair in zip(axes, shown, strict=True)]
         for i, ax in enumerate(axes):
+            # Inner labels are omitted where neighbours share them.
             if share_y and i % across:
                 ax.set_ylabel("")
             if i + across < len(shown) and last == across and shown[i].x == shown[i + across].x:
                 ax.set_xlabel("")
+        # One colour bar for all maps, as they share their scale.
         maps = [(ax, p.grid.label) for ax, p in zip(axes, shown, strict=True) if p.grid]
         if maps:
             owners = [ax for ax, _ in maps]
@@ -458,6 +463,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
     if panel.grid is not None:
         _draw_grid(ax, panel.grid)
     words = Words(ax)
+    # Looks belong to all series, shown or not: switching one on does not recolour the others.
     looks, shown = _looks(panel), panel.shown(also)
     crosses: list[str] = []
     names: set[str] = set()
@@ -537,6 +543,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
 def _looks(panel: Panel) -> dict[int, tuple[str, str]]:
     """Return colour and marker of every series, whether it is shown or not."""
     taken = {KEYS[series.key][0] for series in panel.series if series.key}
+    # Series without a key take colours that no keyed one has.
     free = [colour for colour in PALETTE if colour not in taken] or list(PALETTE)
     result, unkeyed = {}, 0
     for series in panel.series:
@@ -579,6 +586,8 @@ def _name_ends(
         if not series.label or not x.size:
             continue
         (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+        # The end of a curve is its rightmost point in view; one that is infinite is named at the
+        # top edge.
         observed = (x >= left) & (x <= right) & (y >= low) & (y <= high)
         endless = np.flatnonzero(np.isposinf(y) & np.isfinite(x))
         at = ax.transData.transform(np.column_stack((x, np.where(observed, y, low))))[:, 0]
@@ -606,6 +615,7 @@ def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool
     from matplotlib.colors import to_rgb
 
     x, y = np.asarray(series.x, dtype=float), np.asarray(series.y, dtype=float)
+    # Infinite values would break the line: they become triangles at the upper edge.
     shown = np.isfinite(x) & np.isfinite(y)
     lines = series.style not in ("", "steps")
     size = series.size or (9.0 if series.hollow else 5.0 if lines else 6.0)
@@ -690,6 +700,7 @@ def _draw_grid(ax: Axes, grid: Map) -> None:
         shading="nearest",
         rasterized=True,
     )
+    # The measured boundary as the contour between both classes, if both occur.
     within = grid.within()
     if within.any() and not within.all():
         ax.contour(
@@ -701,6 +712,7 @@ def _draw_grid(ax: Axes, grid: Map) -> None:
 
 def log_values(grid: Map) -> Array:
     """Return decimal logarithm of a map's values, as far as the colours go."""
+    # Values of zero or below have no logarithm; the colours end at REACH anyway.
     with np.errstate(divide="ignore"):
         return np.clip(np.log10(np.maximum(grid.values, 1e-300)), -REACH, REACH)
 
@@ -718,6 +730,7 @@ def _few_labels(ax: Axes) -> None:
     from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 
     low, high = ax.get_xlim()
+    # Within less than two decades the decimal ticks alone are too few.
     if 0.6 < math.log10(high / low) < 1.7:
         ax.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         ax.xaxis.set_minor_formatter(
@@ -737,6 +750,7 @@ def write(target: str | Path, content: str | Callable[[Path], Any]) -> Path:
     """
     path = Path(target)
     path.parent.mkdir(parents=True, exist_ok=True)
+    # A file in the same folder is on the same file system, where a rename is atomic.
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
     os.close(handle)
     try:

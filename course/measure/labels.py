@@ -66,15 +66,18 @@ def spread(desired: ArrayLike, sizes: ArrayLike, low: float, high: float) -> Arr
     """
     desired, sizes = np.asarray(desired, dtype=float), np.asarray(sizes, dtype=float)
     order = np.argsort(desired, kind="stable")
+    # Shrink every box to a point at its start: the order of the points is the only constraint left.
     before = np.cumsum(sizes[order]) - sizes[order]
     pools: list[tuple[float, int]] = []
     for value in desired[order] - 0.5 * sizes[order] - before:
         pools.append((float(value), 1))
+        # Pool adjacent violators: two pools out of order merge into their weighted mean.
         while len(pools) > 1 and pools[-2][0] > pools[-1][0]:
             (b, n), (a, m) = pools.pop(), pools.pop()
             pools.append(((a * m + b * n) / (m + n), m + n))
     starts = np.repeat([value for value, _ in pools], [n for _, n in pools])
     centres = np.empty(desired.size)
+    # Grow the boxes again, and shift what would leave the line.
     centres[order] = (
         np.clip(starts, low, max(low, high - float(np.sum(sizes)))) + before + 0.5 * sizes[order]
     )
@@ -94,6 +97,8 @@ def free_place(
         room: (x0, y0, x1, y1) in which it has to be.
     """
     half, anchor = 0.5 * np.asarray(size), np.asarray(anchor)
+    # Candidates on rings around the point, from near to far; the last resort is a grid over the
+    # room.
     around = [
         anchor + (half + away) * (np.cos(turn), np.sin(turn)) for away in _AWAY for turn in _TURNS
     ]
@@ -109,6 +114,7 @@ def free_place(
             continue
         covered = np.sum(np.all((points > low) & (points < high), axis=1))
         met = np.sum(np.all((boxes[:, :2] < high) & (boxes[:, 2:] > low), axis=1))
+        # Meeting another box is nine times as bad as covering a point of a curve.
         if covered + 9 * met < least:
             best, least = (float(centre[0]), float(centre[1])), covered + 9 * met
         if least == 0:
@@ -216,12 +222,15 @@ class Words:
 def arrange(figure: Figure, every: Sequence[Words]) -> None:
     """Give all words of a figure their places."""
     engine = figure.get_layout_engine()
+    # Only a laid out figure knows its pixels.
     if engine is not None:
         engine.execute(figure)  # of a drawing only the layout: from here on pixels are known
     for words in every:
         words.ax.apply_aspect()
         room = words.ax.get_window_extent()
         sizes = [name.box.height + 2.0 for name in words.right]
+        # Names of curves keep their order at the right, moved apart; a line leads to those that
+        # moved.
         heights = spread([name.end[1] for name in words.right], sizes, room.y0, room.y1)
         for name, height in zip(words.right, heights, strict=True):
             moved = max(room.x1 - name.end[0], abs(height - name.end[1])) > 8.0
@@ -230,6 +239,7 @@ def arrange(figure: Figure, every: Sequence[Words]) -> None:
         places = spread([name.end[0] for name in words.top], sizes, room.x0, room.x1)
         for name, place in zip(words.top, places, strict=True):
             name.put((place - room.x0) / room.width, 1.03, abs(place - name.end[0]) > 8.0)
+        # Notes are placed one after the other, each avoiding the curves and the notes before it.
         points, boxes = drawn_points(words.ax), np.empty((0, 4))
         for note in words.notes:
             size = np.asarray(note.box.size) + 2.0 * SPACE
@@ -254,10 +264,12 @@ def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
     for line in ax.lines:
         points = line.get_transform().transform(line.get_xydata())
         points = points[np.all(np.isfinite(points), axis=1)]
+        # A line is sampled densely, since a note must not cover the parts between its data points.
         if line.get_linestyle() not in ("None", "none", "") and len(points) > 1:
             points = _dense(_steps(line, points), apart)
         result.append(points)
         if line.get_marker() not in ("None", "none", ""):
+            # A marker is represented by points around its rim.
             radius = 0.5 * line.get_markersize() * ax.figure.dpi / 72.0
             marks = line.get_transform().transform(line.get_xydata())
             result += [marks + radius * np.array([np.cos(turn), np.sin(turn)]) for turn in _TURNS]
@@ -280,6 +292,7 @@ def _steps(line: Line2D, points: Array) -> Array:
 
 
 def _dense(points: Array, apart: float) -> Array:
+    # Chebyshev length: enough samples along the longer axis.
     far = np.max(np.abs(np.diff(points, axis=0)), axis=1)
     # A line that leaves the picture may go on for ever.
     count = np.clip(np.ceil(far / apart), 1, 2000).astype(int)

@@ -40,6 +40,7 @@ class _Item:
 
     def measured(self) -> float:
         """Return the error in the scene's answer; measured once, then remembered."""
+        # Measuring may run a simulation: it is done once, when somebody asks.
         if self._measured is None:
             value = float(self.error() if callable(self.error) else self.error)
             if not (value >= 0.0):  # also NaN: a measurement that failed is no measurement
@@ -96,6 +97,7 @@ class Scene:
             raise invalid("question", self.question, "a sentence that ends in a question mark")
         if not self.degrees_of_freedom:
             raise invalid("degrees_of_freedom", self.degrees_of_freedom, "at least one name")
+        # Errors are compared with the tolerance, so they have to be in its unit.
         for item in (*self.modelled, *self.left_out):
             if item.unit != self.tolerance.unit:
                 raise invalid(
@@ -113,6 +115,7 @@ class Scene:
         """
         value, unit = self.tolerance.value, self.tolerance.unit
         result = []
+        # Triangle inequality: to first order the sum bounds what all omissions do together.
         total = sum(item.measured() for item in self.left_out)
         for item in self.left_out:
             if item.measured() >= value:
@@ -120,12 +123,14 @@ class Scene:
                     f"models too little: leaving out {item.what} costs {item.measured():.3g} "
                     f"{unit}, the tolerance is {value:g} {unit}"
                 )
+        # Only if no single omission is to blame is the sum reported.
         if not result and total >= value:
             result.append(
                 f"models too little: everything left out together may cost {total:.3g} {unit}, "
                 f"the tolerance is {value:g} {unit}"
             )
         for retained in self.modelled:
+            # Occam's razor with numbers: what could be dropped within the tolerance is superfluous.
             if retained.measured() + total < value:
                 result.append(
                     f"models too much: without {retained.what} the answer is off by "

@@ -98,6 +98,7 @@ def spectral_radius(step_matrix: ArrayLike) -> float:
     matrix = np.asarray(step_matrix, dtype=float)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise invalid("step_matrix.shape", matrix.shape, "that of a square matrix")
+    # The eigenvalue solver would raise an error; a step that overflows has no limit to its growth.
     if not np.all(np.isfinite(matrix)):
         return math.inf
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
@@ -194,6 +195,7 @@ class Map:
             if np.all(row):
                 edge[i] = math.inf
             else:
+                # The first x beyond the bound; the boundary is known to half a spacing of the grid.
                 first = int(np.argmin(row))
                 edge[i] = 0.0 if first == 0 else 0.5 * (self.x[first - 1] + self.x[first])
         return edge
@@ -225,6 +227,7 @@ def stability_map(
         if given.ndim != 1 or given.size < 2 or not np.all(np.diff(given) > 0.0):
             raise invalid(name, given, "two or more ascending numbers")
     values = np.array([[f(float(a), float(b)) for a in x] for b in y], dtype=float)
+    # A run that overflowed grows without bound.
     values[~np.isfinite(values)] = math.inf
     return Map(x, y, values, slack, quantity, unit)
 
@@ -249,6 +252,7 @@ def batch_map(
     one, zero = np.ones(x.shape), np.zeros(x.shape)
     # The two columns of the step's matrix, for all points of the grid at once.
     columns = [np.concatenate(step(q, v, x, y)) for q, v in ((one, zero), (zero, one))]
+    # One batched eigenvalue problem: a stack of 2 x 2 matrices.
     moduli = np.abs(np.linalg.eigvals(np.stack(columns, axis=1).transpose(2, 0, 1)))
     growth = np.max(moduli, axis=1).reshape(y_values.size, x_values.size)
     return Map(x_values, y_values, growth, slack, quantity)

@@ -74,6 +74,8 @@ class Success:
     def shares(self, budgets: ArrayLike) -> Array:
         """Return the share solved within each budget by each seed, shape (seeds, budgets)."""
         within = vector("budgets", budgets, (None,), low=0.0)
+        # The empirical distribution of costs: a failure is infinitely expensive, so it never
+        # counts.
         return np.mean(self.cost[:, :, None] <= within, axis=1)
 
     def share(self, budgets: ArrayLike) -> Array:
@@ -85,6 +87,7 @@ class Success:
 
         It counts the problems once: more seeds on the same problems say nothing about others.
         """
+        # Seeds on the same problems are not independent tries.
         problems = self.cost.shape[1]
         return wilson(self.share(budgets) * problems, problems, z)
 
@@ -116,6 +119,7 @@ class Success:
     def series(self, budgets: ArrayLike, key: str = "", style: str = "-") -> Series:
         """Return the share solved against budget, with its band, for a `Panel`."""
         low, high = self.band(budgets)
+        # The share of all problems, not of the solved ones, so that failures are not hidden.
         median, *_ = self.budget()
         half = "never" if math.isinf(median) else f"within {median:.3g} {self.unit}"
         note = f"{self.name:<32} solves {self.ever:7.2%}, half of all {half}"

@@ -61,6 +61,7 @@ def sweep(
         ValueError: for two jobs alike, and a file of another function.
         JobsFailed: once all others are done, with the arguments of those that failed.
     """
+    # The text of its arguments identifies a job, also in a file of an earlier sweep.
     names = [_text(job) for job in jobs]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
@@ -71,6 +72,7 @@ def sweep(
     done = _read(saved, owner) if saved else {}
     remaining = [i for i, name in enumerate(names) if name not in done]
     errors: dict[int, BaseException] = {}
+    # Results are stored as they come, so that an interruption loses only what was running.
     for over, (i, result, error) in enumerate(_run(function, jobs, remaining, executor), 1):
         if error is None:
             done[names[i]] = result
@@ -80,6 +82,7 @@ def sweep(
             errors[i] = error
         (progress or _report_progress)(len(names) - len(remaining) + over, len(names))
     results: list[Any] = [done.get(name) for name in names]
+    # All other jobs are done by now, and stored: only then is the failure raised.
     if errors:
         message = [f"({names[i]}): {type(e).__name__}: {e}" for i, e in sorted(errors.items())]
         more = [f"and {len(message) - 5} more"] if len(message) > 5 else []
@@ -121,6 +124,7 @@ def _read(path: str | Path, owner: str) -> dict[str, Any]:
         return {}
     with open(path, "rb") as file:
         result, results = pickle.load(file)
+    # Results of another function under the same path would be taken for this one's.
     if result != owner:
         raise invalid("saved", f"a file of {result}", f"one of {owner}, or a new one")
     return results

@@ -57,6 +57,7 @@ def calls(
     """
 
     def sampler(n: int) -> float:
+        # One clock reading for many calls: its resolution and cost are divided by their number.
         start = clock()
         for _ in range(n):
             function(*args)
@@ -119,16 +120,19 @@ def interleaved(
     rounds: list[tuple[float, list[float]]] = []  # (share of a core, seconds of a call each)
     # Probe how much of a core this process gets, between rounds: disturbed rounds are repeated.
     before = core_share()
+    # The budget of rounds includes those that may be repeated.
     allowed = repeats + math.floor(patience * repeats)
     while len(rounds) < allowed and sum(s >= _UNDISTURBED for s, _ in rounds) < repeats:
         seconds = [sampler(n) / n for sampler, n in zip(samplers, counts, strict=True)]
         after = core_share()
+        # A round counts as undisturbed only if the probes before and after it both got their core.
         rounds.append((min(before, after), seconds))
         before = after
     # Prefer undisturbed rounds; a stable sort keeps the others in order.
     rounds.sort(key=lambda row: min(row[0], _UNDISTURBED), reverse=True)  # stable: the early ones
     counted = rounds[:repeats]
     busy = sum(s < _UNDISTURBED for s, _ in counted) / repeats
+    # Robust statistics: disturbances only lengthen a time, so means would be biased.
     columns = np.array([row for _, row in counted]).reshape(repeats, len(counts))
     low, median, high = np.percentile(columns, [25.0, 50.0, 75.0], axis=0)
     best = columns.min(axis=0)
@@ -164,6 +168,7 @@ def pairwise_ratios(
         sample: about the time of one sample [s].
         patience: how often a disturbed round may be taken again.
     """
+    # A ratio within each round, then quartiles over rounds: slow drifts of the machine cancel.
     rows = []
     for k in range(count("pairs", pairs, 1)):
         first, *others = interleaved(
@@ -176,6 +181,7 @@ def pairwise_ratios(
 
 def core_share() -> float:
     """Return the share of a core that this thread got while it computed for 2 ms, from 0 to 1."""
+    # Thread time over wall time: below 1 something else ran on this core.
     wall, own = time.perf_counter(), time.thread_time()
     while (passed := time.perf_counter() - wall) < _PROBE:
         pass

@@ -161,6 +161,7 @@ class WorkPrecision:
         Returns:
             The pick, or None where nothing is good enough.
         """
+        # The cheapest point that is good enough; of equal costs the first curve wins.
         limit = self.tolerance if tolerance is None else tolerance
         if limit is None:
             raise invalid("tolerance", tolerance, "a number: this chart has none of its own")
@@ -212,6 +213,7 @@ class WorkPrecision:
 
     def table(self) -> str:
         """Return all points and the observed orders as text."""
+        # The table is as wide as its longest name.
         known = self.reference_uncertainty
         wide = max([24, *(len(curve.name) for curve in self.curves)])
         lines = [
@@ -276,6 +278,7 @@ class WorkPrecision:
         options = {**self._repeat["options"]}
         if repeats is not None:
             options["repeats"] = repeats
+        # The pick runs beside the new method, so that both meet the same load of the machine.
         beside: list[Method] = []
         pick = None if self.tolerance is None else self.pick()
         if pick is not None:
@@ -285,6 +288,8 @@ class WorkPrecision:
         ratio = None
         if beside and self.tolerance is not None:
             good = [p.time for p in curves[0].valid_points() if p.error <= self.tolerance]
+            # Time of the reader's cheapest sufficient setting over that of the pick, from the same
+            # rounds.
             ratio = min(good) / curves[1].points[0].time if good else math.inf
         return replace(
             self,
@@ -316,6 +321,7 @@ class WorkPrecision:
         They are ours, the picks, and the first others that matter.
         """
         yours = [curve.name for curve in self.curves if curve.style == "yours"]
+        # The reader's own curves always, then the picks, then the others until there are six.
         picks = [self.pick(by=by) for by in ("time", "count") if self.tolerance is not None]
         first = [curve.name for curve in self.curves if not curve.extra]
         names = dict.fromkeys([*yours, *(pick.name for pick in picks if pick), *first])
@@ -330,6 +336,7 @@ class WorkPrecision:
         """
         pick = self.pick(positive("tolerance", tolerance), by)
         desired = f"{tolerance:.2g}{self._unit}"
+        # Nothing meets the tolerance: say how close the best run comes.
         if pick is None:
             errors = [(p.error, c.name, p) for c in self.curves for p in c.valid_points()]
             if not errors:
@@ -343,6 +350,7 @@ class WorkPrecision:
         spent = _seconds(cost) if by == "time" else f"{cost:.3g} {self._counted}"
         message = f"{pick.name} at {self._setting(pick.point)}: {spent} per "
         message += "run" if self.duration is None else "simulated s"
+        # The price of one more digit shows how steep the trade-off is.
         finer = self.pick(0.1 * tolerance, by)
         if finer is None:
             return f"{message}; no run here has a tenth of that error."
@@ -358,6 +366,7 @@ class WorkPrecision:
         Decades that hold the errors of all runs, and one more.
         """
         errors = [p.error for curve in self.curves for p in curve.valid_points()]
+        # Errors of zero have no logarithm; rounding is the least that they could mean.
         errors = [max(error, 1e-16) for error in errors] + [self.tolerance or 1.0]
         low, high = math.floor(math.log10(min(errors))), math.ceil(math.log10(max(errors)))
         return 10.0 ** (low - 1), 10.0**high
@@ -388,6 +397,7 @@ class WorkPrecision:
         for curve in self.curves:
             good = curve.valid_points()
             failed = len(curve.points) - len(good)
+            # Oracles have hollow markers and dashed lines, so that equal points of ours show.
             series = Series(
                 curve.name + (f", {failed} of {len(curve.points)} failed" if failed else ""),
                 [p.cost(by) for p in good],
@@ -399,6 +409,7 @@ class WorkPrecision:
                 failed=failed,
                 extra=curve.name not in shown,
             )
+            # Counts are exact; times have quartiles as horizontal bars.
             if by == "time":
                 series.low, series.high = [p.low for p in good], [p.high for p in good]
                 series.across = True
@@ -479,12 +490,14 @@ def measure(
     """
     if not methods or len({m.name for m in methods}) < len(methods):
         raise invalid("methods", [m.name for m in methods], "one or more of different names")
+    # Counts are comparable in one unit only.
     units = {m.unit for m in methods}
     if len(units) > 1:
         raise invalid("methods", sorted(units), "methods that all count the same unit")
     count("repeats", repeats, 1)
     if tolerance is not None:
         positive("tolerance", tolerance)
+    # The reference is tested against an independent one before anything is compared with it.
     truth = np.asarray(reference, dtype=float)
     uncertainty = float(error(np.asarray(reference_check, dtype=float), truth))
     if not math.isfinite(uncertainty):
@@ -537,6 +550,7 @@ def _measure_curves(
     check: Callable[[Sequence[float]], None] | None = None,
 ) -> tuple[tuple[Curve, ...], float]:
     """Return the curves, and the share of the timed rounds in which the machine was busy."""
+    # Coarse settings first within each method; failures are known before time is measured.
     runs = [(m, float(p)) for m in methods for p in sorted(m.parameters, reverse=True)]
     with np.errstate(all="ignore"):  # a diverging run is recorded, not printed
         # The warm-up: compilation and caches, and the errors.
@@ -544,6 +558,7 @@ def _measure_curves(
         alive = [i for i, point in enumerate(points) if not point.failure]
         if check is not None:
             check([points[i].error for i in alive])
+        # Failed runs are not timed: they would only lengthen each round.
         samplers = [calls(method.run, parameter) for method, parameter in runs]
         times = interleaved(
             [samplers[i] for i in alive], repeats=repeats, sample=sample_time, warm=True
@@ -601,6 +616,7 @@ def machine(busy: float = 0.0, *, libraries: Sequence[str] = ("mujoco",)) -> str
         libraries: packages that the chart compares or trains with, beside NumPy and Numba.
     """
     name = platform.processor() or platform.machine()
+    # Linux has the processor's name here; elsewhere the architecture has to do.
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

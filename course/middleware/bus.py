@@ -194,6 +194,7 @@ def drive(
                     blocked(None)
                 drive(bus, steps, finish, blocked, answer)
 
+            # Resumed from whoever sets the answer, so that no thread polls for it.
             wish.then(resume)
             if blocked:
                 blocked(wish)
@@ -246,6 +247,7 @@ class Bus:
     def tick(self) -> int:
         """Return the time since the start [ns], which goes on by itself in real time only."""
         if self.real:
+            # The clock must not go back, although the monotonic one was read by several threads.
             self.ns = max(self.ns, time.monotonic_ns() - self._start)
         return self.ns
 
@@ -271,6 +273,7 @@ class Bus:
         In real time this takes as long: deliveries are then made by this thread, and executors
         start theirs.
         """
+        # The key that `push` makes of the end: all events up to it, of every rank.
         end, heap = 4 * nanoseconds(finite("seconds", seconds, 0.0, unit="s")) + START, self._heap
         if real:
             self._run_real(end)
@@ -280,6 +283,7 @@ class Bus:
             call(*given)
         self.ns = max(self.ns, end >> 2)
 
+    # Callbacks run under the lock, except in executors, which release it while they compute.
     def _run_real(self, end: int) -> None:
         self._start, self.real = time.monotonic_ns() - self.ns, True
         threads = [thread for executor in self.executors for thread in executor.start()]
@@ -294,6 +298,7 @@ class Bus:
                 call(*given)
             self.real = False
             self.changed.notify_all()
+        # The executors' threads end by themselves once `real` is false.
         for thread in threads:
             thread.join()
 
@@ -322,6 +327,7 @@ class _Watch:
         self._end, self._period, self._again = end, nanoseconds(period), again
         self._armed, self._silent, self._due = self._period == NEVER, False, 0
 
+    # Only the due time moves: pushing a check for every message would fill the queue.
     def touch(self) -> None:
         bus = self._end.bus
         self._due = bus.ns + self._period
@@ -351,11 +357,13 @@ class Writer:
         self.node, self.topic, self.qos, self.on_event = node, topic, qos, on_event
         self.bus, self.number, self.dead = node.bus, 0, False
         self.matches: list[_Match] = []
+        # The history serves late readers and repetitions; keep-last drops the oldest by itself.
         selected = None if qos.history == "keep_all" else qos.depth
         self.history: deque[Sample] = deque(maxlen=selected)
         self._keeps, self._manual = qos.durability != "volatile", qos.liveliness != "automatic"
         self._lifespan = nanoseconds(qos.lifespan)
         self._deadline = _deadline(self)
+        # A lease is checked on the writer's side only where the application has to assert it.
         lease = qos.liveliness_lease_duration if self._manual else math.inf
         self._lease = _Watch(self, lease, False)
         self._lease.touch()
@@ -384,6 +392,7 @@ class Writer:
         for writer in self.node.writers if shared else [self]:
             if not writer.dead and writer.qos.liveliness == self.qos.liveliness:
                 writer._lease.touch()
+                # Readers hear of an assertion after the link's delay, like of a message.
                 for match in writer.matches:
                     wait = nanoseconds(match.link.delay)
                     self.bus.push(self.bus.ns + wait, ARRIVAL, match.lease.touch)
@@ -391,6 +400,7 @@ class Writer:
     def die(self) -> None:
         """End the process without a word: nobody is told, and the lease runs."""
         self.dead = True
+        # Automatic liveliness was asserted until now, so the lease begins to run at death.
         for match in self.matches:
             if not self._manual:
                 match.lease.touch()
@@ -420,6 +430,7 @@ class Reader:
 
     def take(self) -> Sample | None:
         """Remove and return the oldest sample that is stored and has not expired."""
+        # Expiry is checked when a sample is taken: no timer for each sample is needed.
         while self._cache:
             sample = self._cache.popleft()[1]
             if sample.expires > self.bus.ns:
@@ -463,7 +474,9 @@ class _Match:
     def __init__(self, writer: Writer, reader: Reader) -> None:
         self.writer, self.reader, self.bus, self.link = writer, reader, writer.bus, reader.link
         ends = writer.qos, reader.qos
+        # Reliable only if both ends are: the weaker end decides.
         self.reliable = all(qos.reliability == "reliable" for qos in ends)
+        # The reader expects the numbers after the writer's last one, unless it gets history.
         self._next, self._early = writer.number + 1, dict[int, Sample | None]()
         self.lease = _Watch(reader, writer.qos.liveliness_lease_duration, False)
         self._manual = writer.qos.liveliness != "automatic"
@@ -490,6 +503,7 @@ class _Match:
             size = min(size, packets * link.fragment) if packets else size
             arrival = max(arrival, bus.wires.get(link, 0)) + nanoseconds(size / link.rate)
             bus.wires[link] = arrival
+        # Delay and jitter come after the wire, so they don't occupy it.
         if link.delay or link.jitter:
             late = link.jitter * bus.rng.random() if link.jitter else 0.0
             arrival += nanoseconds(link.delay + late)
@@ -500,12 +514,14 @@ class _Match:
             self.reader.rounds += 1
             requested = arrival + nanoseconds(link.nack + link.delay)
             bus.push(requested, ARRIVAL, self._again, sample, lost)
+        # Best effort: a message with a missing fragment is lost as a whole.
         else:
             self.reader.accept(sample.number, None)
 
     def _again(self, sample: Sample, packets: int) -> None:
         """Send packets of a sample that the reader asks for, or a notice that it is gone."""
         number, writer = sample.number, self.writer
+        # A dead writer sends nothing again, and no notice either.
         if writer.dead:
             return
         # Only a sample that is still in the writer's history can be sent again.
@@ -547,6 +563,7 @@ class Node:
         A late reader gets all of its history, as ROS 2's layer asks of DDS's durability service.
         """
         with self.bus.lock:
+            # Discovery: match the new writer with all readers that exist, and vice versa.
             writer = Writer(self, topic, qos, on_event)
             self.writers.append(writer)
             writers, readers = self.bus.ends.setdefault(topic, ([], []))
@@ -601,6 +618,7 @@ class Node:
         first = bus.now + finite("phase", phase, 0.0) * period
 
         def tick(k: int) -> None:
+            # The next tick is computed from the first one, so that rounding does not accumulate.
             bus.push(nanoseconds(first + (k + 1) * period), CALL, tick, k + 1)
             if waiting:
                 made.skipped += 1
@@ -624,6 +642,7 @@ class Node:
         """Answer requests: the function returns the answer, a generator of it, or its `Future`."""
         replies = self.writer(f"{name}/reply")
 
+        # A server's callback runs in its executor, so a busy server delays the answer.
         def serve(sample: Sample) -> Generator:
             client, number, request = sample.value
             answer = function(request)
@@ -655,6 +674,7 @@ class Node:
             key, value = request
             goal = goals[key] = Goal(value, Future(), lambda x: news.publish((key, x)))
 
+            # A canceled goal returns a result too: its generator decides how to end.
             def finish(result: Any) -> None:
                 goal.status = "canceled" if goal.status == "canceling" else "succeeded"
                 goal.end.set((goal.status, result))
@@ -691,6 +711,8 @@ class Client:
         Where nobody serves the service yet the answer never comes, as in ROS 2 without
         `wait_for_service`; `Future.unserved` says so, and `executor.deadlocks` reports it.
         """
+        # A deadlock analysis needs to know which callbacks an answer depends on: one server, this
+        # client.
         needs = [*self._servers[:1], self._reader]
         number = self._requests.number + 1
         future = self._open[number] = Future(
@@ -706,6 +728,7 @@ class Client:
             self._open[number].needs = self._open[number].needs[-1:]
 
     def _reply(self, sample: Sample) -> None:
+        # All clients of a service read one reply topic: each takes its own answers.
         client, number, answer = sample.value
         if client is self and number in self._open:
             self._open.pop(number).set(answer)
@@ -745,6 +768,7 @@ class ActionClient:
         self._sent += 1
         key, answer = (self, self._sent), Future()
         accepted = self._goal.call((key, goal))
+        # A result is requested once the goal is accepted, as the protocol of ROS 2 actions does.
         accepted.then(lambda _: self._result.call(key).then(answer.set))
         return key, answer
 
@@ -754,6 +778,7 @@ class ActionClient:
 
 
 def _match(writer: Writer, reader: Reader) -> None:
+    # Request-offered matching: an incompatible pair is no match, and both ends are notified.
     failing = compatible(writer.qos, reader.qos)
     if not failing:
         writer.matches.append(_Match(writer, reader))

@@ -49,6 +49,7 @@ def torques(
                             ("stiffness", stiffness), ("damping", damping))
     )  # fmt: skip
     largest = vector("limit", limit, q.shape, low=0.0)
+    # PD law about a fixed target, saturated at the actuator's limit.
     return np.clip(k * (goal - q) - d * v, -largest, largest)
 
 
@@ -71,6 +72,8 @@ def build(folder: Path) -> Path:
     if (name := compiler()) is None:
         raise FileNotFoundError(NO_COMPILER)
     made = folder / "drive"
+    # Sanitizers report memory errors and undefined behaviour at run time; the compiler's
+    # warnings are errors.
     done = subprocess.run(
         [name, *FLAGS, str(SOURCE), "-o", str(made)], capture_output=True, text=True, timeout=300
     )
@@ -118,6 +121,8 @@ def drive(
         RuntimeError: the program ended early and neither the sanitizer nor the controller says
             why; the text is what it printed.
     """
+    # 17 significant digits represent a double exactly, so that both languages compute with the same
+    # numbers.
     text = "\n".join(" ".join(f"{value:.17g}" for value in row) for row in (*first, *rows))
     done = subprocess.run(
         [str(program), mode, str(len(first[0])), str(len(rows))],
@@ -128,6 +133,8 @@ def drive(
     )
     result = [line.split() for line in done.stdout.splitlines()]
     faults = [line for line in done.stderr.splitlines() if "ERROR: " in line or "error: " in line]
+    # An early end without a reason from the sanitizer or the controller is a fault of the tool
+    # itself.
     if done.returncode and not faults and not done.stderr.startswith(REFUSALS):
         reason = done.stderr.strip() or "it printed nothing"
         hint = ""

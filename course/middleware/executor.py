@@ -76,6 +76,7 @@ class Executor:
     def add(self, callback: Callback) -> None:
         """Add a callback to those that this executor runs."""
         self.callbacks.append(callback)
+        # A stable sort: within a kind the order of creation decides, as in a ROS 2 wait set.
         self.callbacks.sort(key=lambda c: KINDS.index(c.kind))
 
     def ready(self, callback: Callback | None = None) -> None:
@@ -102,6 +103,8 @@ class Executor:
 
     def _begin(self) -> tuple[Run, tuple] | None:
         """Take what is next; None: nothing can run now."""
+        # A reader may have nothing to give, since its samples expired: then the next callback is
+        # tried.
         while (callback := self._pick()) is not None:
             release = callback.oldest()
             given = callback.take()
@@ -129,6 +132,7 @@ class Executor:
         # Ready set: collect all ready callbacks, run each once, then collect again (Casini et al.,
         # 2019).
         if not any(c in waiting for c in self._ready):
+            # The collection holds what is ready now, including callbacks whose group is held.
             self._ready = [c for c in self.callbacks if c.oldest() is not None]
         picked = next(c for c in self._ready if c in waiting)
         self._ready.remove(picked)
@@ -138,6 +142,7 @@ class Executor:
         self._woken = False
         while (begun := self._begin()) is not None:
             run, given = begun
+            # A function has already run by its return; a generator runs on the bus's time.
             steps = run.callback.function(*given)
             if type(steps) is GeneratorType:
                 drive(self.bus, steps, partial(self._finish, run), partial(self._block, run))
@@ -170,6 +175,7 @@ class Executor:
         while True:
             with bus.lock:
                 begun = None
+                # Threads wait on the bus's condition: any event may have made a callback ready.
                 while bus.real and begun is None:
                     begun = self._begin()
                     if begun is None:
@@ -184,6 +190,8 @@ class Executor:
                     wish = steps.send(value)
                 except StopIteration:
                     break
+                # A thread that waits for an answer does no other work: this is how executors
+                # deadlock.
                 if isinstance(wish, Future):
                     with bus.lock:
                         self._block(run, wish)
@@ -209,6 +217,7 @@ def deadlocks(bus: Bus) -> list[str]:
     group is held, or all threads of its executor are, by runs that are stuck themselves; who is not
     is struck off until nobody is left who can go on.
     """
+    # Every blocked run is suspected first; the fixed point of removals is the set that is stuck.
     stuck = {run: future for each in bus.executors for run, future in each.blocked.items()}
 
     def hindrance(needed: Callback) -> str:
@@ -299,6 +308,8 @@ def bounds(works: Sequence[Work], order: str = "ready set", threads: int = 1) ->
         raise invalid("threads", threads, f"1, or at least one for each of {len(groups)} groups")
     if threads == 1:
         return _single(sorted(works, key=lambda w: KINDS.index(w.kind)), order)
+    # A reentrant callback may overlap with itself: the busy-period analysis covers runs within
+    # their period only.
     long = [w.name for w in works if not w.group and w.execution > w.period]
     if long:
         raise invalid("reentrant callbacks", long, "executions up to the period")
@@ -381,6 +392,7 @@ def respond(
     """
     bus = Bus()
     executor = Executor(bus, threads, order)
+    # Every callback of an exclusive group shares one `Group`; the unnamed one is reentrant.
     groups = {w.group: Group(w.group, not w.group) for w in works}
     for k, work in enumerate(works):
         node, source = bus.node(work.name, executor), bus.node("source")
@@ -432,6 +444,7 @@ def run_chain(
     )
     bus.run(seconds)
     published, captured = np.array(arrived, float).reshape(-1, 2).T
+    # Commands may overtake each other with jitter: the newest capture so far is in force.
     return Trace(published, np.maximum.accumulate(captured))
 
 
@@ -452,6 +465,7 @@ def _stage(bus: Bus, stages: Sequence[Stage], k: int, phase: float) -> None:
             return
         if inbox and not sample:
             sample = inbox.take()
+        # The newest measurement seen so far: a late older one does not replace it.
         newest = captured = max(newest, sample.value if sample else newest) if k else bus.now
         seconds = stage.execution
         if stage.jitter:

@@ -57,9 +57,12 @@ def measure(
     """
     positive("holds", holds, unit="s")
     finite("middle", middle, 0.0, 1.0, unit="s")
+    # Without inheritance the high process waits for the middle one too, which never touches the
+    # lock: unbounded priority inversion.
     theory = holds + (0.0 if inherit else middle)
     if not hasattr(os, "sched_setaffinity"):
         return Inversion(float("nan"), theory, (), "this system has no SCHED_FIFO")
+    # On several cores they would run in parallel, and nothing would have to wait.
     core = max(os.sched_getaffinity(0)) if core is None else core
     processes = elsewhere()
     shared = SharedMemory(create=True, size=256)
@@ -79,6 +82,7 @@ def measure(
         rejected = next((text for text in ready if text), "")
         if rejected:
             return Inversion(float("nan"), theory, (), rejected)
+        # The low process starts first, takes the lock, and releases the two others itself.
         gates["low"].release()
         done = sorted(_received(report, children) for _ in children)
         (wait,) = (waited for _, name, waited in done if name == "high")
@@ -100,6 +104,7 @@ def _received(report: Any, children: list[Any]) -> Any:
         TimeoutError: there is none in time.
     """
     end = time.monotonic() + 2.0 * _PATIENCE
+    # Polling with a deadline: a child that died would never report.
     while report.empty():
         if any(child.exitcode not in (None, 0) for child in children):
             raise RuntimeError(UNGUARDED)
@@ -111,6 +116,7 @@ def _received(report: Any, children: list[Any]) -> Any:
 
 def _make_lock(shared: SharedMemory, inherit: bool) -> None:
     """Make a pthread mutex in shared memory; its size is 40 bytes on 64-bit Linux."""
+    # The attribute type is opaque: 64 bytes are more than any libc uses.
     libc, attributes = ctypes.CDLL(None), ctypes.create_string_buffer(64)
     libc.pthread_mutexattr_init(attributes)
     libc.pthread_mutexattr_setpshared(attributes, _PROCESS_SHARED)
@@ -132,6 +138,7 @@ def _part(
     libc = ctypes.CDLL(None)
     shared = SharedMemory(memory)
     lock = ctypes.c_char.from_buffer(shared.buf)  # type: ignore[arg-type]
+    # An absolute time limit on the lock, so that a failed experiment ends.
     limit = (ctypes.c_long * 2)(int(time.time() + _PATIENCE), 0)
     try:
         os.sched_setaffinity(0, {core})
@@ -151,6 +158,8 @@ def _part(
         libc.pthread_mutex_timedlock(ctypes.byref(lock), limit)
         waited = time.monotonic() - start
         if name == "low":
+            # The holder computes with the lock; the middle process preempts it unless it has
+            # inherited the high priority.
             gates["high"].release()  # which runs at once, until it waits for the lock
             gates["middle"].release()
             compute(work)

@@ -109,6 +109,7 @@ def nodes(text: str) -> list[Node]:
         joined = {key: value for one in parameters for key, value in one.items()}
         return Node(package, executable, joined)
 
+    # Stand-in modules for `launch` and `launch_ros`: the file runs without ROS 2 installed.
     stand_ins = {name: ModuleType(name) for name in ("launch", "launch_ros", "launch_ros.actions")}
     vars(stand_ins["launch"])["LaunchDescription"] = list
     vars(stand_ins["launch_ros.actions"])["Node"] = made
@@ -118,6 +119,7 @@ def nodes(text: str) -> list[Node]:
         room: dict[str, Any] = {}
         exec(compile(text, "launch file", "exec"), room)
         return room["generate_launch_description"]()
+    # Restore whatever modules had these names, so that nothing of the stand-ins remains.
     finally:
         for name, module in before.items():
             if module is None:
@@ -147,6 +149,7 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
         if policy in _TIMES:
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 raise invalid(name, value, "a positive integer, in nanoseconds")
+            # ROS 2 parameters give durations in integer nanoseconds.
             value = 1e-9 * value
         result[topic, end] = replace(result.get((topic, end), QoS()), **{policy: value})
     return result
@@ -154,6 +157,7 @@ def overrides(parameters: Mapping[str, Any]) -> dict[tuple[str, str], QoS]:
 
 def to_be_allowed(parameters: Mapping[str, Any]) -> set[str]:
     """Return the policies that these set and that a node allows only if its source names them."""
+    # The call checks all names first.
     overrides(parameters)
     names = (name.rpartition(".")[2] for name in parameters if name.startswith("qos_overrides"))
     return set(names) - set(BY_DEFAULT)

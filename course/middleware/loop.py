@@ -79,6 +79,8 @@ def run(
     start = now()
     k = n = 0
     while k < last:
+        # Absolute releases (start + k period) do not drift; a relative sleep adds every lateness to
+        # the next period.
         wait = start + k * step - now() if not relative else step * (k > 0)
         if wait > 0:
             sleep(1e-9 * wait)
@@ -91,6 +93,7 @@ def run(
     return Record(release[:n], late[:n], last - n, faults, collections)
 
 
+# Page faults and collections are the usual causes of outliers in lateness.
 def _burden() -> tuple[int, int]:
     import resource
 
@@ -158,10 +161,12 @@ def urgent(
     def polite(value: int) -> None:
         os.setpriority(os.PRIO_PROCESS, 0, value)
 
+    # mlockall: pages that are swapped out or not yet mapped would cost a page fault in the loop.
     def locked(flags: int) -> None:
         if libc.mlockall(flags):
             raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 
+    # The exit stack undoes whatever was granted, in reverse order, also after an error.
     with contextlib.ExitStack() as stack:
 
         def ask(name: str, call: Callable[[], object], undo: Callable[[], object]) -> bool:
@@ -174,6 +179,8 @@ def urgent(
             return True
 
         if quiet:
+            # Freeze what exists now, so that the collector does not traverse it again; then switch
+            # it off.
             was = gc.isenabled()
             gc.collect()
             gc.freeze()
@@ -189,6 +196,7 @@ def urgent(
             ask("nice", lambda: polite(nice), lambda: polite(old))
         if scheduler == "fifo":
             ask("fifo", lambda: become(priority), become)
+        # Read back from the system: a request that is granted in part shows.
         yield Granted(*given(), held, quiet, rejected)
 
 
@@ -255,6 +263,7 @@ def among_busy(
     result = []
     for name in names:
         one_of("name", name, ASKED)
+    # Other processes compete for the cores: on an idle machine every scheduler looks good.
     with crowd(busy, 20.0 + 4.0 * len(names) * period * periods):
         for name in names:
             with urgent(**ASKED[name]) as granted:  # type: ignore[arg-type]
@@ -266,6 +275,7 @@ def among_busy(
 
 def compute(seconds: float) -> None:
     """Compute until this thread has used so much processor time [s]."""
+    # Processor time, so that a preempted thread still computes for the full duration.
     end = time.thread_time() + seconds
     while time.thread_time() < end:
         pass

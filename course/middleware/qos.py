@@ -86,6 +86,7 @@ def compatible(offered: QoS, requested: QoS) -> tuple[str, ...]:
     """
     ends = offered, requested
     result = set()
+    # Ordered policies: the offer must be at least as strong as the request (DDS request-offered).
     for name, order in ORDERS.items():
         offer, request = (order.index(getattr(end, name)) for end in ends)
         if offer < request:

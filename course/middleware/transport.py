@@ -51,6 +51,7 @@ def elsewhere() -> Any:
 
     It keeps the environment that this process had when it asked first, and ends with it.
     """
+    # A fork server: children start fast, and inherit neither threads nor locks of this process.
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__, "course.middleware.inversion"])
     return context
@@ -86,6 +87,7 @@ def threads() -> Iterator[Trip]:
     back: queue.SimpleQueue[bytes | memoryview] = queue.SimpleQueue()
 
     def answer() -> None:
+        # None ends the thread; until then each message goes straight back (echo).
         while (payload := out.get()) is not None:
             back.put(payload)
 
@@ -118,6 +120,7 @@ def unix_socket() -> Iterator[Trip]:
 
 
 def _send(end: socket.socket, payload: bytes | bytearray | memoryview) -> None:
+    # Length-prefixed framing: a byte stream has no message boundaries.
     end.sendall(struct.pack("!I", len(payload)))
     end.sendall(payload)
 
@@ -157,6 +160,7 @@ class Ring:
 
     def __init__(self, slots: int, size: int) -> None:
         self.slots, self.size = count("slots", slots, 1), count("size", size, 1)
+        # One length and one payload for each slot.
         self.memory = SharedMemory(create=True, size=slots * (size + 4))
         self.free, self.full = elsewhere().Semaphore(slots), elsewhere().Semaphore(0)
         self.turn = {"put": 0, "take": 0}
@@ -203,6 +207,7 @@ class Ring:
 
     def close(self) -> None:
         """Give the memory back, for all who use it."""
+        # A view into the memory would keep it from being closed.
         if self.held:
             self.held.release()
         self.memory.close()
@@ -219,6 +224,7 @@ def shared_memory(size: int, slots: int = 4) -> Iterator[Trip]:
         stack.enter_context(partner(_answer_ring, out, back))
 
         def trip(payload: bytes | memoryview) -> memoryview:
+            # The echo makes a round trip; half of it is not a one-way time, as wake-ups differ.
             out.put(payload)
             if (answer := back.take()) is None:
                 raise no_answer("a ring")
@@ -299,6 +305,7 @@ def lossy(messages: int, fragments: int, loss: float, seed: int, at_most: int = 
             end.settimeout(PATIENCE)
         sender.connect(receiver.getsockname())
         receiver.connect(sender.getsockname())
+        # One message: rounds of sending and negative acknowledgement until nothing is missing.
         for _ in range(messages):
             desired = list(range(fragments))
             for turn in itertools.count(1):

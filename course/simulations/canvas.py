@@ -116,6 +116,8 @@ class Canvas(anywidget.AnyWidget):
     def watched(self) -> bool:
         """True if a browser shows this canvas and has drawn a frame within the last 2 s."""
         t = self._traffic
+        # A browser that confirms nothing for two seconds is hidden or gone: no need to compute for
+        # it.
         busy = t.sent > t.drawn and time.monotonic() - t.drawn_at > 2.0
         return t.views > 0 and not busy
 
@@ -126,6 +128,8 @@ class Canvas(anywidget.AnyWidget):
             traffic = self._traffic
             if traffic.views == 0:
                 return
+            # Flow control: with two frames unconfirmed the newest waits, unless the browser has
+            # been silent for so long that a confirmation must have been lost.
             full = traffic.sent - traffic.drawn >= _IN_FLIGHT
             if full and time.monotonic() - traffic.sent_at < _PATIENCE:
                 traffic.dropped += traffic.waiting
@@ -161,6 +165,7 @@ class Canvas(anywidget.AnyWidget):
         traffic = self._traffic
         if kind == "ready":
             with self._lock:
+                # A view that has just opened gets the present picture at once.
                 traffic.views += 1
                 traffic.drawn_at = time.monotonic()
                 self._transmit()
@@ -170,6 +175,8 @@ class Canvas(anywidget.AnyWidget):
         elif kind == "drawn":
             number = content.get("id")
             with self._lock:
+                # Only confirmations of frames that were sent count, each once: messages may repeat
+                # or be wrong.
                 if isinstance(number, int) and traffic.drawn < number <= traffic.sent:
                     traffic.drawn = number
                     traffic.drawn_at = time.monotonic()
@@ -178,6 +185,8 @@ class Canvas(anywidget.AnyWidget):
         elif kind in ("down", "move", "up"):
             x, y = content.get("x"), content.get("y")
             numbers = all(isinstance(value, int | float) for value in (x, y))
+            # Coordinates come from outside: NaN and infinity would spread through the model's
+            # state.
             if numbers and math.isfinite(x) and math.isfinite(y):
                 for pointer_callback in self._pointer_callbacks:
                     pointer_callback(Pointer(kind, float(x), float(y)))

@@ -157,6 +157,7 @@ def bundle(name: str) -> str:
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
     """
+    # The frames of a recording are large, so they are left to a second script.
     made = content(name)
     text = _assigned("courseSimulations", name, made | {"pictures": None})
     if made["pictures"] is None:
@@ -194,6 +195,7 @@ def script() -> str:
 
 def joined(*parts: str) -> str:
     """Return JavaScript modules of this folder as one text, without their imports and exports."""
+    # Imports and exports are cut out, so that the modules become one classic script.
     texts = [(_HERE / f"{part}.js").read_text(encoding="utf-8") for part in parts]
     whole = re.sub(r"^import .*;\n|^export default .*;\n", "", "\n".join(texts), flags=re.M)
     return re.sub(r"^export ", "", whole, flags=re.M)
@@ -201,6 +203,7 @@ def joined(*parts: str) -> str:
 
 def _runs(record: Any) -> list[list[Any]]:
     """Return the words of a record, each with how often it stands there in turn."""
+    # Every field has eight bytes, so words need no types; as text they survive JSON exactly.
     words = np.frombuffer(record.tobytes(), "<u8").tolist()
     return [[len(list(run)), str(word)] for word, run in itertools.groupby(words)]
 
@@ -260,10 +263,13 @@ def recorded(made: Model) -> dict[str, Any]:
             if same:
                 continue
             shown = picture.data.tobytes()
+            # Delta coding: each number as its difference from the picture before.
             steps, exact = _steps(picture)
             change, both = steps.copy(), min(steps.size, before.size)
             change[:both] -= before[:both]
+            # Byte planes: the upper bytes of small differences are equal and compress well.
             part = change.view(np.uint8).reshape(-1, 4).T.tobytes() + exact.tobytes()
+            # Base64 takes four characters for three bytes.
             room -= len(zlib.compress(part, 9)) * 4 / 3
             if parts and room < 0:
                 sizes.pop()
@@ -281,12 +287,14 @@ def _steps(picture: drawing.Picture) -> tuple[NDArray[np.int32], NDArray[np.floa
     Points are as exact as a screen asks for, all else as it is.
     """
     data, point, at = picture.data, np.zeros(picture.data.size, bool), 0
+    # Only coordinates may be rounded: mark them, item by item.
     while at < data.size:
         kind, end = int(data[at]), at + 2 + int(data[at + 1])
         if kind in (drawing.LINE, drawing.POLYGON, drawing.DISC, drawing.ARROW):
             point[at + 2 + drawing.STYLE[kind] : end] = True
         at = end
     gap = np.isnan(data)
+    # What the grid does not hold is marked in the steps, and stored apart unless it is a point.
     scaled = np.clip(np.where(gap, 0.0, GRID * data), -_FAR, _FAR)
     steps = np.round(scaled).astype(np.int32)
     exact = ~(point | gap | (steps == GRID * data))

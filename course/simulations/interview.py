@@ -43,6 +43,7 @@ WEIGHTS = (
 )
 W = np.array(WEIGHTS)
 WANTED = 0.9  # chance to recall at which a card is asked again
+# The factor that makes the forgetting curve 0.9 after as many days as the stability.
 _FACTOR = 0.9 ** (-1.0 / WEIGHTS[20]) - 1.0
 _LEAST, _MOST = 0.001, 36500.0  # days
 
@@ -52,6 +53,7 @@ _LEAST, _MOST = 0.001, 36500.0  # days
 @register_jitable
 def recall(days, stability):
     """Return the chance to recall so many days after a review; 0.9 where they are the stability."""
+    # FSRS: a power law of forgetting.
     return (1.0 + _FACTOR * days / stability) ** -W[20]
 
 
@@ -75,19 +77,25 @@ def first(rating):
 @register_jitable
 def after(stability, difficulty, days, rating):
     """Return stability and difficulty after a rating, so many whole days after the last one."""
+    # A review on the same day: a short-term formula without the chance of recall.
     if days < 1.0:
         growth = math.exp(W[17] * (rating - 3 + W[18])) * stability ** -W[19]
         new = stability * (growth if rating == AGAIN else max(growth, 1.0))
     elif rating == AGAIN:
+        # Forgotten: the stability falls, to more for stable and easy cards; it cannot rise.
         lost = math.exp((1.0 - recall(days, stability)) * W[14])
         slow = W[11] * difficulty ** -W[12] * ((stability + 1.0) ** W[13] - 1.0) * lost
         new = min(slow, stability / math.exp(W[17] * W[18]))
     else:
+        # Recalled: stability grows more if recall had become unlikely (spacing effect), less for
+        # difficult and for stable cards.
         late = math.exp((1.0 - recall(days, stability)) * W[10]) - 1.0
         gain = math.exp(W[8]) * (11.0 - difficulty) * stability ** -W[9] * late
         gain *= W[15] if rating == HARD else 1.0
         gain *= W[16] if rating == EASY else 1.0
         new = stability * (1.0 + gain)
+    # Difficulty moves against the rating, less near 10 (linear damping), and reverts to that of an
+    # easy first rating.
     moved = difficulty - W[6] * (rating - 3) * (10.0 - difficulty) / 9.0
     moved = W[7] * _first_difficulty(EASY) + (1.0 - W[7]) * moved
     return max(new, _LEAST), min(max(moved, 1.0), 10.0)
@@ -124,6 +132,7 @@ word, colour = draw.words_table(), draw.colours_table()
 
 
 def _face(text: str) -> int:
+    # A face always has the same number of lines, so that the picture can count on its words.
     lines = textwrap.wrap(text, _WIDE)
     return word(*(lines + [" "] * (_ROWS - len(lines))))[0]
 
@@ -175,6 +184,7 @@ def rate(state, k, rating):
     if state["reviews"][k] == 0:
         known, hard = first(rating)
     else:
+        # Within a day the number of whole days is 0, which selects the short-term formula.
         days = math.floor(state["since"][k])
         known, hard = after(state["stability"][k], state["difficulty"][k], days, rating)
     state["stability"][k], state["difficulty"][k] = min(known, _MOST), hard
@@ -185,6 +195,7 @@ def rate(state, k, rating):
 def advance(state, controls, seconds):
     """Advance the simulation: days pass; whoever reviews by himself does it at the end of a day."""
     remaining = seconds * controls["speed"]
+    # Advance from one end of a day to the next: reviews happen there only.
     while remaining > 0.0:
         step = min(remaining, 1.0 - state["time"] % 1.0)
         remaining -= step
@@ -192,6 +203,7 @@ def advance(state, controls, seconds):
         state["since"] += step
         if controls["reviewer"] == NOBODY or state["time"] % 1.0 > 1e-9:
             continue
+        # Remove accumulated rounding, since the intervals are whole days.
         state["time"] = np.round(state["time"])
         for k in range(4):
             wait = interval(state["stability"][k]) if controls["reviewer"] == WHEN_DUE else 1.0
@@ -219,6 +231,7 @@ def grab(controls, state, x, y):
 
 @register_jitable
 def _rated(controls, state, rating):
+    # A rating counts only after the answer was visible.
     if controls["turned"]:
         rate(state, controls["card"], rating)
         controls["card"] = (controls["card"] + 1) % 4
@@ -265,6 +278,7 @@ def frame(pen, state, controls):
         draw.buttons(pen, _AT[0], _AT[1], _RATINGS, 4)
     known, since = state["stability"][k], state["since"][k]
     observed = state["reviews"][k] > 0
+    # The chart shows two intervals at least, and the time since the last review.
     far = 1.25 * max(since, 2.0 * interval(known), 4.0)
     draw.chart(pen, _PLOT, (0.0, far, 0.0, 1.0), _DAYS, _CHANCE, _HEAD)
     if observed:
@@ -277,6 +291,7 @@ def frame(pen, state, controls):
     for one in range(4):
         x = 5.3 + 0.9 * one
         now = recall(state["since"][one], state["stability"][one])
+        # Cards that were never rated have no chance of recall.
         now *= state["reviews"][one] > 0
         draw.box(pen, x, x + 0.7, 0.45, 1.15, draw.FAINT)
         ink = draw.BLUE if now >= WANTED else draw.ORANGE

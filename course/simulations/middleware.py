@@ -47,6 +47,8 @@ SCHEDULES = (
     "lock, with inheritance",
 )
 NODES = ("camera", "perception", "planner", "controller", "robot", "monitor")
+# Offered against requested QoS (DDS): a topic is silent if the writer offers less than its reader
+# requests.
 # The policy that keeps an offer (row) from a request, by its place in `FAILING`; 0: none does.
 FAILING = ("", "reliability", "durability", "deadline")
 _VERDICT = np.array(
@@ -130,6 +132,7 @@ def seeing(controls):
 def _travel(sent, packets, size, controls, topic, seed):
     """Return the arrival times of messages sent at these times, (N,) [s]; -1 for a lost one."""
     came = np.full(sent.size, -1.0)
+    # Incompatible profiles never match, so nothing is transported.
     if verdict(controls, topic):
         return came
     p, last, again = 1e-3 * controls["loss"], 0.0, reliable(controls, topic)
@@ -138,6 +141,8 @@ def _travel(sent, packets, size, controls, topic, seed):
         # One round of the link for each pass: the lost packets are sent again, if it is reliable.
         while remaining > 0:
             now += bulk / RATE + DELAY
+            # Each packet is lost independently; the reader of a reliable topic requests exactly the
+            # lost ones (negative acknowledgement).
             dice = np.empty(remaining)
             splitmix.uniform(seed, dice)
             remaining = np.sum(dice < p)
@@ -146,6 +151,7 @@ def _travel(sent, packets, size, controls, topic, seed):
             now += DELAY * (remaining > 0)  # the reader asks again
             bulk = min(size, remaining * FRAGMENT)
         if remaining == 0:
+            # Delivery in order: a message waits for those before it.
             came[k] = last = max(now, last)
     return came
 
@@ -174,6 +180,8 @@ def shared(arrived, taking, depth, due):
                 return taken[:jobs], begun[:jobs], starts
             now = after
         if waits:
+            # A tick that is due runs first, as timers precede subscriptions in the executor's ready
+            # set.
             starts[tick] = now
             while tick < due.size and due[tick] <= now:  # one tick waits, those after it are lost
                 tick += 1
@@ -197,6 +205,7 @@ def locked(begun, done, due, inherits):
     starts = due.copy()
     for k in range(int((SPAN - 0.5) / LOGGER)):
         held = LOGGER * k
+        # The logger starts its section when perception leaves it the processor.
         for job in range(begun.size):
             if begun[job] <= held < done[job]:
                 held = done[job]
@@ -205,11 +214,15 @@ def locked(begun, done, due, inherits):
         # The logger holds the lock and works off what remains of its section; perception preempts
         # it, unless the loop waits for the lock and the logger has inherited its priority.
         now, remaining = held, HOLD
+        # Priority inversion until the loop waits, with inheritance (Sha, Rajkumar and Lehoczky,
+        # 1990), or for whole executions of perception without it.
         for job in range(begun.size):
             if held < begun[job] < now + remaining and begun[job] < waits:
                 remaining -= begun[job] - now
                 now = min(done[job], max(waits, begun[job]))
         over = now + remaining
+        # The first tick after the lock was taken runs when it is released, those due meanwhile are
+        # skipped.
         last = np.searchsorted(due, over, side="left")
         if first < last:
             starts[first] = over
@@ -222,11 +235,15 @@ def initial(controls, state):
     seed, taking = state["seed"], seeing(controls)
     n = int(SPAN / CAMERA)
     sent = (PHASE + np.arange(n)) * CAMERA
+    # Images over the link, then perception, the planner and the loop, each from what the stage
+    # before it has delivered.
     came = _travel(sent, PACKETS, IMAGE, controls, 0, seed)
     state["sent"][:n], state["came"][:n], state["images"] = sent, came, n
     arrived, born = came[came >= 0.0], sent[came >= 0.0]
     period = 1.0 / controls["loop"]
     due = period * np.arange(1, int(SPAN / period))
+    # In one thread perception delays the loop; else the loop has its own thread, possibly with a
+    # lock.
     if controls["schedule"] == 1:
         taken, begun, starts = shared(arrived, taking, _depth_of(controls, 0), due)
     else:
@@ -235,6 +252,8 @@ def initial(controls, state):
         if controls["schedule"] > 1:
             starts = locked(begun, begun + taking, due, controls["schedule"] == 3)
     _jobs(state, 0, begun, taking, born[taken])
+    # Poses travel as one packet; the planner reads its queue at its own period and skips ticks
+    # before the first pose.
     poses = _travel(begun + taking, 1, 1472, controls, 1, seed)
     received, posed = poses[poses >= 0.0], born[taken][poses >= 0.0]
     ticks = PLAN_PERIOD * (PLAN_PHASE + np.arange(int(SPAN / PLAN_PERIOD)))
@@ -243,6 +262,7 @@ def initial(controls, state):
     _jobs(state, 1, ticks, PLAN, posed[which])
     plans = _travel(ticks + PLAN, 1, 1472, controls, 2, seed)
     known, aim = plans[plans >= 0.0], posed[which][plans >= 0.0]
+    # Each tick that ran uses the newest plan by then, with the time stamp of the image behind it.
     ran = starts >= 0.0
     m = np.sum(ran)
     state["due"][:m], state["start"][:m] = due[ran], starts[ran]
@@ -268,11 +288,15 @@ def _report(controls, state, arrived, received, known, taken):
     topic, came = controls["topic"], arrived
     if topic > 0:
         came = received if topic == 1 else known
+    # Samples that newer ones pushed out are the numbers that were never taken.
     if topic == 0 and taken.size > 0:
         state["dropped"] = taken[-1] + 1 - taken.size
+    # Deadline events on the reader's side: each full deadline between two arrivals counts once.
     if controls["requested"] == 3 and topic < 3 and not verdict(controls, topic):
         for k in range(came.size - 1):
             state["missed"] += int((came[k + 1] - came[k]) / DEADLINE)
+    # A late joiner learns the zone only if both ends are transient local: the writer stores it for
+    # later.
     selected = profile(controls, 3, False) == 2 and profile(controls, 3, True) == 2
     state["zone"] = not verdict(controls, 3) and (controls["joins"] <= ZONE or selected)
     times = np.linspace(2.0, SPAN - 0.2, 2003)
@@ -309,6 +333,8 @@ def bound(controls):
         return taking + LOOP
     if kind == 3:
         return HOLD
+    # Without inheritance the section stretches over whole executions of perception, as many as its
+    # share of the gaps requires; without gaps it never ends.
     gap = CAMERA - taking  # what a full stream of pictures leaves to the logger, each period
     return HOLD + taking * math.ceil(HOLD / gap) if gap > 0.01 * HOLD else -1.0
 
@@ -375,6 +401,7 @@ def _ends(edge):
     a, b = _AT[_EDGES[edge, 0]], _AT[_EDGES[edge, 1]]
     dx, dy = b[0] - a[0], b[1] - a[1]
     size = math.hypot(dx, dy)
+    # An edge in the opposite direction runs beside this one, and both end at the rims of the boxes.
     rim = min(_W / max(abs(dx), 1e-9), _H / max(abs(dy), 1e-9)) + 0.03
     sx, sy = -0.1 * dy / size, 0.1 * dx / size
     return a[0] + rim * dx + sx, a[1] + rim * dy + sy, b[0] - rim * dx + sx, b[1] - rim * dy + sy
@@ -430,6 +457,8 @@ def _pulses(pen, state, now):
     for k in range(state["images"]):
         passed, came = now - state["sent"][k], state["came"][k]
         if 0.0 <= passed < 0.012:
+            # An image moves along its edge while it travels; a lost one stops halfway and turns
+            # red.
             share = min(passed / 0.010, 1.0 if came >= 0.0 else 0.5)
             ink = draw.ORANGE if came >= 0.0 else draw.RED
             draw.spot(pen, x0 + share * (x1 - x0), y0 + share * (y1 - y0), 0.08, ink, draw.INK, 1.0)
@@ -458,6 +487,7 @@ def _who_runs(pen, state, controls, now):
     draw.window(pen)
     draw.area(pen, (1.05, 5.7, 0.55, 1.75), (-1e3 * _WINDOW, 0.0, 0.0, 3.0))
     draw.axes(pen, _LAST, 0, _GANTT, 3, 0)
+    # Jobs within the window as bars; a tick as a line, high and red if it was late.
     for stage in range(2):
         for job in range(state["jobs"][stage]):
             begun, done = state["begun"][stage, job], state["done"][stage, job]
@@ -515,6 +545,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _SKIPPED, 100.0 * (1.0 - state["ticks"] / state["due_ticks"]), 1, _PER_CENT)
     lost = np.sum(state["came"][: state["images"]] < 0.0) / state["images"]
     draw.reading(pen, _LOST, 100.0 * lost, 1, _PER_CENT)
+    # An image is lost if any of its packets is: 1 - (1 - p)^n.
     share = 1.0 - (1.0 - 1e-3 * controls["loss"]) ** PACKETS
     expected = 100.0 if verdict(controls, 0) else (0.0 if reliable(controls, 0) else 100.0 * share)
     draw.reading(pen, _EXPECTED, expected, 1, _PER_CENT)

@@ -92,6 +92,7 @@ class Experiment:
 
     def start(self) -> None:
         """Begin anew, with the same controls."""
+        # The state is a function of the controls and of time: nothing of an earlier run remains.
         self.model.state.reset(self.state)
         self.model.initial(self.controls, self.state)
 
@@ -101,6 +102,8 @@ class Experiment:
         Raises:
             ValueError: a value is not allowed; then nothing is changed.
         """
+        # One control that is not live restarts the experiment, since the picture must belong to its
+        # settings.
         self.model.controls.set(self.controls, **values)
         if not all(self.model.controls.fields[name].live for name in values):
             self.start()
@@ -128,6 +131,8 @@ class Experiment:
         """
         if self.model.drag is not None:
             self.model.drag(self.controls, self.state, x, y)
+            # Controls that a drag changed take effect from the start, unless the model acts on the
+            # running state.
             if not self.model.live_drag:
                 self.start()
 
@@ -152,6 +157,7 @@ class Experiment:
         Raises:
             ValueError: they are not such records; then nothing is changed.
         """
+        # Both records are checked before either is copied, so that a bad message changes nothing.
         taken = self.model.controls.read(controls), self.model.state.read(state)
         for own, other in zip((self.controls, self.state), taken, strict=True):
             for name in own.dtype.names:
@@ -200,6 +206,7 @@ def recorded(
 
     def frame(pen: Any, state: Any, controls: Any) -> None:
         pictures = presets[names[controls["recording"]]][1]
+        # The last picture stays once the recording is over.
         drawing.copy(pen, pictures[min(int(state["time"] / seconds), len(pictures) - 1)])
 
     return Model(

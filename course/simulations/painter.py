@@ -144,6 +144,7 @@ def _page(picture: Picture, sharpness: float) -> FigureCanvasAgg:
     xmin, xmax, ymin, ymax = paper.window
     width = paper.width
     drawn = width * (ymax - ymin) / (xmax - xmin)
+    # Numbers stand in columns below the picture, as many as the width holds.
     columns = max(1, int((width - 16.0) // _CELL[0]))
     height = drawn + _CELL[1] * math.ceil(len(numbers) / columns)
     figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0 * sharpness)
@@ -209,12 +210,14 @@ def film(model: Model, seconds: float = 4.0, rate: float = 10.0) -> bytes:
         np.asarray(Image.fromarray(p).quantize(palette=palette, dither=Image.Dither.NONE))
         for p in pictures
     ]
+    # Pixels that did not change take the transparent colour: frames compress to their differences.
     changes = [np.where(a == b, _COLOURS, b) for a, b in itertools.pairwise(drawn)]
     frames = [Image.fromarray(numbers.astype(np.uint8), "P") for numbers in (drawn[0], *changes)]
     for frame in frames:
         frame.putpalette([*(palette.getpalette() or [])[: 3 * _COLOURS], 0, 0, 0])
         frame.info["transparency"] = _COLOURS
     buffer = io.BytesIO()
+    # Each frame is blended over the one before and left there.
     frames[0].save(
         buffer,
         "PNG",

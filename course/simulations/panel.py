@@ -127,6 +127,7 @@ class Panel(ipywidgets.VBox):
         with self._lock:
             task, self._task = self._task, None
             if task is not None:
+                # Cancel from the loop's own thread: `cancel` is not thread-safe.
                 task.get_loop().call_soon_threadsafe(task.cancel)
             self._play.description, self._play.icon = "Play", "play"
             self._show()
@@ -180,6 +181,7 @@ class Panel(ipywidgets.VBox):
 
     def _follow(self, preset: str = "") -> None:
         """Put the inputs where the controls are, and show the picture; the inputs don't answer."""
+        # Observers of the inputs must not answer when the program itself moves them.
         self._setting = True
         try:
             self._preset.value = preset or self._preset.value
@@ -205,6 +207,7 @@ class Panel(ipywidgets.VBox):
         """It is to run in the page from here on, or here from where the page has come to."""
         with self._lock:
             if content.get("where") == "page":
+                # The page continues from these records, byte by byte.
                 self.pause()
                 message = {"type": "records", "preset": self._preset.value}
                 self.canvas.send(message, [self.controls.tobytes(), self.state.tobytes()])
@@ -232,12 +235,15 @@ class Panel(ipywidgets.VBox):
 
     async def _run(self) -> None:
         """Advance by the time that has passed and show; wait while nobody looks."""
+        # Wait until the next picture is due, but always a little, so that the event loop gets its
+        # turn.
         before = time.monotonic()
         while True:
             await asyncio.sleep(max(0.002, before + 1.0 / _PICTURES_PER_SECOND - time.monotonic()))
             now = time.monotonic()
             passed, before = min(now - before, _LONGEST_ADVANCE), now
             with self._lock:
+                # Another task may have taken over, or the panel was closed, while this one slept.
                 if self._task is not asyncio.current_task() or self.comm is None:
                     return
                 if self.canvas.watched:

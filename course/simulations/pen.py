@@ -417,6 +417,7 @@ def button_at(x, y, count, u, v):
 
     See `buttons`.
     """
+    # The gap between two buttons belongs to none.
     k = int(np.floor((u - x) / BUTTON))
     inside = 0 <= k < count and u - x - BUTTON * k <= BUTTON - _BUTTON_GAP
     return k if inside and y <= v <= y + BUTTON_HIGH else -1
@@ -487,6 +488,7 @@ def copy(pen, data):
     at = int(pen[_FREE])
     if at + data.size > pen.size:
         raise ValueError("no room left on the paper for a copy")
+    # Only whole items are copied, so the list stays well-formed.
     pen[at : at + data.size] = data
     pen[_FREE] = at + data.size
 
@@ -548,6 +550,7 @@ def tick_form(largest, power):
 @register_jitable
 def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, grid=True):
     """Draw the axes of the area: grid, ticks, labels; without ticks there is no grid either."""
+    # Rectangle and values of the area, which `window` replaces for the labels.
     left, right, bottom, top = pen[2], pen[3], pen[4], pen[5]
     x0, x1, y0, y1 = pen[6], pen[7], pen[8], pen[9]
     window(pen)
@@ -564,6 +567,7 @@ def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, 
     first, last, factor, power = ticks(y0, y1, y_ticks)
     form, letters = tick_form(max(abs(y0), abs(y1)), power)
     if y0 < 0.0:
+        # A minus sign needs room beside the axis too.
         letters += 1.0
     for k in range(int(last - first) + 1):
         value = tick(first + k, factor, power)
@@ -603,6 +607,7 @@ def gauge(pen, rectangle, high, value, colour, name, limit, mark):
     box(pen, 0.0, value, 0.0, 1.0, colour)
     if limit < high:
         segment(pen, limit, -0.25, limit, 1.3, INK, 2.5)
+        # The mark's text goes to the side with more room.
         side = LEFT if limit < 0.5 * high else RIGHT
         text(pen, limit, 1.3, mark, INK, 11.5, side, BOTTOM)
 
@@ -654,9 +659,12 @@ def written(value: float, form: int) -> str:
     Halves are rounded away from zero, as browsers do.
     """
     sign = "+" if SIGNED <= form < EXPONENT else ""
+    # Infinities and NaN as JavaScript writes them: both painters show the same text.
     if not np.isfinite(value):
         return (sign if value != -np.inf else MINUS) + ("NaN" if value != value else "Infinity")
+    # Decimal represents the double exactly, so that halves are true halves.
     size, digits, tail = abs(Decimal(float(value))), form % 20, ""
+    # JavaScript's toFixed changes to powers of ten at 1e21.
     if form >= EXPONENT or size >= 10**21:
         size = Context(digits + 1, ROUND_HALF_UP).plus(size)
         power = size.adjusted()
@@ -664,6 +672,7 @@ def written(value: float, form: int) -> str:
         tail = f"e{power}".replace("-", MINUS)
     shown = size.quantize(Decimal(1).scaleb(-digits), context=_WIDE)
     if value < 0.0 and shown:
+        # No minus before a number that rounds to zero.
         sign = MINUS
     return f"{sign}{shown:f}{tail}"
 
@@ -689,6 +698,8 @@ def decode(picture: Picture) -> Iterator[Item]:
         kind, count = int(data[at]), int(data[at + 1])
         own = STYLE.get(kind, -1)
         rest = count - own
+        # A list that the painter cannot read must not be skipped silently: counts and kinds are
+        # checked.
         if own < 0 or rest < 0 or rest % 2 or at + 2 + count > data.size:
             raise ValueError(f"item at {at} has kind {kind} and {count} numbers: no such item")
         block = data[at + 2 : at + 2 + count]

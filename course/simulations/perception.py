@@ -69,6 +69,7 @@ MILLISECONDS: dict[str, float] = {}  # of each stage of the last picture
 
 def scene(pieces, distance):
     """Return table and parts before the camera, the parts about their origins, and all poses."""
+    # The camera looks down at the table, tilted; poses compose as table, then part on the table.
     table = np.array([0.0, 0.0, distance, *exp(np.array([math.pi - TILT, 0.0, 0.0]))])
     parts, poses = [], []
     for kind, a, b, c, x, y, yaw in pieces[pieces[:, 0] != NOTHING]:
@@ -87,6 +88,8 @@ def _plane(z, points, cells, tolerance, linear, rng):
     """
     if not linear:
         return chapter.ransac_plane(cells, tolerance, rng)[0]
+    # The linear fit starts with all pixels and trims what is far from the plane, in narrowing
+    # bands, as least squares has no resistance to outliers.
     plane = chapter.inverse_depth_plane(z, CAMERA)
     for width in (8.0, 4.0, 2.0, 1.0):
         on = np.zeros(z.shape, bool)
@@ -102,10 +105,13 @@ def process_image(values, pieces):
     """
     voxel, tolerance, eps, distance, noise, scale, *whole = values.tolist()
     least, window, by_pixels, linear, picture = map(int, whole)
+    # The image's number is the seed of its noise: the same moment always gives the same image.
     rng, sensor = np.random.default_rng(picture), chapter.Sensor(BASELINE, noise, window)
     shapes, parts, poses, table = scene(pieces, distance)
     exact, ids = chapter.render(shapes, CAMERA)
     z, clock = scale * chapter.sense(exact, CAMERA, sensor, rng), [time.perf_counter()]
+    # Pipeline: back-project the depth, average in voxels, fit the plane, cluster what lies above
+    # it, estimate a pose for each cluster.
     points, pixels = chapter.back_project(z, CAMERA)
     cells, _ = chapter.voxel_mean(points, voxel)
     clock.append(time.perf_counter())
@@ -117,6 +123,8 @@ def process_image(values, pieces):
     kinds, labels = np.where(height < -tolerance, BELOW, PLANE), np.full(z.size, NOISE)
     if up.any() and over.any():
         some, inner = np.ascontiguousarray(cells[:, up]), points[:, over]
+        # Connected components of the depth image: neighbours in the picture whose depths differ
+        # little.
         if by_pixels:
             above = np.zeros(z.size)
             above[pixels[over]] = inner[2]
@@ -124,11 +132,14 @@ def process_image(values, pieces):
             # Small components become noise, and the rest is numbered anew without gaps.
             enough = np.bincount(labels[labels >= 0]) >= least
             labels = np.append(np.where(enough, np.cumsum(enough) - 1, NOISE), NOISE)[labels]
+            # Each voxel gets the label of the point nearest to it; with DBSCAN (Ester et al., 1996)
+            # it is the other way round.
             kinds[up] = labels[pixels[over]][chapter.Cloud.of(inner).nearest(some)[1]]
         else:
             kinds[up] = chapter.dbscan(some, eps, least)[0]
             labels[pixels[over]] = kinds[up][chapter.Cloud.of(some).nearest(inner)[1]]
     clock.append(time.perf_counter())
+    # The table's frame is known exactly here, so errors of the plane can be stated in it.
     back, on = to_matrix(table[3:]).T, np.abs(high) < tolerance
     counts = pixels.size, height.size, up.sum(), (kinds >= 0).sum(), max(labels.max() + 1, 0)
     report = np.array([*counts, *(back @ plane[:3]), plane[:3] @ table[:3] + plane[3]])
@@ -138,13 +149,16 @@ def process_image(values, pieces):
         # The cluster that most of the part's own pixels belong to is judged as the part.
         part, votes = parts[number], labels[(ids.ravel() == number + 1) & (labels >= 0)]
         cluster = (labels == np.bincount(votes, minlength=1).argmax()).reshape(z.shape)
+        # Refine the pose of the part from the points of its cluster; none of them, no pose.
         best = votes.size and pose_of(z, CAMERA, sensor, part, cluster, plane, on_table)
         if best:
             C, along = np.diag(best.covariance), back @ best.R[:, 0]
+            # Position and yaw with their deviations in theory, from the covariance of the estimate.
             spread = np.array([math.sqrt(C[:3].sum()), math.sqrt(C[5])])
             place, turn = (back @ (best.p - table[:3]))[:2], math.atan2(along[1], along[0])
             result[k] = (
                 *chapter.apart(part, poses[number], best.pose),
+                # An infinite deviation means that nothing constrains this direction.
                 *np.where(spread < math.inf, spread, -1.0),
                 best.see_through,
                 STATUS.index(best.status),
@@ -175,6 +189,7 @@ def measure(controls, state):
             1.0 * math.floor(RATE * state["time"]),
         ]
     )
+    # Rendering and clustering are Python: compiled code calls them in object mode.
     with objmode(
         points="float64[:,:]", kinds="int64[:]", report="float64[:]", result="float64[:,:]"
     ):
@@ -187,6 +202,7 @@ def advance(state, controls, seconds):
     """Advance the simulation: the camera takes pictures at its rate; the newest one counts."""
     before = math.floor(RATE * state["time"])
     state["time"] += seconds
+    # A new picture only when its time has come; several missed ones are one.
     if math.floor(RATE * state["time"]) > before:
         measure(controls, state)
 
@@ -221,6 +237,8 @@ def _outline(pen, p, x, y, yaw, ink, width, on):
     """Draw a part from above, dashed or not."""
     c, s = math.cos(yaw), math.sin(yaw)
     t = np.linspace(0.0, 2.0 * math.pi, EDGE)
+    # A square from a circle: dividing by the larger of |cos| and |sin| puts the points on its
+    # sides.
     wide = np.maximum(np.abs(np.cos(t)), np.abs(np.sin(t))) if p[0] == BOX else np.ones(EDGE)
     a, b = p[1] * np.cos(t) / wide, p[2] * np.sin(t) / wide
     draw.curve(pen, x + c * a - s * b, y + s * a + c * b, ink, width, 1.0, on, 4.0)
@@ -229,6 +247,7 @@ def _outline(pen, p, x, y, yaw, ink, width, on):
 @register_jitable
 def _dots(pen, kinds, x, y, size):
     """Points by their kinds, as short lines: one item a colour, however many they are."""
+    # Clusters beyond the number of colours take the same colours again.
     count = len(_INKS) + BELOW
     for k in range(len(_INKS)):
         some = (kinds == k + BELOW) if k < -BELOW else ((kinds >= 0) & (kinds % count == k + BELOW))
@@ -247,6 +266,8 @@ def frame(pen, state, controls):
     """Draw points from above and from the side, true and found outlines, keys and numbers."""
     report, pieces, pick = state["report"], controls["pieces"], controls["pick"]
     n, result = int(report[VOXELS]), state["result"][pick]
+    # From above: voxels in the colours of their clusters, true outlines dashed, estimates drawn
+    # through.
     x, y, z = state["points"][0, :n], state["points"][1, :n], state["points"][2, :n]
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)
@@ -259,6 +280,7 @@ def frame(pen, state, controls):
             if at[TRUST] < LOST:
                 ink, width = _FOUND[int(at[TRUST])], 3.4 if k == pick else 2.0
                 _outline(pen, p, at[X], at[Y], at[YAW], ink, width, 0.0)
+    # The picked part's handle for turning it.
     if pieces[pick, 0] != NOTHING:
         u, v = _knob(pieces[pick])
         draw.segment(pen, pieces[pick, 4], pieces[pick, 5], u, v, draw.INK, 1.2)
@@ -289,6 +311,7 @@ def frame(pen, state, controls):
         draw.reading(pen, _COUNTS + k, report[k], 0)
     draw.reading(pen, _PLANE_OFF, 1e3 * abs(report[OFF]), 1, _MM)
     draw.words(pen, _AND)
+    # Rounding may take the cosine just above 1.
     draw.number(pen, math.degrees(math.acos(min(report[NORMAL + 2], 1.0))), 1, _DEGREES)
     draw.reading(pen, _PICKED, 0.0, 0, 0, _TRUST + int(result[TRUST]))
     for k in (SHIFT, SHIFT_SIGMA, TURN, TURN_SIGMA, THROUGH):
@@ -299,6 +322,7 @@ def frame(pen, state, controls):
 @register_jitable
 def _put(controls, state, x, y, yaw):
     """Move the picked part to a place, and take a new picture."""
+    # Parts stay on the visible table; the angle wraps to half a turn.
     p = controls["pieces"][controls["pick"]]
     p[4], p[5] = min(max(x, _VIEW[0]), _VIEW[1]), min(max(y, _VIEW[2]), _VIEW[3])
     p[6] = (yaw + math.pi) % (2.0 * math.pi) - math.pi
@@ -324,6 +348,7 @@ def grab(controls, state, x, y):
     elif state["held"] == 0 and vacant >= 0 and x < _SCENE[1]:
         pieces[vacant, :4], pieces[vacant, 4], pieces[vacant, 5] = np.array(_THIN), u, v
         controls["pick"], state["held"] = vacant, 1
+    # The offset of the pointer is preserved, so that the part does not jump to it.
     state["grip"][:] = pieces[controls["pick"], 4:6] - np.array([u, v])
 
 

@@ -103,6 +103,8 @@ STATE = Record(
 def scenario_and_settings(values):
     """Return scenario and settings that the controls, as numbers, ask for."""
     noise, kp, kd, dt, edge, latency, speed, filtered, mended, x, y, margin, bx, by = values
+    # A target that drifts towards TO, and where it would be at the end of the run: kept within
+    # reach and off the discs, it defines the velocity.
     away = max(math.dist((x, y), TO), 1e-9)
     far = SECONDS * speed / away
     u, v = _reachable(x + far * (TO[0] - x), y + far * (TO[1] - y))
@@ -121,6 +123,7 @@ def scenario_and_settings(values):
         margin=margin,
         samples=800,
     )
+    # An ideal stage has its imperfections removed before the run.
     return scenario, chapter.repair(settings, *STAGES[int(mended) - 1 : int(mended)])
 
 
@@ -137,6 +140,8 @@ def agreed(scenario, settings):
 def counted(values):
     """Return `told` of the run as the controls have it."""
     scenario, settings = scenario_and_settings(values)
+    # One recorded run is diagnosed in detail; the success rate comes from several seeds, fewer of
+    # them if planning is expensive.
     record = chapter.run(scenario, settings, seed=SEED)
     report = np.zeros(PARTS + 2 * len(STAGES))
     report[CHECKS], report[ASKED] = sum(p.value.checks for p in record.plans), len(record.plans)
@@ -145,10 +150,12 @@ def counted(values):
     good = int(successes(chapter.run_many(scenario, settings, range(count))).sum())
     report[SHARE], (report[LOW], report[HIGH]) = good / count, wilson(good, count)
     report[AGE] = 1e-6 * np.mean([p.arrived - p.captured for p in record.pictures] or [0])
+    # The step limit is that of the loop at the planned posture, or at the start without a plan.
     posture = record.plans[0].value.goal if record.plans else np.full(2, np.nan)
     posture = posture if np.isfinite(posture).all() else np.array(scenario.start)
     report[LIMIT] = theory.step_limit(scenario.arm, posture, settings.kp, settings.kd)
     report[GAINED] = blame.gained(record, settings.kp, settings.kd)
+    # Reasons and contracts are strings of the chapter; the state can hold their numbers only.
     text = record.reason.split(":")[0]
     diverged = "diverged" in record.reason
     known = {"": 0, **{name: k for k, name in enumerate(REASONS)}}
@@ -158,12 +165,15 @@ def counted(values):
         what = broken[0].what.split(":")[0]
         report[BROKEN] = CONTRACTS.index(what) if what in CONTRACTS else len(CONTRACTS) - 1
     report[REPLAYED] = not dear
+    # Counterfactual replays with the same seed: repair one stage and see whether this alone cures
+    # the run, and by how much the error changes.
     for stage in () if dear else blame.REPLAYED:
         k = STAGES.index(stage)
         better = chapter.run(scenario, chapter.repair(settings, stage), seed=SEED)
         if not record.success and better.success and report[CURED] == 0.0:
             report[CURED] = k + 1.0
         report[PARTS + 2 * k : PARTS + 2 * k + 2] = record.error - better.error
+    # A run that diverged leaves numbers that no readout can show.
     report[~np.isfinite(report)] = 0.0
     return report
 
@@ -173,6 +183,7 @@ def shown(values, moves):
     scenario, settings = scenario_and_settings(values)
     tree = np.zeros((4, TREE))
 
+    # The planner is wrapped, so that the tree of its last call can be drawn.
     def grown(world, start, goal, settings, rng):
         result = planner(world, start, goal, budget=settings.samples, rng=rng, step=settings.step)
         inner = np.flatnonzero(result.parents >= 0)[:TREE]
@@ -186,6 +197,7 @@ def shown(values, moves):
 
     process = Run(scenario, settings, Stages(plan=planned), SEED)
     times = np.linspace(0.0, SECONDS, SHOWN + 1)
+    # Moves of the target are replayed at their times; the past before them stays as it was.
     target = scenario.at(0.0)[:, None] + np.outer(scenario.velocity, times)
     for when, x, y in moves.T:
         if process.to(when):
@@ -193,9 +205,11 @@ def shown(values, moves):
             target[:, times >= when] = [[x], [y]]
     process.to(SECONDS)
     record = process.record()
+    # The log has its own rate: each shown moment takes the last row before it.
     rows = np.minimum((times / (1e-6 * record.step) + 1e-9).astype(int), len(record.log) - 1)
     observed = np.zeros((8, FRAMES))
     observed[0] = NEVER
+    # Only pictures that the estimator used; those beyond the room of the state are omitted.
     pictures = [k for k in np.flatnonzero(record.sightings[:, drive.USED] > 0.0)][:FRAMES]
     table, row = record.timetable, record.sightings[pictures]
     observed[0, : len(pictures)] = 1e-6 * table.arrived[pictures]
@@ -208,6 +222,8 @@ def shown(values, moves):
         if crossing.value.motion is not None:
             ready[k] = 1e-6 * crossing.arrived
             path = crossing.value.waypoints
+            # Resample a path at equal distances in joint space, so that it has a fixed number of
+            # points.
             along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path), axis=0))))
             at = np.linspace(0.0, along[-1], LINE)
             paths[:, k] = tip_of(scenario.arm, np.stack([np.interp(at, along, w) for w in path]))
@@ -219,6 +235,7 @@ def shown(values, moves):
 def _reachable(x, y):
     """Return the place nearest to (x, y) that the arm reaches well and the discs leave free."""
     r = math.hypot(x, y)
+    # Pull the target into the annulus that the arm reaches well; the origin has no direction.
     factor = min(max(r, NEAREST), FARTHEST) / max(r, 1e-9)
     x, y = (x * factor, y * factor) if r > 1e-9 else (NEAREST, 0.0)
     for u, v, size in DISCS:
@@ -238,6 +255,7 @@ def computed(values, moves):
 @register_jitable
 def _fill(state):
     """Write all that is computed into the state."""
+    # Planning and estimation are Python: compiled code calls them in object mode.
     values, moves = state["values"].copy(), state["moves"][:, : int(state["moved"])].copy()
     with objmode(
         report="float64[:]",
@@ -280,6 +298,7 @@ def advance(state, controls, seconds):
     A target that was moved is back when it begins anew.
     """
     state["time"] += seconds
+    # After the pause the run begins again, with the target where the controls have it.
     if state["time"] > SECONDS + PAUSE:
         state["time"] -= SECONDS + PAUSE
         if state["moved"] > 0:
@@ -351,6 +370,7 @@ def _scene(pen, state, t, now):
     draw.title(pen, _VIEW[0], _VIEW[3], _SCENE_TITLE)
     for x, y, size in DISCS:
         draw.spot(pen, x, y, size, draw.GREY, draw.INK, 1.0, 0.6)
+    # The plan in force is the last one that was ready by now.
     tree, latest = state["tree"], -1
     for k in range(PLANS):
         if state["ready"][k] <= t:
@@ -363,6 +383,7 @@ def _scene(pen, state, t, now):
                 )
         path = state["paths"][:, latest]
         draw.curve(pen, path[0], path[1], draw.ORANGE, 2.0)
+    # The last 25 pictures as dots, and the estimate with its ellipse of two standard deviations.
     observed, last, first = state["sightings"], -1, 0
     for k in range(FRAMES):
         if observed[0, k] <= t:
@@ -390,6 +411,7 @@ def _scene(pen, state, t, now):
             draw.BLUE,
             1.6,
         )
+    # The reference as a pale arm behind the real one.
     _arm(pen, state["reference"][:, now], draw.ORANGE, 4.0, 0.35)
     return _arm(pen, state["q"][:, now], draw.INK, 5.0, 1.0)
 
@@ -401,6 +423,7 @@ def frame(pen, state, controls):
     now = int(t / SECONDS * SHOWN + 1e-9)
     u, v = _scene(pen, state, t, now)
     far = math.hypot(u - state["target"][0, now], v - state["target"][1, now])
+    # Signed distances from the tip to the target, by forward kinematics, up to now.
     l1, l2 = _LENGTHS
     q, both = state["q"][:, : now + 1], state["q"][0, : now + 1] + state["q"][1, : now + 1]
     off_x = l1 * np.cos(q[0]) + l2 * np.cos(both) - state["target"][0, : now + 1]
@@ -409,11 +432,13 @@ def frame(pen, state, controls):
     draw.segment(pen, 0.0, 2.0, SECONDS, 2.0, draw.GREEN, 1.5, 1.0, 4.0, 3.0)
     times = np.linspace(0.0, SECONDS, SHOWN + 1)
     draw.curve(pen, times[: now + 1], 100.0 * np.hypot(off_x, off_y), draw.INK, 2.0)
+    # What each ideal stage would take away from the error, as arrows from the same origin.
     draw.chart(pen, _SIGNED, (-17.0, 17.0, -15.0, 15.0), _MM, 0, _PARTS_TITLE, 4, 4)
     for k in range(len(STAGES)):
         x, y = 1e3 * report[PARTS + 2 * k], 1e3 * report[PARTS + 2 * k + 1]
         if math.hypot(x, y) > 0.3:
             draw.arrow(pen, 0.0, 0.0, x, y, _COLOUR[k], 2.5, 8.0)
+    # The physics step against the largest stable one.
     draw.gauge(pen, _GAUGE, 20.0, controls["dt"], draw.GREY, _DT, 1e3 * report[LIMIT], _LIMIT)
     draw.window(pen)
     for k in range(len(STAGES)):
@@ -447,6 +472,7 @@ def drag(controls, state, x, y):
     The rest of the past stays.
     """
     u, v = draw.values_at(_SCENE, _VIEW, x, y)
+    # The move happens at the time shown; at the very end it would have no consequence.
     t = min(state["time"], SECONDS - 0.01)
     count = int(state["moved"])
     # Moves that are close to each other in time are one.

@@ -25,6 +25,7 @@ SCENES = ("free tumble", "chain of six", "braking block", "tower of five", "gras
 CARDS = (*_FOUND.engines, "Isaac Sim")
 # Orders of the five axes: as in the text, and the one in which the areas add up to most.
 _TURNED = np.array([(0, *rest) for rest in itertools.permutations(range(1, 5))])
+# The area of a radar chart depends on the order of its axes: all 24 orders are compared.
 _HEIGHTS = RADAR[:, _TURNED, 1]
 _SUMS = np.sum(_HEIGHTS * np.roll(_HEIGHTS, -1, axis=2), axis=(0, 2))
 ORDERS = np.array([_TURNED[0], _TURNED[np.argmax(_SUMS)]])
@@ -106,6 +107,7 @@ def press(controls, state, key):
 @register_jitable
 def area(heights):
     """Return share of a regular pentagon's area that five axes in turn enclose, (5,) -> [0, 1]."""
+    # Triangles between neighbouring axes, relative to a pentagon with all heights 1.
     total = 0.0
     for k in range(5):
         total += heights[k] * heights[(k + 1) % 5] / 5.0
@@ -121,11 +123,13 @@ def _limits(scene):
     x, y = TRUTH[scene, :, 0], TRUTH[scene, :, 1]
     low_x, high_x = float(np.min(x)), float(np.max(x))
     low_y, high_y = float(np.min(y)), float(np.max(y))
+    # The paths at one step with both settings decide the scale; others may leave the picture.
     for e in range(ENGINES):
         for k in range(2):
             path = PATHS[scene, 1, k, e]
             low_x, high_x = min(low_x, np.min(path[:, 0])), max(high_x, np.max(path[:, 0]))
             low_y, high_y = min(low_y, np.min(path[:, 1])), max(high_y, np.max(path[:, 1]))
+    # A tower that falls or a part that is dropped would flatten the rest.
     if scene >= TOWER:
         low_y, high_y = max(low_y, -12.0), min(high_y, 3.0)
     dx, dy = 0.06 * (high_x - low_x), 0.1 * (high_y - low_y) + 1e-9
@@ -181,6 +185,7 @@ def _paths(pen, state, controls):
     x0, x1, y0, y1 = _limits(scene)
     draw.area(pen, _AREA_OF, (x0, x1, y0, y1))
     draw.axes(pen, _X + scene, _Y + scene, _PATH, 4, 4)
+    # The moving marker is interpolated between samples, in the time of the scene.
     share = min(state["time"] / DURATION[scene], 1.0)
     last = share * (TRUTH.shape[1] - 1)
     whole = int(last)
@@ -192,6 +197,7 @@ def _paths(pen, state, controls):
         x = path[whole, 0] + (last - whole) * (path[after, 0] - path[whole, 0])
         y = path[whole, 1] + (last - whole) * (path[after, 1] - path[whole, 1])
         draw.spot(pen, x, y, (0.012 if front else 0.008) * (x1 - x0), ink, draw.INK, 1.0)
+    # The truth is drawn last, over all paths.
     draw.theory(pen, TRUTH[scene, :, 0], TRUTH[scene, :, 1])
     draw.window(pen)
     draw.theory_key(pen, 4.2, 3.98, _TRUE)
@@ -203,6 +209,7 @@ def _radar(pen, controls, order):
     draw.text(pen, 5.95, 3.98, _RADAR, draw.INK, 13.0, draw.LEFT, draw.MIDDLE, 0.0, 0.0, 0.0, 1.0)
     x, y = _CENTRE
     for k in range(5):
+        # Five axes, the first one upwards, clockwise.
         turn = 0.5 * math.pi - 0.4 * math.pi * k
         c, s = _RADIUS * math.cos(turn), _RADIUS * math.sin(turn)
         draw.segment(pen, x, y, x + c, y + s, draw.GREY, 1.0)
@@ -222,6 +229,7 @@ def _radar(pen, controls, order):
         )
     for e in range(ENGINES):
         front = e == controls["card"]
+        # The polygon of the means, closed with the first corner; bands only of the card in front.
         draw.line(pen, _INKS[e], 2.4 if front else 1.0, 1.0 if front else 0.4)
         for k in range(6):
             turn = 0.5 * math.pi - 0.4 * math.pi * (k % 5)
@@ -260,12 +268,14 @@ def frame(pen, state, controls):
     at = min(card, ENGINES - 1)
     error, away = ERRORS[scene, step, fair, at], 0 if here else _NOT_HERE
     if not here:
+        # A simulator that was not run here has documented properties only, no numbers.
         draw.text(pen, 0.15, 0.1, _DOCUMENTED, draw.INK, 12.0)
     draw.reading(pen, _ERROR, 1e3 * error if math.isfinite(error) else 0.0, 3, _UNITS + scene, away)
     draw.reading(pen, _ALLOWED, 1e3 * TOLERANCE[scene], 1, _UNITS + scene)
     verdict = _WITHIN if error <= TOLERANCE[scene] else _BEYOND
     draw.reading(pen, _VERDICT, 0.0, 0, 0, verdict if here else away)
     draw.reading(pen, _COST, COSTS[scene, fair, at], 1, _TIMES, away)
+    # The largest distance between the ends of any two simulators: how far they disagree.
     ends = PATHS[scene, step, fair, :, -1]
     apart = 0.0
     for a in range(ENGINES):

@@ -14,6 +14,7 @@ import numpy as np
 
 from course.check import count, finite, invalid, one_of, vector
 
+# Eight bytes for every field, so that records look the same in Python, Numba and JavaScript.
 _WIDE = {"f": np.float64, "i": np.int64, "b": np.int64, "u": np.uint64}
 
 
@@ -78,6 +79,7 @@ class Field:
             good: Any = vector(name, value, shape, low=self.low, high=self.high, unit=self.unit)
         else:
             good = finite(name, value, self.low, self.high, unit=self.unit)
+        # Integers arrive as floats from sliders and pages.
         if kind is not np.float64 and np.any(good != np.floor(good)):
             raise invalid(name, value, "an integer")
         return np.asarray(value, kind)
@@ -124,6 +126,7 @@ class Record:
         Raises:
             ValueError: there is no such field, or its value is not allowed.
         """
+        # A structured scalar, whose fields change in place.
         record = np.zeros((), self.dtype)[()]
         self.reset(record)
         self.set(record, **values)
@@ -140,6 +143,7 @@ class Record:
         Raises:
             ValueError: there is no such field, or its value is not allowed.
         """
+        # Check all values first: a record is changed completely or not at all.
         fields = [self.fields[one_of("field", name, self.fields)] for name in values]
         good = [f.checked(n, v) for f, (n, v) in zip(fields, values.items(), strict=True)]
         for name, value in zip(values, good, strict=True):

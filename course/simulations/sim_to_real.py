@@ -61,12 +61,15 @@ STATE = Record(
 @lru_cache(maxsize=64)
 def policy(kind, gap, width, delay):
     """Return gains, and the arm that they were tuned on: of a range its middle."""
+    # Policies that were tuned beforehand: nominal or domain randomisation about it, system
+    # identification, or both.
     at, record = round(10.0 * gap), chapter.recorded()
     if kind in (NOMINAL, RANGE):
         return record["range"][round(10.0 * width) if kind == RANGE else 0, 0], chapter.nominal()
     if kind in (IDENTIFIED, BOTH):
         known = chapter.real(GRID[at], KNOWN_DELAY)
         return record["known" if kind == IDENTIFIED else "both"][at, 0], known
+    # What-if policies are tuned now, on the simulator with one part taken from the real arm.
     arm = transfer.mended(chapter.real(gap, delay), ("delay" if kind == DELAY else "load",))
     result = chapter.tune(chapter.only(arm), 0, rounds=16, samples=32, elites=8, episodes=24)
     return result.gains, arm
@@ -74,6 +77,8 @@ def policy(kind, gap, width, delay):
 
 def stability(arm, gains):
     """Return the latest command at which each joint alone is stable [s], and the gain margin."""
+    # Each joint alone is a linear loop, the inertia that of the start posture: delay and gain
+    # margins from its crossover frequencies.
     a, b, d, c1, c2, *_, torque, delay, _, _, _ = arm.columns()[:, 0].tolist()
     limit = gain = 99.0
     for k, (inertia, damping) in enumerate(((a + 2.0 * b * math.cos(START[1]), c1), (d, c2))):
@@ -91,10 +96,14 @@ def counted(kind, gap, width, delay):
     gains, believed = policy(kind, gap, width, delay)
     report, arm = np.zeros(12), chapter.real(gap, delay)
     posed, fewer = chapter.tasks(COUNTED, SEED), chapter.tasks(SHARED, SEED)
+    # The same tasks on the arm in simulation and on the real one: the difference is the reality
+    # gap.
     for k, one in enumerate((believed, arm)):
         good = int(chapter.rollouts(one, gains, posed).success.sum())
         report[4 * k : 4 * k + 3] = good / COUNTED, *wilson(good, COUNTED)
     report[[LIMIT, GAIN]] = stability(arm, gains)
+    # Attribute the gap: the nominal arm with a single part taken from the real one, and the success
+    # that this costs alone. These costs need not add up.
     home = chapter.rollouts(chapter.nominal(), gains, fewer).rate
     alone = [
         home - chapter.rollouts(transfer.mended(arm, (part,)), gains, fewer).rate for part in PARTS
@@ -108,6 +117,7 @@ def measure(values):
     gap, width, delay, x, y = values[:5].tolist()
     setting = int(values[5]), round(gap, 9), round(width, 9), round(1e-3 * delay, 9)
     gains, believed = policy(*setting)
+    # The shown episode is a single task with fixed start and target.
     posed = chapter.Tasks(np.reshape(START, (2, 1)), np.array([[x], [y]]), SEED)
     report = counted(*setting).copy()
     arms = believed, chapter.real(setting[1], setting[3])
@@ -121,6 +131,7 @@ def _target(controls):
     """Return where the tip has to go: as near to where the pointer was as the arm reaches well."""
     x, y = controls["aim"]
     r = math.hypot(x, y)
+    # The target is pulled into the annulus that the arm reaches well.
     factor = min(max(r, NEAREST), FARTHEST) / r if r > 1e-9 else 0.0
     return (x * factor, y * factor) if r > 1e-9 else (NEAREST, 0.0)
 
@@ -180,6 +191,7 @@ def frame(pen, state, controls):
     """Draw both arms, the simulated one as a ghost over the real, and their numbers."""
     report = state["report"]
     x, y = _target(controls)
+    # Time runs through the episode and a pause, then again.
     now = int(min(state["time"] % (plants.SECONDS + PAUSE), plants.SECONDS) / plants.DT + 1e-9)
     t = np.linspace(0.0, plants.SECONDS, SAMPLES + 1)
     for k in range(2):
@@ -188,6 +200,7 @@ def frame(pen, state, controls):
         draw.title(pen, _VIEW[0], _VIEW[3], _ARM + k)
         draw.spot(pen, x, y, plants.RADIUS, draw.GREEN, draw.INK, 1.0, 0.7)
         if k == REAL:
+            # The simulated arm as a ghost over the real one, at the same moment.
             _links(pen, state["q"][SIMULATED, :, now], _COLOUR[SIMULATED], 4.0, 0.3)
         _, _, u, v = _tips(state["q"][k, :, : now + 1])
         draw.curve(pen, u, v, _COLOUR[k], 1.4, 0.8)
@@ -197,6 +210,7 @@ def frame(pen, state, controls):
             100.0 * report[4 * k + 1],
             100.0 * report[4 * k + 2],
         )
+        # Success rates as bars with Wilson's interval.
         draw.chart(pen, _RATES[k], (0.0, 100.0, 0.0, 1.0), _RATE, 0, 0, 5, 0)
         draw.box(pen, 0.0, share, 0.0, 1.0, _COLOUR[k])
         draw.segment(pen, low, 0.5, high, 0.5, draw.INK, 3.0)
@@ -218,6 +232,7 @@ def frame(pen, state, controls):
     for k in range(2):
         _, _, u, v = _tips(state["q"][k, :, : now + 1])
         draw.curve(pen, t[: now + 1], 100.0 * np.hypot(u - x, v - y), _COLOUR[k], 2.0)
+    # The delay against the latest one at which a joint alone is stable.
     draw.gauge(pen, _GAUGE, 40.0, controls["delay"], draw.GREY, _LATE, 1e3 * report[LIMIT], _LIMIT)
     draw.window(pen)
     for k in range(2):

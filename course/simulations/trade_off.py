@@ -45,6 +45,7 @@ class Chart:
         labels = [name for name in panels[0].others if name.partition(",")[0] in also]
         draw(panels, height=4.2, also=labels, figure=self.figure)
         self._moving: list[Any] = []
+        # Two artists move over each chart: the line of the tolerance and the ring around the pick.
         for ax in self.figure.axes:
             limits = ax.get_ylim()
             line = ax.axhline(limits[0], color="0.3", linestyle=":", linewidth=1.6, animated=True)
@@ -60,6 +61,8 @@ class Chart:
             )
             ax.set_ylim(limits)
             self._moving.append((line, ring))
+        # Animated artists are not part of the drawn figure: it is rendered once and saved as a
+        # background (matplotlib's blitting).
         self._canvas.draw()
         self._empty = self._canvas.copy_from_bbox(self.figure.bbox)
 
@@ -67,6 +70,7 @@ class Chart:
         """Return the picture at a tolerance: its line, and a ring around each pick."""
         from PIL import Image
 
+        # Restore the background, then draw the moving artists over it.
         self._canvas.restore_region(self._empty)
         for ax, by, (line, ring) in zip(self.figure.axes, COSTS, self._moving, strict=True):
             pick = self.measured.pick(tolerance, by)
@@ -128,6 +132,7 @@ class TradeOff(ipywidgets.VBox):
     def _show(self) -> None:
         tolerance = float(self.slider.value)
         self.picture.value = self._chart.png(tolerance)
+        # One sentence for each cost, as the cheapest method depends on what is counted.
         words = (self.measured.price(tolerance, by) for by in ("time", "count"))
         self.sentence.value = "<br>".join(html.escape(line) for line in words)
 

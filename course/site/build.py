@@ -55,6 +55,7 @@ def _shown(page: notebooks.Page) -> dict[str, str]:
     result: dict[str, str] = {}
     for cell in page.notebook.cells:
         for output in cell.get("outputs", ()):
+            # Cards are found in the Markdown output of saved cells.
             markdown = output.get("data", {}).get("text/markdown", "")
             for card in markdown.split('<div class="card"')[1:]:
                 if name := _CLAIM.match(card):
@@ -97,6 +98,7 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
         "questions": reference.questions(),
         "glossary": reference.glossary(anchors),
     }
+    # Check every simulation first, so that all faults are reported together.
     names = {name for page in made.values() for name in page.simulations}
     for name in sorted(names):
         try:
@@ -159,6 +161,7 @@ def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) ->
     from sphinx.application import Sphinx
     from sphinx.util.docutils import docutils_namespace, patch_docutils
 
+    # A fixed date makes the build reproducible.
     os.environ["SOURCE_DATE_EPOCH"] = "0"
     report = io.StringIO()
     settings = {"html_static_path": [str(source / "_static")], "course_simulations": simulations}
@@ -167,6 +170,7 @@ def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) ->
             source, HERE, out, out.with_name("doctrees"), "html", settings, None, report, True
         )
         app.build()
+    # Every warning of Sphinx is a fault: a site with broken formulas is not published.
     if faults := report.getvalue().replace(f"{source}{os.sep}", "").splitlines():
         raise Unbuildable(faults)
 
@@ -186,6 +190,7 @@ class _Read(html.parser.HTMLParser):
         address = report.get("src") or report.get("srcset") or report.get("href") or ""
         if not address:
             return
+        # What the browser loads by itself must be local; links may lead elsewhere.
         loads = tag in ("img", "script", "iframe", "source") or (
             tag == "link" and report.get("rel") in ("stylesheet", "icon", "preload")
         )
@@ -201,6 +206,7 @@ def read(page: Path) -> _Read:
 
 def broken(site: Path) -> list[str]:
     """Return the faults of a site's addresses, one sentence each: missing or on another host."""
+    # Pages are read once, although many links lead to them.
     known = functools.cache(read)
     faults = []
     for page in sorted(site.rglob("*.html")):
@@ -212,6 +218,7 @@ def broken(site: Path) -> list[str]:
             parts = urlsplit(address)
             if parts.scheme or parts.netloc:
                 continue
+            # Resolve the address like a browser with the site's root, and keep it inside the site.
             file = (page.parent / unquote(parts.path)).resolve() if parts.path else page
             if not file.is_file() or not file.is_relative_to(site.resolve()):
                 faults.append(f"{where}: the link to {address} leads nowhere")
@@ -235,6 +242,7 @@ def build(
         Unbuildable: with a sentence for each reason; `target` is left as it was.
         ValueError: `target` holds something else.
     """
+    # Refuse to delete a folder that is not a site of ours.
     if target.exists() and any(target.iterdir()) and not (target / "searchindex.js").is_file():
         raise invalid("target", str(target), "an empty folder, or one with a site")
     shutil.rmtree(work, ignore_errors=True)
@@ -243,6 +251,7 @@ def build(
     made = pages(folder)
     write_sources(source, made)
     shown = sorted(path.stem for path in (source / notebooks.CHARTS).glob("*.png"))
+    # Simulations and charts are made in other processes while Sphinx runs.
     with (
         scripts(name for page in made.values() for name in page.simulations) as simulations,
         charts.pictures(shown) as narrow,
@@ -260,6 +269,7 @@ def build(
     for name in _LEFT_OUT:
         (out / name).unlink(missing_ok=True)
     (out / "_sources").rmdir()
+    # Only a site without faults replaces the one that is there.
     if faults := broken(out):
         raise Unbuildable(faults)
     shutil.rmtree(target, ignore_errors=True)

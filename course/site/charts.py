@@ -27,6 +27,7 @@ def _drawn_with() -> bytes:
     import matplotlib
 
     state = hashlib.sha256(matplotlib.__version__.encode())
+    # The code that draws belongs to the name, so that a change of it draws all pictures again.
     for path in (__file__, figure.__file__, labels.__file__, data.__file__):
         state.update(Path(path).read_bytes())
     return state.digest()
@@ -64,6 +65,7 @@ def narrow(name: str) -> str:
     """Return the narrow picture of a chart, drawn now if it was not drawn before."""
     path = cached(name)
     if not path.is_file():
+        # Pictures that were drawn from older data or code are removed.
         for old in CACHE.glob(f"{name}-{'[0-9a-f]' * 16}.svg"):
             old.unlink(missing_ok=True)
         figure.write(path, svg(name))
@@ -78,6 +80,7 @@ def pictures(names: Iterable[str]) -> Iterator[Iterator[tuple[str, str]]]:
         names: of charts with stored data.
     """
     ordered = sorted(set(names))
+    # Only what is missing goes to the workers.
     missing = [name for name in ordered if not cached(name).is_file()]
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         drawn = dict(zip(missing, pool.map(narrow, missing, chunksize=4), strict=True))

@@ -57,6 +57,7 @@ class _Module(ir.Module):
 def _being_compiled() -> tuple[str, str]:
     """Return the function that Numba is at: its name in the code, and where in the source."""
     frame = inspect.currentframe()
+    # Numba passes no position on: it is read from the lowering object up the call stack.
     while frame and not isinstance(frame.f_locals.get("self"), lowering.BaseLower):
         frame = frame.f_back
     if not frame:
@@ -70,6 +71,7 @@ def _being_compiled() -> tuple[str, str]:
 class _Library(codegen.CPUCodeLibrary):
     """Collects code as Numba has made it; nothing is optimised before all of it is there."""
 
+    # Numba would optimise each function for itself; here LLVM gets the whole module at once.
     def _optimize_functions(self, ll_module: Any) -> None:
         pass
 
@@ -87,6 +89,7 @@ class _Codegen(codegen.CPUCodegen):
         llvm.initialize_all_targets()
         llvm.initialize_all_asmprinters()
         target = llvm.Target.from_triple(_TRIPLE)
+        # Static relocation: a module is linked once and loaded at a fixed place in its own memory.
         self.machine = target.create_target_machine(
             features=_FEATURES, opt=3, reloc="static", codemodel="default"
         )
@@ -112,6 +115,7 @@ class _CallConv(callconv.CPUCallConv):
     def set_static_user_exc(
         self, builder: Any, exc: Any, exc_args: Any = None, loc: Any = None, func_name: Any = None
     ) -> None:
+        # Compiled code has no interpreter that could unpickle an exception: store the text instead.
         text = ", ".join(str(each) for each in exc_args or ()) or exc.__name__
         text = text.partition("\nFile ")[0]  # Numba adds where the source lies on this machine
         words = self.context.insert_const_string(builder.module, text)
@@ -179,16 +183,20 @@ def compiled(functions: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]) -
     Raises:
         RuntimeError: one of them needs something that a module doesn't have.
     """
+    # Numba creates its target once per process: the context must come before the first compilation.
     before = cpu_target.__dict__.get("_toplevel_target_context")
     if before is None:
         cpu_target._toplevel_target_context = _Context(cpu_target.typing_context, "cpu")
     elif not isinstance(before, _Context):
         raise RuntimeError("Numba has compiled for this machine already, so it cannot for another")
+    # The arena allocator comes first; each function and its callees are linked into it.
     whole = llvm.parse_assembly(ARENA.read_text(encoding="utf-8"))
     for name, (function, takes) in functions.items():
         made = numba.njit(types.none(*takes), error_model="numpy")(function)
         (result,) = made.overloads.values()
         whole.link_in(result.library._final_module.clone())
+        # The exported wrapper empties the arena, then calls the compiled function with the same
+        # arguments.
         entry = whole.get_function(result.fndesc.llvm_func_name)
         _, _, kinds = str(entry.global_value_type).rstrip(")").partition("(")
         given = ", ".join(f"{kind} %{i}" for i, kind in enumerate(kinds.split(", ")))
@@ -203,18 +211,21 @@ def compiled(functions: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]) -
             }}""")
         )
     inside = [*whole.functions, *whole.global_variables]
+    # All but the exports become internal, so that the optimiser may inline and remove them.
     for value in inside:
         if not value.is_declaration and value.name not in (*functions, "__multi3"):
             value.linkage = "internal"
     plain = str(whole)
     machine = cpu_target.target_context.codegen().machine
     tuning = llvm.create_pipeline_tuning_options(speed_level=2)
+    # Vectorisation is switched off: the target has no SIMD instructions.
     tuning.loop_vectorization = tuning.slp_vectorization = False
     builder = llvm.create_pass_builder(machine, tuning)
     with global_compiler_lock:
         builder.getModulePassManager().run(whole, builder)
     whole.verify()
     module = linked(machine.emit_object(whole), list(functions))
+    # An import that is no function of the C library belongs to Python or to Numba's runtime.
     for name in imports(module):
         if name not in MATHS:
             raise _not_there(_caller(name, plain), name)
@@ -235,6 +246,7 @@ def _caller(name: str, code: str) -> str:
         own, *others = (a or b for a, b in re.findall(r'@(?:"([^"]+)"|([\w.$]+))', body))
         for other in others:
             callers.setdefault(other, []).append(own)
+    # Breadth-first search from the missing symbol over its callers.
     queue = deque([name, f"llvm.{name}.f64"])
     observed = set(queue)
     while queue:
@@ -293,6 +305,7 @@ def _number(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _written(value: int) -> bytes:
+    # LEB128: seven bits at a time, the highest bit says that more follow.
     return bytes([value]) if value < 128 else bytes([value & 127 | 128]) + _written(value >> 7)
 
 
@@ -302,6 +315,7 @@ def _named(data: bytes, at: int) -> tuple[str, int]:
 
 
 def _sections(module: bytes) -> Iterator[tuple[int, bytes]]:
+    # The sections begin after the magic number and the version, four bytes each.
     at = 8
     while at < len(module):
         size, begin = _number(module, at + 1)

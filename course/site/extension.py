@@ -58,6 +58,7 @@ class Page(SphinxPostTransform):
             except ValueError as problem:
                 _LOG.warning(f"{self.env.docname}: {problem}")
             else:
+                # Wide tables scroll by themselves, so that the page does not on a phone.
                 text = _TABLE.sub(r'<div class="table-wrapper">\g<0>', text)
                 raw.children[:] = [nodes.Text(text.replace("</table>", "</table></div>"))]
         for image in list(self.document.findall(nodes.image)):
@@ -66,6 +67,7 @@ class Page(SphinxPostTransform):
                 # On a phone the narrow one, which `course.site.charts` draws.
                 image.parent.insert(image.parent.index(image), _raw(_NARROW.format(chart[1])))
                 image.parent.insert(image.parent.index(image) + 1, _raw("</picture>"))
+            # An image without a description gets the title of its section.
             if not image.get("alt"):
                 section = image.parent
                 while section and not isinstance(section, nodes.section):
@@ -79,6 +81,8 @@ def _scripts(
 ) -> None:
     """Add the simulations of a page, what runs them, and what every page does."""
     app.add_js_file("page.js", loading_method="defer", priority=910)
+    # The description of each simulation first; what runs them has a higher priority number and
+    # comes after.
     for name in dict.fromkeys(app.config.course_simulations.get(page, ())):
         app.add_js_file(f"simulations/{name}.js", loading_method="defer")
     if app.config.course_simulations.get(page):

@@ -29,6 +29,7 @@ def reached(name: str) -> list[Path]:
     Those that it imports, whatever these import, and the data beside them.
     """
     result: set[Path] = set()
+    # A search over the import statements, without importing anything.
     waiting = [f"course.simulations.{name}"]
     while waiting:
         parts = waiting.pop().split(".")[1:]
@@ -38,11 +39,13 @@ def reached(name: str) -> list[Path]:
             continue
         result.add(path)
         if place.is_dir():
+            # Recorded policies and similar data beside a package belong to what it computes.
             result.update(each for each in place.iterdir() if each.suffix in (".npz", ".toml"))
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 waiting += [each.name for each in node.names if each.name.startswith("course.")]
             elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("course"):
+                # The imported name may be a module or something in one: both candidates are tried.
                 waiting += [f"{node.module}.{each.name}" for each in node.names]
                 waiting.append(str(node.module))
     return sorted(result)
@@ -58,6 +61,7 @@ def fingerprint(name: str) -> str:
     for path in reached(name):
         state.update(path.relative_to(COURSE).as_posix().encode())
         if path.suffix == ".py":
+            # Texts for readers do not change the pictures, so they need no new recording.
             state.update(_without_notes(bare(path.read_text(encoding="utf-8"))).encode())
         else:
             state.update(path.read_bytes())

@@ -43,6 +43,7 @@ def mathml(tex: str, block: bool = False) -> str:
     """
     from latex2mathml.converter import convert
 
+    # Escaped braces are characters; the others have to match.
     bare = re.sub(r"\\.", "", tex)
     if bare.count("{") != bare.count("}"):
         raise invalid("formula", tex, "one with as many { as }")
@@ -53,6 +54,7 @@ def mathml(tex: str, block: bool = False) -> str:
         raise invalid(
             "formula", tex, f"what latex2mathml reads ({type(problem).__name__})"
         ) from None
+    # Check the result too: the converter passes what it does not know into the text.
     for element in ElementTree.fromstring(made).iter():
         name, text = element.tag.rpartition("}")[2], element.text or ""
         if "\\" in text:
@@ -62,6 +64,7 @@ def mathml(tex: str, block: bool = False) -> str:
     # A frame is not part of what browsers draw of MathML; a border is.
     made = made.replace('<menclose notation="box">', '<mrow class="boxed">')
     made = made.replace("</menclose>", "</mrow>")
+    # The LaTeX stays as alternative text, for screen readers and for copying.
     message = html.escape(" ".join(tex.split()))
     return made.replace("<math ", f'<math alttext="{message}" ', 1)
 
@@ -75,6 +78,7 @@ def in_html(text: str) -> str:
 
     def converted(match: re.Match[str]) -> str:
         tex = match["block"] or match["inline"]
+        # Cells' HTML has escaped < and &, which the converter must see as they are.
         return mathml(html.unescape(tex), bool(match["block"])) if tex else match[0]
 
     return _PART.sub(converted, text)

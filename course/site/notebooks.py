@@ -89,6 +89,7 @@ def called(source: str) -> tuple[str, list[Any]]:
         body = ast.parse(source).body
     except SyntaxError:  # of the notebook: %matplotlib
         return "", []
+    # The last expression statement of a cell decides what it shows.
     match body[-1:]:
         case [ast.Expr(ast.Call(func=ast.Name(name), args=arguments))]:
             return name, [a.value for a in arguments if isinstance(a, ast.Constant)]
@@ -102,6 +103,7 @@ def _html(text: str) -> NotebookNode:
 def first_picture(png: bytes) -> bytes:
     """Return the first picture of a film as a PNG of its own; a picture stays what it is."""
     picture = Image.open(io.BytesIO(png))
+    # A film is an animated PNG: its first frame stands in until the simulation has started.
     if getattr(picture, "n_frames", 1) == 1:
         return png
     packed, still = io.BytesIO(), picture.convert("RGB")
@@ -131,6 +133,7 @@ def _simulation(
     page: Page, cell: NotebookNode, output: NotebookNode, film: bytes | None, place: str
 ) -> NotebookNode:
     """Return the output of a cell that shows a simulation, for the page."""
+    # The label in a picture's text is how a saved output is attributed to its simulation.
     label = output.data["text/plain"].partition("\n")[0]
     name = _by_label().get(label)
     if name is None:
@@ -142,9 +145,11 @@ def _simulation(
         page.faults.append(f"{place}: the simulation {label!r} has no picture")
         return output
     png, model = first_picture(film), declaration.model(name)
+    # Named by content: equal pictures are stored once, and a changed one has a new address.
     file = f"{hashlib.sha256(png).hexdigest()[:16]}.png"
     page.pictures[file] = png
     page.simulations.append(name)
+    # A string argument that names a preset is the one that the notebook starts with.
     presets = [text for text in called(cell.source)[1] if text in model.presets]
     return _html(place_of_simulation(name, model, f"{PICTURES}/{file}", *presets[-1:]))
 
@@ -192,6 +197,7 @@ def linked(text: str, folder: Path, place: str, faults: list[str]) -> str:
         path, _, anchor = target.partition("#")
         if re.match(r"[a-z]+:|#", target):
             return match[0]
+        # Links to pages stay, those to charts lead to the gallery's copy, other files become paths.
         file = (folder / path).resolve()
         if not file.exists() or not file.is_relative_to(ROOT):
             faults.append(f"{place}: the link to {target} leads nowhere")
@@ -202,6 +208,7 @@ def linked(text: str, folder: Path, place: str, faults: list[str]) -> str:
             return f"{label} (`{file.relative_to(ROOT).as_posix()}`)"
         return match[0]
 
+    # Code is left alone: links are replaced only between fenced or inline code.
     parts, end = [], 0
     for quiet in _FENCE.finditer(text):
         parts += [_LINK.sub(link, text[end : quiet.start()]), quiet[0]]
@@ -225,6 +232,7 @@ def without_kernel(text: str) -> str:
 
 def term_pattern(term: str) -> re.Pattern[str]:
     """Return where a text sets a term in bold, singular or plural."""
+    # Words may be separated by a dash or a line break; plurals count as the term.
     words = r"[\s-]+".join(map(re.escape, re.split(r"[\s-]+", term)))
     return re.compile(rf"\*\*[^*\n]*?(?<!\w){words}(?:s|es)?(?!\w)[^*\n]*\*\*", re.I)
 
@@ -264,6 +272,7 @@ def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
             if cell.source.startswith("## Where you are\n"):
                 continue
             for name in _FILM.findall(cell.source):
+                # A film is attached to the Markdown cell before the simulation that it belongs to.
                 film = base64.b64decode(cell.attachments[f"{name}.png"]["image/png"])
             cell.pop("attachments", None)
             cell.source = linked(
@@ -272,6 +281,7 @@ def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
             if not cell.source.strip():
                 continue
         elif cell.cell_type == "code":
+            # "Change me" refers to editing a cell, which a page cannot.
             cell.source = _CHANGE_ME.sub(lambda match: match[1].upper(), cell.source)
             if called(cell.source)[0] in ("home", "ticks"):
                 continue  # how far a reader is, which a page doesn't know
@@ -281,6 +291,7 @@ def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
                 continue  # imports: nothing to read, nothing to see
             shown = len(made.simulations)
             cell.outputs = _outputs(made, cell, film, place)
+            # A film belongs to the next simulation only.
             film = None if len(made.simulations) > shown else film
             for output in cell.outputs:
                 data = output.get("data", {})

@@ -50,6 +50,7 @@ def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, s
     They come from its card, or from the record.
     """
     if claim.id in shown:
+        # The card of a notebook has the verdict as readers see it there.
         if not (report := _WHY.search(shown[claim.id])):
             raise invalid(f"card of {claim.id}", shown[claim.id][:80], "one with an explanation")
         return report[1], report[2]
@@ -103,6 +104,7 @@ def _symbols(chapter: Chapter) -> dict[str, str]:
     meanings: dict[str, dict[str, None]] = {}
     for file in dict.fromkeys(c.file for c in derivations.claims() if c.chapter == chapter.number):
         module = importlib.import_module(f"course.derivations.{file}")
+        # Several files may explain a symbol differently: all meanings are listed, each once.
         table: Mapping[str, Symbol] = getattr(module, "SYMBOLS", {})
         for name, symbol in table.items():
             meanings.setdefault(name, {})[symbol.meaning] = None
@@ -118,6 +120,7 @@ def glossary(anchors: Anchors) -> str:
         "are as one types them into a formula.",
         "## Words",
     ]
+    # A term may be defined in several chapters: one entry with a link to each.
     where: dict[str, list[str]] = {}
     for chapter in CHAPTERS:
         for term in cards.vocabulary(chapter.topic):
@@ -151,6 +154,7 @@ def questions() -> str:
         requested = str(cards.interview(chapter.topic)._repr_markdown_())
         parts += [
             f"## {_title(chapter)}",
+            # The notebook's headings are one level lower than those of this page.
             requested.replace("\n#### ", "\n### ").replace("#### ", "### ", 1),
         ]
     return "\n\n".join(parts) + "\n"
@@ -183,6 +187,8 @@ def scores(pages: Mapping[str, notebooks.Page]) -> str:
         page = page_of(chapter)
         outputs = [out for cell in pages[page].notebook.cells for out in cell.get("outputs", ())]
         texts = [out.get("data", {}).get("text/markdown", "") for out in outputs]
+        # Only cards that can be answered count; the page's script compares them with stored
+        # answers.
         answered = [card for text in texts for card in _CARD.findall(text)]
         names = " ".join(dict.fromkeys(answered))
         rows.append(
@@ -207,6 +213,7 @@ def moving(pages: Mapping[str, Sequence[str]]) -> str:
     for name in declaration.names():
         where = [page for page, shown in pages.items() if name in shown]
         links = ", ".join(f"[{titles[page]}]({page}.ipynb)" for page in where)
+        # Simulations that no chapter shows are not listed.
         if links:
             why = declaration.why_recorded(name)
             kind = f"recorded: {why}" if why else "live"

@@ -90,6 +90,7 @@ def fingerprint(model: Model) -> str:
     the values that they find outside themselves, the layout of the records, and the compiler.
     """
     state, observed = hashlib.sha256(), set[int]()
+    # The compiler's own sources count, without comments, as their code decides the module.
     here = SIMULATIONS.parent
     code = Path(compiler.__file__), here / "compiled.py", SIMULATIONS / "splitmix.py"
     for path in (*code, compiler.ARENA):
@@ -135,6 +136,7 @@ def fingerprint(model: Model) -> str:
             state.update(name.encode())
             visit(value)
 
+    # From the entry points, through everything that the functions refer to.
     for name in signatures(model):
         visit(getattr(model, name))
     for record in (model.controls, model.state):
@@ -222,6 +224,7 @@ def build(name: str) -> bytes:
         "linker": compiler.linker()[1],
     }
     module = compiler.with_custom(module, "sources", json.dumps(sources).encode())
+    # Size limit: a page may hold several simulations.
     if (packed := len(gzip.compress(module))) > LARGEST:
         raise RuntimeError(f"{name} has {packed} bytes packed, allowed are {LARGEST}")
     return module

@@ -60,6 +60,8 @@ def contact_force(controls, v, dt, force):
             mu * (v[1] + dt * pull[1] / MASS),
         ]
     )
+    # With impulses of zero to start from, w holds the velocity that the step would have without
+    # contact.
     g = np.zeros(3)
     pgs_sweep(A, g, w, 3, False)
     force[0], force[1], force[2] = mu * g[1] / dt, mu * g[2] / dt, g[0] / dt
@@ -74,6 +76,8 @@ def advance(state, controls, seconds):
     """Advance by whole steps; after some metres the block starts again from rest."""
     pull = pull_of(controls)
     for _ in range(whole_steps(state, seconds, STEP)):
+        # Semi-implicit Euler: the contact force is that over this step, so a sticking block stays
+        # at rest exactly.
         contact_force(controls, state["v"], STEP, state["force"])
         for k in range(2):
             state["v"][k] += STEP / MASS * (pull[k] + state["force"][k])
@@ -86,11 +90,13 @@ def advance(state, controls, seconds):
 @register_jitable
 def pyramid_limit(corners, x, y):
     """Return how far a pyramid reaches in the direction (x, y), where the cone reaches 1."""
+    # Where the pull has no direction, there is nothing to measure.
     size, result = math.hypot(x, y), math.inf
     if size == 0.0:
         return 1.0
     for k in range(4):
         ax, ay = corners[0, k], corners[1, k]
+        # Intersection of a ray with a convex polygon: the nearest of the sides that face it.
         bx, by = corners[0, (k + 1) % 4], corners[1, (k + 1) % 4]
         # The side's line is n . p = c with c > 0; the ray meets it at c / (n . direction).
         nx, ny = by - ay, ax - bx
@@ -169,12 +175,14 @@ def _pyramid(pen, eye, corners, radius, height):
 def slides(controls, force):
     """Return whether the contact force lies on the surface of the cone."""
     size = math.hypot(force[0], force[1])
+    # On the surface of the cone up to rounding; without friction force a contact sticks.
     return size > 0.0 and size >= (1.0 - 1e-9) * controls["friction"] * force[2]
 
 
 @register_jitable
 def _from_above(pen, controls, force):
     """Draw friction seen from above, in the section of the cone at the present normal force."""
+    # The section of the cone at the present normal force is Coulomb's disc of radius μ f_n.
     limit = controls["friction"] * force[2]
     draw.area(pen, _PLANE, (-_WIDE, _WIDE, -_WIDE, _WIDE))
     draw.axes(pen, _FX, _FY, _ABOVE, 5, 5)
@@ -185,6 +193,7 @@ def _from_above(pen, controls, force):
         corners = PYRAMIDS[0] if controls["pyramid"] == 1 else PYRAMIDS[1]
         draw.polygon(pen, draw.NONE, draw.PURPLE, 2.0)
         draw.points(pen, limit * corners[0], limit * corners[1])
+    # The pull and friction in one plane: while the block sticks, the arrows are opposite and equal.
     pull = pull_of(controls)
     draw.arrow(pen, 0.0, 0.0, pull[0], pull[1], draw.GREEN, 2.0)
     ink = draw.RED if slides(controls, force) else draw.BLUE
@@ -194,6 +203,7 @@ def _from_above(pen, controls, force):
 
 def frame(pen, state, controls):
     """Draw block, cone and forces in space, their section from above, and the numbers."""
+    # The contact force is computed again, since the controls may have changed after the last step.
     force, pull = np.zeros(3), pull_of(controls)
     contact_force(controls, state["v"], STEP, force)
     mu, ink = controls["friction"], draw.RED if slides(controls, force) else draw.BLUE
@@ -203,6 +213,7 @@ def frame(pen, state, controls):
     _floor(pen, eye, state["moved"])
     block = _CORNERS + np.array([[0.0], [0.0], [0.11 - _LIFT]])
     space.faces(pen, eye, block, _INDEX, _BLOCK_FILLS, draw.GREY, 0.8, 0.55)
+    # A unit cone from the contact up, stretched to the present normal force: its rim is the disc.
     cone = _SIDES * np.array([[radius], [radius], [height]]) + foot.reshape(3, 1)
     space.faces(pen, eye, cone, _SIDE_INDEX, _CONE_FILLS, draw.NONE, 0.6, 0.28)
     rim = space.circle(radius)
@@ -211,11 +222,13 @@ def frame(pen, state, controls):
     if controls["pyramid"] > 0:
         corners = PYRAMIDS[0] if controls["pyramid"] == 1 else PYRAMIDS[1]
         _pyramid(pen, eye, corners, radius, height)
+    # Dashed: the normal force and then friction, the components of the contact force.
     tip = _at(_PER_NEWTON * force[0], _PER_NEWTON * force[1], height)
     axis = np.zeros((3, 3))
     axis[:, 0], axis[:, 1], axis[:, 2] = foot, _at(0.0, 0.0, height), tip
     space.trail(pen, eye, axis, draw.INK, 1.2, 0.8, 4.0, 4.0)
     space.arrow(pen, eye, foot, tip, ink, 4.0, 13.0)
+    # The pull acts at the block's upper side in the picture; the model has no moments.
     hook = _at(0.0, 0.0, 0.11)
     end = _at(_PER_NEWTON * pull[0], _PER_NEWTON * pull[1], 0.11 + _PER_NEWTON * pull[2])
     space.arrow(pen, eye, hook, end, draw.GREEN, 4.0, 13.0)
@@ -233,6 +246,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _RATE, rate, 2, _MPSS)
     draw.readout(pen, _MODE)
     draw.words(pen, _SLIDES if slides(controls, force) else _STICKS)
+    # The limit of the pyramid in the direction of the pull, since friction is opposite to it.
     if controls["pyramid"] > 0:
         corners = PYRAMIDS[0] if controls["pyramid"] == 1 else PYRAMIDS[1]
         draw.reading(pen, _BOX, limit * pyramid_limit(corners, pull[0], pull[1]), 1, _N)

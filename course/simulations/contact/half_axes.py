@@ -31,6 +31,8 @@ STATE = Record(
 @register_jitable
 def rigid_pair(along):
     """Return gap [m] and force [N] of a rigid contact: one of them is zero."""
+    # Signorini's condition: gap >= 0, force >= 0 and their product 0, so one coordinate
+    # parametrises the whole law.
     return GAP * max(along, 0.0), PRESS * max(-along, 0.0)
 
 
@@ -46,6 +48,7 @@ def spring_force(gap, stiffness):
 def penalty_pair(along, stiffness):
     """Return gap [m] and force [N] where a penalty spring balances the same hand."""
     gap, force = rigid_pair(along)
+    # Where the hand presses, the spring has to overlap by force / stiffness before it balances.
     gap -= force / stiffness
     return gap, spring_force(gap, stiffness)
 
@@ -57,6 +60,7 @@ def initial(controls, state):
 
 def advance(state, controls, seconds):
     """Move the hand down, and up again once it presses hard."""
+    # The hand turns back shortly before both ends of its path.
     along = state["along"] + _PACE * seconds * state["sense"]
     if state["sense"] < 0.0 and along < -_TURN:
         state["sense"] = 1.0
@@ -85,6 +89,8 @@ _PER_NEWTON = 2.0  # mm of an arrow
 @register_jitable
 def _scene(pen, state, controls):
     """Draw the floor, the ball by both laws, and the forces on it."""
+    # The rigid ball in orange; beside it the penalty ball as an outline, which sinks into the
+    # floor.
     gap, force = rigid_pair(state["along"])
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, -70.0, 70.0, -50.0, 0.0, _FLOOR)
@@ -100,6 +106,7 @@ def _scene(pen, state, controls):
             draw.arrow(pen, -x, y + radius + _PER_NEWTON * push, -x, y + radius, draw.GREEN, 3.0)
     y = 1000.0 * gap + radius
     draw.spot(pen, x, y, radius, _BALL, draw.ORANGE, 2.0)
+    # A dotted line for the gap, an arrow for the force: complementarity shows at most one of them.
     if gap > 0.0:
         draw.segment(pen, x, 0.0, x, y - radius, draw.GREY, 1.5, 1.0, 3.0, 3.0)
     if force > 0.0:
@@ -112,12 +119,15 @@ def _scene(pen, state, controls):
 def _plane(pen, state, controls):
     """Draw the half axes, what lies beside them, the penalty's line, and both pairs."""
     draw.area(pen, _PLANE, _VALUES)
+    # Grey quadrants violate Signorini's condition: negative gaps, and forces that pull.
     draw.box(pen, _VALUES[0], 0.0, _VALUES[2], _VALUES[3], _AWAY)
     draw.box(pen, 0.0, _VALUES[1], _VALUES[2], 0.0, _AWAY)
     draw.axes(pen, _GAPS, _FORCES, _HEADING, 5, 5)
     draw.text(pen, -32.0, 2.5, _OVERLAP, draw.GREY, 11.5, draw.CENTRE)
     draw.text(pen, 23.0, -2.2, _PULL, draw.GREY, 11.5, draw.CENTRE)
     draw.text(pen, 23.0, 12.0, _DISTANCE, draw.GREY, 11.5, draw.CENTRE)
+    # The law is the graph of both half axes: vertical while it touches, horizontal while it is
+    # apart.
     draw.line(pen, draw.ORANGE, 4.0)
     draw.point(pen, 0.0, 100.0)
     draw.point(pen, 0.0, 0.0)
@@ -155,10 +165,13 @@ def frame(pen, state, controls):
 
 def drag(controls, state, x, y):
     """Move the ball, or the pair of gap and force, to the pointer; it stays on the half axes."""
+    # In the scene the height of the ball sets the gap; below the floor the depth sets the force,
+    # with full force at a depth of one radius.
     if x < 0.5 * (_SCENE[1] + _PLANE[0]):
         height = draw.values_at(_SCENE, _VIEW, x, y)[1] - 1000.0 * RADIUS
         along = height / (1000.0 * GAP) if height > 0.0 else height / (1000.0 * RADIUS)
     else:
+        # In the plane the pointer is projected on the half axis that it is nearer to.
         gap, force = draw.values_at(_PLANE, _VALUES, x, y)
         along, pressed = gap / (1000.0 * GAP), force / PRESS
         if pressed > along:  # nearer to the axis of the forces

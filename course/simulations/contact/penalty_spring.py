@@ -35,6 +35,8 @@ STATE = Record(
 @register_jitable
 def steps_of(timestep):
     """Return how many steps of so many milliseconds are shown."""
+    # Rounding may put the quotient just above an integer, hence the subtracted term; the bound is
+    # the room in the path.
     return min(math.ceil(1000.0 * DURATION / timestep - 1e-9), _MOST)
 
 
@@ -54,6 +56,8 @@ def simulate_from(controls, timestep, y, v, path):
     none, u, pull = np.zeros(0), np.zeros(1), controls["pull"] != 0
     for k in range(steps_of(timestep) + 1):
         u[0] = v
+        # Kelvin-Voigt contact: the force is evaluated at the old state, so that the damper limits
+        # the step too.
         penalty_force(-y, u, controls["stiffness"], damper(controls), none, 1.0, pull, force)
         path[0, k], path[1, k], path[2, k] = y, v, force[0]
         if abs(y) < _FAR:  # what has exploded stays where it is
@@ -106,12 +110,15 @@ def _thinned(timestep):
 def _overlaps(pen, path, ink):
     """Draw force against penetration while the bodies overlap."""
     draw.line(pen, ink, 2.0, 0.9)
+    # The loop encloses the energy that the damper takes; samples without overlap become gaps.
     draw.points(pen, np.where(path[0] < 0.0, -1000.0 * path[0], np.nan), path[2])
 
 
 @register_jitable
 def _loop(pen, state, controls, k):
     """Draw force against penetration, at this step and at the shortest."""
+    # The scale comes from the fine motion, so that an explosion leaves the picture instead of
+    # flattening it.
     deep = max(-1000.0 * np.min(state["fine"][0]), 1.0)
     push = max(np.max(state["fine"][2]), 20.0)
     n, fine = steps_of(controls["timestep"]) + 1, _thinned(_SHORTEST)
@@ -135,6 +142,7 @@ def _motion(pen, state, controls, k):
     draw.area(pen, _TOP, (0.0, DURATION, low, 1.25 * high))
     draw.axes(pen, _TIME, _HEIGHT, _MOTION, 6, 4)
     draw.segment(pen, 0.0, 0.0, DURATION, 0.0, draw.INK, 1.0)
+    # Heights in mm over time: the fine motion in grey, the one with the chosen step in blue.
     times = 1e-3 * _SHORTEST * np.arange(steps_of(_SHORTEST) + 1)
     draw.curve(pen, times[::fine], 1000.0 * state["fine"][0, : times.size : fine], draw.GREY, 2.0)
     times = 1e-3 * controls["timestep"] * np.arange(n)
@@ -148,6 +156,8 @@ def _limits(pen, controls):
     """Draw the step limit over the damping ratio, and where this contact is."""
     draw.area(pen, _BOTTOM, (_ZETAS[0], _ZETAS[1], _SCALED[0], _SCALED[1]))
     zeta = np.linspace(_ZETAS[0], _ZETAS[1], 61)
+    # Stability region of the step over the damping ratio: the limit is a root of the step's
+    # characteristic polynomial at the eigenvalue -1.
     limit = np.empty(61)
     for i in range(61):
         limit[i] = penalty_step_limit(zeta[i])
@@ -160,6 +170,7 @@ def _limits(pen, controls):
     draw.theory(pen, zeta, limit)
     draw.text(pen, 1.3, 0.35, _STABLE, draw.GREEN, 12.0, draw.RIGHT)
     draw.text(pen, 1.42, 2.5, _UNSTABLE, draw.RED, 12.0, draw.RIGHT)
+    # Points beyond the chart stay visible at its upper edge.
     at = min(scaled_step(controls), _SCALED[1])
     draw.spot(pen, controls["zeta"], at, 0.025, draw.BLUE, draw.INK)
     draw.window(pen)
@@ -169,6 +180,7 @@ def frame(pen, state, controls):
     """Draw the loop, the motion, the step limit, and the numbers."""
     timestep, path = controls["timestep"], state["path"]
     n = steps_of(timestep)
+    # The sample at which the marker is; the addend keeps it from falling one behind by rounding.
     k = min(int(1000.0 * state["time"] / timestep + 1e-9), n)
     _loop(pen, state, controls, k)
     _motion(pen, state, controls, k)
@@ -181,6 +193,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _STEP, scaled, 2)
     draw.reading(pen, _LIMIT, limit, 2)
     draw.readout(pen, _SIDE)
+    # The limit is that of a lasting contact: a bounce leaves the spring's linear range in between.
     draw.words(pen, _STABLE if scaled < limit else _UNSTABLE)
     draw.reading(pen, _DEEPEST, -1000.0 * min(np.min(path[0, : n + 1]), 0.0), 1, _MM)
     bounce = highest_bounce(path, n)
@@ -206,6 +219,7 @@ def drag(controls, state, x, y):
     values = (_ZETAS[0], _ZETAS[1], _SCALED[0], _SCALED[1])
     zeta, scaled = draw.values_at(_BOTTOM, values, x, y)
     controls["zeta"] = min(max(zeta, _ZETAS[0]), _ZETAS[1])
+    # From ω dt back to milliseconds with the present stiffness, inverse to `scaled_step`.
     step = 1000.0 * scaled / math.sqrt(controls["stiffness"] / MASS)
     controls["timestep"] = min(max(step, _SHORTEST), _LONGEST)
 

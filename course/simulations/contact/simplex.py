@@ -48,8 +48,11 @@ def pair_of(controls, vb):
     c, s = math.cos(angle), math.sin(angle)
     x, y = controls["position"][0], controls["position"][1]
     pair[_A : _A + 6] = 0.0
+    # The pose of b in the frame of a: position and rotation in the plane, embedded in three
+    # dimensions.
     pair[_P], pair[_P + 1] = x, y
     pair[_R], pair[_R + 1], pair[_R + 3], pair[_R + 4], pair[_R + 8] = c, -s, s, c, 1.0
+    # A bound on the extent of the Minkowski difference: tolerances for rounding are relative to it.
     size = math.hypot(x, y)
     size += math.sqrt(np.max(A_SHAPE[0] ** 2 + A_SHAPE[1] ** 2))
     pair[_SIZE] = size + math.sqrt(np.max(vb[0] ** 2 + vb[1] ** 2))
@@ -73,6 +76,8 @@ def gjk(vb, pair, most):
 def nearest(s, share, n):
     """Return the nearest point of the simplex (x, y), then its points on both shapes, (6,)."""
     result = np.zeros(6)
+    # The nearest point as a convex combination of the simplex's corners (barycentric coordinates);
+    # the same shares give the witness points on both shapes.
     for i in range(n):
         for k in range(3):
             result[2 * k] += share[i] * s[i, 3 * k]
@@ -83,6 +88,8 @@ def nearest(s, share, n):
 @register_jitable
 def overlap(pair, core):
     """Return whether GJK has found the origin inside: no distance is left but rounding."""
+    # The square of the distance to an interior point cancels to rounding, which scales with the
+    # size.
     return core <= 40.0 * _EPS * pair[_SIZE]
 
 
@@ -112,6 +119,8 @@ def _first_polygon(vb, pair, s, n, polygon):
         return count
     for k in range(n):
         count = _add(polygon, count, count, s[k])
+    # EPA needs outward normals, hence a counter-clockwise order: a negative cross product swaps two
+    # corners.
     if count == 3:
         ax, ay = polygon[1, 0] - polygon[0, 0], polygon[1, 1] - polygon[0, 1]
         bx, by = polygon[2, 0] - polygon[0, 0], polygon[2, 1] - polygon[0, 1]
@@ -135,6 +144,7 @@ def nearest_edge(polygon, count):
         ex, ey = polygon[j, 0] - polygon[i, 0], polygon[j, 1] - polygon[i, 1]
         length = math.hypot(ex, ey)
         if length > 0.0:
+            # The outward normal of a counter-clockwise edge; an edge of no length has none.
             nx, ny = ey / length, -ex / length
             here = nx * polygon[i, 0] + ny * polygon[i, 1]
             if here < far:
@@ -155,6 +165,8 @@ def epa(vb, pair, s, n, most):
     made, rounding = 0, 16.0 * _EPS * pair[_SIZE]
     new = np.zeros((1, 9))
     while count >= 3:
+        # Expanding polytope algorithm (van den Bergen, 2001): the support point beyond the nearest
+        # edge replaces this edge by two; without progress the edge is on the boundary.
         i, far, normal = nearest_edge(polygon, count)
         _support((normal[0], normal[1], 0.0), A_SHAPE, vb, pair, new, 0)
         beyond = normal[0] * new[0, 0] + normal[1] * new[0, 1] - far
@@ -174,6 +186,7 @@ def epa(vb, pair, s, n, most):
 def result(controls, vb):
     """Return signed distance of the shapes [m], and the nearest or deepest points on both, (5,)."""
     pair, out = pair_of(controls, vb), np.zeros(5)
+    # GJK (Gilbert, Johnson and Keerthi, 1988) to its end; apart, its witness points are the answer.
     s, share, n, core, _, _ = gjk(vb, pair, 1000)
     if not overlap(pair, core):
         at = nearest(s, share, n)
@@ -181,9 +194,12 @@ def result(controls, vb):
         out[1:] = at[2:]
         return out
     polygon, count, _, _ = epa(vb, pair, s, n, 1000)
+    # Touching cores have no polygon with an area: the depth is zero.
     if count < 3:
         out[1:] = nearest(s, share, n)[2:]
         return out
+    # Project the origin on the nearest edge; the same share along it interpolates the deepest
+    # points on both shapes.
     i, far, _ = nearest_edge(polygon, count)
     j = (i + 1) % count
     ex, ey = polygon[j, 0] - polygon[i, 0], polygon[j, 1] - polygon[i, 1]
@@ -208,6 +224,8 @@ def counts(controls, vb):
 @register_jitable
 def step_of(controls, state, vb):
     """Return the step that is shown, and the last one."""
+    # Steps of both algorithms in one count: GJK's iterations, then the expansions and the final
+    # check of EPA.
     iterations, expansions = counts(controls, vb)
     last = iterations + expansions + 1
     return min(int(controls["step"]) + int(state["time"] / _PACE + 1e-9), last), last
@@ -269,13 +287,16 @@ def outline(pair, vb):
 
     Its edges are those of a and those of -b in the order of their angles.
     """
+    # Minkowski sum of two convex polygons in linear time but for the sort: both edge sequences
+    # merged by angle.
     bx, by = _turned(pair, vb)
     n, m = A_SHAPE.shape[1], vb.shape[1]
     px, py = np.empty(n + m), np.empty(n + m)
     px[:n], py[:n] = np.roll(A_SHAPE[0], -1) - A_SHAPE[0], np.roll(A_SHAPE[1], -1) - A_SHAPE[1]
     px[n:], py[n:] = bx - np.roll(bx, -1), by - np.roll(by, -1)
     order = np.argsort(np.arctan2(py, px) % (2.0 * math.pi), kind="mergesort")
-    # The edge with the least angle begins at the lowest corner, of equally low ones the right one.
+    # The edge with the least angle begins at the lowest corner, of equally low ones the left one.
+    # That of -b is the highest corner of b, of equally high ones the right one.
     ka = kb = 0
     for k in range(n):
         low, best = A_SHAPE[1, k], A_SHAPE[1, ka]
@@ -284,6 +305,7 @@ def outline(pair, vb):
     for k in range(m):
         if by[k] > by[kb] or (by[k] == by[kb] and bx[k] > bx[kb]):
             kb = k
+    # From the first corner, which is the sum of those two corners, edge follows edge.
     corners = np.empty((2, n + m))
     x, y = A_SHAPE[0, ka] - bx[kb], A_SHAPE[1, ka] - by[kb]
     for k in range(n + m):
@@ -303,6 +325,8 @@ def _world(pen, pair, vb, support, final, ended):
     draw.text(pen, 0.0, 0.0, _A_NAME, draw.BLUE, 15.0, draw.CENTRE, draw.MIDDLE, 0.0, 0.0, 0.0, 1.0)
     draw.text(pen, pair[_P], pair[_P + 1], _B_NAME, draw.ORANGE, 15.0, draw.CENTRE, draw.MIDDLE,
               0.0, 0.0, 0.0, 1.0)  # fmt: skip
+    # At the end the nearest or deepest points, before it the corners that the support point
+    # consists of.
     if ended:
         draw.segment(pen, final[1], final[2], final[3], final[4], draw.RED, 3.5)
         for k in (1, 3):
@@ -331,6 +355,8 @@ def frame(pen, state, controls):
     elif controls["shape"] == 2:
         vb = B_SHAPES[2]
     pair, final = pair_of(controls, vb), result(controls, vb)
+    # The algorithms run again up to the step that is shown, so that the state needs no memory of
+    # them.
     iterations, expansions = counts(controls, vb)
     step, last = step_of(controls, state, vb)
     s, share, n, core, low, _ = gjk(vb, pair, min(step, iterations))
@@ -392,6 +418,8 @@ def frame(pen, state, controls):
     draw.readout(pen, _STEPS)
     draw.number(pen, step, 0, _OF)
     draw.number(pen, last, 0)
+    # In GJK the nearest point of the simplex bounds the distance from above, the support plane from
+    # below; a negative lower bound says nothing.
     draw.reading(pen, _UPPER, high, 4, _M)
     if step == 0 or (low < 0.0 and not expanding):
         draw.reading(pen, _LOWER, 0.0, 4, _M, _UNKNOWN)
@@ -408,6 +436,7 @@ def drag(controls, state, x, y):
     if x < 0.5 * (_LEFT[1] + _RIGHT[0]):
         to = draw.values_at(_LEFT, _LEFT_VIEW, x, y)
     else:
+        # The difference A - B moves against B.
         to = draw.values_at(_RIGHT, _RIGHT_VIEW, x, y)
         to = (-to[0], -to[1])
     for axis in range(2):

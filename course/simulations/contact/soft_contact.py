@@ -47,10 +47,14 @@ def contact_acceleration(controls, gap, speed):
     The convex problem of one row has a closed form: a share d of what is missing to the reference
     acceleration -b v - k d r, if it is missing.
     """
+    # The constraint is active only while the bodies overlap (margin 0).
     if gap >= 0.0:
         return 0.0
+    # Reference acceleration from solref, with MuJoCo's `refsafe` bound of two steps on the time
+    # constant; the impedance d scales the stiffness again.
     d = impedance(controls, np.array([gap]))[0]
     k, b = reference_gains(1e-3 * controls["time"], controls["ratio"], controls["high"], 2.0 * STEP)
+    # A contact may only push: the multiplier of the inequality constraint is not negative.
     return d * max(-b * speed - k * d * gap + GRAVITY, 0.0)
 
 
@@ -61,6 +65,7 @@ def initial(controls, state):
         push = contact_acceleration(controls, gap, speed)
         state["path"][0, k], state["path"][1, k] = gap, speed
         state["path"][2, k] = MASS * push
+        # Semi-implicit Euler, as in MuJoCo's default integrator: velocity first, then position.
         speed += STEP * (push - GRAVITY)
         gap += STEP * speed
 
@@ -86,6 +91,8 @@ _LEFT, _RIGHT = (0.8, 4.2, 0.75, 4.15), (5.15, 8.8, 0.75, 4.15)
 @register_jitable
 def _left_view(controls):
     """Return the values at the edges of the curve's chart."""
+    # The smallest of four ranges that holds the width with some margin, so that the scale seldom
+    # changes.
     far = 25.0
     for smaller in (10.0, 5.0, 2.0):
         if 1.2 * controls["width"] <= smaller:
@@ -106,6 +113,8 @@ def _left(pen, controls, depth):
     values = _left_view(controls)
     draw.area(pen, _LEFT, values)
     draw.axes(pen, _DEPTH, _IMPEDANCE, _CURVE, 5, 5)
+    # The sigmoid of solimp, from d₀ at the surface to dwidth at the width, and the width as a
+    # dashed line.
     x = np.linspace(0.0, values[1], 121)
     draw.curve(pen, x, impedance(controls, -1e-3 * x), draw.BLUE, 3.0)
     draw.segment(pen, controls["width"], 0.0, controls["width"], 2.0, draw.GREY, 1.2, 1.0, 4.0, 4.0)
@@ -125,6 +134,7 @@ def frame(pen, state, controls):
     k = min(int(state["time"] / STEP + 0.5), STEPS)
     depth = 1000.0 * max(-path[0, k], 0.0)
     _left(pen, controls, depth)
+    # The chart includes the surface and the deepest point, whatever the settings.
     low, high = 1000.0 * np.min(path[0]), 1000.0 * np.max(path[0])
     draw.area(pen, _RIGHT, (0.0, 1000.0 * STEP * STEPS, min(1.2 * low, -0.5), max(1.1 * high, 1.0)))
     draw.axes(pen, _TIME, _GAP, _MOTION, 5, 6)
@@ -138,6 +148,7 @@ def frame(pen, state, controls):
     draw.text(pen, 2.85, 4.75, _NOW, draw.INK, 11.5)
     draw.reading(pen, _DEEPEST, max(-low, 0.0), 2, _MM)
     draw.reading(pen, _END, max(-1000.0 * path[0, STEPS], 0.0), 3, _MM)
+    # Above the surface the impedance is that of depth 0.
     draw.reading(pen, _HERE, impedance(controls, np.array([min(path[0, k], 0.0)]))[0], 3)
     draw.reading(pen, _FORCE, path[2, k], 1, _N)
     stiff, damp = reference_gains(
@@ -149,6 +160,7 @@ def frame(pen, state, controls):
 
 def grab(controls, state, x, y):
     """Take the point of the curve that is nearest to the pointer."""
+    # The nearest handle in units of the window, where both axes have the same scale.
     values, best = _left_view(controls), np.inf
     for k in range(3):
         depth, d = handle_position(controls, k)
@@ -169,6 +181,7 @@ def drag(controls, state, x, y):
         # Within the chart, so that its scale changes with the next drag only.
         controls["width"] = min(max(depth, _WIDTHS[0]), _WIDTHS[1])
     else:
+        # The midpoint is a share of the width; its bounds keep the sigmoid's two branches apart.
         controls["middle"] = min(max(depth / controls["width"], 0.05), 0.95)
 
 

@@ -29,6 +29,8 @@ STATE = Record(time=Field(0.0, unit="s"))
 @register_jitable
 def braked(speed, rate, time):
     """Return the distance covered in a time at a rate of braking, until the speed is zero."""
+    # Friction stops the block, but never reverses it: uniform deceleration ends where the speed is
+    # zero.
     time = min(time, speed / rate)
     return speed * time - 0.5 * rate * time * time
 
@@ -46,6 +48,7 @@ def pyramid_position(controls, direction, time):
     Its corners lie on the axes if it is inside the cone, its sides are normal to them if it is
     around it.
     """
+    # The law of maximum dissipation picks the corners of the pyramid that oppose the velocity most.
     rate = controls["friction"] * GRAVITY
     vx = controls["speed"] * math.cos(direction)
     vy = controls["speed"] * math.sin(direction)
@@ -103,6 +106,8 @@ _ALL_ROUND = np.linspace(-math.pi, math.pi, 145)
 @register_jitable
 def _view(controls):
     """Return the values at the edges of the scene; they change in steps of the square root of 2."""
+    # The scale follows the stopping distance in steps, so that it seldom changes while a slider
+    # moves; the subtracted term absorbs rounding at a power.
     steps = math.ceil(2.0 * math.log2(cone_distance(controls, math.inf)) - 1e-9)
     far = 1.15 * 2.0 ** (0.5 * steps)
     wide = far * (_SCENE[1] - _SCENE[0]) / (_SCENE[3] - _SCENE[2])
@@ -116,6 +121,8 @@ def _scene(pen, state, controls):
     far, unit = cone_distance(controls, math.inf), values[3]
     draw.area(pen, _SCENE, values)
     draw.axes(pen, _X, _Y, _PLAN, 5, 5)
+    # Where the block stops for every launch direction: a circle for the cone, a square for the
+    # pyramid.
     draw.curve(pen, far * np.cos(_ALL_ROUND), far * np.sin(_ALL_ROUND), draw.BLUE, 2.0, 0.7)
     draw.line(pen, draw.ORANGE, 2.0, 0.8)
     for direction in _ALL_ROUND:
@@ -124,11 +131,13 @@ def _scene(pen, state, controls):
     c, s, half = math.cos(angle), math.sin(angle), 0.045 * unit
     draw.box(pen, -half, half, -half, half, draw.NONE, draw.GREY, 1.2)
     draw.arrow(pen, 0.0, 0.0, 0.4 * unit * c, 0.4 * unit * s, draw.GREEN, 7.0, 16.0, 0.55)
+    # The path under the pyramid bends, as the axes brake at different rates.
     draw.line(pen, draw.ORANGE, 3.0)
     for k in range(41):
         x, y = pyramid_position(controls, angle, state["time"] * k / 40.0)
         draw.point(pen, x, y)
     far = cone_distance(controls, state["time"])
+    # Under the cone the path is straight: friction is opposite to the velocity.
     draw.segment(pen, 0.0, 0.0, far * c, far * s, draw.BLUE, 3.0)
     draw.box(pen, x - half, x + half, y - half, y + half, _SAND, draw.ORANGE, 2.0)
     x, y = far * c, far * s
@@ -141,6 +150,8 @@ def _chart(pen, controls):
     """Draw the ratio of the stopping distances over the launch direction."""
     draw.area(pen, _CHART, (-180.0, 180.0, 0.6, 1.6))
     draw.axes(pen, _ANGLE, _RATIO_AXIS, _ALL, 4, 5)
+    # Ratio 1 is Coulomb's cone itself; the pyramid's ratio depends on the direction alone, as both
+    # distances are proportional to v² / (μ g).
     draw.segment(pen, -180.0, 1.0, 180.0, 1.0, draw.BLUE, 2.0)
     far = cone_distance(controls, math.inf)
     draw.line(pen, draw.ORANGE, 2.5)
@@ -164,6 +175,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _D_CONE, far, 3, _M)
     draw.reading(pen, _D_PYRAMID, math.hypot(x, y), 3, _M)
     draw.reading(pen, _RATIO, math.hypot(x, y) / far, 3)
+    # The difference of two angles, wrapped to half a turn.
     turned = math.degrees(math.atan2(y, x) - angle)
     turned -= 360.0 * round(turned / 360.0)
     draw.reading(pen, _TURNED, turned, draw.SIGNED + 1, _DEGREES)
@@ -179,6 +191,7 @@ def press(controls, state, key):
     """Handle a key: left and right turn the launch by a degree, up and down by five."""
     if key < 4:
         turn = (1.0, -1.0, 5.0, -5.0)[key]
+        # The direction wraps around at half a turn, as its slider does.
         controls["direction"] = (controls["direction"] + turn + 180.0) % 360.0 - 180.0
 
 

@@ -32,6 +32,7 @@ STATE = Record(
 @register_jitable
 def delassus(controls):
     """Return A (2, 2) [1/kg] and the contact velocity without contact b (2,) [m/s], floor first."""
+    # Delassus matrix J M^-1 J^T: the lower block couples both contacts, with opposite signs.
     lower, upper = 1.0 / LOWER, 1.0 / (LOWER * controls["ratio"])
     A = np.array([[lower, -lower], [-lower, lower + upper]])
     return A, np.array([-GRAVITY * STEP, 0.0])
@@ -40,6 +41,8 @@ def delassus(controls):
 @register_jitable
 def solution(controls):
     """Return the impulses that carry the stack, floor first (2,): each contact what is above it."""
+    # In balance each contact carries the weight above it for one step: its impulse is weight times
+    # step.
     weight = LOWER * GRAVITY * STEP
     return np.array([weight * (1.0 + controls["ratio"]), weight * controls["ratio"]])
 
@@ -65,6 +68,8 @@ def error_of(controls, impulse):
 @register_jitable
 def sweep(controls, state):
     """Make one sweep, contact after contact, in the order that is chosen."""
+    # The order of the rows decides which contact the Gauss-Seidel sweep visits first; results are
+    # returned in the order floor, upper.
     A, _ = delassus(controls)
     g, w = state["impulse"].copy(), state["velocity"].copy()
     if controls["order"] == 1:
@@ -111,6 +116,7 @@ def _blocks(pen, state, controls):
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, -2.0, 2.0, -1.0, 0.0, _FLOOR)
     draw.segment(pen, -2.0, 0.0, 2.0, 0.0, draw.INK, 1.5)
+    # Blocks of one density: the side is proportional to the cube root of the mass.
     low, high = 0.5 * _SIDE, 0.5 * _SIDE * controls["ratio"] ** (1.0 / 3.0)
     draw.box(pen, -low, low, 0.0, 2.0 * low, _LOW, draw.BLUE, 2.0)
     draw.box(pen, -high, high, 2.0 * low, 2.0 * (low + high), _HIGH, draw.ORANGE, 2.0)
@@ -120,6 +126,7 @@ def _blocks(pen, state, controls):
     draw.text(pen, 0.0, top, 0, draw.INK, 12.0, draw.CENTRE, draw.BOTTOM, 0.0, 5.0)
     draw.number(pen, LOWER * controls["ratio"], 2, _KG)
     exact = solution(controls)
+    # Arrows in units of the floor's exact impulse, so that they grow to a common scale.
     for k in range(2):
         x, foot = (0.15, 0.0) if k == 0 else (-0.15, 2.0 * low)
         share = state["impulse"][k] / exact[0]
@@ -143,9 +150,11 @@ def _charts(pen, state, controls):
         draw.text(pen, k + 0.5, 0.0, name, draw.INK, 12.0, draw.CENTRE, draw.TOP, 0.0, -6.0)
     draw.text(pen, 0.5, exact[0], _EXACT, draw.INK, 11.5, draw.CENTRE, draw.BOTTOM, 0.0, 4.0)
     n, A = state["sweeps"], delassus(controls)[0]
+    # The axis of sweeps doubles as they go on.
     last = 10.0 if n <= 10 else 20.0 if n <= 20 else 40.0
     draw.area(pen, _ERROR_PLACE, (0.0, last, -6.0, 0.4))
     draw.axes(pen, _SWEEP, _LOG, _ERRORS, 5, 6)
+    # Exact convergence would be log10(0).
     error = np.log10(np.maximum(state["error"][: n + 1], 1e-300))
     if n > 0:
         # From the first sweep on the error lies along the eigenvector, so it shrinks by its factor.
@@ -163,12 +172,15 @@ def frame(pen, state, controls):
     n, error = state["sweeps"], state["error"]
     draw.reading(pen, _SWEEP, n, 0)
     draw.reading(pen, _MISSING, 100.0 * error[n], 2, _PERCENT)
+    # Measured contraction: the ratio of two successive errors, as long as rounding doesn't
+    # dominate.
     draw.readout(pen, _MEASURED)
     if n >= 2 and error[n] > 1e-13:
         draw.number(pen, error[n] / error[n - 1], 3)
     else:
         draw.words(pen, _NONE)
     draw.reading(pen, _PREDICTED, contraction(delassus(controls)[0]), 3)
+    # The residual of the contact law: the largest speed of approach that is left.
     left = max(-min(state["velocity"][0], state["velocity"][1]), 0.0)
     draw.reading(pen, _APPROACH, 1000.0 * left, 2, _MMPS)
 

@@ -50,6 +50,8 @@ STATE = Record(
 @register_jitable
 def touch(controls, x, y):
     """Return signed distance of the shapes, and the unit normal from what stands to what moves."""
+    # The Minkowski sum of both shapes is a box with rounded corners: its signed distance from the
+    # relative position is that of the shapes.
     a, b = FIXED[controls["fixed"]], MOVING[controls["moving"]]
     here = PLACE[controls["fixed"]]
     px, py = x - here[0], y - here[1]
@@ -59,6 +61,7 @@ def touch(controls, x, y):
         if dx > dy:
             return dx - radius, sx, 0.0
         return dy - radius, 0.0, sy
+    # Outside, the distance to the nearest point of the box, clamped per axis, less the radius.
     ox, oy = max(dx, 0.0), max(dy, 0.0)
     far = math.hypot(ox, oy)
     return far - radius, sx * ox / far, sy * oy / far
@@ -69,8 +72,11 @@ def step(controls, dt, model, body, force):
     """Advance a body (4,) by penalty (0) or constraint (1); return its contact force (2,) [N]."""
     gap, nx, ny = touch(controls, body[0], body[1])
     mu, hand = controls["friction"], controls["hand"]
+    # The velocity without contact: the hand as a spring and damper, explicit, and gravity.
     vx = body[2] + dt / MASS * (HAND * (hand[0] - body[0]) - HOLD * body[2])
     vy = body[3] + dt / MASS * (HAND * (hand[1] - body[1]) - HOLD * body[3]) - dt * GRAVITY
+    # Penalty: relative velocity in the contact frame, normal first, then a spring, damper and
+    # regularised friction.
     if model == 0:
         u = np.array([nx * body[2] + ny * body[3], nx * body[3] - ny * body[2]])
         damper = 2.0 * controls["zeta"] * math.sqrt(controls["stiffness"] * MASS)
@@ -87,11 +93,17 @@ def step(controls, dt, model, body, force):
     else:
         # Rows scaled by the friction coefficient, so that the cone is |g_t| <= g_n.
         A = np.diag(np.array([1.0, mu * mu])) / MASS
+        # While apart, the gap may be closed within the step (speculative contact); an overlap is
+        # undone by a share of its depth per step (Baumgarte stabilisation).
         allowed = gap / dt if gap > 0.0 else RECOVERY * gap / dt
         w = np.array([nx * vx + ny * vy + allowed, mu * (nx * vy - ny * vx)])
         g = np.zeros(2)
+        # One projected Gauss-Seidel sweep is exact here, as the rows of a single contact at the
+        # centre of mass are independent.
         pgs_sweep(A, g, w, 2, False)
         force[0], force[1] = g[0] / dt, mu * g[1] / dt
+    # Semi-implicit Euler: force in the contact frame (n, t) back to x and y, then the new velocity
+    # moves the body.
     body[2] = vx + dt / MASS * (nx * force[0] - ny * force[1])
     body[3] = vy + dt / MASS * (ny * force[0] + nx * force[1])
     body[0] += dt * body[2]
@@ -102,6 +114,7 @@ def step(controls, dt, model, body, force):
 def remember(controls, state):
     """Remember gaps and forces now."""
     past = state["past"]
+    # Gaps now, and the forces of the step that led here.
     time = 1e-3 * controls["timestep"] * state["steps"]
     state["samples"] = n = draw.remember(past, state["samples"], time)
     for k in range(2):
@@ -127,6 +140,8 @@ def advance(state, controls, seconds):
         for k in range(2):
             if state["gone"][k] == 0.0:
                 step(controls, dt, k, state["bodies"][k], state["force"][k])
+                # A body that an unstable step has thrown far away is not followed any more, before
+                # numbers overflow.
                 state["gone"][k] = 1.0 if np.max(np.abs(state["bodies"][k])) > _GONE else 0.0
         state["steps"] += 1
         if state["steps"] % max(1, round(_SAMPLE / dt)) == 0:
@@ -167,6 +182,8 @@ def mode(controls, missing, force):
         return 4
     if force[0] < 0.0:
         return 3
+    # A normal force of exactly zero means no contact; friction at its bound, up to rounding, means
+    # slip.
     if force[0] == 0.0:
         return 0
     return 2 if abs(force[1]) > (1.0 - 1e-9) * controls["friction"] * force[0] else 1
@@ -185,6 +202,7 @@ def _shape(pen, half, x, y, fill, edge, alpha):
 def _scene(pen, state, controls):
     """Both bodies, what stands, the hand, and the forces at the nearest point."""
     draw.area(pen, _SCENE, _VIEW)
+    # What stands, then both bodies with the spring that pulls each towards the hand.
     here, half = PLACE[controls["fixed"]], MOVING[controls["moving"]]
     _shape(pen, FIXED[controls["fixed"]], here[0], here[1], _STONE, draw.INK, 1.0)
     hand = controls["hand"]
@@ -220,15 +238,19 @@ def _scene(pen, state, controls):
 def _charts(pen, state, controls):
     """Draw gaps over time; the forces beside their cone."""
     end, past = state["samples"], state["past"]
+    # Gaps over a sliding window of two seconds; the binary search finds its first sample.
     first = int(np.searchsorted(past[0, :end], past[0, end - 1] - _WINDOW))
     shown = past[:, first:end]
     start = max(0.0, past[0, end - 1] - _WINDOW)
+    # The scale follows the deepest overlap in sight, but at most 60 mm.
     low = max(min(-1.0, 1300.0 * np.min(shown[1:3])), -60.0)
     draw.area(pen, _STRIP, (start, start + _WINDOW, low, max(1.0, -0.5 * low)))
     draw.axes(pen, _T, _GAP, _GAPS, 4, 4)
     draw.segment(pen, 0.0, 0.0, 1e4, 0.0, draw.INK, 1.0)
     for k in range(2):
         draw.curve(pen, shown[0], 1000.0 * shown[1 + k], _INKS[k], 2.0)
+    # The plane of contact forces: Coulomb's cone as two lines, the forces of both models as dots,
+    # so that a slipping contact lies on a line.
     top = 15.0
     for k in range(2):
         top = max(top, min(1.3 * state["force"][k, 0], 400.0))
@@ -254,6 +276,7 @@ def frame(pen, state, controls):
     _scene(pen, state, controls)
     _charts(pen, state, controls)
     bodies, force = state["bodies"], state["force"]
+    # Numbers in pairs, penalty first: depth, normal and tangential force, and the contact's mode.
     gaps = [touch(controls, bodies[k, 0], bodies[k, 1])[0] for k in range(2)]
     depth = [1000.0 * max(-gap, 0.0) for gap in gaps]
     _both(pen, _DEPTH, depth[0], depth[1], 2, _MM)
@@ -265,6 +288,7 @@ def frame(pen, state, controls):
     draw.words(pen, _MODES + mode(controls, state["gone"][0], force[0]))
     draw.words(pen, _COMMA)
     draw.words(pen, _MODES + mode(controls, state["gone"][1], force[1]))
+    # Natural frequency times step: semi-implicit Euler is unstable above 2 without damping.
     omega = math.sqrt(controls["stiffness"] / MASS)
     draw.reading(pen, _STEP, 1e-3 * controls["timestep"] * omega, 2)
 

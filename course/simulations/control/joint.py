@@ -48,17 +48,25 @@ def judged(kp, ki, kd, dt, delay, target, q):
 
     The phase margin is in rad, the delay margin in s.
     """
+    # The step comes after STEP seconds; the response is judged from the first sample at or after
+    # it.
     first, whole = math.ceil(STEP / dt), math.floor(delay / dt + 1e-9)
     times = dt * np.arange(q.size - first)
     observed = chapter._metrics(times, q[first:], target, chapter.BAND, chapter.REST)
+    # Zero-order hold of inertia and viscous damping, with the fractional part of the delay; its
+    # whole samples are states of the loop's matrix.
     plant = touch.held_mass(INERTIA, DAMPING, 0.0, dt, max(0.0, delay - whole * dt))
     parts = (*plant, whole, *sampled._pid(kp, ki, kd, dt, 0, 0.0))
+    # Growth per sample is the spectral radius of the closed loop's matrix: asymptotically stable
+    # below 1.
     growth, remaining = sampled.growth_by_squares(sampled._closed(*parts)), (0.0, 0.0, 0.0, 0.0)
+    # Margins are defined for a stable loop with a controller only.
     if growth <= sampled.STABLE and max(kp, ki, kd) > 0.0:
         at, lags, _, reals = sampled._gain_crossover(*parts)
         remaining = sampled._margins(at, lags, reals, dt)
     gain, _, phase, later = remaining
     report = np.array([observed[0], observed[1], observed[2], growth, gain, phase, later])
+    # Infinities and NaN have no place in the page's readouts: -1 stands for them.
     return np.where(np.isfinite(report), report, -1.0)
 
 
@@ -94,14 +102,19 @@ def initial(controls, state):
     n, dry = round(SECONDS / dt), controls["friction"]
     times = dt * np.arange(n)
     bits, line = BITS[controls["encoder"]], 0.0
+    # An encoder of n bits rounds the angle to 2π / 2^n.
     if bits > 0:
         line = 2.0 * math.pi / 2.0**bits
+    # A delay is split into whole samples, a queue of commands, and a rest within a sample.
     whole = math.floor(late / dt + 1e-9)
     drive = np.array([math.inf, math.inf, math.inf, whole, max(0.0, late - whole * dt), line])
     parts = np.array([INERTIA, DAMPING, -controls["load"], dry, controls["static"] * dry])
+    # Profiles over time: the step of the target, a push, and a jam that holds the joint.
     desired = np.where(times > STEP - 1e-9, target, 0.0)
     extra = np.where((times > PUSH[0]) & (times < PUSH[1]), controls["push"], 0.0)
     jam = (times < STEP + JAM) & (controls["jam"] != 0)
+    # The closed loop of the chapter with all effects: quantisation, delay, saturation, dry
+    # friction.
     out = np.zeros((5, n + 1))
     chapter._run_loop(
         parts, drive, numbers_of(controls), np.zeros(3), desired, extra, jam, np.zeros(n), out
@@ -140,6 +153,7 @@ def _margin(pen, name, value, growth, form, unit):
 def frame(pen, state, controls):
     """Draw the arm now, angle and torque over the whole run; numbers of the run and of the loop."""
     dt, n, target = 1e-3 * controls["dt"], state["samples"], controls["target"]
+    # The present sample of a run that was computed beforehand; the addend is for rounding.
     at = min(int(state["time"] / dt + 1e-9), n)
     run, report = state["run"], state["report"]
     draw.area(pen, _SCENE, _VIEW)
@@ -150,11 +164,14 @@ def frame(pen, state, controls):
     draw.spot(pen, 0.0, 0.0, 0.14, draw.FAINT, draw.INK)
     draw.window(pen)
     draw.theory_key(pen, 0.4, 4.72, _WANTED)
+    # Long runs are thinned to about 1000 points for drawing.
     step, u = max(1, n // 1000), run[1, : n + 1]
     times, q = dt * np.arange(n + 1), run[0, : n + 1]
+    # The chart ignores excursions beyond 4 rad, so that an unstable loop doesn't flatten the rest.
     low, high = min(0.0, 1.4 * target, max(np.min(q), -4.0)), max(0.0, min(np.max(q), 4.0))
     high = max(high, 1.4 * target) + 0.05
     draw.chart(pen, _UPPER, (0.0, SECONDS, low - 0.05, high), _TIME, _ANGLE, 0, 5, 4)
+    # The reference as a dashed step; below it the torque with a cursor at the present time.
     draw.theory(pen, np.array([0.0, STEP, STEP, SECONDS]), np.array([0.0, 0.0, target, target]))
     draw.curve(pen, times[::step], q[::step], draw.BLUE, 2.0)
     draw.spot(pen, dt * at, run[0, at], 0.07, draw.ORANGE, draw.INK)
@@ -176,6 +193,7 @@ def drag(controls, state, x, y):
     """Handle a drag: the target is where the pointer is, as the joint sees it."""
     to = draw.values_at(_SCENE, _VIEW, x, y)
     controls["target"] = min(max(math.atan2(to[1], to[0]), -2.0), 2.0)
+    # A target of zero would be no step: overshoot is relative to its size.
     if abs(controls["target"]) < 0.05:
         controls["target"] = 0.05
 

@@ -39,6 +39,7 @@ STATE = Record(
 
 def growth(law, wall, delay):
     """Return growth per sample of a law (7,) while the probe touches."""
+    # The wall is a spring in the plant's transition matrix, so this describes lasting contact only.
     whole = math.floor(delay / DT + 1e-9)
     plant = chapter.held_mass(MASS, FRICTION, wall, DT, max(0.0, delay - whole * DT))
     linear = chapter._linear(law, wall, 0.0, DT)
@@ -64,6 +65,7 @@ def expected(controls):
     """Return the steady force: two springs in series, or what is asked for."""
     if controls["controller"] == PRESSES:
         return FORCE
+    # At rest the controller's spring and the wall's carry one force: stiffnesses in series.
     K, wall = controls["stiffness"], 10.0 ** controls["wall"]
     return max(controls["aim"], 0.0) * K * wall / (K + wall)
 
@@ -74,15 +76,20 @@ def initial(controls, state):
     A force law begins where it touches.
     """
     law, wall, late = law_of(controls), 10.0 ** controls["wall"], 1e-3 * controls["delay"]
+    # Motion laws approach from free space; a force law starts at the surface, since it would
+    # accelerate without bound before it.
     start = np.zeros(2)
     if controls["controller"] != PRESSES:
         start[0] = -FAR
     desired = np.minimum(SPEED * DT * np.arange(_N) - FAR, controls["aim"])
+    # Whole samples of the delay queue commands; the rest shifts a command within its sample.
     whole = math.floor(late / DT + 1e-9)
     body, out = np.array([MASS, FRICTION, wall, 0.0, 0.0]), np.zeros((5, _N + 1))
     chapter._touch_loop(
         body, law, DT, whole, max(0.0, late - whole * DT), start, desired, np.zeros(_N), out
     )
+    # The run ends before the first sample that is far away or NaN: an unstable contact has thrown
+    # the probe off.
     lost = np.flatnonzero(~(np.abs(out[0]) < _GONE))
     n = lost[0] - 1 if lost.size else _N
     state["samples"] = n
@@ -115,6 +122,7 @@ def frame(pen, state, controls):
     """Probe and wall now; place and force over the whole run; what theory says."""
     n, run, seconds = state["samples"], state["run"], DT * _N
     at, aim = min(int(state["time"] / DT + 1e-9), n), 1000.0 * controls["aim"]
+    # Position of the probe in mm; the wall starts at 0.
     x = 1000.0 * run[0, at]
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, 0.0, 50.0, -4.5, 4.5, _WALL, draw.INK)
@@ -122,6 +130,7 @@ def frame(pen, state, controls):
         draw.segment(pen, aim, -4.5, aim, 4.5, draw.GREEN, 3.0, 1.0, 5.0, 4.0)
     draw.box(pen, x - 9.0, x - 3.0, -2.2, 2.2, _TIP, draw.BLUE)
     draw.segment(pen, x - 3.0, 0.0, x, 0.0, draw.BLUE, 5.0)
+    # The wall's force as an arrow, limited so that it stays in the picture.
     push = run[1, at]
     if push > 0.0:
         draw.arrow(pen, x, 0.0, x - min(0.8 * push, 30.0), 0.0, draw.ORANGE, 3.0)
@@ -135,6 +144,8 @@ def frame(pen, state, controls):
         draw.curve(pen, times, 1000.0 * run[2, : n + 1], draw.GREEN, 1.8, 1.0, 5.0, 4.0)
     draw.curve(pen, times, 1000.0 * run[0, : n + 1], draw.BLUE, 2.0)
     draw.spot(pen, DT * at, x, 0.02, draw.ORANGE, draw.INK)
+    # The force in theory as a dashed line, for comparison with the end of the run; peaks of an
+    # unstable contact above 400 N don't set the scale.
     rest = expected(controls)
     top = max(5.0, 1.15 * min(np.max(force), 400.0), 1.3 * rest)
     draw.chart(pen, _RIGHT, (0.0, seconds, 0.0, top), _TIME, _PUSH, 0, 4, 5)
@@ -146,9 +157,12 @@ def frame(pen, state, controls):
     draw.reading(pen, _REST, force[n], 1, _N_)
     draw.reading(pen, _GROWTH, state["growth"], 5)
     draw.reading(pen, _HOLDS, 0.0, 0, 0, _GROWS if state["growth"] > sampled.STABLE else _KEEPS)
+    # A hold acts like half a sample of further delay. Virtual stiffness times this delay uses up
+    # the damping of the arm (Colgate and Schenkel, 1997): K < b / (T / 2 + delay).
     late = 1e-3 * controls["delay"] + 0.5 * DT
     if controls["controller"] == IMPEDANCE:
         draw.reading(pen, _STIFF, FRICTION / late, 0, _PER_M)
+    # The same limit for a proportional force law, whose loop sees gain times wall stiffness.
     elif controls["controller"] == PRESSES:
         draw.reading(pen, _GAIN, FRICTION / 10.0 ** controls["wall"] / late, 3)
 

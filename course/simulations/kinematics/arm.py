@@ -49,6 +49,8 @@ def jacobian(q):
 
     The rows of the Jacobian, (3, 2), are x, y and angle.
     """
+    # Forward kinematics and the geometric Jacobian; of its six rows the plane needs x, y and the
+    # rotation about z.
     pose, whole = np.empty((3, 7)), np.zeros((6, 2, 1))
     place(_TABLE, q.reshape(2, 1), 0, pose)
     columns(_TABLE, pose, 2, (pose[2, 0], pose[2, 1], pose[2, 2]), whole, 0)
@@ -62,6 +64,8 @@ def singular(rows):
     """Return directions of the tip, (m, m), and singular values, (m,), largest first."""
     m = rows.shape[0]
     moved, U = np.empty(rows.shape), np.empty((m, m))
+    # Singular values from orthogonal rows (one-sided Jacobi), sorted, since the rows come in any
+    # order.
     decompose(rows, moved, U)
     s = np.sqrt(np.sum(moved * moved, axis=1))
     order = np.argsort(-s)
@@ -74,12 +78,15 @@ def gains(J, e, method, damping, s):
 
     The transpose takes each s times a length that belongs to this posture and this error.
     """
+    # Jacobian transpose with the step length that minimises the remaining error to first order:
+    # the product of e and J J^T e over |J J^T e|².
     if method == 0:
         pull = np.array([J[0, k] * e[0] + J[1, k] * e[1] for k in range(2)])
         moved = np.array([J[k, 0] * pull[0] + J[k, 1] * pull[1] for k in range(2)])
         return s * (np.sum(moved * e) / max(np.sum(moved * moved), 1e-300))
     desired = np.empty(len(s))
     for k in range(len(s)):
+        # A method's filter of a singular value: 1 / s for the pseudo-inverse, s / (s² + λ²) damped.
         desired[k] = gain(s[k], method, damping) if s[k] > 0.0 else 0.0
     return desired
 
@@ -108,6 +115,7 @@ def follow(controls, state):
     _, tip, rows = jacobian(q)
     e, size = aim(controls, tip)
     change = np.zeros(2)
+    # Levenberg-Marquardt is damped least squares with a λ that adapts; the step itself is the same.
     kind = DAMPED if method == MARQUARDT else method
     step(
         rows[:2].copy(),
@@ -118,11 +126,15 @@ def follow(controls, state):
         np.empty((2, 2)),
         change,
     )
+    # Gain of the step: joint motion over the error that it worked on, bounded by 1 / (2 λ) if
+    # damped.
     state["amplification"] = math.hypot(change[0], change[1]) / max(min(size, _AIM), 1e-300)
     if size > 1e-9:
         state["largest"] = max(state["largest"], state["amplification"])
     # Turned back into one turn: the picture cannot tell, and no number grows.
     ahead = (q + change + math.pi) % (2.0 * math.pi) - math.pi
+    # Accept a step that reduces the error, and trust the linear model more; otherwise raise the
+    # damping and stay. The bounds keep λ finite when no step succeeds.
     if method == MARQUARDT:
         _, after, _ = jacobian(ahead)
         _, remaining = aim(controls, after)
@@ -136,6 +148,7 @@ def follow(controls, state):
 @register_jitable
 def _remember(controls, state):
     _, tip, rows = jacobian(state["q"])
+    # The smallest singular value measures the distance to a singular posture.
     _, s = singular(rows[:2])
     away = math.hypot(controls["target"][0] - tip[0], controls["target"][1] - tip[1])
     n = draw.remember(state["past"], state["samples"], _PACE * state["steps"])
@@ -226,8 +239,10 @@ def _scene(pen, state, controls, tip, elbow, U, s):
     """Annulus, ghosts, glow, arm, ellipse, target."""
     q, target = state["q"], controls["target"]
     draw.area(pen, _SCENE, _VIEW)
+    # The workspace is an annulus between |L1 - L2| and L1 + L2.
     draw.spot(pen, 0.0, 0.0, _FAR, _SHELL, draw.GREY, 1.2)
     draw.spot(pen, 0.0, 0.0, _NEAR, _HOLE, draw.GREY, 1.2)
+    # Both exact solutions of the inverse kinematics as ghosts, elbow to either side.
     left, right, bend, _ = branches(L1, L2, target[0], target[1])
     _links(pen, left, bend, draw.GREY, 3.0, 0.7, 6.0, 5.0)
     _links(pen, right, -bend, draw.GREY, 3.0, 0.7, 6.0, 5.0)
@@ -244,6 +259,8 @@ def _scene(pen, state, controls, tip, elbow, U, s):
             1.0,
             0.22 * glow,
         )
+    # Manipulability ellipsoid (Yoshikawa, 1985): tip velocities of unit joint rates, with the
+    # singular vectors as its axes.
     angle = np.linspace(0.0, 2.0 * math.pi, 49)
     along, across = 0.35 * s[0] * np.cos(angle), 0.35 * s[1] * np.sin(angle)
     draw.curve(
@@ -268,16 +285,20 @@ def _charts(pen, state, controls, J, e, s):
     method = DAMPED if method == MARQUARDT else method
     draw.area(pen, _CURVE, (0.0, _SPAN, 0.0, _TOP))
     draw.axes(pen, _S, _GAIN, _GAINS, 4, 4)
+    # Gain over the singular value: near s = 0 the pseudo-inverse diverges, the damped step returns
+    # to 0.
     values = np.linspace(0.0, _SPAN, 161)
     draw.curve(
         pen, values, np.minimum(gains(J, e, method, damping, values), 9.0 * _TOP), draw.BLUE, 2.0
     )
+    # The damped gain s / (s² + λ²) has its maximum 1 / (2 λ) at s = λ.
     if method == DAMPED:
         draw.segment(pen, 0.0, 0.5 / damping, _SPAN, 0.5 / damping, draw.INK, 1.2, 0.8, 5.0, 4.0)
     own = gains(J, e, method, damping, s)
     draw.disc(pen, 0.05, draw.RED)
     draw.point(pen, s[0], min(own[0], _TOP))
     draw.point(pen, s[1], min(own[1], _TOP))
+    # The error over the last six seconds, on a logarithmic scale with a floor against log10(0).
     past = state["past"][:, : state["samples"]]
     start = max(past[0, -1] - 6.0, 0.0)
     draw.area(pen, _PASSED, (start, start + 6.0, -10.0, 1.0))
@@ -294,12 +315,15 @@ def frame(pen, state, controls):
     _charts(pen, state, controls, rows[:2].copy(), e, s)
     draw.window(pen)
     whole = rows.copy() if controls["rows"] else rows[:2].copy()
+    # Rows of different units: with lengths in mm the condition number changes, although the arm
+    # doesn't.
     if controls["rows"] == 2:
         whole[:2] *= 1000.0
     _, shown = singular(whole.T)
     draw.reading(pen, _ERROR, error, 6, _METRES)
     draw.reading(pen, _STEPS, state["steps"], 0)
     draw.readout(pen, _COND)
+    # At a singular posture the quotient would be infinite or arbitrary.
     if shown[1] > 1e-12 * shown[0]:
         draw.number(pen, shown[0] / shown[1], 1)
     else:

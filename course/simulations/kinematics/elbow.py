@@ -44,6 +44,8 @@ STATE = Record(
 @register_jitable
 def posed(q):
     """Return poses of all joints and of the tip, (8, 7), and the tip's Jacobian, (6, 7)."""
+    # Forward kinematics, then the geometric Jacobian about the tip: a 6 x 7 matrix with a null
+    # space.
     pose, J = np.empty((8, 7)), np.zeros((6, 7, 1))
     place(_TABLE, q.reshape(7, 1), 0, pose)
     columns(_TABLE, pose, 7, (pose[7, 0], pose[7, 1], pose[7, 2]), J, 0)
@@ -54,6 +56,7 @@ def posed(q):
 def error_of(pose, goal):
     """Return the twist from the tip to its goal, (6,) [m, rad]."""
     away = np.empty(6)
+    # Position error, then the rotation vector (logarithm) of the attitude error.
     away[:3] = goal[:3] - pose[7, :3]
     away[3:] = log(product(goal[3:], conjugate(pose[7, 3:])))
     return away
@@ -64,6 +67,8 @@ def still(J, last):
     """Return the unit joint rates that leave the tip still, (7,), on the side of the last ones."""
     moving, U, direction = np.empty((6, 7)), np.empty((6, 6)), last.copy()
     decompose(J, moving, U)
+    # Gram-Schmidt against the rows of J, which `decompose` makes orthogonal: what remains of the
+    # last direction spans the null space. "Twice is enough" (Kahan and Parlett).
     for _ in range(2):  # once more for the digits that the first time cancels
         for k in range(6):
             row = moving[k]
@@ -98,9 +103,12 @@ def advance(state, controls, seconds):
     count = math.floor((state["owed"] + seconds) * _PACE / h + 1e-9)
     state["owed"] = max(state["owed"] + seconds - count * h / _PACE, 0.0)
     for _ in range(count):
+        # A motion along the null space leaves the tip still to first order only: each step errs by
+        # O(h²).
         pose, J = posed(q)
         state["along"][:] = still(J, state["along"])
         ahead = q + h * state["sense"] * state["along"]
+        # Turn round before the end of the swing or a joint limit, instead of leaving the interval.
         if abs(state["swing"] + h * state["sense"]) > _SWING or np.any(
             (ahead < _LOWER) | (ahead > _UPPER)
         ):
@@ -108,6 +116,7 @@ def advance(state, controls, seconds):
             ahead = q + h * state["sense"] * state["along"]
         state["swing"] += h * state["sense"]
         after, J = posed(ahead)
+        # One pseudo-inverse (Newton) step on the pose error undoes the drift of second order.
         if controls["correct"]:
             change, e = np.zeros(7), error_of(after, state["goal"])
             step(J, e, _PSEUDO, 0.0, np.empty((6, 7)), np.empty((6, 6)), change)
@@ -154,6 +163,7 @@ def frame(pen, state, controls):
     eye = space.camera_view(pen, _SCENE, controls, 0.62)
     space.sheet(pen, eye, _SQUARE - middle, _FLOOR, draw.FAINT, 1.0, 0.9)
     joints = np.zeros((3, 9))
+    # The arm as a polyline from the base over all joints to the tip, in the frame of the view.
     joints[:, 1:] = pose[:, :3].T
     joints -= middle
     space.trail(pen, eye, joints, _LINK, 9.0)
@@ -169,12 +179,16 @@ def frame(pen, state, controls):
         space.arrow(pen, eye, foot, foot + rotate(goal[3:], unit), draw.ORANGE, 4.0, 7.0)
         foot = pose[7, :3] - _CENTRE
         space.arrow(pen, eye, foot, foot + rotate(pose[7, 3:], unit), draw.INK, 1.6, 7.0)
+    # The error of the tip on a logarithmic scale over the last eight seconds; the floor avoids
+    # log10(0).
     start = max(past[0, -1] - 8.0, 0.0)
     draw.area(pen, _PAST_PLACE, (start, start + 8.0, -10.0, 3.0))
     draw.axes(pen, _TIME, _LOG, _HISTORY, 4, 4)
     draw.curve(pen, past[0], np.log10(np.maximum(1000.0 * past[1], 1e-12)), draw.BLUE, 1.8)
     draw.window(pen)
     away = error_of(pose, goal)
+    # The error of a single step over h² is nearly constant: it measures the curvature of the
+    # motion.
     h = controls["h"]
     ahead, _ = posed(state["q"] + h * still(J, state["along"]))
     one = math.sqrt(np.sum((ahead[7, :3] - pose[7, :3]) ** 2))

@@ -45,11 +45,14 @@ def schedule(controls):
         actions: how many actions of a chunk are executed.
         cycle: from one chunk to the next; cycle - actions periods are without an action.
     """
+    # More actions than the chunk holds cannot be executed.
     delay, k = delay_of(controls), min(controls["executed"], controls["length"])
     if controls["mode"] == WAITS:
         return delay, k, delay + k
     # One prediction at a time: the next one ends no sooner than a delay after this one.
     cycle = max(k, delay)
+    # By the time a chunk is ready its first `delay` actions are outdated and dropped; if none is
+    # left, the robot has nothing to execute.
     return delay, max(min(cycle, controls["length"] - delay), 0), cycle
 
 
@@ -59,6 +62,8 @@ def ages(controls):
     delay, actions, _ = schedule(controls)
     if actions == 0:
         return -1.0, -1.0, -1.0
+    # Ages grow linearly from the first executed action to the last, so their mean is the average of
+    # both.
     last = delay + actions - 1
     return PERIOD * delay, 0.5 * PERIOD * (delay + last), PERIOD * last
 
@@ -116,6 +121,7 @@ def _time_line(pen, state, controls):
     for n in range(first, last + 1):
         ready = n * cycle
         seen = ready - delay
+        # Chunks cycle through six rows, so that overlapping ones stay apart.
         low = _ROWS - 1.0 - n % _ROWS
         foot, top = low + 0.14, low + 0.86
         draw.box(pen, ms * seen, ms * ready, low + 0.36, low + 0.64, _COMPUTED)
@@ -123,6 +129,8 @@ def _time_line(pen, state, controls):
             begin, outdated = ready, 0
         else:
             begin, outdated = seen, min(delay, length)
+        # Layers: the whole chunk pale, its outdated part grey, the prediction in progress, the
+        # executed part blue.
         draw.box(pen, ms * begin, ms * (begin + length), foot, top, _PLANNED, draw.NONE, 1.0, 0.75)
         if outdated > 0:
             draw.box(pen, ms * begin, ms * (begin + outdated), foot, top, _DROPPED)
@@ -142,11 +150,13 @@ def _time_line(pen, state, controls):
 def _ages(pen, state, controls):
     """Draw the age of the observation in each period, as bars, and the mean."""
     _, mean, most = ages(controls)
+    # A scale in powers of two over 100 ms that holds the largest age.
     ms, high = 1000.0 * PERIOD, 100.0
     while high < 1050.0 * most:
         high *= 2.0
     draw.area(pen, _LOW, (0.0, _MS_SHOWN, 0.0, high))
     draw.axes(pen, _TIME, _AGE, _HEADING, 10, 2)
+    # One bar for each period; a period without an action stays empty.
     for period in range(_SHOWN):
         age = age_at(controls, period)
         if age >= 0.0:
@@ -174,6 +184,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _MEAN, 1000.0 * mean, 0, _MS, nothing)
     draw.reading(pen, _MOST, 1000.0 * most, 0, _MS, nothing)
     draw.reading(pen, _RATE, 1.0 / (PERIOD * cycle), 1, _PER_SECOND)
+    # Share of the time in which the robot has no action, and how much of each chunk is used.
     draw.reading(pen, _IDLE, 100.0 * (cycle - actions) / cycle, 0, _PERCENT)
     draw.readout(pen, _USED)
     draw.number(pen, actions, 0, _OF)

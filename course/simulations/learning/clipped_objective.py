@@ -59,6 +59,7 @@ _LEFT, _RIGHT = (0.75, 5.05, 0.8, 4.15), (5.95, 8.85, 0.8, 4.15)
 def _view(controls):
     """Return the values at the edges of the left picture; they change in steps with A."""
     size = abs(controls["advantage"])
+    # Three scales only, so that the axes stay still while A changes a little.
     high = 1.5 if size <= 0.5 else 3.0 if size <= 1.0 else 5.0
     return 0.0, WIDEST, -high, high
 
@@ -72,6 +73,8 @@ def _objective(pen, state, controls):
     advantage, clip, view = controls["advantage"], controls["clip"], _view(controls)
     low, high = 1.0 - clip, 1.0 + clip
     draw.area(pen, _LEFT, view)
+    # Within the band the clip has no effect; the objective is piecewise linear with its kinks at
+    # the band's ends.
     draw.box(pen, low, high, view[2], view[3], _BAND)
     draw.axes(pen, _RATIO, _VALUE, _CURVE, 5, 6)
     draw.segment(pen, 0.0, 0.0, WIDEST, 0.0, draw.GREY, 1.2)
@@ -81,6 +84,7 @@ def _objective(pen, state, controls):
         draw.point(pen, at, clipped(at, advantage, clip)[0])
     ratio = state["ratio"]
     value, slope = clipped(ratio, advantage, clip)
+    # The tangent at the point: horizontal where the clip has removed the gradient.
     draw.segment(
         pen, ratio - 0.3, value - 0.3 * slope, ratio + 0.3, value + 0.3 * slope, draw.RED, 2.5
     )
@@ -95,17 +99,21 @@ def _regions(pen, state, controls):
     """Draw the plane of ratio and advantage; the gradient is zero in two corners of it."""
     low, high = 1.0 - controls["clip"], 1.0 + controls["clip"]
     draw.area(pen, _RIGHT, _MAP_VIEW)
+    # No gradient where ρ has already moved far enough in the direction that A wants (PPO, Schulman
+    # et al., 2017): upper right and lower left.
     draw.box(pen, high, WIDEST, 0.0, _MAP_VIEW[3], _FLAT)
     draw.box(pen, 0.0, low, _MAP_VIEW[2], 0.0, _FLAT)
     draw.axes(pen, _RATIO, _ADVANTAGE, _MAP, 5, 5)
     draw.segment(pen, 0.0, 0.0, WIDEST, 0.0, draw.GREY, 1.2)
     for at in (low, high):
         draw.segment(pen, at, _MAP_VIEW[2], at, _MAP_VIEW[3], draw.GREY, 1.2, 1.0, 3.0, 3.0)
+    # One arrow or word in each of the six regions, from the slope at a point in it.
     for y, ink in ((1.1, draw.GREEN), (-1.1, draw.PURPLE)):
         for at in (0.5 * low, 1.0, 0.5 * (high + WIDEST)):
             if clipped(at, y, controls["clip"])[1] == 0.0:
                 draw.text(pen, at, y, _NONE, draw.GREY, 11.5, draw.CENTRE, turn=90.0)
             else:
+                # Arrows point up in ρ for a positive advantage, down for a negative one.
                 half = 0.16 if y > 0.0 else -0.16
                 draw.arrow(pen, at - half, y, at + half, y, ink, 3.0)
     ratio, advantage = state["ratio"], controls["advantage"]

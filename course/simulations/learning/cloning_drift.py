@@ -41,6 +41,8 @@ def wrong_rates(inside, outside, steps):
     A step after a right one is wrong with the probability `inside`, after a wrong one `outside`, so
     p' = inside + (outside - inside) p.
     """
+    # A two-state Markov chain, on and off the band, started on it: its recursion for the
+    # probability of being off.
     rates = np.zeros(steps + 1)
     for t in range(steps):
         rates[t + 1] = inside + (outside - inside) * rates[t]
@@ -66,10 +68,13 @@ def initial(controls, state):
     inside, outside = rates_of(controls)
     chance, sides = np.empty(RUNS), np.empty(RUNS)
     off, wrong, total = np.zeros(RUNS), np.zeros(RUNS), 0.0
+    # Each run drifts to one side, chosen once.
     splitmix.uniform(state["seed"], sides)
     side = np.where(sides < 0.5, -1.0, 1.0)
     for t in range(controls["steps"]):
         splitmix.uniform(state["seed"], chance)
+        # The state of each run is whether its last step was wrong; it selects the rate of the next
+        # one.
         wrong = np.where(chance < np.where(wrong > 0.0, outside, inside), 1.0, 0.0)
         # A right action leads back to the path; a wrong one leads further to the side.
         off = (off + STEP) * wrong
@@ -104,6 +109,7 @@ _LEFT, _RIGHT = (0.8, 4.9, 0.8, 4.05), (5.85, 8.85, 0.8, 4.05)
 def _runs(pen, state, controls):
     """Draw the band of the demonstrations and the runs up to now."""
     steps, now = controls["steps"], int(state["now"])
+    # A scale in powers of two that holds all runs, so that it seldom changes.
     high = 0.1
     while high < np.max(np.abs(state["place"][: steps + 1])):
         high *= 2.0
@@ -114,6 +120,7 @@ def _runs(pen, state, controls):
     times = np.arange(now + 1) * 1.0
     for k in range(SHOWN):
         place = state["place"][: now + 1, k].copy()
+        # Orange marks the runs that are off the band now.
         ink = draw.ORANGE if place[now] != 0.0 else draw.BLUE
         draw.curve(pen, times, place, ink, 1.3, 0.8)
         draw.spot(pen, 1.0 * now, place[now], 0.008 * steps, ink)
@@ -125,10 +132,13 @@ def _growth(pen, state, controls):
     """Draw the mean number of wrong steps, its expectation, the square law and the line."""
     steps, now, inside = controls["steps"], int(state["now"]), rates_of(controls)[0]
     expected = mean_cost(controls, steps)
+    # Room for the measured cost, its expectation and twice the line of DAgger.
     high = max(1.15 * expected[steps], 1.15 * state["cost"][steps], 2.0 * inside * steps, 0.5)
     times = np.arange(steps + 1) * 1.0
     draw.area(pen, _RIGHT, (0.0, 1.0 * steps, 0.0, high))
     draw.axes(pen, _STEP, _COST, _GROWTH, 5, 5)
+    # Behaviour cloning's quadratic bound, DAgger's line, the exact expectation, and the measured
+    # mean.
     draw.curve(pen, times, 0.5 * inside * times * times, draw.RED, 2.0, 0.9, 6.0, 4.0)
     draw.curve(pen, times, inside * times, draw.GREEN, 2.5)
     draw.curve(pen, times, expected, draw.INK, 1.6, 0.8, 5.0, 4.0)

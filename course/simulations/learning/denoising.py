@@ -49,6 +49,8 @@ def mixture(controls):
 @register_jitable
 def velocity(controls, x, time):
     """Return the exact velocity (n,) of samples (n,): the mean of clean - noise, given each."""
+    # Conditional flow matching (Lipman et al., 2023): along x = t clean + (1 - t) noise the
+    # velocity is clean - noise; its mean given x is what a perfect network would learn.
     weights, means, deviations = mixture(controls)
     samples = x.copy().reshape(len(x), 1)
     clean, noise = posterior_means(weights, means, deviations, samples, time, 1.0 - time)
@@ -61,6 +63,7 @@ def flow(controls, steps, heun, path):
     x, h = NOISE.copy(), 1.0 / steps
     path[0] = x
     for k in range(steps):
+        # Explicit Euler, or Heun's method: average the slopes at both ends of an Euler step.
         v = velocity(controls, x, k * h)
         if heun:
             v = 0.5 * (v + velocity(controls, x + h * v, (k + 1) * h))
@@ -71,6 +74,7 @@ def flow(controls, steps, heun, path):
 @register_jitable
 def position(path, steps, time):
     """Return the samples (n,) at a time, on the straight lines between the ends of the steps."""
+    # The last interval also holds time 1.
     k = min(int(time * steps), steps - 1)
     along = time * steps - k
     return (1.0 - along) * path[k] + along * path[k + 1]
@@ -81,6 +85,8 @@ def density(controls, y, time):
     """Return the exact density of the samples at a time, at positions (n,)."""
     weights, means, deviations = mixture(controls)
     result = np.zeros(len(y))
+    # A mode at time t is normal with mean t m and variance (t d)² + (1 - t)², the mixture of both
+    # exact.
     for k in range(2):
         variance = (time * deviations[k]) ** 2 + (1.0 - time) ** 2
         away = y - time * means[k, 0]
@@ -136,11 +142,13 @@ def _flows(pen, state, controls):
     """Draw the exact flow, the solver's steps up to now, and the samples now."""
     time, steps = state["time"], controls["steps"]
     draw.area(pen, _LEFT, _VALUES)
+    # Bands of two standard deviations around both modes of the data.
     reach = 2.0 * controls["width"]
     for mode in (-1.0, 1.0):
         draw.box(pen, 0.0, 1.0, mode - reach, mode + reach, _PALE)
     draw.axes(pen, _TIME, _SAMPLE, _PATHS, 5, 5)
     times = np.linspace(0.0, 1.0, 26)
+    # Every third path of the exact flow; paths of an ODE in one dimension never cross.
     for i in range(0, SAMPLES, 3):
         draw.curve(pen, times, state["exact"][:: _FINE // 25, i].copy(), draw.GREEN, 1.2, 0.8)
     now = position(state["path"], steps, time)
@@ -151,6 +159,7 @@ def _flows(pen, state, controls):
         for k in range(done + 1):
             draw.point(pen, k / steps, state["path"][k, i])
         draw.point(pen, time, now[i])
+    # With more than 20 steps the ends of the steps would cover each other.
     if steps <= 20:
         for k in range(done + 1):
             draw.spots(pen, np.full(SAMPLES, k / steps), state["path"][k].copy(), 0.006, draw.BLUE)
@@ -163,6 +172,7 @@ def _flows(pen, state, controls):
 def _histogram(pen, state, controls):
     """Draw the samples now as bars, and the exact density."""
     now, exact = position(state["path"], controls["steps"], state["time"]), _GRID
+    # Share of the samples in a bin over its width, comparable with a density.
     high = density(controls, exact, state["time"])
     size = (_HIGH - _LOW) / _BINS
     bars = np.zeros(_BINS)
@@ -170,6 +180,7 @@ def _histogram(pen, state, controls):
         k = math.floor((x - _LOW) / size)
         if 0 <= k < _BINS:
             bars[k] += 1.0 / (SAMPLES * size)
+    # A scale in powers of two, so that it seldom changes.
     wide = 1.0
     while wide < 1.05 * max(np.max(high), np.max(bars)):
         wide *= 2.0
@@ -193,9 +204,11 @@ def frame(pen, state, controls):
     steps = controls["steps"]
     draw.reading(pen, _T, state["time"], 2)
     draw.reading(pen, _STEPS, steps, 0)
+    # Heun's method evaluates the field twice per step: compare solvers at equal evaluations.
     draw.reading(pen, _CALLS, 2 * steps if controls["solver"] == HEUN else steps, 0)
     draw.reading(pen, _OFF, distance(state["path"], steps, state["exact"], state["time"]), 3)
     draw.reading(pen, _END, distance(state["path"], steps, state["exact"], 1.0), 3)
+    # Samples that end between the modes, more than three deviations inside both, belong to no data.
     end, reach = position(state["path"], steps, 1.0), 1.0 - 3.0 * controls["width"]
     draw.reading(pen, _BETWEEN, 100.0 * np.sum(np.abs(end) < reach) / SAMPLES, 0, _PERCENT)
 

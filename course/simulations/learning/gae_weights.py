@@ -43,6 +43,7 @@ STATE = Record(
 @register_jitable
 def error_weights(discount, trace, steps):
     """Return the weights (steps,) that GAE gives to the temporal-difference errors."""
+    # Schulman et al. (2016), eq. 16: the advantage is the sum of (γ λ)^l times the TD error at l.
     return (discount * trace) ** np.arange(steps)
 
 
@@ -61,6 +62,8 @@ def n_step_weights(trace, steps):
 @register_jitable
 def values_of(controls):
     """Return the critic's values (steps + 1,) on the path, the last one of where it ends."""
+    # With a prize of 1 the exact value is γ to the number of steps that remain; the critic is off
+    # by a constant in every state, but a terminal state has value 0 by definition.
     steps, beyond = controls["steps"], BEYOND if controls["end"] == TRUNCATED else 0
     left = steps - 1.0 + beyond - np.arange(steps + 1)
     # The last power is not used if the path is terminated; its value is zero then.
@@ -74,6 +77,7 @@ def values_of(controls):
 def rewards_of(controls, noise):
     """Return the rewards (steps,) of a path for standard normal noise (steps,)."""
     rewards = controls["noise"] * noise
+    # Only a terminated path has reached the prize; a truncated one bootstraps from the last value.
     if controls["end"] == TERMINATED:
         rewards[-1] += 1.0
     return rewards
@@ -83,6 +87,7 @@ def rewards_of(controls, noise):
 def temporal_differences(controls, noise):
     """Return the temporal-difference errors (steps,) of a path."""
     values = values_of(controls)
+    # TD error: r + γ V(next) - V(now).
     return rewards_of(controls, noise) + controls["discount"] * values[1:] - values[:-1]
 
 
@@ -94,6 +99,8 @@ def bias(controls, trace):
     its error before it. The error of the first value itself is a baseline and is added back.
     """
     steps, gamma, error = controls["steps"], controls["discount"], controls["error"]
+    # Differences of a constant error telescope but for the factor γ - 1; a terminal value has no
+    # error to add.
     weights = error_weights(gamma, trace, steps)
     result = error + (gamma - 1.0) * error * np.sum(weights)
     if controls["end"] == TERMINATED:
@@ -104,6 +111,7 @@ def bias(controls, trace):
 @register_jitable
 def deviation(controls, trace):
     """Return the standard deviation of the advantage: independent noise in each reward."""
+    # Independent noise: variances add up with the squares of the weights.
     weights = error_weights(controls["discount"], trace, controls["steps"])
     return controls["noise"] * math.sqrt(np.sum(weights * weights))
 
@@ -117,6 +125,8 @@ def sample(controls, state):
     errors = temporal_differences(controls, noise)
     state["errors"][:steps] = errors
     advantage = np.sum(error_weights(controls["discount"], controls["trace"], steps) * errors)
+    # Sums of another λ are discarded, so that the measured bias and deviation belong to one
+    # estimator.
     if state["trace"] != controls["trace"]:
         state["trace"] = controls["trace"]
         state["count"], state["total"], state["squares"] = 0, 0.0, 0.0
@@ -132,6 +142,7 @@ def initial(controls, state):
 
 def advance(state, controls, seconds):
     """Sample the paths that are due."""
+    # Not more than 20 batches at once, after a pause of the page.
     for _ in range(_EACH * min(whole_steps(state, seconds, _PACE), 20)):
         sample(controls, state)
 
@@ -166,6 +177,7 @@ def _bars(pen, first, heights, fill, edge=draw.NONE):
 @register_jitable
 def _trade(pen, controls):
     """Draw bias, deviation and both over lambda."""
+    # Bias falls and noise grows with λ, the trade-off that λ is for.
     curves = np.zeros((2, len(_TRACES)))
     for k in range(len(_TRACES)):
         curves[0, k] = abs(bias(controls, _TRACES[k]))
@@ -191,12 +203,15 @@ def frame(pen, state, controls):
     """Draw both sets of weights, one path's errors, the trade-off over lambda, and the numbers."""
     steps, gamma, trace = controls["steps"], controls["discount"], controls["trace"]
     weights, errors = error_weights(gamma, trace, steps), state["errors"][:steps]
+    # Weights of the TD errors, and of the n-step advantages that they sum up to: two forms of one
+    # estimator.
     draw.area(pen, _TOP_LEFT, (-0.6, steps - 0.4, 0.0, 1.05))
     draw.axes(pen, _AHEAD, _WEIGHT, _OF_ERRORS, 5, 4)
     _bars(pen, 0.0, weights, draw.BLUE)
     draw.area(pen, _TOP_RIGHT, (0.4, steps + 0.6, 0.0, 1.05))
     draw.axes(pen, _N, _WEIGHT, _OF_STEPS, 5, 4)
     _bars(pen, 1.0, n_step_weights(trace, steps), draw.PURPLE)
+    # TD errors of the last path as frames, their contributions to the advantage filled.
     tall = 1.15 * max(np.max(np.abs(errors)), 0.1)
     draw.area(pen, _LOW_LEFT, (-0.6, steps - 0.4, -tall, tall))
     draw.axes(pen, _AHEAD, _DELTA, _THIS_PATH, 5, 4)
@@ -210,6 +225,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _ADVANTAGE, np.sum(weights * errors), draw.SIGNED + 3)
     draw.reading(pen, _BIAS, bias(controls, trace), draw.SIGNED + 3)
     draw.reading(pen, _DEVIATION, deviation(controls, trace), 3)
+    # The sum of the weights without an end; with γ λ = 1 it diverges.
     if gamma * trace < 1.0 - 1e-12:
         draw.reading(pen, _HORIZON, 1.0 / (1.0 - gamma * trace), 1, _STEPS)
     else:
@@ -219,6 +235,7 @@ def frame(pen, state, controls):
         mean = state["total"] / n
         # The true advantage is zero, so the mean estimate plus the critic's error is the bias.
         draw.reading(pen, _MEASURED, mean + controls["error"], draw.SIGNED + 3)
+        # Variance from the sums; rounding may take it below zero.
         spread = math.sqrt(max(state["squares"] / n - mean * mean, 0.0))
         draw.reading(pen, _MEASURED_DEVIATION, spread, 3)
         draw.reading(pen, _PATHS, n, 0)

@@ -67,14 +67,17 @@ def judged(policy, envs):
     """Return one episode per environment and the paths in the goal's frame, (2, n, steps + 1)."""
     observed = []
 
+    # The policy is observed while it acts, so that paths need no second run.
     def act(observations):
         observed.append(observations[:, :2].copy())
         return policy(observations)
 
     played = evaluate(act, envs, FIRST, discount=DISCOUNT)
     last = envs.task.goal - envs.task.p  # of those whose episode ended with the last step of all
+    # Observations hold the vector to the goal; its negative is the position seen from the goal.
     rows = -np.stack([*observed, last.T], axis=-1).transpose(1, 0, 2)
     paths = np.empty((2, envs.num_envs, MAX_STEPS + 1))
+    # Vectorised episodes end at different steps: from there the path stays at its last point.
     for i, n in enumerate(played.steps):
         paths[:, i, : n + 1], paths[:, i, n + 1 :] = rows[:, i, : n + 1], rows[:, i, n, None]
     return played, paths
@@ -92,14 +95,17 @@ def learned(rate, epochs, seed, reward, left_out, first):
         **LEFT_OUT[left_out],
     )
     kind = REWARDS[reward]
+    # Training resets finished environments within the step; the test plays each start once.
     envs = PointReachVector(POINTS, kind, autoreset_mode="SameStep")
     test = PointReachVector(STARTS, kind)
     starts, _ = test.reset(seed=FIRST)
+    # The exact optimum from the same starts; for the plain distance as a reward it is not known.
     prize = optimum(starts).mean()
     best = 0.0 if reward == DISTANCE else optimum(starts, kind).mean()
     report, paths = np.zeros((ITERATIONS, 8)), np.zeros((ITERATIONS, SHOWN, 2, MAX_STEPS + 1))
     steps, arrived = np.zeros((2, ITERATIONS, SHOWN), dtype=np.int64)
     k = -1
+    # One thread of the linear algebra, for the same sums on every run.
     with one_thread():
         try:
             for k, now in enumerate(
@@ -107,9 +113,12 @@ def learned(rate, epochs, seed, reward, left_out, first):
             ):
                 played, routes = judged(now.policy, test)
                 good = int(played.success.sum())
+                # Counting the first episodes to finish favours short ones, which mostly succeed: a
+                # biased estimate next to one episode for each start.
                 read = (
                     first_finished(now.policy, test, STARTS, FIRST).success.mean() if first else 0.0
                 )
+                # Discounted success over the best possible: early arrivals are worth more.
                 worth = np.where(played.success, DISCOUNT ** (played.steps - 1.0), 0.0).mean()
                 report[k] = (
                     good / STARTS,
@@ -131,6 +140,7 @@ def learned(rate, epochs, seed, reward, left_out, first):
 @register_jitable
 def initial(controls, state):
     """Learn."""
+    # Training is Python with matrices; compiled code gets its results from object mode.
     c = controls
     values = np.array(
         [
@@ -209,6 +219,7 @@ def frame(pen, state, controls):
     draw.text(pen, -0.96 * reach, -0.94 * reach, _NUMBER, draw.INK, 13.0)
     draw.number(pen, now + 1.0, 0)
     at, rows = np.arange(1.0, now + 2.0), report[: now + 1]
+    # Success rates with Wilson's interval (1927) as pale bars, up to the present iteration.
     draw.chart(pen, _UPPER, (0.0, 1.0 * ITERATIONS, 0.0, 100.0), 0, _PERCENT_OF, 0, 6, 5)
     for k in range(now + 1):
         draw.segment(
@@ -224,6 +235,7 @@ def frame(pen, state, controls):
     draw.curve(pen, at, 100.0 * rows[:, SUCCESS], draw.BLUE, 2.2)
     if controls["first"]:
         draw.curve(pen, at, 100.0 * rows[:, READ], draw.ORANGE, 2.0, 1.0, 5.0, 3.0)
+    # The axes hold all iterations from the start on, so that they stay still during playback.
     low = min(0.0, 1.1 * np.min(report[:, RETURN]))
     high = max(max(state["best"], np.max(report[:, RETURN])), 0.0) - 0.1 * low
     draw.chart(pen, _LOWER, (0.0, 1.0 * ITERATIONS, low, 1.15 * high), _ITERATION, _RETURN, 0, 6, 4)
@@ -257,6 +269,7 @@ def drag(controls, state, x, y):
 
     Its paths are shown to their ends.
     """
+    # The end of the iteration's time, when its paths are complete.
     now = (x - _UPPER[0]) / (_UPPER[1] - _UPPER[0]) * ITERATIONS - 1.0
     state["time"] = (min(max(round(now), 0.0), ITERATIONS - 1.0) + 0.9) * PICTURE
 

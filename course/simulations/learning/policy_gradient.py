@@ -46,6 +46,8 @@ def reward(x, y):
 @register_jitable
 def expected_reward(mean, spread):
     """Return the mean reward of the policy: that at its mean, less what its spread costs."""
+    # E of a quadratic under a normal distribution: its value at the mean plus the curvatures times
+    # the variance.
     return reward(mean[0], mean[1]) - spread * spread * (CURVES[0] + CURVES[1])
 
 
@@ -65,6 +67,8 @@ def votes(mean, spread, baseline, noise):
         baseline: what is subtracted from each reward.
         noise: of the samples in standard deviations, (n, 2).
     """
+    # REINFORCE (Williams, 1992): advantage times score. A baseline changes the variance, not the
+    # mean.
     actions = mean + spread * noise
     advantages = reward(actions[:, 0], actions[:, 1]) - baseline
     # The score of a normal distribution: (a - mean) / spread^2.
@@ -90,6 +94,7 @@ def vote_variance(mean, spread, baseline):
     u, q = 2.0 * spread * CURVES * (mean - GOAL), spread * spread * CURVES
     square = 2.0 * b * b + 4.0 * np.sum(u * u) - 8.0 * b * np.sum(q)
     square += 18.0 * np.sum(q * q) + 12.0 * q[0] * q[1]
+    # Variance is the mean square less the square of the mean, which is the true gradient.
     gradient = true_gradient(mean)
     return square / (spread * spread) - np.sum(gradient * gradient)
 
@@ -115,6 +120,7 @@ def sample(controls, state):
 @register_jitable
 def take_step(controls, state):
     """Move the mean along the estimated gradient, and sample again."""
+    # Stochastic gradient ascent; the mean is kept in the picture, as large steps diverge.
     ahead = state["mean"] + controls["rate"] * estimate(controls, state)
     for k in range(2):
         state["mean"][k] = min(max(ahead[k], -_FAR), _FAR)
@@ -138,6 +144,7 @@ def initial(controls, state):
 
 def advance(state, controls, seconds):
     """Take the steps that are due."""
+    # At most 50 steps at once, after a pause of the page.
     for _ in range(min(whole_steps(state, seconds, _PACE), 50)):
         take_step(controls, state)
 
@@ -166,6 +173,7 @@ _COS, _SIN = np.cos(_ROUND), np.sin(_ROUND)
 def _scene(pen, state, controls):
     """Draw the landscape, the policy, its samples and the trail of its mean."""
     draw.area(pen, _SCENE, _VIEW)
+    # Level sets of the reward: ellipses around the goal, from low to high.
     for k in range(4):
         below = (12.0, 6.0, 2.5, 0.6)[k]  # reward lost at the ring
         draw.polygon(pen, _RINGS[k])
@@ -173,6 +181,7 @@ def _scene(pen, state, controls):
         draw.points(pen, GOAL[0] + x * _COS, GOAL[1] + y * _SIN)
     draw.axes(pen, _X, _Y, _PLANE, 5, 5, 12.0, False)
     mean, spread, n = state["mean"].copy(), controls["spread"], controls["samples"]
+    # The policy as circles of one and two standard deviations.
     for reach in (2.0, 1.0):
         draw.polygon(pen, _SHADE, draw.BLUE, 1.2, 0.25)
         draw.points(pen, mean[0] + reach * spread * _COS, mean[1] + reach * spread * _SIN)
@@ -181,10 +190,12 @@ def _scene(pen, state, controls):
     noise = state["noise"][:n].copy()
     advantages = votes(mean, spread, baseline_of(controls, mean), noise)[0]
     for k in range(n):
+        # Blue samples pull the mean towards them, orange ones push it away.
         ink = draw.BLUE if advantages[k] > 0.0 else draw.ORANGE
         px, py = mean[0] + spread * noise[k, 0], mean[1] + spread * noise[k, 1]
         draw.spot(pen, px, py, 0.045, ink, draw.NONE, 1.0, 0.9)
     draw.spot(pen, GOAL[0], GOAL[1], 0.06, draw.GREEN, draw.INK)
+    # Both gradients at the mean to one scale: the sample average and its expectation.
     average, true = estimate(controls, state), true_gradient(mean)
     scale = 0.35
     draw.arrow(
@@ -246,17 +257,21 @@ def frame(pen, state, controls):
     mean, average = state["mean"].copy(), estimate(controls, state)
     true = true_gradient(mean)
     size, truth = math.hypot(average[0], average[1]), math.hypot(true[0], true[1])
+    # At the top, or without votes, the angle is not defined.
     near = truth < 1e-9 or size == 0.0
     draw.readout(pen, _ANGLE)
     if near:
         draw.words(pen, _NONE)
     else:
+        # atan2 of cross and dot product: accurate for small angles, where the arc cosine isn't.
         cross, dot = average[0] * true[1] - average[1] * true[0], np.sum(average * true)
         draw.number(pen, abs(math.degrees(math.atan2(cross, dot))), 0, _DEGREES)
     draw.reading(pen, _SIZE, size, 2)
     draw.reading(pen, _TRUTH, truth, 2)
     away = math.hypot(average[0] - true[0], average[1] - true[1])
     draw.reading(pen, _ERROR, away, 2)
+    # Standard error of the average: the deviation of a single vote over the square root of their
+    # number.
     variance = vote_variance(mean, controls["spread"], baseline_of(controls, mean))
     draw.reading(pen, _EXPECTED, math.sqrt(variance / controls["samples"]), 2)
     draw.reading(pen, _REWARD, expected_reward(mean, controls["spread"]), 2)

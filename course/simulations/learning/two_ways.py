@@ -46,12 +46,17 @@ def policy(head):
 @lru_cache(maxsize=64)
 def driven(head, executed, noise, sampled):
     """Return paths (RUNS, steps + 1, 2), the side each passed, and the interval of successes."""
+    # The same starts for all policies (common random numbers), so that differences belong to the
+    # policy.
     task, rng = TwoWays(noise=noise), np.random.default_rng(SEED + 5)
+    # One thread of the linear algebra: the same sums in the same order on every run.
     with one_thread():
         made = policy(head)
         made = replace(made, steps=sampled) if isinstance(made, Drawn) else made
         starts = task.starts(RUNS, rng)
         paths = roll(task, Commit(made, executed), starts, task.steps, rng).states
+    # A run that passed on neither side has failed; the success rate comes with Wilson's interval
+    # (1927).
     side = task.sides(paths)
     return paths, side, np.array(wilson(int(np.sum(side != 0)), RUNS))
 
@@ -67,6 +72,7 @@ def initial(controls, state):
     """Run the policy from all starts."""
     c = controls
     values = np.array([1.0 * c["head"], 1.0 * c["executed"], c["noise"], 1.0 * c["sampled"]])
+    # Networks run in Python, so this model is recorded for the page instead of compiled for it.
     with objmode(
         paths="float64[:,:,:]", side="int64[:]", band="float64[:]", shown="float64[:,:,:]"
     ):
@@ -102,10 +108,13 @@ _SCENE, _VIEW = (0.1, 8.9, 0.5, 4.6), (-0.3, 1.5, -0.42, 0.42)
 
 def frame(pen, state, controls):
     """Draw all runs up to this step over the demonstrations; how many passed, and on which side."""
+    # After the last step the picture pauses, with all paths complete.
     now = int(min(state["time"] / PICTURE + 1e-9, 1.0 * _LENGTH))
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)
     draw.title(pen, _VIEW[0], _VIEW[3], _DONE)
+    # The goal's circle, the demonstrations in grey, the disc, then the policy's runs: blue ones
+    # succeed, orange ones collide or miss the goal.
     draw.spot(pen, 1.0, 0.0, _REACH, draw.NONE, draw.GREEN, 1.5)
     for i in range(RUNS):
         draw.curve(pen, state["shown"][i, :, 0], state["shown"][i, :, 1], draw.GREY, 0.8, 0.25)

@@ -75,6 +75,7 @@ def edge_free(rows, body, a, b):
     """
     if body[0, 0] == 0.0:
         return segment_free(rows, a[0], a[1], b[0], b[1])
+    # Sampled collision checking: obstacles thinner than the spacing may be missed, corners be cut.
     pieces = max(1, math.ceil(math.sqrt(squared(a, b)) / body[0, 0]))
     for k in range(pieces + 1):
         if not state_free(rows, body, a + (k / pieces) * (b - a)):
@@ -87,6 +88,8 @@ def initial(controls, state):
     """Set up the obstacles, and the roots of what will grow."""
     rows, counts, count = state["rows"], state["counts"], 0
     for p in controls["pieces"]:
+        # Four sides in turn, the last one marked, so that the exact test knows where an obstacle
+        # ends; an obstacle without size is absent.
         for i in range(4 * (p[2] > 0.0)):  # corner i and the next one, against the clock
             u, v = (-1.0, 1.0, 1.0, -1.0)[i], (-1.0, -1.0, 1.0, 1.0)[i]
             rows[count, 0] = LAST_SIDE if i == 3 else SIDE
@@ -97,6 +100,8 @@ def initial(controls, state):
     state["count"], state["corners"], state["owed"], state["length"] = count, 0, 0.0, 0.0
     state["seed"][0] = controls["seed"]
     start, goal = controls["ends"][:2], controls["ends"][2:]
+    # A tree grows from the start, with RRT-Connect one from the goal too; a roadmap has both as its
+    # first two nodes.
     roadmap = int(controls["method"] == PRM)  # it has both ends in one table
     state["nodes"][0, 0], state["nodes"][1 - roadmap, roadmap] = start, goal
     for side in range(2):
@@ -105,6 +110,7 @@ def initial(controls, state):
         state["stacks"][0, side] = side
     counts[trees.NODES] = 1 + roadmap
     counts[trees.NODES + 1] = int(controls["method"] == CONNECT)
+    # An end in collision makes the question unanswerable, whatever the planner does.
     body, rows = np.zeros((1, 1)), rows[:count]
     free = state_free(rows, body, start) and state_free(rows, body, goal)
     state["became"] = SEARCHING if free else BLOCKED
@@ -122,6 +128,8 @@ def _length(state):
 def _up(state, side, node):
     """Append the path from a node up to its root; the one to the start is reversed."""
     path, first = state["path"], state["corners"]
+    # Follow parents to the root. The tree of the start lists its path backwards, hence the
+    # reversal.
     while node >= 0:
         path[state["corners"]] = state["nodes"][side, node]
         state["corners"] += 1
@@ -133,6 +141,8 @@ def _up(state, side, node):
 @register_jitable
 def _route(state, rows, body):
     """Return the last node of the shortest way through the roadmap; parents lead back from it."""
+    # The roadmap's edges as a compressed adjacency list (CSR): both directions sorted by their
+    # first node.
     count, edges = state["counts"][roadmaps.NODES], state["counts"][roadmaps.EDGES]
     pairs, nodes = state["pairs"][:edges], state["nodes"][0, :count]
     ends = np.concatenate((pairs[:, 0], pairs[:, 1]))
@@ -140,6 +150,7 @@ def _route(state, rows, body):
     first = np.searchsorted(ends[order], np.arange(count + 1))
     begins, leaves, came = np.full(count, np.inf), np.full(count, np.inf), np.empty(count, np.int64)
     begins[0], leaves[1] = 0.0, 0.0
+    # A* between start and goal over the edges that are known to be free.
     last = roadmaps._search(
         edge_free,
         rows,
@@ -156,6 +167,7 @@ def _route(state, rows, body):
         came,
         state["counts"],
     )
+    # Edge numbers become parents: the sum of both ends less this end is the other one.
     for i in range(count):
         state["parents"][0, i] = -1 if came[i] < 0 else pairs[came[i], 0] + pairs[came[i], 1] - i
     return last
@@ -169,12 +181,16 @@ def _body(controls):
 @register_jitable
 def grow(controls, state, samples):
     """Draw so many samples, fewer where the question is answered or the budget is spent."""
+    # No more samples than the budget has left.
     counts, method, code, last = state["counts"], controls["method"], trees.GO_ON, -1
     samples = min(samples, BUDGET[method] - counts[SAMPLES])
+    # Only RRT* goes on after a solution: it is asymptotically optimal and keeps improving.
     if state["became"] != SEARCHING and not (state["became"] == SOLVED and method == STAR):
         return
     rows, body, rng = state["rows"][: state["count"]], _body(controls), Stream(state["seed"])
     bounds, numbers = np.array([[0.0, 0.0], [LONG, HIGH]]), np.zeros(8)
+    # PRM: sample the free space and join each node to its nearest neighbours (Kavraki et al.,
+    # 1996).
     if samples > 0 and method == PRM:
         numbers[roadmaps.NEAREST], numbers[roadmaps.STOP], numbers[roadmaps.MIX] = JOINED, 1.0, 1.0
         if roadmaps._grow(
@@ -195,6 +211,8 @@ def grow(controls, state, samples):
         ):
             last = _route(state, rows, body)
     elif samples > 0:
+        # Trees: steer by at most the step size towards samples, the goal being one of them with the
+        # bias.
         numbers[trees.STEP], numbers[trees.MIX] = controls["step"], 1.0
         numbers[trees.BIAS] = controls["bias"]
         # The radius of RRT*: 1.1 times the least for which it converges, in the plane.
@@ -222,6 +240,7 @@ def grow(controls, state, samples):
         else:
             code = trees._grow(state_free, edge_free, *rest)
         last = counts[trees.LAST]
+        # RRT* reports the best node each time; without a shorter path the drawn one stays.
         if method == STAR and last >= 0 and state["costs"][0, last] == state["length"]:
             last = -1  # as short as it was
     if last >= 0:
@@ -238,6 +257,8 @@ def grow(controls, state, samples):
 @register_jitable
 def shorten(controls, state):
     """Shortcuts between corners drawn at random, where the edge between them is free."""
+    # Shortcutting (Geraerts and Overmars, 2007): replace a piece between two corners by a straight
+    # edge if that is free. Corners are removed, never added.
     rows, path, draws = state["rows"][: state["count"]], state["path"], np.empty(2)
     for _ in range(CUTS):
         n = state["corners"]
@@ -281,6 +302,7 @@ _CORNER = (0.1, 0.06)  # of the buttons
 def _grown(pen, state, controls):
     """Return the edges of the trees or of the roadmap; how many nodes there are."""
     counts = state["counts"]
+    # A roadmap shows its edges that were tested and found free, trees each node with its parent.
     if controls["method"] == PRM:
         edges, nodes = counts[roadmaps.EDGES], state["nodes"][0]
         pairs = state["pairs"][:edges][state["known"][:edges] == roadmaps.FREE]
@@ -306,6 +328,8 @@ def frame(pen, state, controls):
     rows, path, hits = state["rows"][: state["count"]], state["path"], 0
     for k in range(state["corners"] - 1):
         a, b = path[k], path[k + 1]
+        # The path is tested exactly, whatever the planner's own test: sampled edges that hit are
+        # red.
         wrong = not segment_free(rows, a[0], a[1], b[0], b[1])
         hits += int(wrong)
         draw.segment(pen, a[0], a[1], b[0], b[1], draw.RED if wrong else draw.GREEN, 4.0)
@@ -346,6 +370,7 @@ def grab(controls, state, x, y):
         return
     for k in range(PIECES - 1, -1, -1):
         p = pieces[k]
+        # Signed distance in the maximum norm: near the rim it is resized, well inside it is moved.
         out = max(abs(u - p[0]) - p[2], abs(v - p[1]) - p[3])
         if p[2] == 0.0:
             vacant = k
@@ -355,6 +380,7 @@ def grab(controls, state, x, y):
     for k in range(2):
         if math.hypot(controls["ends"][2 * k] - u, controls["ends"][2 * k + 1] - v) < 0.4:
             state["held"], state["grip"][:] = 1 + k, controls["ends"][2 * k : 2 * k + 2]
+    # The offset of the pointer is preserved, so that the piece does not jump to it.
     state["grip"] -= np.array([u, v])
     if state["held"] == 0 and vacant >= 0:
         pieces[vacant], state["held"] = np.array([u, v, 0.2, 0.2]), -3 - vacant
@@ -368,6 +394,7 @@ def _put(controls, state, held, u, v):
     u, v = min(max(u, 0.0), LONG), min(max(v, 0.0), HIGH)
     if held < 0:
         p = controls["pieces"][-3 - held]
+        # The rim defines the half sides; an obstacle that was shrunk to nothing is removed.
         p[2], p[3] = abs(u - p[0]), abs(v - p[1])
         if min(p[2], p[3]) < 0.02:
             p[2:] = 0.0
@@ -375,6 +402,7 @@ def _put(controls, state, held, u, v):
         controls["pieces"][held - 3, 0], controls["pieces"][held - 3, 1] = u, v
     elif held > 0:
         controls["ends"][2 * held - 2], controls["ends"][2 * held - 1] = u, v
+    # Any change of the question restarts the planner with the same seed.
     initial(controls, state)
 
 

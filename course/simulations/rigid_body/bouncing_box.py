@@ -119,11 +119,14 @@ def _trace(path, start, controls, how):
     dt, box = how[0], start.copy()
     path[0, 0] = 0.0
     path[1:7, 0] = box[:, 0]
+    # Points in whole steps close to _SAMPLE, so that every point is a state that the method
+    # computed.
     number = max(1, math.floor(_SAMPLE / dt + 0.5))
     end = max(1, math.floor(_PREVIEW / dt + 1e-9))
     steps, n = 0, 1
     while steps < end:
-        # In flight, clear of the ground, a smooth curve needs fewer points.
+        # In flight, clear of the ground, a smooth curve needs fewer points: no corner can touch
+        # while the centre, after an upper bound of its fall, is above the half diagonal.
         leap = 4 * number * dt
         fall = leap * (max(-box[4, 0], 0.0) + leap * controls["gravity"])
         count = 4 * number if box[1, 0] - fall > _RADIUS else number
@@ -140,6 +143,7 @@ def initial(controls, state):
     """Set up the box at its start, but not in the ground, and the motion ahead of it."""
     box = state["box"]
     box[:, 0] = controls["start"]
+    # A box that was dragged into the ground is lifted until its lowest corner touches it.
     box[1, 0] = max(box[1, 0], _reach(box[2, 0]))
     now = energies(box[:, 0], controls["gravity"])
     state["energy"], state["peak"] = now[2], box[1, 0]
@@ -158,11 +162,14 @@ def advance(state, controls, seconds):
     box, history = state["box"], state["history"]
     count = math.floor((state["owed"] + seconds) / dt + 1e-9)
     state["owed"] = max(state["owed"] + seconds - count * dt, 0.0)
+    # Energies are sampled at whole steps, so the loop advances from one sample to the next.
     sample = max(1, math.floor(_SAMPLE / dt + 0.5))
     steps = state["steps"]
     end = steps + count
     while steps < end:
         number = min(sample - steps % sample, end - steps)
+        # Without event location the box may sink in during a step; only where it may touch at all,
+        # its depth is computed before the solver pushes it out.
         if not resolve:
             reach = number * dt * (abs(box[4, 0]) + number * dt * gravity)
             if box[1, 0] - reach < _RADIUS:
@@ -203,10 +210,14 @@ _METRES = 0.8  # per unit of the window, before zooming out
 def scene(state):
     """Return what the scene shows [m]: zooms out in powers of two, follows the box sideways."""
     wide, high = _METRES * (_SCENE[1] - _SCENE[0]), _METRES * (_SCENE[3] - _SCENE[2])
+    # The peaks so far and of the preview decide the zoom, so that it does not change while the box
+    # falls.
     top = max(state["peak"], state["path"][2, : state["path_points"]].max()) + _RADIUS
     zoom = 2.0 ** max(0.0, math.ceil(math.log2(top / (high - 0.25))))
     wide, high = zoom * wide, zoom * high
     x = state["box"][0, 0]
+    # The view moves only when the box comes near its sides, and starts a quarter left of the
+    # origin.
     remaining = min(max(-0.25 * wide, x - 0.85 * wide), x - 0.15 * wide)
     return remaining, remaining + wide, -0.2 * zoom, high - 0.2 * zoom
 
@@ -230,10 +241,12 @@ def _world(pen, state, controls):
     draw.box(pen, left, right, bottom, 0.0, _GROUND)
     draw.axes(pen, _X, _Y)
     draw.segment(pen, left, 0.0, right, 0.0, _EARTH, 2.0)
+    # Dashed: the reference with fine steps. Blue: the preview with the chosen settings and method.
     draw.line(pen, draw.INK, 1.4, 0.75, 5.0, 4.0)
     draw.points(pen, good[1, :m], good[2, :m])
     draw.line(pen, draw.BLUE, 2.0, 0.55)
     draw.points(pen, path[1, :n], path[2, :n])
+    # Ghosts of the box at quarters of a second; a coarse path may have one point for two of them.
     before = -1
     for quarter in range(1, 12):
         k = int(np.searchsorted(path[0, :n], 0.25 * quarter))
@@ -244,11 +257,13 @@ def _world(pen, state, controls):
     box = state["box"][:, 0]
     x, y = box[0], box[1]
     draw.polygon(pen, _SKIN, draw.ORANGE, 2.0, 0.95)
+    # A line from the centre to the middle of one side shows how the box turns.
     side_x, side_y = _corners(pen, x, y, box[2])
     draw.segment(pen, x, y, side_x, side_y, draw.ORANGE)
     unit = (right - left) / (_SCENE[1] - _SCENE[0])
     draw.disc(pen, 0.035 * unit, draw.ORANGE)
     draw.point(pen, x, y)
+    # The velocity's tip stays within the scene; an arrow hardly longer than its head is omitted.
     tip_x = min(max(x + 0.12 * box[3], left), right)
     tip_y = min(max(y + 0.12 * box[4], bottom), top)
     if math.hypot(tip_x - x, tip_y - y) > 0.15 * unit:
@@ -272,6 +287,8 @@ def _energies(pen, state, controls, first):
     past, end = state["history"], state["samples"]
     path, n = state["path"], state["path_points"]
     start = state["energy"]
+    # One scale for both charts, over what is shown and what is to come, so that gains of energy fit
+    # in.
     highest = max(start, past[3, first:end].max(), path[7, :n].max())
     top = 1.18 * highest if highest > 1e-9 else 1.0
     draw.area(pen, _BARS, (0.0, 3.0, 0.0, top))
@@ -282,11 +299,13 @@ def _energies(pen, state, controls, first):
         draw.text(pen, k + 0.5, 0.0, _ENERGY + k, draw.INK, 12.0, draw.CENTRE, draw.TOP, 0.0, -5.0)
         draw.text(pen, k + 0.5, now[k], 0, draw.INK, 12.0, draw.CENTRE, draw.BOTTOM, 0.0, 2.0)
         draw.number(pen, now[k], 1)
+    # The energy at the start: what a conservative method would keep when impacts are elastic.
     draw.segment(pen, 0.0, start, 3.0, start, draw.GREY, 1.2, 1.0, 2.0, 3.0)
     begin = max(0.0, past[0, end - 1] - _MEMORY)
     draw.area(pen, _STRIP, (begin, begin + _MEMORY, 0.0, top))
     draw.axes(pen, _T, _E, _OVER_TIME, 5, 4)
     draw.segment(pen, begin, start, begin + _MEMORY, start, draw.GREY, 1.2, 1.0, 2.0, 3.0)
+    # The predicted total energy in pale green, the measured ones in full colours over it.
     draw.line(pen, draw.GREEN, 2.0, 0.3)
     draw.points(pen, path[0, :n], path[7, :n])
     for k in range(3):
@@ -302,6 +321,7 @@ def frame(pen, state, controls):
     """Draw the box in its world, its energy as bars and over time; the numbers."""
     past, end = state["history"], state["samples"]
     _world(pen, state, controls)
+    # Binary search for the oldest sample in the window; the subtracted term absorbs rounding.
     first = np.searchsorted(past[0, :end], past[0, end - 1] - _MEMORY - 1e-9)
     _energies(pen, state, controls, first)
     draw.segment(pen, 5.72, 0.2, 5.72, 4.85, draw.FAINT, 1.0)
@@ -310,6 +330,7 @@ def frame(pen, state, controls):
     for k in range(3):
         draw.reading(pen, _ENERGY + k, now[k], 3, _J)
     draw.readout(pen, _CHANGE)
+    # A relative change needs an energy to compare with: without gravity a box at rest has none.
     if state["energy"] > 1e-9:
         draw.number(pen, 100.0 * (now[2] / state["energy"] - 1.0), draw.SIGNED + 2, _PERCENT)
     else:
@@ -325,6 +346,7 @@ def drag(controls, state, x, y):
     """Drop the box from where the pointer is; it stays above the ground."""
     x, y = draw.values_at(_SCENE, scene(state), x, y)
     controls["start"][0] = x
+    # Above the half diagonal no corner is in the ground, whatever the angle.
     controls["start"][1] = min(max(y, _RADIUS), 50.0)
 
 

@@ -28,6 +28,8 @@ def initial(controls, state):
 
 def advance(state, controls, seconds):
     """Turn at a steady rate along the great circle to q' or -q', and stop there."""
+    # q and -q are one attitude, but -q lies a full turn of 2π back on the great circle of
+    # quaternions.
     end = math.radians(controls["goal"]) - 2.0 * math.pi * controls["path"]
     remaining = end - state["turned"]
     state["turned"] += math.copysign(min(_RATE * seconds, abs(remaining)), remaining)
@@ -54,9 +56,11 @@ def frame(pen, state, controls):
     end, zero, corner = exp(target * AXIS), np.zeros(3), np.array([0.75, 0.45, 0.15])
     eye = space.camera_view(pen, _SCENE, controls, 1.35)
     space.trail(pen, eye, np.outer(AXIS, np.array([-1.3, 0.0])), draw.GREY, 1.5, 1.0, 6.0, 4.0)
+    # The path of one corner under all turns so far.
     path = np.zeros((3, 60))
     for k in range(60):
         path[:, k] = rotate(exp(turned * k / 59.0 * AXIS), 1.02 * corner)
+    # The part of the path behind the body is drawn before it and paler, the other part after it.
     space.trail(pen, eye, path, draw.BLUE, 2.5, 0.35, 0.0, 0.0, -1.0)
     space.faces(pen, eye, rotate(q, _CORNERS), _INDEX, _FILLS, draw.GREY)
     space.trail(pen, eye, path, draw.BLUE, 2.5, 1.0, 0.0, 0.0, 1.0)
@@ -66,10 +70,12 @@ def frame(pen, state, controls):
     space.arrow(pen, eye, zero, 1.3 * AXIS, draw.GREY, 2.0, 10.0, _AXIS)
     draw.chart(pen, _PANEL, (0.0, 4.0, -1.1, 1.1), 0, 0, _BARS, 0, 4)
     draw.segment(pen, 0.0, 0.0, 4.0, 0.0, draw.GREY, 1.2)
+    # Components of q as filled bars; those of the end, q' or -q', as red frames.
     for k in range(4):
         draw.box(pen, k + 0.2, k + 0.6, 0.0, q[k], draw.ORANGE if k == 0 else draw.BLUE)
         draw.box(pen, k + 0.6, k + 0.8, 0.0, end[k], draw.NONE, draw.RED, 1.5)
         draw.text(pen, k + 0.5, -1.1, _NAMES + k, draw.INK, 13.0, draw.CENTRE, draw.TOP, 0.0, -4.0)
+    # The great circle: q = (cos θ/2, sin θ/2 axis) runs at half the angle θ of the body.
     draw.area(pen, _ROUND, (-1.25, 1.25, -1.25, 1.25))
     draw.line(pen, draw.GREY, 1.5)
     circle = space.circle(1.0)
@@ -85,8 +91,11 @@ def frame(pen, state, controls):
     draw.text(pen, 7.55, 2.08, _HALF, draw.INK, 11.5, draw.CENTRE)
     draw.reading(pen, _TURNED, math.degrees(turned), draw.SIGNED, _DEG)
     draw.reading(pen, _W, q[0], draw.SIGNED + 3)
+    # Angles of rotation between attitudes, the same for q and -q (geodesic distance on SO(3)).
     draw.reading(pen, _SAME, math.degrees(angle_between(identity(), q)), 0, _DEG)
     draw.reading(pen, _LEFT, math.degrees(angle_between(q, end)), 0, _DEG)
+    # With q = (1, 0, 0, 0) at the start, the dot product with the end is the scalar part of the
+    # end; below 0 the chosen path is the longer one.
     draw.reading(pen, _DOT, end[0], draw.SIGNED + 3)
 
 

@@ -55,9 +55,15 @@ def advance(state, controls, seconds):
         turning.turn(state, MOMENTS, min(turning.STEP * turning.SAMPLE, seconds))
         seconds -= turning.STEP * turning.SAMPLE
         omega, time = state["omega"], turning.STEP * state["steps"]
+        # The growth of the unstable mode is measured only while it is small: Euler's equations are
+        # linear about the middle axis until ω1 reaches a tenth of the spin.
         if time > 0.0 and abs(omega[0]) < 0.1 * abs(omega[1]) and state["flips"] == 0:
+            # The decaying mode has the same components with one sign changed, so this sum cancels
+            # it; clipping keeps the logarithm finite.
             part = omega[0] / _MODE[0] + omega[2] / _MODE[2]
             state["growth"] = math.log(max(part, 1e-300) / small) / time
+        # The spin about the chosen axis, in the body frame, changes its sign: the body has turned
+        # over (intermediate axis theorem, the Dzhanibekov effect).
         if before * omega[axis] < 0.0:
             state["between"], state["flipped"] = time - state["flipped"], time
             state["flips"] += 1
@@ -80,6 +86,7 @@ def frame(pen, state, controls):
     eye = space.camera_view(pen, _SCENE, controls, 1.5)
     half, axis = 0.5 * SIDES[controls["axis"]], rotate(q, np.eye(3)[controls["axis"]])
     turning.body(pen, eye, q, SIDES)
+    # The path of the tip of ω in the world: Poinsot's herpolhode, in the plane across L.
     space.trail(pen, eye, unit * past[4:7], draw.RED, 1.2, 0.5)
     now, name = unit * rotate(q, state["omega"]), _NAMES + controls["axis"]
     space.arrow(pen, eye, half * axis, (half + 0.35) * axis, draw.GREY, 2.0, 9.0, name)
@@ -88,12 +95,17 @@ def frame(pen, state, controls):
     x, y, _ = space.project(eye, 0.75 * now)
     draw.text(pen, x, y, _OMEGA, draw.RED, 13.0, draw.LEFT, draw.MIDDLE, 9.0, 0.0, 0.0, 1.0)
     turning.rates(pen, state, _STRIP, 1.2 * spin)
+    # The disturbance is what the squared rate has besides the chosen axis, drawn on a logarithmic
+    # scale, where exponential growth is a straight line.
     others = np.sum(past[1:4] ** 2, axis=0) - past[1 + controls["axis"]] ** 2
     start, push, middle = past[0, 0], controls["push"], controls["axis"] == 1
     draw.chart(pen, _LOG, (start, start + 6.0, push - 0.5, 0.3), _T, _SHARE, _ASIDE, 4, 3)
     if middle:
+        # Only a share of the push lies in the growing mode, so the line in theory starts below the
+        # push.
         low, slope = push + math.log10(_SHARE_OF_MODE), rate_in_theory(spin) / math.log(10.0)
         draw.theory(pen, np.array([0.0, 20.0]), np.array([low, low + 20.0 * slope]))
+    # A sample without disturbance would be log10(0); the floor of 1e-30 lies far below the chart.
     draw.curve(pen, past[0], np.log10(np.sqrt(np.maximum(others, 1e-30)) / spin), draw.RED, 2.2)
     draw.window(pen)
     draw.key(pen, 6.4, 0.3, _MEASURED, draw.RED, 2.2)

@@ -60,6 +60,7 @@ _INKS = (draw.INK, draw.RED, draw.GREEN, _VIOLET, draw.GREY)
 @register_jitable
 def _fan(pen, eye, path, ink):
     """Draw a cone from the origin along a path (3, N)."""
+    # The apex of the cone is the origin, as the first point of the polygon.
     cone = np.zeros((3, path.shape[1] + 1))
     cone[:, 1:] = path
     space.sheet(pen, eye, cone, ink, draw.NONE, 1.0, 0.13)
@@ -73,6 +74,8 @@ def frame(pen, state, controls):
     momentum, spin = rotate(q, moments * omega), rotate(q, omega)
     length, unit = math.sqrt(np.sum(momentum * momentum)), 1.15 / controls["spin"]
     eye = space.camera_view(pen, _SCENE, controls, 1.35)
+    # The invariable plane (Poinsot, 1834): the energy is ω · L / 2, so the height of the tip of ω
+    # along L is constant.
     plane = space.circle(0.8)
     plane[2] = unit * np.sum(spin * momentum) / length
     space.sheet(pen, eye, plane, draw.GREY, draw.GREY, 1.0, 0.16)
@@ -88,8 +91,11 @@ def frame(pen, state, controls):
         8.0,
         _THIRD,
     )
+    # Space cone: the path of ω in the world. Body cone: its path in the body, carried along by
+    # today's attitude.
     _fan(pen, eye, unit * past[4:7], draw.GREEN)
     _fan(pen, eye, unit * rotate(q, past[1:4]), _VIOLET)
+    # ω and L to scales of their own: L with one length, as it is constant.
     space.arrow(pen, eye, 0.0 * spin, 1.25 * momentum / length, draw.INK, 3.5, 13.0, _L)
     space.arrow(pen, eye, 0.0 * spin, unit * spin, draw.RED, 3.5, 13.0, _OMEGA)
     turning.rates(pen, state, _STRIP, 1.1 * controls["spin"])

@@ -34,6 +34,7 @@ def advance(state, controls, seconds):
 def angles(state, controls):
     """Return yaw, pitch and roll now [rad], (3,); the ring that is being wiggled, or -1."""
     now = np.radians(np.array([controls["yaw"], controls["pitch"], controls["roll"]]))
+    # Each ring is wiggled for two seconds in turn, by one full period of a sine; at time 0 none.
     ring = int(state["time"] / 2.0) % 3 if state["time"] > 0.0 else -1
     if ring >= 0:
         now[ring] += 0.4 * math.sin(math.pi * state["time"])
@@ -44,8 +45,11 @@ def angles(state, controls):
 def axes_of(yaw, pitch, roll):
     """Return the axes of the outer, middle and inner ring and the worst-turned axis, (4, 3)."""
     axes = np.zeros((4, 3))
+    # Columns of the map from Euler rates (z-y-x) to the angular velocity, here as rows: world z,
+    # the turned y, the body's x.
     axes[0, 2], axes[1, 0], axes[1, 1] = 1.0, -math.sin(yaw), math.cos(yaw)
     axes[2] = rotate(from_euler_zyx(yaw, pitch, roll), np.array([1.0, 0.0, 0.0]))
+    # The direction of the smallest singular value: in gimbal lock no ring turns about it.
     # Across the middle axis and what lies halfway between the other two, which never vanishes.
     axes[3] = cross(axes[1], axes[0] + math.copysign(1.0, axes[2, 2]) * axes[2])
     axes[3] /= math.sqrt(np.sum(axes[3] ** 2))
@@ -76,11 +80,15 @@ def frame(pen, state, controls):
     """Draw rings, plate and axes; the singular value over the pitch, and numbers."""
     (yaw, pitch, roll), ring = angles(state, controls)
     axes, corners = axes_of(yaw, pitch, roll), np.empty(_CORNERS.shape)
+    # Ring k carries the turns of all rings outside it; the plate, k = 3, carries all three.
     for k in range(4):
         q = from_euler_zyx(yaw, pitch if k > 0 else 0.0, roll if k > 1 else 0.0)
         corners[:, k * _N : (k + 1) * _N] = rotate(q, _CORNERS[:, k * _N : (k + 1) * _N])
+    # The smallest singular value: how fast rings at unit rate turn the body about its worst axis.
     sigma = math.sqrt(np.sum(np.sum(axes[:3] * axes[3], axis=1) ** 2))  # of unit rates together
     eye, shown = space.camera_view(pen, _SCENE, controls, 1.55), 4 if sigma < 0.5 else 3
+    # The negative ends of the axes are drawn before the solids, the positive ones after them; the
+    # lost axis appears only near the lock.
     for k in range(shown):
         space.trail(pen, eye, np.outer(axes[k], np.array([-1.45, -0.8])), _INKS[k], 2.5)
     space.faces(pen, eye, corners, _INDEX, _FILLS)
@@ -89,6 +97,8 @@ def frame(pen, state, controls):
         space.arrow(pen, eye, (0.9 if k < 3 else 0.0) * axes[k], 1.5 * axes[k], _INKS[k], width)
     draw.chart(pen, _CURVE, (-110.0, 110.0, 0.0, 1.1), _PITCH, 0, _SIGMA, 4, 4)
     bend = np.linspace(-110.0, 110.0, 111)
+    # In theory the singular value depends on the pitch alone, since the cosine between the outer
+    # and the inner axis is -sin(pitch).
     draw.theory(pen, bend, np.sqrt(1.0 - np.abs(np.sin(np.radians(bend)))))
     draw.spot(pen, math.degrees(pitch), sigma, 7.0, draw.RED)
     draw.window(pen)
@@ -101,6 +111,7 @@ def frame(pen, state, controls):
         draw.number(pen, math.degrees((yaw, pitch, roll)[k]), 0, _COMMA if k < 2 else _DEG)
     draw.reading(pen, _VALUE, sigma, 4, _RATE)
     draw.reading(pen, _THEORY, math.sqrt(max(1.0 - abs(math.sin(pitch)), 0.0)), 4, _RATE)
+    # At the lock no ring rates suffice: a word replaces the reciprocal of zero.
     draw.reading(pen, _NEEDED, 1.0 / max(sigma, 1e-3), 1, _RATE, 0 if sigma > 1e-3 else _NONE)
 
 

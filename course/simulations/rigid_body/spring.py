@@ -37,10 +37,14 @@ def initial(controls, state):
 
     The step's matrix is where it takes (1, 0) and (0, 1), in time 1 / omega.
     """
+    # The patch is a polygon of other initial states around (1, 0): its area shows whether the step
+    # is symplectic.
     state["z"][0, 0] = state["past"][1, 0] = 1.0
     state["z"][0, 1:], state["z"][1, 1:] = 1.0 + 0.3 * _COSINE[1:], 0.3 * _SINE[1:]
     state["samples"] = 1
     unit, params = np.eye(2), np.array([1.0, controls["zeta"]])
+    # The step is linear in the state, so its images of the two unit vectors are the columns of its
+    # matrix.
     q, v = step_of(controls["method"], unit[0:1], unit[1:2], controls["omega_h"], params)
     state["matrix"][:] = np.vstack((q, v))
 
@@ -52,6 +56,7 @@ def advance(state, controls, seconds):
     """
     h, past, m = controls["omega_h"] / OMEGA, state["past"], state["matrix"]
     for _ in range(whole_steps(state, seconds, h)):
+        # An unstable method grows without bound; beyond 1e4 further steps would only overflow.
         if np.max(np.abs(state["z"])) < 1e4:
             state["z"][:] = m[:, :1] * state["z"][0] + m[:, 1:] * state["z"][1]
             state["steps"] += 1
@@ -79,23 +84,31 @@ def drag(controls, state, x, y):
 def frame(pen, state, controls):
     """Draw the spring, its states, the eigenvalues of a step, the step's scale, and numbers."""
     z, past, m = state["z"], state["past"][:, : state["samples"]], state["matrix"]
+    # Eigenvalues of the step's matrix from trace and discriminant; adding 0j makes the root complex
+    # where they are a conjugate pair.
     a, b, c, d = m[0, 0], m[0, 1], m[1, 0], m[1, 1]
     values = 0.5 * (a + d) + np.array([0.5, -0.5]) * np.sqrt((a - d) ** 2 + 4.0 * b * c + 0j)
     modulus, det = np.max(np.abs(values)), a * d - b * c
+    # Unstable if an eigenvalue lies outside the unit circle; the margin is for rounding.
     ink = draw.RED if modulus > 1.0 + 1e-7 else draw.GREEN
+    # The spring between the wall and the mass, as a zigzag of 25 points.
     draw.area(pen, _ROPE, (-3.0, 3.0, -1.0, 1.0))
     coil, side = np.arange(25) / 24.0, 1.0 * (np.arange(25) % 2) - 0.5
     draw.curve(pen, -3.0 + (z[0, 0] + 2.8) * coil, side, draw.GREY, 2.0)
     draw.box(pen, z[0, 0] - 0.2, z[0, 0] + 0.2, -0.7, 0.7, draw.BLUE)
     draw.chart(pen, _STATES, (-3.0, 3.0, -2.4, 2.4), _X, _V, _PHASE, 6, 4)
     draw.curve(pen, past[1, -60:], past[2, -60:], draw.BLUE, 1.0, 0.5)
+    # Area of the transported patch, with the shoelace formula: without damping the exact flow
+    # preserves it (Liouville's theorem).
     patch = 0.5 * abs(np.sum(z[0, 1:] * np.roll(z[1, 1:], -1) - z[1, 1:] * np.roll(z[0, 1:], -1)))
     draw.polygon(pen, _PALE, ink, 1.8, 0.9)
     draw.points(pen, z[0, 1:], z[1, 1:])
     draw.spots(pen, past[1, -60:], past[2, -60:], 0.07, draw.BLUE)
+    # The eigenvalues in the complex plane, with the unit circle as the border of stability.
     draw.chart(pen, _UNIT, (-1.6, 1.6, -1.6, 1.6), 0, 0, _CIRCLE, 3, 3)
     draw.curve(pen, _COSINE, _SINE, draw.INK, 1.5)
     draw.spots(pen, values.real, values.imag, 0.1, ink)
+    # The limit of ω h for this method, tabulated over the damping ratio in steps of 1 / 20.
     edge = _LIMITS[controls["method"], round(20.0 * controls["zeta"])]
     draw.gauge(pen, _SCALE, _LARGEST, controls["omega_h"], ink, _H, edge, _LIMIT)
     start = max(past[0, -1] - 8.0, 0.0)
@@ -105,6 +118,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _MODULUS, modulus, 4)
     draw.reading(pen, _DET, det, 4)
     draw.reading(pen, _AREA, patch / _PATCH, 4)
+    # Each step multiplies areas by the determinant.
     draw.reading(pen, _THEORY, det ** state["steps"], 4)
 
 

@@ -34,6 +34,8 @@ def critical(i3):
 
 def initial(controls, state):
     """Set up released with the axis at rest."""
+    # The axis leans by the tilt, and the only rate is the spin about it: released without
+    # precession, the top therefore nutates.
     state["q"][:] = exp(np.array([math.radians(controls["tilt"]), 0.0, 0.0]))
     state["omega"][2] = controls["spin"]
     turning.remember(state, 0.0)
@@ -66,23 +68,33 @@ def frame(pen, state, controls):
     q, omega, spin, past = state["q"], state["omega"], controls["spin"], turning.recent(state)
     i3, up = RATIOS[controls["moments"]] * I1, np.array([0.0, 0.0, 1.0])
     inertia, axis, time, path = np.array([I1, I1, i3]), rotate(q, up), past[0], past[7:10]
+    # Angular momentum in the world, and the torque r × m g of the weight about the tip (Euler's
+    # equations, fixed point).
     momentum, torque = rotate(q, inertia * omega), WEIGHT * cross(axis, -up)
     eye = space.camera_view(pen, _SCENE, controls, 1.5)
+    # The post first, then the part of the trail behind the top, the top, and the part in front of
+    # it: the painter's algorithm with three layers.
     space.faces(pen, eye, _FOOT, _FEET, _GREY)
     space.trail(pen, eye, 1.02 * path, draw.BLUE, 1.6, 0.35, 0.0, 0.0, -1.0)
     space.faces(pen, eye, rotate(q, _CORNERS), _INDEX, _FILLS)
     space.trail(pen, eye, 1.02 * path, draw.BLUE, 1.8, 0.9, 0.0, 0.0, 1.0)
+    # L is drawn with one length, since only its direction is compared; without spin it may vanish.
     tip = 1.35 * momentum / max(math.sqrt(np.sum(momentum * momentum)), 0.02)
     space.arrow(pen, eye, 0.0 * tip, tip, draw.INK, 3.0, 12.0, _L)
+    # The torque starts at the tip of L, as it is the velocity of this tip: dL/dt = torque.
     space.arrow(pen, eye, tip, tip + 0.7 * torque, draw.RED, 3.0, 12.0)
     space.arrow(pen, eye, 0.68 * axis, 0.68 * axis - 0.6 * up, draw.GREEN, 2.5)
+    # Turning points of the nutation, from the conservation of energy and of both components of L
+    # (Goldstein, sec. 5.7: roots of the cubic f(u)).
     cosines = nutation_limits((I1, i3), WEIGHT, math.radians(controls["tilt"]), spin)
     limits = np.degrees(np.arccos(cosines[:2]))
     values = time[0], time[0] + 4.0, 0.0, min(1.2 * limits[0], 180.0)
     draw.chart(pen, _STRIP, values, _T, _DEGREES, _TILTS, 4, 4)
     for k in range(2):
         draw.theory(pen, np.array([0.0, 1e4]), np.full(2, limits[k]))
+    # Rounding may take the axis' height just beyond 1, where the arc cosine is not defined.
     draw.curve(pen, time, np.degrees(np.arccos(np.clip(path[2], -1.0, 1.0))), draw.BLUE, 2.0)
+    # Green above the critical spin: a sleeping top that stands upright is stable there.
     ink = draw.GREEN if spin > critical(i3) else draw.ORANGE
     draw.gauge(pen, _BAR, 120.0, spin, ink, _SPIN, critical(i3), _CRITICAL)
     draw.number(pen, critical(i3), 1)
@@ -90,11 +102,16 @@ def frame(pen, state, controls):
     draw.key(pen, 0.2, 4.75, _TORQUE, draw.RED, 3.0)
     draw.key(pen, 3.9, 4.75, _FALLS, draw.GREEN, 3.0)
     draw.theory_key(pen, 7.3, 4.75, _LIMIT)
+    # The gyroscopic term of Euler's equations: zero with equal moments, although the top still
+    # stands.
     term = cross(omega, inertia * omega)
+    # Precession: signed angles between successive horizontal projections of the axis, summed; small
+    # steps need no unwrapping.
     (a, b), (x, y) = path[:2, :-1], path[:2, 1:]
     turned = np.sum(np.arctan2(a * y - b * x, a * x + b * y))
     draw.reading(pen, _TIME, STEP * state["steps"], 2, _S)
     draw.reading(pen, _TURNS, turned / max(time[-1] - time[0], 1e-9), 2, _RATE)
+    # Fast-top theory, m g l / (I3 ω3); a spin near zero is bounded, as the formula diverges there.
     draw.reading(pen, _STEADY, WEIGHT / (i3 * max(spin, 1.0)), 2, _RATE)
     draw.reading(pen, _TERM, math.sqrt(np.sum(term * term)), 3, _NM)
     draw.reading(pen, _ENERGY, top_energy(q, omega, np.array([I1, I1, i3, WEIGHT])), 4, _J)

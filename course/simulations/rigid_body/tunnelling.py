@@ -36,6 +36,8 @@ STATE = Record(
 @register_jitable
 def detects(before, now, controls):
     """Return whether a step finds the wall, whose front is at 0; of numbers or arrays."""
+    # A swept test covers the whole interval from the position before to the one now (continuous
+    # collision detection); otherwise only the end of the step counts.
     first = before if controls["sweep"] != 0 else now
     return (now >= -RADIUS) & (first <= 1e-3 * controls["wall"] + RADIUS)
 
@@ -59,6 +61,7 @@ def initial(controls, state):
     distance = 1e-3 * controls["timestep"] * controls["speed"]
     # The last look before the wall; if the next is beyond it, so are all others.
     x = -RADIUS - distance * (np.arange(1000) + 0.5) / 1000.0
+    # Overlaps last for D = ball + wall, so a step of length v h misses 1 - D / (v h) of all phases.
     state["share"] = 1.0 - np.mean(detects(x, x + distance, controls))
     shoot(controls, state, distance)
 
@@ -71,6 +74,7 @@ def advance(state, controls, seconds):
     distance = 1e-3 * controls["timestep"] * controls["speed"]
     x = state["centre"]
     for _ in range(whole_steps(state, seconds, distance / _SEEN)):
+        # After a hit or a miss the picture stays for a while, then the next shot starts.
         n = state["samples"]
         if state["hit"] != 0 or x[n - 1] > _TO:
             state["pause"] -= distance / _SEEN
@@ -78,9 +82,12 @@ def advance(state, controls, seconds):
                 shoot(controls, state, distance)
             continue
         x[n], state["samples"] = x[n - 1] + distance, n + 1
+        # Discrete detection at the end of a step; a ball that passes the wall without overlap has
+        # tunnelled.
         state["hit"] = int(detects(x[n - 1], x[n], controls))
         state["missed"] += int(state["hit"] == 0 and x[n] > _TO)
         if state["hit"] != 0 and controls["sweep"] != 0:
+            # A swept test knows the time of impact: the ball is put where it touches the wall.
             x[n] = -RADIUS
 
 
@@ -100,15 +107,18 @@ def frame(pen, state, controls):
     """Draw the looks at the ball and the wall; the share that is missed over the way of a step."""
     n, x, wall = state["samples"], state["centre"], 1e-3 * controls["wall"]
     distance, wide = 1e-3 * controls["timestep"] * controls["speed"], 2.0 * RADIUS + wall
+    # What the text says and its colour: on its way, found, or missed.
     text = 1 if state["hit"] != 0 else 2 * (x[n - 1] > _TO)
     ink = (draw.BLUE, draw.GREEN, draw.RED)[text]
     draw.chart(pen, _FLIGHT, (-1.15, 1.25, -0.2, 0.2), _X, 0, _LOOKS, 8, 0)
     draw.box(pen, 0.0, wall, -0.2, 0.2, _STONE, draw.INK, 1.0)
+    # Where the ball was evaluated, as pale discs: a gap wider than D can pass over the wall.
     draw.curve(pen, x[:n], 0.0 * x[:n], draw.BLUE, 1.2, 0.6)
     draw.spots(pen, x[: n - 1], 0.0 * x[: n - 1], RADIUS, draw.BLUE, draw.BLUE, 1.0, 0.25)
     draw.spot(pen, x[n - 1], 0.0, RADIUS, ink)
     draw.chart(pen, _CHART, (0.0, 10.0, 0.0, 1.0), _RATIO, 0, _MISS, 5, 4)
     ratio = np.linspace(0.0, 10.0, 201)
+    # 1 - D / (v h) is negative for steps shorter than D, which never miss.
     draw.theory(pen, ratio, np.maximum(0.0, 1.0 - 1.0 / np.maximum(ratio, 1e-3)))
     draw.spot(pen, min(distance / wide, 10.0), state["share"], 0.16, draw.RED)
     draw.window(pen)

@@ -41,6 +41,8 @@ def remember(state, time):
 @register_jitable
 def start(state, moments, omega):
     """Begin with a body rate, turned so that the angular momentum points up."""
+    # Rotate L to the vertical about their common normal. atan2 is exact for small angles, where an
+    # arc cosine would lose half the digits; the bound avoids 0 / 0 when L already points up.
     momentum = moments * omega
     axis = cross(momentum, np.array([0.0, 0.0, 1.0]))
     sine = math.sqrt(axis[0] ** 2 + axis[1] ** 2)
@@ -62,6 +64,7 @@ def whole_steps(state, seconds, step):
 def march(state, law, params, step, sample, seconds):
     """Let the body turn by whole steps; each so-manieth is remembered."""
     for _ in range(whole_steps(state, seconds, step)):
+        # Runge-Kutta of fourth order for the attitude and the body rates; both change in place.
         q, omega = rk4(state["q"], state["omega"], law, step, params)
         state["q"][:] = q
         state["omega"][:] = omega
@@ -85,6 +88,7 @@ def recent(state):
 @register_jitable
 def between(a, b):
     """Return the angle between two vectors [degrees]."""
+    # The angle from sine and cosine is accurate for parallel vectors too, unlike an arc cosine.
     c = cross(a, b)
     return math.degrees(math.atan2(math.sqrt(np.sum(c * c)), np.sum(a * b)))
 

@@ -29,6 +29,8 @@ STATE = Record(time=Field(0.0, unit="s"), mark=Field((0.0, 0.0)))
 @register_jitable
 def days(controls):
     """Return days on the robots and on the computer, tries a day of both, damages on the robots."""
+    # Robots and cores work in parallel; resets take time on the robots only, in simulation they are
+    # free.
     real = (controls["seconds"] + controls["reset"]) / controls["robots"]
     steps = controls["seconds"] * controls["rate"]
     computed = steps * controls["step"] * 1e-6 / controls["cores"]
@@ -85,6 +87,8 @@ def frame(pen, state, controls):
     real, computed, a_day, here, broken = days(controls)
     draw.area(pen, _AREA, _VIEW)
     draw.axes(pen, _X, _Y, _HEAD, 6, 5)
+    # Days are proportional to tries, so on logarithmic axes both lines have slope 1 through the
+    # chosen point.
     for k in range(2):
         value = math.log10(max(computed if k else real, 1e-9))
         ends = np.array([1.0, 7.0])
@@ -103,6 +107,7 @@ def frame(pen, state, controls):
             0.0,
             -34.0,
         )
+    # One week, as a line to compare with.
     draw.segment(pen, 1.0, math.log10(7.0), 7.0, math.log10(7.0), draw.GREY, 1.2, 1.0, 5.0, 4.0)
     draw.text(pen, 6.9, math.log10(7.0), _WEEK, draw.GREY, 12.0, draw.RIGHT, draw.BOTTOM)
     draw.spot(pen, state["mark"][0], state["mark"][1], 0.04, draw.NONE, draw.GREY, 1.0)

@@ -51,14 +51,22 @@ def predicted(controls):
 
     The formula is that of `role.age`.
     """
+    # Perception runs at the camera's rate with several workers; one worker drops the images that
+    # come while it is busy.
     see, given = 1e-3 * controls["seeing"], CAMERA
     if not controls["parallel"]:
         given = CAMERA * max(math.ceil(see / CAMERA - 1e-9), 1.0)
     period = 1.0 / controls["rate"]
+    # A planner on a clock that is too fast for its own execution skips to the next multiple of its
+    # period.
     interval = period * max(math.ceil(PLAN / period - 1e-9), 1.0)
     if controls["trigger"] == 1:
         interval = max(PLAN, given)
+    # If perception delivers faster than the planner reads, the queue is full and each message waits
+    # behind depth - 1 others.
     full = given < interval * (1.0 - 1e-9)
+    # Waiting is uniform between none and one interval per sampling stage, hence a mean at half the
+    # spread.
     waits = given if full or controls["trigger"] == 0 else 0.0
     least = see + PLAN + LOOP + (controls["depth"] - 1) * given * full
     spread = waits + interval + 1.0 / controls["loop"]
@@ -74,6 +82,8 @@ def _ticks(period, phase):
 def commands(controls, state, times):
     """Return, for these times (N,), when the image behind the current command was taken [s]."""
     period = 1.0 / controls["loop"]
+    # A command comes from the last tick of the loop that has finished; it uses the newest plan by
+    # then.
     ticks = period * np.floor((times - LOOP) / period)
     done, count = state["done"][1, : state["jobs"][1]], state["jobs"][1]
     index = np.searchsorted(done, ticks, side="right") - 1
@@ -85,9 +95,12 @@ def initial(controls, state):
 
     Clocks of their own are off by a part in a thousand, so that phases drift.
     """
+    # Locked clocks keep their phases; otherwise they drift by a part in a thousand and all phases
+    # occur.
     deviation = 0.0 if controls["locked"] else 1.3e-3
     ticks = _ticks(CAMERA * (1.0 + deviation), 0.4)
     durations = np.full(_MOST, 1e-3 * controls["seeing"])
+    # A single worker skips the ticks at which it is still busy.
     if not controls["parallel"]:
         ticks = ticks[free(ticks, durations[: ticks.size])]
     n = ticks.size
@@ -95,6 +108,7 @@ def initial(controls, state):
     state["done"][0, :n] = ticks + durations[:n]
     arrived = state["done"][0, :n].copy()
     durations[:] = PLAN
+    # The planner serves messages as they arrive, or reads the queue at its own free ticks.
     if controls["trigger"] == 1:
         taken, starts = serve(arrived, durations, controls["depth"])
     else:
@@ -104,11 +118,15 @@ def initial(controls, state):
         starts, taken = starts[taken >= 0], taken[taken >= 0]
     m = taken.size
     state["begun"][1, :m], state["done"][1, :m] = starts, starts + PLAN
+    # Each plan inherits the time stamp of its image: ages are measured from the camera.
     state["born"][1, :m] = state["born"][0, :n][taken]
     state["jobs"][0], state["jobs"][1] = n, m
+    # Sample the age of the command once the queues have settled, at a spacing that does not keep in
+    # step with the loop at its usual rates.
     times = np.linspace(SETTLED, SPAN - 1.0, 6007)
     old = times - commands(controls, state, times)
     state["mean"] = np.mean(old)
+    # Bins up to a little over the bound; older commands would be counted in the last one.
     wide = 1.15 * predicted(controls)[2] / _BINS
     bins = np.minimum((old / wide).astype(np.int64), _BINS - 1)
     state["ages"][:] = np.bincount(bins, minlength=_BINS) / old.size
@@ -179,6 +197,8 @@ def _rate(edge, controls, given, interval):
 def _ends(edge):
     """Return where an edge is drawn: beside the one that goes the other way, from rim to rim."""
     a, b = _AT[_FROM[edge]], _AT[_TO[edge]]
+    # Edges in both directions run side by side, each shifted to its left, and end at the boxes'
+    # rims.
     dx, dy = b[0] - a[0], b[1] - a[1]
     size = math.hypot(dx, dy)
     rim = min(_W / max(abs(dx), 1e-9), _H / max(abs(dy), 1e-9)) + 0.03
@@ -201,6 +221,7 @@ def _graph(pen, controls, given, interval):
     for k in range(_FROM.size):
         x0, y0, x1, y1 = _ends(k)
         ink = draw.BLUE if _FROM[k] == chosen or _TO[k] == chosen else draw.GREY
+        # Rates range over decades, so widths are logarithmic.
         width = 1.0 + 1.3 * math.log10(1.0 + _rate(k, controls, given, interval))
         draw.arrow(pen, x0, y0, x1, y1, ink, width, 8.0 + width, 1.0 if ink == draw.BLUE else 0.45)
     for k in range(len(_AT)):
@@ -228,6 +249,8 @@ def _pulses(pen, state, now):
         begun, done = state["begun"][k, :count], state["done"][k, :count]
         born = state["born"][k, :count]
         last = max(np.searchsorted(done, now, side="right") - 1, 0)
+        # The newest finished message waits at the exit; those in work move along the box with their
+        # progress.
         newest[k] = now - born[last]
         if k == 0:
             _pulse(pen, x + 1.02, y, newest[k], False)
@@ -277,6 +300,7 @@ def _flows(pen, controls, given, interval):
 @register_jitable
 def _histogram(pen, state, least, mean, greatest):
     """Draw the ages of the run, and the three lines that the closed form draws."""
+    # The histogram is normalised to shares; least, mean and bound of the closed form are dashed.
     wide, high = 1150.0 * greatest, 1.25 * max(np.max(state["ages"]), 0.02)
     draw.area(pen, _HISTOGRAM, (0.0, wide, 0.0, high))
     draw.axes(pen, _AGE, _SHARE, _HIST, 4, 2)
@@ -307,6 +331,8 @@ def frame(pen, state, controls):
     draw.reading(pen, _RUN, 1000.0 * state["mean"], 1, _MS)
     draw.reading(pen, _GREATEST, 1000.0 * greatest, 1, _MS)
     draw.reading(pen, _RATE, 1.0 / interval, 1, _PER)
+    # The age in the chosen box: its newest result, or the age of the image that the middleware
+    # carries.
     here = command
     if chosen == PERCEPTION or chosen == PLANNING:
         here = newest[chosen - PERCEPTION]
