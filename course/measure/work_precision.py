@@ -290,7 +290,10 @@ class WorkPrecision:
             good = [p.time for p in curves[0].valid_points() if p.error <= self.tolerance]
             # Time of the reader's cheapest sufficient setting over that of the pick, from the same
             # rounds.
-            ratio = min(good) / curves[1].points[0].time if good else math.inf
+            cost = curves[1].points[0].time
+            # A pick that fails when it is run again has no time to compare with.
+            if math.isfinite(cost):
+                ratio = min(good) / cost if good else math.inf
         return replace(
             self,
             curves=(*self.curves, curves[0]),

@@ -134,7 +134,7 @@ def _part(
     work: float,
     inherit: bool,
 ) -> None:
-    """Run one of the three threads; the gates open in the order low, high, middle."""
+    """Run one of the three processes; the gates open in the order low, high, middle."""
     libc = ctypes.CDLL(None)
     shared = SharedMemory(memory)
     lock = ctypes.c_char.from_buffer(shared.buf)  # type: ignore[arg-type]

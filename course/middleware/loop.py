@@ -148,7 +148,7 @@ def urgent(
         quiet: switch the garbage collector off, and set aside what there is (`gc.freeze`).
 
     Yields:
-        What was granted. A refusal is no error: it stands in `refused`.
+        What was granted. A refusal is no error: it stands in `denied`.
     """
     one_of("scheduler", scheduler, ("fifo", "other"))
     count("priority", priority, 1, 99)

@@ -31,6 +31,7 @@ TO = (-0.1, 0.5)  # where a target drifts to, and beyond [m]
 NEAREST, FARTHEST = 0.25, 0.85  # of a target [m]
 NEVER = 1e9  # s
 ROOM = 0.06  # that a target keeps from a disc [m]
+_PUSHES = 8  # more than any place within the window needs
 ARM, DISCS = chapter.Scenario().arm, chapter.Scenario().discs
 _LENGTHS = tuple(map(float, ARM.lengths))
 STAGES = chapter.STAGES
@@ -233,16 +234,21 @@ def shown(values, moves):
 
 @register_jitable
 def _reachable(x, y):
-    """Return the place nearest to (x, y) that the arm reaches well and the discs leave free."""
-    r = math.hypot(x, y)
-    # Pull the target into the annulus that the arm reaches well; the origin has no direction.
-    factor = min(max(r, NEAREST), FARTHEST) / max(r, 1e-9)
-    x, y = (x * factor, y * factor) if r > 1e-9 else (NEAREST, 0.0)
-    for u, v, size in DISCS:
-        away = math.hypot(x - u, y - v)
-        if away < size + ROOM:
-            out = (size + ROOM) / max(away, 1e-9)
-            x, y = u + out * max(x - u, 1e-9), v + out * (y - v)
+    """Return a place near (x, y) that the arm reaches well and the discs leave free."""
+    # A push out of one disc may lead into the next or out of reach, so all is repeated.
+    for _ in range(_PUSHES):
+        # Pull the target into the annulus that the arm reaches well; the origin has no direction.
+        r = math.hypot(x, y)
+        factor = min(max(r, NEAREST), FARTHEST) / max(r, 1e-9)
+        x, y = (x * factor, y * factor) if r > 1e-9 else (NEAREST, 0.0)
+        # Out of a disc along its radius; from its centre all directions are equal.
+        for u, v, size in DISCS:
+            away = math.hypot(x - u, y - v)
+            if away < size + ROOM:
+                out = (size + ROOM) / max(away, 1e-9)
+                x, y = (
+                    (u + out * (x - u), v + out * (y - v)) if away > 1e-9 else (u + size + ROOM, v)
+                )
     return x, y
 
 

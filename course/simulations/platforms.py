@@ -118,7 +118,7 @@ def area(heights):
 def _limits(scene):
     """Return the limits of x and y.
 
-    The truth and all fair paths at 1 ms must fit, with a margin.
+    The truth and the paths with one step and both settings must fit, with a margin.
     """
     x, y = TRUTH[scene, :, 0], TRUTH[scene, :, 1]
     low_x, high_x = float(np.min(x)), float(np.max(x))

@@ -100,3 +100,18 @@ def test_any_place_of_the_pointer_is_one_that_the_arm_reaches(place):
     assert np.isfinite(experiment.state["q"]).all()
     assert whole.NEAREST - 1e-9 <= np.hypot(*target) <= whole.FARTHEST + 0.2
     assert all(np.hypot(*(target - disc[:2])) > disc[2] for disc in np.array(whole.DISCS))
+
+
+def test_a_target_anywhere_is_within_reach_and_free_of_the_discs():
+    everywhere = np.random.default_rng(0).uniform(-2.0, 2.0, (2000, 2))
+    # Near a disc, on its left side too, and its centre itself.
+    around = [
+        np.array((u, v)) + 0.1 * np.array(d)
+        for u, v, _ in whole.DISCS
+        for d in ((-1, 0), (0, -1), (0, 0))
+    ]
+    for x, y in [*everywhere, *around]:
+        target = np.array(whole._reachable(x, y))
+        assert whole.NEAREST - 1e-9 <= np.hypot(*target) <= whole.FARTHEST + 1e-9
+        for u, v, size in whole.DISCS:
+            assert np.hypot(*(target - (u, v))) >= size + whole.ROOM - 1e-9

@@ -153,7 +153,8 @@ READOUTS = {
         "Diameter of the ball plus thickness of the wall: positions within this distance overlap."
     ),
     "missed, of 1000": (
-        "Fraction of 1000 shots with random starting points for which no step ended in an overlap."
+        "Fraction of 1000 shots, at equally spaced phases of the step, for which no step ended in "
+        "an overlap."
     ),
     "1 − D / (v h)": "The same fraction according to theory.",
     "shots": "Shots fired so far.",
