@@ -137,8 +137,8 @@ plt.show()
 # %% [markdown]
 # How fast can it be? After $k$ steps, a point at rest can be anywhere in a square around its start. Under full
 # acceleration the steps cover $\Delta t^2$, $2\Delta t^2$, $3\Delta t^2$ and so on, because the velocity grows before
-# each move. So the half-width of that square is their sum, $\Delta t^2\,k(k+1)/2$, with $\Delta t = 50$ ms. So we
-# increase $k$ until the square touches the disc: that $k$ is the least number of steps. Success pays a prize of 1,
+# each move. The half-width of that square is their sum, $\Delta t^2\,k(k+1)/2$, with $\Delta t = 50$ ms. The smallest
+# $k$ for which the square touches the disc is the least number of steps. Success pays a prize of 1,
 # and each step of delay multiplies it by the **discount** $\gamma = 0.99$. The optimal return is therefore
 # $0.99^{\,k-1}$.
 #
@@ -442,8 +442,8 @@ show("sparse_chance")
 
 # %% [markdown]
 # **A worked example.** On average, a random path of the point runs 0.9 m inside the area in which goals can lie. With
-# $R = 5$ cm that makes $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$. (The claim integrates this over starts and adds the
-# disc around the start, hence its slightly larger law.) A batch of 2,048 steps contains about 20 episodes. The chance
+# $R = 5$ cm that makes $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$. (The check of the claim averages over all starts and
+# also counts goals that lie within $R$ of the start, so its probability is slightly larger.) A batch of 2,048 steps contains about 20 episodes. The chance
 # that none of them succeeds is $0.977^{20} = 63\,\%$, so most batches contain no success at all.
 #
 # ### Dense rewards: minus the distance, or a potential
@@ -642,7 +642,7 @@ table(*rows)
 
 # %% [markdown]
 # In the left plot, the clean demonstrations lie exactly on the line. Those of the disturbed expert leave it by only
-# about a thousandth, and that is enough. In the right plot, clone and noise-free DAgger coincide. Two lines of the
+# about 0.001, and that is enough. In the right plot, clone and noise-free DAgger coincide. Two lines of the
 # table deserve a second look. Noise-free DAgger is as unstable as the clone. And noise with a standard deviation of
 # $10^{-6}$ on each label repairs it. Can you explain both? Where does the learner drive, if it starts on the line and
 # nothing disturbs it?
