@@ -443,7 +443,8 @@ show("sparse_chance")
 # %% [markdown]
 # **A worked example.** On average, a random path of the point runs 0.9 m inside the area in which goals can lie. With
 # $R = 5$ cm that makes $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$. (The check of the claim averages over all starts and
-# also counts goals that lie within $R$ of the start, so its probability is slightly larger.) A batch of 2,048 steps contains about 20 episodes. The chance
+# also counts goals that lie within $R$ of the start, so its probability is slightly larger.) A batch of 2,048 steps
+# contains about 20 episodes. The chance
 # that none of them succeeds is $0.977^{20} = 63\,\%$, so most batches contain no success at all.
 #
 # ### Dense rewards: minus the distance, or a potential
