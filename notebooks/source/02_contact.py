@@ -5,8 +5,8 @@
 # ball flies through a wall. All three faults come from the way a simulator computes contact.*
 #
 # A **penalty** method lets bodies overlap a little and pushes them apart with a stiff spring. A constraint method
-# computes the push that prevents the overlap. Below, the blue box uses the penalty method, the orange one a
-# constraint. They start at the same place, so at first you see only one.
+# computes the push that prevents the overlap. Below, the blue box uses the penalty method, the orange one a constraint.
+# Both start at the same place, so the orange box covers the blue one until they move apart.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -21,8 +21,8 @@ predict("gentle_pull")
 simulation("touch")
 # %% [markdown]
 # The menu has **presets**, prepared sets of controls. The lower plot shows the force on each box, its part
-# perpendicular to the floor (*normal*) against its part along the floor (*tangential*). Friction can hold a box
-# while its point lies inside the V. Section 2 explains *ω h*.
+# perpendicular to the floor (*normal*) against its part along the floor (*tangential*). Each point is the contact force
+# on one box. While it lies inside the V, friction is strong enough to hold that box. Section 2 explains *ω h*.
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
@@ -110,10 +110,11 @@ for kind, name in names.items():
     in_cells = contact.uniform_grid(boxes)[1]
     print(f"{name:<17} {pairs.shape[1]:7d} {every:10d} {sweep.tests:10d} {in_cells:7d}   {same}")
 # %% [markdown]
-# The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main
-# cost. Reusing the sorted order of the last step saves only the sorting: the dashed line counts the swaps that
-# restore the order after every box has moved by 1 % of its size. (An *incremental* sweep, which also stores the
-# overlapping pairs, saves more.) The exponents are fits to the counts. The right chart also times MuJoCo's broad phase:
+# The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main cost.
+# Reusing the sorted order of the last step saves only the sorting. For the dashed line, every box has moved by 1 % of
+# its size, and we count the swaps that sort the list again. (An *incremental* sweep also keeps the list of overlapping
+# pairs and changes it only where two boxes swap places, so it saves overlap tests too.) In the left chart the exponents
+# are fitted to the counts, in the right one to measured times, which include MuJoCo's broad phase:
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -130,14 +131,14 @@ more_claims(
 # direction in which the second body has to move.
 #
 # For two circles this is one line: the distance of the centres minus both radii. Boxes and meshes have corners, edges
-# and faces. Every combination of them would need its own formula, and there are too many. One idea covers all convex
-# shapes.
+# and faces. Every combination of them would need its own formula, and there are too many. One idea covers all
+# **convex** shapes, those that contain the straight line between any two of their points.
 #
-# Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference**
-# $A \ominus B$. If the shapes share a point, that point minus itself is zero, so the set contains the origin. If they
-# are apart, the distance from the origin to the set equals the distance of the shapes. A problem about two shapes has
-# become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), solves
-# it.
+# Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference** $A
+# \ominus B$. The set contains the origin exactly if some point of $A$ equals some point of $B$, that is, if the shapes
+# share a point. If they are apart, the distance from the origin to the set equals the distance of the shapes. A problem
+# about two shapes has become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and
+# Keerthi (1988), solves it.
 #
 # Nobody constructs the whole set. A **support function** returns the point of a convex shape that lies farthest in a
 # given direction; for a box it is a corner. The Minkowski difference has a support function too: the support point of
@@ -149,12 +150,14 @@ show("gjk_minkowski")
 # tetrahedron of support points of the Minkowski difference. It starts with any one of them and repeats:
 #
 # 1. Find the point $c$ of the simplex that is nearest to the origin. If $c$ is the origin, the shapes overlap: stop.
-# 2. Keep only the corners of the edge or face on which $c$ lies, or the one corner that $c$ is. Drop the others.
+# 2. Find the smallest part of the simplex that contains $c$: a corner, an edge or a face. Keep its corners and drop the
+#    others.
 # 3. Compute the support point $w$ in the direction $-c$, which points from $c$ to the origin.
 # 4. If $w$ lies no farther in that direction than $c$, stop. No point of the set is nearer to the origin, so the
 #    shapes are apart by $\lVert c\rVert$, and the normal is $-c/\lVert c\rVert$. Otherwise add $w$ to the simplex.
 #
-# Step 4 compares positions *along* $-c$. A useful $w$ may be farther from the origin than $c$.
+# Step 4 compares positions *along* $-c$, not distances from the origin. The new point $w$ can be farther from the
+# origin than $c$ and still bring the next simplex closer.
 #
 # For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found. It
 # takes the face nearest to the origin (in the plane, the edge) and computes the support point in the direction of its
@@ -170,10 +173,10 @@ simulation("simplex")
 show("epa_gives_the_contact")
 # %% [markdown]
 # In code, all of this is one call. A shape in this course is a **core and a radius**: all points that are at most the
-# radius away from the core. A sphere is a point with a radius. A **capsule**, a rod with round ends, is a segment
-# with a radius. GJK and EPA then only ever work on **polytopes**, solids with flat faces. These have finitely many
-# corners, so both algorithms stop after finitely many steps. No tolerance has to be chosen, but the code has to stop
-# when rounding prevents further progress.
+# radius away from the core. A sphere is a point with a radius. A **capsule**, a rod with round ends, is a segment with
+# a radius. GJK and EPA work on the cores, which are **polytopes**, solids with flat faces, and the radii are subtracted
+# afterwards. A polytope has finitely many corners, so both algorithms end by themselves and need no tolerance. The code
+# only needs a guard that stops it when rounding prevents further progress.
 # %% tags=["show-code"]
 triangle = contact.points([[0.0, 1.0, 0.3], [0.0, 0.2, 0.9]])
 brick = contact.box([0.5, 0.3])  # half sides [m]
@@ -190,11 +193,10 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 #
 # ### Contact points, and shapes that are not convex
 #
-# A box on a table touches it with a whole face. With a single contact point the box would tip over, unless
-# the point lay exactly under its centre of mass. So the solver needs a **manifold**, a set of points that spans the
-# touching area.
-# The narrow phase takes the face of one body, clips it (cuts off what sticks out beyond the face of the other), and
-# each corner of the remaining polygon becomes a contact point.
+# A box on a table touches it with a whole face. With a single contact point the box would tip over, unless the point
+# lay exactly under its centre of mass. So the solver needs a **manifold**, a set of points that spans the touching
+# area. The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond
+# the other. Each corner of the polygon that remains becomes a contact point.
 #
 # GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid.
 # A **convex decomposition** cuts such a shape into convex pieces before the simulation starts.
@@ -207,9 +209,9 @@ more_claims("circle_test_concentric", "mug_and_its_hull")
 #
 # A simulator checks for overlap once per step. A ball of radius $r$ at speed $v$ moves by $v\,h$ in a step of length
 # $h$. If that is more than $2r + w$, the ball can be in front of a wall of thickness $w$ at one check and behind it at
-# the next. This is **tunnelling**. With a soft contact there is a second way through. While the ball is in the
-# wall, a spring pushes it along the shortest way out. Once its centre has passed the middle of the wall, that is the
-# far side.
+# the next. This is **tunnelling**. With a soft contact there is a second way through. While the ball is in the wall, a
+# spring pushes it along the shortest way out. Once its centre has passed the middle of the wall, the shortest way out
+# leads to the far side, and the spring pushes the ball through.
 # %%
 predict("smaller_step_at_a_wall")
 # %% [markdown]
@@ -225,9 +227,10 @@ simulation("touch", "Tunnelling")
 #
 # The second kind hardly depends on the step, as long as the step is short compared with the contact's time constant.
 # You need a stiffer contact or a thicker wall. In the chart, a ball that is *checked once a step* follows the sloping
-# geometric limit $(2r+w)/h$. *MuJoCo, default* follows the level line, the limit of its softness. *MuJoCo,
-# speculative* looks ahead by one step; that helps only where a step is long. A ball that is *advanced to the impact*
-# never passed (triangles at the top):
+# geometric limit $(2r+w)/h$. *MuJoCo, default* follows the level line, the limit of its softness. *MuJoCo, speculative*
+# creates the contact one step before the shapes touch. At long steps the ball never passed (triangles at the top
+# right); at short steps the look-ahead is too short to help. A ball that is *advanced to the impact* never passed at
+# any step (triangles at the top):
 #
 # ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
 # %%
@@ -235,8 +238,9 @@ more_claims("circles_once_a_step", "soft_wall")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** The narrow phase knows shapes at one moment. The bounding boxes decide which pairs it sees. The
-# hulls decide which normals it returns. The step decides what it misses in between.
+# **Key insight.** The narrow phase knows shapes at one moment. The bounding boxes decide which pairs it sees. A shape
+# that is not convex is replaced by its **convex hull**, the smallest convex shape around it, so the normals are those
+# of the hull. What happens between two steps is not seen at all.
 #
 # </div>
 # %% [markdown]
@@ -250,9 +254,9 @@ more_claims("circles_once_a_step", "soft_wall")
 #
 # $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \;}$$
 #
-# Nothing has to be solved: you evaluate the formula and integrate. (With $b\,\delta$ for $b$, as Hunt and Crossley
-# proposed, the force does not jump at touch.) In exchange, a body at rest always overlaps. Its weight $mg$ needs
-# the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
+# Nothing has to be solved: you evaluate the formula and integrate. (Hunt and Crossley let the damping grow with the
+# depth: they replace $b$ by $b\,\delta$, so the force starts from zero at touch.) In exchange, a body at rest always
+# overlaps. Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
 #
 # Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and
 # damper both push; on the way out, the damper works against the spring. The area of the loop is the energy that the
@@ -260,9 +264,9 @@ more_claims("circles_once_a_step", "soft_wall")
 # %%
 simulation("penalty_spring")
 # %% [markdown]
-# Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. It may
-# do so while the spring pushes harder; the $\max$ only keeps the sum from becoming negative. Some implementations
-# forget it.
+# Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. That is
+# harmless while the spring pushes harder than the damper pulls. The $\max$ acts only when the total would pull. Some
+# implementations forget it.
 #
 # In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
 # plot:
@@ -278,9 +282,9 @@ show("damping_makes_things_stick")
 #
 # $$f_t = -\mu f_n\,\min\!\Big(1, \frac{\lvert u_t\rvert}{v_s}\Big)\,\frac{u_t}{\lvert u_t\rvert}.$$
 #
-# This is called **regularised friction**. At rest it is zero. To hold anything it needs some sliding, which is why
-# the blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for
-# ever. (A tangential spring that remembers where the contact began would hold; Cundall and Strack 1979.)
+# This is called **regularised friction**. At rest it is zero. To hold anything it needs some sliding, which is why the
+# blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for ever. (A
+# spring along the surface, anchored where the contact began, holds a load without sliding; Cundall and Strack 1979.)
 #
 # ### How large a step a stiff spring allows
 #
@@ -303,8 +307,8 @@ simulation("touch", "Explosion")
 #
 # **Worked example.** A gripper pad of 100 kN/m holds a part of 1 kg. $\omega = \sqrt{100\,000/1} = 316$ rad/s, so
 # semi-implicit Euler is stable below $2/316 = 6.3$ ms. With critical damping, $\zeta = 1$, the limit is $0.83/316 =
-# 2.6$ ms. In practice, use a tenth of that. The limit was derived for a contact that never opens. A contact that
-# opens and closes can gain energy even below it.
+# 2.6$ ms. In practice, use a tenth of that. The limit holds while the bodies stay in touch. A body that bounces can
+# gain energy even at a step below the limit.
 #
 # <details><summary>Derive it: three tasks with hints and solution</summary>
 #
@@ -354,9 +358,9 @@ answer("contact_limit_explicit", "1000*sqrt(1/100000)")
 # %%
 answer("semi_implicit_damped_limit", "2/omega")
 # %% [markdown]
-# The lower right plot of the simulation of the falling mass showed this limit as a dashed curve; you can drag the
-# point across it. The measured limits lie on the formulas. The third panel is MuJoCo's soft contact, which has a
-# limit of the same kind; we return to it below.
+# The lower right plot of the simulation of the falling mass showed this limit as a dashed curve; you can drag the point
+# across it. In the upper panels the measured limits coincide with the formulas. The lower panel shows MuJoCo's soft
+# contact, which is explained later in this section; skip it for now.
 #
 # ![Largest step of a penalty contact against damping, measured and in theory](../docs/charts/contact_penalty_limit.png)
 # %%
@@ -383,7 +387,8 @@ more_claims(
 #
 # $$\boxed{\; f \ge 0, \qquad \phi \ge 0, \qquad f\,\phi = 0 \;}$$
 #
-# In short, $0 \le f \perp \phi \ge 0$, where $\perp$ says that the product is zero.
+# All three conditions fit in one line, $0 \le f \perp \phi \ge 0$, which reads: both are non-negative, and their
+# product is zero.
 #
 # Drawn in a plane, the allowed pairs lie on two half axes that meet in a corner. Try to drag the point off them:
 # %%
@@ -449,9 +454,9 @@ answer("potential_of_contact", "k*c")
 #
 # $$u = J v_f + A\,p, \qquad \boxed{\;A = J M^{-1} J^{\mathsf T}\;}\qquad 0 \le p_n \perp u_n + \phi/h \ge 0 .$$
 #
-# $A$ is the **Delassus** matrix. Entry $A_{ij}$ is the velocity that a unit impulse at contact $j$ causes at contact
-# $i$. For a single contact, $1/A$ is the mass that you feel when you push there. The last condition is Signorini's
-# for one step: the gap after the step, $\phi + h\,u_n$, must not be negative.
+# $A$ is the **Delassus** matrix. Each row of $J$ is one direction at one contact. Entry $A_{ij}$ is the velocity in row
+# $i$ that a unit impulse in row $j$ causes, and $1/A_{ii}$ is the mass that you feel when you push in that direction.
+# The last condition is Signorini's for one step: the gap after the step, $\phi + h\,u_n$, must not be negative.
 # %% [markdown]
 # **Worked example: one block.** A block of 1 kg lies on the floor. It can move along $x$ and $z$, so $v = (v_x, v_z)$
 # and $M$ is the identity (in kg). The step is 10 ms. The contact has a normal row (velocity along $z$) and a
@@ -514,8 +519,9 @@ print("p =", solve("lcp", step).impulses[:, 0].round(4).tolist(), "N s")
 # %% [markdown]
 # The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f +
 # \phi/h$), find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. Everything in it is linear except the
-# complementarity. **Restitution** fits in as well. Let $s$ be the closing speed before the step. Require $u_n \ge
-# e\,s$, with a coefficient $e$ between 0 (no bounce) and 1.
+# complementarity. A bounce, called **restitution**, fits in as well. Let $s$ be the closing speed before the step. For
+# a contact that touches, replace the condition by $0 \le p_n \perp u_n - e\,s \ge 0$, with a coefficient $e$ between 0
+# (no bounce) and 1.
 #
 # Practise with one body. It touches the floor and moves downwards, so $v < 0$:
 # %%
@@ -536,8 +542,8 @@ print("force in each leg, in turn around the table [N]")
 for name, how in legs.items():
     print(f"{how:<26}{stored[name]}")
 # %% [markdown]
-# *Pivots* and *Newton's method*, both explained below, solve the rigid law. Newton's least-squares step picks the
-# solution with the smallest sum of squared forces, and so do equal springs.
+# *Pivots* and *Newton's method*, both explained below, solve the rigid law. Many sets of leg forces satisfy the law.
+# Newton's method picks the one with the smallest sum of squared forces, and equal springs give the same.
 # %%
 more_claims(
     "potential_of_contact",
@@ -563,10 +569,9 @@ more_claims(
 # %%
 simulation("friction_cone")
 # %% [markdown]
-# While the block sticks, the force is inside the cone or on it, and the law does not say where. Friction is whatever
-# balances
-# the pull. There is no formula to evaluate, so the force has to be solved for. That is what makes contact harder than
-# a spring. When the block slides, the size of friction is fixed: it is $\mu f_n$, against the motion.
+# While the block sticks, the law allows every force inside the cone or on it. Only the balance with the pull decides
+# which one it is. There is no formula to evaluate, so the force has to be solved for. That is what makes contact harder
+# than a spring. When the block slides, the size of friction is fixed: it is $\mu f_n$, against the motion.
 #
 # **Worked example.** A box of 3 kg lies on a floor with $\mu = 0.4$. The normal force is its weight, 29.4 N, so
 # friction can resist up to $0.4 \cdot 29.4 = 11.8$ N. Pull with 8 N: friction is 8 N and nothing moves. Pull with 20
@@ -582,9 +587,10 @@ simulation("touch", "Slip", still=0.15)
 # vectors along the edges with non-negative weights. Then everything is linear again. Seen from above, the circle
 # of radius $\mu f_n$ has become a square that stands on its corner.
 #
-# Two things follow from the drawing. Between two edges the square lies inside the circle, so friction is weaker
-# there: at 45 degrees by the factor $1/\sqrt 2$. And friction is chosen to brake as strongly as it can. On a circle,
-# that is the point straight against the motion. On a square it is a corner, which usually is not.
+# Two things follow from the drawing. Between two edges the square lies inside the circle, so friction is weaker there:
+# at 45 degrees by the factor $1/\sqrt 2$. And friction is chosen to brake as strongly as it can. On the circle, the
+# friction that brakes most points straight against the motion. On the square it is a corner, and that corner usually
+# does not point straight against the motion.
 # %%
 predict("braking_between_edges")
 # %% [markdown]
@@ -594,9 +600,9 @@ predict("braking_between_edges")
 # %%
 simulation("stopping_distance")
 # %% [markdown]
-# A pyramid can also stand *around* the cone. That is what you get if you clamp each friction component to
-# $\pm\mu f_n$ on its own, and it is up to 41 % too strong. The chart has both, and MuJoCo's two options, *pyramidal*
-# (its default) and *elliptic* (the round cone):
+# A pyramid can also stand *around* the cone. You get it if you clamp each friction component to $\pm\mu f_n$ on its
+# own, and it is up to 41 % too strong. The chart calls it *box of limits*, and shows it next to the inner pyramid and
+# MuJoCo's two options, *pyramidal* (its default) and *elliptic* (the round cone):
 #
 # ![Stopping distance and direction of a braking block, with cone and pyramids](../docs/charts/contact_steering.png)
 # %%
@@ -605,8 +611,8 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 # ### Solving it: projected Gauss-Seidel
 #
 # An engine has a millisecond to find the impulses of a hundred contacts. Projected **Gauss-Seidel** (PGS) does it one
-# contact at a time, always with the latest impulses of all the others. For each row $i$ of the contact, first the
-# normal, then the tangents:
+# contact at a time, always with the latest impulses of all the others. At each contact it takes steps 1 and 2 for the
+# normal row, then for the two tangential rows, and projects as step 3 says. For row $i$:
 #
 # 1. Compute its velocity: $u_i = (J v_f)_i + \sum_j A_{ij}\,p_j$. In a normal row with an open gap, add $\phi/h$.
 # 2. Change its impulse so that this velocity would vanish: $p_i \leftarrow p_i - u_i/A_{ii}$.
@@ -637,20 +643,21 @@ simulation("sweeps")
 # %%
 predict("heavy_on_light")
 # %% [markdown]
-# Started from zero, the number of sweeps grows in proportion to the mass ratio, and for a tower of equal boxes with
-# the square of its height. A warm start spreads these sweeps over many steps:
+# Started from zero, the number of sweeps grows in proportion to the mass ratio. For a tower of equal boxes it grows
+# with the square of the number of boxes. A warm start does not remove this work: the forces approach the solution over
+# many steps:
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
 # Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly with pivots, like the simplex
 # method of linear programming.
 #
-# For the round cone there is an equation. Add $\mu\lVert u_t\rVert$ to the normal part of the contact velocity and
-# call the result $\tilde u$ (De Saxcé and Feng 1998). At a solution of Coulomb's law, $p = \operatorname{proj}(p -
-# \rho\,\tilde u)$ for any $\rho > 0$, where $\operatorname{proj}$ returns the nearest point of the cone. The
-# difference of both sides is called the **natural map**, and Newton's method finds its zero. Each iteration solves a
-# linear system. On the stacks of this chapter it takes a few iterations at any mass ratio; there is no guarantee for
-# every scene.
+# For the round cone there is an equation. Add $\mu\lVert u_t\rVert$ to the normal part of the contact velocity and call
+# the result $\tilde u$ (De Saxcé and Feng 1998). Then $p$ solves Coulomb's law exactly if stepping from $p$ against
+# $\tilde u$ and projecting onto the cone leads back to $p$: $p = \operatorname{proj}(p - \rho\,\tilde u)$. Any positive
+# $\rho$ will do, and $\operatorname{proj}$ returns the nearest point of the cone. The left side minus the right side is
+# the **natural map**, and Newton's method searches for its zero. Each iteration solves a linear system. On the stacks
+# of this chapter it takes a few iterations at any mass ratio; there is no guarantee for every scene.
 #
 # A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest
 # violation of the contact law, as a velocity. An iteration costs a different amount in each method:
@@ -702,9 +709,10 @@ for dt in (1e-2, 1e-3, 1e-4):
 # $(1-\beta)^n\,\delta$.
 #
 # **ERP and CFM** are ODE's two parameters, and many engines have adopted them. **ERP** (error reduction parameter) is
-# the share $\beta$. **CFM** (constraint force mixing) softens the constraint: a force $f$ lets the contact close at
-# the velocity CFM $\cdot f$. The unknowns above are impulses, $p = h f$, so CFM$/h$ is added to the diagonal of $A$.
-# Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore stable at every step:
+# the share $\beta$. **CFM** (constraint force mixing) makes the constraint yield: under a force $f$ the contact may
+# still close at the speed CFM $\cdot f$. The unknowns above are impulses, $p = h f$, so CFM$/h$ is added to the
+# diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore stable
+# at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -718,11 +726,11 @@ for dt in (1e-2, 1e-3):
     )
 # %% [markdown]
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
-# steps. Macklin and colleagues (2019) found that this is usually better, because the error made in a sub-step shrinks
-# with the *square* of its length. PhysX's **TGS** (temporal Gauss-Seidel) works like this. So does the sub-stepped
-# form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them out of the overlaps
-# contact by contact, and takes the velocity from the change of position. A stack of 100 kg on 1 kg, the same number
-# of contact solves for each row:
+# steps. Macklin and colleagues (2019) found that this usually works better: half the sub-step means a quarter of the
+# error per sub-step, so more sub-steps gain more than more sweeps. PhysX's **TGS** (temporal Gauss-Seidel) works like
+# this. So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves
+# them out of the overlaps contact by contact, and takes the velocity from the change of position. A stack of 100 kg on
+# 1 kg, the same number of contact solves for each row:
 # %% tags=["hide-code"]
 heavy = scenes.tower([1.0, 100.0])
 print("100 kg on 1 kg for 0.5 s, XPBD: deepest penetration")
@@ -731,7 +739,7 @@ for substeps, iterations in ((1, 20), (4, 5), (20, 1)):
     depth = max(-(heavy.jacobian[:, 0] @ q).min() for q, _ in run)
     print(f"{substeps:4d} sub-steps with {iterations:2d} iterations each: {1e3 * depth:6.2f} mm")
 # %% [markdown]
-# Four of these corrections on one scene. A ball starts at rest, 1 cm deep in the ground; the step is 1 ms:
+# Four of these corrections on one scene. A ball of 1 kg starts at rest, 1 cm deep in the ground; the step is 1 ms:
 # %% tags=["hide-code"]
 dt, steps = 1e-3, 120
 times, deep = 1e3 * dt * np.arange(steps + 1), scenes.ball_drop(-0.01)
@@ -759,11 +767,11 @@ _ = axes.legend(loc="center right")
 plt.show()
 print("highest point within 0.12 s [mm]:")
 for name, height in heights.items():
-    print(f"{name:<34} {1e3 * max(*height, 0.0):6.1f}")
+    print(f"{name:<34} {round(1e3 * max(height), 1) + 0.0:6.1f}")
 # %% [markdown]
-# Baumgarte's correction throws the ball into the air, and even the bound of 1 m/s is enough for a few centimetres.
-# The split impulse and the critically damped spring bring it up without throwing it; the spring leaves it at its
-# resting depth.
+# Baumgarte's correction throws the ball into the air, and even the bound of 1 m/s is enough for a few centimetres. The
+# split impulse and the critically damped spring bring it up without throwing it. The spring leaves it at its resting
+# depth $mg/k$, 1 mm below the ground.
 #
 # How well-known engines do it (sources read in November 2026):
 #
@@ -778,19 +786,19 @@ for name, height in heights.items():
 #
 # ### Friction made convex
 #
-# Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown.
-# Because of that, the contact problem cannot be written as minimising a convex function. As finite
-# forces it can have several solutions or none. A strictly convex problem has at most one solution, and there are
+# Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown. Because
+# of that, the contact problem is not the minimum of a convex function. It can have several solutions, and in some
+# configurations no finite force is a solution. A strictly convex problem has at most one solution, and there are
 # reliable methods to find it.
 #
-# The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides at the speed $u_t$ must
-# also separate at $u_n = \mu\,u_t$. Then the step is a minimisation. For closed contacts:
+# The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides at the speed $u_t$ must also
+# separate at $u_n = \mu\,u_t$. Then the step is a minimisation. For closed contacts, those with gap zero:
 #
 # $$\text{minimise}\quad \tfrac12\,(v - v_f)^{\mathsf T} M\,(v - v_f) \qquad\text{so that}\qquad
 # u_n \ge \mu\,\lVert u_t\rVert \text{ at every contact.}$$
 #
 # So the new velocity is the allowed one nearest to $v_f$. The problem is strictly convex, so $v$ is unique. The
-# impulses, its multipliers, need not be: think of the four legs.
+# impulses need not be: the four legs of a table can share the load in many ways.
 # %%
 predict("block_that_hops")
 # %% [markdown]
@@ -801,24 +809,26 @@ show("mujoco_is_convex_and_unique")
 # %% [markdown]
 # ### MuJoCo's soft contact: solref, solimp, impratio, condim
 #
-# In MuJoCo, each contact has several **rows**, one per direction. Each row has a reference acceleration
-# $a_{\text{ref}}$, the one that a spring and a damper would cause, and a compliance $R$. A large $R$ is soft: under
-# the force $f$ the actual acceleration $a$ falls short of the reference by $R f$. With the row's velocity $u$ and its
-# position error $r$ (the gap for a normal row, always 0 for friction):
+# In MuJoCo, each contact has several **rows**: one per direction of force, or with pyramids two for each direction of
+# friction. Each row has a reference acceleration $a_{\text{ref}}$, the one that a spring and a damper would cause, and
+# a compliance $R$. The contact does not reach the reference: under the force $f$ the actual acceleration is $a =
+# a_{\text{ref}} - R f$, so a large $R$ means a soft contact. With the row's velocity $u$ and its position error $r$
+# (the gap for a normal row, always 0 for friction):
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R} \ \text{ within the cone}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
 #
-# $\hat A$ is the row's entry on the diagonal of $A$, estimated from the masses in the start position. The
-# **impedance** $d$ lies between 0 and 1. It blends two accelerations: for a row on its own, $a = (1-d)\,a_0 +
-# d\,a_{\text{ref}}$, where $a_0$ is the acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the
-# row follows the reference exactly. The parameters:
+# $\hat A$ estimates the row's entry on the diagonal of $A$. MuJoCo computes the estimate once, from the masses in the
+# start position, and keeps it. The **impedance** $d$ lies between 0 and 1. It blends two accelerations: for a row on
+# its own, $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where $a_0$ is the acceleration without contact. At $d = 0$ there is no
+# contact. At $d = 1$ the row follows the reference exactly. The parameters:
 #
 # * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k$ and $b$. The default (0.02 s, 1) gives a
 #   critically damped spring that settles in about a tenth of a second.
 # * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. By default it rises
 #   from 0.9 to 0.95 over the first millimetre.
-# * **impratio** divides $R$ in the friction rows. Above 1, friction is harder than the normal direction.
+# * **impratio** divides $R$ in the friction rows of an elliptic cone. Above 1, friction is harder than the normal
+#   direction. (MuJoCo's manual advises against large values with pyramids, which mix both directions in each row.)
 # * **condim** is the number of directions in which the contact has a force: 1 is the normal alone, 3 adds sliding
 #   friction, 4 adds friction against spinning, 6 adds rolling friction. With elliptic cones that is the number of
 #   rows. With pyramids there are two rows for each direction of friction.
@@ -827,9 +837,9 @@ show("mujoco_is_convex_and_unique")
 # %%
 simulation("soft_contact")
 # %% [markdown]
-# The course's own implementation, `course.contact.soft`, adds the exact curve of solimp and both kinds of cone to
-# these lines. The next cell runs a box sliding on four corners in MuJoCo, hands each state and MuJoCo's estimate of
-# the masses in $\hat A$ to that implementation, and compares all contact forces:
+# The course's own implementation, `course.contact.soft`, adds the exact curve of solimp and both kinds of cone to these
+# lines. In the next cell MuJoCo simulates a box that slides on four corners. At selected steps the cell passes the
+# state and MuJoCo's own $\hat A$ to the course's implementation, and compares all contact forces:
 # %% tags=["show-code"]
 options = Options(cone="elliptic")
 runner, worst, largest = mujoco_contact.box(options, (0.5, 0.2)), 0.0, 0.0
@@ -852,11 +862,11 @@ for condim in (1, 3, 4, 6):
 # %%
 show("condim_4_is_the_full_cone")
 # %% [markdown]
-# MuJoCo's spring, like any other, has a largest stable step: for one contact $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The
-# flag *refsafe*, on by default, raises $T$ to at least two steps. This makes stiff settings softer than you asked
-# for. Insert $T = 2h$ into the limit, and a single contact turns out to be stable if $\zeta > 1/\sqrt 8 \approx
-# 0.35$. Bodies that touch at several points need more. At the default, $\zeta = 1$, all scenes of this chapter are
-# stable.
+# MuJoCo's spring, like any spring whose force is evaluated before the step, has a largest stable step: for one contact
+# $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The flag *refsafe*, on by default, raises $T$ to at least two steps. This makes
+# stiff settings softer than you asked for. Insert $T = 2h$ into the limit, and a single contact turns out to be stable
+# if $\zeta > 1/\sqrt 8 \approx 0.35$. Bodies that touch at several points need more. At the default, $\zeta = 1$, all
+# scenes of this chapter are stable.
 #
 # ### Creep and sinking: the price of softness
 #
@@ -880,7 +890,8 @@ for label, changed in (
     print(f"{label:<22} {1e3 * ours:7.4f} mm/s, in MuJoCo {1e3 * theirs:7.4f} mm/s")
 # %% [markdown]
 # The compliance $R$ has a second consequence. It is scaled with $\hat A$, roughly one over the *lighter* body's mass.
-# So between a light and a heavy body, the light mass sets $R$, but the heavy weight acts on it.
+# So between a light and a heavy body, the contact is as soft as suits the light one, but it has to carry the weight of
+# the heavy one.
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
@@ -1079,8 +1090,8 @@ print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm"
 TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
-# centimetres at every step. (They still move then, so the depth differs from section 2's.) A **hardened** contact
-# (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance:
+# centimetres at every step. (The bodies have not come to rest by then, so the depth differs from the resting depth in
+# section 2.) A **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
@@ -1116,9 +1127,10 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 # whose step is a few lines of NumPy. Iterations are the mean per step. In *heavy*, the compiled loop needs far
 # fewer sweeps than section 2 predicts, because it starts warm.
 #
-# **The narrow phase compared with Coal**, the collision library that Pinocchio uses, pair by pair in one process.
-# Above: how many times as long Coal takes; *poses in the loop* includes making its poses. Below: two boxes, with
-# faces aligned, almost aligned, or turned at random. *Points* is the hull of a few points:
+# **The narrow phase compared with Coal**, the collision library that Pinocchio uses, pair by pair in one process. The
+# bars show Coal's time divided by the course's; *poses in the loop* includes creating Coal's pose objects. The lower
+# chart compares error and time for two boxes whose faces are aligned, almost aligned, or turned at random. *Points*
+# means the convex hull of a few points:
 #
 # ![Narrow phase: time compared with Coal, and error](../docs/charts/narrow_phase.png)
 # %%
@@ -1126,9 +1138,9 @@ more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
-# * **A robot arm, or learning at scale:** a soft convex model such as MuJoCo's. It is fast and has one answer. Raise
-#   impratio where things are held, use the elliptic cone where they slide, and harden solref or solimp where a heavy
-#   body rests on a light one.
+# * **A robot arm, or learning at scale:** a soft convex model such as MuJoCo's. It is fast and has one answer. Use the
+#   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
+#   one.
 # * **Stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
 #   pivots. Sweeps are fine if light bodies stand on heavy ones.
 # * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you
@@ -1149,10 +1161,10 @@ show("constraints_take_larger_steps")
 # %%
 predict("chalk_on_the_board")
 # %% [markdown]
-# This is **Painlevé**'s rod (1895), here at an angle $\theta$ to the ground. A normal force at the end brings
-# friction $\mu f_n$ with it. Friction turns the rod so that its end moves *into* the ground. Above $\mu = (1 +
-# 3\cos^2\theta)/(3\sin\theta\cos\theta)$ this turning is faster than the lifting by the normal force. More force
-# makes it worse, so no finite force holds the end out.
+# This is **Painlevé**'s rod (1895), here at an angle $\theta$ to the ground. A normal force at the end brings friction
+# $\mu f_n$ with it. Friction turns the rod so that its end moves *into* the ground. Above $\mu = (1 +
+# 3\cos^2\theta)/(3\sin\theta\cos\theta)$ this turning is faster than the lifting by the normal force. More force makes
+# it worse, so while the rod does not rotate, no finite force holds the end out.
 #
 # A time-stepping method still returns an answer: an impulse that does not shrink with the step. The rod stops at
 # once, although nothing collided. Compare one step of 1 ms with one of 1 µs, at 60 degrees:
@@ -1172,9 +1184,10 @@ for mu in (1.0, 2.0):
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper
-# is pulling: clip the force at zero. If it is positive, look for a margin, for adhesion that somebody set, or for a
-# second contact. If it is zero, the program uses an old or a constant normal force for friction.
+# **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper is
+# pulling: clip the force at zero. If it is positive, look for a margin, for adhesion that somebody set, or for a second
+# contact. If it is zero and the bodies still stick, friction was computed from something other than this step's normal
+# force.
 #
 # </div>
 #
