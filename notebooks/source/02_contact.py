@@ -31,10 +31,10 @@ simulation("touch")
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart.
-# On the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are folded
-# away. Every measured number comes from a cell on this page or from a check. You can rerun all checks with `python -m
-# course.derivations 2`. The code is the package `course.contact`. Five exercises wait in section 8:
+# Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart. On
+# the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are folded away.
+# You can rerun all checks of this page with `python -m course.derivations 2`. The code is the package `course.contact`.
+# Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -94,8 +94,8 @@ show("aabb_all_axes")
 # %%
 predict("sweep_ten_times")
 # %% [markdown]
-# Timings differ between machines, so this cell counts overlap tests. We count three arrangements of 3,000 boxes: they
-# fill a cube, lie in one layer, or all overlap along the sweep axis.
+# This cell counts overlap tests for 3,000 boxes that fill a cube, lie in one layer, or all overlap along the sweep
+# axis.
 # %% tags=["hide-code"]
 rng = np.random.default_rng(0)
 names = {"spread": "filling a cube", "settled": "in one layer", "aligned": "all overlap in x"}
@@ -113,8 +113,8 @@ for kind, name in names.items():
 # The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main cost.
 # Reusing the sorted order of the last step saves only the sorting. For the dashed line, every box has moved by 1 % of
 # its size, and we count the swaps that sort the list again. (An *incremental* sweep also keeps the list of overlapping
-# pairs and changes it only where two boxes swap places, so it saves overlap tests too.) In the left chart the exponents
-# are fitted to the counts, in the right one to measured times, which include MuJoCo's broad phase:
+# pairs, so it saves tests too.) The left chart fits its exponents to the counts, the right one to measured times,
+# MuJoCo's among them:
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -265,8 +265,7 @@ more_claims("circles_once_a_step", "soft_wall")
 simulation("penalty_spring")
 # %% [markdown]
 # Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. That is
-# harmless while the spring pushes harder than the damper pulls. The $\max$ acts only when the total would pull. Some
-# implementations forget it.
+# harmless while the spring pushes harder than the damper pulls. The $\max$ acts only when the total would pull.
 #
 # In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
 # plot:
@@ -360,7 +359,7 @@ answer("semi_implicit_damped_limit", "2/omega")
 # %% [markdown]
 # The lower right plot of the simulation of the falling mass showed this limit as a dashed curve; you can drag the point
 # across it. In the upper panels the measured limits coincide with the formulas. The lower panel shows MuJoCo's soft
-# contact, which is explained later in this section; skip it for now.
+# contact, which is explained later in this section.
 #
 # ![Largest step of a penalty contact against damping, measured and in theory](../docs/charts/contact_penalty_limit.png)
 # %%
@@ -726,11 +725,11 @@ for dt in (1e-2, 1e-3):
     )
 # %% [markdown]
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
-# steps. Macklin and colleagues (2019) found that this usually works better: half the sub-step means a quarter of the
-# error per sub-step, so more sub-steps gain more than more sweeps. PhysX's **TGS** (temporal Gauss-Seidel) works like
-# this. So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves
-# them out of the overlaps contact by contact, and takes the velocity from the change of position. A stack of 100 kg on
-# 1 kg, the same number of contact solves for each row:
+# steps. Macklin and colleagues (2019) found that this usually works better: half the length of a sub-step means a
+# quarter of its error. PhysX's **TGS** (temporal Gauss-Seidel) works like this. So does the sub-stepped form of
+# **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them out of the overlaps contact by
+# contact, and takes the velocity from the change of position. A stack of 100 kg on 1 kg, the same number of contact
+# solves for each row:
 # %% tags=["hide-code"]
 heavy = scenes.tower([1.0, 100.0])
 print("100 kg on 1 kg for 0.5 s, XPBD: deepest penetration")
@@ -773,7 +772,7 @@ for name, height in heights.items():
 # split impulse and the critically damped spring bring it up without throwing it. The spring leaves it at its resting
 # depth $mg/k$, 1 mm below the ground.
 #
-# How well-known engines do it (sources read in November 2026):
+# <details><summary>How well-known engines do it (sources read in November 2026)</summary>
 #
 # | engine | solver | penetration and softness | source |
 # |---|---|---|---|
@@ -783,6 +782,8 @@ for name, height in heights.items():
 # | Box2D 3 | sweeps in sub-steps, usually 4 | contact spring of 30 Hz and damping ratio 10; at most 3 m/s | `types.c`; Catto, *Solver2D*, 2024 |
 # | MuJoCo 4 | convex, on accelerations: Newton, CG (conjugate gradients) or PGS | a spring and damper per contact, explained below | MuJoCo documentation, Computation |
 # | Drake | convex, on velocities, with its solver SAP (section 9) | compliant point contact, or hydroelastic contact (section 9) | `multibody_plant_config.h`; Castro et al. 2022 |
+#
+# </details>
 #
 # ### Friction made convex
 #
@@ -928,14 +929,12 @@ predict("push_that_starts_too_slow")
 # %% [markdown]
 # ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
 #
-# Two remedies make a contact felt before touch. **Randomised smoothing** averages over runs with noise on the
-# parameter and needs only function values. An **interior-point** relaxation lets force times gap be a small number
-# instead of zero, so that a little force acts at a distance. Both replace the true derivative by a slightly biased
-# one that is useful.
+# Two remedies make a contact felt before touch. **Randomised smoothing** averages over runs with noise on the parameter
+# and needs only function values. An **interior-point** relaxation lets force times gap be a small number instead of
+# zero, so that a little force acts at a distance. Both give a slightly biased but useful derivative.
 #
 # The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, the
-# derivative has the wrong sign, at every step size (a claim below checks several). Check a gradient against finite
-# differences over a range of widths.
+# derivative has the wrong sign, at every step size. Check a gradient against finite differences over a range of widths.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -967,15 +966,14 @@ plt.show()
 # | solver | $A$, $J v_f$, cones, impulses of the last step | impulses and a residual | sweeps, or Newton iterations that factor a matrix |
 # | integration | impulses | new state | almost none |
 #
-# Five decisions are made here:
+# Four decisions are made here:
 #
 # 1. **Shapes.** Collide primitives and a few convex pieces, not the meshes that are drawn.
 # 2. **Level.** Solve for impulses and velocities, or for forces and accelerations? At the velocity level a rigid
-#    contact stops an impact of any speed within the step, so its force grows as $1/h$. At the acceleration level the
-#    force depends on the state only, and an impact is spread over the contact's time constant.
+#    contact stops an impact of any speed within the step, so its force grows as $1/h$. At the acceleration level an
+#    impact is spread over the contact's time constant.
 # 3. **Order.** Process contacts in a fixed order. Otherwise two runs of the same simulation differ.
 # 4. **Memory.** Match contacts to those of the last step, so that the solver can start warm.
-# 5. **Honesty.** A solver that did not converge must say so and report its residual.
 #
 # How do you judge a contact solver that is not your own? Five numbers need only the step itself ($J$, velocities,
 # gaps, $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's**
@@ -1008,9 +1006,8 @@ answer("brute_force_pairs", "n^2")
 # %%
 more_claims("brute_force_pairs")
 # %% [markdown]
-# Second, the contact of two circles. That is an exercise in section 8. Third, the penalty force with regularised
-# friction. The switch `pull` allows the damper to pull. The decorator `register_jitable` lets Numba compile the
-# function:
+# Second, the contact of two circles, an exercise in section 8. Third, the penalty force with regularised friction. The
+# switch `pull` allows the damper to pull:
 # %% tags=["hide-code"]
 source(penalty_force)
 # %% [markdown]
@@ -1030,10 +1027,8 @@ for model in contact.MODELS:
 # both, the penalty first. Drag the hand, or move it with the arrow keys. Before you choose a preset, predict:
 #
 # 1. *Stick*: which of the two boxes moves, and how fast?
-# 2. *Slip*: where in the force plot do both points lie?
-# 3. *Explosion*: at which step does the penalty box calm down? Compare *ω h* with the limit of section 2.
-# 4. Raise the stiffness from 3,000 to 50,000 N/m. What happens to the depth, and to the largest stable step?
-# 5. *Tunnelling*: is there a step at which the penalty ball stays on its side?
+# 2. *Explosion*: at which step does the penalty box calm down? Compare *ω h* with the limit of section 2.
+# 3. Raise the stiffness from 3,000 to 50,000 N/m. What happens to the depth, and to the largest stable step?
 # %%
 simulation("touch", "Stick")
 # %% [markdown]
@@ -1058,7 +1053,7 @@ for name in ("true cone (Newton)", "exact pyramid (LCP)", "MuJoCo Newton, ellipt
 TradeOff(measured)
 # %% [markdown]
 # You can put your own contact model on the chart. It gets a `Problem` and returns impulses. This one clamps each
-# friction component on its own, as you often see it in code:
+# friction component on its own:
 # %% tags=["show-code"]
 from course.measure.work_precision import Method, Result
 
@@ -1178,7 +1173,7 @@ for mu in (1.0, 2.0):
     print(f"mu {mu:.0f}: normal impulse {one:.1e} N s in a step of 1 ms, {other:.1e} in 1 us")
 # %% [markdown]
 # Below the limit the impulse is proportional to the step, as for a force. Above it, both steps return nearly the same
-# impulse. The convex model always has an answer too, but not Coulomb's: even below the limit it makes the rod hop.
+# impulse. The convex model always has an answer, but it makes the rod hop.
 #
 # ### Debugging table
 #
@@ -1446,8 +1441,7 @@ for how in ("rigid", "randomised"):
 #
 # </div>
 #
-# Answer aloud before you open an answer: first what you would say in a minute, then the details and follow-up
-# questions.
+# Answer aloud before you open an answer.
 # %%
 interview("contact")
 # %% [markdown]
