@@ -156,8 +156,7 @@ show("gjk_minkowski")
 # 4. If $w$ lies no farther in that direction than $c$, stop. No point of the set is nearer to the origin, so the
 #    shapes are apart by $\lVert c\rVert$, and the normal is $-c/\lVert c\rVert$. Otherwise add $w$ to the simplex.
 #
-# Step 4 compares positions *along* $-c$, not distances from the origin. The new point $w$ can be farther from the
-# origin than $c$ and still bring the next simplex closer.
+# Step 4 compares positions *along* $-c$: the new point $w$ can be farther from the origin than $c$ and still help.
 #
 # For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found. It
 # takes the face nearest to the origin (in the plane, the edge) and computes the support point in the direction of its
@@ -255,8 +254,8 @@ more_claims("circles_once_a_step", "soft_wall")
 # $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \;}$$
 #
 # Nothing has to be solved: you evaluate the formula and integrate. (Hunt and Crossley let the damping grow with the
-# depth: they replace $b$ by $b\,\delta$, so the force starts from zero at touch.) In exchange, a body at rest always
-# overlaps. Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
+# depth: they replace $b$ by $b\,\delta$, so the force starts from zero at touch.) But a body at rest always overlaps.
+# Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
 #
 # Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and
 # damper both push; on the way out, the damper works against the spring. The area of the loop is the energy that the
@@ -358,8 +357,8 @@ answer("contact_limit_explicit", "1000*sqrt(1/100000)")
 answer("semi_implicit_damped_limit", "2/omega")
 # %% [markdown]
 # The lower right plot of the simulation of the falling mass showed this limit as a dashed curve; you can drag the point
-# across it. In the upper panels the measured limits coincide with the formulas. The lower panel shows MuJoCo's soft
-# contact, which is explained later in this section.
+# across it. In the upper panels the measured limits coincide with the formulas. The lower panel is MuJoCo's soft
+# contact, explained later.
 #
 # ![Largest step of a penalty contact against damping, measured and in theory](../docs/charts/contact_penalty_limit.png)
 # %%
@@ -655,8 +654,8 @@ predict("heavy_on_light")
 # the result $\tilde u$ (De Saxcé and Feng 1998). Then $p$ solves Coulomb's law exactly if stepping from $p$ against
 # $\tilde u$ and projecting onto the cone leads back to $p$: $p = \operatorname{proj}(p - \rho\,\tilde u)$. Any positive
 # $\rho$ will do, and $\operatorname{proj}$ returns the nearest point of the cone. The left side minus the right side is
-# the **natural map**, and Newton's method searches for its zero. Each iteration solves a linear system. On the stacks
-# of this chapter it takes a few iterations at any mass ratio; there is no guarantee for every scene.
+# the **natural map**, and Newton's method searches for its zero. Each iteration solves a linear system. On this
+# chapter's stacks it takes a few iterations at any mass ratio, without a guarantee elsewhere.
 #
 # A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest
 # violation of the contact law, as a velocity. An iteration costs a different amount in each method:
@@ -829,7 +828,7 @@ show("mujoco_is_convex_and_unique")
 # * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. By default it rises
 #   from 0.9 to 0.95 over the first millimetre.
 # * **impratio** divides $R$ in the friction rows of an elliptic cone. Above 1, friction is harder than the normal
-#   direction. (MuJoCo's manual advises against large values with pyramids, which mix both directions in each row.)
+#   direction. (The manual advises against large values with pyramids.)
 # * **condim** is the number of directions in which the contact has a force: 1 is the normal alone, 3 adds sliding
 #   friction, 4 adds friction against spinning, 6 adds rolling friction. With elliptic cones that is the number of
 #   rows. With pyramids there are two rows for each direction of friction.
