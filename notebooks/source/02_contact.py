@@ -192,10 +192,10 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 #
 # ### Contact points, and shapes that are not convex
 #
-# A box on a table touches it with a whole face. With a single contact point the box would tip over, unless the point
-# lay exactly under its centre of mass. So the solver needs a **manifold**, a set of points that spans the touching
-# area. The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond
-# the other. Each corner of the polygon that remains becomes a contact point.
+# A box on a table touches it with a whole face. With a single contact point it would tip over, unless that lay exactly
+# under the centre of mass. So the solver needs a **manifold**, a set of points that spans the touching area. The narrow
+# phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the other. Each
+# corner of the polygon that remains becomes a contact point.
 #
 # GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid.
 # A **convex decomposition** cuts such a shape into convex pieces before the simulation starts.
@@ -1446,6 +1446,6 @@ interview("contact")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page. You can derive each of them from what is.
+# Three formulas that you can derive from what is on this page.
 # %%
 checkpoint("contact", sweeps_and_masses="", convex_cone_is_coulomb="", mujoco_creeps="")
