@@ -103,6 +103,8 @@ def _advance(
         # Below the ground only by rounding, or because it was put there: no impulse undoes that.
         if y + ry < -touch:
             y = -ry
+        # How far the centre can fall and the corners can swing in what is left of the step, at
+        # most.
         fall = min(remaining * vy, 0.0) + min(coefficient * ay * remaining * remaining, 0.0)
         swing = radius * remaining * (abs(omega) + coefficient * abs(alpha) * remaining)
         # Too high to come down in what is left of the step, however it turns.
@@ -158,6 +160,7 @@ def _advance(
         tau, outcome = first_impact(
             y, angle, vy, omega, ay, alpha, width, height, remaining, coefficient
         )
+        # Only a corner that has not moved since its bounce counts as bounced.
         bounced = bounced and tau == 0.0
         if outcome != HIT and outcome != UNFINISHED:
             break
@@ -197,8 +200,10 @@ def _step_boxes(
             mass, width, height = parameters[0, k], parameters[1, k], parameters[2, k]
             inertia, restitution = parameters[3, k], parameters[4, k]
             friction, rest_speed = parameters[5, k], parameters[6, k]
+            # Checked in the loop itself, where a bad box ends the run and its number is returned.
             good = mass > 0.0 and width > 0.0 and height > 0.0 and inertia > 0.0
             good = good and 0.0 <= restitution <= 1.0 and friction >= 0.0 and rest_speed >= 0.0
+            # The sum is finite only if every term is: one test for all NaNs and infinities.
             finite = mass + width + height + inertia + friction + rest_speed
             finite += forces[0, f] + forces[1, f] + forces[2, f]
             if not good or not abs(finite) < np.inf:
@@ -217,6 +222,7 @@ def _step_boxes(
         impacts = 0
         unresolved = 0
         for _ in range(steps):
+            # At rest bit for bit: the steps that are left would not change anything.
             if settles and lies_still(y, angle, vx, vy, omega, width, height):
                 break
             fall = min(dt * vy, 0.0) + min(coefficient * ay * dt * dt, 0.0)
