@@ -110,6 +110,7 @@ def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
     path_q, path_v = [q], [v]
     result: list[Solution] = []
     for _ in range(steps):
+        # Semi-implicit Euler: the model's impulses give the new velocity, which moves the position.
         result.append(solve(model, scene.problem(dt, q, v), **options))
         v = result[-1].velocity
         q = q + dt * v
@@ -272,6 +273,7 @@ def spinning_disc(spin: float = 10.0, friction: float = 0.5, torsion: float = 0.
     rows[0, :3, :3] = base.jacobian[0]
     rows[0, 3, 3] = 1.0
     return Scene(
+        # A disc about its axis: m r^2 / 2.
         np.diag([1.0, 1.0, 1.0, 0.005]),
         rows,
         np.zeros(1),
@@ -380,6 +382,7 @@ def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) ->
     # A turning rod moves its end along an arc: that acceleration, spin^2 (-c, s), acts too.
     force = np.array([-c * spin**2, -GRAVITY + s * spin**2, 0.0])
     return Scene(
+        # A uniform rod about its middle: m l^2 / 12, with 2 m and 1 kg.
         np.diag([1.0, 1.0, 1.0 / 3.0]),
         rows,
         np.zeros(1),

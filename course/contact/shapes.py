@@ -59,6 +59,7 @@ class Shape:
         """Distance of the farthest point from the shape's origin [m]; infinite for a plane."""
         if self.name == "plane":
             return math.inf
+        # The farthest point of a convex core is a corner.
         return float(np.linalg.norm(self.corners, axis=0).max()) + self.radius
 
 
@@ -190,4 +191,5 @@ def bounds_in_space(shape: Shape, q: Array) -> Array:
     turned = np.einsum("ijn,jk->ikn", R, shape.vertices)
     # Support function of a turned box: |R| times its half sizes, without visiting its corners.
     reach = np.einsum("ijn,j->in", np.abs(R), shape.half) + shape.radius
+    # The hull of the turned vertices, each swept by the box and the radius.
     return np.stack((turned.min(axis=1) + q[:3] - reach, turned.max(axis=1) + q[:3] + reach))

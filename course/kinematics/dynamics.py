@@ -251,6 +251,8 @@ def _merge(body, E, i, parent):
     # Steiner between two points neither of which is the centre of mass.
     square = 2.0 * (p[0] * h[0] + p[1] * h[1] + p[2] * h[2])
     square += m * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+    # The composite rigid body: masses and first moments add, the second moments about one point
+    # too.
     body[parent, 0] += m
     for c in range(3):
         body[parent, 1 + c] += h[c] + m * p[c]

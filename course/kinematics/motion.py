@@ -129,6 +129,7 @@ def place(table, q, k, pose):
                 c * cosine - b * sine,
                 d * cosine + a * sine,
             )
+        # Written once the joint has moved: the children read this pose.
         pose[i, 0], pose[i, 1], pose[i, 2] = spot
         pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6] = turn
 

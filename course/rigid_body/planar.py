@@ -112,6 +112,8 @@ def _advance(
             break
         # A corner touches: it hits, it is held, or it is about to leave.
         if y + ry <= touch:
+            # Normal velocities of both lowest corners: that of the centre, and the spin times the
+            # arm.
             vn, vn2 = vy + omega * rx, vy + omega * rx2
             flat = y + ry2 <= touch
             speed = min(vn, vn2) if flat else vn
@@ -164,6 +166,8 @@ def _advance(
         bounced = bounced and tau == 0.0
         if outcome != HIT and outcome != UNFINISHED:
             break
+        # Fly to the impact, or as far as is certain to be free; the next pass decides what happens
+        # there.
         x, y, angle, vx, vy, omega = _fly(
             x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient
         )
@@ -275,7 +279,7 @@ _SIGNATURE = types.int64(
 )
 
 
-# Arguments as `_step_boxes` names them and `rollout` checks them; `out` may be `state` itself.
+# Arguments as `_step_boxes` names them and `prepare` checks them; `out` may be `state` itself.
 step_boxes_loop = loop(_step_boxes, _SIGNATURE)
 
 
@@ -311,6 +315,7 @@ def box_parameters(
     width = vector("width", width, low=POSITIVE, unit="m")
     height = vector("height", height, low=POSITIVE, unit="m")
     if inertia is None:
+        # Moment of inertia of a uniform rectangle about its centre.
         inertia = mass * (width * width + height * height) / 12.0
     rows = [
         mass,
@@ -390,6 +395,8 @@ def prepare(
         elif out.shape != state.shape or out.dtype != state.dtype or not out.flags.c_contiguous:
             raise invalid("out", (out.dtype.name, out.shape), f"C-ordered float64 {state.shape}")
         counts = np.empty((2, n), dtype=np.int64)
+        # Compiled code can't raise with these values, so it returns the number of the first bad
+        # box.
         bad = step_boxes_loop(
             out,
             counts,
@@ -552,6 +559,7 @@ class PlanarBody:
         They run anticlockwise from the body's lower left.
         """
         x, y, angle = self.state[:3]
+        # Half sizes with the signs of the corners, turned by the angle and shifted to the centre.
         a = 0.5 * self.width * np.array([-1.0, 1.0, 1.0, -1.0])
         b = 0.5 * self.height * np.array([-1.0, -1.0, 1.0, 1.0])
         s, c = np.sin(angle), np.cos(angle)
@@ -569,6 +577,7 @@ class PlanarBody:
         """
         f = vector("force", force, (2,), unit="N")
         p = self.state[:2] if point is None else vector("point", point, (2,), unit="m")
+        # The moment about the centre is the component of arm x force along z.
         arm = p - self.state[:2]
         self.force = self.force + f
         self.torque += float(arm[0] * f[1] - arm[1] * f[0])

@@ -233,7 +233,7 @@ def _incomplete_pi(n: float, u: float, m: float) -> float:
 
     # K(m), the quarter period of the elliptic functions.
     quarter = ellipk(m)
-    # Whole periods are taken off first: Carlson's forms hold for a quarter period.
+    # Half periods are taken off first: Carlson's forms hold within a quarter period of zero.
     turns = np.round(u / (2.0 * quarter))
     sn, cn, _, _ = ellipj(u - 2.0 * quarter * turns, m)
 

@@ -177,6 +177,8 @@ class RigidBody:
         one_of("integrator", integrator, INTEGRATORS)
         unit_quaternion(self.q[3:])  # it may have been set since
         tensor = np.asarray(self.inertia)
+        # What stays constant over the step: acceleration, torque in the world, inertia and its
+        # inverse.
         params = np.concatenate(
             [
                 self.force / self.mass + vector("gravity", gravity, (3,), unit="m/s^2"),
@@ -191,6 +193,7 @@ class RigidBody:
 
     def energy(self, gravity: ArrayLike = DOWNWARDS) -> tuple[float, float, float]:
         """Return kinetic, potential (zero at the world's origin) and total energy [J]."""
+        # Koenig's theorem: energy of the centre of mass plus energy of the turn about it.
         spin = self.v[3:]
         kinetic = 0.5 * self.mass * self.v[:3] @ self.v[:3] + 0.5 * spin @ (
             np.asarray(self.inertia) @ spin
@@ -203,6 +206,7 @@ class RigidBody:
 
         It is in the world frame.
         """
+        # I omega is taken in the body frame, where I is constant, and turned into the world.
         return np.asarray(rotate(self.q[3:], np.asarray(self.inertia) @ self.v[3:]))
 
 
@@ -249,6 +253,7 @@ def advance_bodies(
     )
     run, step, acceleration = compiled_parts(free_flight_acceleration, integrator, 2)
     q_new, v_new = np.empty_like(q), np.empty_like(v)
+    # All steps of a block before the next block, while its rows are in the cache.
     for start in range(0, q.shape[1], BLOCK):
         part = slice(start, start + BLOCK)
         q_new[:, part], v_new[:, part] = run(

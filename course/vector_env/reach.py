@@ -103,6 +103,7 @@ def _move_arms(q, v, target, steps, actions, arm, limit, substeps):
         arm[11, i] = arm[7, i] * _held(actions[i, 0])
         arm[12, i] = arm[8, i] * _held(actions[i, 1])
     x, w = q, v
+    # Classical Runge-Kutta steps, with the torques held through the whole control step.
     for _ in range(substeps):
         x, w = rk4(x, w, acceleration, CONTROL_STEP / substeps, arm)
     # The state belongs to the task, so it is updated in place.
