@@ -23,6 +23,7 @@ def invalid(name: str, value: Any, allowed: str) -> ValueError:
     Returns:
         The error, to be raised.
     """
+    # A long array would drown the message.
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist() if value.size <= 12 else f"an array of shape {value.shape}"
         return ValueError(f"{name} must be {allowed}, got {value}")
@@ -38,10 +39,12 @@ def finite(
         ValueError: otherwise.
     """
     try:
+        # float() would accept text and arrays of one element; neither is a number here.
         if isinstance(value, str) or np.ndim(value):
             raise TypeError("not a number")
         number = float(value)
     except (TypeError, ValueError, OverflowError):
+        # NaN fails the comparisons below, which raise the error.
         number = np.nan
     if not (low <= number <= high and abs(number) < np.inf):
         raise invalid(name, value, _number(low, high, unit))
@@ -59,6 +62,7 @@ def count(name: str, value: Any, least: int = 0, at_most: int | None = None) -> 
     Raises:
         ValueError: for anything else, a bool or a float without a fraction included.
     """
+    # To Python a bool is an integer; as a count it is a mistake.
     integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not integer or value < least or (at_most is not None and value > at_most):
         if at_most is not None:
@@ -116,10 +120,12 @@ def vector(
     array = _real_array(name, value)
     if shapes and not any(_fits(array.shape, shape) for shape in shapes):
         shown = (", ".join("N" if n is None else str(n) for n in shape) for shape in shapes)
+        # Shapes as Python writes tuples, with N for any size.
         texts = (f"({text},)" if "," not in text and text else f"({text})" for text in shown)
         raise invalid(f"{name}.shape", array.shape, " or ".join(texts))
     good = np.isfinite(array) & (array >= low) & (array <= high)
     if not good.all():
+        # The message points at the first number that is wrong.
         where = tuple(int(i) for i in np.argwhere(~good)[0])
         place = f"{name}{list(where)}" if where else name
         raise invalid(place, float(array[where]), _number(low, high, unit))
@@ -140,6 +146,7 @@ def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
     try:
         array = _real_array(name, value)
     except ValueError:
+        # What is no array of real numbers is rejected below, as NaN is.
         array = np.array(np.nan)
     if array.shape not in ((), (size,)):
         raise invalid(f"{name}.shape", array.shape, f"() or ({size},)")

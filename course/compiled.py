@@ -63,6 +63,7 @@ class _Announcement(event.Listener):
         self._timers: list[threading.Timer] = []
 
     def on_start(self, event: Any) -> None:
+        # numba reports callees as well; only the function itself is announced.
         if event.data["dispatcher"].py_func is self._function:
             self._timers.append(_announce_later(self._function.__qualname__))
 
@@ -82,15 +83,19 @@ def _cache_folder() -> str:
     that can't be written, numba's default applies ("").
     """
     package = Path(__file__).parent
+    # One digest over all sources that mention numba, so that a change in any callee counts.
     state = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         text = path.read_bytes()
         if b"numba" in text:
+            # Path and length delimit each text, so that moving text between files changes the
+            # digest.
             state.update(f"{path.relative_to(package)} {len(text)}\n".encode() + text)
     root = Path(os.environ.get("NUMBA_CACHE_DIR") or package / "__pycache__") / "compiled"
     folder = root / state.hexdigest()[:16]
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        # A folder in use gets a new time, so the least recently used ones are removed.
         os.utime(folder)
         for old in sorted(root.iterdir(), key=lambda p: p.stat().st_mtime)[: -_KEEP - 1]:
             shutil.rmtree(old, ignore_errors=True)
@@ -112,6 +117,7 @@ def _alone(folder: str, function: Callable[..., Any]) -> Iterator[None]:
         with contextlib.suppress(OSError):  # where nothing can be written, nothing is kept either
             lock = stack.enter_context(open(Path(folder or os.devnull) / name, "w"))
             try:
+                # Tried without waiting first, so that only a real wait is announced.
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 waiting = _announce_later(function.__qualname__)
@@ -138,14 +144,17 @@ def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]
     """
     if numba.config.DISABLE_JIT:
         return function
+    # Processor time of this thread: waiting for another process does not count.
     start = time.thread_time()
     name = f"{function.__module__}.{function.__qualname__}"
+    # numba reads this setting when it decorates, so it is changed for that moment only.
     folder, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _cache_folder()
     try:
         with (
             _alone(numba.config.CACHE_DIR, function),
             event.install_listener("numba:compile", _Announcement(function)),
         ):
+            # As in NumPy, a division by zero gives inf or NaN here and raises nothing.
             result = numba.njit(signature, cache=True, error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = folder
@@ -164,6 +173,7 @@ def loop(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
         A function that is `compiled(function, signature)` where plain Python calls it, compiled at
         the first call, and `function` itself, compiled along, where compiled code calls it.
     """
+    # Compiled at the first call, so that importing a module compiles nothing.
     ready: list[Callable[..., Any]] = []
 
     def call(*arguments: Any) -> Any:
@@ -171,6 +181,7 @@ def loop(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
             ready.append(compiled(function, signature))
         return ready[0](*arguments)
 
+    # Compiled callers get the plain function, which numba compiles along with them.
     overload(call, strict=False)(lambda *arguments: function)
     return call
 
@@ -186,6 +197,7 @@ def function_argument(function: Any) -> Callable[..., Any]:
     """
     if numba.config.DISABLE_JIT:
         return function
+    # One signature was compiled, so there is exactly one overload.
     (result,) = function.overloads.values()
     address = types.CompileResultWAP(result)
     address._numba_type_ = types.FunctionType(result.signature)  # else made anew at every call
@@ -201,10 +213,12 @@ def address_of(value: Any) -> Any:
     if numba.config.DISABLE_JIT:
         return value
     if isinstance(value, np.random.Generator):
+        # The generator's C struct, from the capsule in which NumPy hands it out.
         return _POINTER(value.bit_generator.capsule, b"BitGenerator")
     return value.address
 
 
+# A function of CPython's C API, called with the interpreter's lock held.
 _POINTER = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
     ("PyCapsule_GetPointer", ctypes.pythonapi)
 )
@@ -223,6 +237,7 @@ def from_address(kind: Any) -> Callable[[Any], Any]:
             here = values[0]
             result = cgutils.create_struct_proxy(kind)(context, builder)  # all null so far
             if kind is not types.npy_rng:
+                # The address is all that compiled code needs to call it.
                 result.c_addr = builder.inttoptr(here, context.get_value_type(types.voidptr))
                 return result._getvalue()
             # NumPy's struct bitgen: state, next_uint64, next_uint32, next_double.
@@ -239,6 +254,7 @@ def from_address(kind: Any) -> Callable[[Any], Any]:
     def at(address: Any) -> Any:
         return address
 
+    # The outer function types the call; the inner one is what numba compiles.
     overload(at, strict=False)(lambda address: lambda address: made(address))
     return at
 

@@ -34,6 +34,7 @@ def map_of_chapters(folder: str = "") -> str:
     """
     rows = ["| | chapter | what it answers | simulation | |", "|---:|---|---|---|---|"]
     for chapter in CHAPTERS:
+        # Links start from the notebooks' folder; `folder` leads there from elsewhere.
         name = chapter.notebook.removeprefix("notebooks/")
         title = f"[{chapter.title}]({folder}{name})" if chapter.ready else chapter.title
         state = "ready" if chapter.ready else "coming"
@@ -54,6 +55,7 @@ def neighbours(number: int) -> str:
     Returns:
         Markdown with links to notebooks of the same folder; only to chapters that are there.
     """
+    # Chapters that are not written yet are skipped, so every link leads somewhere.
     other = [chapter for chapter in CHAPTERS if chapter.ready]
     before = [c for c in other if c.number < number][-1:]
     behind = [c for c in other if c.number > number][:1]
@@ -71,6 +73,7 @@ def moving() -> str:
     Returns:
         A sentence and a Markdown list.
     """
+    # Imported here, since the other tables need no simulation.
     from course.simulations import declaration
 
     names = declaration.names()

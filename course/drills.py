@@ -39,11 +39,13 @@ def fk3(lengths: ArrayLike, thetas: ArrayLike) -> Array:
     """
     lengths = np.asarray(lengths, dtype=float)
     thetas = np.asarray(thetas, dtype=float)
+    # One message for a wrong shape, NaN and infinity.
     for name, value in (("lengths", lengths), ("thetas", thetas)):
         if value.shape != (3,) or not np.isfinite(value).all():
             raise ValueError(f"{name} must be three finite numbers, got {value.tolist()}")
     if (lengths < 0.0).any():
         raise ValueError(f"lengths must be non-negative, got {lengths.tolist()}")
+    # Relative angles add up along the chain: the absolute direction of each link.
     directions = np.cumsum(thetas)
     links = lengths[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
     return np.vstack((np.zeros(2), np.cumsum(links, axis=0)))
@@ -61,6 +63,7 @@ def edge_is_free(a: Array, b: Array, discs: Array) -> bool:
 
     Points tried along the edge instead would let through discs that fit between two of them.
     """
+    # The centre's projection on the line through the edge, clamped to the edge.
     along = b - a
     to_centres = discs[:, :2] - a
     length_squared = np.maximum(along @ along, np.finfo(float).tiny)  # an edge may have no length
@@ -78,6 +81,7 @@ def steer(origin: Array, target: Array, step: float) -> Array:
 
 def trace(nodes: Array, parents: list[int]) -> Array:
     """Return the path from the root to the newest node, found backwards from parent to parent."""
+    # The parent of the root is -1.
     chain = [len(parents) - 1]
     while parents[chain[-1]] >= 0:
         chain.append(parents[chain[-1]])
@@ -136,15 +140,18 @@ def rrt(
         if not edge_is_free(point, point, discs):
             raise ValueError(f"{name} must be a point that touches no disc, got {point.tolist()}")
 
+    # Rows for the largest tree that can come out, so that nothing grows in the loop.
     nodes = np.empty((max_samples + 2, 2))  # one a sample, and the start and the goal
     nodes[0] = start
     parents = [-1]
     samples: list[Array] = []
     result = np.array_equal(start, goal)
     while not result and len(samples) < max_samples:
+        # A share of the samples is the goal itself, which pulls the tree towards it (goal bias).
         target = goal if rng.random() < GOAL_BIAS else rng.uniform(low, high)
         samples.append(target)
         offsets = nodes[: len(parents)] - target
+        # The nearest node, by brute force over the whole tree.
         near = int(np.argmin(np.hypot(offsets[:, 0], offsets[:, 1])))
         new = steer(nodes[near], target, step)
         if not edge_is_free(nodes[near], new, discs):
@@ -152,6 +159,7 @@ def rrt(
         nodes[len(parents)] = new
         parents.append(near)
         result = np.array_equal(new, goal)
+        # Connect: a new node within one step of the goal is joined to it directly.
         if not result and np.hypot(*(goal - new)) <= step and edge_is_free(new, goal, discs):
             nodes[len(parents)] = goal
             parents.append(len(parents) - 1)
@@ -240,13 +248,16 @@ class PID:
         for name, value in (("setpoint", setpoint), ("measurement", measurement)):
             if not abs(value) < np.inf:
                 raise ValueError(f"{name} must be a finite number, got {value}")
+        # The first sample has no predecessor, so its rate is 0 and not a jump from 0.
         change = 0.0 if self.last is None else measurement - self.last
         self.last = measurement
+        # Backward Euler on the low-pass of the derivative: stable for every tau.
         self.rate = (self.tau * self.rate + change) / (self.tau + self.dt)
 
         error = setpoint - measurement
         integral = self.integral + self.ki * error * self.dt
         desired = self.kp * error + integral - self.kd * self.rate
+        # Saturate, and integrate only what does not push deeper into the limit (anti-windup).
         command = min(max(desired, self.u_min), self.u_max)
         deeper = (desired > self.u_max and error > 0.0) or (desired < self.u_min and error < 0.0)
         if not deeper:
@@ -281,6 +292,7 @@ class Joint:
             raise ValueError(f"damping must be a non-negative finite number, got {damping}")
         if not abs(load) < np.inf:
             raise ValueError(f"load must be a finite number, got {load}")
+        # Zero-order hold of a linear system: the exponential of the state matrix in closed form.
         x = damping * dt / inertia
         decay = float(np.exp(-x))
         if x > 1e-3:
@@ -339,6 +351,7 @@ def closed_loop(
         Angles (n + 1,) from the start on [rad] and commands (n,) [N m].
     """
     desired = np.asarray(setpoints, dtype=float)
+    # One value for all samples, or one each.
     jam = np.broadcast_to(blocked, desired.shape).tolist()
     errors = np.broadcast_to(noise, desired.shape).tolist()
     angles, commands = [joint.q], []
@@ -413,10 +426,12 @@ class DomainRandomizer:
         self.model = model
         self.friction, self.mass, self.damping = friction, mass, damping
         self.delays, self.noise, self.idle = delay, noise, idle
+        # Every array of the model is saved, so that `restore` needs no list of what was changed.
         fields = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
         self._arrays = {k: v for k, v in fields.items() if isinstance(v, np.ndarray)}
         self._defaults = {name: value.copy() for name, value in self._arrays.items()}
         self._scratch = mujoco.MjData(model)
+        # Free and ball joints keep their damping: only hinges and slides take a draw.
         single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
         self._damped = np.isin(model.jnt_type, single)
         self.steps = 0  # of the action delay that was drawn
@@ -443,11 +458,13 @@ class DomainRandomizer:
         added = np.where(self._damped, rng.uniform(*self.damping, size=model.njnt), 0.0)
         steps = int(rng.integers(*self.delays, endpoint=True))
 
+        # Always from the defaults, so that factors do not compound from draw to draw.
         model.geom_friction[:, 0] = friction
         model.pair_friction[:, :2] = friction  # of a <pair>; both directions of sliding
         model.body_mass[:] = factor * default["body_mass"]
         model.body_inertia[:] = factor[:, None] * default["body_inertia"]
         model.dof_damping[:] = default["dof_damping"] + added[model.dof_jntid]
+        # Quantities that follow from the masses, such as inverse weights, are computed again.
         mujoco.mj_setConst(model, self._scratch)
         mujoco.mj_forward(model, data)
         self._start_delay(steps)
@@ -489,6 +506,7 @@ class DomainRandomizer:
         """
         action = np.array(action, dtype=float)  # a copy, as the caller may use the array again
         self._waiting.append(action)
+        # The first `steps` calls have no action that is due.
         if len(self._waiting) <= self.steps:
             return np.full(action.shape, self.idle, dtype=float)
         return self._waiting.popleft()
@@ -571,6 +589,7 @@ class VectorizedEnv:
             observation, rewards[i], terminated[i], truncated[i], info = env.step(actions[i])
             observation, info = np.array(observation, dtype=float), dict(info)
             if terminated[i] or truncated[i]:
+                # The last observation was copied above, before the reset overwrites it.
                 first, reset_info = self._auto_reset(i)
                 info = {**reset_info, "final_obs": observation, "final_info": info}
                 observation = first

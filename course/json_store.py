@@ -61,8 +61,10 @@ def load(path: Path | None, form: Form[T]) -> tuple[T, tuple[str, ...]]:
     if path is None:
         return form.empty(), ()
     try:
+        # Reading needs no lock: writers replace the file, so it is the old one or the new one.
         with contextlib.suppress(Damaged):
             return _read(path, form), ()
+        # Read again under the lock, as another process may have moved the file aside meanwhile.
         with _locked(path, form.called):
             return _read_or_put_aside(path, form)
     except Problem as problem:
@@ -85,6 +87,7 @@ def change(
         edit(content)
         return content, ()
     with _locked(path, form.called):
+        # Read under the lock, so that no change of another process is lost.
         content, notices = _read_or_put_aside(path, form)
         edit(content)
         _write(path, form, content)
@@ -97,6 +100,7 @@ def _read(path: Path, form: Form[T]) -> T:
         # Opening a named pipe would otherwise wait for somebody to write.
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
             regular = stat.S_ISREG(os.fstat(file.fileno()).st_mode)
+            # One byte more than allowed shows that it is too large.
             data = file.read(_LARGEST + 1) if regular else b""
     except FileNotFoundError:
         return form.empty()
@@ -109,11 +113,13 @@ def _read(path: Path, form: Form[T]) -> T:
     try:
         content = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError):
+        # Not JSON, or nested deeper than the parser can follow.
         raise Damaged from None
     schema = content.get("schema") if isinstance(content, dict) else None
     if not isinstance(schema, str):
         raise Damaged
     if schema != form.schema:
+        # Another version of this format is no damage: its own program can read it.
         if not schema.startswith(form.schema.partition("/")[0] + "/"):
             raise Damaged
         raise Problem(
@@ -128,6 +134,7 @@ def _read_or_put_aside(path: Path, form: Form[T]) -> tuple[T, tuple[str, ...]]:
     with contextlib.suppress(Damaged):
         return _read(path, form), ()
     number = 1
+    # The first free name, so that no earlier damaged file is overwritten.
     while os.path.lexists(aside := path.with_name(f"{path.name}.damaged-{number}")):
         number += 1
     try:
@@ -150,11 +157,15 @@ def _write(path: Path, form: Form[T], content: T) -> None:
         # Only the holder of the lock writes: a part that is there was left by a killed process.
         with contextlib.suppress(FileNotFoundError):
             part.unlink()
+        # Only a new file, and not through a link that somebody has put there.
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
         with os.fdopen(os.open(part, flags, 0o644), "w", encoding="utf-8", newline="\n") as file:
             file.write(text)
+            # On the disk before the rename: else a power cut could leave an empty file under the
+            # name.
             file.flush()
             os.fsync(file.fileno())
+        # Atomic: a reader sees the old file or the new one.
         os.replace(part, target)
         _sync_folder(target.parent)
     except OSError as error:
@@ -178,6 +189,7 @@ def _locked(path: Path, called: str) -> Iterator[None]:
     """Hold the lock beside the file; the system drops it when this process ends."""
     import fcntl
 
+    # A file of its own, as the file itself is replaced by every write.
     lock = path.with_name(f".{path.name}.lock")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -186,6 +198,7 @@ def _locked(path: Path, called: str) -> Iterator[None]:
         raise Problem(f"Your {called} in {path} can't be written: {_why(error)}.") from None
     try:
         deadline = time.monotonic() + _PATIENCE
+        # Tried again and again without waiting, so that a stuck holder leads to a message.
         while True:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -205,6 +218,7 @@ def _locked(path: Path, called: str) -> Iterator[None]:
             time.sleep(0.01)
         yield
     finally:
+        # Closing the file drops the lock.
         os.close(handle)
 
 

@@ -35,6 +35,7 @@ def absent_packages() -> list[str]:
     The loader names one missing library at a time. This tries all of `SYSTEM_PACKAGES`, so that one
     installation is enough.
     """
+    # The names above are Debian's, and the tried files those of Linux.
     if not sys.platform.startswith("linux"):
         return []
     absent = []

@@ -67,10 +67,13 @@ class Stage:
         ValueError if that is overload, and there is no rule for it.
         """
         longest, rule = self.execution + self.jitter, self.overload
+        # No overload, or a worker for every start: one result a period.
         if longest <= (period - early) * (1.0 + 1e-9) or rule == "pipelined":
             return period
         if rule == "queue" and not self.jitter and self.execution >= period + early:
             return self.execution  # always busy
+        # Starts that find it busy are lost. The results are regular only if the shortest and the
+        # longest execution take equally many periods.
         least, largest = (
             math.ceil(x / period - 1e-9) for x in (longest - 2 * self.jitter, longest)
         )
@@ -146,6 +149,7 @@ def age(stages: Sequence[Stage]) -> Age:
     """
     links = _links(stages)
     C, spread = (sum(getattr(s, name) for s in stages) for name in ("execution", "jitter"))
+    # Executions are uniform over +-J, which has the variance J^2 / 3.
     variance, waits = sum(s.jitter**2 for s in stages) / 3.0, []
     for _, q, T, behind in links:
         # The interval that one falls into is T times a geometric number, drawn by its length.
@@ -154,6 +158,7 @@ def age(stages: Sequence[Stage]) -> Age:
         variance += (T / q) ** 2 * (q * q - 6.0 * q + 6.0) / 3.0 - mean**2
         waits.append(mean + behind)
     behind = sum(link[3] for link in links)
+    # Where samples can be lost, no wait has a bound.
     greatest = behind + C + spread + sum(T if q == 1.0 else math.inf for _, q, T, _ in links)
     return Age(C - spread + behind, C + sum(waits), greatest, math.sqrt(variance), tuple(waits))
 
@@ -164,6 +169,7 @@ def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
     Samples arrive at `times` (N,). A reader gets the oldest unread of the last `depth` samples, and
     the last one again from an empty queue.
     """
+    # The newest sample that has arrived at each tick.
     index = np.searchsorted(times, ticks, side="right") - 1
     last = np.int64(-1)
     # A queue hands out one sample a tick in order, and drops the oldest beyond its depth.
@@ -180,6 +186,7 @@ def free(ticks: Array, durations: Array) -> NDArray[np.bool_]:
     """
     retained, until = np.zeros(ticks.size, np.bool_), -np.inf
     for k in range(ticks.size):
+        # A start within rounding of the last end finds the stage free.
         if ticks[k] >= until - 1e-12:
             retained[k], until = True, ticks[k] + durations[k]
     return retained
@@ -194,6 +201,7 @@ def serve(times: Array, durations: Array, depth: int) -> tuple[NDArray[np.int64]
         arrived = int(np.searchsorted(times, now + 1e-12, side="right")) - 1
         if arrived <= last:
             arrived, now = last + 1, times[last + 1]
+        # The oldest unread sample that a queue of this depth still holds.
         last = max(last + 1, arrived - depth + 1)
         taken[jobs], starts[jobs] = last, now
         now, jobs = now + durations[jobs], jobs + 1
@@ -210,10 +218,12 @@ class Trace:
     def age(self, times: Array) -> Array:
         """Return data age at these times, NaN before the first command [s]."""
         index = np.searchsorted(self.published, times, side="right")
+        # Index 0, before the first command, finds the NaN in front.
         return times - np.append(np.nan, self.captured)[index]
 
     def reaction(self, events: Array) -> Array:
         """Return reaction time to events at these times, NaN where the run ended before it [s]."""
+        # The first measurement that is not older than the event.
         index = np.searchsorted(self.captured, events)
         return np.append(self.published, np.nan)[index] - events
 
@@ -235,12 +245,14 @@ def simulate(
     times = captured = np.empty(0)
     # Stage by stage to the end of time, as each needs only the results of the one before it.
     for k, stage in enumerate(stages):
+        # A clock starts a stage at its ticks; without one, each arrival does.
         starts = times if (T := stage.period) is None else T * np.arange(phases[k], seconds / T)
         durations = rng.uniform(-1.0, 1.0, starts.size) * stage.jitter + stage.execution
         if stage.overload == "queue":
             taken, starts = serve(times, durations, stage.depth)
             durations = durations[: taken.size]
         else:
+            # A start that finds the stage busy is lost, unless workers run in parallel.
             runs = free(starts, durations) | (stage.overload == "pipelined")
             starts, durations = starts[runs], durations[runs]
             taken = read(times, starts, stage.depth if stage.period else 1)
@@ -289,6 +301,7 @@ def spend(stages: Sequence[Stage]) -> list[Option]:
                 saved, added = before - age(chain).mean, load(chain) - busy
             except ValueError:
                 continue  # overloaded
+            # No change may miss a hard deadline that was met before.
             if chain != tuple(stages) and set(missed(chain)) <= set(missed(stages)):
                 result.append(Option(stage.name, change, saved, added, chain))
     return sorted(result, key=lambda o: -o.gain / max(o.load, 1e-9))
@@ -316,6 +329,8 @@ def cost(age: Age | float, speed: float, acceleration: float = 0.0, bandwidth: f
     mean, std = (age.mean, age.std) if isinstance(age, Age) else (finite("age", age, 0.0), 0.0)
     speed, acceleration = finite("speed", speed, 0.0), finite("acceleration", acceleration, 0.0)
     turn = 2.0 * math.pi * finite("bandwidth", bandwidth, 0.0)
+    # Prediction at constant velocity misses a age^2 / 2, whose mean contains the variance of the
+    # age.
     return Cost(speed * mean, acceleration * (mean**2 + std**2) / 2.0, speed * std, turn * mean)
 
 
@@ -402,6 +417,7 @@ def check_stack(edges: Sequence[Edge]) -> None:
     for box in BOXES:
         if not all(around(box, edges)):
             raise invalid("edges", f"nothing into or out of {box}", "both for each box")
+    # Feedback through the plant is what control is; only other loops are faults.
     remaining = [e for e in edges if not {e.source, e.target} & {"robot", "simulation"}]
     while remaining:
         # Kahn, 1962: take away edges from boxes that nothing flows into; what cannot go is a loop.

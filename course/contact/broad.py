@@ -32,6 +32,7 @@ def _boxes(boxes: ArrayLike) -> Array:
     given = np.ascontiguousarray(boxes, dtype=float)
     if given.ndim != 3 or given.shape[0] != 2 or not given.shape[1]:
         raise invalid("boxes.shape", given.shape, "(2, d, N), lower and upper corners")
+    # The negated comparison finds NaNs as well.
     wrong = np.argwhere(~(given[0] <= given[1]))
     if wrong.size:
         axis, i = (int(k) for k in wrong[0])
@@ -78,6 +79,7 @@ def _sort(keys, order):
     steps.
     """
     swaps = 0
+    # Insertion sort: larger keys move up by one until the place of this one is free.
     for k in range(1, order.size):
         this = order[k]
         key = keys[this]
@@ -115,6 +117,7 @@ def _cells(boxes, first, shape, cell, keys, members):
     filled = 0
     for i in range(boxes.shape[2]):
         count = 1
+        # The cell of the lower corner, and how many cells the box spans on each axis.
         for axis in range(dim):
             low[axis] = int((boxes[0, axis, i] - first[axis]) / cell)
             span[axis] = int((boxes[1, axis, i] - first[axis]) / cell) - low[axis] + 1
@@ -136,6 +139,7 @@ def _cells(boxes, first, shape, cell, keys, members):
 def _grid(boxes, first, shape, cell, keys, members, pairs):
     """Test the boxes that share a cell; a pair counts in the cell where their overlap begins."""
     result, tests = 0, 0
+    # The keys are sorted, so the boxes of one cell stand next to each other.
     for p in range(keys.size):
         i = members[p]
         for q in range(p + 1, keys.size):
@@ -171,11 +175,13 @@ def _kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _collect(function: Callable[..., Any], n: int, *arguments: Any) -> tuple[Pairs, int]:
     """Run a kernel that writes pairs, again with more room if there was too little."""
+    # A guess; a kernel that runs out of room still counts the pairs, so the second run has enough.
     room = 4 * n + 16
     while True:
         pairs = np.empty((2, room), np.int64)
         result, tests = _kernel(function)(*arguments, pairs)
         if result <= room:
+            # In lexicographic order, so that all methods return the same array.
             order = np.lexsort((pairs[1, :result], pairs[0, :result]))
             return pairs[:, :result][:, order], int(tests)
         room = result
@@ -230,6 +236,7 @@ class SweepAndPrune:
         elif self.order.size != keys.size:
             raise invalid("boxes.shape[2]", keys.size, f"{self.order.size}, as in the call before")
         else:
+            # The last order is nearly sorted where the boxes moved little (temporal coherence).
             self.swaps = int(_kernel(_sort)(keys, self.order))
         result, self.tests = _collect(_sweep, keys.size, given, axis, self.order)
         return result
@@ -259,6 +266,7 @@ def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, in
         return np.empty((2, 0), np.int64), 0
     edge = 2.0 * float((given[1] - given[0]).mean()) if cell is None else positive("cell", cell)
     first, extent = given[0].min(axis=1), float((given[1].max(axis=1) - given[0].min(axis=1)).max())
+    # A tiny edge would make huge cell numbers; where all boxes are one point any edge will do.
     edge = max(edge, 1e-9 * extent) or 1.0 if cell is None else edge
     # Without a given edge, double it until the boxes fill few cells and cell numbers fit 64 bits.
     while True:
@@ -273,6 +281,7 @@ def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, in
     keys, members = np.empty((2, int(filled)), np.int64)
     whole = shape.astype(np.int64)
     _kernel(_cells)(given, first, whole, edge, keys, members)
+    # Sorting by cell brings the boxes that share one together.
     order = np.argsort(keys, kind="stable")
     return _collect(_grid, n, given, first, whole, edge, keys[order], members[order])
 
@@ -309,6 +318,7 @@ def crowd(kind: str, n: int, rng: np.random.Generator) -> Array:
         Boxes, shape (2, 3, n).
     """
     free = CROWDS[one_of("kind", kind, tuple(CROWDS))]
+    # The region grows with n, so the density stays the same.
     middle = rng.uniform(0.0, count("n", n, 1) ** (1.0 / free), (3, n))
     if kind != "spread":
         middle[0 if kind == "aligned" else 2] = rng.uniform(0.0, 0.2, n)

@@ -118,6 +118,8 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
     if p0.shape[1] and q0.shape[1]:
         d, e = np.broadcast_arrays((p1 - p0)[:, :, None], (q1 - q0)[:, None])
         r = p0[:, :, None] - q0[:, None]
+        # Normal equations for the nearest points of two lines (Ericson, Real-Time Collision
+        # Detection, 2005).
         dd, de, ee, dr, er = ((x * y).sum(0) for x, y in ((d, d), (d, e), (e, e), (d, r), (e, r)))
         # Inner points of both edges; where an end is nearest, that is a corner, tried above.
         det = dd * ee - de * de
@@ -127,6 +129,7 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
         inner = ~parallel & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
         gap = np.linalg.norm(r + s * d - t * e, axis=0)
         nearest = np.minimum(nearest, np.where(inner, gap, np.inf).min(axis=(0, 1)))
+    # Cores apart: the nearest features decide. Cores in each other: the separating axes do.
     return np.where(inside > -a.radius - b.radius, nearest - a.radius - b.radius, inside)
 
 
@@ -143,6 +146,7 @@ def _clip(polygon, n, c, sign, limit, other):
     near = 1e-10 * limit  # a corner on the line is cut once, and not a second time beside it
     for i in range(n):
         j = (i + 1) % n
+        # Signed heights of the edge's two ends above the clipping line.
         here, far_end = sign * polygon[i, c] - limit, sign * polygon[j, c] - limit
         inside, cut = here <= near, min(here, far_end) < -near and max(here, far_end) > near
         if inside:
@@ -301,6 +305,7 @@ def _pair_contacts(a: Shape, qa: Array, b: Shape, qb: Array, margin: float) -> A
     if a.name == "plane":
         return _on_plane(qa, b, qb, a.dim)
     if b.name == "plane":
+        # The plane is the second body here, so its normal is reversed.
         rows = _on_plane(qb, a, qa, a.dim)
         rows[4:7] *= -1.0
         return rows
@@ -308,6 +313,7 @@ def _pair_contacts(a: Shape, qa: Array, b: Shape, qb: Array, margin: float) -> A
     if a.name == b.name == "box":
         halves = np.stack((a.half, b.half))
         if a.dim == 2:
+            # Boxes of the plane become bars, which have side faces to clip.
             halves[:, 2] = 1.0
         out = np.empty((8, 8 * qa.shape[1]))
         numbers = np.array([a.radius, b.radius, margin, a.dim], float)
@@ -344,6 +350,7 @@ def contacts(shapes: Sequence[Shape], pose: ArrayLike, margin: float = 0.0) -> C
     boxes = np.empty((2, 3, len(shapes)))
     for k, shape in enumerate(kinds.values()):
         boxes[:, :, of == k] = bounds_in_space(shape, q[:, of == k])
+    # Grown by half the margin on each side, boxes overlap if they are within the margin.
     boxes += np.array([-near / 2.0, near / 2.0])[:, None, None]
     i, j = overlapping_pairs(boxes[:, :dim])
     rows, groups = [np.empty((9, 0))], of[i] * len(kinds) + of[j]
@@ -351,6 +358,7 @@ def contacts(shapes: Sequence[Shape], pose: ArrayLike, margin: float = 0.0) -> C
     for group in np.unique(groups):
         these = np.flatnonzero(groups == group)
         a, b = shapes[i[these[0]]], shapes[j[these[0]]]
+        # Two planes have no contact with each other.
         if a.name != "plane" or b.name != "plane":
             qa, qb = (np.ascontiguousarray(q[:, body[these]]) for body in (i, j))
             some = _pair_contacts(a, qa, b, qb, near)

@@ -113,6 +113,7 @@ def penalty(
     positive("stiffness", stiffness, unit="N/m")
     finite("damping", damping, 0.0)
     positive("slip", slip, unit="m/s")
+    # An explicit model: its forces follow from the state before the step.
     u = problem.jacobian @ problem.velocity
     impulses = np.zeros_like(u)
     for i, depth in enumerate(-problem.gap):
@@ -315,6 +316,7 @@ def _edges(d: int, edges: int, around: bool) -> Array:
     """Return directions of a pyramid's edges in the scaled friction rows, shape (edges, d - 1)."""
     if d == 3:
         angles = 2.0 * math.pi * (np.arange(edges) + 0.5 * around) / edges
+        # Around the cone the sides touch it, so the edges reach beyond it.
         reach = 1.0 / math.cos(math.pi / edges) if around else 1.0
         return np.round(reach * np.column_stack((np.cos(angles), np.sin(angles))), 15)
     return np.repeat(np.eye(d - 1), 2, axis=0) * np.tile([1.0, -1.0], d - 1)[:, None]
@@ -407,6 +409,7 @@ def lcp(
         remaining = np.kron(np.eye(n), np.append(1.0, -np.ones(m)))
         M, q = np.block([[M, raised.T], [remaining, np.zeros((n, n))]]), np.append(q, np.zeros(n))
     z, pivots, _ = lemke(M, q)
+    # The natural residual min(z, w) of the complementarity problem, zero exactly at a solution.
     worst = float(np.max(np.abs(np.minimum(z, M @ z + q))))
     return answer("lcp", problem, B @ z[:size] / stiff, pivots, worst, tolerance)
 
@@ -545,6 +548,7 @@ def convex(
             start,
         )
     result = _round_cone("convex", problem, rounds, tolerance, start)
+    # A check beside the residual: by strong duality the gap is zero at the optimum.
     gap, outside = duality_gap(problem, result.impulses)
     small = max(abs(gap) / max(float(np.sum(result.impulses[:, 0])), 1e-12), outside) <= tolerance
     return replace(result, converged=result.converged and small)

@@ -602,6 +602,7 @@ def _distances(va, vb, halves, sizes, qa, qb, out):
     boxes = va.shape[1] == vb.shape[1] == 1 and not va.any() and not vb.any()
     ra, rb, dims = sizes[0], sizes[1], int(sizes[3])
     for i in range(qa.shape[1]):
+        # A core that is a single point needs no search: it is clamped to the other core, a box.
         if boxes and not halves[3:].any():
             _from_point(halves[:3], ra, rb, 1.0, dims, qa, qb, i, out, places[1])
         elif boxes and not halves[:3].any():
@@ -664,6 +665,7 @@ def paired(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> tuple[Ar
 
 def _from_plane(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
     """Return the rows of `measure` for a plane a: its normal, and the lowest corner of b."""
+    # The normal of a plane is its z axis in space, its y axis in two dimensions.
     normal = to_matrix(qa[3:])[:, a.dim - 1]
     corner = corners_in_space(b, qb)
     height = np.einsum("in,ikn->kn", normal, corner - qa[:3, None])

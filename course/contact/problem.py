@@ -26,6 +26,7 @@ def least_speed(gap, free, before, dt, restitution, recovery, fastest):
     # Baumgarte stabilisation: a share of the depth a step, at a bounded speed. Without the bound a
     # shorter step would throw out what starts deep all the faster.
     desired = -gap / dt if gap > 0.0 else min(-recovery * gap / dt, fastest)
+    # Newton's restitution, where the gap would close in this step and the bodies approach.
     if gap + dt * free <= 0.0 and restitution * before < 0.0:
         desired = max(desired, -restitution * before)
     return desired
@@ -65,6 +66,7 @@ class Problem:
     max_recovery_speed: float = MAX_RECOVERY_SPEED
 
     def __post_init__(self) -> None:
+        # The class is frozen: checked arrays are set past it.
         selected = functools.partial(object.__setattr__, self)
         selected("jacobian", vector("jacobian", self.jacobian, (None, None, None)))
         n, d, nv = self.jacobian.shape
@@ -72,9 +74,11 @@ class Problem:
             raise invalid("jacobian.shape", self.jacobian.shape, "one or more contacts with rows")
         selected("mass", vector("mass", self.mass, (nv, nv)))
         try:
+            # Cholesky's factorisation exists exactly for a positive definite matrix.
             np.linalg.cholesky(self.mass)
         except np.linalg.LinAlgError:
             raise invalid("mass", self.mass, "a positive definite matrix") from None
+        # The factorisation reads one triangle only, so symmetry needs its own check.
         if np.max(np.abs(self.mass - self.mass.T)) > 1e-9 * np.max(np.abs(self.mass)):
             raise invalid("mass", self.mass, "a symmetric matrix")
         selected("friction", vector("friction", self.friction, (n, d - 1), low=0.0))
@@ -91,6 +95,8 @@ class Problem:
 
         Whatever depends on M and J alone is reused.
         """
+        # Past `__init__`: M and J are not checked again, and what was computed from them comes
+        # along.
         other = object.__new__(Problem)
         nv, n = self.mass.shape[0], self.gap.size
         other.__dict__.update(
@@ -109,6 +115,7 @@ class Problem:
     @functools.cached_property
     def response(self) -> Array:
         """M^-1 J^T: generalised velocity for an impulse on each row, shape (nv, n d)."""
+        # A solve with M for each row of J; M is not inverted.
         return np.asarray(np.linalg.solve(self.mass, self.rows.T), dtype=np.float64)
 
     @functools.cached_property
@@ -139,6 +146,8 @@ class Problem:
     def offset(self) -> Array:
         """b: contact velocity without contact, less what is wanted, in scaled rows, (n d,)."""
         b = self.scale * (self.rows @ self.free)
+        # Normal rows are measured from the least separating speed: Signorini's condition on
+        # velocities.
         b[:: self.jacobian.shape[1]] -= self.target_velocity
         return b
 
@@ -179,6 +188,7 @@ def answer(
 ) -> Solution:
     """Return a solution from impulses in scaled rows (n d,)."""
     n, d, _ = problem.jacobian.shape
+    # Back from scaled rows: friction gets its coefficients again.
     impulses = (problem.scale * scaled).reshape(n, d)
     velocity = problem.after(impulses)
     return Solution(name, impulses, velocity, iterations, missed, missed <= tolerance)
@@ -190,4 +200,5 @@ def in_scaled_rows(problem: Problem, impulses: ArrayLike | None) -> Array:
     if impulses is None:
         return np.zeros(n * d)
     f, scale = vector("start", impulses, (n, d)).ravel(), problem.scale
+    # A row without friction has no scaled impulse; 0 / 0 is taken as 0.
     return np.divide(f, scale, out=np.zeros_like(f), where=scale > 0.0)

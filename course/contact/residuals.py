@@ -50,21 +50,27 @@ def residuals(problem: Problem, impulses: ArrayLike) -> Residuals:
     """
     n, d, _ = problem.jacobian.shape
     f = vector("impulses", impulses, (n, d))
+    # Contact velocities with the impulses, and without any.
     u = problem.jacobian @ problem.after(f)
     before = problem.jacobian @ problem.free
     stiff = np.diag(problem.delassus)[::d]
     mu = problem.friction
+    # |f_t / mu|, to be compared with f_n; infinite for friction in a row that has no coefficient.
     share = np.linalg.norm(
         np.divide(f[:, 1:], mu, out=np.where(f[:, 1:] == 0.0, 0.0, np.inf), where=mu > 0.0), axis=1
     )
+    # Moreau's principle of maximum dissipation: the most work that the cone allows at this slip,
+    # plus the work of friction, which is negative where it opposes the slip.
     able = np.maximum(f[:, 0], 0.0) * np.linalg.norm(mu * u[:, 1:], axis=1)
     lost = able + np.sum(f[:, 1:] * u[:, 1:], axis=1)
     return Residuals(
         penetration=float(np.max(np.maximum(0.0, -(problem.gap + problem.dt * u[:, 0])))),
+        # Signorini's condition: of force and separation, brought to one unit, the smaller one is 0.
         signorini=float(
             np.max(np.abs(np.minimum(f[:, 0] * stiff, u[:, 0] - problem.target_velocity)))
         ),
         cone=float(np.max(np.maximum(0.0, np.maximum(share - f[:, 0], -f[:, 0])))),
         dissipation=float(np.max(np.maximum(0.0, lost))),
+        # An impulse works on the mean of the velocities before and after it.
         energy=float(0.5 * np.sum(f * (u + before))),
     )

@@ -75,8 +75,10 @@ class Scene:
         """Return one step of `dt` from (q, v), or from the start."""
         q, v = self.q if q is None else q, self.v if v is None else v
         positive("dt", dt, unit="s")
+        # The Jacobian is constant, so the gaps are linear in q.
         gap = self.distance + self.jacobian[:, 0] @ q
         step = self._first.moved(v, v + dt * self._acceleration, gap)
+        # Past the frozen class: `replace` would check everything again.
         object.__setattr__(step, "dt", dt)
         return step
 
@@ -108,6 +110,7 @@ def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
     path_q, path_v = [q], [v]
     result: list[Solution] = []
     for _ in range(steps):
+        # Semi-implicit Euler: the model's impulses give the new velocity, which moves the position.
         result.append(solve(model, scene.problem(dt, q, v), **options))
         v = result[-1].velocity
         q = q + dt * v
@@ -183,9 +186,11 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
                 gap += rows[i, j] * q[j]
             if i % d == 0:
                 b[i] -= least_speed(gap, b[i], before, dt, restitution, recovery, fastest)
+        # Warm start: g still holds the impulses of the last step.
         taken += sweep_until(A, b, g, d, False, sweeps, tolerance)
         # Semi-implicit Euler: the new velocity moves the position.
         for j in range(nv):
+            # v = v_free + M^-1 J^T f, with f back from scaled rows.
             v[j] = free[j]
             for i in range(m):
                 v[j] += response[j, i] * scale[i] * g[i]
@@ -244,6 +249,7 @@ def block(
     finite("friction", friction, 0.0)
     positive("mass", mass, unit="kg")
     vx, vy = vector("velocity", velocity, (2,), unit="m/s")
+    # The normal first, then the tangents along the slope and across it.
     rows = np.array([[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
     force = mass * GRAVITY * np.array([math.sin(angle), 0.0, -math.cos(angle)])
     return Scene(
@@ -267,6 +273,7 @@ def spinning_disc(spin: float = 10.0, friction: float = 0.5, torsion: float = 0.
     rows[0, :3, :3] = base.jacobian[0]
     rows[0, 3, 3] = 1.0
     return Scene(
+        # A disc about its axis: m r^2 / 2.
         np.diag([1.0, 1.0, 1.0, 0.005]),
         rows,
         np.zeros(1),
@@ -284,6 +291,7 @@ def tower(masses: Sequence[float]) -> Scene:
     """
     weights = vector("masses", masses, (None,), low=POSITIVE, unit="kg")
     n = count("len(masses)", len(weights), 1)
+    # Each gap is the height of a box less that of the box below it.
     rows = (np.eye(n) - np.eye(n, k=-1))[:, None]
     return Scene(
         np.diag(weights),
@@ -313,6 +321,7 @@ def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 1
     x, y = vector("load", load, (2,), low=-half, high=half, unit="m")
     positive("mass", mass, unit="kg")
     legs = np.array([(half, half), (-half, half), (-half, -half), (half, -half)])
+    # Height of each leg for small angles: z + y roll - x pitch.
     rows = np.column_stack((np.ones(4), legs[:, 1], -legs[:, 0]))[:, None]
     moment = mass * side**2 / 6.0
     weight = mass * GRAVITY
@@ -337,6 +346,7 @@ def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Sce
     positive("squeeze", squeeze, unit="N")
     finite("friction", friction, 0.0)
     positive("mass", mass, unit="kg")
+    # For each finger the gap to the glass, then the glass's vertical slip.
     left = [[-1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
     right = [[0.0, 1.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
     return Scene(
@@ -365,11 +375,14 @@ def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) ->
     """
     finite("angle", angle, 0.0, 0.5 * math.pi, unit="rad")
     s, c = math.sin(angle), math.cos(angle)
+    # The end is at (c, -s) from the middle, so the spin adds spin (s, c) to its velocity.
     rows = np.array([[[0.0, 1.0, c], [1.0, 0.0, s]]])
+    # Such that the end slides at `speed` and neither rises nor sinks.
     v = np.array([speed - s * spin, -c * spin, spin])
     # A turning rod moves its end along an arc: that acceleration, spin^2 (-c, s), acts too.
     force = np.array([-c * spin**2, -GRAVITY + s * spin**2, 0.0])
     return Scene(
+        # A uniform rod about its middle: m l^2 / 12, with 2 m and 1 kg.
         np.diag([1.0, 1.0, 1.0 / 3.0]),
         rows,
         np.zeros(1),

@@ -47,6 +47,7 @@ class Shape:
     def corners(self) -> Array:
         """All corners of the core in the shape's frame, shape (3, n) [m]."""
         used = np.flatnonzero(self.half)
+        # From the middle outwards: every axis with an extent doubles the number of corners.
         signs = np.zeros((3, 1))
         for axis in used:
             step = self.half[axis] * np.eye(3)[:, axis : axis + 1]
@@ -58,6 +59,7 @@ class Shape:
         """Distance of the farthest point from the shape's origin [m]; infinite for a plane."""
         if self.name == "plane":
             return math.inf
+        # The farthest point of a convex core is a corner.
         return float(np.linalg.norm(self.corners, axis=0).max()) + self.radius
 
 
@@ -121,6 +123,7 @@ def points(vertices: ArrayLike, radius: float = 0.0) -> Shape:
     given = vector("vertices", vertices, (2, None), (3, None), unit="m")
     if not given.shape[1]:
         raise invalid("vertices.shape", given.shape, "at least one point")
+    # Points of the plane get z = 0, so that one narrow phase serves both dimensions.
     inside = np.zeros((3, given.shape[1]))
     inside[: len(given)] = given
     size = finite("radius", radius, 0.0, unit="m")
@@ -153,6 +156,7 @@ def poses(name: str, value: ArrayLike, dim: int) -> Array:
         allowed = f"positions within {FARTHEST:g} m, as a distance is a root of squares"
         raise invalid(name, float(np.abs(given[:dim]).max()), allowed)
     if dim == 2:
+        # A turn about z as a quaternion: cosine and sine of half the angle.
         zero, half = np.zeros_like(given[0]), given[2] / 2
         return np.stack((given[0], given[1], zero, np.cos(half), zero, zero, np.sin(half)))
     turned = unit_quaternion(given[3:], f"{name}[3:]")
@@ -181,8 +185,11 @@ def corners_in_space(shape: Shape, q: Array) -> Array:
 def bounds_in_space(shape: Shape, q: Array) -> Array:
     """Return `bounds` for poses in space that are checked, shape (7, N): shape (2, 3, N)."""
     if shape.name == "plane":
+        # A half-space has no finite bounding box.
         return np.stack((np.full((3, q.shape[1]), -np.inf), np.full((3, q.shape[1]), np.inf)))
     R = to_matrix(q[3:])
     turned = np.einsum("ijn,jk->ikn", R, shape.vertices)
+    # Support function of a turned box: |R| times its half sizes, without visiting its corners.
     reach = np.einsum("ijn,j->in", np.abs(R), shape.half) + shape.radius
+    # The hull of the turned vertices, each swept by the box and the radius.
     return np.stack((turned.min(axis=1) + q[:3] - reach, turned.max(axis=1) + q[:3] + reach))

@@ -40,11 +40,13 @@ def impedance_at(r, low, high, width, middle, power):
     Returns:
         Shape (n,); between 0.0001 and 0.9999, as MuJoCo clips it.
     """
+    # MuJoCo clips its impedance parameters like this.
     low, high = min(max(low, _LEAST), _MOST), min(max(high, _LEAST), _MOST)
     middle, power = min(max(middle, _LEAST), _MOST), max(1.0, power)
     if low == high or width <= _TINY:
         return np.full(r.shape, 0.5 * (low + high))
     x = np.minimum(np.abs(r) / width, 1.0)
+    # Two powers that meet at `middle` with the same value and the same slope.
     below = x**power / middle ** (power - 1.0)
     above = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
     return low + np.where(x <= middle, below, above) * (high - low)
@@ -60,8 +62,10 @@ def reference_gains(first, second, largest, least):
         largest: impedance beyond the width.
         least: the time constant is at least this [s].
     """
+    # MuJoCo's direct format: stiffness and damping themselves, scaled by the impedance.
     if first <= 0.0:
         return -first / largest**2, -second / largest
+    # MuJoCo's standard format: a mass-spring-damper with this time constant and damping ratio.
     time = max(first, least)
     return 1.0 / max(_TINY, (largest * time * second) ** 2), 2.0 / max(_TINY, largest * time)
 
@@ -153,14 +157,17 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
         frame[:] = np.eye(d)
     J = np.einsum("cmd,cdv->cmv", frame, jacobian)
     if softness.weight is None:
+        # Diagonal of J M^-1 J^T for the first row of each contact: its inverse effective mass.
         whitened = np.linalg.solve(problem.mass, J.reshape(-1, nv).T).T.reshape(J.shape)
         first = np.sum(J[:, 0] * whitened[:, 0], axis=1)
     else:
+        # MuJoCo's own approximation of that diagonal, from the inverse weights of the bodies.
         translation = vector("weight", softness.weight, (n, 2), low=0.0)[touching, 0]
         first = translation * (1.0 + mu[:, 0] ** 2) if split else translation
     # Regularisation R: a row with impedance d takes the share d of the force of a rigid one.
     R = np.maximum(_TINY, (1.0 - impedance) / impedance * first)[:, None] * np.ones(m)
     speed = J @ problem.velocity
+    # The reference acceleration of a spring and damper; the impedance scales the stiffness.
     reference = -b * speed - (k * impedance * r)[:, None]
     if split:
         R *= 2.0 * mu[:, :1] ** 2 / softness.impratio
@@ -168,6 +175,7 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
         # Friction rows have no stiffness, and R mu^2 in common.
         reference[:, 1:] = -b * speed[:, 1:]
         R[:, 1:] = R[:, :1] / softness.impratio * (mu[:, :1] / mu) ** 2
+    # Forces of the rows to contact frames: the transposed maps, as blocks of one matrix.
     back = np.zeros((n * d, touching.size * m))
     for c, i in enumerate(touching):
         back[i * d : i * d + d, c * m : c * m + m] = frame[c].T
@@ -178,12 +186,14 @@ def _forces(rows: Rows, x: Array, elliptic: bool, impratio: float) -> tuple[Arra
     """Return -ds and its derivative -> (f (m,), H (m, m)) at x = J a - a_ref."""
     D = 1.0 / rows.compliance
     if not elliptic:
+        # Every row on its own: a spring that pushes while it accelerates less than its reference.
         pushed = x < 0.0
         return np.where(pushed, -D * x, 0.0), np.diag(np.where(pushed, D, 0.0))
     d = x.size // rows.touching.size
     f, H = np.zeros(x.size), np.zeros((x.size, x.size))
     for c in range(rows.touching.size):
         here = slice(c * d, c * d + d)
+        # Scaled so that the cone is round: N along the normal, T the length of the tangential part.
         mu = rows.mu[c, 0] / math.sqrt(impratio)
         scale = np.concatenate(([mu], rows.mu[c]))
         N, *U = (scale * x[here]).tolist()
@@ -195,6 +205,7 @@ def _forces(rows: Rows, x: Array, elliptic: bool, impratio: float) -> tuple[Arra
             f[here] = -D[here] * x[here]
             H[here, here] = np.diag(D[here])
             continue
+        # It slides: the cost is weight (N - mu T)^2 / 2, and force and Hessian are its derivatives.
         weight = D[c * d] / (mu * mu * (1.0 + mu * mu))
         short, u = N - mu * T, np.array(U) / T
         f[here] = -weight * short * scale * np.concatenate(([1.0], -mu * u))
@@ -225,6 +236,7 @@ def soft_forces(
         return np.zeros(0), np.zeros((n, d)), 0, 0.0
 
     def slope(a: Array) -> tuple[Array, Array, Array]:
+        # Gradient of the cost; it vanishes where M (a - a0) = J^T f, the equation of motion.
         f, H = _forces(rows, J @ a - rows.reference, elliptic, softness.impratio)
         return M @ (a - free) - J.T @ f, f, H
 
@@ -236,12 +248,14 @@ def soft_forces(
     while taken < iterations:
         step = -np.linalg.solve(M + J.T @ H @ J, g)
         remaining = float(np.max(np.abs(step))) * problem.dt
+        # A step that is not half as long as the shortest so far brings no progress.
         stalled = stalled + 1 if remaining >= 0.5 * best else 0
         best = min(best, remaining)
         # Near the end only rounding keeps a step from shrinking; before, rows that come and go.
         if remaining <= small or stalled > (2 if remaining < 1e5 * small else 15):
             break
         taken += 1
+        # Line search on the slope: double the step until the slope changes sign, then bisect.
         low, high, share, start = 0.0, math.inf, 1.0, float(g @ step)
         for _ in range(40):  # the slope along the step rises with the share: find its zero
             new = slope(a + share * step)

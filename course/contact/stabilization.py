@@ -77,6 +77,7 @@ def solve_erp_cfm(
     finite("cfm", cfm, 0.0)
     d = problem.jacobian.shape[1]
     A = problem.scaled.copy()
+    # CFM belongs to a force and the unknown is an impulse, hence the division by the step.
     A[np.diag_indices(len(A))] += np.where(np.arange(len(A)) % d == 0, cfm / problem.dt, 0.0)
     b = problem.scale * (problem.rows @ problem.free)
     # An open contact may just close; one that overlaps takes back its share.
@@ -86,6 +87,7 @@ def solve_erp_cfm(
         A, b, g, d, associated=False, sweeps=count("sweeps", sweeps, 1), tolerance=tolerance
     )
     impulses = (problem.scale * g).reshape(problem.jacobian.shape[:2])
+    # How far the softened complementarity is missed, with the impulse scaled to a velocity.
     normal = (A @ g + b)[::d]
     missed = float(np.max(np.abs(np.minimum(g[::d] * np.diag(A)[::d], normal))))
     return Solution(
@@ -121,8 +123,10 @@ def split_impulse_steps(
     finite("recovery", recovery, 0.0, 1.0)
     q, v = scene.q.copy(), scene.v.copy()
     for _ in range(steps):
+        # The velocity is solved for without recovery, so no overlap turns into kinetic energy.
         step = replace(scene.problem(dt, q, v), recovery=0.0)
         still = np.zeros_like(v)
+        # The position problem: from rest, without friction, at whatever speed the depth asks for.
         push = replace(
             step,
             velocity=still,
@@ -132,6 +136,7 @@ def split_impulse_steps(
             max_recovery_speed=np.inf,
         )
         v = solve(model, step, **options).velocity
+        # The pseudo-velocity moves the positions only; v does not contain it.
         q = q + dt * (v + solve(model, push, **options).velocity)
         yield q, v
 
@@ -168,22 +173,31 @@ def xpbd_steps(
     count("iterations", iterations, 1)
     finite("compliance", compliance, 0.0)
     h = positive("dt", dt, unit="s") / count("substeps", substeps, 1)
+    # M and J are constant, so the responses of the contacts are computed once.
     first = scene.problem(h)
     rows, response, soft = first.rows, first.response, compliance / h**2
+    # Generalised inverse mass of each constraint.
     weight = np.diag(first.delassus)
     acceleration = np.linalg.solve(scene.mass, scene.force)
     q, v = scene.q.copy(), scene.v.copy()
     for _ in range(steps):
         for _ in range(substeps):
             before = q
+            # Predicted position: semi-implicit Euler without contact.
             q = q + h * v + h**2 * acceleration
+            # XPBD starts its multipliers at zero in each sub-step.
             multiplier = np.zeros(len(rows))
             for _ in range(iterations):
+                # A Gauss-Seidel sweep: each contact uses the positions that the last one has
+                # corrected.
                 for i, row in enumerate(rows):
                     gap = scene.distance[i] + row @ q
+                    # XPBD's update of the multiplier, with the compliance over h^2 (Macklin et al.,
+                    # 2016).
                     change = (-gap - soft * multiplier[i]) / (weight[i] + soft)
                     change = max(change, -multiplier[i])  # a contact only pushes
                     multiplier[i] += change
                     q = q + response[:, i] * change
+            # The velocity is the change of position, whatever the projection has added to it.
             v = (q - before) / h
         yield q, v

@@ -54,11 +54,13 @@ def spheres_time_of_impact(offset: ArrayLike, velocity: ArrayLike, reach: ArrayL
     v = vector("velocity", velocity, p.shape, unit="m/s")
     r = vector("reach", reach, (), p.shape[1:], low=POSITIVE, unit="m")
     far, b, a = np.linalg.norm(p, axis=0), np.sum(p * v, axis=0), np.sum(v * v, axis=0)
+    # The difference of two squares as a product: near contact no digits cancel.
     c = (far - r) * (far + r)
     # The discriminant b^2 - a c from the distance at which they pass: no digits cancel.
     passing = np.linalg.norm(p - v * (b / np.where(a > 0.0, a, 1.0)), axis=0)
     inside = a * (r - passing) * (r + passing)
     hit = (b < 0.0) & (inside >= 0.0)
+    # The first root in the form whose terms have one sign, as b is negative for a hit.
     root = c / np.where(hit, -b + np.sqrt(np.where(hit, inside, 0.0)), 1.0)
     return np.where(c <= 0.0, 0.0, np.where(hit, root, np.inf))
 
@@ -68,12 +70,14 @@ def moved(q: Array, v: Array, t: Array) -> Array:
 
     Both velocities are in the world frame.
     """
+    # Angular velocity in the world: its rotation multiplies from the left.
     return np.concatenate((q[:3] + v[:3] * t, product(exp(v[3:] * t), q[3:])))
 
 
 def _velocities(name: str, value: ArrayLike, dim: int, n: int) -> Array:
     rows = {2: 3, 3: 6}[dim]
     given = vector(name, value, (rows,), (rows, 1), (rows, n)).reshape(rows, -1)
+    # A motion in the plane is vx, vy and a rate about z in space.
     whole = np.zeros((6, n))
     whole[[0, 1, 5] if dim == 2 else slice(6)] = given
     return whole
@@ -124,6 +128,7 @@ def time_of_impact(
     time, advances = np.zeros(n), np.zeros(n, np.int64)
     rows, active = np.full((12, n), np.nan), np.ones(n, bool)
     for _ in range(_MOST):
+        # Only the pairs without a result are measured again.
         now = np.flatnonzero(active)
         if not now.size:
             break
@@ -141,6 +146,7 @@ def time_of_impact(
         with np.errstate(divide="ignore"):
             step = np.where(closing > 0.0, (far - near / 2.0) / closing, np.inf)
         time[now] = np.where(touching, time[now], time[now] + step)
+        # No contact within the duration.
         away = ~touching & (time[now] > end)
         time[now[away]], active[now[touching | away]] = np.inf, False
     hit = np.isfinite(time) & ~active

@@ -60,6 +60,7 @@ def compose(a: Array, b: Array) -> Array:
 
 def invert(a: Array) -> Array:
     """Return the pose of the outer frame seen from the frame `a`, shape (7,) or (7, N)."""
+    # The inverse of a rigid motion (R, p) is (R^T, -R^T p).
     back = conjugate(a[3:])
     return np.concatenate([-rotate(back, a[:3]), back])
 
@@ -72,11 +73,13 @@ def turn_to(axis: ArrayLike) -> Array:
     direction = vector("axis", axis, (3,))
     if not direction.any():
         raise invalid("axis", direction, "a direction, not zero")
+    # Only the direction counts, and scaled like this no square overflows or vanishes.
     x, y, z = direction / np.abs(direction).max()
     across = float(np.hypot(x, y))
     angle = np.arctan2(across, z)
     if not across:
         return exp(np.array([angle, 0.0, 0.0]))
+    # The axis is z x direction = (-y, x, 0), the angle that between the two.
     return exp(np.array([-y, x, 0.0]) * (angle / across))
 
 
@@ -121,6 +124,7 @@ class Chain:
         n = count("len(parent)", parent.size, 1)
         if parent.shape != (n,) or parent.dtype.kind not in "iu":
             raise invalid("parent", self.parent, "a row of integers")
+        # Parents come before their children, so a loop over the joints in order goes outwards.
         for i, before in enumerate(parent.tolist()):
             if not -1 <= before < i:
                 raise invalid(f"parent[{i}]", before, f"-1 or a joint before {i}")
@@ -137,6 +141,7 @@ class Chain:
             result[name] = np.broadcast_to(value, (n,))
         result["slides"] = result["slides"] > 0.0
         for name, default in (("lower", -np.inf), ("upper", np.inf)):
+            # An infinite limit means none; all others have to be finite numbers.
             free = np.asarray(getattr(self, name)) == default
             value = np.where(free, np.array(0.0, dtype=object), getattr(self, name))
             value = vector(name, value, (), (n,), unit="rad or m")
@@ -144,9 +149,11 @@ class Chain:
         for i in np.flatnonzero(result["lower"] > result["upper"]).tolist():
             low, high = float(result["lower"][i]), float(result["upper"][i])
             raise invalid(f"(lower[{i}], upper[{i}])", (low, high), "limits that do not cross")
+        # Each inertia must be one that some distribution of mass has.
         result["inertia"] = np.stack(
             [inertia_tensor(result["inertia"][:, :, i]) for i in range(n)], axis=2
         )
+        # The class is frozen: checked, read-only copies are set past it.
         for name, value in result.items():
             object.__setattr__(self, name, _frozen(value))
         object.__setattr__(self, "table", _frozen(_table(self)))
@@ -179,11 +186,14 @@ class Chain:
             [offsets, stroke[self.slides[joints]], [np.linalg.norm(self.tool[:3])]]
         )
         far = float(each.sum())
+        # By the triangle inequality the tip is at least the longest offset less all the others
+        # away.
         longest = float(np.max(offsets, initial=each[-1]))
         return (max(0.0, 2.0 * longest - far) if np.isfinite(far) else 0.0), far
 
 
 def _frozen(value: Array) -> Array:
+    # Read-only, since results are cached by chain.
     value = np.ascontiguousarray(value)
     value = value.copy() if value.flags.writeable else value
     value.flags.writeable = False
@@ -201,6 +211,7 @@ def _table(chain: Chain) -> Array:
     table = np.zeros((n + 1, WIDTH))
     table[:n, PARENT], table[n, PARENT] = chain.parent, n - 1
     table[:n, SLIDES] = chain.slides
+    # The tool is one more placement without a joint, in the last row.
     place = np.column_stack([chain.placement, chain.tool])
     table[:, PLACE:TURN] = place.T
     table[:, TURN:TEN] = to_matrix(place[3:]).reshape(9, n + 1).T
@@ -255,6 +266,7 @@ def planar(lengths: ArrayLike, masses: ArrayLike | None = None, damping: ArrayLi
 def _rod(mass: float, line: Array, radius: float) -> Array:
     """Return the inertia of a solid cylinder along `line` about its centre."""
     length = float(np.linalg.norm(line))
+    # A rod without length gets the z axis for its direction.
     along = line / length if length else np.array([0.0, 0.0, 1.0])
     across = mass * (3.0 * radius**2 + length**2) / 12.0
     return across * np.eye(3) + (0.5 * mass * radius**2 - across) * np.outer(along, along)
@@ -267,6 +279,7 @@ def panda() -> Chain:
     parameters in Craig's form). The inertias are not: each link is a solid cylinder of 6 cm radius
     from its joint half a link on, with a plausible mass. The tip is the flange.
     """
+    # Craig's convention: shift by a and turn by alpha about x, then shift by d along the turned z.
     turns = 0.5 * np.pi * np.array([0, -1, 1, 1, -1, 1, 1])
     along_x = np.array([0, 0, 0, 0.0825, -0.0825, 0, 0.088])
     along_z = np.array([0.333, 0, 0.316, 0, 0.384, 0, 0])
@@ -310,6 +323,7 @@ def random_chain(n: int, rng: np.random.Generator, tree: bool = False) -> Chain:
     # Three directions of spread, each with a square: the second moments of some body.
     spread = rng.normal(0.0, 0.1, (n, 3, 3))
     second = spread @ spread.transpose(0, 2, 1) + 1e-3 * np.eye(3)
+    # I = m (tr(S) 1 - S) for second moments S, which satisfies the triangle inequality.
     inertia = [m * (np.trace(s) * np.eye(3) - s) for m, s in zip(mass, second, strict=True)]
     slides = rng.random(n) < 0.25
     lower = np.where(slides, rng.uniform(-0.5, -0.1, n), rng.uniform(-3.0, -0.5, n))

@@ -61,11 +61,14 @@ def _link(table, q, k, E):
     for i in range(E.shape[0]):
         row = table[i]
         if row[SLIDES] != 0.0:
+            # A slide keeps the rotation of its placement and shifts along its own z axis.
             for r in range(3):
                 for c in range(3):
                     E[i, 3 * r + c] = row[TURN + 3 * r + c]
                 E[i, 9 + r] = row[PLACE + r] + row[TURN + 3 * r + 2] * q[i, k]
         else:
+            # A turning joint multiplies its placement by a rotation about z, which leaves the third
+            # column.
             cosine, sine = np.cos(q[i, k]), np.sin(q[i, k])
             for r in range(3):
                 x, y = row[TURN + 3 * r], row[TURN + 3 * r + 1]
@@ -130,6 +133,7 @@ def _pull(table, q, k, pose, wrench):
     """Return the wrench at the tip as force and moment on the last link, at its frame's origin."""
     last = table.shape[0] - 2
     place(table, q, k, pose)
+    # The conjugate but for its sign, which a rotation does not feel: from the world into the link.
     back = -pose[last, 3], pose[last, 4], pose[last, 5], pose[last, 6]
     force = wrench[0, k], wrench[1, k], wrench[2, k]
     arm = scaled(three(pose, last + 1, 0), three(pose, last, 0), -1.0)
@@ -185,6 +189,7 @@ def _rnea(table, q, v, a, wrench, gravity):
         for back in range(n):
             i = n - 1 - back
             row = table[i]
+            # The motor bears the component along its z axis; the bearings take the rest.
             felt = load[i, 2] if row[SLIDES] != 0.0 else load[i, 5]
             tau[i, k] = felt + row[ARMATURE] * a[i, k] + row[DAMPING] * v[i, k]
             parent = int(row[PARENT])
@@ -201,6 +206,7 @@ def _crba(table, q):
     M, E, body = np.zeros((n, n, count)), np.empty((n, 12)), np.empty((n, 10))
     for k in range(count):
         _link(table, q, k, E)
+        # Each composite body starts as the link alone.
         for i in range(n):
             for c in range(10):
                 body[i, c] = table[i, TEN + c]
@@ -245,6 +251,8 @@ def _merge(body, E, i, parent):
     # Steiner between two points neither of which is the centre of mass.
     square = 2.0 * (p[0] * h[0] + p[1] * h[1] + p[2] * h[2])
     square += m * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+    # The composite rigid body: masses and first moments add, the second moments about one point
+    # too.
     body[parent, 0] += m
     for c in range(3):
         body[parent, 1 + c] += h[c] + m * p[c]
@@ -311,6 +319,7 @@ def _aba(table, q, v, tau, wrench, gravity):
                 w = three(move, parent, 0)
                 s = _inwards(E, i, add3(three(move, parent, 3), cross3(w, three(E, i, 9))))
                 w = _inwards(E, i, w)
+            # Velocity-product acceleration v x S q' of the joint (Featherstone's c).
             extra[i] = 0.0
             if row[SLIDES] != 0.0:
                 s = s[0], s[1], s[2] + rate
@@ -321,6 +330,7 @@ def _aba(table, q, v, tau, wrench, gravity):
                 extra[i, 3], extra[i, 4] = rate * s[1], -rate * s[0]
             move[i, 0], move[i, 1], move[i, 2] = w
             move[i, 3], move[i, 4], move[i, 5] = s
+            # Spatial momentum I v of the link, and the bias force v x* I v.
             m, h = row[TEN], three(table, i, TEN + 1)
             momentum = scaled(cross3(w, h), s, m)
             spin = add3(_symmetric(row, TEN + 4, w), cross3(h, s))
@@ -356,6 +366,7 @@ def _aba(table, q, v, tau, wrench, gravity):
                     X[i, 3 * r + c] -= U[i, r] * U[i, c] / D[i]
                     X[i, 9 + 3 * r + c] -= U[i, r] * U[i, 3 + c] / D[i]
                     X[i, 18 + 3 * r + c] -= U[i, 3 + r] * U[i, 3 + c] / D[i]
+            # Bias force for the parent, p + I^a c + U u / D (Featherstone, 2008, table 7.1).
             turning, moving = three(extra, i, 0), three(extra, i, 3)
             moment = add3(_times(X, i, 0, turning), _times(X, i, 9, moving))
             force = add3(_transposed_times(X, i, 9, turning), _times(X, i, 18, moving))
@@ -370,12 +381,14 @@ def _aba(table, q, v, tau, wrench, gravity):
         # Third pass, from the base: joint accelerations.
         for i in range(n):
             parent = int(table[i, PARENT])
+            # The base accelerates upwards, so gravity enters once, at the root.
             alpha, acc = (0.0, 0.0, 0.0), (-gravity[0], -gravity[1], -gravity[2])
             if parent >= 0:
                 alpha = three(move, parent, 0)
                 acc = add3(three(move, parent, 3), cross3(alpha, three(E, i, 9)))
             alpha = add3(_inwards(E, i, alpha), three(extra, i, 0))
             acc = add3(_inwards(E, i, acc), three(extra, i, 3))
+            # The joint's equation: q'' = (u - U^T a) / D, with a the acceleration without q''.
             rate = u[i]
             for c in range(3):
                 rate -= U[i, c] * alpha[c] + U[i, 3 + c] * acc[c]
@@ -520,6 +533,7 @@ def energy(
     pose = frames(chain, q).reshape(7, -1)
     centre = np.repeat(chain.centre, q.shape[1], axis=1)
     place = (pose[:3] + rotate(pose[3:], centre)).reshape(3, chain.n, -1)
+    # Potential energy of each link at its centre of mass.
     potential = -np.einsum("i,ijk,j->k", down, place, chain.mass)
     kinetic = 0.5 * np.einsum("ik,ijk,jk->k", v, mass_matrix(chain, q), v)
     total = kinetic + potential
@@ -582,6 +596,7 @@ def linearise(
     # The difference as it was rounded, not as it was meant.
     slope = (a[:, : 3 * n] - a[:, 3 * n :]) / np.diag(ahead - behind)
     A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, n))
+    # The upper half of A says that dq changes at the rate dv.
     A[:n, n:] = np.eye(n)
     A[n:], B[n:] = slope[:, : 2 * n], slope[:, 2 * n :]
     return A, B

@@ -157,6 +157,7 @@ def step(J, e, method, damping, A, U, dq):
         desired = 0.0
         for x in range(m):
             desired += U[x, i] * e[x]
+        # The rows of A are s v^T: the division by s leaves the unit vector v.
         share = gain(s, method, damping) * desired / s
         for c in range(n):
             dq[c] += share * A[i, c]
@@ -213,6 +214,7 @@ def _miss(table, q, target, k, pose, e):
     if e.size == 3:
         return distance, 0.0
     goal = target[3, k], target[4, k], target[5, k], target[6, k]
+    # What is left to turn: the goal times the conjugate of the pose.
     real, x, y, z = product4(goal, (pose[n, 3], -pose[n, 4], -pose[n, 5], -pose[n, 6]))
     sine = np.sqrt(x * x + y * y + z * z)
     angle = 2.0 * np.arctan2(sine, abs(real))
@@ -233,6 +235,7 @@ def _held(table, J, e, q, held):
         for i in range(e.size):
             pull += J[i, c] * e[i]
         low, high = table[c, LOWER], table[c, UPPER]
+        # At a limit a joint is held only if J^T e, the descent direction, points beyond it.
         held[c] = (q[c, 0] <= low and pull < 0.0) or (q[c, 0] >= high and pull > 0.0)
         if held[c]:
             result += 1
@@ -267,11 +270,13 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
     for k in range(target.shape[1]):
         best, steps, begun = np.inf, 0, 0
         while begun < starts.shape[1]:
+            # A start outside the limits is moved onto them.
             for c in range(n):
                 q[c, 0] = min(max(starts[k, begun, c], table[c, LOWER]), table[c, UPPER])
             begun += 1
             distance, angle = _miss(table, q, target, k, pose, e)
             cost = distance * distance + angle * angle
+            # Marquardt's mu is added to J J^T, so it starts at lambda squared.
             mu, slow, reason, stops = damping * damping, 0, _ITERATIONS, 0
             fresh = True  # J belongs to q
             for _ in range(at_most):
@@ -303,6 +308,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
                 missing, angled = _miss(table, trial, target, k, pose, e)
                 new = missing * missing + angled * angled
                 if method == _MARQUARDT:
+                    # Several steps in a row that win less than a tenth end this start.
                     slow = 0 if new < 0.9 * cost else slow + 1
                     if not new < cost:
                         # Back to where the error was, with a shorter step next.
@@ -431,6 +437,7 @@ class Samples:
         if len(target) == 3:
             result = self._places.query(target.T, k)[1]
         else:
+            # The mirrored half of the table stands for the same postures.
             result = self._poses.query(self._points(target), k)[1] % self.q.shape[1]
         return np.ascontiguousarray(self.q.T[np.reshape(result, (-1, k))])
 
@@ -568,6 +575,7 @@ def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
     (q,) = (vector("q", q, (chain.n,)),)
     ranges = chain.upper - chain.lower
     counts = np.isfinite(ranges) & (ranges > 0.0)
+    # Joints that do not count get an infinite half range, so they add nothing to the gradient.
     half = np.where(counts, 0.5 * ranges, np.inf)
     share = np.where(counts, (q - np.nan_to_num(chain.lower)) / half - 1.0, 0.0)
     return float(-0.5 * share @ share), -share / half
@@ -594,6 +602,7 @@ def disc_distance(
     distance = np.hypot(*away)
     i = int(np.argmin(distance))
     joint = joints[i]
+    # Envelope theorem: for the gradient the nearest point may be taken as fixed to its link.
     local = rotate(conjugate(pose[3:, joint]), nearest[:, i] - pose[:3, joint])
     unit = away[:, i] / max(float(distance[i]), 1e-300)
     return float(distance[i] - radius), unit @ jacobian(chain, q, local, joint=joint)[:2]
@@ -620,6 +629,7 @@ def null_space_step(
     # Project the gradient on the null space, and make the step as long as asked.
     slope = null_space(jacobian(chain, q)[:rows]) @ vector("gradient", gradient, (chain.n,))
     size = float(np.linalg.norm(slope))
+    # No part of the gradient lies in the null space: the posture stays.
     if size <= 1e-12 * float(np.linalg.norm(gradient)):
         return q.copy()
     return np.asarray(q + finite("length", length) / size * slope)

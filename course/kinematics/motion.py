@@ -117,6 +117,7 @@ def place(table, q, k, pose):
         if parent >= 0:
             spot, turn = point_of(pose, parent, spot), product4(four(pose, parent, 3), turn)
         if i < n and table[i, SLIDES] != 0.0:
+            # A slide shifts its frame along its own z axis.
             spot = add3(spot, turned(turn, (0.0, 0.0, q[i, k])))
         # A half-angle quaternion about z, multiplied from the right.
         elif i < n:
@@ -128,6 +129,7 @@ def place(table, q, k, pose):
                 c * cosine - b * sine,
                 d * cosine + a * sine,
             )
+        # Written once the joint has moved: the children read this pose.
         pose[i, 0], pose[i, 1], pose[i, 2] = spot
         pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6] = turn
 
@@ -135,6 +137,7 @@ def place(table, q, k, pose):
 @register_jitable
 def columns(table, pose, frame, tip, J, k):
     """Write the Jacobian of the point `tip`, fixed to `frame`, into J[:, :, k], zero before."""
+    # The tool moves with its parent, the last joint; from there the path leads to the base.
     i = int(table[frame, PARENT]) if frame == table.shape[0] - 1 else frame
     while i >= 0:
         # A column is z x (tip - origin) over z for a turning joint, z over 0 for a sliding one.
@@ -191,6 +194,7 @@ def _jacobian_rate(table, q, v, frame, point):
             spin[i, 0], spin[i, 1], spin[i, 2] = w
             speed[i, 0], speed[i, 1], speed[i, 2] = u
         i, tip = last, point_of(pose, frame, point)
+        # Velocity of the point itself, fixed to the last link of the path.
         flown = _velocity(pose, spin, speed, last, tip)
         # Product rule on each column: the axis turns with its link, the arm changes with both ends.
         while i >= 0:
@@ -319,6 +323,7 @@ def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
     # Angular velocity is yaw rate times z, pitch rate times the turned y, roll rate times the axis.
     ahead = np.cos(yaw) * x + np.sin(yaw) * y
     with np.errstate(divide="ignore", invalid="ignore"):
+        # Without bound at gimbal lock, where cos(pitch) is 0.
         roll_rate = ahead / np.cos(pitch)
     J[3] = z + np.sin(pitch) * roll_rate
     J[4] = np.cos(yaw) * y - np.sin(yaw) * x
@@ -353,9 +358,11 @@ def condition_number(J: ArrayLike, length: float) -> Any:
     are divided it has no meaning. In millimetres (0.001) the same arm has another one.
     """
     J = np.array(vector("J", J, (6, None), (6, None, None)))
+    # Velocities over the length have the unit of rates, as the rows below have.
     J[:3] /= positive("length", length, unit="m")
     s = singular_values(J)
     with np.errstate(divide="ignore", invalid="ignore"):
+        # The rank threshold of `numpy.linalg.matrix_rank`.
         present = s[-1] > max(J.shape[:2]) * np.finfo(float).eps * s[0]
         return np.where(present, s[0] / s[-1], np.inf)[()]
 

@@ -75,6 +75,7 @@ class TwoLink:
         (7,).
         """
         (m1, m2), (l1, l2), (i1, i2), p = self.masses, self.lengths, self.inertias, self.payload
+        # Steiner's theorem: each rod about its joint, with what the end of link 1 carries.
         d = i2 + 0.25 * m2 * l2**2 + p * l2**2
         a = i1 + 0.25 * m1 * l1**2 + m2 * l1**2 + p * l1**2 + d
         row = (a, 0.5 * m2 * l1 * l2 + p * l1 * l2, d, *self.damping)
@@ -95,6 +96,7 @@ class TwoLink:
         """Return the same arm as a `Chain`; hand `gravity=(0, -g, 0)` to its dynamics."""
         (m1, m2), (l1, l2), (i1, i2), p = self.masses, self.lengths, self.inertias, self.payload
         whole = m2 + p
+        # Rod and payload as one body: common centre of mass, and the inertia about it (Steiner).
         middle = (0.5 * m2 + p) * l2 / whole
         across = i2 + m2 * (0.5 * l2 - middle) ** 2 + p * (l2 - middle) ** 2
         return Chain(
@@ -170,6 +172,7 @@ def accelerations(q1, q2, v1, v2, arm, i):
     """Return joint accelerations (a1, a2) of column i of `arm`, see `acceleration`."""
     a, b, d = arm[0, i], arm[1, i], arm[2, i]
     c, s = np.cos(q2), np.sin(q2)
+    # Torque less damping, with the centrifugal and Coriolis terms of the equations above.
     f1 = arm[11, i] - arm[3, i] * v1 + b * s * v2 * (2.0 * v1 + v2)
     f2 = arm[12, i] - arm[4, i] * v2 - b * s * v1 * v1
     # Most arms lie flat, and two cosines are a third of the cost.
@@ -177,6 +180,7 @@ def accelerations(q1, q2, v1, v2, arm, i):
         hanging = arm[10, i] * np.cos(q1 + q2)
         f1 -= arm[9, i] * np.cos(q1) + hanging
         f2 -= hanging
+    # The 2 x 2 mass matrix is inverted in closed form; its determinant is positive.
     m11, m12 = a + 2.0 * b * c, d + b * c
     inverse = 1.0 / (m11 * d - m12 * m12)
     return (d * f1 - m12 * f2) * inverse, (m11 * f2 - m12 * f1) * inverse
@@ -204,10 +208,13 @@ def branches(l1, l2, x, y):
     tan^2(q2 / 2) = (far - r)(far + r) / ((r - near)(r + near)) at the distance r.
     """
     r, far, near = np.hypot(x, y), l1 + l2, abs(l1 - l2)
+    # A target out of reach is replaced with the nearest one on the edge of the annulus.
     held = np.minimum(np.maximum(r, near), far)
+    # The law of cosines in half angles: acos would lose half the digits near both edges.
     bend = 2.0 * np.arctan2(
         np.sqrt((far - held) * (far + held)), np.sqrt((held - near) * (held + near))
     )
+    # The bend turns the line from base to tip away from link 1 by the angle `elbow`.
     elbow, heading = np.arctan2(l2 * np.sin(bend), l1 + l2 * np.cos(bend)), np.arctan2(y, x)
     return heading - elbow, heading + elbow, bend, r
 
@@ -243,6 +250,7 @@ def two_link_ik(lengths: ArrayLike, target: ArrayLike) -> TwoLinkIK:
     l1, l2 = vector("lengths", lengths, (2,), low=POSITIVE, unit="m")
     x, y = vector("target", target, (2,), (2, None), unit="m")
     left, right, bend, r = branches(l1, l2, x, y)
+    # How far the target is outside the annulus, on either side of it.
     outside = np.maximum(np.maximum(r - (l1 + l2), abs(l1 - l2) - r), 0.0)
     q = np.array([[left, right], [bend, -bend]])
     return TwoLinkIK(q, (outside == 0.0)[()], outside[()])

@@ -168,6 +168,7 @@ def _impact(vx: Any, vy: Any, e: Any, mu: Any, rest_speed: float) -> tuple[Any, 
     limit = mu * normal
     if abs(vx) <= limit:
         return 0.0, bounce, abs(_number(vx)) / _number(normal) if _number(vx) != 0 else 0.0
+    # Outside the cone friction has its full limit and acts against the sliding.
     return (vx - limit if vx > 0 else vx + limit), bounce, 0.0
 
 
@@ -194,6 +195,7 @@ def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
     while _number(now) <= end:
         force, until = _push_after(scene, _number(now))
         push = force / m
+        # Events set y and vy to exactly 0 on landing, so this test needs no tolerance.
         on_ground = _number(y) == 0 and _number(vy) == 0
         if not on_ground:
             mode, ax, ay = "flight", push, -g
@@ -218,6 +220,8 @@ def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
 
         yield Segment(now, x, y, vx, vy, ax, ay, mode, needed)
         needed = 0.0
+        # The next event: a change of the push, or the end of the mode itself, whichever comes
+        # first.
         if _number(now) + _number(span) > until:
             t, event = until - now, "push"
         elif span == math.inf:
@@ -227,6 +231,8 @@ def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
         # An event's time is a function of the parameters: through it the gradient sees when an
         # impact happens.
         now = until if event == "push" else now + t
+        # Both parabolas are evaluated with the velocities of the segment's start, so position goes
+        # first.
         x = x + vx * t + 0.5 * ax * t * t
         vx = vx + ax * t
         if mode == "flight":
@@ -260,7 +266,9 @@ def trajectory(parameters: Any, scene: Setup, times: Any) -> Any:
     end = float(times.max(initial=0.0))
     pieces = list(segments(parameters, scene, end))
     starts = [_number(piece.start) for piece in pieces]
+    # Each time belongs to the last segment that starts at or before it.
     index = np.searchsorted(starts, times, side="right") - 1
+    # Plain numbers take the path through NumPy, which needs no torch.
     if not any(map(_is_tensor, (*parameters, *scene.position, *scene.velocity))):
         columns = np.array([piece[:7] for piece in pieces]).T[:, index]
         return _positions_and_velocities(columns, times, np)
@@ -302,6 +310,7 @@ def jacobian(parameters: Sequence[float] | np.ndarray, scene: Setup, times: Any)
     out = trajectory(point, scene, times)
     if not out.requires_grad:  # a block that never moves depends on nothing
         return np.zeros((*out.shape, 3))
+    # One row of the identity for each output: all vector-Jacobian products in one batch.
     rows = torch.eye(out.numel(), dtype=torch.float64)
     (derivatives,) = torch.autograd.grad(out.reshape(-1), point, rows, is_grads_batched=True)
     return derivatives.reshape(*out.shape, 3).numpy()
@@ -453,13 +462,16 @@ def information(
         ValueError: if the noise is not positive, or a parameter or time is out of range.
     """
     positive("noise", noise, unit="m")
+    # In standard deviations of the noise J is whitened, and J^T J is the Fisher information.
     J = jacobian(parameters, scene, times)[:2].reshape(-1, 3) / noise
     # Columns of the Jacobian in relative units of the mass, so that the singular values compare.
     scale = np.array([1.0, 1.0, float(parameters[2])])
     _, values, directions = np.linalg.svd(J * scale, full_matrices=True)
+    # With fewer measurements than parameters, the missing singular values are zero.
     values = np.concatenate([np.abs(values), np.zeros(3 - len(values))])
     # A direction is known if one scale moves the record by more than one deviation.
     known = values > 1.0
+    # How much of each parameter lies in the directions that the record does not determine.
     share = np.linalg.norm(directions[~known], axis=0)
     identified = share <= _SHARE_IN_UNKNOWN
     # Covariance of the least-squares estimate, (J^T J)^-1, on the known directions only.
@@ -468,6 +480,7 @@ def information(
     covariance[~identified, :] = np.inf
     covariance[:, ~identified] = np.inf
     end = float(np.max(times, initial=0.0))
+    # Sticking only bounds friction from below, by the largest ratio of forces that it needed.
     floor = max(
         piece.friction_needed
         for piece in segments([_number(value) for value in parameters], scene, end)
@@ -572,6 +585,7 @@ def recover(
     tried = 0
     while tried < iterations and not converged:
         tried += 1
+        # The Jacobian is computed again only after an accepted step.
         if J is None:
             J = jacobian(point, scene, recorded.times)[:2].reshape(-1, 3) / recorded.noise
         # Levenberg-Marquardt: the Gauss-Newton matrix, damped in proportion to its diagonal.
@@ -579,12 +593,15 @@ def recover(
         # A parameter without influence has a zero column; the floor leaves it where it is.
         diagonal = np.maximum(np.diag(curvature), 1e-12)
         step = -np.linalg.solve(curvature + damping * np.diag(diagonal), J.T @ r)
+        # Projected onto the admissible box, so that every trial is a valid set of parameters.
         trial = np.clip(point + step, lowest, highest)
         # The mass may fall by at most a factor of ten in a step: it stays positive.
         if trial[2] < 0.1 * point[2]:
             trial[2] = 0.1 * point[2]
         trial_r = residual(trial)
         trial_loss = 0.5 * float(trial_r @ trial_r)
+        # Accept only what lowers the loss; trust the linearisation more after success, less after
+        # failure.
         gained = losses[-1] - trial_loss
         if gained > 0:
             point, r, J = trial, trial_r, None
@@ -594,6 +611,7 @@ def recover(
         else:
             damping *= 10
             converged = damping > 1e8
+    # Residuals less the three fitted parameters: the degrees of freedom of chi squared.
     degrees = max(recorded.positions.size - 3, 1)
     return Recovery(
         point,
@@ -635,10 +653,12 @@ def naive_drop(
         ValueError: if dt is not positive.
     """
     positive("dt", dt, unit="s")
+    # A product with 0, so that the speed is a tensor where the parameters are.
     y, v = height, 0.0 * restitution
     for _ in range(round(duration / dt)):
         v = v - dt * gravity
         y = y + dt * v
+        # The impact is applied at the end of the step, up to dt late, and its time has no gradient.
         if y < 0 and v < 0:
             v = -restitution * v
             if clamp:

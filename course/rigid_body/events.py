@@ -55,6 +55,7 @@ def time_of_event(q, v, step, acceleration, dt, params, gap):
     Returns:
         The length [s] from 0 to dt: the side of the last bracket on which the gap is not negative.
     """
+    # The bracket: the gap is open at `low` and closed at `high`.
     low, high = 0.0, dt
     gap_low = gap(q)
     end, _ = step(q, v, acceleration, dt, params)
@@ -117,6 +118,8 @@ def step_with_event(q, v, step, acceleration, dt, params, gap, reset):
             return q1, v1, hits
         if hits == EVENT_LIMIT:
             raise RuntimeError("64 events in one step: the reset does not turn the motion away")
+        # Cut the step at the event, reset the state there, and continue with what is left of the
+        # step.
         part = time_of_event(q, v, step, acceleration, remaining, params, gap)
         if part > 0.0:
             q, v = step(q, v, acceleration, part, params)
@@ -226,6 +229,8 @@ def bouncing_pendulum(
 
     def truth(t: float) -> tuple[Array, Array]:
         q, v = free.truth(t)
+        # The wall mirrors the free pendulum: where its angle is negative, angle and rate change
+        # sign.
         return np.abs(q), v if q[0] >= 0.0 else -v
 
     return Problem(free.system, duration, truth, True, "rad")

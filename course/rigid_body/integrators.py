@@ -55,6 +55,7 @@ def retract(q, u):
         return q + u
     n = u.shape[0] - 3
     result = np.empty_like(q)
+    # Rotations in the body frame multiply from the right: q (+) u = q exp(u).
     turned = product(q[n:], exp(u[n:]))
     # Row by row, which for one body is number by number and compiles far faster than slices.
     for i in range(n):
@@ -117,6 +118,7 @@ def semi_implicit_euler(q, v, acceleration, dt, params):
 
     Args, Returns: as for `explicit_euler`.
     """
+    # Velocity first; the position then uses the new one, which makes the map symplectic.
     v = v + dt * acceleration(q, v, params)
     return retract(q, dt * v), v
 
@@ -132,6 +134,7 @@ def velocity_verlet(q, v, acceleration, dt, params):
     Args, Returns: as for `explicit_euler`.
     """
     a0 = acceleration(q, v, params)
+    # The position moves by its Taylor polynomial of second order.
     q = retract(q, dt * (v + 0.5 * dt * a0))
     # The predicted velocity v + dt a0 keeps second order where the force depends on it.
     a1 = acceleration(q, v + dt * a0, params)
@@ -147,6 +150,8 @@ def explicit_midpoint(q, v, acceleration, dt, params):
 
     Args, Returns: as for `explicit_euler`.
     """
+    # Runge's midpoint rule: an Euler half step to the middle, then the full step with the rates
+    # there.
     half = 0.5 * dt
     v_mid = v + half * acceleration(q, v, params)
     a_mid = acceleration(retract(q, half * v), v_mid, params)
@@ -181,12 +186,14 @@ def implicit_midpoint(q, v, acceleration, dt, params):
     half = 0.5 * dt
     # Predictor for the mid velocity: an explicit half step.
     w = v + half * acceleration(q, v, params)
+    # The residual is in the mid velocity alone: the mid position follows from it by half a step.
     residual = w - v - half * acceleration(retract(q, half * w), w, params)
     # Newton's matrix of the residual by forward differences, once a step.
     # lower[j, i] and upper parts share one array: column j of the Jacobian in row j.
     jacobian = np.empty((n,) + v.shape)
     for j in range(n):
         moved = w.copy()
+        # The difference is relative to the component's size; the 1 covers a component at rest.
         size = _DIFFERENCE * (1.0 + np.max(np.abs(w[j])))
         moved[j] = moved[j] + size
         shifted = moved - v - half * acceleration(retract(q, half * moved), moved, params)
@@ -203,6 +210,7 @@ def implicit_midpoint(q, v, acceleration, dt, params):
     # Simplified Newton iterations: forward and back substitution with the old factors.
     for _ in range(_NEWTON_STEPS):
         correction = residual.copy()
+        # L has a unit diagonal, so the forward substitution needs no division.
         for i in range(n):
             for j in range(i):
                 correction[i] = correction[i] - jacobian[j, i] * correction[j]
@@ -212,6 +220,7 @@ def implicit_midpoint(q, v, acceleration, dt, params):
                 correction[i] = correction[i] - jacobian[j, i] * correction[j]
             correction[i] = correction[i] / jacobian[i, i]
         w = w - correction
+        # The size of the last correction, relative to the mid velocity, decides.
         if np.max(np.abs(correction)) <= _NEWTON_TOLERANCE * (1.0 + np.max(np.abs(w))):
             converged = True
             break
@@ -287,6 +296,7 @@ def rk4_renormalised(q, v, acceleration, dt, params):
     Args, Returns: as for `explicit_euler`.
     """
     half = 0.5 * dt
+    # The four stages of classical RK4, with the quaternion's four numbers as a plain vector.
     k1 = _coordinate_rate(q, v)
     a1 = acceleration(q, v, params)
     q2 = _along(q, half, k1)
@@ -371,6 +381,7 @@ class System:
         for field in ("params", "q0", "v0"):
             value = vector(field, getattr(self, field))
             object.__setattr__(self, field, np.array(value, order="C"))
+        # One more position than velocities means a unit quaternion in the last four rows of q.
         nq, nv = self.q0.shape[0], self.v0.shape[0]
         if nq - nv not in (0, 1) or self.q0.shape[1:] != self.v0.shape[1:]:
             raise invalid(
@@ -409,6 +420,7 @@ def advance_recorded(q, v, step, acceleration, dt, records, every, params):
     """
     qs = np.empty((records + 1,) + q.shape)
     vs = np.empty((records + 1,) + v.shape)
+    # Component by component, which serves one body and a batch and compiles faster than slices.
     for i in range(records + 1):
         for k in range(q.shape[0]):
             qs[i, k] = q[k]
@@ -441,6 +453,8 @@ def compiled_parts(acceleration: Acceleration, integrator: str, ndim: int) -> tu
     """
     array = VECTOR if ndim == 1 else MATRIX
     step_type = _step_type(array)
+    # One explicit signature per dimension; step and acceleration come in as typed function
+    # arguments.
     first = (array, array, types.FunctionType(step_type), acceleration_type(array), numba.float64)
     if ndim == 1:
         run = compiled(
@@ -517,6 +531,7 @@ def evaluations_per_step(
     """
     calls = 0
 
+    # Counted in plain Python, since a compiled run could not call the counter.
     def counting(q: Any, v: Any, params: Any) -> Any:
         nonlocal calls
         calls += 1

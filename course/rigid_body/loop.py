@@ -49,6 +49,7 @@ def exact_seconds(value: Seconds, name: str = "seconds") -> Fraction:
         ValueError: if it is not a finite number, or a float that is not the nearest double to any
             fraction with a denominator up to 1,000,000.
     """
+    # Booleans are rationals to Python, but True is no duration: they fall through to the error.
     if isinstance(value, Rational) and not isinstance(value, bool):
         return Fraction(int(value.numerator), int(value.denominator))
     if isinstance(value, str):
@@ -58,6 +59,8 @@ def exact_seconds(value: Seconds, name: str = "seconds") -> Fraction:
             raise invalid(name, value, "a number of seconds such as '0.001' or '1/60'") from None
     if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
         number = float(value)
+        # Best rational approximation by continued fractions, accepted only if it rounds to this
+        # very float.
         fraction = Fraction(number).limit_denominator(_LARGEST_DENOMINATOR)
         if float(fraction) == number:
             return fraction
@@ -219,6 +222,7 @@ class FixedStepLoop:
         actuation_delay = self._exact("actuation_delay", None)
         self._bound = None if self.max_frame is None else self._exact("max_frame", dt)
 
+        # The tick divides every period and delay, so the schedule below is in exact integers.
         self._tick = _common_tick([dt, control, camera, render, camera_delay, actuation_delay])
         self._dt_ticks = int(dt / self._tick)
         self._control_ticks = int(control / self._tick)
@@ -228,6 +232,7 @@ class FixedStepLoop:
         self._actuation_delay_ticks = int(actuation_delay / self._tick)
         self._dt_seconds = float(dt)
 
+        # Before the first step both states are the same, so an early picture shows the start.
         self.previous = self.state
         self.totals = Advance()
         self.trace = []
@@ -235,6 +240,7 @@ class FixedStepLoop:
         self._granted = Fraction(0)
         self._next_control = 0
         self._next_camera = 0
+        # A picture closes its period, so none is due at time 0.
         self._next_picture = self._render_ticks
         self._image: Image | None = None
         self._images_under_way: deque[tuple[int, Image]] = deque()
@@ -294,6 +300,7 @@ class FixedStepLoop:
         """
         finite("real_seconds", real_seconds, 0.0, unit="s")
 
+        # The totals as they were: their change is what this call did.
         before = Advance(**vars(self.totals))
         frame = Fraction(real_seconds)
         lost = Fraction(0)
@@ -306,6 +313,7 @@ class FixedStepLoop:
         # The accumulator: real time granted to the simulation so far, as an exact fraction.
         self._granted += frame
 
+        # Ticks that are complete by now; the fraction of a tick waits in the accumulator.
         available = int(self._granted // self._tick)
         totals = self.totals
         while True:
@@ -358,36 +366,43 @@ class FixedStepLoop:
             force = phases.apply_forces(self.state, self._command, now)
         self._note("apply forces", start, self._command_sensed_at)
 
+        # Integrate with the force held over the step, then let the contacts correct the new state.
         state = phases.integrate(self.state, force, self._dt_seconds)
         self._note("integrate", start, now)
         if phases.detect_collisions is not None:
             state = phases.detect_collisions(state, self._seconds(end))
         self._note("detect collisions", end, self._seconds(end))
 
+        # Pictures are interpolated between the two newest states, so both are stored.
         self.previous, self.state = self.state, state
         self.totals.steps += 1
 
     def _expose(self, start: int, now: float) -> None:
+        # Scheduled from the last due time and not from `start`, so the mean rate does not drift.
         self._next_camera += self._camera_ticks
         self.totals.images += 1
         camera = self.phases.camera
         data = self.state if camera is None else camera(self.state, now)
+        # Transport delay: the image is exposed now and reaches the controller later.
         arrival = start + self._camera_delay_ticks
         self._images_under_way.append((arrival, Image(now, data)))
         self._note("camera", start, now)
 
     def _control(self, start: int, now: float) -> None:
+        # Scheduled from the last due time, as the camera is: the mean rate stays exact.
         self._next_control += self._control_ticks
         self.totals.controls += 1
         phases = self.phases
         measurement = self.state if phases.sense is None else phases.sense(self.state, now)
         self._note("sense", start, now)
+        # Of the images that have arrived only the newest counts.
         while self._images_under_way and self._images_under_way[0][0] <= start:
             _, self._image = self._images_under_way.popleft()
         command = self._command
         if phases.control is not None:
             command = phases.control(measurement, self._image, now)
         self._note("control", start, now)
+        # Dead time of the actuator: the command waits in a queue until its delay is over.
         self._commands_under_way.append((start + self._actuation_delay_ticks, command, now))
 
     def _render(self, due: int) -> None:
@@ -397,6 +412,7 @@ class FixedStepLoop:
         # A picture is one step behind, between two known states, so that nothing is extrapolated.
         shown = self._seconds(max(due - self._dt_ticks, 0))
         if self.phases.render is not None:
+            # Position of the shown time between the two newest states, in [0, 1).
             alpha = (due - newest) / self._dt_ticks
             state = self.phases.interpolate(self.previous, self.state, alpha)
             self.phases.render(state, shown)
@@ -405,6 +421,7 @@ class FixedStepLoop:
 
 def _common_tick(times: Iterable[Fraction]) -> Fraction:
     """Return the largest time that divides all given times (zeros do not count)."""
+    # The gcd of fractions is that of their numerators over a common denominator.
     numerator, denominator = 0, 1
     for time in times:
         scale = math.lcm(denominator, time.denominator)
@@ -440,6 +457,8 @@ def run(
     start = last = clock()
     while last - start < seconds:
         now = clock()
+        # Time that this call takes is part of the next frame, so no real time is lost between
+        # calls.
         done = loop.advance(now - last)
         last = now
         total.steps += done.steps

@@ -117,6 +117,7 @@ def _entries(method: str, x: Any, zeta: Any) -> tuple[Any, ...]:
     total: tuple[Any, ...] = (1, 0, 0, 1)
     term = total
     for k in range(1, _DEGREES[method] + 1):
+        # The next term of the exponential series: x G / k times the last one.
         a, b, c, d = (x * entry / k for entry in term)
         term = (c, d, -a - 2 * zeta * c, -b - 2 * zeta * d)
         total = tuple(old + new for old, new in zip(total, term, strict=True))
@@ -154,6 +155,7 @@ def limit(method: str, zeta: float) -> float:
         The limit; 0 where no step is stable, infinity where every step is.
     """
     _check(method, zeta)
+    # The implicit midpoint rule is A-stable.
     if method == "implicit_midpoint":
         return math.inf
     a, b, c, d = _entries(method, Polynomial([0.0, 1.0]), zeta)
@@ -186,8 +188,10 @@ def _first_negative(condition: Polynomial) -> float:
     # What cancels in theory leaves rounding behind, which would make roots near zero.
     coefficients = np.where(np.abs(condition.coef) > 1e-14 * scale, condition.coef, 0.0)
     lowest = int(np.flatnonzero(coefficients)[0])
+    # The lowest power that is present decides the sign just above zero.
     if coefficients[lowest] < 0.0:
         return 0.0
+    # Dividing by that power of x takes away the roots at zero.
     reduced = Polynomial(coefficients[lowest:]).trim()
     roots = reduced.roots()
     real = np.sort(roots.real[np.abs(roots.imag) <= 1e-7 * np.abs(roots)])

@@ -103,6 +103,8 @@ def _advance(
         # Below the ground only by rounding, or because it was put there: no impulse undoes that.
         if y + ry < -touch:
             y = -ry
+        # How far the centre can fall and the corners can swing in what is left of the step, at
+        # most.
         fall = min(remaining * vy, 0.0) + min(coefficient * ay * remaining * remaining, 0.0)
         swing = radius * remaining * (abs(omega) + coefficient * abs(alpha) * remaining)
         # Too high to come down in what is left of the step, however it turns.
@@ -110,6 +112,8 @@ def _advance(
             break
         # A corner touches: it hits, it is held, or it is about to leave.
         if y + ry <= touch:
+            # Normal velocities of both lowest corners: that of the centre, and the spin times the
+            # arm.
             vn, vn2 = vy + omega * rx, vy + omega * rx2
             flat = y + ry2 <= touch
             speed = min(vn, vn2) if flat else vn
@@ -158,9 +162,12 @@ def _advance(
         tau, outcome = first_impact(
             y, angle, vy, omega, ay, alpha, width, height, remaining, coefficient
         )
+        # Only a corner that has not moved since its bounce counts as bounced.
         bounced = bounced and tau == 0.0
         if outcome != HIT and outcome != UNFINISHED:
             break
+        # Fly to the impact, or as far as is certain to be free; the next pass decides what happens
+        # there.
         x, y, angle, vx, vy, omega = _fly(
             x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient
         )
@@ -197,8 +204,10 @@ def _step_boxes(
             mass, width, height = parameters[0, k], parameters[1, k], parameters[2, k]
             inertia, restitution = parameters[3, k], parameters[4, k]
             friction, rest_speed = parameters[5, k], parameters[6, k]
+            # Checked in the loop itself, where a bad box ends the run and its number is returned.
             good = mass > 0.0 and width > 0.0 and height > 0.0 and inertia > 0.0
             good = good and 0.0 <= restitution <= 1.0 and friction >= 0.0 and rest_speed >= 0.0
+            # The sum is finite only if every term is: one test for all NaNs and infinities.
             finite = mass + width + height + inertia + friction + rest_speed
             finite += forces[0, f] + forces[1, f] + forces[2, f]
             if not good or not abs(finite) < np.inf:
@@ -217,6 +226,7 @@ def _step_boxes(
         impacts = 0
         unresolved = 0
         for _ in range(steps):
+            # At rest bit for bit: the steps that are left would not change anything.
             if settles and lies_still(y, angle, vx, vy, omega, width, height):
                 break
             fall = min(dt * vy, 0.0) + min(coefficient * ay * dt * dt, 0.0)
@@ -269,7 +279,7 @@ _SIGNATURE = types.int64(
 )
 
 
-# Arguments as `_step_boxes` names them and `rollout` checks them; `out` may be `state` itself.
+# Arguments as `_step_boxes` names them and `prepare` checks them; `out` may be `state` itself.
 step_boxes_loop = loop(_step_boxes, _SIGNATURE)
 
 
@@ -305,6 +315,7 @@ def box_parameters(
     width = vector("width", width, low=POSITIVE, unit="m")
     height = vector("height", height, low=POSITIVE, unit="m")
     if inertia is None:
+        # Moment of inertia of a uniform rectangle about its centre.
         inertia = mass * (width * width + height * height) / 12.0
     rows = [
         mass,
@@ -384,6 +395,8 @@ def prepare(
         elif out.shape != state.shape or out.dtype != state.dtype or not out.flags.c_contiguous:
             raise invalid("out", (out.dtype.name, out.shape), f"C-ordered float64 {state.shape}")
         counts = np.empty((2, n), dtype=np.int64)
+        # Compiled code can't raise with these values, so it returns the number of the first bad
+        # box.
         bad = step_boxes_loop(
             out,
             counts,
@@ -546,6 +559,7 @@ class PlanarBody:
         They run anticlockwise from the body's lower left.
         """
         x, y, angle = self.state[:3]
+        # Half sizes with the signs of the corners, turned by the angle and shifted to the centre.
         a = 0.5 * self.width * np.array([-1.0, 1.0, 1.0, -1.0])
         b = 0.5 * self.height * np.array([-1.0, -1.0, 1.0, 1.0])
         s, c = np.sin(angle), np.cos(angle)
@@ -563,6 +577,7 @@ class PlanarBody:
         """
         f = vector("force", force, (2,), unit="N")
         p = self.state[:2] if point is None else vector("point", point, (2,), unit="m")
+        # The moment about the centre is the component of arm x force along z.
         arm = p - self.state[:2]
         self.force = self.force + f
         self.torque += float(arm[0] * f[1] - arm[1] * f[0])

@@ -46,10 +46,12 @@ def lowest_corners(angle, width, height):
     """
     s = math.sin(angle)
     c = math.cos(angle)
+    # Each half size enters with the sign that brings its corner lowest.
     a = -0.5 * width if s > 0.0 else 0.5 * width
     b = -0.5 * height if c > 0.0 else 0.5 * height
     rx = a * c - b * s
     ry = a * s + b * c
+    # The second lowest corner differs in the half size that changes the height least.
     if width * abs(s) < height * abs(c):
         a = -a
     else:
@@ -335,6 +337,7 @@ def time_to_face(angle, omega, beta, horizon, flat):
     The angle moves by omega t + beta t^2. A time beyond the horizon is given as infinity.
     `flat` says that it lies on a face now and is about to leave it.
     """
+    # Faces lie on the ground at multiples of a quarter turn; this is the nearest one.
     nearest = math.floor(angle / QUARTER_TURN + 0.5)
     first = math.inf
     target = angle
@@ -347,6 +350,7 @@ def time_to_face(angle, omega, beta, horizon, flat):
     else:
         below = nearest if nearest * QUARTER_TURN < angle else nearest - 1.0
         above = below + 1.0
+    # Of the faces on either side, the one that the turn reaches first.
     for k in range(2):
         face = (below if k == 0 else above) * QUARTER_TURN
         time = _time_to_turn(face - angle, omega, beta)

@@ -46,11 +46,14 @@ class Problem:
             For orientations the angle of the turn that is missing [rad]; otherwise the largest
             difference of a component. Infinity where q is not finite.
         """
+        # A run that blew up has an infinite error, so it is never taken for an accurate one.
         if not np.all(np.isfinite(q)):
             return float("inf")
         true_q, _ = self.truth(self.duration if t is None else t)
         if self.system.q0.shape[0] == self.system.v0.shape[0]:
             return float(np.max(np.abs(q - true_q)))
+        # Error on the manifold: the angle of the rotation that is missing, not a difference of
+        # components.
         return float(quaternion.angle_between(quaternion.normalise(q[-4:]), true_q[-4:]))
 
 
@@ -69,6 +72,8 @@ def tight_reference(system: System, t: float, rtol: float = 1e-13) -> tuple[Arra
 
     nq = system.q0.shape[0]
 
+    # First-order form: positions and velocities in one vector, the quaternion as four plain
+    # numbers.
     def rate(_: float, y: Array) -> Array:
         q, v = y[:nq], y[nq:]
         return np.concatenate([_coordinate_rate(q, v), system.acceleration(q, v, system.params)])
@@ -124,6 +129,7 @@ def oscillator(
         np.array([0.0]),
         oscillator_energy,
     )
+    # Angular frequency of the damped oscillation.
     damped = omega * np.sqrt(1.0 - zeta**2)
 
     # Closed form of the underdamped oscillator.
@@ -183,6 +189,7 @@ def pendulum(
     def truth(t: float) -> tuple[Array, Array]:
         from scipy.special import ellipj
 
+        # cd = cn / dn starts at 1, since the pendulum is released at the end of its swing.
         sn, cn, dn, _ = ellipj(rate * t, k * k)
         theta = 2.0 * np.arcsin(k * cn / dn)
         theta_rate = -2.0 * rate * k * np.sqrt(1.0 - k * k) * sn / dn
@@ -198,6 +205,7 @@ def pendulum(
 def tumble_acceleration(q, v, params):
     """Return Euler's equations without torque in principal axes; params = (I1, I2, I3) [kg m^2]."""
     result = np.empty_like(v)
+    # Euler's equations: in the turning frame the gyroscopic terms remain without any torque.
     result[0] = (params[1] - params[2]) / params[0] * v[1] * v[2]
     result[1] = (params[2] - params[0]) / params[1] * v[2] * v[0]
     result[2] = (params[0] - params[1]) / params[2] * v[0] * v[1]
@@ -223,15 +231,18 @@ def _incomplete_pi(n: float, u: float, m: float) -> float:
     """
     from scipy.special import ellipj, ellipk, elliprf, elliprj
 
+    # K(m), the quarter period of the elliptic functions.
     quarter = ellipk(m)
-    # Whole periods are taken off first: Carlson's forms hold for a quarter period.
+    # Half periods are taken off first: Carlson's forms hold within a quarter period of zero.
     turns = np.round(u / (2.0 * quarter))
     sn, cn, _, _ = ellipj(u - 2.0 * quarter * turns, m)
 
     def from_zero(s: float, c: float) -> float:
+        # The integral in Carlson's forms: s R_F + n s^3 R_J / 3.
         x, y, p = c * c, 1.0 - m * s * s, 1.0 - n * s * s
         return s * elliprf(x, y, 1.0) + n / 3.0 * s**3 * elliprj(x, y, 1.0, p)
 
+    # Each half period that was taken off adds twice the complete integral.
     return float(from_zero(sn, cn) + 2.0 * turns * from_zero(1.0, 0.0))
 
 
@@ -259,6 +270,7 @@ def tumble(
     w1, w3 = rates
     if not 0.0 < i1 < i2 < i3 <= i1 + i2:
         raise invalid("inertia", inertia, "0 < I1 < I2 < I3 <= I1 + I2")
+    # Twice the kinetic energy and the squared angular momentum, both conserved.
     two_t = i1 * w1**2 + i3 * w3**2
     square = (i1 * w1) ** 2 + (i3 * w3) ** 2
     if not (w1 > 0.0 and w3 > 0.0 and square > two_t * i2):
@@ -268,6 +280,7 @@ def tumble(
     pace = np.sqrt((i3 - i2) * (square - two_t * i1) / (i1 * i2 * i3))
     m = (i2 - i1) * (two_t * i3 - square) / ((i3 - i2) * (square - two_t * i1))
     w2 = np.sqrt((two_t * i3 - square) / (i2 * (i3 - i2)))
+    # The squared momentum across the third axis is d at the start and d (1 + beta sn^2) later.
     d = (i1 * w1) ** 2
     beta = (i3 * w3) ** 2 * m / d
 
@@ -276,8 +289,10 @@ def tumble(
 
         u = pace * t
         quarter = ellipk(m)
+        # sn, cn and dn share the period 4 K: reducing the argument by it keeps their accuracy.
         sn, cn, dn, _ = ellipj(u - 4.0 * quarter * np.round(u / (4.0 * quarter)), m)
         v = np.array([w1 * cn, w2 * sn, w3 * dn])
+        # Precession about L: a steady part, and the elliptic integral of the third kind.
         turn = momentum * (
             t / i3 + (two_t - square / i3) / (d * pace) * _incomplete_pi(-beta, u, m)
         )
@@ -286,6 +301,8 @@ def tumble(
         # angles, the integral above the third.
         tilt = np.arctan2(np.hypot(body[0], body[1]), body[2])
         z = np.array([0.0, 0.0, 1.0])
+        # The attitude as z-x-z Euler angles: precession, tilt, then the turn about the body's own
+        # axis.
         q = quaternion.product(
             quaternion.exp(turn * z),
             quaternion.product(
@@ -312,6 +329,7 @@ def top_acceleration(q, v, params):
     w, x, y, z = q[0], q[1], q[2], q[3]
     up_x = 2.0 * (x * z - w * y)  # the world's vertical, seen from the body
     up_y = 2.0 * (y * z + w * x)
+    # Gravity's torque about the fixed point is m g l times up x z = (up_y, -up_x, 0).
     result = np.empty_like(v)
     result[0] = ((params[1] - params[2]) * v[1] * v[2] + params[3] * up_y) / params[0]
     result[1] = ((params[2] - params[0]) * v[2] * v[0] - params[3] * up_x) / params[1]
@@ -349,8 +367,10 @@ def nutation_limits(inertia: tuple[float, float], weight: float, tilt: float, sp
     """
     i1, i3 = inertia
     u0 = np.cos(tilt)
+    # Half the sum of the other two roots, which solve the quadratic of the docstring.
     h = (i3 * spin) ** 2 / (4.0 * i1 * weight)
     high = h + np.sqrt(h * h - 2.0 * h * u0 + 1.0)
+    # The smaller of them from their product (Vieta): h minus the root cancels for a fast spin.
     return np.array([(2.0 * h * u0 - 1.0) / high, u0, high])
 
 
@@ -424,6 +444,7 @@ def double_pendulum_acceleration(q, v, params):
     # M qdd = f with M = [[(m1 + m2) l1, m2 l2 c], [l1 c, l2]]
     f1 = -m2 * l2 * s * v[1] * v[1] - (m1 + m2) * g * np.sin(q[0])
     f2 = l1 * s * v[0] * v[0] - g * np.sin(q[1])
+    # Two equations for two accelerations, by Cramer's rule.
     determinant = l1 * l2 * (m1 + m2 - m2 * c * c)
     result = np.empty_like(v)
     result[0] = (l2 * f1 - m2 * l2 * c * f2) / determinant
@@ -476,6 +497,7 @@ def bounce_times(
         bounces: number of impacts.
         gravity: [m/s^2].
     """
+    # After the first fall each flight lasts e times the one before: a geometric series.
     powers = restitution ** np.arange(1, bounces)
     first = np.sqrt(2.0 * height / gravity)
     return first * np.concatenate([[1.0], 1.0 + 2.0 * np.cumsum(powers)])
@@ -498,6 +520,7 @@ def bounce_height(
     if t < first:
         return float(height - 0.5 * gravity * t * t)
     speed, start = gravity * first * restitution, first
+    # From parabola to parabola, until the speed has all but vanished (Zeno's point).
     while speed > 1e-9 * gravity * first:
         flight = 2.0 * speed / gravity
         if t < start + flight:
@@ -538,6 +561,7 @@ def frictionless_box(
 
     moment = (width**2 + height**2) / 12.0  # per unit of mass
     arm = 0.5 * np.hypot(width, height)
+    # The corners as angles about the centre, so that their heights are sines.
     opening = np.arctan2(height, width)
     corners = np.array([opening, np.pi - opening, np.pi + opening, -opening])
     x, y, angle, vx, vy, omega = (float(value) for value in state)

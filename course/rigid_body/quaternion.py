@@ -103,6 +103,7 @@ def rotation_matrix(values: Any, name: str = "matrix") -> Array:
     """
     R = np.array(vector(name, values, (3, 3), (3, 3, None)), order="C")
     stack = np.moveaxis(R.reshape(3, 3, -1), 2, 0)
+    # The Gram matrix of the columns minus the identity: how far they are from orthonormal.
     error = np.abs(np.swapaxes(stack, 1, 2) @ stack - np.eye(3)).reshape(-1, 9).max(axis=1)
     determinant = np.linalg.det(stack)
     wrong = np.flatnonzero((error > _UNIT_TOLERANCE) | (determinant < 0.0))
@@ -130,6 +131,7 @@ def _batch(a, b):
 @register_jitable
 def _sign(w, x, y, z):
     """Return 1 or -1: the sign of the first component that is not zero (0 if all are)."""
+    # The weights are powers of two, so a component outweighs all the later ones together.
     return np.sign(8.0 * np.sign(w) + 4.0 * np.sign(x) + 2.0 * np.sign(y) + np.sign(z))
 
 
@@ -169,6 +171,8 @@ def product(p: Array, q: Array) -> Array:
         p q, shape (4,) or (4, N). Its length is the product of the two lengths.
     """
     result = np.empty((4,) + _batch(p, q))
+    # Hamilton's product written out; the cross product of the vector parts makes it
+    # non-commutative.
     result[0] = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
     result[1] = p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2]
     result[2] = p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1]
@@ -275,6 +279,7 @@ def exp(rotvec: Array) -> Array:
         scale = 0.5 * _sine_series(square)
         result[0] = _cosine_series(square)
     else:
+        # The tiny summand makes the scale 1 / 2 at zero, where it would be 0 / 0.
         half = np.sqrt(square + _TINY)
         scale = 0.5 * np.sin(half) / half
         result[0] = np.cos(half)
@@ -300,6 +305,7 @@ def log(q: Array) -> Array:
         Rotation vectors [rad] of length at most pi, shape (3,) or (3, N).
     """
     sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3] + _TINY)
+    # The sign takes q or -q, whichever is the shorter rotation.
     scale = _sign(q[0], q[1], q[2], q[3]) * 2.0 * np.arctan2(sine, np.abs(q[0])) / sine
     result = np.empty((3,) + q.shape[1:])
     result[0] = scale * q[1]
@@ -323,6 +329,7 @@ def angle_between(p: Array, q: Array) -> Any:
         Angles in [0, pi] [rad], a number or of shape (N,).
     """
     cosine = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+    # Subtract q and p first: the difference of two near quaternions is exact.
     sign = np.sign(cosine)
     w = q[0] - sign * p[0]
     x = q[1] - sign * p[1]
@@ -331,6 +338,7 @@ def angle_between(p: Array, q: Array) -> Any:
     sx = p[0] * x - p[1] * w - p[2] * z + p[3] * y
     sy = p[0] * y + p[1] * z - p[2] * w - p[3] * x
     sz = p[0] * z - p[1] * y + p[2] * x - p[3] * w
+    # Half the angle from its sine and cosine, so no digits are lost near 0 or near pi.
     return 2.0 * np.arctan2(np.sqrt(sx * sx + sy * sy + sz * sz), np.abs(cosine))
 
 
@@ -372,6 +380,7 @@ def from_matrix(R: Array) -> Array:
     Returns:
         Unit quaternions with w >= 0, shape (4,) or (4, N).
     """
+    # The products 4 q_i q_j: squares from the diagonal, mixed ones from sums and differences.
     ww = 1.0 + R[0, 0] + R[1, 1] + R[2, 2]
     xx = 1.0 + R[0, 0] - R[1, 1] - R[2, 2]
     yy = 1.0 - R[0, 0] + R[1, 1] - R[2, 2]
@@ -388,6 +397,7 @@ def from_matrix(R: Array) -> Array:
     b = (1.0 - a) * (xx >= largest)
     c = (1.0 - a - b) * (yy >= largest)
     d = 1.0 - a - b - c
+    # The row of the largest component: q times a number that is far from zero.
     w = a * ww + b * wx + c * wy + d * wz
     x = a * wx + b * xx + c * xy + d * xz
     y = a * wy + b * xy + c * yy + d * yz
@@ -417,6 +427,7 @@ def from_euler_zyx(yaw: Any, pitch: Any, roll: Any) -> Array:
     cy, sy = np.cos(0.5 * pitch), np.sin(0.5 * pitch)
     cx, sx = np.cos(0.5 * roll), np.sin(0.5 * roll)
     result = np.empty((4,) + np.asarray(yaw + pitch + roll).shape)
+    # The product of the three half-angle quaternions about z, y and x, written out.
     result[0] = cz * cy * cx + sz * sy * sx
     result[1] = cz * cy * sx - sz * sy * cx
     result[2] = cz * sy * cx + sz * cy * sx
@@ -448,8 +459,10 @@ def to_euler_zyx(q: Array) -> Array:
     total = np.arctan2(z + x, w - y)
     rising = np.hypot(w + y, z - x)
     falling = np.hypot(w - y, z + x)
+    # Gimbal lock: one of the two pairs is too short to have a direction.
     up = 1.0 * (falling < _EULER_LOCK)
     down = 1.0 * (rising < _EULER_LOCK)
+    # Without a lock yaw is the sum and roll the difference of the two half angles.
     yaw = (1.0 + down - up) * total + (1.0 + up - down) * difference
     roll = (1.0 - up - down) * (total - difference)
     turn = 2.0 * np.pi
@@ -475,6 +488,7 @@ def euler_zyx_rate_matrix(pitch: Any, roll: Any) -> Array:
     Returns:
         E, shape (3, 3) or (3, 3, N); the angular velocity is in the body frame.
     """
+    # The columns are the axes of the three rates, seen from the body.
     E = np.zeros((3, 3) + np.asarray(pitch + roll).shape)
     E[0, 0] = -np.sin(pitch)
     E[0, 2] = 1.0
@@ -526,6 +540,7 @@ def dexp_inverse(u: Array, w: Array) -> Array:
     fraction = 27.0 - s / 29.0
     for k in range(12):
         fraction = (25.0 - 2.0 * k) - s / fraction
+    # With x = a / 2 and a^2 = 4 s: c = (1 - x cot x) / a^2 = (s / fraction) / (4 s).
     c = 0.25 / fraction
     first = cross(u, w)
     return w + 0.5 * first + c * cross(u, first)

@@ -36,6 +36,7 @@ def free_flight_acceleration(q, v, params):
     result[0] = params[0]
     result[1] = params[1]
     result[2] = params[2]
+    # Euler's equations in principal axes, without a torque: only the gyroscopic terms remain.
     result[3] = (params[4] - params[5]) / params[3] * v[4] * v[5]
     result[4] = (params[5] - params[3]) / params[4] * v[5] * v[3]
     result[5] = (params[3] - params[4]) / params[5] * v[3] * v[4]
@@ -68,6 +69,7 @@ def newton_euler_acceleration(q, v, params):
     net_x = torque[0] - (v[4] * momentum[2] - v[5] * momentum[1])
     net_y = torque[1] - (v[5] * momentum[0] - v[3] * momentum[2])
     net_z = torque[2] - (v[3] * momentum[1] - v[4] * momentum[0])
+    # Angular acceleration: the inverse inertia times the net torque, in the body frame.
     for i in range(3):
         row = 15 + 3 * i
         result[3 + i] = params[row] * net_x + params[row + 1] * net_y + params[row + 2] * net_z
@@ -93,6 +95,7 @@ def inertia_tensor(value: ArrayLike) -> Array:
     if not np.allclose(tensor, tensor.T, rtol=1e-9, atol=1e-12 * np.abs(tensor).max()):
         raise invalid("inertia", tensor, "a symmetric tensor")
     low, middle, high = np.linalg.eigvalsh(tensor)
+    # The triangle inequality of principal moments, with room for rounding.
     if low <= 0.0 or low + middle < high * (1.0 - 1e-9):
         raise invalid(
             "inertia",
@@ -144,6 +147,7 @@ class RigidBody:
         f = vector("force", force, (3,), unit="N")
         self.force = self.force + f
         if point is not None:
+            # A force beside the centre of mass adds its moment about it.
             arm = vector("point", point, (3,), unit="m") - self.q[:3]
             self.torque = self.torque + np.cross(arm, f)
 
@@ -173,6 +177,8 @@ class RigidBody:
         one_of("integrator", integrator, INTEGRATORS)
         unit_quaternion(self.q[3:])  # it may have been set since
         tensor = np.asarray(self.inertia)
+        # What stays constant over the step: acceleration, torque in the world, inertia and its
+        # inverse.
         params = np.concatenate(
             [
                 self.force / self.mass + vector("gravity", gravity, (3,), unit="m/s^2"),
@@ -187,6 +193,7 @@ class RigidBody:
 
     def energy(self, gravity: ArrayLike = DOWNWARDS) -> tuple[float, float, float]:
         """Return kinetic, potential (zero at the world's origin) and total energy [J]."""
+        # Koenig's theorem: energy of the centre of mass plus energy of the turn about it.
         spin = self.v[3:]
         kinetic = 0.5 * self.mass * self.v[:3] @ self.v[:3] + 0.5 * spin @ (
             np.asarray(self.inertia) @ spin
@@ -199,6 +206,7 @@ class RigidBody:
 
         It is in the world frame.
         """
+        # I omega is taken in the body frame, where I is constant, and turned into the world.
         return np.asarray(rotate(self.q[3:], np.asarray(self.inertia) @ self.v[3:]))
 
 
@@ -245,6 +253,7 @@ def advance_bodies(
     )
     run, step, acceleration = compiled_parts(free_flight_acceleration, integrator, 2)
     q_new, v_new = np.empty_like(q), np.empty_like(v)
+    # All steps of a block before the next block, while its rows are in the cache.
     for start in range(0, q.shape[1], BLOCK):
         part = slice(start, start + BLOCK)
         q_new[:, part], v_new[:, part] = run(

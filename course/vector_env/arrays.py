@@ -42,6 +42,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             autoreset_mode: see `course.vector_env`.
         """
         self._adopt(env, num_envs, autoreset_mode)
+        # Made at the first reset, which brings the seeds.
         self.generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._observations: NDArray[np.float64] | None = None
 
@@ -70,6 +71,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
         self._assert_open()
         ids, seeds, _ = self._plan_reset(seed, options)
         if self._observations is None:
+            # A partial reset keeps the other rows, so they have to exist.
             if len(ids) < self.num_envs:
                 raise ResetNeeded("options['reset_mask'] picks some before all were reset once")
             self._observations = np.empty(
@@ -130,5 +132,6 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             else:
                 infos = masked
         self._over = finished
+        # A copy: the caller may change what it gets, and a partial reset still needs these rows.
         self._observations = observations.copy()
         return observations, rewards, terminations, truncations, infos

@@ -22,6 +22,7 @@ class Busy(Env[Any, Any]):
         """
         self.observation_space: Any = spaces.Box(-1.0, 1.0, (8,), np.float64)
         self.action_space: Any = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        # The cost of a checksum depends on the number of bytes, not on their values.
         self._bytes = bytes(count("size", size, 0))
         self._observation = np.zeros(8)
 

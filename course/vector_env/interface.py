@@ -47,6 +47,7 @@ def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any
     Raises:
         ValueError: for another number of actions, another shape or kind of number, or a NaN.
     """
+    # Composite spaces are checked item by item, so that the error names the item.
     if isinstance(space, spaces.Dict):
         if not isinstance(actions, Mapping) or set(actions) != set(space.spaces):
             got = sorted(actions) if isinstance(actions, Mapping) else type(actions).__name__
@@ -57,6 +58,7 @@ def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any
             raise invalid(name, actions, f"a tuple of {len(space.spaces)}")
         pairs = zip(space.spaces, actions, strict=True)
         return tuple(checked_batch(s, a, f"{name}[{i}]") for i, (s, a) in enumerate(pairs))
+    # Only the environment can judge actions of a space without a fixed shape or dtype.
     if space.shape is None or space.dtype is None:
         return actions
     array = np.asarray(actions)
@@ -66,8 +68,10 @@ def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any
             array.shape,
             f"{space.shape}: one row for each of {space.shape[0]} environments",
         )
+    # The same kind or a lower one: an integer may stand for a float, never the other way round.
     if not np.can_cast(array.dtype, space.dtype, "same_kind"):
         raise invalid(f"{name}.dtype", array.dtype, f"{space.dtype}")
+    # A new array of the space's dtype, which later changes by the caller do not reach.
     batch = np.array(array, dtype=space.dtype, order="C")
     # A NaN makes the sum NaN. So does inf - inf; then the slower look tells the two apart.
     if batch.dtype.kind == "f" and not batch.sum() < np.inf and np.isnan(batch).any():
@@ -86,6 +90,7 @@ class AutoresettingVectorEnv(VectorEnv):
         """Take over the spaces and metadata of one environment, for `num_envs` of them."""
         self.num_envs = count("num_envs", num_envs, 1)
         self.autoreset_mode = checked_mode(mode)
+        # Gymnasium's wrappers read the mode from the metadata.
         self.metadata = {**env.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = env.render_mode
         self._over = np.zeros(self.num_envs, dtype=np.bool_)
@@ -99,6 +104,7 @@ class AutoresettingVectorEnv(VectorEnv):
             raise ClosedEnvironmentError(f"{type(self).__name__} is closed")
 
     def _checked_actions(self, actions: Any) -> Any:
+        # In DISABLED mode the caller resets; a step beyond the end of an episode has no meaning.
         if self.autoreset_mode is AutoresetMode.DISABLED and self._over.any():
             ids = np.flatnonzero(self._over).tolist()
             raise ResetNeeded(f"reset environments {ids}: their episodes are over")
@@ -114,6 +120,7 @@ class AutoresettingVectorEnv(VectorEnv):
         """
         n = self.num_envs
         seeds: list[int | None]
+        # Without a seed every environment continues with its own generator.
         if seed is None:
             seeds = [None] * n
         elif isinstance(seed, int | np.integer) and not isinstance(seed, bool):
@@ -126,6 +133,7 @@ class AutoresettingVectorEnv(VectorEnv):
             raise invalid("seed", seed, f"a list of {n}, one for each environment")
         if seeds[0] is not None:
             count("seed", seeds[0])
+        # Without a mask the reset is for all of them.
         if options is None or "reset_mask" not in options:
             return np.arange(n), seeds, options
         mask = np.asarray(options["reset_mask"])
@@ -167,6 +175,7 @@ class Lane:
             Observation, reward, terminated, truncated, info; and (last observation, last info) of
             an episode whose place the first observation of the next one has taken, else None.
         """
+        # NEXT_STEP: the last step ended the episode, so this one resets and ignores its action.
         if self._over:
             self._over = False
             observation, info = self.env.reset()
@@ -178,6 +187,7 @@ class Lane:
                 # Copies: an environment may write its next observation into the same array.
                 final = deepcopy(observation), _with_own_arrays(info)
                 observation, info = self.env.reset()
+            # With NEXT_STEP the next call of `step` resets; with DISABLED the caller does.
             self._over = self._mode is AutoresetMode.NEXT_STEP
         return observation, float(reward), bool(terminated), bool(truncated), info, final
 

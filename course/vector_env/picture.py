@@ -23,6 +23,7 @@ def reach_picture(q: Array, target: Array, lengths: Array, radius: float) -> NDA
     # An environment that is not looked at needs neither of them.
     from course.simulations import painter, pen
 
+    # Absolute directions of the links: running sums of the joint angles.
     turned = np.cumsum(q)
     x, y = (np.append(0.0, np.cumsum(lengths * f(turned))) for f in (np.cos, np.sin))
     reach = float(lengths.sum())

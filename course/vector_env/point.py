@@ -57,9 +57,11 @@ def plan(paths: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[A
         k += 1
         # Reachable set after k steps of semi-implicit Euler: a square of this half width.
         half = 0.5 * dt * dt * k * (k + 1)
+        # What drifting leaves to cover, clipped to that square: the nearest point within reach.
         desired = distance[remaining] - dt * k * speed[remaining]
         aimed = np.clip(desired, -half, half)
         other = np.hypot(*(desired - aimed).T) < radius
+        # Held for k steps, this share of the full acceleration ends at that point.
         steps[remaining[other]], result[remaining[other]] = k, aimed[other] / half
         remaining = remaining[~other]
     return steps, result
@@ -92,6 +94,8 @@ def optimum(
     prize = DISCOUNT ** (least - 1.0)
     kind = one_of("reward", reward, ("sparse", "potential", "hover", "once"))
     if kind == "hover":
+        # For both ends the geometric sum of the bonus, and the discounted prize; the better one
+        # counts.
         ends = np.stack([least, np.full_like(least, max_steps)])
         worth = bonus * (1.0 - DISCOUNT**ends) / (1.0 - DISCOUNT) + DISCOUNT ** (ends - 1.0)
         return worth.max(axis=0)
@@ -121,6 +125,7 @@ def _move_points(p, v, goal, steps, actions, numbers):
     observations, rewards = np.empty((n, 4)), np.empty(n)
     terminated, truncated = np.empty(n, np.bool_), np.empty(n, np.bool_)
     for i in range(n):
+        # The distance before the move, for the potential.
         before = np.sqrt((goal[0, i] - p[0, i]) ** 2 + (goal[1, i] - p[1, i]) ** 2)
         # Semi-implicit Euler; the action is clipped to -1 to 1 on each axis.
         for j in range(2):
@@ -133,6 +138,8 @@ def _move_points(p, v, goal, steps, actions, numbers):
         if kind == 1.0:  # distance
             reward -= distance
         elif kind == 2.0:  # potential: minus the distance, and 0 where the episode has ended
+            # Potential-based shaping, gamma phi' - phi with phi = -distance (Ng, Harada and
+            # Russell, 1999).
             reward += before - (0.0 if other else DISCOUNT * distance)
         elif kind >= 3.0 and distance < NEAR:  # hover at every step, once at the first
             reward += bonus if kind == 3.0 or steps[i] == 1 else 0.0
@@ -221,6 +228,7 @@ class PointTask:
 
     def start(self, ids: Ids, generators: Sequence[np.random.Generator]) -> Array:
         """Place new points and goals for `ids`; return their observations, (len(ids), 4)."""
+        # A generator for each environment: its starts do not depend on the others.
         draws = np.array([generator.random(4) for generator in generators])
         return self._put(draws, ids, self.p, self.v, self.goal, self.steps, self.numbers)
 

@@ -160,6 +160,7 @@ class _Worker:
         shared = _Shared(self.observation_space, action_space, total, memory)
         self.shared = shared
         rows = slice(first, first + size)
+        # Views of this worker's own rows of the shared arrays.
         self.actions: Any = None if shared.actions is None else _rows(shared.actions, rows)
         self.observations = (
             None if shared.observations is None else _rows(shared.observations, rows)
@@ -188,6 +189,7 @@ class _Worker:
                 self.latest[i - self.first] = observation
                 shared.rewards[i] = reward
                 shared.terminations[i], shared.truncations[i] = terminated, truncated
+                # Only infos with content travel through the pipe.
                 if info or final is not None:
                     result.append((i, info, final))
             return result, self._publish()
@@ -199,6 +201,7 @@ class _Worker:
                     self.latest[i - self.first], info = lane.reset(seeds[i], options)
                     result.append((i, info, None))
             return result, self._publish()
+        # close, set and call go to every environment in turn.
         for i, lane in enumerate(self.lanes, self.first):
             shared.busy[self.number] = i
             if command == "close":
@@ -214,6 +217,7 @@ class _Worker:
     def _publish(self) -> Any:
         if self.observations is None:
             return self.latest
+        # Into shared memory where the space allows it; then the reply carries no observations.
         concatenate(self.observation_space, self.latest, self.observations)
         return None
 
@@ -244,6 +248,7 @@ def _work(
         worker = _Worker(number, first, build.fn, *rest)
         reply: Any = None
         while True:
+            # Idle while it waits, so that its death now is not blamed on an environment.
             worker.shared.busy[number] = _IDLE
             link.send_bytes(pickle.dumps((True, reply)))
             if command == "close":
@@ -251,6 +256,7 @@ def _work(
             command, payload = pickle.loads(link.recv_bytes())
             reply = worker.answer(command, payload)
     except (EOFError, BrokenPipeError):
+        # The main process has ended or closed the pipe.
         return
     except BaseException as error:
         text = traceback.format_exc()
@@ -275,6 +281,7 @@ def _end(owner: int, processes: list[Any], links: list[Connection]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
         except (ProcessLookupError, PermissionError):
             process.kill()  # not yet the leader of its group, or gone
+    # Join every worker, so that no zombie process remains.
     for process in processes:
         process.join()
         process.close()
@@ -401,11 +408,14 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         batch = self._checked_actions(actions)
         shared = self._shared
         if shared.actions is None:
+            # Actions without a fixed size are not in shared memory: each worker gets its own by
+            # pipe.
             every = list(iterate(self.action_space, batch))
             ends = [*self._firsts[1:], self.num_envs]
             parts = [every[a:b] for a, b in zip(self._firsts, ends, strict=True)]
             replies = self._ask([pickle.dumps(("step", part)) for part in parts])
         else:
+            # Written once into shared memory; the message to the workers is the same for all.
             _store(shared.actions, batch)
             replies = self._ask(_STEP)
         self._over = shared.terminations | shared.truncations
@@ -444,6 +454,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of every environment, or read an attribute, through its wrappers."""
         replies = self._ask(pickle.dumps(("call", (name, args, kwargs))))
+        # Workers have contiguous environments, so their replies in turn are in the right order.
         return tuple(item for result in replies for item in result)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
@@ -518,16 +529,19 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
     def _failure(self, worker: int, what: str, trace: str, original: bytes) -> WorkerError:
         error = WorkerError("raised", worker, self._busy(worker), f"raised {what}", trace)
         if original:
+            # The original exception as the cause, so that the caller can tell its type.
             error.__cause__ = pickle.loads(original)
         return error
 
     def _death(self, worker: int) -> WorkerError:
         process = self._processes[worker]
+        # The exit code is known only once the process has been joined.
         process.join(1.0)
         code = process.exitcode
         if code is None:
             what = "closed its pipe"
         elif code < 0:
+            # `multiprocessing` reports a death by a signal as the negative number of that signal.
             what = f"was killed by {signal.Signals(-code).name}"
         else:
             what = f"exited with status {code}"

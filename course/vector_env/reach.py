@@ -54,6 +54,7 @@ def table(arms: TwoLink | Sequence[TwoLink], num_envs: int) -> Array:
     each = [arms] * num_envs if isinstance(arms, TwoLink) else list(arms)
     if len(each) != num_envs or not all(isinstance(arm, TwoLink) for arm in each):
         raise invalid("arms", arms, f"a TwoLink or {num_envs} of them")
+    # Each arm is checked once, however many environments share it.
     for arm in set(each):
         if arm.payload or arm.gravity:
             raise invalid("(payload, gravity)", (arm.payload, arm.gravity), "(0, 0) in this task")
@@ -67,6 +68,7 @@ def table(arms: TwoLink | Sequence[TwoLink], num_envs: int) -> Array:
 def _observe(q, v, target, arm, i, row):
     """Write the observation of environment i into `row`; its distance to the target [m]."""
     c1, s1, c2, s2 = np.cos(q[0, i]), np.sin(q[0, i]), np.cos(q[1, i]), np.sin(q[1, i])
+    # Tip by forward kinematics, with the addition theorems for the sum of both angles.
     dx = arm[5, i] * c1 + arm[6, i] * (c1 * c2 - s1 * s2) - target[0, i]
     dy = arm[5, i] * s1 + arm[6, i] * (s1 * c2 + c1 * s2) - target[1, i]
     row[0], row[1], row[2], row[3] = c1, s1, c2, s2
@@ -101,8 +103,10 @@ def _move_arms(q, v, target, steps, actions, arm, limit, substeps):
         arm[11, i] = arm[7, i] * _held(actions[i, 0])
         arm[12, i] = arm[8, i] * _held(actions[i, 1])
     x, w = q, v
+    # Classical Runge-Kutta steps, with the torques held through the whole control step.
     for _ in range(substeps):
         x, w = rk4(x, w, acceleration, CONTROL_STEP / substeps, arm)
+    # The state belongs to the task, so it is updated in place.
     q[:], v[:] = x, w
     return _judge(q, v, target, steps, actions, arm, limit)
 
@@ -125,6 +129,8 @@ def _start_arms(draws, ids, q, v, target, steps, arm):
         for j in range(2):
             q[j, i] = np.pi * (2.0 * draws[k, j] - 1.0)
             v[j, i] = 0.0
+        # Targets keep off the edges of the workspace, where the arm is stretched or folded:
+        # singular.
         near = abs(arm[5, i] - arm[6, i]) + REACH_NEAR
         far = REACH_FAR * (arm[5, i] + arm[6, i])
         # The square of the radius is uniform, and so the target over the area.
@@ -199,6 +205,7 @@ class ReachTask:
 
 def reach_spaces() -> tuple[Any, Any]:
     """Return spaces of a single observation and a single action."""
+    # Sines and cosines lie in [-1, 1]; the other components are declared without a bound.
     bound = np.array([1.0, 1.0, 1.0, 1.0, np.inf, np.inf, np.inf, np.inf])
     return (
         spaces.Box(-bound, bound, dtype=np.float64),

@@ -59,6 +59,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
                 check_spaces(env, first.observation_space, first.action_space, i)
             self._adopt(self.envs[0], num_envs, autoreset_mode)
         except BaseException:
+            # Close those that were built before the error goes on to the caller.
             self.close()
             raise
         self._lanes = [Lane(env, self.autoreset_mode) for env in self.envs]
@@ -107,9 +108,11 @@ class VectorizedEnv(AutoresettingVectorEnv):
             try:
                 result = self._lanes[i].step(action)
             except Exception as error:
+                # A note says which environment it was and leaves the type of the exception alone.
                 error.add_note(f"raised by environment {i} of {self.num_envs}")
                 raise
             self._latest[i], rewards[i], terminations[i], truncations[i], info, final = result
+            # SAME_STEP: the last observation of the old episode travels in the infos.
             if final is not None:
                 infos = self._add_info(infos, {"final_obs": final[0], "final_info": final[1]}, i)
             infos = self._add_info(infos, info, i)
@@ -118,6 +121,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
 
     def _observations(self) -> Any:
         space = self.single_observation_space
+        # Into a new array every time, so that nothing returned earlier changes.
         empty: Any = create_empty_array(space, self.num_envs, fn=np.zeros)
         return concatenate(space, self._latest, empty)
 
@@ -144,6 +148,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close every environment, also when one of them raises."""
+        # All are closed first; then the first error is raised, if there was one.
         errors = []
         for env in self.envs:
             try:

@@ -25,6 +25,7 @@ def features(observations: Array) -> Array:
     Pulling the tip straight at the target, J^T (target - tip), is linear in them; so is damping.
     """
     c1, s1, c2, s2, w1, w2, dx, dy = observations.T
+    # The displacement in the frame of link 1, and turned on by q2 in that of link 2.
     along, across = c1 * dx + s1 * dy, c1 * dy - s1 * dx
     return np.stack([along, across, c2 * along + s2 * across, c2 * across - s2 * along, w1, w2], 1)
 
@@ -42,12 +43,15 @@ def play(policies: Array, seed: int, targets: int) -> Array:
     """
     p = len(policies)
     envs = ArmReachVector(p * targets)
+    # Common random numbers: every policy starts from the same postures and targets.
     observations, _ = envs.reset(seed=[seed + i for i in range(targets)] * p)
     total, reached, alive = np.zeros(p * targets), np.zeros(p * targets), np.ones(p * targets)
     for _ in range(MAX_STEPS):
         observed = features(observations).reshape(p, targets, -1)
+        # Policies and their rows of targets as one batched matrix product.
         actions = np.clip(observed @ policies.swapaxes(1, 2), -1.0, 1.0).reshape(-1, 2)
         observations, rewards, over, late, _ = envs.step(actions)
+        # Once its episode is over, a row counts no more, though the batch plays on.
         total += alive * rewards
         reached += alive * over
         alive *= ~(over | late)
@@ -65,11 +69,16 @@ def train(
     """
     rng = np.random.default_rng(seed)
     mean, spread = np.zeros((2, 6)), np.full((2, 6), NOISE)
+    # Judged on targets that no generation trains on.
     curve = [[0.0, *play(mean[None], *JUDGES)[:, 0]]]
     for k in range(generations):
+        # Cross-entropy method: sample policies, score them, refit the normal distribution to the
+        # elite.
         drawn = mean + spread * rng.normal(size=(policies, 2, 6))
         scores, _ = play(drawn, int(rng.integers(10**5)), targets)
         elite = drawn[np.argsort(scores, kind="stable")[-best:]]
+        # Added noise that fades keeps the spread from collapsing too early (Szita and Lorincz,
+        # 2006).
         fading = NOISE / 3.0 * max(0.0, 1.0 - 2.0 * k / generations)
         mean, spread = elite.mean(axis=0), np.sqrt(elite.var(axis=0) + fading**2)
         steps = (k + 1.0) * policies * targets * MAX_STEPS
