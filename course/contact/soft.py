@@ -122,8 +122,8 @@ class Softness:
 class Rows:
     """What MuJoCo sees of a problem.
 
-    Rows (m, nv), `reference` and `compliance` R (m,), the owning contact `of` (m,), `mu` of the
-    scaled cone, and `back` (n d, m), row forces -> contact frame.
+    Rows (m, nv), `reference` and `compliance` R (m,), the contacts that touch, `touching`, `mu` of
+    the scaled cone, and `back` (n d, m), row forces -> contact frame.
     """
 
     rows: Array

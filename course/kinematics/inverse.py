@@ -114,7 +114,10 @@ def decompose(J, A, U):
 
 @register_jitable
 def gain(s, method, damping):
-    """Return what a step makes of an error along a singular direction: its number in METHODS."""
+    """Return by how much a step turns the joints per error along one singular direction.
+
+    `s` is the singular value, `method` the number of the method in METHODS.
+    """
     if method == _DAMPED:
         return s / (s * s + damping * damping)
     if method == _ADAPTIVE and s < damping:

@@ -71,9 +71,6 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
         self._assert_open()
         ids, seeds, _ = self._plan_reset(seed, options)
         if self._observations is None:
-            # A partial reset keeps the other rows, so they have to exist.
-            if len(ids) < self.num_envs:
-                raise ResetNeeded("options['reset_mask'] picks some before all were reset once")
             self._observations = np.empty(
                 self.observation_space.shape or (), dtype=self.observation_space.dtype
             )
@@ -81,7 +78,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             # Without a seed the generator goes on where it was, as Gymnasium prescribes.
             if seeds[i] is not None or self.generators[i] is None:
                 self.generators[i], _ = seeding.np_random(seeds[i])
-        self._over[ids] = False
+        self._over[ids], self._begun[ids] = False, True
         self._observations[ids] = self._begin(ids)
         return self._observations.copy(), {}
 

@@ -85,6 +85,7 @@ class AutoresettingVectorEnv(VectorEnv):
 
     autoreset_mode: AutoresetMode
     _over: NDArray[np.bool_]  # whose episode the last step has ended
+    _begun: NDArray[np.bool_]  # which have been reset at least once
 
     def _adopt(self, env: Env[Any, Any], num_envs: int, mode: AutoresetMode | str) -> None:
         """Take over the spaces and metadata of one environment, for `num_envs` of them."""
@@ -94,6 +95,7 @@ class AutoresettingVectorEnv(VectorEnv):
         self.metadata = {**env.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = env.render_mode
         self._over = np.zeros(self.num_envs, dtype=np.bool_)
+        self._begun = np.zeros(self.num_envs, dtype=np.bool_)
         self.single_observation_space = env.observation_space
         self.single_action_space = env.action_space
         self.observation_space = batch_space(env.observation_space, self.num_envs)
@@ -117,6 +119,10 @@ class AutoresettingVectorEnv(VectorEnv):
 
         As in Gymnasium: an int s seeds environment i with s + i, and options["reset_mask"] picks
         the environments.
+
+        Raises:
+            ValueError: for a seed or a mask of another form.
+            ResetNeeded: the mask leaves out an environment that was never reset.
         """
         n = self.num_envs
         seeds: list[int | None]
@@ -139,6 +145,9 @@ class AutoresettingVectorEnv(VectorEnv):
         mask = np.asarray(options["reset_mask"])
         if mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
             raise invalid("options['reset_mask']", mask, f"{n} bools, one of them True")
+        # A partial reset keeps the other rows, so they have to exist.
+        if not (mask | self._begun).all():
+            raise ResetNeeded("options['reset_mask'] picks some before all were reset once")
         rest = {k: v for k, v in options.items() if k != "reset_mask"}
         return np.flatnonzero(mask), seeds, rest
 

@@ -393,7 +393,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         ids, seeds, options = self._plan_reset(seed, options)
         chosen = frozenset(int(i) for i in ids)
         replies = self._ask(pickle.dumps(("reset", (chosen, seeds, options))))
-        self._over[ids] = False
+        self._over[ids], self._begun[ids] = False, True
         return self._observations(replies), self._infos(replies)
 
     def step(self, actions: Any) -> Batch:

@@ -82,7 +82,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
         for i in ids:
             self._latest[i], info = self._lanes[i].reset(seeds[i], options)
             infos = self._add_info(infos, info, i)
-        self._over[ids] = False
+        self._over[ids], self._begun[ids] = False, True
         return self._observations(), infos
 
     def step(self, actions: Any) -> Batch:

@@ -452,6 +452,17 @@ def test_wrong_seeds_are_refused(kind, seed) -> None:
 
 
 @pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
+def test_a_partial_reset_comes_after_a_whole_one(kind) -> None:
+    envs, mask = kind(Counter, 3), np.array([True, False, True])
+    with pytest.raises(ResetNeeded, match="before all were reset once"):
+        envs.reset(options={"reset_mask": mask})
+    # The refused call has changed nothing.
+    envs.reset(seed=0)
+    assert len(envs.reset(options={"reset_mask": mask})[0]) == 3
+    envs.close()
+
+
+@pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
 def test_closing_twice_is_fine_and_using_it_then_is_not(kind) -> None:
     envs = kind(Counter, 2)
     envs.reset(seed=0)
