@@ -19,14 +19,14 @@ simulation("point")
 
 # %% [markdown]
 # **You will be able to** explain how a policy learns from reward, and what PPO's clip does and does not do; say when
-# the errors of a copied policy grow, and how fast; choose a policy that can hold several ways of doing a task; and
-# test any of them so that the number means something. **Know first:** potentials and shaping from chapter 8, feedback
-# loops from chapter 6, expectation and the normal distribution.
+# the errors of a copied policy grow, and how fast; choose a policy that can hold several ways of doing a task; and test
+# any of them so that you can trust the success rate you report. **Know first:** potentials and shaping from chapter 8,
+# feedback loops from chapter 6, expectation and the normal distribution.
 #
-# A **policy** is a rule that turns an observation into an action. This chapter has three sources of policies. You can
-# write one down, as chapter 6 did. In **reinforcement learning** the policy acts, receives a number called the reward,
-# and changes so that the sum of rewards grows. In **imitation learning** somebody demonstrates the task, and the policy
-# learns to act as they did.
+# A **policy** is a rule that turns an observation into an action. In this chapter, policies come from three sources.
+# You can write one down, as chapter 6 did. In **reinforcement learning** the policy acts, receives a number called the
+# reward, and changes so that the sum of rewards grows. In **imitation learning** somebody demonstrates the task, and
+# the policy learns to act as they did.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -142,9 +142,9 @@ plt.show()
 # and each step of delay multiplies it by the **discount** $\gamma = 0.99$. The optimal return is therefore
 # $0.99^{\,k-1}$.
 #
-# **A worked example.** A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches
-# $0.0025 \cdot 27 \cdot 28/2 = 0.945$ m, 5.5 cm short of the goal and just outside the disc. In 28 steps it reaches
-# 1.015 m. So 28 steps are needed, and the optimum is $0.99^{27} = 0.76$.
+# **A worked example.** A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches $0.0025 \cdot 27 \cdot
+# 28/2 = 0.945$ m, 5.5 cm short of the goal and so 0.5 cm outside the disc. In 28 steps it reaches 1.015 m. So 28 steps
+# are needed, and the optimum is $0.99^{27} = 0.76$.
 #
 # The table compares both policies on 64 starts:
 
@@ -155,9 +155,9 @@ table(*rows)
 # ### The policy gradient
 #
 # How can a policy improve when nobody tells it the right action? It tries actions at random and repeats those that
-# turned out well. For this the policy must be random itself. It samples its action $a$ from a distribution
-# $\pi_\theta(a \mid s)$ that depends on the state $s$ and on parameters $\theta$, usually the weights of a neural
-# network (explained below the picture). Here it is a normal distribution: the network computes the mean, and the
+# turned out well. To try different actions, the policy itself has to be random. It samples its action $a$ from a
+# distribution $\pi_\theta(a \mid s)$ that depends on the state $s$ and on parameters $\theta$, usually the weights of a
+# neural network (explained below the picture). Here it is a normal distribution: the network computes the mean, and the
 # standard deviation $\sigma$ sets how much the policy explores.
 #
 # The **return** is the discounted sum of rewards, and $J(\theta)$ is its expected value. The **policy gradient** is the
@@ -201,24 +201,26 @@ _ = axis.legend(loc="upper right", fontsize=8)
 plt.show()
 
 # %% [markdown]
-# Each dot is a sampled action; its arrow is its vote, advantage times $(a - \mu)/\sigma^2$. A good action to the
-# right pulls the mean to the right. A bad action on the left pushes the mean to the right too, because moving away
-# from it is an improvement. The thick arrow on top is the average of all votes. It points towards the best action,
-# although no sample knew where that is.
+# Each dot is a sampled action; its arrow is its vote, advantage times $(a - \mu)/\sigma^2$. A good action to the right
+# pulls the mean to the right. A bad action on the left pushes the mean to the right too, because moving away from it is
+# an improvement. The thick arrow on top is the average of all votes. It points towards the best action, although none
+# of the samples contains its position.
 #
 # **A worked example.** Let $\mu = 0$ and $\sigma = 1$. The action 0.5 had an advantage of +2, so it votes
 # $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
 # mean to the right.
 #
-# Some terms for all that follows. A **neural network** is a function with many adjustable numbers, its **weights**.
-# "Two layers of 16 units" means that two intermediate results with 16 numbers each lie between input and output.
-# Training samples a **batch** of data, computes the gradient of an objective with respect to all weights, and moves
-# the weights a little along it: one **gradient step**, whose length the **step size** sets (here with the optimiser
-# Adam, which scales each weight's step by its recent gradients). Large batches are split into **minibatches**, with
-# one gradient step each. All random numbers follow from a **seed**. Another seed means another run.
+# The rest of the chapter needs a few terms. A **neural network** is a function with many adjustable numbers, its
+# **weights**. "Two layers of 16 units" means that two intermediate results with 16 numbers each lie between input and
+# output. In training, one draws a **batch** of data, computes the gradient of an objective with respect to all weights,
+# and moves the weights a little along it: one **gradient step**, whose length the **step size** sets (here with the
+# optimiser Adam, which scales each weight's step by its recent gradients). Large batches are split into
+# **minibatches**, with one gradient step each. All random numbers follow from a **seed**. Another seed means another
+# run.
 #
-# In the simulation the actions have two components, and the reward has one peak, so the true gradient is known. Play to
-# let the mean follow the average vote, then switch off the baseline, which is explained below the proof:
+# In the simulation the actions have two components, and the reward is a formula with one peak, so the true gradient can
+# be computed. Play to let the mean follow the average vote, then switch off the baseline, which is explained below the
+# proof:
 
 # %%
 simulation("policy_gradient")
@@ -239,9 +241,9 @@ simulation("policy_gradient")
 # </details>
 #
 # One question remains. Why an advantage, and not simply the return? If all returns are positive, all sampled actions
-# are pushed up, and only how much more one is pushed than another separates good from bad. Subtracting a
-# **baseline**, a number that does not depend on the action, is meant to remove that noise. Does it also change the
-# result?
+# become more likely, good ones only more strongly than bad ones, and this difference is easily lost in the noise.
+# Subtracting a **baseline**, a number that does not depend on the action, is meant to remove that noise. Does it also
+# change the result?
 
 # %%
 show("baseline_is_free")
@@ -250,17 +252,17 @@ show("baseline_is_free")
 # ### Credit assignment: advantages and GAE
 #
 # An episode of the point has dozens of actions and one prize at its end. Which of the actions deserve the credit? To
-# answer that, PPO (proximal policy optimisation, the algorithm in the simulation above) trains a second network besides
-# the policy. This **critic** estimates the value $V(s)$, the return to
-# expect from state $s$. After one step you can check its estimate against what actually happened. The difference is the
-# **temporal-difference error**
+# answer that, PPO (proximal policy optimisation, the algorithm in the simulation at the top of the page) trains a
+# second network besides the policy. This **critic** estimates the value $V(s)$, the return to expect from state $s$.
+# After one step you can check its estimate against what actually happened. The difference is the **temporal-difference
+# error**
 #
 # $$\delta_t = r_t + \gamma V(s_{t+1}) - V(s_t).$$
 #
 # In words: the reward plus the value of where you are now, minus the value that you expected before. A positive
 # $\delta_t$ says that this step went better than expected, so $\delta_t$ is already an estimate of the advantage. It
-# has little noise, because it looks only one step ahead. But it believes whatever the critic says about the next
-# state, and early in training the critic knows nothing.
+# has little noise, because it depends on only one step. But it relies on the critic's estimate for the next state,
+# which is useless early in training.
 #
 # The opposite choice waits for the whole return and subtracts $V(s_t)$. This does not use the critic for later
 # states. But it is noisy, because every later random action affects it. **Generalised advantage estimation** (GAE) is
@@ -309,9 +311,9 @@ show("lambda_mixes")
 source(learning.gae, "errors = r")
 
 # %% [markdown]
-# What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The error of
-# the critic enters the estimate as a bias, the noise of the rewards as a standard deviation, and $\lambda$ shifts
-# weight from one to the other:
+# What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The critic's
+# error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation), and
+# $\lambda$ shifts weight from one to the other:
 
 # %%
 simulation("gae_weights")
@@ -319,23 +321,24 @@ simulation("gae_weights")
 # %% [markdown]
 # ### How far in one step: PPO's clipped objective
 #
-# The policy gradient is exact only at the policy that collected the data. But collecting a batch is expensive, so you
-# would like to take many gradient steps on it. After the first one the policy has changed, and some actions in the
-# batch have become more or less likely. The **probability ratio** measures that for each action:
+# The policy gradient that a batch gives is valid only for the policy that collected it. But collecting a batch is
+# expensive, so you would like to take many gradient steps on it. After the first one the policy has changed, and some
+# actions in the batch have become more or less likely. The **probability ratio** measures that for each action:
 #
 # $$\rho = \frac{\pi_{\text{new}}(a \mid s)}{\pi_{\text{old}}(a \mid s)} .$$
 #
-# It starts at 1. A ratio of 1.5 means that the action is now one and a half times as likely as when it was sampled.
-# At $\rho = 1$, the gradient of the average of $\rho A$ is the policy gradient. But nothing limits how far the ratio
-# then goes: for a positive advantage, a larger ratio is always better. PPO maximises the **clipped objective**
-# instead:
+# It starts at 1. A ratio of 1.5 means that the action is now one and a half times as likely as when it was sampled. As
+# long as all ratios are 1, the gradient of the average of $\rho A$ equals the policy gradient. In later gradient steps
+# nothing in $\rho A$ limits the ratio: for a positive advantage, a larger ratio is always better. PPO maximises the
+# **clipped objective** instead:
 #
 # $$L = \mathbb{E}\big[\min\big(\rho A,\ \mathrm{clip}(\rho,\,1-\varepsilon,\,1+\varepsilon)\,A\big)\big] .$$
 #
 # The function clip replaces a ratio outside $1 \pm \varepsilon$ by the nearest end of that range; $\varepsilon$ is
 # usually 0.2. The minimum selects the smaller of the two terms. Call the direction in which $\rho A$ grows the
 # *profitable* one: up for a good action, down for a bad one. Going beyond the range in the profitable direction earns
-# nothing more. An action that moved in the wrong direction keeps its full gradient.
+# nothing more. An action whose probability moved in the unprofitable direction keeps its full gradient, so it is pulled
+# back.
 
 # %%
 predict("where_the_clip_bites")
@@ -385,7 +388,7 @@ show("clip_keeps")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** The clip does not hold the policy in place. It only removes the incentive to go further. How far an
-# iteration moves the policy is decided by the number of epochs and the step size. So measure it: section 8 maps the
+# iteration moves the policy depends mostly on the number of epochs and the step size. So measure it: section 8 maps the
 # KL divergence per iteration.
 #
 # </div>
@@ -401,7 +404,7 @@ show("clip_keeps")
 # The price is more gradient steps for each environment step, and a critic that learns from its own estimates and may
 # diverge. The gain is fewer environment steps. The chart shows both methods from the library Stable-Baselines3 on the
 # same task, as a share of the exact optimum. PPO appears with two batch sizes, because with 2,048 steps per batch it
-# has made only three updates when SAC stops at 7,000 steps.
+# has finished only three iterations when SAC stops at 7,000 steps.
 #
 # ![SAC and PPO: share of the optimum over environment steps](../docs/charts/off_policy.png)
 
@@ -416,9 +419,9 @@ for one in off.series:
 table(*rows)
 
 # %% [markdown]
-# At equal environment steps SAC is far ahead; PPO needs several times as many to catch up. On a real robot or in a
-# slow simulator, the number of steps is what matters. In a fast simulator computing time matters more: SAC makes one
-# gradient step for each environment step, PPO with the large batches about ten for each thousand.
+# At equal environment steps SAC is far ahead; PPO with large batches needs several times as many to catch up. On a real
+# robot or in a slow simulator, the number of steps is what matters. In a fast simulator computing time matters more:
+# SAC makes one gradient step for each environment step, PPO with the large batches makes about ten for each thousand.
 
 # %%
 more_claims("next_row", "beyond_the_clip")
@@ -443,26 +446,27 @@ show("sparse_chance")
 # %% [markdown]
 # **A worked example.** On average, a random path of the point runs 0.9 m inside the area in which goals can lie. With
 # $R = 5$ cm that makes $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$. (The check of the claim averages over all starts and
-# also counts goals that lie within $R$ of the start, so its probability is slightly larger.) A batch of 2,048 steps
-# contains about 20 episodes. The chance
-# that none of them succeeds is $0.977^{20} = 63\,\%$, so most batches contain no success at all.
+# also counts goals within $R$ of the start, so its probability is slightly larger.) A batch of 2,048 steps contains
+# about 20 episodes. The chance that none of them succeeds is $0.977^{20} = 63\,\%$, so most batches contain no success
+# at all.
 #
 # ### Dense rewards: minus the distance, or a potential
 #
-# A **dense reward** pays at every step. The obvious one is minus the distance to the goal. The other one is the
-# difference of a potential from chapter 8: with $\Phi(s)$ equal to minus the distance, it adds to the reward of a step
+# A **dense reward** pays at every step. The obvious one is minus the distance to the goal. The alternative is the
+# shaping reward of chapter 8, the difference of a potential: with $\Phi(s)$ equal to minus the distance, it adds to the
+# reward of a step
 #
 # $$F_t = \gamma\,\Phi(s_{t+1}) - \Phi(s_t),$$
 #
 # which is positive for each step that comes closer. Both use the same distance, but they differ in what they add up
 # to.
 #
-# Let a path have the distances 3, 2, 1, 0, and take $\gamma = 1$. The potential pays $1 + 1 + 1 = 3$, and it pays 3
-# on every other path from the same start to the goal, because the intermediate potentials cancel. (With $\gamma < 1$
-# the discounted sum is the same for all these paths too.) Minus the distance pays $-(2 + 1 + 0) = -3$ on this path
-# and another sum on another path. It pays for spending the trip near the goal, not only for arriving early, and that
-# is a different task. The best policy stays the same for certain only if $\Phi$ counts as 0 in every state that
-# terminates the episode, as chapter 8 showed.
+# Let a path have the distances 3, 2, 1, 0, and take $\gamma = 1$. The potential pays $1 + 1 + 1 = 3$, and it pays 3 on
+# every other path from the same start to the goal, because the intermediate potentials cancel. (With $\gamma < 1$ the
+# discounted sum is the same for all these paths too.) Minus the distance pays $-(2 + 1 + 0) = -3$ on this path and
+# another sum on another path. It also rewards paths that stay closer to the goal on the way, and that is a different
+# task. The best policy stays the same for certain only if $\Phi$ counts as 0 in every state that terminates the
+# episode, as chapter 8 showed.
 #
 # ![Share of the optimum over training for each reward, and by size of the disc](../docs/charts/rewards.png)
 
@@ -475,11 +479,11 @@ table(("reward", "share of the optimum after training", "interval"),
       *((labels[k], f"{y:.2f}", f"{low:.2f} to {high:.2f}") for k, (y, low, high) in after.items()))  # fmt: skip
 
 # %% [markdown]
-# The potential teaches nearly the optimum. Minus the distance teaches no more than the sparse reward. One reason is
-# proportion: over an episode the distances add up to tens, and the prize is only 1. By default our PPO **rescales
-# rewards**, dividing them by a running standard deviation. That divides distances and prize by the same number, so it
-# cannot change the proportion. Without rescaling, this reward does better, but the seeds differ widely. We have not
-# found out why.
+# With the potential, PPO learns a policy that is close to the optimum. With minus the distance and its default
+# rescaling it learns no more than with the sparse reward, in these four seeds. Proportion may be one reason: over an
+# episode the distances add up to tens, and the prize is only 1. By default our PPO **rescales rewards**, dividing them
+# by a running standard deviation. That divides distances and prize by the same number, so it cannot change the
+# proportion. Without rescaling, this reward does better, but the seeds differ widely. We have not found out why.
 #
 # The *interval* in this and later tables is a 95 % bootstrap interval over the seeds, for the mean of the middle half
 # of the seeds (the interquartile mean). The right panel repeats the sparse reward with larger discs: the more often
@@ -487,8 +491,9 @@ table(("reward", "share of the optimum after training", "interval"),
 #
 # ### Reward hacking: compute the optimum of what you pay
 #
-# **Reward hacking** is a policy that collects much reward for something nobody wanted. The learner is not at fault: it
-# found the optimum of the reward that was written. So look for that optimum yourself, before you train.
+# **Reward hacking** means that a policy collects a large reward by doing something that nobody wanted. The learner is
+# not at fault: it found the optimum of the reward that was written. So look for that optimum yourself, before you
+# train.
 #
 # The classic case is a bonus for being near the goal. Suppose each step near it pays $b$, and entering the disc pays
 # a prize $P$ and ends the episode. Is it better to go in, or to wait another step? The step that enters pays $b$ as
@@ -516,17 +521,17 @@ for kind, name in names.items():
 table(*rows)
 
 # %% [markdown]
-# In the two rows with a bonus, all starts lie within 0.5 m of the goal. Never moving earns a little in other rows as
-# well: one of the 64 starts lies in the disc already, the bonus that is paid once is collected at the start, and the
-# potential pays $(1-\gamma)$ times the distance for each step at rest. That is harmless, because moving pays more.
-# Under the bonus per step, never moving is worth *more* than the fastest policy: the point stands where it is and
-# collects the bonus a hundred times. Select *Hovering* in the simulation at the top to watch a learner discover this.
+# In the two rows with a bonus, all starts lie within 0.5 m of the goal. Never moving also earns a little in other rows.
+# One of the 64 starts already lies in the disc. The bonus paid once is collected at the start. The potential pays
+# $(1-\gamma)$ times the distance for each step at rest. All this is harmless, because moving pays more. Under the bonus
+# per step, never moving is worth *more* than the fastest policy: the point stands where it is and collects the bonus a
+# hundred times. Select *Hovering* in the simulation at the top to watch a learner discover this.
 #
-# **The usual listing.** Tutorials show a reward for reaching that looks like this: minus the distance, plus a bonus
-# of 1 within 5 cm "for getting close, not for staying", minus penalties for speed near the goal and for angles near
-# their limits. It runs. But two of its comments are wrong. The bonus has no memory, so it *is* paid for staying. And
-# minus the distance does favour certain paths. The exercise `reach_reward` in section 9 is that listing done right:
-# the episode ends, the prize is paid once, and the shaping is a difference.
+# **The usual listing.** Tutorials show a reward for reaching that looks like this: minus the distance, plus a bonus of
+# 1 within 5 cm "for getting close, not for staying", minus penalties for speed near the goal and for angles near their
+# limits. It runs, but it does not do what its comments say. The bonus has no memory, so it *is* paid for staying, and
+# minus the distance does favour certain paths. The exercise `reach_reward` in section 9 is that listing done right: the
+# episode ends, the prize is paid once, and the shaping is a difference.
 
 # %%
 more_claims("minus_distance", "no_time_penalty", "two_gains")
@@ -540,9 +545,9 @@ more_claims("minus_distance", "no_time_penalty", "two_gains")
 # record the states and actions of an expert, and fit a function from states to actions, by regression. The recorded
 # action is called the *label* of its state. Nothing else is needed, neither a simulator nor a reward.
 #
-# Its weakness is that regression assumes test data like the training data. A cloned policy creates its own test data. A
-# small error leads to a state that the expert never visited; there the policy is less accurate and errs more. Such
-# errors, each of which makes the next one more likely, are called **compounding errors**.
+# Its weakness is that regression assumes test data from the same distribution as the training data. A cloned policy
+# creates its own test data. A small error leads to a state that the expert never visited; there the policy is less
+# accurate and errs more. Such errors, each of which makes the next one more likely, are called **compounding errors**.
 
 # %%
 predict("how_errors_grow")
@@ -564,8 +569,9 @@ predict("how_errors_grow")
 show("errors_compound")
 
 # %% [markdown]
-# Between these two cases lies every policy that sometimes finds its way back. In the simulation you set the error rate
-# off the demonstrated path, and compare the mean number of wrong steps with the square law and the straight line:
+# Between these two cases lies every policy that sometimes finds its way back. In the simulation you choose how often
+# the policy errs once it has left the demonstrated path, and compare the mean number of wrong steps with the square law
+# and the straight line:
 
 # %%
 simulation("cloning_drift")
@@ -574,9 +580,9 @@ simulation("cloning_drift")
 # ![Cost over length, limit of the square law, three closed loops, circle task](../docs/charts/compounding.png)
 #
 # The upper left panel shows the two cases above. The upper right one is a map: the colour says by how much the square
-# law exceeds the exact cost (as the logarithm of the excess over 10 %). It is 10 % too high where the number of
-# errors expected in a run, rate times steps, is 0.3. The lower left panel shows three closed loops, and the lower
-# right one the *circle task*, in which a point follows a circle and errors die out.
+# law exceeds the exact cost (as the logarithm of the excess divided by 10 %). It is 10 % too high where the number of
+# errors expected in a run, rate times steps, is 0.3. The lower left panel shows three closed loops, and the lower right
+# one the *circle task*, in which a point follows a circle and errors die out.
 #
 # For a robot with continuous states the closed loop decides. A deviation $x$ changes in a step to $x' = a\,x + e$,
 # where $e$ is the policy's error. If $|a| < 1$ old errors die out, and the cost grows in proportion to time. If $a =
@@ -643,17 +649,17 @@ table(*rows)
 
 # %% [markdown]
 # In the left plot, the clean demonstrations lie exactly on the line. Those of the disturbed expert leave it by only
-# about 0.001, and that is enough. In the right plot, clone and noise-free DAgger coincide. Two lines of the
-# table deserve a second look. Noise-free DAgger is as unstable as the clone. And noise with a standard deviation of
-# $10^{-6}$ on each label repairs it. Can you explain both? Where does the learner drive, if it starts on the line and
-# nothing disturbs it?
+# about 0.001, and that is enough. In the right plot, clone and noise-free DAgger coincide. Two rows of the table need
+# an explanation. DAgger without noise is as unstable as the clone, and noise of only $10^{-6}$ on each label is enough
+# to make DAgger work. Can you explain both? Where does the learner drive, if it starts on the line and nothing disturbs
+# it?
 
 # %%
 show("dagger_fixes_drift")
 
 # %% [markdown]
-# The core of DAgger, as it stands in the module, is short. The first driver is the expert; after that the learner
-# drives, and the expert labels:
+# The core of DAgger in the course's module is short. The first driver is the expert; after that the learner drives, and
+# the expert labels:
 
 # %% tags=["hide-code"]
 source(learning.dagger, "states, labels = np.zeros")
@@ -661,9 +667,9 @@ source(learning.dagger, "states, labels = np.zeros")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A clone fails in states for which it was shown nothing. So what matters is not how well it fits its
-# data but which states the data contain, and whether the plant corrects errors by itself. A more powerful network adds
-# no missing states.
+# **Key insight.** A clone can fail in states for which it was shown nothing. So what matters is not how well it fits
+# its data but which states the data contain, and whether the plant corrects errors by itself. A more powerful network
+# adds no missing states.
 #
 # </div>
 
@@ -695,7 +701,7 @@ answer("cloning_averages", "0*w")
 
 # %% [markdown]
 # For two equally frequent sides the result is the middle, which is the obstacle. This is **mode averaging**: the
-# prediction lies between the modes, where nobody was.
+# prediction lies between the modes, where no demonstration went.
 #
 # The simulation shows a hundred runs of a policy that was trained on such demonstrations. A run has 16 steps. The
 # policy predicts them in *chunks*: eight actions at once, then the next eight. *The mean* is the policy that was
@@ -746,7 +752,7 @@ show("cloning_averages")
 #
 # The other two heads start from random noise and turn it into an action gradually. **Denoising diffusion** learns to
 # remove noise step by step. **Flow matching** learns a velocity that carries noise to data. The picture shows 40 runs
-# of each head (blue passes, orange fails), and of the nearest demonstration, replayed, as a baseline. The table
+# of each head (blue passes, orange fails) and, as a baseline, 40 that replay the nearest demonstration. The table
 # counts 400 runs.
 
 # %% tags=["hide-code"]
@@ -773,10 +779,10 @@ plt.show()
 table(*rows)
 
 # %% [markdown]
-# The chart below adds the error on held-out demonstrations, from 1,000 runs and another set of demonstrations than
-# the claims, so its numbers differ a little. That error ranks the policies nearly upside down. The mean has the
-# smallest error, because it is never far from either side, and it fails nearly always. A policy that samples left or
-# right chooses, half of the time, the other side from the one in the demonstration, and that counts as a large error.
+# The chart below adds the error on held-out demonstrations. It uses 1,000 runs and another set of demonstrations, so
+# its numbers differ slightly. That error ranks the policies nearly upside down. The mean has the smallest error,
+# because it is never far from either side, and it fails nearly always. A policy that samples a side picks the opposite
+# side from the demonstration in half of the cases, and this counts as a large error.
 #
 # ![Success over held-out error and over computing time; the share that passes left](../docs/charts/many_ways.png)
 
@@ -785,11 +791,11 @@ more_claims("code_of_zero")
 
 # %% [markdown]
 # *An answer to the interview question.* Not the squared error: it would fold neither sleeve. For two clear modes a
-# mixture is enough; it is the cheapest to run, and you can read off how probable each mode is. For actions with many
-# components, and an unknown number of modes, choose a flow or a diffusion policy. In both cases predict a chunk of
-# actions at once, so that the policy completes the way it began. Always run the nearest demonstration as a baseline,
-# which needs no training; it gets worse as states gain dimensions. Then judge by runs: count successes and the share
-# of each way.
+# mixture is enough; it is cheaper to run than a flow or diffusion policy, and you can read off how probable each mode
+# is. For actions with many components, and an unknown number of modes, choose a flow or a diffusion policy. In both
+# cases predict a chunk of actions at once, so that the policy finishes on the side on which it started. Always run the
+# nearest demonstration as a baseline. It needs no training, but it becomes worse as the state gets more dimensions.
+# Then judge by runs: count successes and the share of each way.
 #
 # ### Denoising and flows, step by step
 #
@@ -853,12 +859,13 @@ answer("one_euler_step", "z + h*m")
 simulation("denoising")
 
 # %% [markdown]
-# *Diffusion* works alike, with another path and another target. The path mixes signal and noise so that the variance
-# stays constant: $x_t = \alpha_t\,x + \sigma_t\,\epsilon$ with $\alpha_t = \sin(\pi t/2)$ and $\sigma_t = \cos(\pi
-# t/2)$. In this course, the network learns $\hat v$, an estimate of $\sigma_t\,x - \alpha_t\,\epsilon$, with the
-# squared error, from $x_t$, $t$ and $s$. The best guess of the clean action follows as $\hat x = \alpha_t\,x_t +
-# \sigma_t\,\hat v$. The sampler DDIM goes from $t$ to a later $t'$ in two moves. It computes the noise that this
-# guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it mixes both again with less noise:
+# *Diffusion* works in a similar way, with a different path and a different training target. The path mixes signal and
+# noise so that the variance stays constant: $x_t = \alpha_t\,x + \sigma_t\,\epsilon$ with $\alpha_t = \sin(\pi t/2)$
+# and $\sigma_t = \cos(\pi t/2)$. In this course, the network receives $x_t$, $t$ and the state $s$, and is trained with
+# the squared error to predict $\sigma_t\,x - \alpha_t\,\epsilon$. Its output is called $\hat v$. The best guess of the
+# clean action follows as $\hat x = \alpha_t\,x_t + \sigma_t\,\hat v$. The sampler DDIM goes from $t$ to a later $t'$ in
+# two moves. It computes the noise that this guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it
+# combines the guess and this noise again, with the smaller share of noise that belongs to $t'$:
 #
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
@@ -926,8 +933,9 @@ simulation("action_chunks")
 # %% [markdown]
 # Under disturbances, both ends have a weakness. With $k = 1$ the policy reacts at once to every disturbance, but each
 # new sample may choose the other side, so some runs waver in front of the obstacle. With $k = 8$ it commits to one
-# side, but it does not respond to disturbances during these steps. How far off do they take it? Each step adds an
-# independent random disturbance of standard deviation $s$. What is the standard deviation after $k$ steps?
+# side, but it does not respond to disturbances during these steps. How far does the point drift during these steps?
+# Each step adds an independent random disturbance of standard deviation $s$. What is the standard deviation after $k$
+# steps?
 
 # %%
 answer("react_less", "s*k")
@@ -943,13 +951,13 @@ show("react_less")
 #
 # The chart has 1,000 runs for each point, so a rate is known to about three percentage points; the claim above has
 # 8,000. In both, two executed steps are best under disturbances of 50 mm, by a small margin. At 20 mm, one, two and
-# four cannot be distinguished in the chart. The second panel compares remedies. Under the strongest disturbances
-# other data help most: a policy trained on disturbed demonstrations. Without disturbances that policy is worse,
-# though: about seven runs in ten pass, where the others nearly all do.
+# four cannot be distinguished in the chart. The second panel compares remedies. Under the strongest disturbances, a
+# policy trained on disturbed demonstrations does best. Without disturbances that policy is worse, though: about seven
+# runs in ten pass, where the others nearly all do.
 #
-# The lower panels explain the two ends: observing often changes sides more often, observing rarely lets the drift
-# grow with $\sqrt{k}$. So only the number of executed steps limits how fast the policy reacts, not the length of the
-# chunk.
+# The lower panels explain both weaknesses. A policy that observes often changes sides more often. A policy that
+# observes rarely drifts further, in proportion to $\sqrt{k}$. What counts is the number of executed steps, not the
+# length of the chunk.
 #
 # **Temporal ensembling** is a third option, from ACT. The policy predicts a chunk at every step, and the executed
 # action is the weighted mean of all predictions for this step. The weights are $e^{-m i}$, with $i = 0$ for the
@@ -967,8 +975,8 @@ more_claims("pauses")
 #
 # ### One table, each line tested
 #
-# A test compares the numbers in each line with measurements. In the last line they come from our small autoencoder
-# (the code) and from the nearest demonstration (the pauses).
+# An automatic test compares each number in the table with the measurement it comes from. ACT itself was not run: its
+# line has numbers of our small autoencoder (the code) and of the nearest demonstration (the pauses).
 
 # %% tags=["hide-code"]
 f = figure
@@ -1011,11 +1019,11 @@ table(
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Which method?* Ask four questions before you name one. Can you write a control law? Then write
-# it first: it is the baseline, and you learn only what it cannot do. Is there a simulator with a reward that means
-# the task? Then use reinforcement learning, and say what the optimum of that reward is. Is there an expert? Then
-# clone, and say how the data get off the expert's usual states. Are there several ways? Then use a head that holds
-# several modes. Finish with the test.
+# **Interview tip.** *Which method?* Ask four questions before you name one. Can you write a control law? Then write it
+# first: it is the baseline, and you learn only what it cannot do. Is there a simulator with a reward that expresses the
+# task? Then use reinforcement learning, and say what the optimum of that reward is. Is there an expert? Then clone, and
+# explain how the data will cover states that the expert does not usually visit. Are there several ways? Then use a head
+# that holds several modes. Finish with the test.
 #
 # </div>
 #
@@ -1029,13 +1037,13 @@ table(
 # detail matters: first the complete PPO on it, then PPO without that detail.
 #
 # On the usual task three changes break the learner: $\lambda = 0$, a single epoch per batch, and only four hidden
-# units. A discount of 0.9, which values only about ten steps ahead, costs about a fifth of the result. Without
-# normalised observations (rescaled to mean 0 and standard deviation 1) it loses about as much; with three seeds,
-# these two cannot be separated. No other detail costs a tenth.
+# units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. Without
+# normalised observations (rescaled to mean 0 and standard deviation 1) it loses about as much; with three seeds, these
+# two cannot be separated. No other detail costs a tenth.
 #
-# Some of those matter on other tasks: with observations far from zero, a large step size, or a prize of 10. In the
-# fourth task, staying near the goal is paid more than entering the disc. A learner that treats the time limit as a
-# termination believes that those payments end, and enters.
+# Some of the others do matter on other tasks: normalised observations if they are far from zero, the clip if the step
+# size is large, and rescaled rewards if the prize is 10. In the fourth task, staying near the goal is paid more than
+# entering the disc. A learner that treats the time limit as a termination believes that those payments end, and enters.
 #
 # Normalising has a trap in vectorised environments (many copies stepped by one call, chapter 8), where each one could
 # keep its own statistics:
@@ -1072,10 +1080,10 @@ table(("gain", "seed", "mean return"),
 #
 # ### What the usual listing leaves out
 #
-# Tutorials on PPO often show three pieces: a network with a Gaussian head, an update with the clipped loss over a few
+# Some tutorials on PPO show three pieces: a network with a Gaussian head, an update with the clipped loss over a few
 # epochs, and a reward. The clipped loss in such listings is usually right. But as listed, the code stops in the second
-# epoch with "Trying to backward through the graph a second time": the old log-probabilities still belong to the
-# computation graph, and have to be detached.
+# epoch with "Trying to backward through the graph a second time": PyTorch still tries to differentiate through the old
+# log-probabilities, so they have to be detached first.
 #
 # Even then it is an update and not a training loop. Nothing acts, nothing computes advantages, there is no critic,
 # and the reward of 10 inside the disc is paid at every step there. The missing parts are the ones where errors hide.
@@ -1160,17 +1168,17 @@ show("gradient_cost")
 # is why four times as many units per layer, with sixteen times as many weights between them, cost our PPO less than
 # twice the time in the table.
 #
-# An arm is a harder task. The next chart trains a linear policy with the torques of chapter 8's arm as actions, by
-# search. After 0.7 million environment steps it reaches more targets than a hand-written law, and in the end about 78
-# % against 70 %. In the return that it was trained on, it passes the law only after a million steps, by a small
-# margin.
+# An arm is a harder task. For the next chart, a search trained a linear policy whose actions are the torques of the arm
+# from chapter 8. After 0.7 million environment steps it reaches more targets than a hand-written law, and in the end
+# about 78 % against 70 %. In the return that it was trained on, it passes the law only after a million steps, by a
+# small margin.
 #
 # ![Reward and success of the arm over its training](../docs/charts/learning_curve_reach.png)
 #
 # Copying that hand-written law is cheaper. (The test here uses other targets than the one above, so the law itself
-# reaches 73 %.) At the same number of labels DAgger gains a little over plain cloning, and a wider network with
-# longer training gains more. PPO, with the settings that solve the point, is far below after half a million steps. So
-# nothing on this page shows that PPO solves a hard task; it shows what it costs on an easy one.
+# reaches 73 %.) At the same number of labels DAgger gains a little over plain cloning, and a wider network with longer
+# training gains more. PPO, with the settings that solve the point, is far below after half a million steps. This page
+# therefore does not show that PPO solves a hard task. It shows what PPO costs on an easy one.
 #
 # ![Targets reached by clones of a hand-written law, and by PPO](../docs/charts/arm_learned.png)
 
@@ -1180,8 +1188,9 @@ show("gradient_cost")
 # ### Too far in one iteration
 #
 # The step size and the number of epochs both decide how far one iteration moves the policy. One number summarises it,
-# the Kullback-Leibler divergence between the policies before and after. The table shows by how much the seeds moved
-# that reached 80 % of the optimum. The reverse is not true: other seeds moved as far and failed.
+# the Kullback-Leibler divergence between the policies before and after. The table gives the divergence per iteration of
+# all runs that reached 80 % of the optimum. A divergence in this range does not guarantee success: other runs in the
+# same range stayed below 80 %.
 #
 # ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)
 
@@ -1191,7 +1200,7 @@ points = [
 ]
 good = [x for x, y in points if y >= 0.8]
 failed = sum(y < 0.8 and min(good) <= x <= max(good) for x, y in points)
-table(("seeds at 80 % or above", "their divergence per iteration [nats]", "failed seeds in that range"),
+table(("runs at 80 % or above", "their divergence per iteration [nats]", "runs below 80 % in that range"),
       (f"{len(good)} of {len(points)}", f"{min(good):.4f} to {max(good):.4f}", failed))  # fmt: skip
 
 # %% [markdown]
@@ -1207,9 +1216,8 @@ table(("seeds at 80 % or above", "their divergence per iteration [nats]", "faile
 #
 # <details><summary>What people get wrong there</summary>
 #
-# They add minus the distance. In the chart of section 2 this teaches no more than the sparse reward: its sum is much
-# larger than the prize, and it favours other paths than the fastest. The difference of a potential does what they
-# intended.
+# They add minus the distance. In the chart of section 2 it teaches no more than the sparse reward, and it can favour
+# other paths than the fastest. The difference of a potential does what they intended.
 #
 # </details>
 #
@@ -1217,36 +1225,36 @@ table(("seeds at 80 % or above", "their divergence per iteration [nats]", "faile
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The clone drifts after some seconds.* Plot the states that it visits over the demonstrated
-# states. If they lie outside, data are missing: ask the expert there (DAgger), or disturb the expert during the
-# demonstration. If they lie inside and the actions are wrong, labels disagree: look for several modes, for pauses, or
-# for something the expert saw and the policy does not. Then ask what the plant does with an error.
+# **Debugging tip.** *The clone drifts after some seconds.* Plot the states that it visits over the demonstrated states.
+# If they lie outside, data are missing: ask the expert there (DAgger), or disturb the expert during the demonstration.
+# If they lie inside and the actions are wrong, look for labels that disagree: several modes, pauses, or something the
+# expert saw and the policy does not. Then ask what the plant does with an error.
 #
 # <details><summary>What people get wrong there</summary>
 #
 # They choose a more powerful head. A diffusion policy drifts on the regulator like any clone; trained on disturbed
-# demonstrations the same network does not. Chunks help against wavering and pauses, and they harm where the plant is
-# unstable and needs feedback at every step.
+# demonstrations the same network does not. Chunks help against wavering and pauses. They are no cure for drift on an
+# unstable plant.
 #
 # </details>
 #
 # </div>
 #
-# The third case is a curve that is too good.
+# **Debugging tip.** *The test result looks too good.* How was it counted?
 
 # %%
 predict("curve_at_one")
 
 # %% [markdown]
-# The two tests below use the same policies. Each policy reaches near goals and stands still if its goal is too far to
-# the left. The column "one episode per environment" counts one episode in each of 128 environments. The last column
-# takes the first 128 episodes that finish.
+# The two tests below use the same policies. Each policy goes to its goal, except that it stands still if the goal lies
+# left of a limit. The column "one episode per environment" counts one episode in each of 128 environments. The last
+# column takes the first 128 episodes that finish.
 
 # %% tags=["hide-code"]
 rows = [
     ("policy stands still if the goal is", "one episode per environment", "first 128 to finish")
 ]
-for edge, name in ((0.1, "less than 0.1 m to the right"), (-0.5, "more than 0.5 m to the left")):
+for edge, name in ((0.1, "left of +0.1 m"), (-0.5, "left of -0.5 m")):
 
     def lame(observed, edge=edge):
         return np.where(observed[:, :1] > edge, plan(observed)[1], 0.0).astype(np.float32)
@@ -1487,10 +1495,10 @@ answer("first_to_finish", "p")
 # are based on an *older* observation. The last explanation can be isolated: a delayed policy acts at every step, but
 # on the observation from one or three steps ago.
 #
-# The table compares both on three tasks: the two routes; the unstable regulator, trained with and without
-# disturbances; and a memory task, which is computed and not run. Each of its 40 steps brings a new random situation
-# with its own right action. A policy that observes it errs in 0.5 % of the steps, one that does not has to guess
-# between two, and after the first wrong action all later ones count as wrong. The plot shows the two routes.
+# The table compares both on three tasks: the two routes; the unstable regulator, trained with and without disturbances;
+# and a third task, whose numbers follow from a formula. Each of its 40 steps brings a new random situation with its own
+# right action. A policy that observes the situation errs in 0.5 % of the steps. One that does not has to guess between
+# two actions. After the first wrong action all later ones count as wrong. The plot shows the two routes.
 
 # %% tags=["hide-code"]
 mixture, rng = heads["mixture"], np.random.default_rng(0)
@@ -1515,7 +1523,7 @@ def lost(injected, executor, *how):
 
 
 def missed(executor, how):
-    """Return the wrong steps of 40 on the memory task, without a way back."""
+    """Return the wrong steps of 40 in the third task, without a way back."""
     observed = (np.arange(40) % how == 0) & (executor is Commit)
     wrong = np.where(observed, 0.005, 0.5)  # an unobserved situation is a guess between two
     return np.sum(1.0 - np.cumprod(1.0 - wrong))
@@ -1524,7 +1532,7 @@ def missed(executor, how):
 noises = (0.0, 0.01, 0.02, 0.03, 0.05)
 figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
 rows = [("executed", "two routes: pass", "with disturbances of 50 mm", "regulator: lost",
-         "trained with disturbances: lost", "memory task: wrong of 40")]  # fmt: skip
+         "trained with disturbances: lost", "third task: wrong of 40")]  # fmt: skip
 for name, executor, how in (
     ("a new chunk at each step", Commit, 1),
     ("2 steps of each chunk", Commit, 2),
@@ -1549,10 +1557,9 @@ table(*rows)
 
 # %% [markdown]
 # On the two routes, a delay of one step does what a chunk of two does, within two percentage points (4,000 runs each,
-# other starts than in section 4): both tend to keep to the side that was begun. The three upper lines of the plot
-# nearly coincide. On the unstable regulator neither chunks nor delays help; only disturbed demonstrations do. On the
-# memory task every policy that acts on an old observation fails at the first or second guess, because every step
-# brings something new.
+# other starts than in section 4): both act on a slightly older plan. On the unstable regulator neither chunks nor
+# delays help; only disturbed demonstrations do. In the third task every policy that acts on an old observation soon
+# fails, because every step brings something new.
 #
 # This fits Zhang and others (arXiv 2507.09061, 2025, read as an abstract): errors of a clone can grow exponentially,
 # and chunks prevent it if the plant itself is stable, and disturbed demonstrations also if it is not. So ask three
