@@ -223,8 +223,9 @@ plt.show()
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Before any algorithm, write down $z^2 s/(fB)$ for your camera and distance. Every tolerance of the
-# chain is a multiple of it, and a part that is lower than a few of it can't be told from the table.
+# **Key insight.** Before any algorithm, write down $z^2 s/(fB)$ for your camera and distance. Every tolerance in depth
+# is a multiple of it, and in one picture a part that is lower than a few of it can't be told from the table pixel by
+# pixel.
 #
 # </div>
 #
@@ -404,8 +405,9 @@ show("a_residual_tells")
 show("looked_through_is_wrong")
 
 # %% [markdown]
-# The residual is what the fit made small, so it can't accuse the fit. **See-through** asks the picture something that
-# the fit did not use: are there pixels where the part should be, and where the camera sees what is behind it?
+# A small residual does not acquit a fit: it tells a quarter turn, but neither a part that is cut off nor a scale that
+# is one per cent off. **See-through** asks the picture something that the fit did not use: are there pixels where the
+# part should be, and where the camera sees what is behind it?
 #
 # ![Residual and see-through of right and wrong poses](../docs/charts/silently_wrong.png)
 
@@ -419,7 +421,8 @@ show("not_looked_through_is_right")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** A fit is judged by what it did not fit. Points say where something is; a picture also says where
-# nothing is. What neither can say (a wrong scale, a wrong base frame) needs a length or a touch from outside.
+# nothing is. What neither can say (a scale that is off by a per cent, a wrong base frame) needs a length or a touch
+# from outside.
 #
 # </div>
 #
@@ -505,7 +508,7 @@ _ = axis.legend(fontsize=8, loc="center")
 plt.show()
 
 # %% [markdown]
-# A table that is wrong shows: the picture *refutes* those poses.
+# A table that is told 5 mm too high shows: the picture *refutes* those poses.
 #
 # ### What the model leaves out
 #
@@ -604,7 +607,8 @@ print(f"where only things as large as the box are tried: {large:.0f} ms")
 show("pipeline_keeps_up")
 
 # %% [markdown]
-# *A pose error of 2 mm is fine*: you will derive when, in section 8. `closes` is that sum, with the covariance.
+# *A pose error of 2 mm is fine*: you will derive when, in section 8. `closes` is that sum to first order, with the
+# covariance.
 #
 # For a whole system (chapter 11) all this is too much. `stand_in` is the model of this chapter in two numbers a place,
 # a bias and a covariance:
@@ -781,8 +785,9 @@ figures(read("large_parts"), *rows, cut="scale", summary="All, and what `locate`
 #
 # <details><summary>What people get wrong there</summary>
 #
-# They make voxels smaller first. A voxel grid loses no part larger than its cells. What it changes is the number of
-# neighbours, and with `min_points` as it was a *finer* grid helps, for that reason and not for the one that is told.
+# They make voxels smaller first. A voxel grid loses no part that has a pixel; below two cells across its means may be
+# shared with the table and stand lower. What it changes is the number of neighbours, and with `min_points` as it was a
+# *finer* grid helps, for that reason and not for the one that is told.
 #
 # </details>
 #
@@ -793,12 +798,12 @@ figures(read("large_parts"), *rows, cut="scale", summary="All, and what `locate`
 # **Debugging tip.** *The pose is noisy from picture to picture.* Compare its spread at rest with the covariance that it
 # reports. Equal: it is the sensor; average a part that rests, filter one that moves. Larger by about the window: noise
 # is shared, and the covariance has to know. Jumps between two places: a symmetry, or two starts that win in turn. A
-# drift: the camera warms up, or each pose starts the next.
+# drift: the camera warms up, or each picture is registered to the one before instead of to the model.
 #
 # <details><summary>What people get wrong there</summary>
 #
-# They average a fixed number of pictures. For a part that moves that is a lag, and a lag is not noisy: it looks better
-# and is worse.
+# They average a fixed number of pictures. For a part that moves that is a lag, and a lag is not noisy: it looks better,
+# and from some speed on it is worse than the last picture.
 #
 # </details>
 #
@@ -808,21 +813,16 @@ figures(read("large_parts"), *rows, cut="scale", summary="All, and what `locate`
 show("spread_of_symmetric_poses")
 
 # %% [markdown]
-# <table>
-# <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>a thousand clusters of table</td> <td>tolerance below the noise</td> <td>spread of heights over the bare
-# table</td> <td>4 sigma of the distance</td></tr>
-# <tr><td>right in the middle of the picture, wrong at its edge</td> <td>a range taken for a depth, a turn the wrong way
-# round</td> <td>targets at corners</td> <td>the exercise <code>point_in_base</code></td></tr>
-# <tr><td>everything shifted by about a millimetre</td> <td>half a pixel</td> <td>where is pixel 0?</td>
-# <td>the middle of W columns is (W - 1)/2</td></tr>
-# <tr><td>all too near by a per cent</td> <td>depth scale, focal length</td> <td>a known length at two distances</td>
-# <td>calibrate it; nothing inside the chain will tell</td></tr>
+# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>dozens of clusters of table</td>
+# <td>tolerance below the noise</td> <td>spread of heights over the bare table</td> <td>4 sigma of the
+# distance</td></tr> <tr><td>right in the middle of the picture, wrong at its edge</td> <td>a range taken for a depth, a
+# turn the wrong way round</td> <td>targets at corners</td> <td>the exercise <code>point_in_base</code></td></tr>
+# <tr><td>everything shifted by about a millimetre</td> <td>half a pixel</td> <td>where is pixel 0?</td> <td>the middle
+# of W columns is (W - 1)/2</td></tr> <tr><td>all too near by a per cent</td> <td>depth scale, focal length</td> <td>a
+# known length at two distances</td> <td>calibrate it; at one per cent nothing inside the chain will tell</td></tr>
 # <tr><td>pose good, grasp beside the part</td> <td>extrinsics</td> <td>touch a point far from those of the
-# calibration</td> <td>more points</td></tr>
-# <tr><td>small residual, wrong pose</td> <td>another face, cut off</td> <td>see-through;
-# does it reach the edge?</td> <td>more starts; a gate that narrows</td></tr>
-# </table>
+# calibration</td> <td>more points</td></tr> <tr><td>small residual, wrong pose</td> <td>another face, cut off</td>
+# <td>see-through; does it reach the edge?</td> <td>more starts; a gate that narrows</td></tr> </table>
 #
 # ## 8 · Exercises
 #

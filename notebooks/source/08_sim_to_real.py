@@ -94,7 +94,7 @@ predict("which_part_matters")
 # The task: reach a point within 0.9 s and stay within 2 cm of it for the last tenth. The policy: three gains a joint,
 # the least that can be fitted to a simulator too well. It is **zero-shot transfer** if the gains go to the robot as
 # they are. What counts is the **success rate** on common tasks, with its band: after $k$ of $n$ successes the true rate
-# is somewhere in an interval, and Wilson's is the one that also works near 0 and 1.
+# is somewhere in an interval, and Wilson's is one that also works near 0 and 1.
 #
 # The simulator's arm carries nothing, has no dry friction, no delay, and a perfect encoder. `real(gap, delay)` moves
 # all of these along one direction. Which of them matter? Tune on the simulator; try an arm that differs in *one* part;
@@ -372,8 +372,8 @@ show("mended_parameter")
 #
 # </div>
 #
-# How large must a trial be? Two rates are told apart by their bands; trials on the *same* tasks are **paired**, and
-# only those count that one policy wins and the other loses:
+# How large must a trial be? Two rates are told apart by the band of their *difference*; trials on the *same* tasks are
+# **paired**, and only those count that one policy wins and the other loses:
 
 # %%
 print(f"78 % from 87 %: {trials(0.78, 0.87)} trials of each on tasks of their own")

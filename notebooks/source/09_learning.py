@@ -313,7 +313,8 @@ source(learning.gae, "errors = r")
 # %% [markdown]
 # What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The critic's
 # error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation), and
-# $\lambda$ shifts weight from one to the other:
+# $\lambda$ shifts weight from one to the other. The curve shows the error of the estimated return, advantage plus
+# $V(s_t)$. Double the critic's error, and a larger $\lambda$ becomes the best:
 
 # %%
 simulation("gae_weights")

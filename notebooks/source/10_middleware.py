@@ -816,7 +816,7 @@ simulation("middleware", "Deep queue")
 # Each preset, with what the theory says before it runs:
 
 # %%
-from course.simulations.middleware import HOLD, LOOP, PACKETS, SEEING
+from course.simulations.middleware import CAMERA, HOLD, LOOP, PACKETS, SEEING
 
 slow, once = SEEING / 0.4, SEEING / 0.7
 broken_rows = {
@@ -826,7 +826,7 @@ broken_rows = {
         f"{transport.expected_loss(PACKETS, 1e-3):.0%} of the pictures; reliable: "
         f"{transport.expected_rounds(PACKETS, 1e-3):.2f} rounds"),
     "Deep queue": ("perception slower than the camera, depth 10", "all commands are old",
-        f"{10 - 1} more jobs of {1e3 * slow:.0f} ms, {9e3 * slow:.0f} ms"),
+        f"{10 - 1} periods of the camera of {1e3 * CAMERA:.0f} ms, {9e3 * CAMERA:.0f} ms"),
     "Overload": ("the loop in perception's thread", "ticks late, ticks skipped",
         f"late by up to {1e3 * (once + LOOP):.1f} ms"),
     "Inversion": ("the logger's lock", "the loop waits for perception",

@@ -284,8 +284,8 @@ show("ninety_or_ninety_five")
 #
 # **Interview tip.** *"The robot isn't working." What is your first question?* Which interface is broken. A perfect
 # planner behind a noisy estimate fails, and so does a perfect law behind a late plan. Ask for the record of what
-# crossed: value, covariance, frame, two stamps. Read it from upstream down, and stop at the first promise that was
-# broken: everything below it looks wrong for that reason.
+# crossed: value, covariance, frame, two stamps. Read it from upstream down, and begin with the first promise that was
+# broken: what is below may look wrong for that reason. Mend it and read again.
 #
 # </div>
 #
@@ -562,7 +562,7 @@ print_figures("whose_fault", "contracts", "without", "last")
 
 # %% [markdown]
 # Two of these use what no robot has. The contract of perception compares each picture with the *true* target, and a
-# replay repeats the noise with one stage *ideal*. Without the true target the contracts name 140 of 200 failing runs:
+# replay repeats the noise with one stage *ideal*. Without the true target the contracts name seven in ten failing runs:
 # nothing that perception did wrong, and everything else. On hardware three things are left: the other contracts, which
 # read the record alone; a second, better measurement of the target, if only in the test cell; and the recorded inputs
 # of one stage, run through that stage again.
@@ -643,8 +643,8 @@ show("one_repair_cures")
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *A repair made it worse.* Don't take it back. Look for what it used to cancel: its mean points the
-# other way. Mend both, then count again on the same seeds.
+# **Debugging tip.** *A repair made it worse.* Don't take it back. Look for what it used to cancel: one or more parts
+# whose means point the other way. Mend all of them, then count again on the same seeds.
 #
 # <details><summary>What people get wrong there</summary>
 #
