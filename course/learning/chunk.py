@@ -168,11 +168,13 @@ class Ensemble(Executor):
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
         """Return actions (N, a) for states (N, d)."""
         self.plan(states, rng, 1)
+        # A chunk that is older than it is long says nothing of this step.
         if len(self.made) > self.made[0].shape[1]:
             self.made.popleft()
         old = len(self.made)
         # Weights of temporal ensembling: exp(-decay i), the oldest chunk first, as in ACT.
         weights = np.exp(-self.decay * np.arange(old))
+        # Chunk i was planned `old - 1 - i` steps ago, so that is its action for now.
         report = [chunk[:, old - 1 - i] for i, chunk in enumerate(self.made)]
         return np.tensordot(weights / weights.sum(), np.array(report), axes=1)
 

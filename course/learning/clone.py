@@ -65,6 +65,7 @@ def prepared(states: ArrayLike, actions: ArrayLike) -> tuple[Policy, Array, Arra
     tables, each = (x, y.reshape(len(y), -1)), []
     for name, table in zip(("states", "actions"), tables, strict=True):
         normal = Normaliser.blank(table.shape[1])
+        # Data that are learned from are never cut.
         normal.limit = math.inf
         normal.update(table)
         normal.check(name)
