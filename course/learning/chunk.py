@@ -39,6 +39,7 @@ class Coded(Policy):
     def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
         """Return actions for states (N, d), shape (N, *shape)."""
         rows = self.inputs(states)
+        # ACT acts with the mean of the prior, which is a code of 0.
         code = rng.standard_normal((len(rows), self.latent)) * (not self.zero)
         return self.done.undo(self.draw(rows, code)).reshape(len(rows), *self.shape)
 
@@ -146,6 +147,7 @@ class Commit(Executor):
         if k == 0:
             self.made.clear()
             self.plan(states, rng, self.executed)
+        # The number of runs may not change while a chunk is carried out.
         if len(self.made[0]) != len(states):
             raise invalid("states.shape", np.shape(states), f"{len(self.made[0])} rows, or reset()")
         self.step += 1

@@ -91,7 +91,7 @@ def _finished(policy: Any, envs: Any, starts: Any, discount: float) -> Any:
     observed, _ = envs.reset(seed=starts)
     finite_rows("observation", observed, step)
     while True:
-        # Environments that do not reset themselves are told which episodes are over.
+        # Environments that do not reset themselves receive a mask of the episodes that are over.
         if mode == "Disabled" and over.any():
             observed, _ = envs.reset(options={"reset_mask": over})
         actions = np.asarray(policy(observed))

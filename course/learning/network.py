@@ -168,6 +168,7 @@ def load(net: Any, values: ArrayLike) -> Any:
     remaining = torch.from_numpy(vector("values", values, (size,)).astype(np.float32))
     with torch.no_grad():
         for p in net.parameters():
+            # In the order of `parameters()`, in which `weights` has written them.
             p.copy_(remaining[: p.numel()].view(p.shape))
             remaining = remaining[p.numel() :]
     return net
@@ -231,6 +232,7 @@ def fit(
                 with torch.no_grad():
                     flat.copy_(good)
                 raise Diverged(f"the loss is {report[k]} at step {k} of {steps}: lower the rate")
+            # The loss is finite, so these are the last good weights.
             good.copy_(flat.detach())
             value.backward()
             # Clip the gradient's length (Pascanu et al., 2013); the small number guards a length of
@@ -304,6 +306,7 @@ class Normaliser:
 
     def __call__(self, values: ArrayLike) -> Array:
         """Return rows (..., d) normalised."""
+        # The small number guards a column that has not varied so far.
         scaled = (np.asarray(values, dtype=float) - self.mean) / np.sqrt(self.variance + 1e-8)
         return np.clip(scaled, -self.limit, self.limit) if self.limit < math.inf else scaled
 

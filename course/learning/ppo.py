@@ -375,6 +375,7 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
     """Return the rows of a batch with their advantages; the critic judges all of them at once."""
     T, n = rewards.shape
     with pytorch().inference_mode():
+        # One more row than steps: the last observation, for the value that follows the last step.
         observed = policy.to_rows(batch.observations)
         values = policy.critic(observed).numpy().astype(float).reshape(T + 1, n)
         if not np.isfinite(values).all():
@@ -432,7 +433,7 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
     torch.autograd.backward(
         (mean, value), (torch.from_numpy(push * deviation / std), torch.from_numpy(pull))
     )
-    # The log-density has the slope deviation^2 - 1 by log_std, the entropy the slope 1.
+    # The log-density has the derivative deviation^2 - 1 with respect to log_std, the entropy 1.
     policy.log_std.grad += torch.from_numpy(
         (push * (deviation * deviation - 1.0)).sum(0) - settings.entropy
     )
@@ -468,6 +469,7 @@ def improve(
             if size > settings.longest_gradient:
                 gradient *= settings.longest_gradient / size
             optimiser.step()
+        # The divergence costs a pass over the batch: it is measured only where it is needed.
         if epoch == settings.epochs - 1 or settings.most_kl < math.inf:
             after, log_std = (
                 policy(table.observations, scaled=True),

@@ -70,6 +70,7 @@ def windows(shown: Runs, length: int) -> tuple[Array, Array]:
         raise invalid("demonstrations", number, "two or more: one shows no spread")
     count("length", length, 1, steps)
     filled = np.concatenate((shown.actions, np.zeros((number, length - 1, size))), axis=1)
+    # Overlapping windows as a view: nothing is copied here.
     cut = np.lib.stride_tricks.sliding_window_view(filled, length, axis=1)  # (N, T, a, length)
     chunks = np.swapaxes(cut, 2, 3).reshape(number * steps, length, size)
     return shown.states[:, :-1].reshape(number * steps, -1), chunks
@@ -177,14 +178,14 @@ class TwoWays:
         distance[:, 1:] += self.jitter * rng.standard_normal(distance[:, 1:].shape)
         distance = np.insert(distance, [self.steps // 4] * count("pause", pause), 0.0, axis=1)
         if pause:
-            # A pause repeats the place where it begins.
+            # A pause repeats the position at which it begins.
             first = self.steps // 4
             distance[:, first : first + pause] = distance[:, [first + pause]]
         pushed = distance.copy()
         pushed[:, 1:] += finite("injected", injected, 0.0) * rng.standard_normal(
             distance[:, 1:].shape
         )
-        # The label leads from the disturbed place to the next undisturbed one.
+        # The label leads from the disturbed position to the next undisturbed one.
         return Runs(pushed, distance[:, 1:] - pushed[:, :-1])
 
     def sides(self, states: ArrayLike) -> NDArray[np.int64]:

@@ -320,7 +320,7 @@ def _dbscan(points, start, keys, order, rows, square, least, labels, core):
                     break
     # Cells are joined with those before them, by the first pair of core points in reach.
     fingers[:] = 0
-    # Only rows up to the own one, so that each pair of cells is looked at once.
+    # Only rows up to the cell's own one, so that each pair of cells is tested once.
     before = rows[rows <= 0]
     for c in range(cells):
         m = _near(keys, before, fingers, c, near)

@@ -357,8 +357,7 @@ def sequential_convex(
         here = _smoothness(X) + mu * lack(d)
         # Only what is near: the rest is looked at again before a step is taken.
         active = np.flatnonzero(d < 3.0 * margin)
-        # Linearise the distances: their gradients, and the weights of the inner states at each
-        # place.
+        # Linearise the distances: gradients, and the weights of the inner states at each point.
         G, J = _slope(ask, (S @ X)[active]), inner[active]
         requested += 2 * G.size
         while True:

@@ -184,7 +184,7 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
         r = (desired - result[..., 0]).ravel()
         # A simulation that diverged costs infinitely much, so that its step is rejected.
         cost = float(r @ r) if np.isfinite(result).all() else math.inf
-        # Derivatives by the relative change of each parameter, so that all columns are comparable.
+        # Derivatives with respect to relative changes, so that all columns are comparable.
         return r, cost, (result[..., 1:] - result[..., :1]).reshape(-1, P) * (size / h)
 
     r, cost, J = tried(x)
@@ -352,7 +352,7 @@ def whiteness(residual: Array) -> float:
     # Ljung and Box's statistic (1978) of the autocorrelations, chi-squared for white noise.
     share = np.array([np.sum(residual[:, k:] * residual[:, :-k], axis=1) for k in lags]) / power
     Q = T * (T + 2.0) * np.sum(share**2 / (T - lags)[:, None])
-    # Probability of a larger value of chi squared, with one degree of freedom a signal and lag.
+    # Probability of a larger value of chi squared, with one degree of freedom per signal and lag.
     return float(gammaincc(0.5 * n * lags.size, 0.5 * Q))
 
 
